@@ -79,6 +79,43 @@ class SimulationError(FasError):
     """A simulation became unstable or non-finite."""
 
 
+class PeriodicMotionError(SimulationError):
+    """No periodic motion was computed.
+
+    Args:
+        model: its name. frequency_hz: of the excitation.
+        share: of the excitation up to which there is one.
+    """
+
+    def __init__(self, model: str, frequency_hz: float, share: float) -> None:
+        self.model, self.frequency_hz, self.share = model, frequency_hz, share
+        reached = f"it could be followed from rest up to {share:.2g} of the amplitude" if share else "not even a small one"
+        super().__init__(f"{model}: no periodic motion was found at {frequency_hz:g} Hz ({reached}).")
+
+
+class NotSmoothError(PeriodicMotionError):
+    """A periodic motion is not smooth enough for a Fourier series: something touches, stops or slips.
+
+    Args:
+        model: its name. frequency_hz: of the excitation. harmonics: that were balanced.
+        left: share of the acceleration in the highest of them.
+        changes: instants of a period between which a constraint opens or closes.
+    """
+
+    def __init__(self, model: str, frequency_hz: float, harmonics: int, left: float, changes: int = 0) -> None:
+        super().__init__(model, frequency_hz, 1.0)
+        self.harmonics, self.left, self.changes = harmonics, left, changes
+        reason = (
+            f"a contact, limit or dry friction changes its state {changes} times a period"
+            if changes
+            else f"{left:.1e} of its acceleration is in the highest of {harmonics} harmonics"
+        )
+        self.args = (
+            f"{model}: the motion at {frequency_hz:g} Hz is not smooth enough for harmonic balance ({reason}); "
+            "simulate it in the time domain.",
+        )
+
+
 class AcquisitionError(FasError):
     """A board, generator or serial line does not do what a recording needs."""
 

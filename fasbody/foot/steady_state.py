@@ -1,0 +1,383 @@
+"""Periodic motion of any foot model, by harmonic balance on the engine's own inverse dynamics.
+
+    balance = Balance(foot)
+    orbit = balance.orbit(20.0, [8.95], {"k_T": 2e5, "m_S": 5.6})
+    orbit.harmonics("malleolus")                                    # complex (H,) [m/s^2]
+    balance.derivatives(orbit, ["k_T", "m_S"])["malleolus"]         # complex (H, 2)
+    balance.orbit(20.0, [8.95], {"k_T": 2.1e5}, start=orbit)        # from nearby: quicker
+    orbit.stable, orbit.initial_state()                             # Floquet; what a rollout starts from
+
+At instants of a period MuJoCo is given position, velocity and acceleration of a Fourier series, and answers with the
+force that nobody supplies (`mj_inverse` less `mj_fwdActuation`) and with the rate of each activation. Newton's method
+makes both fit. So whatever the MJCF has is in the motion, tendons, equalities and dampers with memory among it, there
+is no time step and no error of one, and the base moves exactly as asked.
+"""
+
+import copy
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+
+import mujoco
+import numpy as np
+
+from fasbody.exceptions import SettingError, unknown
+from fasbody.foot.engine import callbacks
+from fasbody.foot.harmonic_balance import Fourier, Solution, multipliers, periodic
+from fasbody.foot.model import Foot
+from fasbody.foot.parameters import Fitted
+
+Array = np.ndarray
+#: Step of the engine [s]: the rate of a DC motor is a difference over it.
+STEP = 1e-9
+#: Differences in coordinates [m or rad] and rates, and in activations and accelerations, in which forces are linear.
+POSITION, RATE, ACTIVATION, ACCELERATION = 1e-6, 1e-4, 1.0, 1.0
+#: Difference in a parameter as a share of its size, and in harmonics of the base [m/s^2], in which forces are linear.
+PARAMETER, BASE = 3e-4, 1.0
+
+
+class Engine:
+    """MuJoCo as a function: at an instant, position, velocity and acceleration to what does not fit.
+
+    Coordinates are those of the model from rest, then its activations: c = nv + na of them. A row holds the c residuals,
+    forces [N or N m] and rates of activation, then the model's sensor data.
+    """
+
+    def __init__(self, model: mujoco.MjModel) -> None:
+        self.model, self.data = model, mujoco.MjData(model)
+        self.size, d = model.nv + model.na, self.data
+        self._state = d.qpos, d.qvel, d.qacc, d.act
+        self._outputs = d.qfrc_inverse, d.qfrc_actuator, d.act_dot, d.sensordata
+        self._raw = sum(part.size for part in self._outputs)
+
+    def rows(self, motion: Array) -> Array:
+        """Rows (N, r) at N instants of a motion (3, N, c)."""
+        raw = np.empty((motion.shape[1], self._raw))
+        for state, row in zip(self._states(motion), raw, strict=True):
+            self._read(state, row)
+        rows = self._reduced(raw)
+        rows[:, self.model.nv : self.size] += motion[1, :, self.model.nv :]
+        return rows
+
+    def slopes(self, motion: Array) -> Array:
+        """Derivatives (3, N, r, c) of rows to coordinates, rates and accelerations."""
+        nv, c = self.model.nv, self.size
+        raw = np.zeros((3, c, motion.shape[1], self._raw))
+        for i, state in enumerate(self._states(motion)):
+            self._differences(state, raw[:, :, i])
+        slopes = np.moveaxis(self._reduced(raw), 1, -1)
+        slopes[1, :, nv:c, nv:] = np.eye(c - nv)
+        return slopes
+
+    def constraints(self, motion: Array) -> list[bytes]:
+        """Which constraints act at each instant, and on which side."""
+        row, out = np.empty(self._raw), []
+        for state in self._states(motion):
+            self._read(state, row)
+            out.append(self.data.efc_state.tobytes())
+        return out
+
+    def _states(self, motion: Array) -> Iterator[tuple[Array, ...]]:
+        """qpos, qvel, qacc and act of each instant."""
+        nv = self.model.nv
+        parts = motion[0, :, :nv] + self.model.qpos0, motion[1, :, :nv], motion[2, :, :nv], motion[0, :, nv:]
+        return zip(*parts, strict=True)
+
+    def _reduced(self, raw: Array) -> Array:
+        """Rows of what the engine gives (..., raw)."""
+        nv, c = self.model.nv, self.size
+        return np.concatenate([raw[..., :nv] - raw[..., nv : 2 * nv], -raw[..., 2 * nv : nv + c], raw[..., nv + c :]], -1)
+
+    def _read(self, state: Sequence[Array], row: Array) -> None:
+        for values, given in zip(self._state, state, strict=True):
+            values[:] = given
+        self._compute(0, row)
+
+    def _compute(self, done: int, row: Array) -> None:
+        """What the engine gives for the state in `data`, of which the stages up to `done` are computed."""
+        m, d = self.model, self.data
+        mujoco.mj_inverseSkip(m, d, done, 1)
+        mujoco.mj_fwdActuation(m, d)
+        mujoco.mj_rnePostConstraint(m, d)
+        mujoco.mj_sensorAcc(m, d)
+        np.concatenate(self._outputs, out=row)
+
+    def _differences(self, state: Sequence[Array], out: Array) -> None:
+        """Differences about one state into out (3, c, raw), the costly stages of the engine as seldom as can be."""
+        (qpos, qvel, qacc, act), nv = self._state, self.model.nv
+        row = np.empty(self._raw)
+        self._read(state, row)
+        self._central(qpos, POSITION, 0, out[0, :nv])
+        self._read(state, row)
+        self._central(act, ACTIVATION, 2, out[0, nv:])
+        self._central(qacc, ACCELERATION, 2, out[2, :nv])
+        self._central(qvel, RATE, 1, out[1, :nv])
+
+    def _central(self, values: Array, size: float, done: int, out: Array) -> None:
+        other = np.empty(self._raw)
+        for value, row, j in zip(values.tolist(), out, range(values.size), strict=True):
+            values[j] = value + size
+            self._compute(done, row)
+            values[j] = value - size
+            self._compute(done, other)
+            values[j] = value
+            row -= other
+        out /= 2 * size
+
+
+@dataclass(frozen=True, eq=False)
+class Shaken:
+    """A foot with its parameters on a base with its motion: the system that is balanced.
+
+    Attributes:
+        balance: of the model. frequency_hz: fundamental.
+        base: (h,) complex harmonics of its acceleration [m/s^2], Re sum A_k exp(i k w t), the fundamental first.
+        values: parameters that differ from the model's, by name.
+    """
+
+    balance: "Balance"
+    frequency_hz: float
+    base: Array
+    values: Mapping[str, float]
+
+    @property
+    def name(self) -> str:
+        """Of the model."""
+        return self.balance.foot.name
+
+    @property
+    def metric(self) -> Array:
+        """Mass matrix at rest (n, n)."""
+        return self.balance.metric
+
+    @property
+    def _scale(self) -> Array:
+        return (2 * np.pi * self.frequency_hz) ** np.arange(3)
+
+    def motion(self, series: Fourier, x: Array, share: float = 1.0) -> Array:
+        """Position, velocity and acceleration (3, N, c) of coefficients x (n, 2 H + 1) under a share of the base."""
+        whole = np.insert(x, self.balance.base, 0.0, axis=0)
+        k = np.arange(1, self.base.size + 1)
+        whole[self.balance.base] = series.real(-share * self.base / (k * self._scale[1]) ** 2)
+        return (series.at(whole) * self._scale[:, None, None]).swapaxes(1, 2)
+
+    def rows(self, series: Fourier, x: Array, share: float = 1.0) -> Array:
+        """Rows (N, r) of the engine."""
+        self.balance.set(self.values)
+        return self.balance.engine.rows(self.motion(series, x, share))
+
+    def slopes(self, series: Fourier, x: Array, share: float = 1.0) -> Array:
+        """Derivatives (3, N, r - 1, n) of residuals and sensor data to coordinates, rates and accelerations."""
+        self.balance.set(self.values)
+        found = self.balance.engine.slopes(self.motion(series, x, share))
+        return np.delete(np.delete(found, self.balance.base, 2), self.balance.base, 3)
+
+    def residual(self, series: Fourier, x: Array, share: float) -> Array:
+        """See `harmonic_balance.System`."""
+        return series.project(self.rows(series, x, share)[:, self.balance.free].T)
+
+    def jacobian(self, series: Fourier, x: Array, share: float) -> Array:
+        """See `harmonic_balance.System`."""
+        return self.assembled(series, self.slopes(series, x, share)[:, :, : len(x)])
+
+    def assembled(self, series: Fourier, slopes: Array) -> Array:
+        """Derivative (m (2 H + 1), n (2 H + 1)) of projected rows, from that at instants (3, N, m, n)."""
+        blocks = series.tangent(np.moveaxis(slopes * self._scale[:, None, None, None], 1, -1))
+        m, n, L, _ = blocks.shape
+        return blocks.swapaxes(1, 2).reshape(m * L, n * L)
+
+    def changes(self, series: Fourier, x: Array) -> int:
+        """See `harmonic_balance.System`."""
+        self.balance.set(self.values)
+        states = self.balance.engine.constraints(self.motion(series, x))
+        return sum(one != other for one, other in zip(states, states[-1:] + states, strict=False))
+
+
+@dataclass(frozen=True, eq=False)
+class Orbit:
+    """Periodic motion of a foot on a shaken base.
+
+    Attributes:
+        shaken: what moves. solution: coefficients of coordinates from rest and activations, without the base.
+        rows: (N, r) of the engine at instants of the period.
+    """
+
+    shaken: Shaken
+    solution: Solution
+    rows: Array
+
+    @property
+    def series(self) -> Fourier:
+        """Its harmonics H and instants N."""
+        return self.solution.series
+
+    def harmonics(self, sensor: str = "malleolus") -> Array:
+        """Complex harmonics (H,) of an accelerometer [m/s^2], the fundamental first."""
+        readings = self.rows @ self.shaken.balance.reading(sensor)
+        return self.series.complex(self.series.project(readings))
+
+    def initial_state(self) -> tuple[Array, Array, Array]:
+        """qpos (nq,), qvel (nv,) and act (na,) at time zero, the base's among them."""
+        model = self.shaken.balance.model
+        position, velocity, _ = self.shaken.motion(self.series, self.solution.x)[:, 0]
+        return model.qpos0 + position[: model.nv], velocity[: model.nv], position[model.nv :]
+
+    @property
+    def table_force_n(self) -> Array:
+        """Force of the table on what stands on it at the instants (N,), without its mean [N]."""
+        balance = self.shaken.balance
+        base = balance.base
+        acceleration = self.shaken.motion(self.series, self.solution.x)[2, :, base]
+        force = self.rows[:, base] - balance.table_kg * acceleration
+        return force - force.mean()
+
+    @cached_property
+    def slopes(self) -> Array:
+        """Derivatives (3, N, r - 1, n) of residuals and sensor data to coordinates, rates and accelerations."""
+        with callbacks():
+            return self.shaken.slopes(self.series, self.solution.x)
+
+    @cached_property
+    def multipliers(self) -> Array:
+        """Floquet multipliers, the largest first: by how much small departures grow over a period."""
+        n = len(self.solution.x)
+        return multipliers(self.slopes[:, :, :n], 1 / self.shaken.frequency_hz, self.shaken.balance.model.na)
+
+    @property
+    def stable(self) -> bool:
+        """Whether every small departure dies out."""
+        return bool(np.abs(self.multipliers[0]) < 1)
+
+
+class Balance:
+    """Periodic motions of one foot, whose parameters change often.
+
+    One thread at a time: it holds one state of the engine. Threads take one each.
+
+    Args:
+        foot: the model. sensors: accelerometers whose derivatives are wanted.
+
+    Raises:
+        SettingError: a sensor that the model does not have.
+    """
+
+    def __init__(self, foot: Foot, sensors: Sequence[str] = ("malleolus",)) -> None:
+        self.foot, self.sensors, self.base = foot, tuple(sensors), foot.base
+        self.model = model = copy.copy(foot.model)
+        model.opt.integrator, model.opt.timestep = mujoco.mjtIntegrator.mjINT_EULER, STEP
+        model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_INVDISCRETE)
+        self.engine = Engine(model)
+        self.free = np.delete(np.arange(self.engine.size), self.base)
+        #: Mass that is the table's own, of which the shaker takes care [kg].
+        self.table_kg = float(model.dof_armature[self.base] + model.body_mass[model.dof_bodyid[self.base]])
+        for name in sensors:
+            self.reading(name)
+        self._fields = {field: getattr(model, field).reshape(-1) for field in foot.parameters.fields}
+        self._nominal = {field: values.copy() for field, values in self._fields.items()}
+        self._current: Mapping[str, float] | None = None
+
+    @cached_property
+    def metric(self) -> Array:
+        """Mass matrix at rest (n, n), zero where activations are."""
+        mass, whole = np.zeros((self.model.nv, self.model.nv)), np.zeros((self.engine.size, self.engine.size))
+        data = mujoco.MjData(self.model)
+        mujoco.mj_fwdPosition(self.model, data)
+        mujoco.mj_fullM(self.model, data, mass)
+        whole[: self.model.nv, : self.model.nv] = mass
+        return whole[np.ix_(self.free, self.free)]
+
+    def reading(self, sensor: str) -> Array:
+        """Weights (r,) by which rows of the engine give an accelerometer, but for what gravity adds."""
+        if sensor not in self.foot.sensors:
+            raise SettingError(f"{unknown('accelerometer', sensor, self.foot.sensors)} in model {self.foot.name}.")
+        item = self.foot.sensors[sensor]
+        weights = np.zeros(self.engine.size + self.model.nsensordata)
+        weights[self.engine.size + item.first :][:3] = item.axis
+        return weights
+
+    def set(self, values: Mapping[str, float]) -> None:
+        """Write parameters by name into the engine's model; all others are the foot's."""
+        if values is self._current:
+            return
+        for field, nominal in self._nominal.items():
+            self._fields[field][:] = nominal
+        for name, value in values.items():
+            self.foot.parameters[name].write(self._fields, value)
+        mujoco.mj_setConst(self.model, self.engine.data)
+        self._current = values
+
+    def orbit(
+        self,
+        frequency_hz: float,
+        base_harmonics: Sequence[complex] | Array,
+        values: Mapping[str, float] | Fitted | None = None,
+        start: Orbit | None = None,
+    ) -> Orbit:
+        """The periodic motion under a periodic base.
+
+        Args:
+            frequency_hz: fundamental.
+            base_harmonics: (h,) complex amplitudes A_k of the base's acceleration [m/s^2], which is
+                Re sum A_k exp(i k w t); the fundamental first.
+            values: parameters by name, the masses among them, as of `Foot.with_values`; others are the foot's.
+            start: a motion nearby, from which the search begins.
+
+        Raises:
+            SettingError: an unknown parameter or value, or a frequency that is none.
+            PeriodicMotionError: there is no such motion. NotSmoothError: a contact, stop or dry friction acts in it.
+        """
+        base = np.atleast_1d(np.asarray(base_harmonics, complex))
+        if not (np.isfinite(frequency_hz) and frequency_hz > 0 and np.isfinite(base).all() and base.any()):
+            raise SettingError(
+                f"a periodic motion needs a frequency in Hz and harmonics of the base in m/s^2, not {frequency_hz} and "
+                f"{list(base)}."
+            )
+        named = self.foot.parameters.named({} if values is None else values)
+        for name, value in named.items():
+            self.foot.parameters[name].check(value)
+        shaken = Shaken(self, float(frequency_hz), base, named)
+        with callbacks():
+            solution = periodic(shaken, start.solution if start else None)
+            return Orbit(shaken, solution, shaken.rows(solution.series, solution.x))
+
+    def derivatives(self, orbit: Orbit, names: Sequence[str]) -> dict[str, Array]:
+        """Derivatives of the sensors' harmonics to named parameters at an orbit: sensor -> complex (H, p)."""
+        shaken, pairs = orbit.shaken, []
+        for item in (self.foot.parameters[name] for name in names):
+            value = shaken.values.get(item.name, item.read(self.foot.model))
+            size = PARAMETER * (abs(value) if item.logarithmic else max(abs(item.lower), abs(item.upper)))
+            ends = ({**shaken.values, item.name: value + sign * size} for sign in (1, -1))
+            one, other = (Shaken(self, shaken.frequency_hz, shaken.base, values) for values in ends)
+            pairs.append((one, other, 2 * size))
+        return self._follow(orbit, pairs)
+
+    def base_derivatives(self, orbit: Orbit) -> dict[str, Array]:
+        """Derivatives to the base's harmonics at an orbit: sensor -> complex (H, 2 h), to real parts, then imaginary."""
+        shaken, pairs, unit = orbit.shaken, [], np.eye(orbit.shaken.base.size)
+        for direction in (*unit, *(1j * unit)):
+            one, other = (
+                Shaken(self, shaken.frequency_hz, shaken.base + sign * BASE * direction, shaken.values)
+                for sign in (1, -1)
+            )
+            pairs.append((one, other, 2 * BASE))
+        return self._follow(orbit, pairs)
+
+    def _follow(self, orbit: Orbit, pairs: Sequence[tuple[Shaken, Shaken, float]]) -> dict[str, Array]:
+        """What the sensors read under changes of the system, which the motion follows (implicit function theorem).
+
+        Args:
+            orbit: the motion. pairs: the system on either side of it, and how far both are apart.
+        """
+        series, x, n = orbit.series, orbit.solution.x, len(orbit.solution.x)
+        with callbacks():
+            changes = [(a.rows(series, x) - b.rows(series, x)) / apart for a, b, apart in pairs]
+        change = series.project(np.moveaxis(changes, 1, -1))  # (p, r, 2 H + 1) at a motion that stays
+        J = orbit.shaken.assembled(series, orbit.slopes[:, :, :n])
+        moved = np.linalg.solve(J, -change[:, self.free].reshape(len(pairs), -1).T)
+        out = {}
+        for name in self.sensors:
+            weights = self.reading(name)
+            by_motion = np.einsum("dtij,i->dtj", orbit.slopes, np.delete(weights, self.base))[:, :, None]
+            follows = orbit.shaken.assembled(series, by_motion) @ moved
+            out[name] = series.complex(weights @ change + follows.T).T
+        return out
