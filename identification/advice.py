@@ -8,11 +8,10 @@ from scipy.special import chdtrc
 
 from fasbody.foot.parameters import symbol_and_unit
 from fasbody.recording.recording import Recording
-from identification.certification import Replay
-from identification.periodic import Line
+from identification.harmonics import Line
 from identification.result import UNLIKELY, Allowance, Branch, World, chance
 from identification.space import Space
-from identification.world import MASS_STD
+from identification.nuisances import FOOT_STD
 
 #: Fit below which something is wrong [%], and error of the base above which the shaker is.
 POOR_FIT, _BASE_ERROR = 85.0, 1e-4
@@ -33,13 +32,15 @@ def advice(
     space: Space,
     rank: int,
     data: Sequence[Recording],
-    run: Replay,
+    fits: Sequence[float],
+    base_error: float,
     others: Sequence[World] = (),
 ) -> list[str]:
     """Sentences on a fit's best branch.
 
     Args:
-        best: the branch. space: what was free. rank: of the excitation. data: the recordings. run: the branch's motion.
+        best: the branch. space: what was free. rank: of the excitation. data: the recordings. fits: of each recording [%].
+        base_error: of the base that MuJoCo realised.
         others: the other branches that the data leave open, with whatever else may be true.
     """
     texts = []
@@ -51,15 +52,15 @@ def advice(
             f"The model alone does not describe the recordings to their noise (chi-square {best.chi_square:.4g} for "
             f"{best.dof} degrees of freedom, {chance(best.p_value)}); the standard errors are widened accordingly."
         )
-    poor = [(fit, r.file) for fit, r in zip(run.fits, data, strict=True) if not follows(fit)]
+    poor = [(fit, r.file) for fit, r in zip(fits, data, strict=True) if not follows(fit)]
     if poor:
         fit, file = min(poor)
         texts.append(
             f"The model follows {file} only to {fit:.0f} %: check that its channels are aligned and in the right unit, "
             "that it is this foot, and that the bounds hold the answer."
         )
-    if run.base_error > _BASE_ERROR:
-        texts.append(f"The model's base misses the prescribed acceleration by {run.base_error:.1e} of its peak.")
+    if base_error > _BASE_ERROR:
+        texts.append(f"The model's base misses the prescribed acceleration by {base_error:.1e} of its peak.")
     if best.dof == 0:
         texts.append(
             f"The recordings hold no more numbers than the {len(space.free)} free parameters"
@@ -139,7 +140,7 @@ def departures(world: World, others: Sequence[World] = (), loads: int = 1) -> li
             )
     if world.masses and not any(mass.weighed for mass in world.masses):
         assumed = any(mass.assumed for mass in world.masses)
-        usual = any(mass.prior_std == MASS_STD for mass in world.masses)
+        usual = any(mass.prior_std == FOOT_STD for mass in world.masses)
         better = "; --body-mass narrows it" if assumed else "; --mass-std if you know them better" if usual else ""
         texts.append(
             "The recordings do not determine the leg's mass, and all stiffness and damping scale with it: they are "

@@ -18,6 +18,15 @@ from fasbody.presentation import readable
 DECISIVE_ODDS = 1000.0
 #: Log of the odds up to which branches are tied: rounding alone then orders them, and the name does it instead.
 TIE = 0.01
+LEFT_OUT = "The {name} branch is left out: the motions at its best ends do not last in MuJoCo."
+LOST = (
+    "No branch is decided, as the model does not follow the recordings: they would have to repeat no better than to "
+    "{percent:.3g} %, and {bound:.3g} % is what people do at most."
+)
+NOT_EXHAUSTED = (
+    "No branch is decided, as the search is not exhausted: its best end was not found twice. More starts (--starts) or "
+    "what the laboratory knows ([known] in study.toml) may help."
+)
 #: Names of the branches by what is stiffer than its mirror image.
 STIFF_ANKLE, STIFF_PAD = "stiff ankle", "stiff pad"
 #: What a foot and its mirror image exchange.

@@ -194,7 +194,7 @@ def settle(domain: Domain, descent: Descent) -> tuple[Problem, Descent]:
     z = descent.z
     if z.size != problem.bounds[0].size:  # explored on harmonics
         q = domain.space.to_q(descent.theta)
-        z = domain.near(q) if isinstance(domain, TimeDomain) else problem.start(q)
+        z = problem.start(q)
     finer = domain.refined(z)
     while True:
         problem, domain = problem if finer is domain else finer.problem(), finer

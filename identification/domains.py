@@ -64,7 +64,7 @@ def _worst(recordings: Sequence[Recording]) -> tuple[float, str]:
     return max((max(line.base.scatter, line.malleolus.scatter), line.recording.file) for line in lines)
 
 
-def steady(recordings: Sequence[Recording]) -> bool:
+def is_steady(recordings: Sequence[Recording]) -> bool:
     """Whether all recordings are in a steady state, so that their harmonics say all that they hold."""
     periodic = all(recording.condition.frequency_hz is not None for recording in recordings)
     return periodic and _worst(recordings)[0] <= STEADY
@@ -161,23 +161,13 @@ class TimeDomain(Domain):
         """Whether MuJoCo sees one period of each recording only, and the twin the samples (`Settings.replay`)."""
         return self.twin and self.replayed == 0 and all(r.condition.frequency_hz for r in self.recordings)
 
-    def near(self, q: np.ndarray) -> np.ndarray:
-        """Full search variable (n,) to start from, where steady recordings were explored on their harmonics to q (p,).
-
-        The harmonics weighed by every sample's noise have nearly the sum of squares of the samples, at a hundredth of
-        the cost, so the end of a long valley is sought there; the states are those of the orbit.
-        """
+    def start(self, q: np.ndarray, states: np.ndarray) -> np.ndarray:
+        """Full search variable (n,) of constants q (p,) and initial states (R, s) of the two-mass foot or the model."""
         problem = self.problem()
         if not self.twin:
             return problem.start(q)
-        made = (self.foot, self.recordings, self.space, self.twin, self.threads, self.sensors)
-        alike = PeriodicDomain(*made).problem()
-        alike.weigh_samples(problem.sigma)
-        end = descend(alike, q, "harmonics", tight=True)
-        if end.unstable:
-            return problem.start(q)
-        states = [alike.states(end.z, i) / problem.engine.state_scale for i in range(len(self.recordings))]
-        return np.concatenate([end.z, *states])
+        order = problem.engine.order
+        return np.concatenate([q, *(x[order] / problem.engine.state_scale for x in states[:, :4])])
 
     def _engine(self, names: Sequence[str]) -> Engine[Whole]:
         return self.engine([Whole.of(recording, self.foot) for recording in self.recordings], names)

@@ -1,19 +1,19 @@
 """What a result was made from: kept beside it, so that figures and tables can be computed when they are asked for."""
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from importlib.metadata import PackageNotFoundError, version
 from platform import python_version
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from fasbody.foot.model import Foot
     from fasbody.recording.recording import Recording
     from identification.certification import Certified
-    from identification.domains import Domain
     from identification.estimate import Settings
+    from identification.intervals import Solution
     from identification.space import Space
-    from identification.wide import End
 
 #: Packages whose versions a reader needs to repeat a fit.
 _PACKAGES = ("fasbody", "mujoco", "numpy", "scipy", "numba")
@@ -24,14 +24,19 @@ class Evidence:
     """The fits behind a result.
 
     Attributes:
-        domain: recordings and model. space: what was searched. certified: each branch if the model is true.
-        ends: each branch with whatever else may be true; none where no such fit was made.
+        foot: the model. recordings: as fitted. two_mass: the model is the two-mass foot.
+        solutions: of steady recordings, the headline, best first; none in the time domain.
+        exact: the same branches by name with the model assumed exact; none where the headline is that.
+        space: of the time domain. certified: its branches.
     """
 
-    domain: "Domain"
-    space: "Space"
-    certified: Sequence["Certified"]
-    ends: Sequence["End"]
+    foot: "Foot"
+    recordings: Sequence["Recording"]
+    two_mass: bool
+    solutions: tuple["Solution", ...]
+    exact: Mapping[str, "Solution"]
+    space: "Space | None" = None
+    certified: Sequence["Certified"] = ()
 
 
 def provenance(settings: "Settings", space: "Space", recordings: Sequence["Recording"]) -> dict[str, Any]:

@@ -1,8 +1,9 @@
 """The harmonics of a steady recording, of every sensor that is fitted."""
 
 import functools
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 
 import numpy as np
 
@@ -10,6 +11,9 @@ from fasbody.exceptions import RecordingError
 from fasbody.recording.harmonics import Harmonics, fit_harmonics, harmonic_count
 from fasbody.recording.recording import Recording
 from identification.sensors import MALLEOLUS
+
+#: Noise below this share of the amplitude is not believed: clocks and models are not that good.
+_NOISE_FLOOR = 1e-7
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,3 +67,56 @@ class Line:
     def size(self) -> int:
         """Complex harmonics compared, of all sensors."""
         return self.count * (1 + len(self.others))
+
+
+@dataclass(frozen=True, eq=False)
+class Measured:
+    """Harmonics of R recordings by S sensors; what a recording has not is not valid.
+
+    Attributes:
+        lines: the recordings' harmonics.
+        sensors: names, the malleolus first.
+        base: (R, H) complex harmonics of the base [m/s^2].
+        base_std: (R, H) noise of a real or imaginary part.
+        output: (R, S, H) of the sensors.
+        output_std: (R, S, H) noise.
+        valid: (R, S, H) which were measured.
+    """
+
+    lines: Sequence[Line]
+    sensors: tuple[str, ...]
+    base: np.ndarray
+    base_std: np.ndarray
+    output: np.ndarray
+    output_std: np.ndarray
+    valid: np.ndarray
+
+    @classmethod
+    def of(cls, lines: Sequence[Line], sensors: Sequence[str]) -> "Measured":
+        """Arrays from the harmonics of recordings."""
+        H, R = max(line.count for line in lines), len(lines)
+        base, base_std = np.zeros((R, H), complex), np.zeros((R, H))
+        output, output_std = np.zeros((R, len(sensors), H), complex), np.ones((R, len(sensors), H))
+        valid = np.zeros((R, len(sensors), H), bool)
+        for r, line in enumerate(lines):
+            base[r, : line.count], base_std[r, : line.count] = line.base.amplitudes, _std(line.base)
+            for name, channel in line.sensors.items():
+                s = list(sensors).index(name)
+                output[r, s, : line.count], output_std[r, s, : line.count] = channel.amplitudes, _std(channel)
+                valid[r, s, : line.count] = True
+        return cls(lines, tuple(sensors), base, base_std, output, output_std, valid)
+
+    @property
+    def size(self) -> int:
+        """How many real numbers were measured."""
+        return 2 * int(self.valid.sum())
+
+    @cached_property
+    def rows(self) -> np.ndarray:
+        """(R, 2 S H) which rows of a recording's residual, real parts before imaginary ones, are numbers."""
+        flat = self.valid.reshape(len(self.lines), -1)
+        return np.concatenate([flat, flat], 1)
+
+
+def _std(channel: Harmonics) -> np.ndarray:
+    return np.maximum(channel.std, _NOISE_FLOOR * np.abs(channel.amplitudes[0]))

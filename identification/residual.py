@@ -6,182 +6,18 @@ next: a person sits down anew, and repeats to some per cent of each harmonic. Of
 chi-square distributed.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 
-from fasbody.foot.two_mass import Orbits, orbits
-from identification.harmonics import Line
+from identification.harmonics import Measured
+from identification.motion import Motion
 from identification.parameters import Variables
 
-#: Noise below this share of the amplitude is not believed: clocks and models are not that good.
-_NOISE_FLOOR = 1e-7
-#: Harmonics of a motion, where no more are measured.
-_HARMONICS = 6
 #: Every residual where there is no motion.
 NO_MOTION = 1e6
-
-
-@dataclass(frozen=True, eq=False)
-class Measured:
-    """Harmonics of R recordings by S sensors; what a recording has not is not valid.
-
-    Attributes:
-        lines: the recordings' harmonics.
-        sensors: names, the malleolus first.
-        base: (R, H) complex harmonics of the base [m/s^2].
-        base_std: (R, H) noise of a real or imaginary part.
-        output: (R, S, H) of the sensors.
-        output_std: (R, S, H) noise.
-        valid: (R, S, H) which were measured.
-    """
-
-    lines: Sequence[Line]
-    sensors: tuple[str, ...]
-    base: np.ndarray
-    base_std: np.ndarray
-    output: np.ndarray
-    output_std: np.ndarray
-    valid: np.ndarray
-
-    @classmethod
-    def of(cls, lines: Sequence[Line], sensors: Sequence[str]) -> "Measured":
-        """Arrays from the harmonics of recordings."""
-        H, R = max(line.count for line in lines), len(lines)
-        base, base_std = np.zeros((R, H), complex), np.zeros((R, H))
-        output, output_std = np.zeros((R, len(sensors), H), complex), np.ones((R, len(sensors), H))
-        valid = np.zeros((R, len(sensors), H), bool)
-        for r, line in enumerate(lines):
-            base[r, : line.count], base_std[r, : line.count] = line.base.amplitudes, _std(line.base)
-            for name, channel in line.sensors.items():
-                s = list(sensors).index(name)
-                output[r, s, : line.count], output_std[r, s, : line.count] = channel.amplitudes, _std(channel)
-                valid[r, s, : line.count] = True
-        return cls(lines, tuple(sensors), base, base_std, output, output_std, valid)
-
-    @property
-    def size(self) -> int:
-        """How many real numbers were measured."""
-        return 2 * int(self.valid.sum())
-
-    @cached_property
-    def rows(self) -> np.ndarray:
-        """(R, 2 S H) which rows of a recording's residual, real parts before imaginary ones, are numbers."""
-        flat = self.valid.reshape(len(self.lines), -1)
-        return np.concatenate([flat, flat], 1)
-
-
-def _std(channel: Any) -> np.ndarray:
-    return np.maximum(channel.std, _NOISE_FLOOR * np.abs(channel.amplitudes[0]))
-
-
-class Motion(Protocol):
-    """What moves: harmonics of the sensors' accelerations and their derivatives.
-
-    Attributes:
-        base: (R, H) harmonics that drive it [m/s^2].
-    """
-
-    base: np.ndarray
-
-    def response(self, theta: np.ndarray, near: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, Any]:
-        """Of C candidates (C, R, P).
-
-        Returns:
-            accelerations (C, R, S, H) [m/s^2], their derivatives (C, R, S, H, P), whether a candidate has a motion in
-            every recording (C,), and what makes the next response quicker.
-        """
-
-    def states(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Accelerations (R, S, H) [m/s^2] and states at time zero (R, s) of one candidate (R, P)."""
-
-    def by_base(self, theta: np.ndarray) -> np.ndarray:
-        """(R, S, 2 H, 2 H) derivatives of the accelerations of one candidate (R, P) to the base's harmonics."""
-
-
-@dataclass(frozen=True, eq=False)
-class Near:
-    """Motions to start from: parameters (C, R, P), stretches (C, R, 2, H), and their slopes (C, R, 2, H, P)."""
-
-    theta: np.ndarray
-    stretch: np.ndarray
-    slopes: np.ndarray
-
-    def rows(self, which: np.ndarray) -> "Near":
-        """Of some candidates."""
-        return Near(self.theta[which], self.stretch[which], self.slopes[which])
-
-    def replaced(self, other: "Near", where: np.ndarray) -> "Near":
-        """With some candidates (C,) taken from another."""
-        pairs = ((getattr(other, name), getattr(self, name)) for name in ("theta", "stretch", "slopes"))
-        return Near(*(np.where(where.reshape(-1, *[1] * (b.ndim - 1)), a, b) for a, b in pairs))
-
-    def at(self, theta: np.ndarray) -> np.ndarray:
-        """Stretches (C, R, 2, H) at other parameters (C, R, P), to first order where that is not far."""
-        moved = (self.slopes @ (theta - self.theta)[:, :, None, :, None])[..., 0]
-        near = np.abs(moved).max((2, 3)) < 0.5 * np.abs(self.stretch).max((2, 3))
-        return np.where(near[..., None, None], self.stretch + moved, self.stretch)
-
-
-class TwoMassMotion:
-    """Motions of the two-mass foot, in closed harmonic balance.
-
-    Args:
-        measured: what moves the base. omega: (R,) [rad/s]. on_foot: (S,) whether a sensor sits on the foot's mass.
-        harmonics: of the motion, at least those measured.
-    """
-
-    def __init__(self, measured: Measured, omega: np.ndarray, on_foot: Sequence[bool], harmonics: int = 0) -> None:
-        self._count = measured.base.shape[1]
-        H = max(self._count, harmonics, _HARMONICS)
-        self.base = np.zeros((len(omega), H), complex)
-        self.base[:, : self._count] = measured.base
-        # a line of the base that is no more than noise moves nothing
-        quiet = np.abs(measured.base) < 4 * measured.base_std
-        quiet[:, 0] = False
-        self.base[:, : self._count][quiet] = 0.0
-        self.omega, self.on_foot = omega, np.array(on_foot, bool)
-
-    def orbits(self, theta: np.ndarray, near: Near | None = None, slopes: bool = True) -> Orbits:
-        """Motions of candidates (C, R, P), flat (C R,)."""
-        C, R, P = theta.shape
-        many = C > 1  # a screening: what is left of a motion is the square of the tolerance
-        return orbits(
-            theta.reshape(C * R, P), np.tile(self.omega, C), np.tile(self.base, (C, 1)),
-            None if near is None else near.at(theta).reshape(C * R, 2, -1),
-            slopes=slopes, passes=8 if many else 30, tolerance=1e-3 if many else 1e-6,
-        )  # fmt: skip
-
-    def response(self, theta: np.ndarray, near: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, Any]:
-        """See `Motion`."""
-        C, R, P = theta.shape
-        found = self.orbits(theta, near)
-        assert found.slopes is not None and found.stretch_slopes is not None
-        both = np.stack([found.shank, found.foot], 1)[:, :, : self._count]
-        slopes = found.slopes[:, :, : self._count]
-        which = self.on_foot.astype(int)
-        Y = both[:, which].reshape(C, R, len(which), self._count)
-        D = slopes[:, which].reshape(C, R, len(which), self._count, P)
-        H = self.base.shape[1]
-        memory = Near(theta, found.stretch.reshape(C, R, 2, H), found.stretch_slopes.reshape(C, R, 2, H, P))
-        return Y, D, found.converged.reshape(C, R).all(1), memory
-
-    def states(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """See `Motion`: states are z_1, z_2 [m], their rates [m/s], and what relaxes [N]."""
-        found = self.orbits(theta[None], slopes=False)
-        both = np.stack([found.shank, found.foot], 1)
-        return both[:, self.on_foot.astype(int)], np.concatenate([found.states(), found.memories()], 1)
-
-    def by_base(self, theta: np.ndarray) -> np.ndarray:
-        """See `Motion`."""
-        found = self.orbits(theta[None], slopes=False)
-        G = found.by_base()[:, self.on_foot.astype(int)]
-        H = self.base.shape[1]
-        at = np.r_[: self._count, H : H + self._count]
-        return G[:, :, at][..., at]
 
 
 @dataclass(frozen=True, eq=False)

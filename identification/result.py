@@ -27,7 +27,8 @@ def label(key: str) -> str:
 
 
 #: Heads of the two columns of intervals.
-WHATEVER, IF_TRUE = "95 %, whatever else may be true", "95 %, if the model is true"
+WHATEVER, IF_TRUE = "95 % CI, model and sensor errors included", "95 % CI, model assumed exact"
+_EXACT = ", model assumed exact"
 #: What tells models apart where this one misses.
 _ASK = "python -m identification.rivals"
 #: Chance below which the model is said to miss the recordings.
@@ -209,6 +210,10 @@ class World(Tabled):
         masses, nuisances: what was estimated beside the constants. constant: the objective where no constant follows
             the load; None where that is not compared. exponents: thesis symbol -> the power of the weight on the pad
             that it follows, and its 95 % interval.
+        repeatability: relative standard deviation of a harmonic from recording to recording, as estimated.
+        reference_frequency_hz: at which dynamic stiffness and damping are reported.
+        scale_std: standard error of the logarithm of the leg's mass, a factor that all constants share.
+        exhausted: the search found its end more than once.
     """
 
     chi_square: float
@@ -219,6 +224,10 @@ class World(Tabled):
     nuisances: tuple[Allowance, ...]
     constant: float | None = None
     exponents: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+    repeatability: float = 0.0
+    reference_frequency_hz: float | None = None
+    scale_std: float = 0.0
+    exhausted: bool = True
 
     @property
     def per_dof(self) -> float:
@@ -564,3 +573,24 @@ class FitResult(Presented):
             lines += [f"{branch.name}:"] if len(self.open) > 1 else []
             lines += [f"  {key:>18} {e.interval()}  {e.identifiability}" for key, e in branch.parameters.items()]
         return "\n".join(lines)
+
+
+def trusting(branch: Branch) -> Branch:
+    """A branch of which no wide fit was made: its words hold if the model is true."""
+    told = {
+        key: e if e.identifiability == "not identifiable" else replace(e, identifiability=e.identifiability + _EXACT)
+        for key, e in branch.parameters.items()
+    }
+    return replace(branch, parameters=told)
+
+
+def without_exact(branch: Branch) -> Branch:
+    """A branch that offers no interval that trusts the model, and calls no constant known by it."""
+    word = "not identifiable"
+    told = {}
+    for key, e in branch.parameters.items():
+        if branch.world is None:
+            told[key] = replace(e, std_error=np.nan, lower=np.nan, upper=np.nan, identifiability=word)
+        else:
+            told[key] = replace(e, if_model_true=e.if_model_true and replace(e.if_model_true, identifiability=word))
+    return replace(branch, parameters=told)

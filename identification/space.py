@@ -84,7 +84,7 @@ class Space:
     @property
     def has_delay(self) -> bool:
         """Whether delays of channels are estimated; a parameter of the instrument stands nowhere in the model."""
-        return not self.free[-1].places
+        return bool(self.free) and not self.free[-1].places
 
     @property
     def delays(self) -> tuple[str, ...]:
@@ -202,6 +202,12 @@ def space_of(
         lower[items.index(item)], upper[items.index(item)] = low, high
     fixed = {name: value for name, value in foot.values().items() if name not in chosen}
     return Space(tuple(items), lower, upper, fixed)
+
+
+def without_delay(space: Space) -> Space:
+    """A space whose delays, the last of its parameters, are left out."""
+    kept = [i for i, item in enumerate(space.free) if item.places]
+    return Space(tuple(space.free[i] for i in kept), space.lower[kept], space.upper[kept], space.fixed)
 
 
 def names(text: str | None) -> tuple[str, ...] | None:

@@ -49,3 +49,19 @@ def standing(foot: Foot) -> np.ndarray:
     if np.abs(a).max() < 1e3 * _STILL:
         return q
     raise SimulationError(f"{foot.name}: nothing carries it: no pose was found in which it rests.")
+
+
+def carrier(foot: Foot) -> str:
+    """The joint by which the foot stands on the table, for messages; the base where that is none of its own."""
+    model = foot.model
+    base = int(model.jnt_bodyid[model.joint("base").id])
+    joints = [j for j in range(model.njnt) if model.body_parentid[model.jnt_bodyid[j]] == base]
+    named = [model.joint(j).name for j in joints if model.jnt_stiffness[j] > 0]
+    return " and ".join(named) or "base"
+
+
+def mass_on_table(foot: Foot) -> float:
+    """Mass [kg] of all that stands on the shaker's table."""
+    model = foot.model
+    base = int(model.jnt_bodyid[model.joint("base").id])
+    return float(sum(model.body_subtreemass[b] for b in range(1, model.nbody) if model.body_parentid[b] == base))

@@ -83,36 +83,43 @@ class Orbits:
     def multipliers(self) -> np.ndarray:
         """(B,) largest modulus of the Floquet multipliers; above 1 the motion does not last.
 
-        The linearised equations over one period are integrated by the matrix exponential of their mean over each of
-        many short intervals; a relaxing spring counts as at its fundamental, which only adds damping.
+        The linearised equations are integrated over one period by the matrix exponential at each of many instants.
         """
         steps = 8 * self.shank.shape[1] + 32
         E = _samples(self.shank.shape[1], steps)
-        B = len(self.omega)
         period = 2 * np.pi / self.omega
-        z = (self.stretch @ E).real
         ihw = 1j * self.omega[:, None] * np.arange(1, self.shank.shape[1] + 1)
-        v = ((ihw[:, None] * self.stretch) @ E).real
+        z, v = (self.stretch @ E).real, ((ihw[:, None] * self.stretch) @ E).real
         k, c1, c2, c3, r = (self.theta[:, _JOINT[:, i]][..., None] for i in range(5))
-        x = self.omega[:, None] * self.theta[:, -1:]
-        k = k * (1 + r * (x * x / (1 + x * x))[..., None])
-        c = c1 * np.exp(-c2 * z) * np.cos(c3 * z)  # Eq. (4.32)
-        slope = k - c1 * np.exp(-c2 * z) * (c2 * np.cos(c3 * z) + c3 * np.sin(c3 * z)) * v
-        m_S, m_F = self.theta[:, _AT["m_S"], None], self.theta[:, _AT["m_F"], None]
-        A = np.zeros((B, steps, 4, 4))
-        A[..., 0, 2] = A[..., 1, 3] = 1.0
-        for column, block in ((0, slope), (2, c)):
-            A[..., 2, column] = -(1 / m_F + 1 / m_S) * block[:, 0]
-            A[..., 2, column + 1] = block[:, 1] / m_F
-            A[..., 3, column] = block[:, 0] / m_F
-            A[..., 3, column + 1] = -block[:, 1] / m_F
-        from scipy.linalg import expm  # a fit in which all is well never asks
+        e = np.exp(-c2 * z)
+        c = c1 * e * np.cos(c3 * z)  # Eq. (4.32)
+        slope = k - c1 * e * (c2 * np.cos(c3 * z) + c3 * np.sin(c3 * z)) * v
+        m_S, m_F, tau = (self.theta[:, _AT[n], None] for n in ("m_S", "m_F", "tau"))
+        by_force = np.stack([np.stack([-(1 / m_F + 1 / m_S), 1 / m_F]), np.stack([1 / m_F, -1 / m_F])])
+        A = np.zeros((len(self.omega), steps, 6, 6))
+        for joint in range(2):
+            A[..., joint, 2 + joint] = 1.0
+            A[..., 4 + joint, 2 + joint] = (k * r)[:, joint]
+            A[..., 4 + joint, 4 + joint] = -1 / tau
+            for row in range(2):
+                A[..., 2 + row, joint] = by_force[row, joint] * slope[:, joint]
+                A[..., 2 + row, 2 + joint] = by_force[row, joint] * c[:, joint]
+                A[..., 2 + row, 4 + joint] = by_force[row, joint]
+        return _largest_multiplier(A, period / steps)
 
-        parts = expm(A * (period / steps)[:, None, None, None])
-        whole = np.broadcast_to(np.eye(4), (B, 4, 4))
-        for step in range(steps):
-            whole = parts[:, step] @ whole
-        return np.abs(np.linalg.eigvals(whole)).max(-1)
+
+def _largest_multiplier(A: np.ndarray, step: np.ndarray) -> np.ndarray:
+    """(B,) largest modulus of the multipliers of linear systems A (B, n, s, s) constant over steps (B,) [s]."""
+    from scipy.linalg import expm  # a fit in which all is well never asks
+
+    with np.errstate(over="ignore", invalid="ignore"):
+        parts = expm(A * step[:, None, None, None])
+        whole = np.broadcast_to(np.eye(A.shape[-1]), (len(A), *A.shape[-2:]))
+        for part in np.moveaxis(parts, 1, 0):
+            whole = part @ whole
+    finite = np.isfinite(whole).all((1, 2))
+    values = np.linalg.eigvals(np.where(finite[:, None, None], whole, 0.0))
+    return np.where(finite, np.abs(values).max(-1), np.inf)
 
 
 def parameters(values: Mapping[str, float]) -> np.ndarray:

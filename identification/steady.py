@@ -1,0 +1,268 @@
+"""The fit of steady recordings: one search with every nuisance, each end once more with the nuisances held, a verdict.
+
+Both sides of the mirror are searched with all that may be true beside the model; these ends make the headline, and are
+replayed in MuJoCo. The same problem with the nuisances held says what the intervals would be if masses, instrument and
+laws were exact.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy.special import chdtrc
+
+from fasbody.exceptions import SimulationError
+from fasbody.foot.model import Foot
+from fasbody.recording.known import Known
+from fasbody.recording.recording import Recording
+from identification import branches, optimiser
+from identification.blackbox.criteria import fit_percent
+from identification.branches import STIFF_ANKLE, STIFF_PAD, Had, Verdict
+from identification.harmonics import Line, Measured
+from identification.intervals import Solution
+from identification.motion import EngineMotion, Motion, TwoMassMotion
+from identification.nuisances import nuisances
+from identification.parameters import Variables
+from identification.replay import Replayed, replay, residual, traces
+from identification.residual import Problem
+from identification.result import Branch, Estimate, RecordingFit, World
+from identification.sensors import MALLEOLUS, SensorFit
+from identification.space import MASSES, Space
+
+#: Repeatability beyond which the model does not follow the recordings. People repeat to 2 to 5 %; in twenty worlds that
+#: no nuisance names, intervals held while the scatter was below this, and a stiffening pad missed beyond it.
+FOLLOWS = 0.15
+#: Names of the sides of the mirror.
+SIDES = {1: STIFF_ANKLE, -1: STIFF_PAD, 0: "best"}
+#: Starts of the held fit beside those that the search ends at.
+_HELD_STARTS = 3
+#: Change of the sum of squares below which twice the harmonics say the same, and harmonics at most.
+_ENOUGH, _MOST_HARMONICS = 0.01, 48
+EXACT = ", model assumed exact"
+
+#: Called with what is done, how many, and of how many.
+Advance = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """A steady fit.
+
+    Attributes:
+        solutions: the headline, best first.
+        exact: the same branches with the nuisances held, by name; none where the headline is that already.
+        replays: of the headline's ends, by name.
+        left_out: branches whose motion does not last.
+    """
+
+    solutions: tuple[Solution, ...]
+    exact: dict[str, Solution]
+    replays: dict[str, Replayed]
+    left_out: tuple[str, ...]
+
+
+def motion_of(foot: Foot, measured: Measured, variables: Variables, carriers: Sequence[bool], harmonics: int = 0) -> Motion:
+    """What moves: the two-mass foot in closed form, or the model itself.
+
+    Args:
+        foot: the model. measured: what drives it. variables: what is searched.
+        carriers: of each sensor, whether it sits on the foot's mass. harmonics: of a motion at least.
+    """
+    if variables.two_mass:
+        return TwoMassMotion(measured, variables.omega, carriers, harmonics)
+    return EngineMotion(foot, measured, variables.omega, variables.motion_names)
+
+
+def problem_of(
+    recordings: Sequence[Recording],
+    foot: Foot,
+    space: Space,
+    known: Known,
+    sensors: Sequence[str] = MALLEOLUS,
+    carriers: Sequence[bool] | None = (False,),
+    delay: bool = True,
+) -> Problem:
+    """The one problem of steady recordings.
+
+    Args:
+        recordings: checked. foot: the model. space: its free constants. known: of what may be true beside it.
+        sensors: that are fitted. delay: whether the recordings tell a delay from damping.
+        carriers: of each sensor, whether it sits on the foot's mass; None for a model that is not the two-mass foot.
+    """
+    own = foot.values()
+    masses = [name for name in own if name in MASSES]
+    measured = Measured.of([Line.with_sensors(r, tuple(sensors)) for r in recordings], sensors)
+    two_mass = carriers is not None
+    mirror = two_mass and not branches.has_mirror(space.names, foot.parameters)
+    ratio = branches.ratio([r.condition.masses for r in recordings], own) if mirror else None
+    items = nuisances(recordings, known, masses, two_mass, sensors, delay)
+    variables = Variables(space, items, recordings, own, two_mass, ratio)
+    return Problem.of(measured, variables, motion_of(foot, measured, variables, carriers or ()))
+
+
+def fit(
+    problem: Problem, foot: Foot, starts: int, seed: int, allow: bool, advance: Advance = lambda what, done, total: None
+) -> Fitted:
+    """Search, hold, and replay.
+
+    Args:
+        problem: as `problem_of` makes it. foot: the model. starts: of a side in a round of the search.
+        seed: of the starts. allow: for what may be true beside the model; else the nuisances are held.
+        advance: called with what is done, how many of how many.
+
+    Raises:
+        SimulationError: no motion lasts.
+    """
+    variables = problem.variables
+    signs = (1, -1) if variables.ratio is not None else (0,)
+    held = variables.held([item.kind for item in variables.nuisances if item.kind != "delay"])
+    exact = problem.with_held(held)
+    first = variables.start(variables.own)[None]
+    search = optimiser.search(
+        problem if allow else exact, signs, starts=starts, seed=seed, estimate=allow, first=first,
+        rounds=optimiser.ROUNDS if variables.two_mass else 1,
+        advance=lambda done, total: advance("searching both branches", done, total),
+    )  # fmt: skip
+    solutions = [Solution(SIDES[o.sign], search.problem, o) for o in search.optima]
+    solutions = [_with_enough_harmonics(foot, solution) for solution in solutions]
+    replays, kept, left_out = {}, [], []
+    for number, solution in enumerate(solutions):
+        advance("replaying in MuJoCo", number, len(solutions))
+        try:
+            replays[solution.branch] = replay(foot, solution.problem, solution.q)
+            kept.append(solution)
+        except SimulationError:
+            left_out.append(solution.branch)
+    if not kept:
+        raise SimulationError(f"{foot.name}: the best parameter sets are all unstable over the recordings.")
+    advance("the model assumed exact", 0, 1)
+    alone = _held_ends(search.problem.with_held(held).with_repeatability(0.0), kept, seed) if allow else {}
+    return Fitted(tuple(kept), alone, replays, tuple(left_out))
+
+
+def _with_enough_harmonics(foot: Foot, solution: Solution) -> Solution:
+    """The end with twice the harmonics, as often as that changes it."""
+    problem, optimum = solution.problem, solution.optimum
+    while isinstance(problem.motion, TwoMassMotion) and 2 * problem.motion.base.shape[1] <= _MOST_HARMONICS:
+        more = replace(problem, motion=problem.motion.with_harmonics(2 * problem.motion.base.shape[1]))
+        if abs(float(more.evaluate(optimum.q[None]).objective[0]) - optimum.objective) < _ENOUGH:
+            break
+        problem = more
+        q, objective, converged = optimiser.finished(problem, optimum.q, optimum.sign)
+        optimum = replace(optimum, q=q, objective=objective, converged=converged)
+    return Solution(solution.branch, problem, optimum)
+
+
+def _held_ends(exact: Problem, solutions: Sequence[Solution], seed: int) -> dict[str, Solution]:
+    """The best end of each branch with the nuisances held."""
+    mean, _ = exact.variables.prior
+    signs = tuple(solution.optimum.sign for solution in solutions)
+    first = np.stack([np.where(exact.held, mean, solution.q) for solution in solutions])
+    search = optimiser.search(
+        exact, signs, starts=_HELD_STARTS, rounds=1, seed=seed, estimate=False, first=first
+    )
+    return {SIDES[o.sign]: Solution(SIDES[o.sign], search.problem, o) for o in search.optima}
+
+
+# what is said of it
+
+
+def branch_of(fitted: Fitted, solution: Solution, recordings: Sequence[Recording], foot: Foot) -> Branch:
+    """One branch as a result has it: the headline, beside it the model assumed exact, and what was allowed for."""
+    run = fitted.replays[solution.branch]
+    read, r = residual(solution.problem, solution.q, run)
+    rows = traces(solution.problem, solution.q, run)
+    fits = [fit_percent(recording.malleolus_m_s2, row[MALLEOLUS[0]]) for recording, row in zip(recordings, rows, strict=True)]
+    parameters, correlation = solution.estimates()
+    follows = solution.problem.repeatability <= FOLLOWS
+    exact = fitted.exact.get(solution.branch)
+    alone = exact.estimates()[0] if exact is not None else {}
+    parameters = {key: _beside(e, alone.get(key), follows, solution) for key, e in parameters.items()}
+    judged = exact or solution
+    p_value = float(chdtrc(judged.dof, judged.chi_square)) if judged.dof else None
+    world = None
+    if exact is not None:
+        world = World(
+            float(r @ r), solution.optimum.objective, solution.dof, follows,
+            tuple(replace(m, weighed=m.weighed and follows and solution.optimum.converged) for m in solution.masses()),
+            solution.allowances(), solution.constant_under_load(), solution.exponents(),
+            solution.problem.repeatability, solution.problem.variables.reference_hz, solution.scale_std(),
+            solution.optimum.exhausted,
+        )  # fmt: skip
+    return Branch(
+        solution.branch, judged.optimum.objective, solution.optimum.objective, float(np.mean(fits)), parameters,
+        correlation.tolist(), judged.chi_square, judged.dof, p_value, world,
+    )  # fmt: skip
+
+
+def _beside(e: Estimate, exact: Estimate | None, follows: bool, solution: Solution) -> Estimate:
+    """An estimate with the one of the exact model beside it, and words no surer than the fit."""
+    if exact is None:
+        word = e.identifiability if e.identifiability == "not identifiable" else e.identifiability + EXACT
+        return replace(e, identifiability=word)
+    if exact.identifiability != "not identifiable":
+        exact = replace(exact, identifiability=exact.identifiability + EXACT)
+    word = e.identifiability
+    if not follows:
+        word = "not identifiable"
+    elif word == "identified" and not solution.optimum.exhausted:
+        word = "weak"  # another place may fit better, and say something else
+    return replace(e, identifiability=word, if_model_true=exact)
+
+
+def verdict_of(fitted: Fitted, built: Sequence[Branch], had: Had, why_not: str) -> Verdict:
+    """Whether the data decide between the branches."""
+    solutions = fitted.solutions
+    best = solutions[0]
+    if why_not or fitted.left_out:
+        return Verdict("not compared", 0.0, why_not or branches.LEFT_OUT.format(name=fitted.left_out[0]))
+    last = built[-1].parameters
+    rests = branches.pinned({key: e.at_bound for key, e in last.items()}, {key: e.value for key, e in last.items()})
+    objectives = [solution.optimum.objective for solution in solutions]
+    if fitted.exact:
+        objectives = [_deviance(best, objective) for objective in objectives]
+    excess, dof = (0.0, best.dof) if fitted.exact else (best.chi_square, best.dof)
+    verdict = branches.judge([b.name for b in built], objectives, excess, dof, rests, had)
+    world = built[0].world
+    if world is not None and not world.follows and len(built) > 1:
+        text = branches.LOST.format(percent=100 * best.problem.repeatability, bound=100 * FOLLOWS)
+        return Verdict("undecided", verdict.log_likelihood_ratio, text)
+    if verdict.word == "decided" and not all(solution.optimum.exhausted for solution in solutions):
+        return Verdict("undecided", verdict.log_likelihood_ratio, branches.NOT_EXHAUSTED)
+    return verdict
+
+
+def _deviance(best: Solution, objective: float) -> float:
+    """-2 log likelihood at an end: Student's where the scatter between recordings was estimated, else the normal one."""
+    if best.problem.repeatability == 0:
+        return objective
+    nu = max(2, best.dof)
+    return float(nu * np.log1p(max(0.0, objective - best.optimum.objective) / nu))
+
+
+def recordings_of(fitted: Fitted, solution: Solution, recordings: Sequence[Recording]) -> tuple[RecordingFit, ...]:
+    """Each recording beside what MuJoCo's motion makes its sensors read."""
+    run = fitted.replays[solution.branch]
+    read, _ = residual(solution.problem, solution.q, run)
+    rows = []
+    for r, (recording, traced) in enumerate(zip(recordings, traces(solution.problem, solution.q, run), strict=True)):
+        line = solution.problem.measured.lines[r]
+        sensors = []
+        for name, model in traced.items():
+            s = solution.problem.measured.sensors.index(name)
+            measured = recording.sensors[name]
+            percent = fit_percent(measured, model)
+            sensors.append(SensorFit.of(name, percent, measured, model, line.sensors[name], read[r, s, : line.count]))
+        rows.append(RecordingFit.of(recording, sensors[0].fit_percent, traced[MALLEOLUS[0]], tuple(sensors)))
+    return tuple(rows)
+
+
+def start_rows(fitted: Fitted) -> tuple[dict[str, object], ...]:
+    """How often the search of each side came to its end."""
+    rows = []
+    for solution in fitted.solutions:
+        o = solution.optimum
+        row: dict[str, object] = {"start": solution.branch, "cost": o.objective, "evaluations": o.starts}
+        row |= {"converged": o.converged, "branch": solution.branch, "hits": o.hits}
+        rows.append(row | {key: e.value for key, e in solution.estimates()[0].items()})
+    return tuple(rows)

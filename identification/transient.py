@@ -1,0 +1,172 @@
+"""The fit of every sample, for transients, sweeps and random input: explore, follow both branches, converge in MuJoCo.
+
+Steady recordings are explored on their harmonics, where the same foot is found a hundred times sooner.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from fasbody.exceptions import SimulationError
+from identification import branches, search, steady
+from identification.branches import STIFF_ANKLE, STIFF_PAD
+from identification.certification import Certified, certify_first
+from identification.domains import TimeDomain, is_steady
+from identification.engines.engine import stated
+from identification.search import ZERO, Descent
+from identification.space import Space
+
+if TYPE_CHECKING:
+    from identification.estimate import Question
+
+#: Ends of a branch whose mirror images are entered, and by which share of the cost they must differ.
+_IMAGES, _APART = 4, 1e-2
+_PASSED_OVER = "The best end of the {name} branch was passed over: its motion does not last in MuJoCo."
+
+Advance = Callable[[str, int, int], None]
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """A fit in the time domain.
+
+    Attributes:
+        branches: converged in MuJoCo, likeliest first. left_out: names of those that do not last.
+        starts: a row for each descent. warnings: so far.
+    """
+
+    branches: tuple[Certified, ...]
+    left_out: tuple[str, ...]
+    starts: tuple[dict[str, object], ...]
+    warnings: tuple[str, ...]
+
+
+def fit(
+    question: "Question", starts: int, seed: int, threads: int, replay: int | None, advance: Advance, interruptible: bool
+) -> Found:
+    """Fit every sample.
+
+    Args:
+        question: recordings and model. starts: how many. seed: of the random ones. threads: 0 for all cores.
+        replay: as `estimate.Settings`. advance: called with what is done, how many of how many.
+        interruptible: Ctrl-C ends the exploration only, and the result rests on the starts done.
+
+    Raises:
+        SimulationError: no start led anywhere.
+    """
+    space = question.space
+    domain = TimeDomain(
+        question.foot, question.recordings, space, question.two_mass, threads, question.sensors, replay
+    )
+    ratio = None
+    if not question.why_not:
+        masses = [recording.condition.masses for recording in question.recordings]
+        ratio = branches.ratio(masses, question.foot.values())
+    explored = _on_harmonics if is_steady(question.recordings) else _on_samples
+    descents, interrupted = explored(question, domain, ratio, starts, seed, advance)
+    if interrupted and not interruptible:
+        raise KeyboardInterrupt
+    warnings: list[str] = []
+    if interrupted:
+        warnings.append(f"Interrupted after {len(descents)} of {starts} starts; the result rests on those.")
+    if descents[0].unstable:
+        raise search.lost(question.foot, space, descents, question.recordings)
+    ends = _of_each_branch(domain, space, ratio, descents)
+    certified, left_out = [], []
+    for number, (name, its) in enumerate(ends.items()):
+        advance("converging in MuJoCo", number, len(ends))
+        best, skipped = certify_first(domain, name, its)
+        if best:
+            certified.append(best)
+        else:
+            left_out.append(name)
+        if skipped:
+            warnings.append((_PASSED_OVER if best else branches.LEFT_OUT).format(name=name))
+    if not certified:
+        values = stated(question.foot, space.values(descents[0].theta))
+        raise SimulationError(
+            f"{question.foot.name}: the best parameter sets are all unstable over the recordings (the best: {values})."
+        )
+    rows = tuple(_row(descent, space, ratio) for descent in descents)
+    certified.sort(key=lambda c: c.deviance)
+    return Found(tuple(certified), tuple(left_out), rows, tuple(warnings))
+
+
+Explored = tuple[list[Descent], bool]
+
+
+def _on_harmonics(
+    question: "Question", domain: TimeDomain, ratio: float | None, starts: int, seed: int, advance: Advance
+) -> Explored:
+    """The ends of a steady fit with the nuisances held, as descents in the time domain that have yet to begin."""
+    problem, space = question.problem(), question.space
+    fitted = steady.fit(problem, question.foot, starts, seed, False, advance)
+    descents = []
+    for solution in fitted.solutions:
+        values = solution.foot(0) | {
+            key.removesuffix("_s"): e.value for key, e in solution.estimates()[0].items() if key.startswith("delay")
+        }
+        theta = space.theta(values)
+        _, states = problem.motion.states(problem.variables.theta(solution.q))
+        z = domain.start(space.to_q(theta), states)
+        o = solution.optimum
+        descents.append(Descent(solution.branch, theta, theta, z, o.objective, o.starts, o.converged, False))
+    return descents, False
+
+
+def _on_samples(
+    question: "Question", domain: TimeDomain, ratio: float | None, starts: int, seed: int, advance: Advance
+) -> Explored:
+    """Descents from the model's own values, their mirror image, and random places."""
+    space, values = question.space, question.foot.values()
+    rng = np.random.default_rng(seed)
+    places = [("model", space.to_q(space.theta(values)))]
+    if ratio is not None:
+        places.append(("mirror of the model", space.to_q(space.theta(branches.mirrored(values, ratio)))))
+    places += [(f"random {i + 1}", space.random(rng)) for i in range(starts)]
+    counter = iter(range(1, starts + 1))
+    return search.explore(domain.problem(), places[:starts], lambda: advance("exploring starts", next(counter), starts))
+
+
+def _side(space: Space, ratio: float | None, descent: Descent) -> str:
+    return "best" if ratio is None else branches.side(space.values(descent.theta), ratio)
+
+
+def _of_each_branch(
+    domain: TimeDomain, space: Space, ratio: float | None, descents: list[Descent]
+) -> Mapping[str, list[Descent]]:
+    """The descents of each branch, best first; mirror images of the other's best ends are entered, too."""
+    if ratio is None:
+        return {"best": descents}
+    ends: dict[str, list[Descent]] = {}
+    for descent in descents:
+        ends.setdefault(_side(space, ratio, descent), []).append(descent)
+    if len(ends) == 2 and is_steady(domain.recordings):  # both sides were searched
+        return ends
+    problem = domain.problem()
+    entered: dict[str, list[Descent]] = {}
+    for name, other in ((STIFF_ANKLE, STIFF_PAD), (STIFF_PAD, STIFF_ANKLE)):
+        for end in _distinct(ends.get(other, [])):
+            image = branches.mirrored(space.values(end.theta), ratio)
+            there = search.descend(problem, space.to_q(space.theta(image)), f"mirror of {other}")
+            if _side(space, ratio, there) == name:
+                entered.setdefault(name, []).append(there)
+    names = [*ends, *(name for name in entered if name not in ends)]
+    return {name: sorted([*ends.get(name, []), *entered.get(name, [])], key=lambda d: d.cost) for name in names}
+
+
+def _distinct(descents: Sequence[Descent]) -> list[Descent]:
+    """The best few that end at different costs."""
+    kept: list[Descent] = []
+    for descent in descents:
+        if len(kept) < _IMAGES and all(abs(descent.cost - k.cost) > _APART * k.cost + ZERO for k in kept):
+            kept.append(descent)
+    return kept
+
+
+def _row(descent: Descent, space: Space, ratio: float | None) -> dict[str, object]:
+    row: dict[str, object] = {"start": descent.label, "cost": descent.cost, "evaluations": descent.evaluations}
+    row |= {"converged": descent.converged, "branch": _side(space, ratio, descent)}
+    return row | {item.key: float(value) for item, value in zip(space.free, descent.theta, strict=True)}
