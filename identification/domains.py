@@ -20,7 +20,7 @@ from identification.engines.engine import MALLEOLUS, D, Engine, Excitation, Whol
 from identification.engines.mujoco import Rollouts
 from identification.engines.twin import Twin
 from identification.periodic import Line, PeriodicProblem, excitations, misfit
-from identification.search import Problem, descend
+from identification.search import Problem
 from identification.space import SearchSpace, Space
 from identification.time_domain import TimeProblem
 

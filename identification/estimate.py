@@ -321,7 +321,9 @@ def _tells_delay(data: Sequence[Recording]) -> bool:
 
 def _transient(question: Question, settings: Settings, advance: Advance, interruptible: bool) -> FitResult:
     """The fit of every sample: see transient.py."""
-    found = transient.fit(question, settings.starts, settings.seed, settings.threads, settings.replay, advance, interruptible)
+    found = transient.fit(
+        question, settings.starts, settings.seed, settings.threads, settings.replay, advance, interruptible
+    )
     data, space = question.recordings, question.space
     built = [branch_of(c, space) for c in found.branches]
     first, run = built[0], found.branches[0].run

@@ -13,7 +13,7 @@ import numpy as np
 from identification.residual import Evaluation, Problem
 
 #: Starts of a side in one round, and rounds at most.
-STARTS, ROUNDS = 12, 4
+STARTS, ROUNDS = 12, 6
 #: Steps of a round, and the decrease of the sum of squares that is worth no further step.
 _STEPS, _PROMISED = 40, 0.02
 #: Two descents came to the same end where their sums of squares differ by less.
@@ -164,7 +164,6 @@ def finished(problem: Problem, q: np.ndarray, sign: int, most: int = _MOST) -> t
 def random_starts(problem: Problem, sign: int, count: int, rng: np.random.Generator) -> np.ndarray:
     """(count, n) places that fill one side of the mirror: stiffness, damping and bends; nuisances at their priors."""
     v = problem.variables
-    mean, std = v.prior
     low, high = problem.bounds(sign)
     Q = np.tile(v.start(v.own), (count, 1))
     for name, i in v.index.items():
@@ -295,7 +294,7 @@ def _fresh(
 def _annealed(
     problem: Problem, population: Population, estimate: bool, last: float = 0.0
 ) -> tuple[Problem, Population]:
-    """Candidates followed down from a smooth landscape to the scatter that they leave over, or to the last one given."""
+    """Candidates followed down from a smooth landscape to the scatter that they leave over, or to the one given."""
     level = max(_SMOOTH, last)
     for _ in range(_LEVELS):
         problem = problem.with_repeatability(level)

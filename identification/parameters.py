@@ -1,8 +1,8 @@
 """The variables of the one problem: constants of the foot and nuisances, their priors, and what they make of a foot.
 
 The branch is the sign of rho: ln k_T = sigma + (rho + ln a) / 2 and ln k_F = sigma - (rho + ln a) / 2 with
-a = m_S / (m_S + m_F) of the stated masses, so that each mirror image has its own half of the space. The response is even
-in c_13 and c_23, whose squares are the variables. A relaxing spring is searched by its dynamic stiffness at the
+a = m_S / (m_S + m_F) of the stated masses, so that each mirror image has its own half of the space. The response is
+even in c_13 and c_23, whose squares are the variables. A relaxing spring is searched by its dynamic stiffness at the
 reference frequency, the geometric mean of the recorded ones, which is what recordings know best.
 """
 
@@ -331,7 +331,11 @@ class Variables:
         for item in self.nuisances:
             if item.constant:
                 twin = replace(item, constant=partner[item.constant])
-                match = [o for o in self.nuisances if (o.kind, o.load_kg, o.constant) == (twin.kind, twin.load_kg, twin.constant)]
+                match = [
+                    o
+                    for o in self.nuisances
+                    if (o.kind, o.load_kg, o.constant) == (twin.kind, twin.load_kg, twin.constant)
+                ]
                 if match:
                     Q[..., self.place(item)] = old[..., self.place(match[0])]
         return np.clip(Q, *self.bounds)

@@ -1,7 +1,7 @@
 """The residual of steady recordings: whitened harmonics of all sensors, and a row for each prior.
 
-Following Pintelon and Schoukens, a periodic recording is worth its harmonics: 2 H numbers a sensor with known variances.
-Their noise is that of the sensor, that of the base seen through the model, and the scatter from one recording to the
+Following Pintelon and Schoukens, a periodic recording is worth its harmonics: 2 H numbers a sensor with known
+variances. Their noise is that of the sensor, that of the base seen through the model, and the scatter from one recording to the
 next: a person sits down anew, and repeats to some per cent of each harmonic. Of a true model the sum of squares is
 chi-square distributed.
 """
@@ -157,7 +157,7 @@ class Problem:
 
     def predicted(self, q: np.ndarray) -> np.ndarray:
         """(R, S, H) what the sensors read at q (n,)."""
-        Y, D, _, _ = self.motion.response(self.variables.theta(q[None]), None)
+        Y = self.motion.response(self.variables.theta(q[None]), None)[0]
         n = q.size
         return self._read(q[None], Y, np.zeros((*Y.shape, n), complex))[0][0]
 
@@ -195,6 +195,7 @@ class Problem:
         ratio = v.value(Q, v.of_kind("rocking damping"), 0.1)[one]
         swing = base * f**2 / (own**2 - f**2 + 2j * ratio * own * f)
         for s, sensor in enumerate(measured.sensors):
+
             def of(kind: str, rest: float = 0.0, sensor: str = sensor) -> np.ndarray:
                 return v.value(Q, v.of_kind(kind, sensor=sensor), rest)[one]
 

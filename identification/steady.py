@@ -61,7 +61,9 @@ class Fitted:
     left_out: tuple[str, ...]
 
 
-def motion_of(foot: Foot, measured: Measured, variables: Variables, carriers: Sequence[bool], harmonics: int = 0) -> Motion:
+def motion_of(
+    foot: Foot, measured: Measured, variables: Variables, carriers: Sequence[bool], harmonics: int = 0
+) -> Motion:
     """What moves: the two-mass foot in closed form, or the model itself.
 
     Args:
@@ -158,9 +160,7 @@ def _held_ends(exact: Problem, solutions: Sequence[Solution], seed: int) -> dict
     mean, _ = exact.variables.prior
     signs = tuple(solution.optimum.sign for solution in solutions)
     first = np.stack([np.where(exact.held, mean, solution.q) for solution in solutions])
-    search = optimiser.search(
-        exact, signs, starts=_HELD_STARTS, rounds=1, seed=seed, estimate=False, first=first
-    )
+    search = optimiser.search(exact, signs, starts=_HELD_STARTS, rounds=1, seed=seed, estimate=False, first=first)
     return {SIDES[o.sign]: Solution(SIDES[o.sign], search.problem, o) for o in search.optima}
 
 
@@ -170,9 +170,12 @@ def _held_ends(exact: Problem, solutions: Sequence[Solution], seed: int) -> dict
 def branch_of(fitted: Fitted, solution: Solution, recordings: Sequence[Recording], foot: Foot) -> Branch:
     """One branch as a result has it: the headline, beside it the model assumed exact, and what was allowed for."""
     run = fitted.replays[solution.branch]
-    read, r = residual(solution.problem, solution.q, run)
+    _, r = residual(solution.problem, solution.q, run)
     rows = traces(solution.problem, solution.q, run)
-    fits = [fit_percent(recording.malleolus_m_s2, row[MALLEOLUS[0]]) for recording, row in zip(recordings, rows, strict=True)]
+    fits = [
+        fit_percent(recording.malleolus_m_s2, row[MALLEOLUS[0]])
+        for recording, row in zip(recordings, rows, strict=True)
+    ]
     parameters, correlation = solution.estimates()
     follows = solution.problem.repeatability <= FOLLOWS
     exact = fitted.exact.get(solution.branch)
@@ -233,7 +236,7 @@ def verdict_of(fitted: Fitted, built: Sequence[Branch], had: Had, why_not: str) 
 
 
 def _deviance(best: Solution, objective: float) -> float:
-    """-2 log likelihood at an end: Student's where the scatter between recordings was estimated, else the normal one."""
+    """-2 log likelihood at an end: Student's where the scatter between recordings was estimated, else the normal."""
     if best.problem.repeatability == 0:
         return objective
     nu = max(2, best.dof)

@@ -88,7 +88,14 @@ def _compile(offsets: dict[str, int], stamp: int) -> Callbacks:
     QPOS, QVEL, ACT, ACT_DOT = offsets["qpos"], offsets["qvel"], offsets["act"], offsets["act_dot"]
     CTRL, QFRC, TIME = offsets["ctrl"], offsets["qfrc_passive"], offsets["time"]
     TEN_J, TEN_LENGTH, TEN_VELOCITY = offsets["ten_J"], offsets["ten_length"], offsets["ten_velocity"]
-    USER, PRM, BRANCHES, RELAX, MAXWELL, UNIT = damper.USER_SIZE, _PRM, damper.BRANCHES, VISCOELASTIC, damper.MAXWELL, CLOCK
+    USER, PRM, BRANCHES, RELAX, MAXWELL, UNIT = (
+        damper.USER_SIZE,
+        _PRM,
+        damper.BRANCHES,
+        VISCOELASTIC,
+        damper.MAXWELL,
+        CLOCK,
+    )
     MODEL, DATA, BIG = (MODEL_WORDS,), (DATA_WORDS,), (1 << 20,)
     f8, i4, i8 = np.float64, np.int32, np.int64
 
