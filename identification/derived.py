@@ -471,7 +471,7 @@ def _energy_half_widths(view: View, numbers: Sequence[int], motion: Orbits) -> n
 
 
 def work_slopes(motion: Orbits) -> np.ndarray:
-    """(B, 2, 13) derivatives to the parameters of the work of ankle and pad, pi sum_h h Im(F_h conj Z_h), in a cycle."""
+    """(B, 2, 13) derivatives to the parameters of the work of ankle and pad a cycle, pi sum_h h Im(F_h conj Z_h)."""
     assert motion.slopes is not None and motion.stretch_slopes is not None
     S, F = PARAMETERS.index("m_S"), PARAMETERS.index("m_F")
     m_S, m_F = motion.theta[:, S, None], motion.theta[:, F, None]
