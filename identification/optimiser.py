@@ -2,8 +2,8 @@
 
 Many starts go down together by damped Gauss-Newton steps between bounds (Levenberg and Marquardt), which costs little
 more than one. What is half normal rests at its bound in most worlds; there a method that keeps inside its bounds, such
-as SciPy's trust region, crawls. The search of a side goes on with new starts until its best end was found twice, or says
-that it is not exhausted.
+as SciPy's trust region, crawls. The search of a side goes on with new starts until its best end was found twice, or
+says that it is not exhausted.
 """
 
 from collections.abc import Callable
@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identification.residual import Evaluation, Problem
+from identification.residual import Problem
 
 #: Starts of a side in one round, and rounds at most.
 STARTS, ROUNDS = 8, 6
