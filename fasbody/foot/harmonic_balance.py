@@ -284,7 +284,8 @@ def periodic(system: System, start: Solution | None = None) -> Solution:
     found = start or Solution(first, np.zeros((n, first.size)), np.empty(0))
     inverse = start.inverse[None] if start else None
     while True:
-        found = _solved(system, found, 1.0, inverse) or _continued(system, found.series)
+        reached, solved = _solved(system, found, 1.0, inverse)
+        found = reached if solved else _continued(system, found.series)
         left, changes = highest(system, found.series, found.x), system.changes(found.series, found.x)
         if changes or (left >= SMALL and found.series.harmonics >= MOST_HARMONICS):
             raise NotSmoothError(system.name, system.frequency_hz, found.series.harmonics, left, changes)
@@ -293,11 +294,11 @@ def periodic(system: System, start: Solution | None = None) -> Solution:
         found, inverse = _doubled(found), None
 
 
-def _solved(system: System, start: Solution, share: float, inverse: Array | None = None) -> Solution | None:
-    """The motion under a share of the excitation; None where Newton's method fails."""
+def _solved(system: System, start: Solution, share: float, inverse: Array | None = None) -> tuple[Solution, bool]:
+    """The motion under a share of the excitation, and whether it is one: where Newton's method ended."""
     equations = _Single(system, start.series, share)
     x, inverse, solved = newton(equations, start.x.reshape(1, -1), inverse)
-    return Solution(start.series, x.reshape(start.x.shape), inverse[0]) if solved[0] else None
+    return Solution(start.series, x.reshape(start.x.shape), inverse[0]), bool(solved[0])
 
 
 def _doubled(found: Solution) -> Solution:
@@ -309,19 +310,23 @@ def _continued(system: System, series: Fourier) -> Solution:
     """The motion that grows out of rest with the excitation.
 
     Raises:
-        PeriodicMotionError: it ends before.
+        PeriodicMotionError: it ends before. NotSmoothError: a constraint acts there.
     """
     found, reached, part = Solution(series, np.zeros((len(system.metric), series.size)), np.empty(0)), 0.0, 0.5
     while reached < 1:
         share = min(1.0, reached + part)
         grown = found.x * (share / reached if reached else 1.0)
-        following = _solved(system, Solution(series, grown, found.inverse), share)
-        if following:
+        following, solved = _solved(system, Solution(series, grown, found.inverse), share)
+        if solved:
             found, reached, part = following, share, 2 * part
-        else:
-            part /= 2
-            if part < FINEST:
-                raise PeriodicMotionError(system.name, system.frequency_hz, reached)
+            continue
+        part /= 2
+        if part < FINEST:
+            changes = system.changes(series, following.x)
+            if changes:
+                left = highest(system, series, following.x)
+                raise NotSmoothError(system.name, system.frequency_hz, series.harmonics, left, changes)
+            raise PeriodicMotionError(system.name, system.frequency_hz, reached)
     return found
 
 
