@@ -2,8 +2,9 @@
 
 MuJoCo calls a C function where a model has forces of its own. numba compiles ours (`cfunc`), so no compiler is needed
 and rollouts run on all cores. Callbacks are global to the process: `callbacks()` installs them for a `with` block, and
-the last of them to end, in whichever thread, restores what was there. They act on marked elements only: joints and tendons whose `user` field starts with a law's
-number (damper.py), and actuators whose `biasprm` starts with the number of a law or of the shaker.
+the last of such blocks to end, in whichever thread, restores what was there. They act on marked elements only: joints
+and tendons whose `user` field starts with a law's number (damper.py), and actuators whose `biasprm` starts with the
+number of a law or of the shaker.
 
 The compiled code reads mjModel and mjData by word offsets, which `find_offsets` finds at start-up in the structs of a
 probe model: the addresses of the arrays are known to Python, the words that hold them are their offsets, and a count is

@@ -334,16 +334,16 @@ def multipliers(slopes: Array, period: float, first_order: int = 0) -> Array:
     """Floquet multipliers of a motion: by how much small departures from it grow over one period.
 
     Each interval between two instants is passed with the matrix exponential of its middle, which is exact where nothing
-    varies, however stiff, and of second order elsewhere; it is refined and extrapolated until the multipliers rest.
+    varies, however stiff, and of second order elsewhere; intervals are halved and extrapolated until nothing changes.
 
     Args:
         slopes: (3, N, n, n) of the residual in coordinates, their rates and accelerations at instants of the period.
         period: [s]. first_order: how many of the coordinates, the last ones, have no inertia.
     """
-    A = _state_matrix(slopes, first_order)
+    A = _halved(_state_matrix(slopes, first_order))
     coarse, found = _passed(A, period), np.empty(0)
     for _ in range(REFINED):
-        A = _refined(A)
+        A = _halved(A)
         fine = _passed(A, period)
         before, found = found, _sorted(np.linalg.eigvals((4 * fine - coarse) / 3))
         if before.size and np.abs(found - before).max() < MULTIPLIER:
@@ -366,14 +366,14 @@ def _state_matrix(slopes: Array, first_order: int) -> Array:
 
 
 def _passed(A: Array, period: float) -> Array:
-    """State after one period (s, s) of unit states."""
+    """State after one period (s, s) of unit states; every other of the matrices is in the middle of an interval."""
     after = np.eye(A.shape[-1])
-    for step in expm(A * (period / len(A))):
+    for step in expm(A[1::2] * (2 * period / len(A))):
         after = step @ after
     return after
 
 
-def _refined(A: Array) -> Array:
+def _halved(A: Array) -> Array:
     """The same periodic matrices at twice as many instants."""
     spectrum = np.fft.rfft(A, axis=0)
     spectrum[-1] /= 2  # half of the highest one is of the negative frequency

@@ -86,7 +86,9 @@ class Engine:
     def _reduced(self, raw: Array) -> Array:
         """Rows of what the engine gives (..., raw)."""
         nv, c = self.model.nv, self.size
-        return np.concatenate([raw[..., :nv] - raw[..., nv : 2 * nv], -raw[..., 2 * nv : nv + c], raw[..., nv + c :]], -1)
+        return np.concatenate(
+            [raw[..., :nv] - raw[..., nv : 2 * nv], -raw[..., 2 * nv : nv + c], raw[..., nv + c :]], -1
+        )
 
     def _read(self, state: Sequence[Array], row: Array) -> None:
         for values, given in zip(self._state, state, strict=True):
