@@ -118,7 +118,7 @@ def test_harmonics_are_doubled_until_the_highest_are_small() -> None:
     found = periodic(system)
     assert highest(system, found.series, found.x) < SMALL
     half = Fourier.of(found.series.harmonics // 2)
-    begin = half.real(found.series.complex(found.x), found.x[:, 0])
+    begin = half.real(found.series.complex(found.x)[:, : half.harmonics])
     x, _, solved = newton(harmonic_balance._Single(system, half, 1.0), begin.reshape(1, -1))
     assert solved.all()
     assert highest(system, half, x) >= SMALL

@@ -349,6 +349,20 @@ def test_what_cannot_be_meant_is_refused() -> None:
         here.orbit(20.0, BASE, {"k_11": 1.0})
     with pytest.raises(SettingError, match="k_T is -1"):
         here.orbit(20.0, BASE, {"k_T": -1.0})
-    for frequency, base in ((0.0, BASE), (np.nan, BASE), (20.0, [np.inf]), (20.0, [0.0])):
-        with pytest.raises(SettingError, match="needs a frequency in Hz and harmonics of the base"):
-            here.orbit(frequency, base)
+    for frequency in (0.0, np.nan):
+        with pytest.raises(SettingError, match="needs a frequency above 0 Hz"):
+            here.orbit(frequency, BASE)
+    for base in ([np.inf], [0.0]):
+        with pytest.raises(SettingError, match="harmonics of the base are"):
+            here.orbit(20.0, base)
+    with pytest.raises(SettingError, match="a base of 49 harmonics has more than 48"):
+        here.orbit(1.0, np.ones(49))
+
+
+def test_a_base_of_many_harmonics_is_not_cut_off() -> None:
+    """Ten harmonics take more than six in the motion; the linear leg takes them one by one."""
+    base = np.arange(10, 0, -1) * np.exp(1j * np.arange(10))
+    have = balance("leg").orbit(3.0, base).harmonics()
+    for k, amplitude in enumerate(base):
+        alone = balance("leg").orbit(3.0 * (k + 1), [amplitude]).harmonics()[0]
+        assert have[k] == pytest.approx(alone, rel=1e-9)
