@@ -145,7 +145,8 @@ class Equations(Protocol):
 
 
 def newton(
-    equations: Equations, x: Array, inverse: Array | None = None
+    equations: Equations, x: Array, inverse: Array | None = None, tight: float = TIGHT,
+    longest: float = np.inf,
 ) -> tuple[Array, Array, Array]:  # fmt: skip
     """Solve many systems by damped Newton's method, a Jacobian serving as long as steps contract.
 
@@ -156,11 +157,14 @@ def newton(
         equations: the systems.
         x: (b, m) unknowns to begin at.
         inverse: (b, m, m) of Jacobians of solutions nearby, with which the first steps are taken.
+        tight: size of a step over that of the unknowns which ends the search.
+        longest: size of a first step over that of the unknowns. Where many motions exist, a search
+            with shorter ones stays near its start.
 
     Returns:
         Unknowns (b, m), the inverse of the last Jacobian (b, m, m), and which are solved (b,).
     """
-    search, rows = _Search(equations, np.array(x, float)), np.arange(len(x))
+    search, rows = _Search(equations, np.array(x, float), tight, longest), np.arange(len(x))
     with np.errstate(all="ignore"):  # a step that leads too far is not finite, and is shortened
         if inverse is not None:
             search.inverse[:] = inverse
@@ -176,8 +180,9 @@ def newton(
 class _Search:
     """Where Newton's method is with each of many systems."""
 
-    def __init__(self, equations: Equations, x: Array) -> None:
-        self.equations, self.x, (count, m) = equations, x, x.shape
+    def __init__(self, equations: Equations, x: Array, tight: float, longest: float) -> None:
+        self.equations, self.x, self.tight, self.longest = equations, x, tight, longest
+        count, m = x.shape
         self.inverse, self.solved = np.empty((count, m, m)), np.zeros(count, bool)
 
     def linearise(self, rows: Array) -> None:
@@ -186,9 +191,11 @@ class _Search:
 
     def chords(self, rows: Array, fresh: bool) -> Array:
         """Steps with the same Jacobian; returns the rows that want a new one."""
-        step, damping = np.zeros_like(self.x), np.ones(len(self.x))
+        step, going = np.zeros_like(self.x), rows
         step[rows] = self._correction(self.x[rows], rows)
-        first, going = self.equations.size(step), rows
+        first = self.equations.size(step)
+        reach = self.longest * self.equations.size(self.x) / first
+        damping = np.maximum(SHORTEST, np.fmin(1, reach))  # without a limit from rest it is no number
         for _ in range(CHORDS):
             trial = self.x[going] + damping[going, None] * step[going]
             following = self._correction(trial, going)
@@ -197,7 +204,7 @@ class _Search:
             better = contraction < 1 - damping[going] / 4
             rounded = (contraction > SLOW) & (before < ROUNDING * motion)
             proven = fresh | (before < PROVEN * first[going])
-            self.solved[going] = (after <= TIGHT * motion) | (rounded & proven)
+            self.solved[going] = (after <= self.tight * motion) | (rounded & proven)
             self.x[going[better]], step[going[better]] = trial[better], following[better]
             damping[going] = np.where(better, np.minimum(1, 2 * damping[going]), damping[going] / 2)
             again = np.where(better, contraction < SLOW, damping[going] >= SHORTEST)
@@ -213,14 +220,13 @@ class _Search:
 
 
 def _inverse(matrices: Array) -> Array:
-    """Of each (b, m, m); NaN, which leads nowhere, where one is not finite."""
+    """Of each (b, m, m); NaN, which leads nowhere, where one is singular."""
     try:
         return np.linalg.inv(matrices)
     except np.linalg.LinAlgError:
-        finite = np.isfinite(matrices).all(axis=(1, 2))
-        found = np.full_like(matrices, np.nan)
-        found[finite] = np.linalg.pinv(matrices[finite])
-        return found
+        if len(matrices) == 1:
+            return np.full_like(matrices, np.nan)
+        return np.concatenate([_inverse(matrix[None]) for matrix in matrices])
 
 
 class System(Protocol):
