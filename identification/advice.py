@@ -164,7 +164,8 @@ def _ruler(world: World) -> list[str]:
         texts.append(
             "All stiffness and damping share one scale, the leg's mass, which is known to "
             f"±{196 * world.scale_std:.2g} % (95 %); natural frequencies, damping ratios and constants per kilogram do "
-            "not depend on it. A force plate under the foot, with and without the load, narrows it (static_force_n in [known] of study.toml)."
+            "not depend on it. A force plate under the foot, with and without the load, narrows it (static_force_n in "
+            "[known] of study.toml)."
         )
     off = [each.off for each in world.nuisances if each.group == "masses"]
     if len(off) == 2 and min(off) * max(off) > 0 and min(map(abs, off)) > _ALIKE:

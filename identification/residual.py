@@ -1,9 +1,9 @@
 """The residual of steady recordings: whitened harmonics of all sensors, and a row for each prior.
 
 Following Pintelon and Schoukens, a periodic recording is worth its harmonics: 2 H numbers a sensor with known
-variances. Their noise is that of the sensor, that of the base seen through the model, and the scatter from one recording to the
-next: a person sits down anew, and repeats to some per cent of each harmonic. Of a true model the sum of squares is
-chi-square distributed.
+variances. Their noise is that of the sensor, that of the base seen through the model, and the scatter from one
+recording to the next: a person sits down anew, and repeats to some per cent of each harmonic. Of a true model the sum
+of squares is chi-square distributed.
 """
 
 from dataclasses import dataclass, replace
@@ -154,7 +154,7 @@ class Problem:
         return Evaluation(r, J, good, memory)
 
     def whitened(self, read: np.ndarray, repeatability: float | None = None) -> np.ndarray:
-        """Residual (m,) of what sensors read (R, S, H), without the priors' rows; at another scatter if one is given."""
+        """Residual (m,) of what sensors read (R, S, H), without the priors' rows; at another scatter if given."""
         e = (read - self.measured.output).reshape(len(read), -1)
         e = np.concatenate([e.real, e.imag], 1)
         W = self._whitener if repeatability is None else self.whitener(repeatability)

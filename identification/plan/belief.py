@@ -1,37 +1,39 @@
 """What recordings say of a foot so far: the likeliest foot of each branch, and where it could lie beside that.
 
-The problem is that of the wide fit, with the population of feet as one more prior, so that one recording is enough to
-go on from. It is the fit for the minute between two recordings; identification.fit, without a population, has the last
-word.
+The problem is the fit's, with the population of feet as one more prior, so that one recording is enough to go on from.
+It is the fit for the minute between two recordings; identification.fit, without a population, has the last word.
 """
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import block_diag
 
 from fasbody.exceptions import SimulationError
 from fasbody.presentation import readable
 from fasbody.recording.recording import Recording
-from identification.branches import DECISIVE_ODDS, STIFF_ANKLE, STIFF_PAD
-from identification.engines.twin import Twin
-from identification.periodic import Line, PeriodicProblem, excitations
-from identification.plan.prior import Person, PlanSpace, stream
-from identification.search import inverse_of_gram
-from identification.settle import settle
-from identification.wide import reweighed
-from identification.world import Nuisance, WorldProblem
+from identification.branches import DECISIVE_ODDS
+from identification.harmonics import Line, Measured
+from identification.intervals import Solution
+from identification.motion import TwoMassMotion
+from identification.nuisances import Nuisance
+from identification.optimiser import Optimum, descend
+from identification.plan.prior import Person, PlanVariables, stream
+from identification.residual import Problem
+from identification.sensors import MALLEOLUS
+from identification.steady import FOLLOWS, SIDES
 
-#: Starts of a first descent on each branch, and evaluations of a descent.
-_STARTS, _MOST = 6, 40
-#: Up to so many recordings the dampers may yet bend the other way.
-_FEW = 4
-_Z95 = 1.959963984540054
+#: Starts of a first descent on each branch.
+_STARTS = 6
 #: What keeps a correlation matrix positive definite.
 _ROUNDING = 1e-10
-#: Chi-square per degree of freedom beyond which it is open whether such a foot makes these recordings. It is said that
-#: none does from so many recordings on, where noise alone is less likely than this: one recording can itself be bad.
-FOLLOWS, _SEVERAL, _UNLIKELY = 2.0, 3, 1e-3
+#: That such a foot does not move like this is said from so many recordings on: one recording can itself be bad.
+_SEVERAL = 3
+#: Standard deviation of repeatability, a factor, and the least that is expected: nothing repeats better.
+_FACTOR, _LEAST = 2.0, 1e-3
+#: Values of it that are tried.
+_TRIED = np.geomspace(1e-4, 1.0, 81)
 
 
 @dataclass(frozen=True)
@@ -52,40 +54,31 @@ class Band:
 
 
 @dataclass(frozen=True, eq=False)
-class End:
-    """The likeliest foot of a branch.
-
-    Attributes:
-        name: of the branch. q: (n,). objective: chi-square and the squares of the prior's rows. A: information (n, n)
-            of recordings and priors. C: covariance (n, n) as the fit has it, without the population. chi_square: of the
-            recordings alone. dof: their numbers less the foot's constants.
-    """
-
-    name: str
-    q: np.ndarray
-    objective: float
-    A: np.ndarray
-    C: np.ndarray
-    chi_square: float
-    dof: int
-
-
-@dataclass(frozen=True, eq=False)
 class Belief:
     """What is believed of a foot after recordings.
 
     Attributes:
-        ends: of both branches, the likelier first. space: of their variables. problem: whose ends they are.
+        ends: the likeliest foot of each branch, the likelier first; the population is a prior of theirs.
     """
 
-    ends: tuple[End, ...]
-    space: PlanSpace
-    problem: WorldProblem
+    ends: tuple[Solution, ...]
+
+    @property
+    def variables(self) -> PlanVariables:
+        """Of the ends."""
+        variables = self.ends[0].problem.variables
+        assert isinstance(variables, PlanVariables)
+        return variables
+
+    @property
+    def repeatability(self) -> float:
+        """Relative scatter of a harmonic from recording to recording."""
+        return self.ends[0].problem.repeatability
 
     @property
     def log_odds(self) -> float:
         """Of the first branch over the other."""
-        return 0.5 * (self.ends[1].objective - self.ends[0].objective)
+        return 0.5 * (self.ends[1].optimum.objective - self.ends[0].optimum.objective)
 
     @property
     def decided(self) -> bool:
@@ -93,38 +86,23 @@ class Belief:
         return self.follows and self.log_odds > np.log(DECISIVE_ODDS)
 
     @property
-    def per_dof(self) -> float:
-        """Chi-square per degree of freedom of the likelier foot."""
-        return self.ends[0].chi_square / max(1, self.ends[0].dof)
-
-    @property
     def follows(self) -> bool:
-        """Whether such a foot can make these recordings."""
-        return self.per_dof <= FOLLOWS
+        """Whether such a foot can make these recordings, if a person repeats as people do."""
+        return self.repeatability <= FOLLOWS
 
     @property
     def strange(self) -> bool:
         """Whether there is evidence that no such foot makes these recordings."""
-        from scipy.special import chdtrc
-
-        end = self.ends[0]
-        several = len(self.problem.lines) >= _SEVERAL and end.dof >= 1
-        return several and not self.follows and float(chdtrc(end.dof, end.chi_square)) < _UNLIKELY
+        return len(self.ends[0].problem.measured.lines) >= _SEVERAL and not self.follows
 
     def bands(self, names: Sequence[str], end: int = 0) -> dict[str, Band]:
-        """Constants at rest, without load, of one end, as the fit has them: without the population, cut at the bounds,
-        and wider where such a foot does not quite follow the recordings.
-        """
-        found, e, feet = {}, self.ends[end], self.space.feet
-        L, seen = self.space.logarithms(e.q, names), np.isfinite(e.C).all(axis=1)
-        std = np.sqrt(np.diag(L[:, seen] @ e.C[np.ix_(seen, seen)] @ L[:, seen].T))
-        std[(L[:, ~seen] != 0).any(axis=1)] = np.inf
-        std *= np.sqrt(max(1.0, e.chi_square / max(1, e.dof)))
-        for name, s in zip(names, std, strict=True):
-            value, i = self.space.value(e.q, name), self.space.index[name]
-            ends = value * np.exp(-_Z95 * s), value * np.exp(min(_Z95 * s, 50.0))
-            found[name] = Band(value, max(float(ends[0]), feet.lower[i]), min(float(ends[1]), feet.upper[i]))
-        return found
+        """Constants of one end as the fit has them: dynamic, without load and without the population."""
+        solution = self.ends[end]
+        problem = replace(solution.problem, variables=replace(self.variables, populated=False))
+        estimates, _ = replace(solution, problem=problem).estimates()
+        keys = {item.name: item.key for item in self.variables.space.free}
+        chosen = {name: estimates[keys[name]] for name in names}
+        return {name: Band(e.value, e.lower, e.upper) for name, e in chosen.items()}
 
     def open_bands(self, names: Sequence[str]) -> dict[str, Band]:
         """The same, over both feet while their branch is open."""
@@ -138,21 +116,20 @@ class Belief:
         }
 
     def draw(self, seed: np.random.SeedSequence) -> np.ndarray:
-        """A foot (n,) that the recordings leave possible, with the departures of the likeliest (`PlanSpace.draw`).
+        """A foot (n,) that the recordings leave possible, with the departures of the likeliest (`PlanVariables.draw`).
 
         The constants come first among the variables, and the factor of the covariance is triangular: so they do not
         depend on what else the candidates make possible.
         """
         other = 1 / (1 + np.exp(min(self.log_odds, 500.0)))
         end = self.ends[1 if np.random.default_rng(stream(seed, "branch")).random() < other else 0]
-        free = np.setdiff1d(np.arange(end.q.size), self.space.departing)
-        C = np.linalg.inv(end.A[np.ix_(free, free)])
+        free, J = ~self.variables.departing, end.evaluation.jacobian[0]
+        C = np.linalg.inv(J[:, free].T @ J[:, free])
         std = np.sqrt(np.diag(C))
         factor = std[:, None] * np.linalg.cholesky(C / np.outer(std, std) + _ROUNDING * np.eye(std.size))
         q = end.q.copy()
-        q[free] += factor @ self.space.normals(seed)[free]
-        low, high = self.space.side(1 if end.name == STIFF_ANKLE else -1)
-        return np.clip(q, low, high)
+        q[free] += factor @ self.variables.normals(seed)[free]
+        return np.clip(q, *self.variables.side(end.optimum.sign))
 
 
 def believe(
@@ -160,61 +137,91 @@ def believe(
     recordings: Sequence[Recording],
     allowed: tuple[Nuisance, ...],
     middle_hz: float,
+    expected: float,
     seed: np.random.SeedSequence,
     before: Belief | None = None,
 ) -> Belief:
-    """The likeliest foot of each branch.
+    """The likeliest foot of each branch, from starts on both sides and from each other's mirror image.
 
     Args:
-        person: on the shaker. recordings: settled sines, checked. allowed: what else may be true. middle_hz: of the
-            band. seed: of the starts. before: what was believed, to go on from.
+        person: on the shaker.
+        recordings: settled sines, checked.
+        allowed: what else may be true.
+        middle_hz: of the band.
+        expected: repeatability where the recordings say little of it.
+        seed: of the starts.
+        before: what was believed, to go on from.
 
     Raises:
         SimulationError: no foot of the population has such a motion.
     """
-    lines = [Line.of(recording) for recording in recordings]
-    space = person.space(allowed, recordings, middle_hz)
-    weighed = any(each.group == "masses" for each in allowed)
-    drives = [replace(d, masses={}) if weighed else d for d in excitations(lines, person.foot)]
-    engine = Twin(person.foot, drives)
-    problem = WorldProblem(lines, engine, space, PeriodicProblem(lines, engine, space))
-    ends = _ends(problem, space, seed, before)
-    reweighed(problem, [e.q for e in sorted(ends, key=lambda e: e.objective)])
-    again = [_descend(problem, space, e.name, e.q) for e in ends]
-    if len(again) < 2 or not all(np.isfinite(e.objective) for e in again):
+    measured = Measured.of([Line.of(recording) for recording in recordings], MALLEOLUS)
+    variables = person.variables(allowed, recordings, middle_hz)
+    motion = TwoMassMotion(measured, variables.omega, (False,))
+    problem = Problem.of(measured, variables, motion, expected)
+    ends = _best(problem, *_starts(variables, seed, before))
+    for _ in range(2):  # what is left over says how well the recordings repeat, and weighs them anew
+        best = ends[0].q
+        problem = problem.weighed(best).with_repeatability(repeatability(problem, best, expected))
+        Q, signs = np.stack([end.q for end in ends]), np.array([end.optimum.sign for end in ends])
+        ends = _best(problem, *_both(variables, Q, signs))
+    if not all(end.evaluation.moves[0] for end in ends):
         raise SimulationError("no foot of the population moves as these recordings do; check masses and units.")
-    return Belief(tuple(sorted(again, key=lambda e: e.objective)), space, problem)
+    return Belief(tuple(ends))
 
 
-def _ends(problem: WorldProblem, space: PlanSpace, seed: np.random.SeedSequence, before: Belief | None) -> list[End]:
-    found: dict[str, End] = {}
-
-    def enter(name: str, q: np.ndarray) -> None:
-        end = _descend(problem, space, name, q)
-        if name not in found or end.objective < found[name].objective:
-            found[name] = end
-
-    known = {e.name: e.q for e in before.ends} if before is not None and before.space.index == space.index else {}
-    for name, sign in ((STIFF_ANKLE, 1), (STIFF_PAD, -1)):
-        if name in known:
-            enter(name, known[name])
-        for number in range(0 if known else _STARTS):
-            enter(name, space.draw(stream(seed, f"{name} {number}"), sign))
-    best = min(found.values(), key=lambda e: e.objective)
-    enter(STIFF_PAD if best.name == STIFF_ANKLE else STIFF_ANKLE, space.image(best.q))
-    best = min(found.values(), key=lambda e: e.objective)
-    for q in space.bent(best.q) if len(problem.lines) <= _FEW else []:
-        enter(best.name, q)
-    best = min(found.values(), key=lambda e: e.objective)
-    enter(STIFF_PAD if best.name == STIFF_ANKLE else STIFF_ANKLE, space.image(best.q))
-    return list(found.values())
+def _starts(
+    variables: PlanVariables, seed: np.random.SeedSequence, before: Belief | None
+) -> tuple[np.ndarray, np.ndarray]:
+    """Places (k, n) of the ends that were believed, or of feet of the population, and their sides (k,)."""
+    if before is None:
+        signs = np.tile([1, -1], _STARTS)
+        Q = np.stack([variables.draw(stream(seed, str(i)), sign) for i, sign in enumerate(signs)])
+    else:
+        signs = np.array([end.optimum.sign for end in before.ends])
+        Q = variables.carried(np.stack([end.q for end in before.ends]), before.variables)
+    return _both(variables, Q, signs)
 
 
-def _descend(problem: WorldProblem, space: PlanSpace, name: str, q: np.ndarray) -> End:
-    problem.start(q)
-    low, high = space.side(1 if name == STIFF_ANKLE else -1)
-    found = settle(problem, q, low, high, _MOST)
-    J = problem.jacobian(found.q)
-    own = np.delete(J, problem.size + space.population, axis=0)  # the fit knows of no population
-    dof = problem.size - len(space.base)
-    return End(name, found.q, found.objective, J.T @ J, inverse_of_gram(own), problem.chi(found.q), dof)
+def _both(variables: PlanVariables, Q: np.ndarray, signs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Places (k, n) and sides (k,) with those of the mirror images."""
+    return np.concatenate([Q, variables.image(Q)]), np.concatenate([signs, -signs])
+
+
+def _best(problem: Problem, Q: np.ndarray, signs: np.ndarray) -> list[Solution]:
+    """The best end of each branch from starts (k, n) on their sides (k,), the likelier first."""
+    down = descend(problem, Q, signs)
+    ends = []
+    for sign in (1, -1):
+        mine = np.flatnonzero(signs == sign)
+        i = mine[np.argmin(down.objective[mine])]
+        optimum = Optimum(sign, down.Q[i], float(down.objective[i]), bool(down.rests[i]), 1, mine.size)
+        ends.append(Solution(SIDES[sign], problem, optimum))
+    return sorted(ends, key=lambda end: end.optimum.objective)
+
+
+def repeatability(problem: Problem, q: np.ndarray, expected: float) -> float:
+    """The likeliest scatter from recording to recording, with all variables integrated out to second order.
+
+    Its prior is log-normal about what is expected, so that one recording changes little, and many decide.
+
+    Args:
+        problem: with weights.
+        q: (n,) the likeliest foot.
+        expected: before there were recordings.
+    """
+    rows, output = problem.measured.rows, problem.measured.output
+    unit = np.broadcast_to(np.eye(rows.shape[1]), problem.noise.shape)
+    now = replace(problem, noise=unit, repeatability=0.0).evaluate(q[None])
+    e, J = now.residual[0, : problem.size], now.jacobian[0, : problem.size]
+    mean, std = problem.variables.prior
+    e = e - J @ (q - mean)  # where the prior is centred, were the problem linear
+    noise = block_diag(*(S[np.ix_(at, at)] for S, at in zip(problem.noise, rows, strict=True)))
+    size = np.tile(np.abs(output).reshape(len(rows), -1), 2)[rows]
+    rest, expected = noise + (J * std**2) @ J.T, max(expected, _LEAST)
+    deviances = []
+    for s in _TRIED:
+        V = rest + np.diag((s * size) ** 2)
+        prior = (np.log(s / expected) / np.log(_FACTOR)) ** 2
+        deviances.append(e @ np.linalg.solve(V, e) + np.linalg.slogdet(V)[1] + prior)
+    return float(_TRIED[int(np.argmin(deviances))])

@@ -7,6 +7,7 @@ of its own, so that the same seed draws the same feet whatever the candidates ar
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
@@ -16,10 +17,10 @@ from fasbody.recording.known import DEPARTURES
 from fasbody.recording.recording import Recording
 from identification.branches import EXCHANGED
 from identification.engines.twin import carriers
-from identification.periodic import Line
+from identification.harmonics import Line
 from identification.plan.belief import Belief, believe
 from identification.plan.candidates import ADDED_MASSES_KG, Candidates, Step, thesis, within
-from identification.plan.feet import Feet, Outlook, Score
+from identification.plan.feet import Feet, Outlook, Score, Sums
 from identification.plan.information import Seen, Sight
 from identification.plan.prior import Person, stream
 from identification.plan.shaker import SINE, Shaker
@@ -30,7 +31,7 @@ DRAWS, FEWER = 32, 12
 #: A branch counts as decided for a plan where so large a share of the feet is.
 SHARE = 0.9
 #: Half-widths of the 95 % intervals that are asked for where nobody asks, whatever the rig and the person: what the
-#: thesis' three loads leave of most feet with the usual noise, and rounder.
+#: thesis' three loads leave of most feet with the usual noise where a person repeats exactly, and rounder.
 GOAL = {"k_T": 0.03, "k_F": 0.03, "c_11": 0.06, "c_21": 0.06}
 #: As narrow as the thesis' three loads means within this factor: 15 % are allowed for feet that are not the
 #: population's, and the rest is room for the difference.
@@ -42,11 +43,11 @@ _ROUNDS, _LEAST_GAIN = 5, 1e-3
 #: are exchanged by these few feet; which one is best is judged by all.
 _LEAST_RESTARTS, _MOST_RESTARTS, _MOST_LOOKS, _FEET_OF_RESTARTS = 2, 8, 60, 8
 #: A protocol that goes on for ever has every candidate so often, and oftener until the noise of all of them together
-#: is that of a sample with this rms [m/s^2], far below that of any sensor.
-_FOR_EVER, _SILENT = 1e4, 1e-3
-#: From this share of a constant's variance on, what it comes from is told.
-_TOLD = 0.1
-#: What is uncertain of every session, unless it is told to be exact.
+#: is that of a sample with this rms [m/s^2], and their scatter this share: far below any sensor and any person.
+_FOR_EVER, _SILENT, _STILL = 1e4, 1e-3, 1e-5
+#: From this share of a constant's variance on, a cause is named.
+_NAMED = 0.1
+#: What is uncertain of every session, unless it is exact.
 _INSTRUMENT = ("masses", "gain", "delay")
 #: Candidates in a session that has a little of everything, and how long it is in all [s].
 _LITTLE, _USUAL_S = 9, 270.0
@@ -58,14 +59,19 @@ class Director:
     """Scores recordings that could be made of a person, and proposes.
 
     Args:
-        person: on the shaker. shaker: its limits. ask: half-widths that are asked for, by constant, as a share; a
-            constant that is not named is not asked for, and where none is named `GOAL` is.
-        earlier: recordings that exist, as steps that were done and what they said. seed: of the draws.
-        draws: how many feet, 0 for the usual. believed: what earlier recordings were taken for before, to go on from.
+        person: on the shaker.
+        shaker: its limits.
+        ask: half-widths that are asked for, by constant, as a share; a constant that is not named is not asked for, and
+            where none is named `GOAL` is.
+        earlier: recordings that exist, as steps that were done and what they say.
+        seed: of the draws.
+        draws: how many feet, 0 for the usual.
+        believed: what earlier recordings were taken for before, to go on from.
         compares: the thesis' protocol is looked at, too.
 
     Attributes:
-        asked: half-widths by constant. uncertain: groups of what is not known beforehand, beside the foot's constants.
+        asked: half-widths by constant.
+        uncertain: groups of what is not known beforehand, beside the foot's constants.
     """
 
     def __init__(
@@ -79,46 +85,30 @@ class Director:
         believed: Belief | None = None,
         compares: bool = True,
     ) -> None:
-        self.person, self.shaker, self.seed = person, shaker, seed
-        _refuse(ask or {})
         draws = draws or (FEWER if earlier else DRAWS)
-        there = [name for name in person.foot.sensors if name != "base"]
-        for name in shaker.sensors:
-            if name not in there:
-                raise SettingError(f"{unknown('sensor', name, there)} in model {person.foot.name}.")
-        if shaker.sensors[:1] != MALLEOLUS:
-            raise SettingError("the malleolus is always worn; name it first, malleolus,foot for example.")
-        if len(set(shaker.sensors)) < len(shaker.sensors):
-            raise SettingError(f"the sensors {', '.join(shaker.sensors)} have one twice; name each once.")
-        if draws < 2:
-            raise SettingError(f"the number of draws is {draws}, no average over feet; give 2 or more.")
+        _refuse(person, shaker, ask or {}, earlier, draws)
+        self.person, self.shaker, self.seed = person, shaker, seed
         self.candidates = Candidates(shaker, person.leg_kg).steps
-        self.done = tuple(step_of(recording) for recording in earlier)
-        for recording in earlier:
-            whose = recording.condition
-            if (whose.subject, whose.body_mass_kg) != (person.name, person.body_mass_kg):
-                raise SettingError(
-                    f"{recording.file} is of subject {whose.subject!r} with {whose.body_mass_kg} kg, and the plan is "
-                    f"for {person.name!r} with {person.body_mass_kg:g} kg."
-                )
-        if earlier:  # what sensors and person hiss is known by now
-            sigma = [(line.base.sigma, line.malleolus.sigma) for line in map(Line.of, earlier)]
-            shaker = replace(shaker, noise_m_s2=float(np.clip(np.sqrt(np.mean(np.square(sigma))), 1e-6, 10.0)))
-            self.shaker = shaker
+        self.done = tuple(map(step_of, earlier))
         # the order of the session, the starts of the belief, and the feet (with the restarts of the search)
-        order, starts, feet = np.random.SeedSequence([seed, len(earlier)]).spawn(3)
+        self._order, starts, self._stream = np.random.SeedSequence([seed, len(earlier)]).spawn(3)
         compared = self.thesis() if compares else ()
         every = tuple(dict.fromkeys(map(self._unit, [*self.candidates, *compared, *self.done])))
-        self._place = {step: i for i, step in enumerate(every)}  # of each step in counts (C,), the candidates first
+        self._place = {step: i for i, step in enumerate(every)}  # of each step, the candidates first
+        self._earlier = tuple(earlier)
         allowed = person.allowed(every, earlier, shaker.rate_hz)
-        middle = float(np.sqrt(shaker.lowest_hz * shaker.highest_hz))
-        groups = {each.group for each in allowed}
+        groups = {item.group for item in allowed}
         self.uncertain = tuple(name for name in (*_INSTRUMENT, *DEPARTURES) if name in groups)
-        self._earlier, self._order = tuple(earlier), order
-        self._sight = Sight(person, every, shaker, allowed, np.random.default_rng(order), middle)
-        self.belief = believe(person, earlier, allowed, middle, starts, believed) if earlier else None
-        self._feet = Feet(self._draws(draws, feet), self._sight.space, len(self.candidates))
-        self._stream = feet
+        self._middle_hz = float(np.sqrt(shaker.lowest_hz * shaker.highest_hz))
+        self.belief: Belief | None = None
+        if earlier:  # what sensors and person hiss, and how well they repeat, is known by now
+            expected = shaker.repeatability
+            self.belief = believe(person, earlier, allowed, self._middle_hz, expected, starts, believed)
+            sigma = [(line.base.sigma, line.malleolus.sigma) for line in map(Line.of, earlier)]
+            noise = float(np.clip(np.sqrt(np.mean(np.square(sigma))), 1e-6, 10.0))
+            self.shaker = replace(shaker, noise_m_s2=noise, repeatability=min(self.belief.repeatability, 0.5))
+        self._sight = self._sees(every)
+        self._feet = Feet(self._drawn(draws), self._sight.variables, len(self.candidates))
         self._scored: dict[tuple[tuple[tuple[int, int], ...], int, int], np.ndarray] = {}  # see `_best`
         self.asked: dict[str, float] = {}
         self.aim(ask or GOAL)
@@ -126,11 +116,11 @@ class Director:
     @property
     def feet(self) -> int:
         """Over how many feet the scores are averaged."""
-        return len(self._feet.seen)
+        return len(self._feet.seen.q)
 
     def aim(self, ask: Mapping[str, float]) -> None:
         """Ask for other half-widths, by constant, and for no others."""
-        _refuse(ask)
+        _refuse_ask(ask)
         self._feet.asked = self.asked = {name: ask[name] for name in EXCHANGED if name in ask}
 
     def thesis(self, loads_kg: tuple[float, ...] = ADDED_MASSES_KG) -> tuple[Step, ...]:
@@ -138,7 +128,7 @@ class Director:
         return within(self.shaker, self.person.leg_kg, thesis(loads_kg))
 
     def as_thesis(self) -> dict[str, float]:
-        """Half-widths as the thesis' three loads would leave them here, within 5 %; to ask another director for.
+        """Half-widths as the thesis' three loads would leave them here, within 5 %; to aim at.
 
         Raises:
             SettingError: this shaker makes none of its sines.
@@ -148,51 +138,63 @@ class Director:
             raise SettingError("this shaker makes none of the thesis' sines of 10 to 50 Hz; ask for intervals by name.")
         return {n: AS_THESIS * width for n, width in self.outlook(steps, fresh=True).half_width.items()}
 
-    def _draws(self, count: int, seed: np.random.SeedSequence) -> list[Seen]:
+    # feet
+
+    def _sees(self, steps: Sequence[Step]) -> Sight:
+        """Some steps, in a drawn order, with all that is allowed for in any step."""
+        allowed = self.person.allowed([*self._place, *steps], self._earlier, self.shaker.rate_hz)
+        order = np.random.default_rng(self._order)
+        return Sight(self.person, steps, self.shaker, allowed, order, self._middle_hz)
+
+    def _drawn(self, count: int) -> Seen:
         """So many feet that have a steady motion: of either branch in turn, or of what recordings leave possible."""
-        feet: list[Seen] = []
-        scout = self._scout() if self._departs else None
-        for number in range(_TRIES * count):
-            own, sign = stream(seed, str(number)), 1 if number % 2 else -1
-            q = self._sight.space.draw(own, sign) if self.belief is None else self.belief.draw(own)
-            rival = scout.rival(q) if scout else None
-            seen = None if scout and rival is None else self._sight.see(q, rival)
-            if seen is not None:
-                feet.append(seen)
-            if len(feet) == count:
-                return feet
+        scout = self._sees(self._little()) if self._departs else None
+        seen: Seen | None = None
+        for first in range(0, _TRIES * count, count):
+            Q = np.stack([self._draw(number) for number in range(first, first + count)])
+            mirror = self._sight.variables.image(Q), np.zeros(Q.shape, bool)
+            more, moves = self._sight.see(Q, *(scout.rivals(Q) if scout else mirror))
+            more = more.rows(moves)
+            seen = more if seen is None else seen.joined(more)
+            if len(seen.q) >= count:
+                return seen.rows(slice(count))
         raise SimulationError("too few feet of the population move steadily on this shaker; lower its amplitude.")
+
+    def _draw(self, number: int) -> np.ndarray:
+        """One foot (n,)."""
+        seed, variables = stream(self._stream, str(number)), self._sight.variables
+        if self.belief is None:
+            return variables.draw(seed, 1 if number % 2 else -1)
+        return variables.carried(self.belief.draw(seed), self.belief.variables)
 
     @property
     def _departs(self) -> bool:
         """Whether departures of the world from the model are allowed for."""
-        return self._sight.space.departing.size > 0
+        return bool(self._sight.variables.departing.any())
 
-    def _scout(self) -> Sight:
+    def _little(self) -> tuple[Step, ...]:
         """What is done, and a session with a little of everything: about `_LITTLE` candidates, usual minutes in all."""
         few = self.candidates[:: -(-len(self.candidates) // _LITTLE)]
-        steps = [replace(step, seconds=_USUAL_S / len(few)) for step in few]
-        space, order = self._sight.space, np.random.default_rng(self._order)
-        every = tuple(dict.fromkeys([*self.done, *steps]))
-        return Sight(self.person, every, self.shaker, space.nuisances, order, space.middle_hz)
+        return tuple(dict.fromkeys([*self.done, *(replace(step, seconds=_USUAL_S / len(few)) for step in few)]))
+
+    # what is expected
 
     def _unit(self, step: Step) -> Step:
-        """A step of the length that was looked at: information grows with the time."""
+        """A step of the usual length."""
         return replace(step, seconds=self.shaker.seconds)
 
-    def _counts(self, steps: Sequence[Step], fresh: bool) -> np.ndarray:
-        """How long (C,) each step that was looked at lasts, in usual lengths; with what is done unless fresh."""
-        found = np.zeros(len(self._place))
-        for step in (*(() if fresh else self.done), *steps):
-            place = self._place.get(self._unit(step))
-            if place is None:
+    def _sums(self, steps: Sequence[Step], fresh: bool = False) -> Sums:
+        """Steps as the feet judge them; with what is done unless fresh."""
+        steps = [*(() if fresh else self.done), *steps]
+        for step in steps:
+            if self._unit(step) not in self._place:
                 raise SettingError(f"{step} is no candidate of this director, nor of the thesis.")
-            found[place] += step.seconds / self.shaker.seconds
-        return found
+        places = [self._place[self._unit(step)] for step in steps]
+        return self._feet.sums(places, [step.seconds / self.shaker.seconds for step in steps])
 
     def outlook(self, steps: Sequence[Step], fresh: bool = False) -> Outlook:
         """What is expected after steps, beside those that are done (not if fresh)."""
-        return self._feet.outlook(self._counts(steps, fresh))
+        return self._feet.outlook(self._sums(steps, fresh))
 
     @property
     def offers(self) -> tuple[str, ...]:
@@ -204,34 +206,27 @@ class Director:
 
         The sensor brings a gain, a delay, and what else is allowed for, of its own. Recordings that exist lack it.
         """
-        shaker = replace(self.shaker, sensors=(*self.shaker.sensors, sensor))
-        worn = [*self.done, *(replace(step, sensors=shaker.sensors) for step in steps)]
-        every = tuple(dict.fromkeys(map(self._unit, worn)))
-        allowed = self.person.allowed([*self._place, *every], self._earlier, shaker.rate_hz)
-        sight = Sight(
-            self.person, every, shaker, allowed, np.random.default_rng(self._order), self._sight.space.middle_hz
-        )
-        before, now, mean = self._sight.space.index, sight.space.index, sight.space.prior[0]
-        seen = []
-        there = np.array([before.get(name, -1) for name in now])
-        for foot in self._feet.seen:
-            q, image = (np.where(there >= 0, x[there], mean) for x in (foot.q, foot.image))
-            seen.append(sight.see(q, (image, foot.held[there] & (there >= 0))))
-        feet = Feet([foot for foot in seen if foot is not None], sight.space, len(every))
+        worn = [replace(step, sensors=(*self.shaker.sensors, sensor)) for step in steps]
+        every = tuple(dict.fromkeys([*self.done, *worn]))
+        sight, before, seen = self._sees(every), self._sight.variables, self._feet.seen
+        q, rival = (sight.variables.carried(Q, before) for Q in (seen.q, seen.rival))
+        held = np.stack([seen.held[:, before.names.index(name)] if name in before.names else np.zeros(len(q), bool)
+                         for name in sight.variables.names], 1)  # fmt: skip
+        worn_by, moves = sight.see(q, rival, held)
+        feet = Feet(worn_by.rows(moves), sight.variables, len(every))
         feet.asked = self.asked
-        counts = np.zeros(len(every))
-        for step in worn:
-            counts[every.index(self._unit(step))] += step.seconds / shaker.seconds
-        return feet.outlook(counts)
+        places = [every.index(step) for step in [*self.done, *worn]]
+        return feet.outlook(feet.sums(places, np.ones(len(places))))
 
     def excluding(self, steps: Sequence[Step]) -> dict[str, dict[str, float]]:
         """Half-widths by constant after steps, if one group of what is uncertain were known beforehand, by its name."""
-        space, counts = self._sight.space, self._counts(steps, False)
-        places = {
-            group: [space.index[each.name] for each in space.nuisances if each.group == group]
+        variables, sums = self._sight.variables, self._sums(steps)
+        return {
+            group: self._feet.excluding(
+                sums, [variables.place(item) for item in variables.nuisances if item.group == group]
+            )
             for group in self.uncertain
         }
-        return {group: self._feet.excluding(counts, at) for group, at in places.items()}
 
     def for_ever(self) -> Outlook:
         """What is expected if every candidate were recorded until no noise is left: what stays is not in the motion."""
@@ -240,27 +235,29 @@ class Director:
     def causes(self) -> dict[str, str]:
         """What keeps each constant uncertain then, in words: shares of its variance by what is not known beforehand."""
         return {
-            name: ", ".join(f"{what} {100 * share:.0f} %" for what, share in shares.items() if share >= _TOLD)
+            name: ", ".join(f"{what} {100 * share:.0f} %" for what, share in shares.items() if share >= _NAMED)
             for name, shares in self._feet.causes(self._for_ever).items()
         }
 
-    @property
-    def _for_ever(self) -> np.ndarray:
-        """Counts (C,) of what is done and of every candidate, recorded as good as for ever."""
-        return self._counts((), False) + self._longest * self._counts(self.candidates, True)
+    @cached_property
+    def _for_ever(self) -> Sums:
+        """What is done, and every candidate recorded as good as for ever."""
+        return self._sums(()) + self._longest * self._sums(self.candidates, fresh=True)
 
     @property
     def _longest(self) -> float:
         """How often every candidate is recorded then."""
-        return max(_FOR_EVER, (self.shaker.noise_m_s2 / _SILENT) ** 2)
+        return max(_FOR_EVER, (self.shaker.noise_m_s2 / _SILENT) ** 2, (self.shaker.repeatability / _STILL) ** 2)
 
     def times(self, steps: Sequence[Step], names: Sequence[str], branch: bool) -> float:
         """How often steps must be recorded until some intervals are as asked; infinite where that is never.
 
         Args:
-            steps: together, beside what is done. names: of the constants. branch: whether it must be decided as well.
+            steps: together, beside what is done.
+            names: of the constants.
+            branch: whether it must be decided as well.
         """
-        done, more = self._counts((), False), self._counts(steps, True)
+        done, more = self._sums(()), self._sums(steps, fresh=True)
 
         def enough(times: float) -> bool:
             outlook = self._feet.outlook(done + times * more)
@@ -281,7 +278,7 @@ class Director:
 
     def scores(self, steps: Sequence[Step]) -> list[Score]:
         """What each candidate adds to what is done and to steps."""
-        return [Score(*row) for row in self._feet.gains(self._counts(steps, False))]
+        return [Score(*row) for row in self._feet.gains(self._sums(steps), {})]
 
     def gains(self, steps: Sequence[Step]) -> np.ndarray:
         """Total score (K,) of steps of any length, each alone beside what is done."""
@@ -290,9 +287,9 @@ class Director:
 
     def next(self, steps: Sequence[Step] = ()) -> tuple[Step, Score]:
         """The candidate that adds most to what is done and to steps planned before it."""
-        gains = self._feet.gains(self._counts(steps, False))
-        best = int(np.argmax(gains.sum(1)))
-        return self.candidates[best], Score(*gains[best])
+        scores = self.scores(steps)
+        best = int(np.argmax([score.total for score in scores]))
+        return self.candidates[best], scores[best]
 
     def met(self, outlook: Outlook) -> bool:
         """The branch is expected to be decided and the asked intervals are met."""
@@ -314,7 +311,8 @@ class Director:
         step 3 (eight times the search made intervals of other feet narrower by 3 % at most).
 
         Args:
-            most: recordings. seconds: of shaking in all.
+            most: recordings.
+            seconds: of shaking in all.
 
         Raises:
             SettingError: not even one recording fits in.
@@ -326,7 +324,7 @@ class Director:
                 "give more time, or shorter ones."
             )
         self._scored.clear()
-        feet = _FEET_OF_RESTARTS if self._departs else self.feet
+        feet = min(_FEET_OF_RESTARTS, self.feet) if self._departs else self.feet
         first = best = self._polished(self._grown(Counter(), most, pieces, feet), most, pieces, feet)
         rng = np.random.default_rng(stream(self._stream, "restarts"))
         for restart in range(0 if self._departs else _MOST_RESTARTS):
@@ -336,7 +334,7 @@ class Director:
             for place in rng.permutation(sorted(best))[: rng.integers(1, len(best) + 1)]:
                 moved = other.pop(int(place))  # before the new place is filled: it may be the same one
                 other[int(rng.integers(len(self.candidates)))] += moved
-            other = self._polished(other, most, pieces, _FEET_OF_RESTARTS)
+            other = self._polished(other, most, pieces, min(_FEET_OF_RESTARTS, self.feet))
             best = max(best, other, key=self._rank)
         if best != first:  # it was exchanged by few feet
             best = max(best, self._polished(best, most, pieces, self.feet), key=self._rank)
@@ -352,7 +350,7 @@ class Director:
             before = plan.copy()
             for place in sorted(plan, key=lambda i: plan[i]):  # whole recordings, the shortest first
                 plan = self._exchanged(plan, place, plan[place], most, feet)
-            if plan != before:  # single pieces only once whole recordings have found their places
+            if plan != before:  # single pieces only once whole recordings have their places
                 continue
             for place in sorted(plan):
                 plan = self._exchanged(plan, place, 1, most, feet)
@@ -361,7 +359,7 @@ class Director:
                 break
         while self._met(plan):
             fewer = [plan - Counter([place]) for place in plan]
-            fewer = [each for each in fewer if each and self._met(each)]
+            fewer = [shorter for shorter in fewer if shorter and self._met(shorter)]
             if not fewer:
                 break
             plan = max(fewer, key=self._rank)
@@ -389,7 +387,7 @@ class Director:
         """
         key = (tuple(sorted(plan.items())), pieces, feet)
         if key not in self._scored:
-            self._scored[key] = self._feet.gains(self._counts(self._steps(plan), False), pieces, feet).sum(1)
+            self._scored[key] = self._feet.gains(self._sums(()), plan, pieces, feet).sum(1)
         gains, there = self._scored[key], sorted(plan)
         if len(there) < most:
             return int(np.argmax(gains)), gains
@@ -410,7 +408,29 @@ class Director:
         return [replace(self.candidates[i], seconds=n * self.shaker.seconds) for i, n in plan.items()]
 
 
-def _refuse(ask: Mapping[str, float]) -> None:
+def _refuse(person: Person, shaker: Shaker, ask: Mapping[str, float], earlier: Sequence[Recording], draws: int) -> None:
+    """Raise SettingError where something cannot be meant."""
+    _refuse_ask(ask)
+    there = [name for name in person.foot.sensors if name != "base"]
+    for name in shaker.sensors:
+        if name not in there:
+            raise SettingError(f"{unknown('sensor', name, there)} in model {person.foot.name}.")
+    if shaker.sensors[:1] != MALLEOLUS:
+        raise SettingError("the malleolus is always worn; name it first, malleolus,foot for example.")
+    if len(set(shaker.sensors)) < len(shaker.sensors):
+        raise SettingError(f"the sensors {', '.join(shaker.sensors)} have one twice; name each once.")
+    if draws < 2:
+        raise SettingError(f"the number of draws is {draws}, no average over feet; give 2 or more.")
+    for recording in earlier:
+        whose = recording.condition
+        if (whose.subject, whose.body_mass_kg) != (person.name, person.body_mass_kg):
+            raise SettingError(
+                f"{recording.file} is of subject {whose.subject!r} with {whose.body_mass_kg} kg, and the plan is "
+                f"for {person.name!r} with {person.body_mass_kg:g} kg."
+            )
+
+
+def _refuse_ask(ask: Mapping[str, float]) -> None:
     """Raise SettingError if a constant or a half-width cannot be meant."""
     for name, share in ask.items():
         if name not in EXCHANGED:

@@ -6,7 +6,7 @@ import numpy as np
 
 from fasbody.recording.recording import Recording
 from fasbody.transmissibility.sines import by_segments
-from identification.periodic import Line
+from identification.harmonics import Line
 from identification.plan.words import percent
 
 _Z95 = 1.959963984540054

@@ -1,7 +1,7 @@
 """What is known of a foot before it is shaken: a population to plan for, and where it could lie after recordings.
 
-The search variables are those of the fit (`identification.world`), with its nuisances and their priors. To these a
-population of feet is added, wide enough for both mirror feet: without it a plan would need a guess.
+The variables are those of the fit (`identification.parameters`) with its nuisances and priors. To these a population of
+feet is added, wide enough for both mirror feet: without it a plan would need a guess.
 """
 
 import zlib
@@ -18,9 +18,10 @@ from fasbody.recording.known import DEPARTURES, Known
 from fasbody.recording.recording import Recording
 from identification.branches import EXCHANGED, has_mirror, ratio
 from identification.engines.twin import twin_applies
+from identification.nuisances import Nuisance, nuisances
+from identification.parameters import Variables
 from identification.plan.candidates import Step
-from identification.space import MASSES, space_of
-from identification.world import Nuisance, WorldSpace, nuisances
+from identification.space import space_of
 
 #: The population. The resonance of the leg on both springs: the thesis finds it between 15 and 40 Hz (Figures 2.3 to
 #: 2.5), so 25 Hz with a standard deviation of a fifth (half of that of the stiffness).
@@ -30,47 +31,57 @@ RATIO_STD = 1.0
 #: Loss factor of each joint at the resonance: Aruin and Zatsiorsky (430 N s/m beside 1.5e4 N/m) and the heel pad lie
 #: far apart, so a factor of two either way.
 LOSS, LOSS_STD = 0.4, 0.7
-#: Bends of dampers that feet are drawn with [1/m]; the fit's own prior is wider, as it need not be right.
+#: Bends of dampers that feet are drawn with [1/m]; the fit's prior is wider, as it need not be right.
 BEND, WAVE = 60.0, 100.0
 
 
 @dataclass(frozen=True, eq=False)
-class PlanSpace(WorldSpace):
-    """The fit's search space with a population of feet as a prior.
+class PlanVariables(Variables):
+    """The fit's variables, with a population of feet as a prior of the constants.
 
     Attributes:
-        middle_hz: of the band, the same for whatever has been recorded and whatever could be.
+        middle_hz: where stiffness and damping are dynamic, whatever has been recorded and could be.
+        populated: whether the population is a prior; the fit knows of none.
     """
 
     middle_hz: float = 25.0
+    populated: bool = True
 
     @cached_property
-    def _middle(self) -> float:
-        return 2 * np.pi * self.middle_hz
+    def reference_hz(self) -> float:
+        """See `Variables`."""
+        return self.middle_hz
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """Names (n,) of the variables."""
+        return (*self.constants, *(item.name for item in self.nuisances))
 
     @cached_property
     def prior(self) -> tuple[np.ndarray, np.ndarray]:
-        """See `WorldSpace`: mean and standard deviation (n,), (n,), finite for every variable."""
-        mean, std = (each.copy() for each in super().prior)
-        leg = sum(self.stated(0).values())
-        stiff = np.log(leg * (2 * np.pi * RESONANCE_HZ) ** 2)
-        loss = stiff + np.log(LOSS / (2 * np.pi * RESONANCE_HZ))
-        for name, middle, width in (
-            ("k_T", stiff, STIFFNESS_STD), ("k_F", 0.0, RATIO_STD), ("c_11", loss, LOSS_STD), ("c_21", loss, LOSS_STD),
-        ):  # fmt: skip
-            mean[self.index[name]], std[self.index[name]] = middle, width
+        """See `Variables`; finite for every variable where there is a population."""
+        mean, std = (x.copy() for x in super().prior)
+        if self.populated:
+            leg = sum(float(kg[0]) for kg in self.stated.values())
+            stiff = np.log(leg * (2 * np.pi * RESONANCE_HZ) ** 2)
+            loss = stiff + np.log(LOSS / (2 * np.pi * RESONANCE_HZ))
+            at = [self.index[name] for name in EXCHANGED]
+            mean[at] = stiff, 0.0, loss, loss
+            std[at] = STIFFNESS_STD, RATIO_STD, LOSS_STD, LOSS_STD
         return mean, std
 
     @cached_property
-    def population(self) -> np.ndarray:
-        """Places of the variables whose prior is the population's and not the fit's."""
-        return np.array([self.index[name] for name in EXCHANGED])
+    def departing(self) -> np.ndarray:
+        """(n,) by which variables the world departs from the model."""
+        groups = [item.group in DEPARTURES for item in self.nuisances]
+        return np.array([*[False] * len(self.constants), *groups])
 
     def normals(self, seed: np.random.SeedSequence) -> np.ndarray:
         """Standard normal numbers (n,): the same for a variable whatever other variables there are."""
-        own = np.random.default_rng(seed).standard_normal(len(self.base))
-        rest = [np.random.default_rng(stream(seed, each.name)).standard_normal() for each in self.nuisances]
-        return np.array([*own, *rest])
+        first = np.random.default_rng(seed).standard_normal(len(self.constants))
+        names = (item.name for item in self.nuisances)
+        rest = [np.random.default_rng(stream(seed, name)).standard_normal() for name in names]
+        return np.array([*first, *rest])
 
     def draw(self, seed: np.random.SeedSequence, sign: int) -> np.ndarray:
         """A foot (n,) of one branch, which departs in nothing; masses and instrument are off as they may be.
@@ -78,34 +89,32 @@ class PlanSpace(WorldSpace):
         A fit says how wide its intervals are at the likeliest foot, and few recordings show a departure.
 
         Args:
-            seed: of the draw: the same foot whatever is recorded of it. sign: 1 for a stiff ankle, -1 for a stiff pad.
+            seed: of the draw: the same foot whatever is recorded of it.
+            sign: 1 for a stiff ankle, -1 for a stiff pad.
         """
         mean, std = self.prior
-        q = mean + std * self.normals(seed)
-        rng = np.random.default_rng(stream(seed, "bends"))
-        for name in ("c_12", "c_22"):
-            q[self.index[name]] = BEND / self._scale[self.index[name]] * rng.standard_normal()
-        for name in self.squared:
-            q[self.index[name]] = (WAVE * rng.standard_normal()) ** 2 / self._scale[self.index[name]]
-        rho = self.index["k_F"]
-        q[rho] = sign * abs(q[rho])
-        low, high = self.bounds
-        q[self.departing] = mean[self.departing]
-        return np.clip(q, low, high)
+        q = np.where(self.departing, mean, mean + std * self.normals(seed))
+        bends = np.random.default_rng(stream(seed, "bends")).standard_normal(4)
+        for name, x in zip(("c_12", "c_22", "c_13", "c_23"), bends, strict=True):
+            i = self.index[name]
+            q[i] = (BEND * x if name.endswith("2") else (WAVE * x) ** 2) / self.scale[i]
+        q[self.index["k_F"]] = sign * abs(q[self.index["k_F"]])
+        return np.clip(q, *self.bounds)
 
-    @cached_property
-    def departing(self) -> np.ndarray:
-        """Places of the variables by which the world departs from the model."""
-        return np.array([self.index[each.name] for each in self.nuisances if each.group in DEPARTURES], int)
+    def logarithms(self, Q: np.ndarray) -> np.ndarray:
+        """Logarithms (..., 4) of the main constants at Q (..., n), dynamic, under the smallest load."""
+        values = self.dynamic(Q)
+        return np.log(np.stack([values[name] for name in EXCHANGED], -1))
 
-    def logarithms(self, q: np.ndarray, names: Sequence[str]) -> np.ndarray:
-        """Derivatives (m, n) of the logarithms of constants, at rest and without load, to q (n,)."""
-        found = self._unloaded(q)
-        return np.array([found[name][1] / found[name][0] for name in names])
-
-    def value(self, q: np.ndarray, name: str) -> float:
-        """A constant at rest, without load."""
-        return self._unloaded(q)[name][0]
+    def carried(self, Q: np.ndarray, other: "PlanVariables") -> np.ndarray:
+        """(..., n) what other variables Q (..., m) are here; what they lack is as expected."""
+        mean, _ = self.prior
+        there = {name: Q[..., i] * other.scale[i] for i, name in enumerate(other.names)}
+        columns = [
+            there[name] / self.scale[i] if name in there else np.full(Q.shape[:-1], mean[i])
+            for i, name in enumerate(self.names)
+        ]
+        return np.clip(np.stack(columns, -1), *self.bounds)
 
 
 def stream(seed: np.random.SeedSequence, what: str) -> np.random.SeedSequence:
@@ -118,8 +127,11 @@ class Person:
     """Who stands on the shaker, and what the laboratory knows.
 
     Attributes:
-        foot: the model. body_mass_kg: of the person. known: by the laboratory, as in [known] of study.toml.
-        name, posture: of the recordings.
+        foot: the model.
+        body_mass_kg: of the person.
+        known: by the laboratory, as in [known] of study.toml.
+        name: of the person, in the recordings.
+        posture: of the recordings.
     """
 
     foot: Foot
@@ -142,24 +154,29 @@ class Person:
         return Condition(self.name, self.posture, step.added_mass_kg, self.body_mass_kg, step.frequency_hz)
 
     @property
+    def masses(self) -> dict[str, float]:
+        """Shank and foot without load [kg]."""
+        masses = Condition(body_mass_kg=self.body_mass_kg).masses
+        return {name: masses[name] for name in ("m_S", "m_F")}
+
+    @property
     def leg_kg(self) -> float:
-        """Shank and foot without load."""
-        return sum(Condition(body_mass_kg=self.body_mass_kg).masses[name] for name in ("m_S", "m_F"))
+        """Shank and foot together, without load."""
+        return sum(self.masses.values())
 
     def allowed(self, steps: Sequence[Step], earlier: Sequence[Recording], rate_hz: float) -> tuple[Nuisance, ...]:
         """What else may be true of recordings and steps together, with its prior."""
         stubs = [*earlier, *(stub(self, step, rate_hz) for step in steps)]
         sensors = tuple(dict.fromkeys(name for step in steps for name in step.sensors)) or ("malleolus",)
-        return nuisances(stubs, self.known, ("m_S", "m_F"), True, sensors)
+        return nuisances(stubs, self.known, tuple(self.masses), True, sensors)
 
-    def space(self, allowed: tuple[Nuisance, ...], recordings: Sequence[Recording], middle_hz: float) -> PlanSpace:
-        """The search space of some recordings."""
-        own = self.foot.values()
-        masses = {name: value for name, value in own.items() if name in MASSES}
-        unloaded = [Condition(body_mass_kg=self.body_mass_kg).masses]
-        return PlanSpace(
-            space_of(self.foot, delay=False), allowed, recordings, own, masses, True, ratio(unloaded, own), middle_hz
-        )
+    def variables(
+        self, allowed: tuple[Nuisance, ...], recordings: Sequence[Recording], middle_hz: float
+    ) -> PlanVariables:
+        """The variables of some recordings."""
+        foot = self.foot.values()
+        space = space_of(self.foot, delay=False)
+        return PlanVariables(space, allowed, recordings, foot, True, ratio([self.masses], foot), middle_hz)
 
 
 def stub(person: Person, step: Step, rate_hz: float) -> Recording:

@@ -452,7 +452,7 @@ def believed(director: Director) -> str:
         return "Nothing is recorded yet."
     bands = ", ".join(f"{name} {band}" for name, band in belief.open_bands(EXCHANGED).items())
     odds = np.exp(min(belief.log_odds, np.log(1e6)))
-    name = belief.ends[0].name
+    name = belief.ends[0].branch
     told = f"{name}, decided" if belief.decided else f"branch open, {name} at {readable(odds)} to 1"
     lost = ""
     if belief.strange:

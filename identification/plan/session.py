@@ -392,7 +392,7 @@ def _unreachable(director: Director, ever: Outlook, never: Sequence[str], open_:
 def _after(taken: Taken, belief: Belief | None) -> Taken:
     assert belief is not None
     return replace(
-        taken, bands=belief.open_bands(EXCHANGED), log_odds=belief.log_odds, branch=belief.ends[0].name,
+        taken, bands=belief.open_bands(EXCHANGED), log_odds=belief.log_odds, branch=belief.ends[0].branch,
         decided=belief.decided,
     )  # fmt: skip
 
