@@ -167,8 +167,6 @@ def complete(
             missing.append(job)
     if not missing:
         return 0
-    if first:
-        console.print(first, soft_wrap=True)
     with crew(len(missing), scheduler, workers) as do, progress_bar() as progress:
         store.make()  # not before someone is there to fill it
         began = time.perf_counter()
