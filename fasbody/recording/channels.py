@@ -398,12 +398,14 @@ class Layout(Tabled):
         covered = (t + first >= t[0] - rounding) & (t + last <= t[-1] + rounding)
         return {
             name: CubicSpline(t, values)(t[covered] + late[name])
-            if name in late and np.isfinite(values).all()
+            if name in late and np.abs(values).max() < _SPLINED
             else values[covered]
             for name, values in channels.items()
         }
 
 
+#: Larger numbers are of no body and overflow a spline; the checks refuse them, and what is no number.
+_SPLINED = 1e100
 #: Delays may take this share of a recording.
 _LONGEST_DELAY = 0.1
 #: Two sampling rates are the same within this share: a nominal rate and a logger's own clock.

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from fasbody.exceptions import RecordingError
+from fasbody.exceptions import RecordingError, by_name
 from fasbody.presentation import Presented, Sheet
 from fasbody.recording.clock import uniform
 from fasbody.recording.harmonics import find_frequency, fit_harmonics, narrow_share, sine_share
@@ -76,7 +76,15 @@ def checked(recording: Recording) -> Recording:
 
 def _checked(recording: Recording) -> Recording:
     """The same of all channels alike."""
+    with by_name(recording.file):
+        return _all_alike(recording)
+
+
+def _all_alike(recording: Recording) -> Recording:
     warnings = list(recording.warnings)
+    for name in recording.channels:
+        if name != "time_s":
+            _possible(recording, name)
     recording, remark = uniform(recording)
     warnings += [remark] if remark else []
     _time(recording)
@@ -287,7 +295,9 @@ def _time(recording: Recording) -> None:
         )
 
 
-def _channel(recording: Recording, name: str, values: np.ndarray) -> None:
+def _possible(recording: Recording, name: str) -> None:
+    """Refuse samples that are none, before anything is computed with them."""
+    values = recording.channels[name]
     if values.shape != recording.time_s.shape:
         raise _fail(recording, f"{name} has {values.size} samples and time has {recording.time_s.size}")
     if not np.isfinite(values).all():
@@ -302,6 +312,9 @@ def _channel(recording: Recording, name: str, values: np.ndarray) -> None:
             f"{name} reaches {peak:.3g} m/s^2 at {recording.time_s[np.abs(values).argmax()]:g} s, which no body does "
             f"(at most {_IMPOSSIBLE:.0e} is read); check its unit and sensitivity",
         )
+
+
+def _channel(recording: Recording, name: str, values: np.ndarray) -> None:
     spread = values.std()
     if spread < 1e-3:
         raise _fail(

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fasbody.exceptions import RecordingError
+from fasbody.exceptions import RecordingError, by_name
 from fasbody.foot.shaker import plain, seconds
 from fasbody.presentation import Sheet, Tabled
 from fasbody.recording import files
@@ -202,7 +202,8 @@ class Recording(Tabled):
             InputFileError: no such file, or it is not such a table; the message names line and column.
         """
         layout = layout.of(Path(file)) if layout else None
-        channels = files.read(Path(file), layout)
+        with by_name(label or str(file)):
+            channels = files.read(Path(file), layout)
         return cls(
             time_s=channels[HEADER[0]],
             base_m_s2=channels[HEADER[1]],

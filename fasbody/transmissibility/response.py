@@ -28,6 +28,11 @@ class Response(Tabled):
     distortion: dict[str, np.ndarray] = field(default_factory=dict)
     bias: dict[str, np.ndarray] = field(default_factory=dict)
 
+    def at(self, use: np.ndarray) -> "Response":
+        """At some of the frequencies, (f,) bool."""
+        parts = (self.H, self.covariance, self.distortion, self.bias)
+        return Response(self.method, self.frequency_hz[use], *({k: v[use] for k, v in part.items()} for part in parts))
+
     def ratio(self, out: str, into: str = "base") -> tuple[np.ndarray, np.ndarray]:
         """One channel over another: (f,) complex, and (f,) standard deviation of its real (or imaginary) part."""
         if into == "base":
