@@ -301,6 +301,9 @@ def _show(rows: list[dict[str, Any]]) -> None:
     if len(listed) < len(rows):
         results.print(f"{len(rows) - len(listed)} more recordings are sound (--json lists them).", markup=False)
     for row in rows:
+        if len(rows) == 1 and row.get("used"):
+            results.print("; ".join(row["used"]), markup=False, soft_wrap=True)
+            results.print(f"not used: {'; '.join(row['unused']) or 'nothing'}", markup=False, soft_wrap=True)
         for text in row.get("warnings", []):
             console.print(text, markup=False, soft_wrap=True)
 

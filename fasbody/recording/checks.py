@@ -170,7 +170,7 @@ def judged(recording: Recording) -> dict[str, Any]:
     except RecordingError as error:
         row["problem"] = str(error)
     t = recording.time_s
-    row |= {"samples": t.size, "origin": recording.origin}
+    row |= {"samples": t.size, "origin": recording.origin, "used": recording.used, "unused": recording.unused}
     if t.size > 1 and np.isfinite(t).all() and t[-1] > t[0]:
         row |= {"rate_hz": recording.rate_hz, "seconds": float(t[-1] - t[0])}
     return row
@@ -211,11 +211,12 @@ class Checked(Presented):
         """One row a recording."""
         flat = []
         for row in self.rows:
-            plain = {key: value for key, value in row.items() if key not in ("warnings", "rms_m_s2", "quality")}
+            plain = {key: value for key, value in row.items() if key not in ("rms_m_s2", "quality")}
             for name, value in row.get("quality", {}).items():
                 plain |= {f"{key}_{name}": v for key, v in value.items()} if isinstance(value, dict) else {name: value}
             rms = {f"rms_{name}_m_s2": value for name, value in row.get("rms_m_s2", {}).items()}
-            flat.append(plain | rms | {"warnings": " ".join(row.get("warnings", ()))})
+            joined = {"used": "; ", "unused": "; ", "warnings": " "}
+            flat.append(plain | rms | {key: mark.join(row.get(key, ())) for key, mark in joined.items()})
         return flat
 
     def sheet(self) -> Sheet:
