@@ -10,6 +10,7 @@ import numpy as np
 
 from fasbody.exceptions import RecordingError, by_name
 from fasbody.presentation import Presented, Sheet
+from fasbody.recording import samples
 from fasbody.recording.clock import uniform
 from fasbody.recording.harmonics import find_frequency, fit_harmonics, narrow_share, sine_share
 from fasbody.recording.quality import Quality, quality, still
@@ -31,6 +32,8 @@ _CLIPPED_RUN = 4
 _IMPOSSIBLE = 1e6
 #: The largest range of the accelerometers that are strapped to people, 50 g [m/s^2].
 _UNLIKELY = 500.0
+#: Standard deviation of an amplitude by the converter's steps that is told.
+_COARSE = 5e-3
 #: What is said of a base between a fifth of a m/s^2 and two.
 _IN_G = "is it in g? Then name the column base_g"
 _UNIT = "check its unit"
@@ -100,6 +103,7 @@ def _all_alike(recording: Recording) -> Recording:
             kind = "gravity" if abs(abs(values.mean()) - 9.81) < 1 else "an offset"
             warnings.append(f"{recording.file}: {name} has {kind} of {values.mean():.3g} m/s^2, which is taken out.")
         channels[name] = values - values.mean()
+    offsets = {name: float(recording.channels[name].mean()) for name in channels}
     recording = recording.with_channels(channels)
     found = find_frequency(recording.time_s, recording.base_m_s2)
     share = narrow_share(recording.time_s, recording.base_m_s2, found)
@@ -107,6 +111,8 @@ def _all_alike(recording: Recording) -> Recording:
     frequency = _excitation(recording, found, share, warnings)
     for name in channels:
         _clipping(recording, name, frequency)
+        _odd(recording, name, frequency, offsets[name], warnings)
+        _slow(recording, name, frequency, warnings)
     if frequency is not None:
         _level(recording, frequency, warnings)
     about = quality_of(recording, frequency)
@@ -186,7 +192,12 @@ def understood(recording: Recording) -> dict[str, Any]:
     if not row["problem"]:
         found = good.condition.frequency_hz or find_frequency(good.time_s, good.base_m_s2)
         row["sine_share"] = sine_share(good.time_s, good.base_m_s2, found)
-        row["quality"] = quality_of(good, good.condition.frequency_hz).row()
+        about = quality_of(good, good.condition.frequency_hz)
+        row["quality"] = about.row()
+        if good.condition.frequency_hz is not None:
+            row |= {"transmissibility": about.ratio, "phase_deg": about.lead_deg}
+    condition = recording.condition
+    row |= {key: getattr(condition, key) for key in ("subject", "posture", "added_mass_kg")}
     return row
 
 
@@ -321,7 +332,7 @@ def _channel(recording: Recording, name: str, values: np.ndarray) -> None:
         raise _fail(
             recording, f"{name} is dead (it varies by {np.ptp(values):.2g} m/s^2); check the cable and the units"
         )
-    if (levels := np.unique(values).size) < 8:
+    if (levels := np.unique(values).size) < 3 or (levels < 8 and samples.step(values)):
         raise _fail(
             recording,
             f"{name} is dead or too coarse: it takes {levels} values only; check the cable, and that its numbers "
@@ -350,6 +361,56 @@ def _clipping(recording: Recording, name: str, frequency: float | None) -> None:
                 f"{name} is clipped {count} times, for up to {runs.max()} samples near {place:g} s; "
                 "record with a larger range",
             )
+
+
+def _odd(recording: Recording, name: str, frequency: float | None, offset: float, warnings: list[str]) -> None:
+    """Marks that stand for missing samples are refused; spikes and jumps are told with what they cost."""
+    t, values = recording.time_s, recording.channels[name]
+    found = samples.odd(values, None if frequency is None else (t[-1] - t[0]) * frequency)
+    if found.mark is not None:
+        raise _fail(
+            recording,
+            f"{name} is {found.mark + offset:.6g} m/s^2 at {found.spikes.size} places, first at "
+            f"{t[found.spikes[0]]:.4g} s, and near it nowhere else: a mark for missing samples; cut them off, or fill "
+            "them before",
+        )
+    if found.spikes.size:
+        changed = 1.0 if frequency is None else samples.cost(t, values, frequency, found.spikes)
+        costs = "" if frequency is None else (
+            f", which change the amplitude of its sine by {100 * abs(changed) - 100:+.2g} % and its phase by "
+            f"{np.degrees(np.angle(changed)):+.2g} degrees"
+        )  # fmt: skip
+        spikes = "a spike" if found.spikes.size == 1 else f"{found.spikes.size} spikes"
+        warnings.append(
+            f"{recording.file}: {name} has {spikes} of up to {found.size:.3g} m/s^2, the first at "
+            f"{t[found.spikes[0]]:.4g} s{costs}."
+        )
+    elif found.jumps.size:
+        more = f" and at {found.jumps.size - 1} more places" * (found.jumps.size > 1)
+        warnings.append(
+            f"{recording.file}: {name} jumps by {found.size:.3g} m/s^2 at {t[found.jumps[0]]:.4g} s{more}; are samples "
+            "missing there? Then what is behind them comes early, and its phase leads."
+        )
+
+
+def _slow(recording: Recording, name: str, frequency: float | None, warnings: list[str]) -> None:
+    """A channel of fewer samples than the file, and a coarse converter, are told with what they cost."""
+    values, rate, f = recording.channels[name], recording.rate_hz, frequency or 20.0
+    found = samples.slow(values)
+    if found is not None:
+        change, delay_s = found.effect(f, rate)
+        kept = "held until the next one" if found.held else "joined by straight lines"
+        late = f", {360 * f * delay_s:.3g} degrees late" * found.held
+        hint = f", or give study.toml channels.{name.removesuffix('_m_s2')}.delay_s = {delay_s:.3g}" * found.held
+        warnings.append(
+            f"{recording.file}: {name} was sampled at {rate / found.interval:.4g} Hz and is {kept}: a sine of "
+            f"{f:.4g} Hz is {-100 * change:.2g} % too small by that{late}; record all channels at one rate{hint}."
+        )
+    elif frequency and (error := samples.by_steps(values, frequency, rate)) > _COARSE:
+        warnings.append(
+            f"{recording.file}: {name} has steps of {samples.step(values):.3g} m/s^2 (its converter, or numbers saved "
+            f"with few digits), which leave its amplitude uncertain by {100 * error:.2g} %, whatever the interval says."
+        )
 
 
 def _moving(recording: Recording, channels: Mapping[str, np.ndarray], frequency: float | None) -> None:
@@ -504,6 +565,11 @@ def _level(recording: Recording, frequency: float, warnings: list[str]) -> None:
             f"{hint}."
         )
     lead = np.degrees(np.angle(ratio))
+    if why := samples.impossible(ratio):
+        warnings.append(
+            f"{recording.file}: the malleolus moves {abs(ratio):.3g} times as much as the base and lags it by "
+            f"{-lead:.3g} degrees at {frequency:.4g} Hz: {why}; {_UNIT}."
+        )
     if _late(abs(ratio), lead):
         warnings.append(
             f"{recording.file}: the malleolus lags the base by {360 - lead:.0f} degrees at {frequency:.4g} Hz, more "
