@@ -254,6 +254,9 @@ BOTH_IN_G = '[channels.base]\nunit = "g"\n[channels.malleolus]\nunit = "g"\n'
         ("Zeit [s];base [g];malleolus [g]\n", IN_G, ""),
         ("time_s;Base (100g);Malleolus (100g)\n", IN_G, BOTH_IN_G),
         ("time_s;x;y\n", IN_M_S2, mapped(2, 3)),
+        ("Interval=;1 ms;\nChannelTitle=;base;malleolus\n", IN_M_S2, NAMED),
+        ("run 7;of 9\nhere;there;elsewhere\ns;g;g\n", IN_G, mapped(2, 3, "")),
+        ("Zeit;base;malleolus\ns;g;g\n", IN_G, ""),
     ],
 )
 def test_fair_files_are_read(tmp_path: Path, head: str, columns: list[np.ndarray], toml: str) -> None:
@@ -268,6 +271,15 @@ def test_a_clock_of_twelve_hours(tmp_path: Path) -> None:
         "Time,base_m_s2,malleolus_m_s2\n" + "".join(f"{t},{b:.6f},{m:.6f}\n" for t, b, m in body)
     )
     right(read(tmp_path / "a.csv"))
+
+
+def test_dates_are_times_under_any_name_and_a_footer_is_none(tmp_path: Path) -> None:
+    whole = "started;base_m_s2;malleolus_m_s2\n"
+    whole += "".join(f"2026-03-04T10:00:{t:06.3f}Z;{b:.6f};{m:.6f}\n" for t, b, m in zip(*IN_M_S2, strict=True))
+    (tmp_path / "a.csv").write_text(whole + "End of data\n\n")
+    recording = read(tmp_path / "a.csv")
+    right(recording)
+    assert recording.unused == ("a footer (End of data)",)
 
 
 def test_times_of_xarray_count_nanoseconds_since_a_date(tmp_path: Path) -> None:

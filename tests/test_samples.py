@@ -62,6 +62,18 @@ def test_a_held_channel_of_250_hz_is_10_8_degrees_late() -> None:
     assert "sampled at 250 Hz" in text and "10.8 degrees late" in text and "delay_s = 0.0015" in text
 
 
+@pytest.mark.parametrize(("share", "seen"), [(0.3, True), (0.05, True), (0.01, False)])
+def test_lost_samples_that_were_filled_by_the_one_before(share: float, seen: bool) -> None:
+    """The mean age of the samples is the delay that a fit finds."""
+    lost = np.random.default_rng(5).random(FOOT.size) < share
+    filled = FOOT[np.maximum.accumulate(np.where(lost, 0, np.arange(FOOT.size)))]
+    slow = samples.slow(filled)
+    assert (slow is not None) is seen
+    if slow is not None:
+        ratio = fit_harmonics(TIME, filled, HZ, 1).amplitudes[0] / fit_harmonics(TIME, FOOT, HZ, 1).amplitudes[0]
+        assert -np.degrees(np.angle(ratio)) == pytest.approx(360 * HZ * slow.effect(HZ, RATE)[1], abs=0.2)
+
+
 @pytest.mark.parametrize("noise", [0.0, 0.1])
 def test_spikes_are_counted_and_their_cost_is_what_they_change(noise: float) -> None:
     rng = np.random.default_rng(2)

@@ -111,8 +111,8 @@ def _all_alike(recording: Recording) -> Recording:
     frequency = _excitation(recording, found, share, warnings)
     for name in channels:
         _clipping(recording, name, frequency)
-        _odd(recording, name, frequency, offsets[name], warnings)
-        _slow(recording, name, frequency, warnings)
+        if not _slow(recording, name, frequency, warnings):
+            _odd(recording, name, frequency, offsets[name], warnings)
     if frequency is not None:
         _level(recording, frequency, warnings)
     about = quality_of(recording, frequency)
@@ -393,8 +393,8 @@ def _odd(recording: Recording, name: str, frequency: float | None, offset: float
         )
 
 
-def _slow(recording: Recording, name: str, frequency: float | None, warnings: list[str]) -> None:
-    """A channel of fewer samples than the file, and a coarse converter, are told with what they cost."""
+def _slow(recording: Recording, name: str, frequency: float | None, warnings: list[str]) -> bool:
+    """Tell with what it costs whether a channel has fewer samples than the file; and of a coarse converter."""
     values, rate, f = recording.channels[name], recording.rate_hz, frequency or 20.0
     found = samples.slow(values)
     if found is not None:
@@ -411,6 +411,7 @@ def _slow(recording: Recording, name: str, frequency: float | None, warnings: li
             f"{recording.file}: {name} has steps of {samples.step(values):.3g} m/s^2 (its converter, or numbers saved "
             f"with few digits), which leave its amplitude uncertain by {100 * error:.2g} %, whatever the interval says."
         )
+    return found is not None
 
 
 def _moving(recording: Recording, channels: Mapping[str, np.ndarray], frequency: float | None) -> None:

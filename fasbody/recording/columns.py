@@ -204,10 +204,10 @@ def _same(valid: Mapping[str, float], one: str, other: str) -> bool:
 
 
 def _by_unit(columns: Columns) -> int | None:
-    """The first column whose heading puts a unit of time in brackets, under whatever name."""
+    """The first column that has a unit of time, beside it or in brackets behind its name, under whatever name."""
     for index, name in enumerate(columns.names):
-        bracketed = name.strip()[-1:] in ")]" and name_and_unit(name)[1].lower() in TIME_UNITS
-        if bracketed:
+        bracketed = name_and_unit(name)[1] if name.strip()[-1:] in ")]" else ""
+        if (columns.units[index] or bracketed).lower() in TIME_UNITS:
             return index
     return None
 

@@ -199,15 +199,15 @@ class TextTable:
         Raises:
             InputFileError: it is no text or empty; or it has no header, and study.toml names its columns wrongly.
         """
-        text = read_text(file)
+        text, skipped = _without_footer(read_text(file))
         line, separator, names = header(text, layout.known)
         if not any(names):
             raise InputFileError(file, "is empty", "the first line must be time_s,base_m_s2,malleolus_m_s2")
-        if layout.known(names):
-            return _headed(file, text, line, separator, names)
-        bare = _headless(text, names, line, separator, bool(layout.columns))
+        bare = None if layout.known(names) and not layout.columns else _headless(text, names, line, separator, layout)
         if bare is None:
-            return _headed(file, text, line, separator, names)
+            if not layout.known(names) and any(c.column[:1] == "#" for c in layout.channels.values()):
+                line, separator, names = _above_numbers(text) or (line, separator, names)
+            return _headed(file, text, line, separator, names, skipped)
         line, separator, width = bare
         if strict and not layout.columns:
             raise InputFileError(
@@ -222,7 +222,7 @@ class TextTable:
                 "name every column, with any word for those that are no channel", line,
             )  # fmt: skip
         units = layout.units or ("",) * len(layout.columns)
-        return cls(file, text, separator, layout.columns, units, 0, line - 1)
+        return cls(file, text, separator, layout.columns, units, 0, line - 1, skipped)
 
     @property
     def columns(self) -> Columns:
@@ -269,24 +269,60 @@ class TextTable:
 
 
 def _headless(
-    text: str, names: Sequence[str], line: int, separator: str, named: bool
+    text: str, names: Sequence[str], line: int, separator: str, layout: Layout
 ) -> tuple[int, str, int] | None:  # fmt: skip
     """Line, separator and width of the first row of numbers where no line is a header, None where one is.
 
     Args:
-        text: whole. names, line, separator: what `header` took for headings. named: whether study.toml names the
-            columns: lines of words above the numbers are a preamble then.
+        text: whole. names, line, separator: what `header` took for headings.
+        layout: where study.toml names the columns, lines of words above as many numbers are a preamble.
     """
     if all(_value(cell) for cell in names if cell):
         return line, separator, len(names)
-    if not named:
-        return None
+    rows_of_numbers = _rows_of_numbers(text) if layout.columns else iter(())
+    return next((row for row in rows_of_numbers if row[2] == len(layout.columns)), None)
+
+
+def _rows_of_numbers(text: str) -> Iterator[tuple[int, str, int]]:
+    """Line, separator and width of the first rows of samples alone."""
     for number, row in enumerate(islice(lines(text), 200), 1):
         separator = next((s for s in SEPARATORS if s in row.strip()), ",")
         cells = split(row, separator)
         if row.strip() and not COMMENT.match(row) and all(map(_value, cells)) and len(cells) > 1:
-            return number, separator, len(cells)
+            yield number, separator, len(cells)
+
+
+def _above_numbers(text: str) -> tuple[int, str, list[str]] | None:
+    """The row of headings above the first row of samples, and above its units: line, separator, names."""
+    for first, separator, width in _rows_of_numbers(text):
+        above = list(enumerate(islice(lines(text), first - 1), 1))
+        for number, row in reversed(above):
+            names = split(row, separator)
+            worded = len(names) > width // 2 and not any(map(numeric, names))
+            if worded and not any(_bare(name).lower() in KNOWN_UNITS for name in names):
+                return number, separator, names
+        return None
     return None
+
+
+def _without_footer(text: str) -> tuple[str, tuple[str, ...]]:
+    """The text without lines of words behind the last number, and what was left out."""
+    end, words = len(text), list[str]()
+    while end > 0 and len(words) < _HEADING_ROWS:
+        start = text.rfind("\n", 0, end - 1) + 1
+        line = text[start:end].strip()
+        if COMMENT.match(line) or any(char.isdigit() for char in line):
+            break
+        words += [line] if line else []
+        end = start
+    if not words or end == 0:
+        return text, ()
+    return text[:end], tuple(f"a footer ({shown(word)})" for word in reversed(words))
+
+
+def _bare(cell: str) -> str:
+    """A unit without the brackets around it."""
+    return re.sub(r"^[\[(]\s*|\s*[\])]$", "", cell)
 
 
 def _value(cell: str) -> bool:
@@ -294,7 +330,9 @@ def _value(cell: str) -> bool:
     return numeric(cell) or _STAMP.fullmatch(cell) is not None
 
 
-def _headed(file: Path, text: str, line: int, separator: str, names: Sequence[str]) -> TextTable:
+def _headed(
+    file: Path, text: str, line: int, separator: str, names: Sequence[str], footer: Sequence[str]
+) -> TextTable:  # fmt: skip
     """The rows of headings from one line to the first row of numbers: names, parts of names, units, counts."""
     names, rows_above = list(names), line
     body = _first_samples(text, line, separator)
@@ -305,10 +343,10 @@ def _headed(file: Path, text: str, line: int, separator: str, names: Sequence[st
     above = _above(text, line, separator, names)
     if above is not None:
         names = [f"{group} {name}".strip() for group, name in zip(_merged(above, body), names, strict=True)]
-    units, skipped = [""] * len(names), list[str]()
+    units, skipped = [""] * len(names), list(footer)
     while rows_above < line + _HEADING_ROWS:
         cells = (_row(text, rows_above, separator) + [""] * len(names))[: len(names)]
-        bare = [re.sub(r"^[\[(]\s*|\s*[\])]$", "", cell) for cell in cells]
+        bare = [_bare(cell) for cell in cells]
         if any(map(numeric, cells)):
             if not _counts(text, cells, body, rows_above, separator):
                 break
@@ -533,7 +571,8 @@ def _cell(file: Path, name: str, cells: Sequence[str], index: int, line: int) ->
     try:
         value = number(cell)
     except ValueError:
-        raise InputFileError(file, f"{name} is {shown(cell)!r}, not a number", line=line) from None
+        hint = "write numbers without marks between thousands" if re.fullmatch(r"[-+\d.,]*\d[-+\d.,]*", cell) else ""
+        raise InputFileError(file, f"{name} is {shown(cell)!r}, not a number", hint, line) from None
     if not np.isfinite(value):
         raise InputFileError(file, f"{name} is {shown(cell)!r}", "every sample must be finite", line=line)
     return value

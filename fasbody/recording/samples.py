@@ -9,6 +9,8 @@ import numpy as np
 
 #: Share of the places that must lie a slow channel's interval apart.
 _REGULAR = 0.9
+#: Samples that repeat the one before while the channel moves, beyond this share.
+_REPEATED = 0.02
 #: A bend is none below this share of the largest: numbers have digits.
 _STRAIGHT = 3e-5
 #: Fewest changes of a slow channel.
@@ -35,36 +37,48 @@ class Slow:
 
     Attributes:
         interval: samples of the file from one of its own to the next. held: steps, else joined by straight lines.
+        age: of a held sample in the mean, in samples of the file.
     """
 
     interval: float
     held: bool
+    age: float = 0.0
 
     def effect(self, frequency_hz: float, rate_hz: float) -> tuple[float, float]:
         """Relative change of a sine's amplitude, and its delay [s]: those of a hold, or of two in a row."""
         turn = np.pi * frequency_hz / rate_hz
         size = float(np.sin(turn * self.interval) / (self.interval * np.sin(turn)))
-        age = 0.5 * (self.interval - float(self.interval % 1 == 0))  # of a sample in the mean
-        return (size - 1, age / rate_hz) if self.held else (size**2 - 1, 0.0)
+        return (size - 1, self.age / rate_hz) if self.held else (size**2 - 1, 0.0)
 
 
 def slow(values: np.ndarray) -> Slow | None:
     """Whether a channel (n,) is one of fewer samples, each held, or joined by lines, up to the next."""
-    for order in (1, 2):
-        bends = np.abs(np.diff(values, order))
-        small = 0.0 if order == 1 else max(4 * step(values), _STRAIGHT * float(bends.max()))
-        places = np.flatnonzero(bends > small)
-        bent = places.size
-        if order == 2:  # a line that bends between two samples bends at both
-            places = places[np.diff(places, prepend=-9) > 1]
-        if bent > 2.2 * places.size or places.size < _FEWEST or bends.max() < 20 * small:
-            continue
-        gaps = np.diff(places)
-        interval = int(np.median(gaps))
-        near = np.abs(gaps - interval) <= 1
-        if interval >= 2 and np.mean(near & (gaps > 1)) > _REGULAR:
-            return Slow(float(gaps[near].mean()), order == 1)
-    return None
+    change, bend = np.abs(np.diff(values)), np.abs(np.diff(values, 2))
+    grid = step(values)
+    changes = np.flatnonzero(change > 0)
+    interval = _regular(changes)
+    if interval:
+        return Slow(interval, True, 0.5 * (interval - float(interval % 1 == 0)))
+    before, after = np.diff(values)[:-2], np.diff(values)[2:]
+    repeated = (change[1:-1] == 0) & (before * after > 0) & (change[:-2] + change[2:] > 8 * grid)
+    if repeated.mean() > _REPEATED:  # filled where samples were lost
+        age = np.arange(values.size - 1) - np.maximum.accumulate(np.where(change > 0, np.arange(change.size), 0))
+        return Slow(change.size / max(1, changes.size), True, float(age.mean()))
+    bends = np.flatnonzero(bend > max(4 * grid, _STRAIGHT * float(bend.max())))
+    starts = bends[np.diff(bends, prepend=-9) > 1]  # a line that bends between two samples bends at both
+    straight = bends.size <= 2.2 * starts.size and bend.max() > 80 * grid
+    interval = _regular(starts) if straight else 0.0
+    return Slow(interval, False) if interval else None
+
+
+def _regular(places: np.ndarray) -> float:
+    """The mean distance of places that lie evenly two or more samples apart, else 0."""
+    if places.size < _FEWEST:
+        return 0.0
+    gaps = np.diff(places)
+    usual = int(np.median(gaps))
+    near = np.abs(gaps - usual) <= 1
+    return float(gaps[near].mean()) if usual >= 2 and np.mean(near & (gaps > 1)) > _REGULAR else 0.0
 
 
 @dataclass(frozen=True, eq=False)

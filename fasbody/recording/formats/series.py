@@ -82,9 +82,11 @@ RATES = (
     "rate_hz", "sampling_rate_hz", "fs", "sample_rate", "samplerate", "sampling_rate", "samplingrate",
     "sampling_frequency", "samplingfrequency",
 )  # fmt: skip
-STEPS = ("dt", "dt_s", "sampling_interval", "sampling_interval_s", "increment")
+STEPS = (
+    "dt", "dt_s", "sampling_interval", "sampling_interval_s", "increment", "time_base_s", "tinterval",
+)  # fmt: skip
 #: And the time of the first sample [s].
-STARTS = ("start_s", "start_time_s", "start_time", "t0", "t0_s", "start_value")
+STARTS = ("start_s", "start_time_s", "start_time", "t0", "t0_s", "start_value", "tstart")
 #: Two statements of a rate that differ by more than this share are two rates.
 _ALIKE = 1e-3
 
