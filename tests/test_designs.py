@@ -9,6 +9,7 @@ import pytest
 from fasbody.exceptions import FasError, RecordingError
 from fasbody.recording.checks import checked
 from fasbody.recording.recording import Recording
+from fasbody.recording.study import Study
 from fasbody.transmissibility.broadband import ESTIMATES
 from fasbody.transmissibility.estimate import Row, rows
 from fasbody.transmissibility.local import local
@@ -137,3 +138,23 @@ def test_a_late_channel_of_impossible_numbers_is_refused_not_splined(tmp_path: P
         writer.write_segment(channels)
     with pytest.raises(RecordingError, match="which no body does"):
         checked(Recording.read(tmp_path / "x.tdms"))
+
+
+def test_a_check_of_a_study_goes_on_after_an_unforeseen_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The recording is called unusable, by its name and the error; the others are sound."""
+    from fasbody.recording import checks
+
+    def broken(recording: Recording, frequency_hz: float | None) -> object:
+        if recording.time_s.size == 3000:
+            raise FloatingPointError("underflow")
+        return original(recording, frequency_hz)
+
+    original = checks.quality_of
+    monkeypatch.setattr(checks, "quality_of", broken)
+    t = np.arange(4000) / 1000
+    base, malleolus = 9 * np.sin(40 * np.pi * t), 11 * np.sin(40 * np.pi * t - 0.4)
+    made = [Recording.from_arrays(t[:n], base[:n], malleolus[:n], name=f"{n}") for n in (3000, 4000)]
+    checks.checked.cache_clear()
+    first, second = Study("two", "synthetic", "", tuple(made)).check().rows
+    assert first["problem"].startswith("3000: cannot be used, for an unforeseen FloatingPointError (underflow)")
+    assert second["problem"] == "" and second["transmissibility"] == pytest.approx(11 / 9)

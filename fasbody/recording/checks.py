@@ -183,22 +183,25 @@ def judged(recording: Recording) -> dict[str, Any]:
 
 
 def understood(recording: Recording) -> dict[str, Any]:
-    """The same, with level and quality of each channel."""
-    row = judged(recording)
-    good = recording if row["problem"] else checked(recording)
-    row["rms_m_s2"] = {
-        name.removesuffix("_m_s2"): float(np.std(values)) for name, values in good.channels.items() if name != "time_s"
-    }
-    if not row["problem"]:
-        found = good.condition.frequency_hz or find_frequency(good.time_s, good.base_m_s2)
-        row["sine_share"] = sine_share(good.time_s, good.base_m_s2, found)
-        about = quality_of(good, good.condition.frequency_hz)
-        row["quality"] = about.row()
-        if good.condition.frequency_hz is not None:
-            row |= {"transmissibility": about.ratio, "phase_deg": about.lead_deg}
+    """The same, with level and quality of each channel, and amplitude and phase of a sine."""
     condition = recording.condition
-    row |= {key: getattr(condition, key) for key in ("subject", "posture", "added_mass_kg")}
-    return row
+    row = judged(recording) | {key: getattr(condition, key) for key in ("subject", "posture", "added_mass_kg")}
+    try:
+        with by_name(recording.file):
+            return row | _measured(recording if row["problem"] else checked(recording), bool(row["problem"]))
+    except RecordingError as error:
+        return row | {"problem": row["problem"] or str(error)}
+
+
+def _measured(good: Recording, unfit: bool) -> dict[str, Any]:
+    levels = {name.removesuffix("_m_s2"): float(np.std(x)) for name, x in good.channels.items() if name != "time_s"}
+    if unfit:
+        return {"rms_m_s2": levels}
+    frequency = good.condition.frequency_hz
+    share = sine_share(good.time_s, good.base_m_s2, frequency or find_frequency(good.time_s, good.base_m_s2))
+    about = quality_of(good, frequency)
+    sine = {} if frequency is None else {"transmissibility": about.ratio, "phase_deg": about.lead_deg}
+    return {"rms_m_s2": levels, "sine_share": share, "quality": about.row()} | sine
 
 
 @dataclass(frozen=True, eq=False, repr=False)
