@@ -39,9 +39,10 @@ def read(file: Path, toml: str = "") -> Recording:
     return Recording.read(file, layout=parsed(file.with_name("study.toml"), toml)[1] if toml else None)
 
 
-def right(recording: Recording) -> None:
+def right(recording: Recording, apart_deg: float = 0.2) -> None:
     (row,) = (r for r in rows(recording) if r.pair == "MB")
-    assert (row.transmissibility, row.phase_deg) == (pytest.approx(T, rel=2e-3), pytest.approx(PHASE_DEG, abs=0.2))
+    wanted = pytest.approx(T, rel=2e-3), pytest.approx(PHASE_DEG, abs=apart_deg)
+    assert (row.transmissibility, row.phase_deg) == wanted
 
 
 def mapped(one: object, other: object, more: str = 'unit = "m/s^2"') -> str:
@@ -164,6 +165,18 @@ def test_clocks_of_other_rates_or_without_common_time_are_refused(tmp_path: Path
         read(text(tmp_path / "b.csv", head, [TIME, base(TIME), 1.02 * TIME, base(TIME)]))
     drifting = 1.002 * TIME  # a crystal that runs 0.2 % slow is brought to the base's clock
     right(read(text(tmp_path / "c.csv", head, [TIME, base(TIME), drifting, malleolus(drifting)])))
+
+
+def test_clocks_of_rounded_stamps_and_columns_that_are_none(tmp_path: Path) -> None:
+    """Stamps of a millisecond at 1600 Hz repeat themselves; a temperature is no time, whatever its letter."""
+    t = np.arange(2400) / 1600
+    head = "Time (s),Base (g),Time 2 (s),Malleolus (g)\n"
+    columns = [np.round(t, 3), base(t), np.round(t + LATE, 3), malleolus(t + LATE)]
+    right(read(text(tmp_path / "a.csv", head, columns)), 0.5)  # eight phases to a stamp leave up to 0.06 ms
+    head = "time_s,base_g,T (C),malleolus_g,Time to go (m)\n"
+    recording = read(text(tmp_path / "b.csv", head, [TIME, base(TIME), 20 + TIME, malleolus(TIME), TIME]))
+    right(recording)
+    assert recording.unused == ("T (C)", "Time to go (m)") and not recording.warnings
 
 
 def test_headings_that_are_more_than_the_cells_below(tmp_path: Path) -> None:

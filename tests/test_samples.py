@@ -121,7 +121,7 @@ def test_coarse_steps_cost_what_is_said() -> None:
     for phase in np.random.default_rng(4).uniform(0, 360, 200):
         rounded = np.round(sine(TIME[:500], 9.0, phase) / step) * step
         errors.append(abs(fit_harmonics(TIME[:500], rounded, HZ, 1).amplitudes[0]) / 9 - 1)
-    stated = samples.by_steps(rounded, HZ, RATE)
+    stated = samples.by_steps(rounded, samples.step(rounded), HZ, RATE)
     assert stated == pytest.approx(np.std(errors), rel=0.5)
     text = found(np.round(FOOT / 1.5) * 1.5)
     assert "malleolus_m_s2 has steps of 1.5 m/s^2" in text

@@ -399,7 +399,8 @@ def _odd(recording: Recording, name: str, frequency: float | None, offset: float
 def _slow(recording: Recording, name: str, frequency: float | None, warnings: list[str]) -> bool:
     """Tell with what it costs whether a channel has fewer samples than the file; and of a coarse converter."""
     values, rate, f = recording.channels[name], recording.rate_hz, frequency or 20.0
-    found = samples.slow(values)
+    grid = samples.step(values)
+    found = samples.slow(values, grid)
     if found is not None:
         change, delay_s = found.effect(f, rate)
         kept = "held until the next one" if found.held else "joined by straight lines"
@@ -409,9 +410,9 @@ def _slow(recording: Recording, name: str, frequency: float | None, warnings: li
             f"{recording.file}: {name} was sampled at {rate / found.interval:.4g} Hz and is {kept}: a sine of "
             f"{f:.4g} Hz is {-100 * change:.2g} % too small by that{late}; record all channels at one rate{hint}."
         )
-    elif frequency and (error := samples.by_steps(values, frequency, rate)) > _COARSE:
+    elif frequency and (error := samples.by_steps(values, grid, frequency, rate)) > _COARSE:
         warnings.append(
-            f"{recording.file}: {name} has steps of {samples.step(values):.3g} m/s^2 (its converter, or numbers saved "
+            f"{recording.file}: {name} has steps of {grid:.3g} m/s^2 (its converter, or numbers saved "
             f"with few digits), which leave its amplitude uncertain by {100 * error:.2g} %, whatever the interval says."
         )
     return found is not None

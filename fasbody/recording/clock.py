@@ -39,6 +39,14 @@ def rounded(time_s: np.ndarray) -> float | None:
     return None
 
 
+def straightened(time_s: np.ndarray) -> np.ndarray:
+    """Times (n,) [s] that increase, or the uniform clock that they were rounded from; others as they are."""
+    if time_s.size < 3 or np.diff(time_s).min() > 0 or rounded(time_s) is None:
+        return time_s
+    index = np.arange(time_s.size)
+    return np.polynomial.Polynomial.fit(index, time_s, 1)(index)
+
+
 def uniform(recording: "Recording") -> tuple["Recording", str]:
     """The recording at uniform times, and a sentence on what that costs; itself where nothing is to be done.
 

@@ -12,6 +12,7 @@ from fasbody.recording.channels import (
     NAMES,
     OWN,
     TIME_UNITS,
+    UNITS,
     VOLTAGES,
     Channel,
     Layout,
@@ -64,13 +65,15 @@ class Columns:
 
     @property
     def times(self) -> list[int]:
-        """The columns that are times by their unit or their name."""
-        names = [_TIMES.search(name_and_unit(name)[0]) or _TIMES.search(name.lower()) for name in self.names]
-        units = [self.claimed(index).lower() for index in range(len(self.names))]
-        return [
-            i for i, (name, unit) in enumerate(zip(names, units, strict=True))
-            if unit in TIME_UNITS or (name and unit not in (*ACCELERATIONS, *VOLTAGES))
-        ]  # fmt: skip
+        """The columns that are times by their unit, or by their name where no unit denies it."""
+        return [index for index in range(len(self.names)) if self._is_time(index)]
+
+    def _is_time(self, index: int) -> bool:
+        name = self.names[index].strip().lower()
+        unit = self.units[index].lower() or (name_and_unit(name)[1] if name[-1:] in ")]" else "")
+        if unit:
+            return unit in TIME_UNITS
+        return name_and_unit(name)[1] not in UNITS and _TIMES.search(name) is not None
 
 
 @dataclass(frozen=True)

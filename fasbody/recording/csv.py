@@ -311,7 +311,7 @@ def _without_footer(text: str) -> tuple[str, tuple[str, ...]]:
     while end > 0 and len(words) < _HEADING_ROWS:
         start = text.rfind("\n", 0, end - 1) + 1
         line = text[start:end].strip()
-        if COMMENT.match(line) or any(char.isdigit() for char in line):
+        if COMMENT.match(line) or any(map(numeric, re.split(r"[,;|\s]+", line))):
             break
         words += [line] if line else []
         end = start

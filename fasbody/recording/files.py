@@ -11,6 +11,7 @@ import numpy as np
 from fasbody.console import write_whole
 from fasbody.exceptions import InputFileError
 from fasbody.recording.channels import NAMES, TIME_UNITS, Channel, Channels, Layout, name_and_unit
+from fasbody.recording.clock import straightened
 from fasbody.recording.columns import Columns, Use, assign
 from fasbody.recording.csv import TextTable, read_table, read_text
 from fasbody.recording.formats import ENDINGS, READ, ending
@@ -74,6 +75,8 @@ def reading(file: Path, layout: Layout | None = None) -> Reading:
     channels = layout.timed(file, channels, rate)
     others = _other_clocks(source, uses, channels["time_s"])
     clocks |= source.starts(uses, channels["time_s"])
+    if clocks:
+        channels["time_s"] = straightened(channels["time_s"])
     channels = layout.aligned(file, channels, clocks)
     if channels["time_s"].size < 2:
         raise InputFileError(file, f"holds {channels['time_s'].size} samples", "a recording needs at least two")
@@ -108,7 +111,8 @@ def _clocks(
             times = source.numbers({"time": index})["time"]
         except InputFileError:  # words
             continue
-        if times.size != channels[key].size or times.size < 2 or not times[-1] > times[0]:
+        times = straightened(times)
+        if times.size != channels[key].size or times.size < 2 or np.diff(times).min() <= 0:
             continue
         unit = TIME_UNITS.get(source.columns.claimed(index).lower())
         if unit is None:

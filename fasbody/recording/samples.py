@@ -51,10 +51,14 @@ class Slow:
         return (size - 1, self.age / rate_hz) if self.held else (size**2 - 1, 0.0)
 
 
-def slow(values: np.ndarray) -> Slow | None:
-    """Whether a channel (n,) is one of fewer samples, each held, or joined by lines, up to the next."""
+def slow(values: np.ndarray, grid: float | None = None) -> Slow | None:
+    """Whether a channel (n,) is one of fewer samples, each held, or joined by lines, up to the next.
+
+    Args:
+        values: (n,). grid: the `step` of its converter, if that is known already.
+    """
     change, bend = np.abs(np.diff(values)), np.abs(np.diff(values, 2))
-    grid = step(values)
+    grid = step(values) if grid is None else grid
     changes = np.flatnonzero(change > 0)
     interval = _regular(changes)
     if interval:
@@ -143,14 +147,13 @@ def step(values: np.ndarray) -> float:
     return float(apart.min()) if np.abs(counts - np.round(counts)).max() < 0.02 else 0.0
 
 
-def by_steps(values: np.ndarray, frequency_hz: float, rate_hz: float) -> float:
+def by_steps(values: np.ndarray, grid: float, frequency_hz: float, rate_hz: float) -> float:
     """Relative standard deviation of a sine's amplitude (and of its phase, in rad) by the steps of its converter.
 
     Rounding that repeats itself every period does not average out: the samples of one period count, unless noise tells
     the periods apart.
     """
-    grid, each = step(values), rate_hz / frequency_hz
-    count = values.size
+    each, count = rate_hz / frequency_hz, values.size
     if abs(each - round(each)) < 1e-3 * each and count > 2 * each:
         periods = values[: count // round(each) * round(each)].reshape(-1, round(each))
         count = round(each) if float(np.median(periods.std(axis=0))) < 0.3 * grid else count
