@@ -315,6 +315,9 @@ def test_a_unit_may_be_overruled_and_both_are_said(tmp_path: Path) -> None:
 
 
 def test_refusals_are_sentences(tmp_path: Path) -> None:
+    head = "time_s,base_g,malleolus_g,temperature\n"
+    with pytest.raises(FasError, match=r"'temperature' is no clock of malleolus_m_s2: its numbers do not rise"):
+        read(text(tmp_path / "b.csv", head, AXES[:4]), '[channels.malleolus]\nclock = "temperature"\n')
     with pytest.raises(FasError, match=r"no column 'time 9' for the times of malleolus"):
         read(
             text(tmp_path / "a.csv", "time_s,base_g,malleolus_g\n", AXES[:3]),

@@ -249,7 +249,7 @@ class Layout(Tabled):
 
         t = channels["time_s"]
         delays = {f"{name}_m_s2": c.delay_s for name, c in self.channels.items() if name != "time" and c.delay_s}
-        taken = {name: times[name] - delays.get(name, 0.0) for name in times or {}}
+        taken = {name: at - delays.get(name, 0.0) for name, at in (times or {}).items()}
         taken |= {name: t - delay for name, delay in delays.items() if name in channels and name not in taken}
         taken = {name: at for name, at in taken.items() if at.size != t.size or np.abs(at - t).max() > 1e-9}
         every = (t, *taken.values())

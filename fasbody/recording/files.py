@@ -67,9 +67,12 @@ def reading(file: Path, layout: Layout | None = None) -> Reading:
     uses = {key: use for key, use in found.uses.items() if key in numbers}
     channels = {key: numbers[key] * use.factor for key, use in uses.items()}
     rate = source.rate_hz(uses, layout)
-    clocks = _clocks(source, uses, channels, rate or layout.rate_hz)
+    if {"time", "time_s"} & channels.keys():
+        channels = layout.timed(file, channels, rate)
+    clocks = _clocks(source, uses, channels, layout, rate)
+    uses = {key: use if key in clocks else replace(use, clock=None) for key, use in uses.items()}
     if "base_m_s2" in clocks:
-        shared = channels.pop("time_s", channels.pop("time", None))
+        shared = channels.pop("time_s", None)
         clocks |= {} if shared is None else {key: shared for key in channels if key not in clocks}
         channels = {"time_s": clocks.pop("base_m_s2")} | channels
     channels = layout.timed(file, channels, rate)
@@ -97,26 +100,26 @@ def _numbers(source: "TextTable | _SeriesTable", uses: Mapping[str, Use], layout
 
 
 def _clocks(
-    source: "TextTable | _SeriesTable", uses: Mapping[str, Use], channels: Channels, rate_hz: float | None
+    source: "TextTable | _SeriesTable", uses: Mapping[str, Use], channels: Channels, layout: Layout,
+    rate_hz: float | None,
 ) -> Channels:  # fmt: skip
     """Times [s] of the channels that have a column of times for themselves; one that does not rise is no clock.
 
     Raises:
-        InputFileError: its unit is not known.
+        InputFileError: its unit is not known; or study.toml calls it a clock, and it does not rise.
     """
     apart = {key: use.clock for key, use in uses.items() if use.clock is not None}
     found: Channels = {}
     for key, index in apart.items():
-        try:
-            times = source.numbers({"time": index})["time"]
-        except InputFileError:  # words
-            continue
-        times = straightened(times)
-        if times.size != channels[key].size or times.size < 2 or np.diff(times).min() <= 0:
+        times = _rising(source, index, channels[key].size)
+        if times is None and layout.channels.get(key.removesuffix("_m_s2"), Channel()).clock:
+            what = f"{source.columns.names[index]!r} is no clock of {key}: its numbers do not rise from row to row"
+            raise InputFileError(source.file, what, "correct clock in study.toml")
+        if times is None:
             continue
         unit = TIME_UNITS.get(source.columns.claimed(index).lower())
         if unit is None:
-            unit = uses["time_s"].factor if "time_s" in uses else _unit_by_rate(times, rate_hz)
+            unit = uses["time_s"].factor if "time_s" in uses else _unit_by_rate(times, rate_hz or layout.rate_hz)
         if unit is None:
             raise InputFileError(
                 source.file, f"{source.columns.names[index]!r}, the times of {key}, have no unit",
@@ -124,6 +127,15 @@ def _clocks(
             )  # fmt: skip
         found[key] = unit * times
     return found
+
+
+def _rising(source: "TextTable | _SeriesTable", index: int, size: int) -> np.ndarray | None:
+    """A column of as many numbers (n,) that rise from row to row, once they are not rounded any more; else None."""
+    try:
+        times = straightened(source.numbers({"time": index})["time"])
+    except InputFileError:  # words
+        return None
+    return times if times.size == size > 2 and np.diff(times).min() > 0 else None
 
 
 def _unit_by_rate(times: np.ndarray, rate_hz: float | None) -> float | None:
@@ -142,11 +154,8 @@ def _other_clocks(source: "TextTable | _SeriesTable", uses: Mapping[str, Use], t
         groups = {columns.groups[i] for i in taken if i is not None} if columns.groups else {""}
         if index in taken or of_another or (columns.groups and columns.groups[index] not in groups):
             continue
-        try:
-            times = source.numbers({"time": index})["time"]
-        except InputFileError:
-            continue
-        if times.size != time_s.size or times.size < 3 or not np.all(np.diff(times) > 0):
+        times = _rising(source, index, time_s.size)
+        if times is None:
             continue
         scale = (time_s[-1] - time_s[0]) / (times[-1] - times[0])
         off = scale * (times - times[0]) - (time_s - time_s[0])

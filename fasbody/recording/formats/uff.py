@@ -30,7 +30,7 @@ def decode(file: Path) -> list[Series]:
     source = pyuff.UFF(str(file))
     kinds = list(source.get_set_types())
     check_size(0, len(kinds))
-    found, total = [], 0
+    found, total = list[Series](), 0
     for index, kind in enumerate(kinds):
         if int(kind) != 58:
             continue
