@@ -95,14 +95,14 @@ def analyse_cell(
         options["cytoskeleton"] = Tensegrity(bundle=filaments) if filaments else None
     if mesh is not None:
         from fasbody.cell.assembly import assemble
+        from fasbody.cell.companion import pair
         from fasbody.cell.meshfile import read_mesh
 
-        own = read_mesh(
+        fine, rough = pair(read_mesh(
             mesh, um_per_unit=um_per_unit, nucleus_tag=nucleus_tag, nucleus=nucleus_surface, size=mesh_size(size)
-        )
-        analysis = analyse(assemble(own), None, chosen, **options)
-        console.print("warning: a mesh of your own has no error estimate; how far it has converged is unknown until "
-                      "you solve a finer one", soft_wrap=True)  # fmt: skip
+        ))  # fmt: skip
+        with console.status("solving"):
+            analysis = analyse(assemble(fine), assemble(rough), chosen, **options)
     else:
         nucleus = None if no_nucleus else Nucleus(centre=nucleus_centre)
         dome = Dome(*shape(shape_text), chosen.height_um if height is None else height, profile, nucleus)
@@ -129,7 +129,7 @@ def modes_of_a_body(
     up: Annotated[str, typer.Option(help="axis that points up from the base: x, y or z")] = "y",
     size: Annotated[
         float | None,
-        typer.Option(help="element size inside a surface, in its unit", show_default="as fine as its triangles"),
+        typer.Option(help="element size inside a surface, in its unit", show_default="two through its thickness"),
     ] = None,
     modes: ModesOption = 10,
     solver: SolverOption = None,
@@ -163,8 +163,6 @@ def modes_of_a_body(
     found = read_body(body, unit=unit, up=up, size=size)
     with console.status("solving"):
         result = body_modes(found, given, support, part=held, count=modes, way=solver)
-    console.print("warning: a body from a file has no error estimate; how far it has converged is unknown until "
-                  "you solve a finer one", soft_wrap=True)  # fmt: skip
     if out is not None:
         from fasbody.cell import figures
         from fasbody.cell.meshfile import write_browser, write_vtu

@@ -20,11 +20,10 @@ from typing import Any
 
 import numpy as np
 import scipy.linalg
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from fasbody.cell.mesh import CYTOPLASM, NUCLEUS
-from fasbody.cell.modal import CellModel, direct, inverse, solve
+from fasbody.cell.modal import CellModel, direct, inverse, orthonormal, solve
 from fasbody.exceptions import SettingError
 from fasbody.presentation import Tabled
 
@@ -90,7 +89,7 @@ class ReducedCell:
         K_n = model.stiffness(NUCLEUS)
         columns = np.column_stack([K_n @ modes.vectors, model.M @ model.rigid])
         vectors = np.column_stack([modes.vectors, *(apply(column) for column in columns.T)])
-        basis = _orthonormal(vectors, model.M)
+        basis = orthonormal(vectors, model.M)
         parts = (model.stiffness(CYTOPLASM), K_n, model.additions)
         cytoplasm, nucleus, rest = (basis.T @ (part @ basis) for part in parts)
         loads = basis.T @ (model.M @ model.rigid)
@@ -185,16 +184,6 @@ def damped_modes(cell: ReducedCell, solids: Solids, count: int = 10) -> DampedMo
             f"{CONVERGED:g}) in this basis: take more modes, less relaxing stiffness or another relaxation time."
         )
     return DampedModes(s[good], residuals[good], elastic_hz[within][good])
-
-
-def _orthonormal(vectors: NDArray[np.float64], M: sp.csr_array) -> NDArray[np.float64]:
-    """M-orthonormal basis of the columns' span; directions that add nothing are dropped."""
-    vectors = vectors / np.sqrt(np.einsum("ij,ij->j", vectors, M @ vectors))
-    for _ in range(2):  # the second pass removes what rounding left of the first
-        values, turn = np.linalg.eigh(vectors.T @ (M @ vectors))
-        keep = values > 1e-10 * values[-1]
-        vectors = vectors @ (turn[:, keep] / np.sqrt(values[keep]))
-    return vectors
 
 
 @dataclass(frozen=True)
