@@ -6,7 +6,7 @@ Elements, matrices and solver are those of the cell. `python -m fasbody.cell mod
 from collections.abc import Collection, Mapping
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +18,20 @@ from fasbody.cell.materials import Material
 from fasbody.cell.mesh import FACES, MeshSize, TetMesh
 from fasbody.cell.meshfile import BOTH, SURFACE, VOLUME, read_surface, read_tagged
 from fasbody.cell.modal import CellModel, Modes, solve
+from fasbody.cell.viscoelastic import (
+    BaseResponse,
+    DampedModes,
+    ForceResponse,
+    ReducedCell,
+    StandardLinearSolid,
+    base_response,
+    damped_modes,
+    force_response,
+)  # fmt: skip
 from fasbody.exceptions import InputFileError, MeshError, SettingError, unknown
 from fasbody.presentation import Presented, Sheet, Tabled
 
+T = TypeVar("T")
 #: Length units of files [um].
 UNITS = {"nm": 1e-3, "um": 1.0, "mm": 1e3, "cm": 1e4, "m": 1e6}
 SUPPORTS = ("free", "base", "region")
@@ -166,19 +177,24 @@ class Body(Tabled):
         Raises:
             SettingError: a region has no material or two, or a material no region.
         """
-        found: dict[int | None, Material] = {}
-        for name, material in given.items():
+        return self.by_region("--material", given)
+
+    def by_region(self, option: str, given: Mapping[str | None, T]) -> tuple[T, ...]:
+        """What an option gives to each region; see `materials`."""
+        found: dict[int | None, T] = {}
+        for name, value in given.items():
             tag = None if name is None else self.number(name, (VOLUME,))[0]
             if tag in found:
-                raise SettingError(f"--material {name}: region {tag} of {self.name} has a material already.")
-            found[tag] = material
+                raise SettingError(f"{option} {name}: region {tag} of {self.name} has one already.")
+            found[tag] = value
         have = ", ".join(map(str, self.tags))
         for tag in set(found) - {None, *self.tags}:
-            raise SettingError(f"--material {tag}: {self.name} has no such region; it has {have}.")
+            raise SettingError(f"{option} {tag}: {self.name} has no such region; it has {have}.")
         bare = [tag for tag in self.tags if tag not in found]
         if bare and None not in found:
-            raise SettingError(f"region {bare[0]} of {self.name} has no material: give --material {bare[0]}=E,NU,RHO.")
-        return tuple(found.get(tag, found.get(None)) for tag in self.tags)  # type: ignore[misc]  # None is refused above
+            what = option.lstrip("-")
+            raise SettingError(f"region {bare[0]} of {self.name} has no {what}: give {option} {bare[0]}=VALUES.")
+        return tuple(found[tag if tag in found else None] for tag in self.tags)
 
 
 def bones() -> list[str]:
@@ -403,3 +419,50 @@ def body_model(
         return CellModel(assemble(body.mesh, held=faces), chosen), held
     except MeshError as error:
         raise InputFileError(Path(body.name), str(error).rstrip(".")) from error
+
+
+@dataclass(frozen=True)
+class ShakenBody(Tabled):
+    """What ``python -m fasbody.cell response`` reports.
+
+    Args:
+        elastic: modes and their errors without damping.
+        damped: modes of the viscoelastic body.
+        response: to the motion of its support, or to a force on a free body.
+    """
+
+    elastic: BodyModes
+    damped: DampedModes
+    response: BaseResponse | ForceResponse
+
+    def document(self) -> dict[str, Any]:
+        """Ready for JSON."""
+        kind = "base_response" if isinstance(self.response, BaseResponse) else "force_response"
+        parts = {"damped_modes": self.damped.document(), kind: self.response.document()}
+        return self.elastic.document() | parts
+
+    def __str__(self) -> str:
+        head = f"{self.elastic.title}: elastic frequencies within {self.elastic.errors.max():.2%}"
+        return f"{head}\n{self.damped}\n{self.response}"
+
+
+def shaken_body(
+    body: Body, materials: Mapping[str | None, Material], solids: Mapping[str | None, StandardLinearSolid],
+    support: str = "base", *, part: str | None = None, count: int = 20,
+) -> ShakenBody:  # fmt: skip
+    """Damping and response of a body, from a hundredth of its first frequency to its last; see `body_modes`.
+
+    Args:
+        body: of `read_body`.
+        materials, solids: by number or name of a region, None for the others.
+        support: what is shaken; "free" is driven by a force. part: the region that is held.
+        count: modes in the basis.
+    """
+    relaxing = body.by_region("--relaxation", solids)
+    elastic = body_modes(body, materials, support, part=part, count=count)
+    reduced = ReducedCell.of(elastic.model, count, elastic.modes)
+    damped = damped_modes(reduced, relaxing)
+    grid = damped.grid(elastic.frequencies_hz[0] / 100, reduced.reach_hz)
+    if elastic.model.assembly.flies:
+        return ShakenBody(elastic, damped, force_response(reduced, relaxing, grid))
+    return ShakenBody(elastic, damped, base_response(reduced, relaxing, grid, inner=None))

@@ -109,8 +109,11 @@ def remeshed(mesh: TetMesh, size: float) -> TetMesh:
     surface.remove_unreferenced_vertices()
     found = fill(surface, MeshSize(size, size, size))
     inside = cKDTree(mesh.corners.mean(axis=1)).query(found.corners.mean(axis=1))[1]
-    middles, skin = mesh.points_um[mesh.surface.faces].mean(axis=1), np.asarray(found.surface.faces)
-    nearest = cKDTree(middles).query(found.points_um[skin].mean(axis=1))[1]
+    skin = np.asarray(found.surface.faces)
+    here, there = (  # nearest in place and direction
+        np.column_stack([each.triangles_center, 4 * size * each.face_normals]) for each in (mesh.surface, found.surface)
+    )
+    nearest = cKDTree(here).query(there)[1]
     known = np.sort(mesh.surface.faces, axis=1).tolist()
     faces = {}
     for tag, given in mesh.faces.items():

@@ -50,9 +50,9 @@ LIMIT = 500_000
 #: Unknowns that the default size of a surface gives at most: half a minute of one processor.
 DEFAULT = 300_000
 #: Angles from which an edge divides a surface into patches [degrees]: those of a machine part, of a rough one, none.
-PATCHES = (40.0, 90.0, 180.0)
+PATCHES = (40.0, 80.0, 180.0)
 #: Share of the volume that a new mesh may lose or gain, and mean ratio of the worst element with which it is good.
-LOST, SLIVER = 0.005, 0.1
+LOST, SLIVER = 0.02, 0.1
 #: Unknowns of quadratic elements of size h in a volume h^3 and on a surface h^2, counted on gmsh's domes.
 PER_CUBE, PER_SQUARE = 10.0, 38.0
 
@@ -307,7 +307,7 @@ def surface_mesh(
         if not ((inner.bounds[0] > outer.bounds[0]) & (inner.bounds[1] < outer.bounds[1])).all():
             raise MeshError("the nucleus' surface is not inside the other.")
     size = size or default_size(outer)
-    refuse_above_limit(lambda factor: _filled(outer, size.size * factor), size.size)
+    refuse_above_limit(lambda factor: filled(outer, size.size * factor), size.size)
     return fill(outer, size, inner)
 
 
@@ -336,7 +336,7 @@ def fill(outer: "trimesh.Trimesh", size: MeshSize, inner: "trimesh.Trimesh | Non
 def default_size(surface: "trimesh.Trimesh") -> MeshSize:
     """Half the thickness of the plate with this volume and area, or coarser, for at most `DEFAULT` unknowns."""
     size = volume(surface) / float(surface.area)
-    return MeshSize.of(size * _factor(lambda factor: _filled(surface, size * factor), DEFAULT))
+    return MeshSize.of(size * _factor(lambda factor: filled(surface, size * factor), DEFAULT))
 
 
 def volume(surface: "trimesh.Trimesh") -> float:
@@ -345,7 +345,7 @@ def volume(surface: "trimesh.Trimesh") -> float:
     return parts[0] - sum(parts[1:])
 
 
-def _filled(surface: "trimesh.Trimesh", size: float) -> float:
+def filled(surface: "trimesh.Trimesh", size: float) -> float:
     """About how many unknowns elements of one size [um] in a surface have, as counted on beams, plates and bones."""
     return 6.2 * volume(surface) / size**3 + 23.5 * float(surface.area) / size**2
 
