@@ -151,7 +151,9 @@ def power_law(sweep: Sweep, laws: Sequence[PowerLaw], direct_hz: float) -> Figur
 
 def response(response: "BaseResponse | ForceResponse") -> Figure:
     """What a shaken base or a force does to a body."""
-    return base_response(response) if hasattr(response, "top") else force_response(response)
+    from fasbody.cell.viscoelastic import BaseResponse
+
+    return base_response(response) if isinstance(response, BaseResponse) else force_response(response)
 
 
 @printed

@@ -103,7 +103,8 @@ class ReducedCell:
 
     def dynamic_stiffness(self, s: complex, solids: Solids) -> NDArray[np.complex128]:
         """K(s) in the basis (m, m) [1/s^2]."""
-        return sum((solid(s) * part for solid, part in zip(solids, self.stiffness, strict=True)), self.rest)
+        relaxing = (solid(s) * part for solid, part in zip(solids, self.stiffness, strict=True))
+        return sum(relaxing, self.rest.astype(complex))
 
 
 @dataclass(frozen=True)
