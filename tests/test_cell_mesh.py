@@ -7,17 +7,20 @@ import pytest
 import trimesh
 from cell_cases import CACHE, block, cell
 
+import mjcf
 from fasbody.cell.assembly import assemble
 from fasbody.cell.dome import Dome, Nucleus
 from fasbody.cell.mesh import (
     DEFAULT,
     EDGES,
     NUCLEUS,
+    STRAY,
     MeshSize,
     TetMesh,
     default_size,
     dome_mesh,
     filled,
+    strays,
     surface_mesh,
     unknowns,
 )
@@ -130,7 +133,7 @@ def test_a_plate_gets_two_elements_through_its_thickness_and_a_count_that_was_fo
     height = mesh.points_um[np.unique(mesh.tets[:, :4]), 1]  # of the corners: inner ones divide the thickness
     assert (np.abs(height) < 0.6).sum() > 0.15 * len(height)
     size = default_size(plate)
-    assert size.size == pytest.approx(1.0, rel=0.15)
+    assert size.size == pytest.approx(1.0, rel=0.2)
     assert 3 * len(mesh.points_um) == pytest.approx(filled(plate, size.size), rel=0.25)
     assert 3 * len(surface_mesh(plate, size=MeshSize.of(4.0)).points_um) < 10_000  # and no finer than asked for
 
@@ -141,6 +144,18 @@ def test_a_large_plate_gets_the_elements_that_fit() -> None:
         size = default_size(plate).size
         assert (size == pytest.approx(plate.volume / plate.area)) == fits
         assert filled(plate, size) <= DEFAULT
+
+
+@pytest.mark.parametrize(("size", "keeps"), [(5e3, True), (8e3, False)])
+def test_elements_that_lose_a_part_of_the_surface_are_refused(size: float, keeps: bool) -> None:
+    """Elements of 8 mm cut a process off the heel bone, and with it its eighth mode."""
+    with np.load(mjcf.asset("anatomy.npz")) as stored:
+        bone = trimesh.Trimesh(10.0 * stored["calcaneus.vertices"], stored["calcaneus.faces"])
+    if keeps:
+        assert strays(bone, surface_mesh(bone, size=MeshSize.of(size))) < STRAY * size
+        return
+    with pytest.raises(MeshError, match="elements of this size lose a part of the surface"):
+        surface_mesh(bone, size=MeshSize.of(size))
 
 
 def test_a_closed_cavity_stays_empty() -> None:

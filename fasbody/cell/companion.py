@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from fasbody.cell.mesh import EDGES, MeshSize, TetMesh, default_size, fill, surface_mesh
+from fasbody.cell.mesh import EDGES, MeshSize, TetMesh, fill, sized_mesh
 
 if TYPE_CHECKING:
     import trimesh
@@ -54,9 +54,9 @@ def pair(mesh: TetMesh) -> tuple[TetMesh, TetMesh]:
 
 
 def surface_meshes(surface: "trimesh.Trimesh", size: MeshSize | None = None) -> tuple[TetMesh, TetMesh]:
-    """A finer and a coarser mesh inside a closed surface [um]; see `surface_mesh`."""
-    fine = surface_mesh(surface, None, size)
-    return fine, fill(surface, (size or default_size(surface)).coarser(COARSER))
+    """A finer and a coarser mesh inside a closed surface [um]; see `sized_mesh`."""
+    fine, used = sized_mesh(surface, None, size)
+    return fine, fill(surface, used.coarser(COARSER))
 
 
 def refined(mesh: TetMesh) -> TetMesh:
