@@ -262,6 +262,10 @@ GROUPS: dict[str, tuple[Command, ...]] = {
             "Verdicts and intervals in worlds that depart from the model, made by a separate simulator.",
         ),
         Command(
+            "bench search", "benchmarks.search", "",
+            "Whether a fit finds the best end on each side, or says that it may not have.",
+        ),
+        Command(
             "bench director", "benchmarks.director", "",
             "Compare planned sessions with that of the thesis, on feet that the plan did not know.",
         ),

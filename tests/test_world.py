@@ -8,7 +8,8 @@ import numpy as np
 import oracle
 import pytest
 
-from benchmarks.worlds import Departure, Leg, moved
+from benchmarks.departure import Maxwell
+from benchmarks.leg import Leg, Shaking, harmonics
 from fasbody.exceptions import InputFileError, SettingError
 from fasbody.foot.model import Foot
 from fasbody.recording.known import Known
@@ -106,13 +107,13 @@ def test_a_spring_that_relaxes_is_exact_in_a_linear_foot(foot: Foot, trial: Tria
 
 
 def test_dampers_bend_beside_springs_that_relax(foot: Foot, trial: Trial) -> None:
-    """All harmonics of a strongly damped foot against collocation, by the simulator that judges the fit."""
+    """All harmonics of a strongly damped foot against the simulator that judges the fit."""
     bent = {**TRUTH, "c_12": 80.0, "c_13": 120.0, "c_22": -100.0, "c_23": 110.0}
     data = [trial(bent, f) for f in (10.0, 20.0)]
     problem = opened(foot.with_values(bent), data)
     space = problem.world
     q = space.start(bent)
-    departure = Departure(relax_T=0.5, relax_F=0.3, tau_s=6e-3)
+    departure = Maxwell(0.5, 0.3, 6e-3)
     relaxing = {"relaxing k_T": 0.5, "relaxing k_F": 0.3, "relaxation time": np.log(6e-3)}
     for name, value in relaxing.items():
         q[space.index[name]] = value / space.slope(name)
@@ -122,7 +123,8 @@ def test_dampers_bend_beside_springs_that_relax(foot: Foot, trial: Trial) -> Non
         leg = Leg(**constants, m_S=masses["m_S"], m_F=masses["m_F"])
         f, base = recording.condition.frequency_hz, problem.lines[number].base.amplitudes
         assert f is not None
-        want = moved(leg, departure, f, base)[0][: base.size]
+        shaking = Shaking(np.zeros(1), np.array([f]), base[None])
+        want = harmonics(leg, [departure], shaking)[0, 0, : base.size]
         Y = problem.response(number, q)[0]
         assert abs(want[1]) > 0.005 * abs(want[0])
         np.testing.assert_allclose(Y[:3], want[:3], rtol=0, atol=0.02 * abs(want[1]))
