@@ -89,7 +89,7 @@ class PeriodicMotionError(SimulationError):
 
     def __init__(self, model: str, frequency_hz: float, share: float) -> None:
         self.model, self.frequency_hz, self.share = model, frequency_hz, share
-        reached = f"it could be followed from rest up to {share:.2g} of the amplitude" if share else "not even a small one"
+        reached = f"from rest it was followed up to {share:.2g} of the amplitude" if share else "not even a small one"
         super().__init__(f"{model}: no periodic motion was found at {frequency_hz:g} Hz ({reached}).")
 
 

@@ -9,9 +9,9 @@ from scipy.special import chdtrc
 from fasbody.foot.parameters import symbol_and_unit
 from fasbody.recording.recording import Recording
 from identification.harmonics import Line
+from identification.nuisances import FOOT_STD
 from identification.result import UNLIKELY, Allowance, Branch, World, chance
 from identification.space import Space
-from identification.nuisances import FOOT_STD
 
 #: Fit below which something is wrong [%], and error of the base above which the shaker is.
 POOR_FIT, _BASE_ERROR = 85.0, 1e-4
@@ -39,9 +39,9 @@ def advice(
     """Sentences on a fit's best branch.
 
     Args:
-        best: the branch. space: what was free. rank: of the excitation. data: the recordings. fits: of each recording [%].
-        base_error: of the base that MuJoCo realised.
-        others: the other branches that the data leave open, with whatever else may be true.
+        best: the branch. space: what was free. rank: of the excitation. data: the recordings.
+        fits: of each recording [%]. base_error: of the base that MuJoCo realised.
+        others: the other branches that the data leave open.
     """
     texts = []
     more = (
@@ -100,7 +100,7 @@ def advice(
     narrow = {k: e.if_model_true for k, e in best.parameters.items() if _bend(k) and e.if_model_true and e.lower == 0}
     if trusted := [_symbol(key) for key, e in narrow.items() if e.lower > 0 and rank >= len(space.free) and may_trust]:
         texts.append(
-            f"Above zero only if the model is true: {', '.join(trusted)}. Otherwise zero is within the interval."
+            f"Above zero only with the model assumed exact: {', '.join(trusted)}. Otherwise zero is in the interval."
         )
     loads = len({recording.condition.added_mass_kg for recording in data})
     return [*texts, *(departures(best.world, others, loads) if best.world else [])]
@@ -131,7 +131,7 @@ def departures(world: World, others: Sequence[World] = (), loads: int = 1) -> li
     """
     if not world.follows:
         return []
-    texts = []
+    texts = _ruler(world)
     for mass in world.masses:
         if mass.weighed:
             texts.append(
@@ -151,6 +151,30 @@ def departures(world: World, others: Sequence[World] = (), loads: int = 1) -> li
     told = {each.name for other in others for each in other.nuisances if not _shows(each)}
     texts += [_sign(each) for each in world.nuisances if _shows(each) and each.name not in told]
     return [*texts, *_loads(world)]
+
+
+#: Standard deviations of their priors that both masses must be off to the same side to raise an alarm.
+_ALIKE = 1.5
+
+
+def _ruler(world: World) -> list[str]:
+    """What all constants share: the scale that masses and load set."""
+    texts = []
+    if world.scale_std > 0:
+        texts.append(
+            "All stiffness and damping share one scale, the leg's mass, which is known to "
+            f"±{196 * world.scale_std:.2g} % (95 %); natural frequencies, damping ratios and constants per kilogram do "
+            "not depend on it. A force plate under the foot, with and without the load, narrows it (static_force_n in "
+            "[known] of study.toml)."
+        )
+    off = [each.off for each in world.nuisances if each.group == "masses"]
+    if len(off) == 2 and min(off) * max(off) > 0 and min(map(abs, off)) > _ALIKE:
+        way = "heavier" if off[0] > 0 else "lighter"
+        texts.append(
+            f"Shank and foot both come out {way} than stated, by about one factor: the added mass or the body mass may "
+            "be wrong, or thigh and chair carry a part of the load."
+        )
+    return texts
 
 
 def _shows(each: Allowance) -> bool:

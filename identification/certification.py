@@ -1,10 +1,6 @@
-"""A branch of a fit converged on the MuJoCo rollout, with its standard errors: the numbers that are reported.
+"""A branch of a fit in the time domain converged on the MuJoCo rollout, with its standard errors.
 
 The estimate is then run over whole recordings (`replay`), for the traces of the report and the thesis' fit percentage.
-MuJoCo runs all of them where it alone is the model. Where the compiled twin is the model too and the motion is steady,
-MuJoCo runs the first recording throughout and one period of the others, and the twin, which must agree with it over
-those, runs the rest: each further period repeats the one that was certified, and a motion that a foot would not stay on
-is thrown off by the noise of the base in the twin as well.
 """
 
 from collections.abc import Mapping, Sequence
@@ -12,40 +8,30 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.interpolate import CubicSpline
-from scipy.special import chdtrc
 
 from fasbody.exceptions import SimulationError
 from fasbody.foot.model import Foot
-from fasbody.foot.parameters import Parameter
 from fasbody.foot.simulate import Batch
 from fasbody.recording.recording import Recording
 from identification.blackbox.criteria import fit_percent
-from identification.domains import Domain, TimeDomain
+from identification.domains import TimeDomain
 from identification.engines.certified import CertifiedRollouts
 from identification.engines.engine import Whole
 from identification.engines.mujoco import Coordinates
 from identification.engines.twin import Twin
-from identification.periodic import PeriodicProblem
+from identification.intervals import size_that_matters
 from identification.result import Branch, Estimate, identifiability
-from identification.search import Descent, Problem, descend
+from identification.search import Descent, descend
 from identification.sensors import MALLEOLUS, SensorFit
 from identification.settle import Settled, follow
-from identification.settle import settle as settle_between
 from identification.space import DELAY, SearchSpace, Space, delay_of
 from identification.time_domain import Samples, TimeProblem
 
-#: Rounds of reweighing: the weights depend on the model, and settle at once.
-_REWEIGH = 2
-#: Decrease of chi-square in MuJoCo that is far below a standard error, where the misfit is noise; evaluations at most.
-_PROMISED, _MOST = 1e-6, 50
-#: The same in the time domain, where an evaluation is a whole recording: a tenth of a standard error.
-_PROMISED_IN_TIME = 0.01
-#: Misfit over the noise beyond which a hundredth of a standard error, widened by it, is near enough.
-_MISSES, _ROUGH = 10.0, 1e-2
+#: Decrease of the sum of squares in MuJoCo that is worth no further step, a tenth of a standard error; evaluations at
+#: most.
+_PROMISED, _MOST = 0.01, 50
 #: So many ends of a branch are tried in MuJoCo before it is given up.
 _CANDIDATES = 3
-#: A steady motion this many times larger than the measured one has left its orbit, which is unstable.
-_GROWN = 5.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,31 +57,26 @@ class Certified:
     """A branch converged on the MuJoCo rollout."""
 
     name: str
-    problem: Problem
+    problem: TimeProblem
     descent: Descent
     deviance: float
     run: Replay
 
     def sensors(self, recordings: Sequence[Recording]) -> list[tuple[SensorFit, ...]]:
         """How each sensor of each recording is followed."""
-        problem, run = self.problem, self.run
-        steady = isinstance(problem, PeriodicProblem)
-        predicted = problem.predict(self.descent.z) if isinstance(problem, PeriodicProblem) else []
-        found = []
+        run, rows = self.run, []
         for i, recording in enumerate(recordings):
             traces = {MALLEOLUS[0]: run.traces[i]} | dict(run.others[i] if run.others else {})
-            lines = problem.lines[i].sensors if isinstance(problem, PeriodicProblem) else {}
-            rows = []
-            for place, (name, model) in enumerate(traces.items()):
-                measured, count = recording.sensors[name], lines[name].amplitudes.size if steady else 0
-                fit = fit_percent(measured, model) if place else run.fits[i]
-                modelled = predicted[i][place * count : (place + 1) * count] if steady else None
-                rows.append(SensorFit.of(name, fit, measured, model, lines.get(name), modelled))
-            found.append(tuple(rows))
-        return found
+            rows.append(
+                tuple(
+                    SensorFit.of(name, fit_percent(recording.sensors[name], y), recording.sensors[name], y)
+                    for name, y in traces.items()
+                )
+            )
+        return rows
 
 
-def certify_first(domain: Domain, name: str, candidates: Sequence[Descent]) -> tuple[Certified | None, int]:
+def certify_first(domain: TimeDomain, name: str, candidates: Sequence[Descent]) -> tuple[Certified | None, int]:
     """The best descent of a branch that MuJoCo can follow over whole recordings, and how many it could not.
 
     A parameter set may have a periodic motion that no foot would stay on. Descents that end at the same place are
@@ -114,40 +95,47 @@ def certify_first(domain: Domain, name: str, candidates: Sequence[Descent]) -> t
     return None, len(skipped)
 
 
-def _certify(domain: Domain, name: str, descent: Descent) -> Certified:
-    """Settle the weights, converge on the MuJoCo rollout, and run the recordings.
+def _certify(domain: TimeDomain, name: str, descent: Descent) -> Certified:
+    """Refine the step, converge on the MuJoCo rollout, and run the recordings.
 
     Raises:
         SimulationError: the motion is unstable over whole recordings.
     """
-    problem, descent = settle(domain, descent)
-    domain = domain.refined(descent.z)
-    if isinstance(domain, TimeDomain) and domain.by_twin:
-        final = problem
-    else:
-        final = problem.certified(domain.foot)
+    domain, problem, descent = _refined(domain, descent)
+    final = problem if domain.by_twin else problem.certified(domain.foot)
+    if not domain.by_twin:
         descent = _converged(final, descent)
-    starts = [final.states(descent.z, number) for number in range(len(domain.recordings))]
-    values = domain.space.values(descent.theta)
-    foot, data = domain.foot, domain.recordings
-    if isinstance(final, TimeProblem) and isinstance(final.engine, CertifiedRollouts):
+    if isinstance(final.engine, CertifiedRollouts):
         run = _ran(final, descent.z)
     else:
-        run = replay(foot, data, values, starts, domain.twin, domain.threads, domain.sensors, domain.replayed)
-    if final.chi_square and not _lasts(run, domain.recordings):
-        raise SimulationError(f"{domain.foot.name}: a periodic motion that a foot would not stay on.")
+        starts = [final.states(descent.z, number) for number in range(len(domain.recordings))]
+        values = domain.space.values(descent.theta)
+        made = (domain.twin, domain.threads, domain.sensors, domain.replayed)
+        run = replay(domain.foot, domain.recordings, values, starts, *made)
     return Certified(name, final, descent, descent.cost + final.log_determinant, run)
 
 
-def _converged(final: Problem, descent: Descent) -> Descent:
-    """The end of a descent on MuJoCo's motion, from where the twin's ended: where the two agree, that is the end."""
-    if final.chi_square:
-        excess = max(1.0, descent.cost / max(1, final.size))
-        promised = _PROMISED if excess < _MISSES else _ROUGH * excess
-        return _settled(descent, final.space, settle_between(final, descent.z, *final.bounds, _MOST, promised))
-    if isinstance(final, TimeProblem) and isinstance(final.engine, CertifiedRollouts):
+def _converged(final: TimeProblem, descent: Descent) -> Descent:
+    """The end of a descent on MuJoCo's motion, from where the twin's ended."""
+    if isinstance(final.engine, CertifiedRollouts):
         return _settled_in_time(final, descent, descent.z)
     return descend(final, final.space.to_q(descent.theta), descent.label, z0=descent.z, tight=True)
+
+
+def _refined(domain: TimeDomain, descent: Descent) -> tuple[TimeDomain, TimeProblem, Descent]:
+    """Bring the time step up to date at a descent's end and go on, until it stays."""
+    z, finer = descent.z, domain.refined(descent.z)
+    while True:
+        domain = finer
+        problem = domain.problem()
+        if domain.twin:
+            descent = _settled_in_time(problem, descent, z)
+        else:
+            descent = descend(problem, domain.space.to_q(descent.theta), descent.label, z0=z, tight=True)
+        z = descent.z
+        finer = domain.refined(z)
+        if finer is domain:
+            return domain, problem, descent
 
 
 def _settled(descent: Descent, space: SearchSpace, end: Settled) -> Descent:
@@ -161,7 +149,7 @@ def _settled_in_time(problem: TimeProblem, descent: Descent, z: np.ndarray) -> D
     """A descent that goes on from z, as near as the errors are uncertain: a misfit makes them larger by its root."""
     samples = Samples(problem)
     r = samples.values(z)
-    promised = _PROMISED_IN_TIME * max(1.0, float(r @ r) / problem.size)
+    promised = _PROMISED * max(1.0, float(r @ r) / problem.size)
     return _settled(descent, problem.space, follow(samples, z, *problem.bounds, _MOST, promised))
 
 
@@ -182,38 +170,8 @@ def _ran(problem: TimeProblem, z: np.ndarray) -> Replay:
     return Replay(traces, fits, engine.base_error, difference, others)
 
 
-def _lasts(run: Replay, recordings: Sequence[Recording]) -> bool:
-    """Whether steady motions stay near what was measured, as a descent's end does over one period."""
-    pairs = zip(run.traces, recordings, strict=True)
-    return all(np.ptp(trace) <= _GROWN * np.ptp(recording.malleolus_m_s2) for trace, recording in pairs)
-
-
-def settle(domain: Domain, descent: Descent) -> tuple[Problem, Descent]:
-    """Bring weights and time step up to date at a descent's end and go on: the problem so weighted, and the end."""
-    problem = domain.problem()
-    z = descent.z
-    if z.size != problem.bounds[0].size:  # explored on harmonics
-        q = domain.space.to_q(descent.theta)
-        z = problem.start(q)
-    finer = domain.refined(z)
-    while True:
-        problem, domain = problem if finer is domain else finer.problem(), finer
-        if isinstance(problem, TimeProblem) and domain.twin:
-            descent = _settled_in_time(problem, descent, z)
-        else:
-            for _ in range(_REWEIGH if problem.chi_square else 1):  # without chi-square the weights stay
-                problem.reweigh(descent.z)
-                q, tight = domain.space.to_q(descent.theta), descent.cost < _MISSES * problem.size
-                descent = descend(problem, q, descent.label, z0=z, tight=tight)
-                z = descent.z
-        z = descent.z
-        finer = domain.refined(z)
-        if finer is domain:
-            return problem, descent
-
-
-def standard_errors(problem: Problem, descent: Descent, dof: int) -> tuple[np.ndarray, np.ndarray]:
-    """Standard errors (p,) and covariance (p, p) of q; a misfit beyond the noise widens the former, NaN at a bound.
+def standard_errors(problem: TimeProblem, descent: Descent) -> tuple[np.ndarray, np.ndarray]:
+    """Standard errors (p,) and covariance (p, p) of q; NaN at a bound.
 
     What rests on a bound has no standard error of its own, but is not known to lie there: the others' errors hold for
     any value it may have, not for the bound's alone.
@@ -221,15 +179,14 @@ def standard_errors(problem: Problem, descent: Descent, dof: int) -> tuple[np.nd
     at_bound = problem.space.at_bound(descent.theta)
     covariance = problem.covariance(descent.z, np.ones(at_bound.size, bool))
     covariance[at_bound] = covariance[:, at_bound] = np.nan
-    excess = max(1.0, descent.cost / max(1, dof)) if problem.chi_square else 1.0
-    return np.sqrt(np.diag(covariance) * excess), covariance
+    return np.sqrt(np.diag(covariance)), covariance
 
 
 def branch_of(certified: Certified, space: Space) -> Branch:
     """Estimates with standard errors from the Jacobian at MuJoCo's optimum."""
     problem, descent, run = certified.problem, certified.descent, certified.run
     dof = max(0, problem.size - descent.z.size)
-    std_q, covariance = standard_errors(problem, descent, dof)
+    std_q, covariance = standard_errors(problem, descent)
     at_bound = space.at_bound(descent.theta)
     theta = space.snapped(descent.theta)
     low, high = space.interval(theta, std_q)
@@ -255,13 +212,8 @@ def branch_of(certified: Certified, space: Space) -> Branch:
         correlation=np.nan_to_num(correlation).tolist(),
         chi_square=descent.cost,
         dof=dof,
-        p_value=float(chdtrc(dof, descent.cost)) if problem.chi_square and dof else None,
+        p_value=None,
     )
-
-
-def size_that_matters(item: Parameter) -> float:
-    """A value that matters of a parameter that may be zero: a tenth of the way to its bound."""
-    return 0.0 if item.logarithmic else 0.1 * max(abs(item.lower), abs(item.upper))
 
 
 def replay(

@@ -1,46 +1,43 @@
 """What a fit says besides its parameters: natural frequencies, damper laws, energies, and where chi-square comes from.
 
-Each is computed from the certified fit ("if the model is true") and, where there is one, from the fit with whatever
-else may be true. Errors are propagated linearly (delta method) from the covariance that the intervals of the parameters
-come from.
+Each is computed from the fit with model and sensor errors included and, where there is one, with the model assumed
+exact. Errors are propagated linearly (delta method) from the covariance that the intervals of the parameters come from.
 """
 
 import functools
-from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
 import mujoco
 import numpy as np
 
-from fasbody.exceptions import FasError
+from fasbody.exceptions import FasError, SimulationError
 from fasbody.foot.damper import damping
 from fasbody.foot.engine import callbacks
 from fasbody.foot.model import Foot
 from fasbody.foot.rest import standing
-from fasbody.foot.two_dof import TwoDof, periodic
+from fasbody.foot.steady_state import Balance
+from fasbody.foot.two_dof import TwoDof
+from fasbody.foot.two_mass import PARAMETERS, Orbits, parameters, resolved
 from identification.certification import Certified, standard_errors
-from identification.engines.engine import LONGEST_STEP, Excitation
-from identification.periodic import Line, PeriodicProblem
+from identification.harmonics import Line
+from identification.intervals import Solution
+from identification.replay import residual
 from identification.result import IF_TRUE, WHATEVER, FitResult
-from identification.search import inverse_of_gram
 from identification.space import DELAY
-from identification.study.loops import Cycle, cycle
+from identification.study.loops import Cycle, cycle, of_orbits
 
 if TYPE_CHECKING:
     from identification.evidence import Evidence
-    from identification.wide import End
 
 Row = dict[str, Any]
 
 _Z95 = 1.959963984540054
-#: Steps of differences: in standard errors of a search variable, and as a share of a constant.
-_STEP, _SHARE = 1e-3, 1e-4
-#: Frequencies of a curve, and displacements of a damper's law.
-_POINTS, _PLACES = 81, 61
-#: Relative gap of the orbits of a curve.
-_GAP = 1e-6
+#: Step of a search variable for a slope.
+_STEP = 1e-4
+#: Frequencies of a curve, fewer where the engine computes it, and displacements of a damper's law.
+_POINTS, _FEW, _PLACES = 81, 31, 61
 #: Modes listed at most; a model may have many.
 _MODES = 6
 #: The dampers of the two-mass foot: joint -> parameters of its law, and the name of its loop.
@@ -50,91 +47,57 @@ DAMPERS: Mapping[str, tuple[str, str, str, str]] = {
 }
 
 
-class View(ABC):
+@dataclass(frozen=True, eq=False)
+class View:
     """A branch's foot with what is uncertain of it.
 
     Attributes:
-        branch: its name. basis: what its intervals allow for. q, C: search variable (n,) and its covariance (n, n),
-            with zeros for what has no standard error. bounds: of q.
+        branch: its name. basis: what its intervals include.
+        q: (n,) search variable. quantile: standard errors to each side of a 95 % interval.
+        foot: constants and masses by name under the conditions of a recording, of its number and q.
+        slopes: (m, n) derivatives of a function (m,) of q.
+        spread: (m,) standard errors of what has such derivatives.
+        solution: of steady recordings, None in the time domain.
     """
 
     branch: str
     basis: str
     q: np.ndarray
-    C: np.ndarray
-    bounds: tuple[np.ndarray, np.ndarray]
+    quantile: float
+    foot: Callable[[int, np.ndarray], dict[str, float]]
+    slopes: Callable[[Callable[[np.ndarray], np.ndarray]], np.ndarray]
+    spread: Callable[[np.ndarray], np.ndarray]
+    solution: Solution | None = None
 
-    @abstractmethod
-    def foot(self, q: np.ndarray, number: int) -> dict[str, float]:
-        """Constants and masses by name under the conditions of a recording."""
+    @classmethod
+    def of_solution(cls, solution: Solution, basis: str) -> "View":
+        """Of steady recordings."""
+        s = solution
+        return cls(s.branch, basis, s.q, s.quantile, s.foot, s.slopes, s.spread, s)
 
-    def moving(self, q: np.ndarray, number: int) -> dict[str, float]:
-        """Constants and masses of the foot that moves as recorded, at the frequency of a recording."""
-        return self.foot(q, number)
+    @classmethod
+    def of_certified(cls, certified: Certified, evidence: "Evidence", dof: int) -> "View":
+        """Of the time domain."""
+        space, descent = evidence.space, certified.descent
+        assert space is not None
+        _, C = standard_errors(certified.problem, descent, dof)
+        C = np.nan_to_num(C, nan=0.0, posinf=0.0)  # at a bound, or not seen
 
-    def slopes(self, function: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-        """Derivatives (m, n) of a function (m,) of the search variable, by differences inside its bounds."""
-        std = np.sqrt(np.diag(self.C))
-        low, high = self.bounds
-        columns = []
-        for i, s in enumerate(std):
-            if not (np.isfinite(s) and s > 0):
-                columns.append(np.zeros_like(function(self.q)) if s == 0 else np.full_like(function(self.q), np.inf))
-                continue
-            ends = [float(np.clip(self.q[i] + sign * _STEP * s, low[i], high[i])) for sign in (-1, 1)]
-            below, above = (function(np.where(np.arange(std.size) == i, end, self.q)) for end in ends)
-            columns.append((above - below) / (ends[1] - ends[0]))
-        return np.column_stack(columns)
+        def foot(number: int, q: np.ndarray) -> dict[str, float]:
+            masses = evidence.recordings[number].condition.masses
+            return {**evidence.foot.values(), **space.values(space.to_theta(q)), **masses}
 
-    def spread(self, J: np.ndarray) -> np.ndarray:
-        """Standard errors (m,) of what has the derivatives J (m, n); infinite where the recordings set no limit."""
-        blind = ~np.isfinite(np.diag(self.C))
-        known = np.where(np.outer(blind, blind) | ~np.isfinite(self.C), 0.0, self.C)
-        J_known = np.where(blind, 0.0, J)
-        std = np.sqrt(np.maximum(np.einsum("mi,ij,mj->m", J_known, known, J_known), 0.0))
-        return np.where((J[:, blind] != 0).any(axis=1), np.inf, std)
+        def slopes(function: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+            steps = _STEP * np.eye(len(C))
+            return np.stack([(function(q + d) - function(q - d)) / (2 * _STEP) for d in steps], 1)
 
+        q = space.to_q(descent.theta)
+        spread = lambda J: np.sqrt(np.einsum("mi,ij,mj->m", J, C, J))  # noqa: E731
+        return cls(certified.name, IF_TRUE, q, _Z95, foot, slopes, spread)
 
-class _Narrow(View):
-    """If the model is true."""
-
-    def __init__(self, evidence: "Evidence", certified: Certified, dof: int) -> None:
-        problem, descent, space = certified.problem, certified.descent, evidence.space
-        self.branch, self.basis, self.space, self.evidence = certified.name, IF_TRUE, space, evidence
-        self.q, self.bounds = space.to_q(descent.theta), space.bounds
-        _, C = standard_errors(problem, descent, dof)
-        excess = max(1.0, descent.cost / max(1, dof)) if problem.chi_square else 1.0
-        self.C = np.nan_to_num(C, nan=0.0, posinf=np.inf) * excess
-
-    def foot(self, q: np.ndarray, number: int) -> dict[str, float]:
-        """See `View`."""
-        domain = self.evidence.domain
-        values = self.space.values(self.space.to_theta(q))
-        return {**domain.foot.values(), **values, **domain.recordings[number].condition.masses}
-
-
-class _Wide(View):
-    """Whatever else may be true."""
-
-    def __init__(self, end: "End", dof: int) -> None:
-        self.branch, self.basis, self.q, self.world = end.name, WHATEVER, end.q, end.problem.world
-        self.bounds = self.world.bounds
-        self.C = inverse_of_gram(end.problem.jacobian(end.q)) * max(1.0, end.problem.chi(end.q) / max(1, dof))
-
-    def _masses(self, q: np.ndarray, number: int) -> dict[str, float]:
-        world = self.world
-        return {name: float(mass[number]) for name, (mass, _) in world.weights(q).items()}
-
-    def foot(self, q: np.ndarray, number: int) -> dict[str, float]:
-        """See `View`: without what relaxes, which adds stiffness and damping to a motion, and none at rest."""
-        condition = self.world.recordings[number].condition
-        constants = {name: float(each[number]) for name, each in self.world.constants(q)[0].items()}
-        return {**self.world.own, **self.world.feet.fixed, **condition.masses, **constants, **self._masses(q, number)}
-
-    def moving(self, q: np.ndarray, number: int) -> dict[str, float]:
-        """See `View`: with what relaxes, as constants that move alike at the recording's frequency."""
-        theta, _ = self.world.at(number, q)
-        return {**self.foot(q, number), **dict(zip(self.world.names, map(float, theta), strict=True))}
+    def half_width(self, function: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
+        """Half of the 95 % interval (m,) of a function (m,) of q."""
+        return self.quantile * self.spread(self.slopes(function))
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,11 +105,13 @@ class Derived:
     """Rows of each table, empty where a fit cannot fill it; a row's keys are the columns of its CSV file.
 
     Attributes:
-        data: measured transmissibility and phase lag at the excited frequencies, with 95 % limits of their noise.
+        data: measured transmissibility and phase lag at the excited frequencies, with 95 % limits of noise and
+            repeatability.
         curves: the same of each branch over frequency. modes: natural frequencies and damping ratios, of small motion.
         dampers: laws over the displacement that was reached. reached: from where to where, by load. energies:
             dissipated a cycle.
         chi_square: parts by recording and harmonic, which add up to the total.
+        scale: what of each constant's interval is the leg's mass, common to all, and what is left per kilogram of leg.
     """
 
     data: list[Row]
@@ -156,6 +121,7 @@ class Derived:
     reached: list[Row]
     energies: list[Row]
     chi_square: list[Row]
+    scale: list[Row]
 
 
 @functools.lru_cache(maxsize=4)
@@ -166,17 +132,18 @@ def derived(result: FitResult) -> Derived:
     """
     evidence = result.evidence
     if evidence is None:
-        return Derived([], [], [], [], [], [], [])
+        return Derived([], [], [], [], [], [], [], [])
     views = _views(result, evidence) if result.offered else []
-    cycles = {(id(view), i): found for view in views for i, found in _cycles(evidence, view)}
+    moving = [(view, *_cycles(evidence, view)) for view in views]
     return Derived(
         _data(evidence),
         _curves(result, evidence),
         [row for view in views for row in _modes(evidence, view)],
-        [row for view in views for row in _dampers(evidence, view, cycles)],
-        _reached(evidence, views[:1], cycles),
-        [row for view in views for row in _energies(evidence, view, cycles)],
+        [row for view, cycles, _ in moving for row in _dampers(evidence, view, cycles)],
+        _reached(evidence, moving[0][1]) if moving else [],
+        [row for each in moving for row in _energies(evidence, *each)],
         _chi_square(evidence, result.best.name),
+        [row for view in views if view.basis == WHATEVER for row in _scale(view)],
     )
 
 
@@ -189,26 +156,36 @@ def at_a_glance(result: FitResult) -> tuple[list[Row], list[Row], list[Row]]:
     return _data(evidence), _curves(result, evidence), parts
 
 
+def _headline(evidence: "Evidence", name: str, dof: int) -> View:
+    """What the parameters of a branch are of."""
+    for solution in evidence.solutions:
+        if solution.branch == name:
+            return View.of_solution(solution, WHATEVER if evidence.exact else IF_TRUE)
+    return next(View.of_certified(c, evidence, dof) for c in evidence.certified if c.name == name)
+
+
 def _views(result: FitResult, evidence: "Evidence") -> list[View]:
     """The branches that the data leave open, on each basis that there is, the wider first."""
-    found: list[View] = []
+    views: list[View] = []
     for branch in result.open:
-        found += [_Wide(end, branch.dof) for end in evidence.ends if end.name == branch.name]
-        found += [_Narrow(evidence, each, branch.dof) for each in evidence.certified if each.name == branch.name]
-    return found
+        views.append(_headline(evidence, branch.name, branch.dof))
+        if branch.name in evidence.exact:
+            views.append(View.of_solution(evidence.exact[branch.name], IF_TRUE))
+    return views
 
 
 def _data(evidence: "Evidence") -> list[Row]:
-    """Measured fundamental of the malleolus over that of the base; the scatter of the noise alone."""
+    """Measured fundamental of the malleolus over that of the base; the scatter of noise and repeatability."""
     rows = []
-    for r in evidence.domain.recordings:
+    scatter = evidence.solutions[0].problem.repeatability if evidence.solutions else 0.0
+    for r in evidence.recordings:
         if r.condition.frequency_hz is None:
             continue
         line = Line.of(r)
         out, into = line.malleolus, line.base
         H = out.amplitudes[0] / into.amplitudes[0]
-        std = float(np.hypot(out.std[0] / abs(out.amplitudes[0]), into.std[0] / abs(into.amplitudes[0])))
-        size, lag, half = float(abs(H)), float(-np.degrees(np.angle(H))), _Z95 * std
+        noise = np.array([out.std[0] / abs(out.amplitudes[0]), into.std[0] / abs(into.amplitudes[0]), scatter])
+        size, lag, half = float(abs(H)), float(-np.degrees(np.angle(H))), _Z95 * float(np.linalg.norm(noise))
         rows.append(
             {
                 "file": r.file, "added_mass_kg": r.condition.added_mass_kg, "frequency_hz": into.frequency_hz,
@@ -220,64 +197,75 @@ def _data(evidence: "Evidence") -> list[Row]:
     return rows
 
 
-def _curves(result: FitResult, evidence: "Evidence") -> list[Row]:
-    """Response of each branch over frequency and load, if the model is true, to a sine as large as the recorded ones.
+def _by_load(evidence: "Evidence") -> dict[float, list[int]]:
+    """Numbers of the periodic recordings by their added mass [kg]."""
+    numbers: dict[float, list[int]] = {}
+    for i, recording in enumerate(evidence.recordings):
+        if recording.condition.frequency_hz is not None:
+            numbers.setdefault(recording.condition.added_mass_kg, []).append(i)
+    return dict(sorted(numbers.items()))
 
-    Other models than the two-mass foot are known at the excited frequencies only.
-    """
+
+def _curves(result: FitResult, evidence: "Evidence") -> list[Row]:
+    """What the malleolus' sensor reads over frequency and load, by branch, of a sine as large as the recorded ones."""
     rows: list[Row] = []
-    order = {branch.name: i for i, branch in enumerate(result.branches)}
-    for certified in sorted(evidence.certified, key=lambda c: order.get(c.name, len(order))):
-        view = _Narrow(evidence, certified, 1)
+    for branch in result.branches:
+        view = _headline(evidence, branch.name, branch.dof)
         for load, numbers in _by_load(evidence).items():
-            lines = [Line.of(evidence.domain.recordings[i]) for i in numbers]
-            f = np.array([line.base.frequency_hz for line in lines])
-            size = np.array([abs(line.base.amplitudes[0]) for line in lines])
-            values = view.foot(view.q, numbers[0])
-            if evidence.domain.twin:
-                found = _twin_curve(values, f, size)
-            elif isinstance(certified.problem, PeriodicProblem):
-                Y = [certified.problem.response(i, certified.descent.z)[0][0] for i in numbers]
-                found = [
-                    (x, y / line.base.amplitudes[0] * np.exp(2j * np.pi * x * values.get(DELAY.name, 0.0)))
-                    for x, y, line in sorted(zip(f, Y, lines, strict=True), key=lambda each: each[0])
-                ]
-            else:
-                continue
-            for x, H in found:
-                H = H * np.exp(-2j * np.pi * x * values.get(DELAY.name, 0.0))
-                rows.append(
-                    {
-                        "branch": certified.name, "added_mass_kg": load, "frequency_hz": float(x),
-                        "transmissibility": float(abs(H)), "phase_lag_deg": float(-np.degrees(np.angle(H))),
-                    }
-                )  # fmt: skip
+            lines = sorted((Line.of(evidence.recordings[i]).base for i in numbers), key=lambda b: b.frequency_hz)
+            f = np.array([line.frequency_hz for line in lines])
+            grid = np.unique(np.concatenate([f, np.linspace(f[0], f[-1], _POINTS if evidence.two_mass else _FEW)]))
+            U = np.interp(grid, f, [abs(line.amplitudes[0]) for line in lines])
+            values = view.foot(numbers[0], view.q)
+            Y = _steady(values, grid, U) if evidence.two_mass else _steady_in_engine(evidence.foot, values, grid, U)
+            H = _read(view, values, grid, U, Y) / U
+            rows += [
+                {
+                    "branch": branch.name, "added_mass_kg": load, "frequency_hz": float(x),
+                    "transmissibility": float(abs(h)), "phase_lag_deg": float(-np.degrees(np.angle(h))),
+                }
+                for x, h in zip(grid, H, strict=True) if np.isfinite(h)
+            ]  # fmt: skip
     return rows
 
 
-def _by_load(evidence: "Evidence") -> dict[float, list[int]]:
-    """Numbers of the periodic recordings by their added mass [kg]."""
-    found: dict[float, list[int]] = {}
-    for i, recording in enumerate(evidence.domain.recordings):
-        if recording.condition.frequency_hz is not None:
-            found.setdefault(recording.condition.added_mass_kg, []).append(i)
-    return dict(sorted(found.items()))
+def _steady(values: Mapping[str, float], f: np.ndarray, U: np.ndarray) -> np.ndarray:
+    """Fundamentals (n,) of the malleolus of a two-mass foot on sines of frequencies (n,) [Hz]; NaN where is none."""
+    theta = np.tile(parameters(values), (f.size, 1))
+    found = resolved(theta, 2 * np.pi * f, U[:, None].astype(complex))
+    return np.where(found.converged, found.shank[:, 0], np.nan)
 
 
-def _twin_curve(values: Mapping[str, float], f: np.ndarray, size: np.ndarray) -> list[tuple[float, complex]]:
-    """Fundamental over that of the base of the two-mass foot, from one recorded frequency to the other."""
-    foot, order, start = TwoDof.from_values(values), np.argsort(f), np.zeros(4)
-    grid = np.unique(np.concatenate([f, np.linspace(f.min(), f.max(), _POINTS)]))
-    found = []
-    for x in grid:
-        U = float(np.interp(x, f[order], size[order]))
-        e = Excitation(float(x), np.array([U + 0j]), {}, LONGEST_STEP)
-        Y, _, start, _, gap = periodic(start, foot.theta, foot.m_S, foot.m_F, e.half_steps, e.step, _GAP, 30)
-        if gap < _GAP:
-            found.append((float(x), complex(2 / Y.size * np.fft.rfft(Y)[1] / U)))
+def _steady_in_engine(foot: Foot, values: Mapping[str, float], f: np.ndarray, U: np.ndarray) -> np.ndarray:
+    """The same of any model, each motion from the one before."""
+    balance, last = Balance(foot), None
+    declared = {name: value for name, value in values.items() if name in foot.parameters}
+    Y = np.full(f.size, np.nan, complex)
+    for i, (x, u) in enumerate(zip(f.tolist(), U.tolist(), strict=True)):
+        try:
+            last = balance.orbit(x, [u], declared, last)
+        except SimulationError:
+            last = None
         else:
-            start = np.zeros(4)
-    return found
+            Y[i] = last.harmonics()[0]
+    return Y
+
+
+def _read(view: View, values: Mapping[str, float], f: np.ndarray, U: np.ndarray, Y: np.ndarray) -> np.ndarray:
+    """What the malleolus' sensor makes of its motion Y (n,) at frequencies (n,) [Hz], halfway through the session."""
+    if view.solution is None:
+        return np.asarray(Y * np.exp(-2j * np.pi * f * values.get(DELAY.name, 0.0)))
+    problem, q = view.solution.problem, view.q.copy()
+    variables, measured = problem.variables, problem.measured
+    drift = variables.of_kind("drift", sensor=measured.sensors[0])
+    if drift is not None:
+        q[drift] = 0.0
+    first = variables.recordings[0]
+    made = [replace(first, condition=replace(first.condition, frequency_hz=float(x))) for x in f]
+    grid = replace(measured, base=U[:, None].astype(complex), output=np.zeros((f.size, len(measured.sensors), 1)))
+    problem = replace(problem, variables=replace(variables, recordings=made), measured=grid)
+    T, rock = problem.channel(q[None], 1)
+    return np.asarray(T[0, :, 0, 0] * (Y + rock[0, :, 0, 0]))
 
 
 def poles(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -286,9 +274,12 @@ def poles(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     A pair p is a factor s^2 + 2 zeta w s + w^2 of the characteristic polynomial, so that w = |p| and
     zeta = -Re p / |p|. Two real eigenvalues, of a mode that does not swing, are such a factor with zeta above one.
     """
-    found = np.linalg.eigvals(A)
-    swinging = found[found.imag > 0]
-    real = np.sort(np.abs(found[found.imag == 0].real))
+    return _pairs(np.linalg.eigvals(A))
+
+
+def _pairs(eigenvalues: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    swinging = eigenvalues[eigenvalues.imag > 0]
+    real = np.sort(np.abs(eigenvalues[eigenvalues.imag == 0].real))
     pairs = [(abs(p), -p.real / abs(p)) for p in swinging]
     pairs += [
         (np.sqrt(a * b), 0.5 * (a + b) / np.sqrt(a * b)) for a, b in zip(real[::2], real[1::2], strict=False) if a
@@ -296,6 +287,26 @@ def poles(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     pairs.sort()
     w, zeta = (np.array(each, float) for each in zip(*pairs, strict=True)) if pairs else (np.zeros(0), np.zeros(0))
     return w / (2 * np.pi), zeta
+
+
+def small_motion(values: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
+    """Natural frequencies (2,) [Hz] and damping ratios (2,) of the two-mass foot about rest, relaxing springs included.
+
+    Each Maxwell element beside a spring adds a real eigenvalue near -1 / tau, which is no mode.
+    """
+    A = TwoDof.from_values(values).state_space()[0]
+    if not (values.get("r_T") or values.get("r_F")):
+        return poles(A)
+    tau = values["tau"]
+    whole = np.zeros((6, 6))
+    whole[:4, :4] = A
+    whole[4, 2], whole[5, 3] = values["k_T"] * values["r_T"], values["k_F"] * values["r_F"]
+    whole[4, 4] = whole[5, 5] = -1 / tau
+    one, both = 1 / values["m_F"], 1 / values["m_F"] + 1 / values["m_S"]
+    whole[2:4, 4:] = [[-both, one], [one, -one]]
+    eigenvalues = np.linalg.eigvals(whole)
+    relaxes = np.lexsort([np.abs(eigenvalues + 1 / tau), np.abs(eigenvalues.imag) > 0])[:2]
+    return _pairs(np.delete(eigenvalues, relaxes))
 
 
 def linearised(foot: Foot, step: float = 1e-6) -> np.ndarray:
@@ -342,25 +353,19 @@ def _limits(values: np.ndarray, half: np.ndarray) -> list[tuple[float, float]]:
 
 def _modes(evidence: "Evidence", view: View) -> Iterator[Row]:
     """Natural frequencies and damping ratios of small motion under each load, with 95 % limits."""
-    domain = evidence.domain
-    if not domain.twin and domain.foot.model.na:
+    foot, two_mass = evidence.foot, evidence.two_mass
+    if not two_mass and foot.model.na:
         return  # a pad with a memory has more states than these
-    loads = {r.condition.added_mass_kg: i for i, r in reversed(list(enumerate(domain.recordings)))}
+    loads = {r.condition.added_mass_kg: i for i, r in reversed(list(enumerate(evidence.recordings)))}
     for load, number in sorted(loads.items()):
 
         def logarithms(q: np.ndarray, number: int = number) -> np.ndarray:
-            values = view.foot(q, number)
-            if domain.twin:
-                A = TwoDof.from_values(values).state_space()[0]
-            else:
-                A = linearised(
-                    domain.foot.with_values({k: v for k, v in values.items() if k in domain.foot.parameters})
-                )
-            f, zeta = poles(A)
+            values = view.foot(number, q)
+            declared = {name: value for name, value in values.items() if name in foot.parameters}
+            f, zeta = small_motion(values) if two_mass else poles(linearised(foot.with_values(declared)))
             return np.log(np.concatenate([f[:_MODES], np.maximum(zeta[:_MODES], 1e-12)]))
 
-        centre = logarithms(view.q)
-        half = _Z95 * view.spread(view.slopes(logarithms))
+        centre, half = logarithms(view.q), view.half_width(logarithms)
         with np.errstate(over="ignore"):  # a mode of which nothing is known reaches to infinity
             value, low, high = np.exp(centre), np.exp(centre - half), np.exp(centre + half)
         count = centre.size // 2
@@ -373,94 +378,137 @@ def _modes(evidence: "Evidence", view: View) -> Iterator[Row]:
             }  # fmt: skip
 
 
-def _excitation(evidence: "Evidence", number: int) -> Excitation:
-    """What drives a recording's foot; the masses come with the foot."""
-    line, foot = Line.of(evidence.domain.recordings[number]), evidence.domain.foot
-    return Excitation(line.base.frequency_hz, line.base.amplitudes, {}, min(LONGEST_STEP, foot.step))
+def _thetas(view: View, numbers: Sequence[int], q: np.ndarray) -> np.ndarray:
+    """Parameters (R, 13) of the two-mass foot in each recording."""
+    return np.stack([parameters(view.foot(i, q)) for i in numbers])
 
 
-def _cycles(evidence: "Evidence", view: View) -> Iterator[tuple[int, Cycle]]:
-    """One cycle of each periodic recording, where the model has an ankle and a fat pad."""
-    for numbers in _by_load(evidence).values():
-        for i in numbers:
-            try:
-                values = view.moving(view.q, i)
-                yield i, cycle(evidence.domain.foot, _excitation(evidence, i), values, evidence.domain.twin)
-            except FasError:  # a model without these joints, or a motion that the wide fit's foot does not have
-                continue
+def _cycles(evidence: "Evidence", view: View) -> tuple[dict[int, Cycle], Orbits | None]:
+    """One cycle of each steady recording by its number, where the model has an ankle and a fat pad.
+
+    Of the two-mass foot also the motions that they are of.
+    """
+    numbers = [i for group in _by_load(evidence).values() for i in group]
+    lines = [Line.of(evidence.recordings[i]).base for i in numbers]
+    if not (numbers and evidence.two_mass):
+        return _cycles_in_engine(evidence, view, numbers), None
+    base = np.zeros((len(lines), max(line.amplitudes.size for line in lines)), complex)
+    for row, line in zip(base, lines, strict=True):
+        row[: line.amplitudes.size] = line.amplitudes
+    omega = 2 * np.pi * np.array([line.frequency_hz for line in lines])
+    found = resolved(_thetas(view, numbers, view.q), omega, base, slopes=True)
+    return dict(zip(numbers, of_orbits(found, base), strict=True)), found
 
 
-def _dampers(evidence: "Evidence", view: View, cycles: Mapping[tuple[int, int], Cycle]) -> Iterator[Row]:
-    """Damping over the relative displacement that the recordings reached; a band of 95 % at each place."""
-    mine = {i: found for (key, i), found in cycles.items() if key == id(view)}
-    if not (evidence.domain.twin and mine):
+def _cycles_in_engine(evidence: "Evidence", view: View, numbers: Sequence[int]) -> dict[int, Cycle]:
+    cycles = {}
+    for i in numbers:
+        line = Line.of(evidence.recordings[i]).base
+        try:
+            values = view.foot(i, view.q)
+            cycles[i] = cycle(evidence.foot, line.frequency_hz, line.amplitudes, values, False)
+        except FasError:  # a model without these joints, or a motion that it does not have
+            continue
+    return cycles
+
+
+def _dampers(evidence: "Evidence", view: View, cycles: Mapping[int, Cycle]) -> Iterator[Row]:
+    """Damping over the relative displacement that the recordings reached, without what the springs relax."""
+    if not (evidence.two_mass and cycles):
         return
+    number = min(cycles)
     for joint, (*constants, part) in DAMPERS.items():
-        reached = np.concatenate([getattr(found, part).displacement_m for found in mine.values()])
+        reached = np.concatenate([getattr(each, part).displacement_m for each in cycles.values()])
         x = np.linspace(reached.min(), reached.max(), _PLACES)
-        number = min(mine)
 
-        def law(q: np.ndarray, x: np.ndarray = x, names: Sequence[str] = constants, number: int = number) -> np.ndarray:
-            values = view.foot(q, number)
+        def law(q: np.ndarray, x: np.ndarray = x, names: Sequence[str] = constants) -> np.ndarray:
+            values = view.foot(number, q)
             return np.array([damping(place, *(values[name] for name in names)) for place in x])
 
-        centre, half = law(view.q), _Z95 * view.spread(view.slopes(law))
-        for place, c, (low, high) in zip(x, centre, _limits(centre, half), strict=True):
+        centre = law(view.q)
+        for place, c, (low, high) in zip(x, centre, _limits(centre, view.half_width(law)), strict=True):
             yield {
                 "branch": view.branch, "basis": view.basis, "damper": joint, "displacement_m": float(place),
                 "damping_n_s_per_m": float(c), "lower": low, "upper": high,
             }  # fmt: skip
 
 
-def _reached(evidence: "Evidence", views: Sequence[View], cycles: Mapping[tuple[int, int], Cycle]) -> list[Row]:
-    """Relative displacements of ankle and pad under each load, over its recordings, of the first view."""
+def _reached(evidence: "Evidence", cycles: Mapping[int, Cycle]) -> list[Row]:
+    """Relative displacements of ankle and pad under each load, over its recordings."""
     rows = []
-    for joint, (*_, part) in DAMPERS.items() if views else ():
+    for joint, (*_, part) in DAMPERS.items():
         for load, numbers in _by_load(evidence).items():
-            mine = [cycles[id(views[0]), i] for i in numbers if (id(views[0]), i) in cycles]
-            if mine:
-                x = np.concatenate([getattr(found, part).displacement_m for found in mine])
+            if mine := [getattr(cycles[i], part).displacement_m for i in numbers if i in cycles]:
+                x = np.concatenate(mine)
                 row = {"damper": joint, "added_mass_kg": load, "lower_m": float(x.min()), "upper_m": float(x.max())}
                 rows.append(row)
     return rows
 
 
-def _energies(evidence: "Evidence", view: View, cycles: Mapping[tuple[int, int], Cycle]) -> Iterator[Row]:
-    """Energy that each damper dissipates in a cycle of each recording, with 95 % limits for the two-mass foot."""
-    for (key, i), found in cycles.items():
-        if key != id(view):
-            continue
-        r = evidence.domain.recordings[i]
-        energies = np.array([found.ankle.dissipated_j, found.fat_pad.dissipated_j])
-        half = _Z95 * _energy_spread(evidence, view, i, energies) if evidence.domain.twin else np.full(2, np.nan)
-        for joint, value, (low, high) in zip(DAMPERS, energies, _limits(energies, half), strict=True):
+def _energies(evidence: "Evidence", view: View, cycles: Mapping[int, Cycle], motion: Orbits | None) -> Iterator[Row]:
+    """Energy that ankle and pad dissipate in a cycle of each recording, with 95 % limits for the two-mass foot."""
+    half = np.full((len(cycles), 2), np.nan)
+    if motion is not None:
+        half = _energy_half_widths(view, list(cycles), motion)
+    for (i, each), reach in zip(cycles.items(), half, strict=True):
+        r = evidence.recordings[i]
+        energies = np.array([each.ankle.dissipated_j, each.fat_pad.dissipated_j])
+        for joint, value, (low, high) in zip(DAMPERS, energies, _limits(energies, reach), strict=True):
             yield {
                 "branch": view.branch, "basis": view.basis, "file": r.file,
                 "added_mass_kg": r.condition.added_mass_kg, "frequency_hz": r.condition.frequency_hz, "damper": joint,
                 "dissipated_j": float(value), "lower_j": low, "upper_j": high,
-                "share": float(value / found.dissipated_j), "imbalance": found.imbalance,
+                "share": float(value / each.dissipated_j), "imbalance": each.imbalance,
             }  # fmt: skip
 
 
-def _energy_spread(evidence: "Evidence", view: View, number: int, energies: np.ndarray) -> np.ndarray:
-    """Standard errors (2,) of the energies of ankle and pad: through the constants and masses of the foot."""
-    base, e = view.moving(view.q, number), _excitation(evidence, number)
-    names = [name for name in (*TwoDof.__dataclass_fields__,) if name in base]
+def _energy_half_widths(view: View, numbers: Sequence[int], motion: Orbits) -> np.ndarray:
+    """(R, 2) of ankle and pad, through the constants and masses of each recording's foot."""
+    R = len(numbers)
+    by_q = view.slopes(lambda q: _thetas(view, numbers, q).ravel()).reshape(R, len(PARAMETERS), -1)
+    J = (work_slopes(motion) @ by_q).reshape(2 * R, -1)
+    return np.asarray(view.quantile * view.spread(J)).reshape(R, 2)
 
-    def values(q: np.ndarray) -> np.ndarray:
-        found = view.moving(q, number)
-        return np.array([found[name] for name in names])
 
-    by_q = view.slopes(values)
-    by_value = np.zeros((2, len(names)))
-    for j, name in enumerate(names):
-        if not by_q[j].any():
-            continue
-        nudge = _SHARE * max(abs(base[name]), 1.0)
-        other = cycle(evidence.domain.foot, e, {**base, name: base[name] + nudge}, True)
-        by_value[:, j] = (np.array([other.ankle.dissipated_j, other.fat_pad.dissipated_j]) - energies) / nudge
-    with np.errstate(invalid="ignore"):
-        return view.spread(np.nan_to_num(by_value @ by_q, nan=np.inf))
+def work_slopes(motion: Orbits) -> np.ndarray:
+    """(B, 2, 13) derivatives to the parameters of the work of ankle and pad a cycle, pi sum_h h Im(F_h conj Z_h)."""
+    assert motion.slopes is not None and motion.stretch_slopes is not None
+    S, F = PARAMETERS.index("m_S"), PARAMETERS.index("m_F")
+    m_S, m_F = motion.theta[:, S, None], motion.theta[:, F, None]
+    ankle, dankle = -m_S * motion.shank, -m_S[..., None] * motion.slopes[:, 0]
+    dankle[..., S] -= motion.shank
+    pad, dpad = ankle - m_F * motion.foot, dankle - m_F[..., None] * motion.slopes[:, 1]  # Eq. (4.29)
+    dpad[..., F] -= motion.foot
+    force, dforce = np.stack([ankle, pad], 1), np.stack([dankle, dpad], 1)
+    h = np.arange(1, force.shape[-1] + 1)[:, None]
+    change = dforce * motion.stretch[..., None].conj() + force[..., None] * motion.stretch_slopes.conj()
+    return np.pi * (h * change.imag).sum(2)
+
+
+def _scale(view: View) -> Iterator[Row]:
+    """Relative half-widths [%] of the constants that scale with the leg's mass, and what of them is that mass alone."""
+    solution = view.solution
+    if solution is None or not (mass_std := solution.scale_std()):
+        return
+    variables = solution.problem.variables
+    scaling = [item for item in variables.space.free if item.logarithmic and item.unit.startswith("N")]
+    masses = [variables.motion_names.index(name) for name in variables.stated]
+
+    def leg(q: np.ndarray) -> float:
+        return float(variables.theta(q)[0, masses].sum())
+
+    def constants(q: np.ndarray) -> np.ndarray:
+        values = variables.dynamic(q)
+        return np.log([float(values[item.name]) for item in scaling])
+
+    whole = view.half_width(constants)
+    per_kg = view.half_width(lambda q: constants(q) - np.log(leg(q)))
+    for item, x, a, b in zip(scaling, constants(view.q), whole, per_kg, strict=True):
+        yield {
+            "branch": view.branch, "parameter": item.key, "value": float(np.exp(x)),
+            "half_width_percent": 100 * float(a), "of_it_mass_percent": 100 * view.quantile * mass_std,
+            "per_kg": float(np.exp(x)) / leg(view.q), "per_kg_half_width_percent": 100 * float(b),
+        }  # fmt: skip
 
 
 def _chi_square(evidence: "Evidence", branch: str) -> list[Row]:
@@ -468,27 +516,29 @@ def _chi_square(evidence: "Evidence", branch: str) -> list[Row]:
 
     The whitening takes harmonics one after the other, each less what those before it foretell, so the parts add up.
     """
-    residuals: dict[str, np.ndarray] = {}
-    lines: Sequence[Line] = ()
-    for end in evidence.ends:
-        if end.name == branch:
-            lines, residuals[WHATEVER] = end.problem.lines, end.problem.residual(end.q)[: end.problem.size]
-    for each in evidence.certified:
-        if each.name == branch and isinstance(each.problem, PeriodicProblem):
-            lines, residuals[IF_TRUE] = each.problem.lines, each.problem.residual(each.descent.z)
-    rows, first = [], 0
-    for line in lines:
-        condition = line.recording.condition
-        for h in range(line.count):
-            # real parts of all sensors, then imaginary ones; a harmonic's part is the sum over sensors
-            at = first + h + line.count * np.arange(2 * len(line.sensors))
-            parts = {name: float(r[at] @ r[at]) for name, r in residuals.items()}
-            rows.append(
-                {
-                    "file": line.recording.file, "added_mass_kg": condition.added_mass_kg,
-                    "frequency_hz": line.base.frequency_hz, "harmonic": h + 1,
-                    "chi_square": parts.get(WHATEVER), "chi_square_if_model_true": parts.get(IF_TRUE),
-                }
-            )  # fmt: skip
-        first += 2 * line.size
-    return rows
+    parts = {}
+    for solution in evidence.solutions:
+        if solution.branch == branch:
+            _, r = residual(solution.problem, solution.q, evidence.replays[branch])
+            parts["chi_square" if evidence.exact else "chi_square_if_model_true"] = _by_harmonic(solution, r)
+    if branch in evidence.exact:
+        solution = evidence.exact[branch]
+        parts["chi_square_if_model_true"] = _by_harmonic(solution, solution.evaluation.residual[0])
+    return [
+        {
+            "file": r.file, "added_mass_kg": r.condition.added_mass_kg,
+            "frequency_hz": Line.of(r).base.frequency_hz, "harmonic": h + 1,
+            "chi_square": None, **{name: float(part[i, h]) for name, part in parts.items()},
+        }
+        for i, r in enumerate(evidence.recordings) if parts
+        for h in range(Line.of(r).count)
+    ]  # fmt: skip
+
+
+def _by_harmonic(solution: Solution, r: np.ndarray) -> np.ndarray:
+    """(R, H) sums of squares of a residual (m,) over sensors, real and imaginary parts."""
+    measured = solution.problem.measured
+    R, S, H = measured.output.shape
+    squares = np.zeros((R, 2 * S * H))
+    squares[measured.rows] = r[: measured.size] ** 2
+    return squares.reshape(R, 2 * S, H).sum(1)

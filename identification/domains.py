@@ -4,24 +4,21 @@ A domain makes the problem of its recordings on the fastest engine that is the m
 foot's parameters ask for: halved until halving it once more changes nothing.
 """
 
-from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 from typing import Self
 
 import mujoco
 import numpy as np
 
-from fasbody.exceptions import SettingError, SimulationError
+from fasbody.exceptions import SettingError
 from fasbody.foot.model import Foot
 from fasbody.recording.recording import Recording
-from identification.engines.engine import MALLEOLUS, D, Engine, Excitation, Whole
+from identification.engines.engine import MALLEOLUS, Engine, Whole
 from identification.engines.mujoco import Rollouts
 from identification.engines.twin import Twin
-from identification.periodic import Line, PeriodicProblem, excitations, misfit
-from identification.search import Problem, descend
-from identification.space import SearchSpace, Space
+from identification.harmonics import Line
+from identification.space import Space
 from identification.time_domain import TimeProblem
 
 DOMAINS = ("auto", "periodic", "time")
@@ -71,8 +68,8 @@ def is_steady(recordings: Sequence[Recording]) -> bool:
 
 
 @dataclass(frozen=True, eq=False)
-class Domain(ABC):
-    """What is fitted, and how model and recordings are compared.
+class TimeDomain:
+    """Every sample of whole recordings; what they share is in the covariance alone.
 
     Attributes:
         foot: the model, with the time step to simulate with. recordings: checked. space: what is searched.
@@ -82,78 +79,14 @@ class Domain(ABC):
 
     foot: Foot
     recordings: Sequence[Recording]
-    space: SearchSpace
+    space: Space
     twin: bool
     threads: int = 0
     sensors: tuple[str, ...] = MALLEOLUS
     replayed: int | None = 1
 
-    @abstractmethod
-    def problem(self) -> Problem:
-        """A fresh problem on the fastest engine that is the model."""
-
-    @abstractmethod
-    def refined(self, z: np.ndarray) -> Self:
-        """Itself, or a copy whose foot has so fine a step that the motion at z is right to 1e-4 of its peak."""
-
-    def weighed(self, z: np.ndarray) -> Self:
-        """A domain that weighs what the recordings share beside the misfit at z, where exploring ended."""
-        return self
-
-    def engine(self, drives: Sequence[D], names: Sequence[str]) -> Engine[D]:
-        """The twin, or MuJoCo with derivatives to the named parameters."""
-        if self.twin:
-            return Twin(self.foot, drives, self.sensors)
-        return Rollouts(self.foot, drives, names, self.threads, self.sensors)
-
-    def _with_step(self, step: float) -> Self:
-        return replace(self, foot=self.foot.with_values({}, step=step))
-
-
-@dataclass(frozen=True, eq=False)
-class PeriodicDomain(Domain):
-    """Steady state, on harmonics of one period.
-
-    Attributes:
-        excess: of the misfit over the noise, as `PeriodicProblem` takes it; infinite for starts far from any foot.
-    """
-
-    excess: float = 1.0
-
-    @cached_property
-    def lines(self) -> list[Line]:
-        """The harmonics of the recordings."""
-        return [Line.with_sensors(recording, self.sensors) for recording in self.recordings]
-
-    def problem(self) -> PeriodicProblem:
-        """See `Domain`."""
-        engine = self.engine(excitations(self.lines, self.foot), self.space.names)
-        return PeriodicProblem(self.lines, engine, self.space, excess=self.excess)
-
-    def refined(self, z: np.ndarray) -> Self:
-        """See `Domain`."""
-        steps = []
-        for number, e in enumerate(excitations(self.lines, self.foot)):
-            values = self.space.values(self.space.at(number, z)[0])
-            found = resolved(e, self.foot, values, self.twin)
-            steps += [found.step] if found.step < e.step else []
-        return self._with_step(min(steps)) if steps else self
-
-    def weighed(self, z: np.ndarray) -> Self:
-        """See `Domain`."""
-        r = replace(self, excess=np.inf).problem().residual(z)
-        V = np.concatenate(replace(self, excess=1.0).problem().shared_errors())
-        return replace(self, excess=misfit(r, V, max(0, r.size - z.size)))
-
-
-@dataclass(frozen=True, eq=False)
-class TimeDomain(Domain):
-    """Every sample of whole recordings; what they share is in the covariance alone."""
-
-    space: Space
-
     def problem(self) -> TimeProblem:
-        """See `Domain`."""
+        """A fresh problem on the fastest engine that is the model."""
         return TimeProblem(self.recordings, self._engine(self.space.names), self.space)
 
     @property
@@ -169,11 +102,17 @@ class TimeDomain(Domain):
         order = problem.engine.order
         return np.concatenate([q, *(x[order] / problem.engine.state_scale for x in states[:, :4])])
 
-    def _engine(self, names: Sequence[str]) -> Engine[Whole]:
-        return self.engine([Whole.of(recording, self.foot) for recording in self.recordings], names)
+    def _engine(self, names: Sequence[str]) -> Engine:
+        drives = [Whole.of(recording, self.foot) for recording in self.recordings]
+        if self.twin:
+            return Twin(self.foot, drives, self.sensors)
+        return Rollouts(self.foot, drives, names, self.threads, self.sensors)
+
+    def _with_step(self, step: float) -> Self:
+        return replace(self, foot=self.foot.with_values({}, step=step))
 
     def refined(self, z: np.ndarray) -> Self:
-        """See `Domain`."""
+        """Itself, or a copy with so fine a step that the motion at z is right to 1e-4 of its peak."""
         if self.foot.model.opt.integrator != mujoco.mjtIntegrator.mjINT_RK4:
             return self
         problem = self.problem()
@@ -187,34 +126,6 @@ class TimeDomain(Domain):
 
         times = halvings(output)
         return self._with_step(step / 2**times) if times else self
-
-
-def resolved(excitation: Excitation, foot: Foot, values: Mapping[str, float], twin: bool) -> Excitation:
-    """The excitation with a step at which halving it once more leaves the orbit of these values as it is (RESOLVED).
-
-    A damper that nearly stops a part sets a time constant far below the period, m / c, which the parameters decide and
-    the frequency does not. A first-order integrator's step is the model's own affair: halving would never end.
-
-    Args:
-        excitation: with the step to begin with. foot: the model. values: its parameters, all that are free.
-            twin: the compiled two-mass model is this model.
-    """
-    if foot.model.opt.integrator != mujoco.mjtIntegrator.mjINT_RK4:
-        return excitation
-
-    def orbit(times: int) -> np.ndarray | None:
-        e = _halved(excitation, times)
-        engine: Engine[Excitation] = Twin(foot, [e]) if twin else Rollouts(foot, [e], ())
-        try:
-            return engine.orbit(0, values, (), 1e-7)[0][:: 2**times]
-        except SimulationError:  # beyond the integrator's stability there is no orbit, which a finer step may mend
-            return None
-
-    return _halved(excitation, halvings(orbit))
-
-
-def _halved(e: Excitation, times: int) -> Excitation:
-    return replace(e, longest_step=e.step / 2**times) if times else e
 
 
 def halvings(output: Callable[[int], np.ndarray | None]) -> int:

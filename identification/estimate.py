@@ -173,7 +173,7 @@ def _steady(question: "Question", settings: Settings, advance: Advance) -> FitRe
         starts=steady.start_rows(fitted),
         warnings=tuple(dict.fromkeys(warnings)),
         contact=contacts(best, data) if enough else (),
-        evidence=Evidence(question.foot, data, question.two_mass, tuple(solutions), fitted.exact),
+        evidence=Evidence(question.foot, data, question.two_mass, tuple(solutions), fitted.exact, fitted.replays),
     )
     return _only_what_holds(result, settings.wide and not allow)
 
@@ -321,7 +321,9 @@ def _tells_delay(data: Sequence[Recording]) -> bool:
 
 def _transient(question: Question, settings: Settings, advance: Advance, interruptible: bool) -> FitResult:
     """The fit of every sample: see transient.py."""
-    found = transient.fit(question, settings.starts, settings.seed, settings.threads, settings.replay, advance, interruptible)
+    found = transient.fit(
+        question, settings.starts, settings.seed, settings.threads, settings.replay, advance, interruptible
+    )
     data, space = question.recordings, question.space
     built = [branch_of(c, space) for c in found.branches]
     first, run = built[0], found.branches[0].run
@@ -358,6 +360,6 @@ def _transient(question: Question, settings: Settings, advance: Advance, interru
         base_acceleration_error=run.base_error,
         starts=found.starts,
         warnings=tuple(dict.fromkeys((*question.warnings, *found.warnings, *told))),
-        evidence=Evidence(question.foot, data, question.two_mass, (), {}, space, tuple(certified)),
+        evidence=Evidence(question.foot, data, question.two_mass, (), {}, {}, space, tuple(certified)),
     )
     return _only_what_holds(result, settings.wide)

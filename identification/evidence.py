@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from identification.certification import Certified
     from identification.estimate import Settings
     from identification.intervals import Solution
+    from identification.replay import Replayed
     from identification.space import Space
 
 #: Packages whose versions a reader needs to repeat a fit.
@@ -27,6 +28,7 @@ class Evidence:
         foot: the model. recordings: as fitted. two_mass: the model is the two-mass foot.
         solutions: of steady recordings, the headline, best first; none in the time domain.
         exact: the same branches by name with the model assumed exact; none where the headline is that.
+        replays: of the headline's ends in MuJoCo, by name.
         space: of the time domain. certified: its branches.
     """
 
@@ -35,6 +37,7 @@ class Evidence:
     two_mass: bool
     solutions: tuple["Solution", ...]
     exact: Mapping[str, "Solution"]
+    replays: Mapping[str, "Replayed"]
     space: "Space | None" = None
     certified: Sequence["Certified"] = ()
 

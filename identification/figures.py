@@ -185,8 +185,8 @@ def chi_square(result: FitResult) -> Figure:
             face = colour if first else "white"
             which = "fundamental" if first else "higher harmonics"
             axis.semilogy(x, y, mark, ms=5, color=colour, mfc=face, label=f"{which}, {load:g} kg added")
-    axis.axhline(2, lw=0.9, color=_DATA, label="expected of noise: 2")
-    axis.axhline(_RARE, lw=0.9, ls="--", color=_DATA, label="exceeded by noise once in 1000")
+    axis.axhline(2, lw=0.9, color=_DATA, label="expected: 2")
+    axis.axhline(_RARE, lw=0.9, ls="--", color=_DATA, label="exceeded by chance once in 1000")
     axis.set_xlabel("frequency of the harmonic [Hz]")
     axis.set_ylabel("chi-square")
     axis.set_ylim(bottom=0.7 * _LEAST)
@@ -361,6 +361,12 @@ def parameters(result: FitResult) -> Figure:
                 axis.errorbar([place], [e.value], mfc="white", clip_on=False, **style)
             else:
                 axis.errorbar([place], [e.value], yerr=error, **style)
+            if e.at_rest and e.at_rest.interval() != e.interval():
+                rest = e.at_rest
+                axis.errorbar(
+                    [place + 0.3], [rest.value], yerr=[[rest.value - rest.lower], [rest.upper - rest.value]],
+                    **{**style, "fmt": "D", "ms": 3, "mfc": "white", "label": f"{branch.name}, at rest"},
+                )  # fmt: skip
         truth = result.truth_of(key)
         if truth is not None:
             axis.axhline(truth, color=_DATA, lw=1, ls=":", label="truth")
@@ -383,14 +389,19 @@ def label_of(key: str) -> str:
 
 @printed
 def waterfall(result: FitResult) -> Figure:
-    """Final cost of every start, best first, coloured by the branch it ended in."""
+    """Final cost of every start, or of the best end of each side, best first, coloured by its branch."""
     figure, axes = panels(1, 1, 5.2, 2.6)
     axis = axes[0, 0]
     colours = {branch.name: colour for branch, colour in zip(result.branches, (_DATA, _OTHER), strict=False)}
     for name in dict.fromkeys(str(start["branch"]) for start in result.starts):
         rows = [(i + 1, start["cost"]) for i, start in enumerate(result.starts) if start["branch"] == name]
-        axis.semilogy(*zip(*rows, strict=True), "o", ms=5, color=colours.get(name, "#888888"), label=name)
-    axis.set_xlabel("start, best first")
+        hits = [
+            f", met {start['hits']} times" for start in result.starts if start["branch"] == name and "hits" in start
+        ]
+        axis.semilogy(
+            *zip(*rows, strict=True), "o", ms=5, color=colours.get(name, "#888888"), label="".join([name, *hits])
+        )
+    axis.set_xlabel("end, best first")
     axis.set_ylabel("weighted sum of squares")
     axis.xaxis.get_major_locator().set_params(integer=True)
     axis.legend()

@@ -68,7 +68,6 @@ def main(
       python -m identification.fit my_study --model my_foot.xml --free k_T,k_F --bounds k_F=3e3:5e5
     """
     from fasbody.foot.model import load
-    from identification.engines.compiled import compiling
     from identification.estimate import Settings, fit_foot
     from identification.space import limits, names
 
@@ -81,8 +80,6 @@ def main(
     folder = out or (None if json_ else Path("results") / _slug(source))
     if folder is not None:
         make_folder(folder)
-    if any(r.condition.frequency_hz is not None for r in recordings) and (first := compiling(foot)):
-        console.print(first, soft_wrap=True)
     with stages() as advance:
         result = fit_foot(recordings, foot, settings, advance=advance).with_source(source, truth)
     provenance = {**result.provenance, "command": _typed(), "model": model}

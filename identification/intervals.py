@@ -128,7 +128,11 @@ class Solution:
         """Constants and masses by name under the conditions of a recording, springs as they are at rest."""
         variables = self.problem.variables
         theta = variables.theta(self.q if q is None else q)[number]
-        return {**variables.own, **variables.space.fixed, **dict(zip(variables.motion_names, map(float, theta), strict=True))}
+        return {
+            **variables.own,
+            **variables.space.fixed,
+            **dict(zip(variables.motion_names, map(float, theta), strict=True)),
+        }
 
     # tables
 
@@ -273,7 +277,9 @@ class Solution:
         first = float(v.loads.min())
         powers: dict[str, tuple[float, float, float]] = {}
         for name in v.constants:
-            items = [(i, n) for i, n in enumerate(v.nuisances, len(v.constants)) if n.group == "load" and n.constant == name]
+            items = [
+                (i, n) for i, n in enumerate(v.nuisances, len(v.constants)) if n.group == "load" and n.constant == name
+            ]
             if not items or leg <= 0:
                 continue
             at = [i for i, _ in items]

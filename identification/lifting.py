@@ -4,7 +4,6 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-
 from fasbody.recording.recording import Recording
 from identification.contact import Contact
 from identification.intervals import Solution
@@ -25,7 +24,7 @@ def contacts(solution: Solution, recordings: Sequence[Recording]) -> tuple[Conta
     for r, (recording, line, force) in enumerate(zip(recordings, problem.measured.lines, forces, strict=True)):
         values = solution.foot(r)
         weight = GRAVITY * problem.motion.weight_kg(theta[r])
-        static = recording.known.static_force_n
+        static = recording.known.static_force_n(recording.condition.added_mass_kg)
         held = weight if static is None else static
         added, beyond = None, None
         if line.count > 1 and variables.two_mass:

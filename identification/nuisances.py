@@ -149,9 +149,7 @@ def nuisances(
     if two_mass:
         items += [*OF_SPRINGS, *_following(recordings)]
     return tuple(
-        item
-        for item in items
-        if item.std > 0 and item.group not in known.excluded and (delay or item.kind != "delay")
+        item for item in items if item.std > 0 and item.group not in known.excluded and (delay or item.kind != "delay")
     )
 
 

@@ -1,31 +1,36 @@
 """One search: starts that fill the space on both sides of the mirror, a cheap screening, bounded least squares.
 
-Many starts go down together by damped Gauss-Newton steps (Levenberg and Marquardt), which costs little more than one;
-the best places of each side are finished by SciPy's trust-region method. The search of a side goes on with new starts
-until its best end was found twice, or says that it is not exhausted.
+Many starts go down together by damped Gauss-Newton steps between bounds (Levenberg and Marquardt), which costs little
+more than one. What is half normal rests at its bound in most worlds; there a method that keeps inside its bounds, such
+as SciPy's trust region, crawls. The search of a side goes on with new starts until its best end was found twice, or
+says that it is not exhausted.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identification.residual import Evaluation, Problem
+from identification.residual import Problem
 
 #: Starts of a side in one round, and rounds at most.
-STARTS, ROUNDS = 12, 4
+STARTS, ROUNDS = 8, 6
 #: Steps of a round, and the decrease of the sum of squares that is worth no further step.
 _STEPS, _PROMISED = 40, 0.02
-#: Two descents came to the same end where their sums of squares differ by less.
-SAME = 0.3
+#: The same on the way down, and the factor by which the scatter falls there.
+_ON_THE_WAY, _FALL = 0.2, 5.0
+#: Two descents came to the same end where their sums of squares, and their places, differ by less.
+SAME, _CLOSE = 0.3, 1.0
 #: Distances of a start: from the axis of the mirror (rho), of stiffness and damping (logarithm), and bends [1/m].
 _APART, _SPREAD, _BENDS = (0.05, 1.5), 0.5, (10.0, 200.0)
 #: Scatter of harmonics where a search begins, and below which it is none; ends of a side that are followed down.
-_SMOOTH, _LEVEL, _KEPT = 0.1, 1e-4, 5
+SMOOTH, _LEVEL, _KEPT = 0.5, 1e-4, 6
+#: Chance of a chi-square from noise alone beyond which there is a scatter besides.
+_BY_CHANCE = 0.05
 #: How near the scatter is to what its best end leaves over, and rounds of that at most.
 _SETTLED, _LEVELS = 0.05, 16
-#: Evaluations of the last descent.
-_MOST = 60
+#: Steps of the last descent, and the decrease that is worth no further step there.
+_LAST_STEPS, _EXACTLY = 100, 1e-5
 #: Least and largest damping of a step.
 _LEAST_DAMPING, _MOST_DAMPING = 1e-7, 1e12
 
@@ -65,11 +70,14 @@ class Descended:
     rests: np.ndarray
 
 
-def descend(problem: Problem, Q: np.ndarray, signs: np.ndarray, steps: int = _STEPS) -> Descended:
+def descend(
+    problem: Problem, Q: np.ndarray, signs: np.ndarray, steps: int = _STEPS, promised: float = _PROMISED
+) -> Descended:
     """Damped Gauss-Newton steps of many candidates at once, between bounds.
 
     Args:
         problem: whose sum of squares falls. Q: (C, n) starts. signs: (C,) side of each. steps: at most.
+        promised: decrease of the sum of squares that is worth no further step.
     """
     low, high = (np.stack(limit) for limit in zip(*(problem.bounds(s) for s in signs), strict=True))
     Q = np.clip(Q, low, high)
@@ -82,16 +90,16 @@ def descend(problem: Problem, Q: np.ndarray, signs: np.ndarray, steps: int = _ST
         A = np.swapaxes(now.jacobian, 1, 2) @ now.jacobian
         g = np.einsum("cmn,cm->cn", now.jacobian, now.residual)
         left = _step(A, g, Q[at], low[at], high[at], np.full(len(at), _LEAST_DAMPING))[1]
-        rests[at] = (left < _PROMISED) & now.moves
+        rests[at] = (left < promised) & now.moves
         go = ~rests[at] & (damping < _MOST_DAMPING)
         if not go.any():
             break
         at, damping, factor, now, A, g = at[go], damping[go], factor[go], now.rows(go), A[go], g[go]
-        trial, promised = _step(A, g, Q[at], low[at], high[at], damping)
+        trial, foretold = _step(A, g, Q[at], low[at], high[at], damping)
         after = problem.evaluate(trial, now)
         gain = np.where(after.moves, objective[at] - after.objective, -1.0)
         better = gain > 0
-        good = np.clip(gain / np.maximum(promised, 1e-9), 0.0, 1.5)
+        good = np.clip(gain / np.maximum(foretold, 1e-9), 0.0, 1.5)
         # Nielsen (1999): by how well the quadratic foretold the gain
         damping = damping * np.where(better, np.maximum(0.1, 1 - (2 * good - 1) ** 3), factor)
         factor = np.where(better, 2.0, 2 * factor)
@@ -127,44 +135,19 @@ def _step(
     return trial, promised
 
 
-def finished(problem: Problem, q: np.ndarray, sign: int, most: int = _MOST) -> tuple[np.ndarray, float, bool]:
-    """The end of a descent from q (n,) by SciPy's bounded least squares.
+def finished(problem: Problem, q: np.ndarray, sign: int, steps: int = _LAST_STEPS) -> tuple[np.ndarray, float, bool]:
+    """The end of a descent from q (n,), far below a standard error.
 
     Returns:
-        the place (n,), its sum of squares, and whether it converged.
+        the place (n,), its sum of squares, and whether it came to rest.
     """
-    from scipy.optimize import least_squares  # a quarter of a second
-
-    low, high = problem.bounds(sign)
-    free = high > low
-    last: list[Evaluation] = []
-    keys: list[bytes] = []
-
-    def at(x: np.ndarray) -> Evaluation:
-        if keys and keys[0] == x.tobytes():
-            return last[0]
-        full = q.copy()
-        full[free] = x
-        last[:] = [problem.evaluate(full[None], last[0] if last else None)]
-        keys[:] = [x.tobytes()]
-        return last[0]
-
-    width = (high - low)[free]
-    start = np.clip(q[free], low[free] + 1e-10 * width, high[free] - 1e-10 * width)
-    solved = least_squares(
-        lambda x: at(x).residual[0], start, lambda x: at(x).jacobian[0][:, free],
-        bounds=(low[free], high[free]), x_scale="jac", ftol=1e-8, xtol=1e-8, gtol=1e-8, max_nfev=most,
-    )  # fmt: skip
-    place = q.copy()
-    place[free] = np.where(solved.x - low[free] < 1e-7 * width, low[free], solved.x)
-    place[~free] = low[~free]
-    return place, 2 * float(solved.cost), bool(solved.status > 0)
+    down = descend(problem, q[None], np.array([sign]), steps, _EXACTLY)
+    return down.Q[0], float(down.objective[0]), bool(down.rests[0])
 
 
 def random_starts(problem: Problem, sign: int, count: int, rng: np.random.Generator) -> np.ndarray:
     """(count, n) places that fill one side of the mirror: stiffness, damping and bends; nuisances at their priors."""
     v = problem.variables
-    mean, std = v.prior
     low, high = problem.bounds(sign)
     Q = np.tile(v.start(v.own), (count, 1))
     for name, i in v.index.items():
@@ -202,7 +185,7 @@ class Population:
         hits = np.zeros(len(self.Q), int)
         for i in np.argsort(self.objective):
             same = [k for k in kept if self.sign[k] == self.sign[i]]
-            near = [k for k in same if self.objective[i] - self.objective[k] < SAME]
+            near = [k for k in same if self.objective[i] - self.objective[k] < SAME and _near(self.Q[i], self.Q[k])]
             if near:
                 hits[near[0]] += self.hits[i]
             elif len(same) < _KEPT:
@@ -214,6 +197,11 @@ class Population:
         """Where the best end is, of one side or of all."""
         mine = np.ones(len(self.Q), bool) if sign is None else self.sign == sign
         return int(np.flatnonzero(mine)[np.argmin(self.objective[mine])])
+
+
+def _near(q: np.ndarray, other: np.ndarray) -> bool:
+    """Whether two places (n,) are one, in the units of the variables."""
+    return bool(np.abs(q - other).max() < _CLOSE)
 
 
 @dataclass(frozen=True, eq=False)
@@ -237,12 +225,13 @@ def search(
     seed: int = 0,
     estimate: bool = True,
     first: np.ndarray | None = None,
+    smooth: float = SMOOTH,
     advance: Callable[[int, int], None] = lambda done, total: None,
 ) -> Searched:
     """The best end of each side, and how well recordings repeat.
 
-    Candidates go down where recordings repeat to 3 %, which makes the landscape smooth, then where they repeat better,
-    until the scatter is what the best end leaves over (`repeatability`), or none.
+    Candidates go down where recordings repeat to 50 %, which makes the landscape smooth, then where they repeat better,
+    until the scatter is what the best end leaves over (`repeatability`), or none; and once more straight from there.
 
     Args:
         problem: what to minimise.
@@ -252,6 +241,7 @@ def search(
         seed: of the starts.
         estimate: the scatter from recording to recording; else it is none.
         first: (k, n) places to begin with besides.
+        smooth: scatter at which the candidates begin.
         advance: called with rounds done and their number.
     """
     rng = np.random.default_rng(seed)
@@ -264,9 +254,9 @@ def search(
         for sign in wanted:
             tried[sign] += int(np.sum(fresh.sign == sign))
         if population is None:
-            problem, population = _annealed(problem, fresh, estimate)
+            problem, population = _annealed(problem, fresh, smooth, estimate)
         else:
-            _, fresh = _annealed(problem, fresh, False, problem.repeatability)
+            _, fresh = _annealed(problem, fresh, smooth, False, problem.repeatability)
             population = population.joined(fresh).distinct()
         population = population.joined(_images(problem, population, signs)).distinct()
         poor = [sign for sign in signs if population.hits[population.best(sign)] < 2]
@@ -283,8 +273,9 @@ def _fresh(
     """Random starts of each side, and the first ones on all."""
     Q, side = [], []
     for sign in signs:
-        Q.append(random_starts(problem, sign, starts, rng))
-        side.append(np.full(starts, sign))
+        if starts:
+            Q.append(random_starts(problem, sign, starts, rng))
+            side.append(np.full(starts, sign))
         if first is not None:
             Q.append(first)
             side.append(np.full(len(first), sign))
@@ -293,26 +284,31 @@ def _fresh(
 
 
 def _annealed(
-    problem: Problem, population: Population, estimate: bool, last: float = 0.0
+    problem: Problem, population: Population, smoothest: float, estimate: bool, last: float = 0.0
 ) -> tuple[Problem, Population]:
-    """Candidates followed down from a smooth landscape to the scatter that they leave over, or to the last one given."""
-    level = max(_SMOOTH, last)
+    """Candidates followed down from a smooth landscape to the scatter that they leave over, or to the one given."""
+    level, smooth = max(smoothest, last), None
     for _ in range(_LEVELS):
         problem = problem.with_repeatability(level)
-        population = _down(problem, population)
+        population = _down(problem, population, _PROMISED if level == last else _ON_THE_WAY)
+        smooth = smooth or population
         if estimate:
             best = population.Q[population.best()]
             problem = problem.weighed(best)
             last = repeatability(problem, best)
         if abs(level - last) <= _SETTLED * last or level == last:
             break
-        level = last if level <= 4 * last or level < 4 * _LEVEL else level / 4
-    return problem, population
+        level = last if level <= _FALL * last or level < _FALL * _LEVEL else level / _FALL
+    assert smooth is not None
+    if len(smooth.Q) == 1:
+        return problem, population
+    straight = _down(problem, replace(smooth, hits=np.ones_like(smooth.hits)))
+    return problem, population.joined(straight).distinct()
 
 
-def _down(problem: Problem, population: Population) -> Population:
+def _down(problem: Problem, population: Population, promised: float = _PROMISED) -> Population:
     """Descend, and keep the distinct ends."""
-    down = descend(problem, population.Q, population.sign)
+    down = descend(problem, population.Q, population.sign, promised=promised)
     return Population(down.Q, population.sign, population.hits, down.objective).distinct()
 
 
@@ -330,12 +326,14 @@ def repeatability(problem: Problem, q: np.ndarray) -> float:
     """Relative scatter s of harmonics from recording to recording that makes chi-square its degrees of freedom.
 
     The variance of a harmonic is that of the noise and (s |Y|)^2. The degrees of freedom are the numbers measured less
-    those that the variables use up, the trace of the hat matrix.
+    those that the variables use up, the trace of the hat matrix. There is none where noise alone would leave as much
+    once in twenty times.
 
     Args:
         problem: with the weights at which q was found. q: (n,) the best end.
     """
     from scipy.optimize import brentq
+    from scipy.special import chdtri
 
     now = problem.evaluate(q[None])
     J, N = now.jacobian[0], problem.size
@@ -345,11 +343,13 @@ def repeatability(problem: Problem, q: np.ndarray) -> float:
     used = float(np.trace(np.linalg.lstsq(A, J[:N, free].T @ J[:N, free], rcond=None)[0]))
     dof = max(N - used, 3.0)
 
+    read = problem.predicted(q)
+
     def excess(s: float) -> float:
-        r = problem.with_repeatability(s).evaluate(q[None], now).residual[0, :N]
+        r = problem.whitened(read, s)
         return float(r @ r) - dof
 
-    if excess(0.0) <= 0:
+    if excess(0.0) <= float(chdtri(dof, _BY_CHANCE)) - dof:
         return 0.0
     return float(brentq(excess, 0.0, 1.0, xtol=1e-5)) if excess(1.0) < 0 else 1.0
 

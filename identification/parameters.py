@@ -1,8 +1,8 @@
 """The variables of the one problem: constants of the foot and nuisances, their priors, and what they make of a foot.
 
 The branch is the sign of rho: ln k_T = sigma + (rho + ln a) / 2 and ln k_F = sigma - (rho + ln a) / 2 with
-a = m_S / (m_S + m_F) of the stated masses, so that each mirror image has its own half of the space. The response is even
-in c_13 and c_23, whose squares are the variables. A relaxing spring is searched by its dynamic stiffness at the
+a = m_S / (m_S + m_F) of the stated masses, so that each mirror image has its own half of the space. The response is
+even in c_13 and c_23, whose squares are the variables. A relaxing spring is searched by its dynamic stiffness at the
 reference frequency, the geometric mean of the recorded ones, which is what recordings know best.
 """
 
@@ -265,11 +265,28 @@ class Variables:
             weights["added_mass"] = share * self.loads
         return weights
 
-    def slopes(self, function, Q: np.ndarray):  # type: ignore[no-untyped-def]
-        """Derivatives (..., n) of a function of Q (..., n) that gives (..., a, b): central differences, all at once."""
-        steps = _STEP * np.eye(self.size)
-        up, down = (function(Q[..., None, :] + sign * steps) for sign in (1, -1))
-        return np.moveaxis((up - down) / (2 * _STEP), Q.ndim - 1, -1)
+    @cached_property
+    def of_channel(self) -> np.ndarray:
+        """Where the nuisances stand that change what sensors read, not what moves."""
+        kinds = ("gain", "delay", "drift", "mount", "rocking")
+        return np.array([self.place(item) for item in self.nuisances if item.group in kinds], int)
+
+    @cached_property
+    def of_motion(self) -> np.ndarray:
+        """Where the variables stand that change what moves."""
+        return np.setdiff1d(np.arange(self.size), self.of_channel)
+
+    def slopes(self, function, Q: np.ndarray, of: np.ndarray):  # type: ignore[no-untyped-def]
+        """Derivatives (..., k) of what a function makes of Q (C, n), an array (C, ...), to k of the variables.
+
+        Central differences, all in one array.
+        """
+        C, k = len(Q), len(of)
+        steps = _STEP * np.eye(self.size)[of]
+        moved = np.concatenate([Q + steps[:, None], Q - steps[:, None]])  # (2 k, C, n)
+        values = function(moved.reshape(2 * k * C, -1))
+        values = values.reshape(2, k, C, *values.shape[1:])
+        return np.moveaxis((values[0] - values[1]) / (2 * _STEP), 0, -1)
 
     # what is reported
 
@@ -331,7 +348,11 @@ class Variables:
         for item in self.nuisances:
             if item.constant:
                 twin = replace(item, constant=partner[item.constant])
-                match = [o for o in self.nuisances if (o.kind, o.load_kg, o.constant) == (twin.kind, twin.load_kg, twin.constant)]
+                match = [
+                    o
+                    for o in self.nuisances
+                    if (o.kind, o.load_kg, o.constant) == (twin.kind, twin.load_kg, twin.constant)
+                ]
                 if match:
                     Q[..., self.place(item)] = old[..., self.place(match[0])]
         return np.clip(Q, *self.bounds)

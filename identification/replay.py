@@ -15,8 +15,8 @@ from fasbody.foot.damper import MAXWELL
 from fasbody.foot.model import Foot, load
 from fasbody.foot.shaker import harmonics
 from fasbody.foot.simulate import Batch
-from identification.residual import Problem
 from identification.engines.mujoco import Coordinates
+from identification.residual import Problem
 
 #: Periods that are run; the last one is compared with the orbit.
 _PERIODS = 3
@@ -77,7 +77,9 @@ def replay(foot: Foot, problem: Problem, q: np.ndarray) -> Replayed:
             values |= {f"tau_{j}": values["tau"] for j in ("T", "F")}
         batch.set({name: value for name, value in values.items() if name in moved.parameters})
         start = coordinates.unpack(_ordered(moved, states[r], variables.two_mass, relaxes)[None])
-        runs.append(_resolved(batch, line.base.frequency_hz, problem.motion.base[r], start, measured.sensors, expected[r]))
+        runs.append(
+            _resolved(batch, line.base.frequency_hz, problem.motion.base[r], start, measured.sensors, expected[r])
+        )
     return Replayed(
         np.stack([run.harmonics for run in runs]),
         max(run.difference for run in runs),
@@ -125,7 +127,9 @@ def _resolved(
         if difference < RESOLVED:
             break
     if best is None or best.difference > _LEFT:
-        raise SimulationError(f"{batch.foot.name}: a periodic motion at {frequency_hz:g} Hz that a foot would not stay on.")
+        raise SimulationError(
+            f"{batch.foot.name}: a periodic motion at {frequency_hz:g} Hz that a foot would not stay on."
+        )
     return best
 
 

@@ -16,7 +16,7 @@ from fasbody import console
 from fasbody.recording.condition import FOOT_MASS_FRACTION, SHANK_MASS_FRACTION
 from identification import figures
 from identification.derived import Row, derived
-from identification.result import RULE, Allowance, Estimate, FitResult, chance, label
+from identification.result import IF_TRUE, RULE, WHATEVER, Allowance, Estimate, FitResult, chance, label
 from identification.space import DELAY
 
 #: Parts of chi-square that the page lists.
@@ -45,7 +45,7 @@ def html(result: FitResult, drawn: dict[str, str] | None = None, folder: Path | 
     worst = sorted((row for row in found.chi_square if row[key] is not None), key=lambda row: -row[key])
     return environment.get_template("report.html").render(
         result=result, label=label, chance=chance, interval=interval, allowed=allowed, energies=_energies(result),
-        day=date.today().isoformat(), found=found, key=key, rule=RULE,
+        day=date.today().isoformat(), found=found, key=key, rule=RULE, bases=(WHATEVER, IF_TRUE), rests=rests,
         pictures={name: {"svg": Markup(drawn[name][drawn[name].index("<svg") :]), "caption": texts[name]}
                   for name in texts},
         worst=worst[:_WORST],
@@ -97,7 +97,8 @@ def tables(result: FitResult) -> dict[str, Sequence[Row]]:
     rows: dict[str, Sequence[Row]] = {
         "transmissibility_data": found.data, "transmissibility_curves": found.curves, "chi_square": found.chi_square,
         "modes": found.modes, "dampers": found.dampers, "dampers_reached": found.reached, "energies": found.energies,
-        "masses": masses, "sensors": figures.sensor_rows(result), "contact": figures.contact_rows(result),
+        "masses": masses, "scale": found.scale, "sensors": figures.sensor_rows(result),
+        "contact": figures.contact_rows(result),
         "traces": figures.trace_rows(result), "residuals": figures.residual_rows(result),
         "parameters": result.records(), "waterfall": [dict(start) for start in result.starts],
         "correlation": [
@@ -127,61 +128,59 @@ def captions(result: FitResult) -> dict[str, str]:
     """What each figure that this fit can fill shows, and of how many recordings."""
     found, best = derived(result), result.best
     n = _counted(result)
-    rests = (
-        "95 % intervals allow for whatever else may be true"
-        if result.wide
-        else "95 % intervals hold if the model is true"
-    )
+    basis = result.intervals[0].removeprefix("95 % CI, ")
+    interval = f"95 % intervals, {basis}"
     other = f"; dashed lines: its mirror image ({result.mirror.name})" if result.mirror else ""
     texts: dict[str, str] = {}
     if found.chi_square:
         harmonics = len(found.chi_square)
-        basis = "whatever else may be true" if result.wide else "if the model is true"
         texts["chi_square"] = (
             f"Where chi-square comes from: {harmonics} harmonics of {n}, {basis}. Noise alone gives 2 a harmonic on "
             "average. Parts above the dashed line, or many high ones at one load or frequency, show where the model "
             "misses."
         )
-    texts["parameters"] = f"Estimates of each branch from {n}. {rests}." + (
+    texts["parameters"] = f"Estimates of each branch from {n}; {interval}." + (
         " The dotted line is the truth." if result.truth else ""
     )
     if found.data or any(recording.frequency_hz is None for recording in result.recordings):
         curve = (
-            f"Solid lines: the {best.name} branch{other}, each if the model is true, for a sine as large as the "
-            "recorded ones. " if found.curves else ""
+            f"Solid lines: the {best.name} branch{other}, as its sensor reads it, for a sine as large as the recorded "
+            "ones. " if found.curves else ""
         )  # fmt: skip
         texts["transmissibility"] = (
             f"Acceleration of the malleolus over that of the base, and its phase lag ({n}). Marks: data with 95 % "
-            f"limits of their noise, mostly smaller than the marks. {curve}Above the dotted line the ankle moves more "
-            "than the base."
+            f"limits of {_scatter(result)}, often smaller than the marks. {curve}Above the dotted line the ankle moves "
+            "more than the base."
         )
     if found.modes:
         texts["modes"] = (
             f"Natural frequencies and damping ratios of small motion about rest under each load, from {n}; errors "
-            "propagated linearly. A mode with a damping ratio above one does not swing. Filled marks hold if the model "
-            "is true" + ("; open ones allow for whatever else may be true." if result.wide else ".")
+            "propagated linearly. A mode with a damping ratio above one does not swing. Filled marks: model assumed "
+            "exact" + ("; open ones: model and sensor errors included." if result.wide else ".")
         )
     if found.dampers:
         texts["dampers"] = (
             f"Damping over the relative displacement that {n} reached (bars, by load); extension is positive. Bands of "
             "95 % at each displacement, errors propagated linearly."
+            + (" What the springs relax damps beside these laws." if result.relaxes else "")
         )
     if found.energies:
         texts["energies"] = (
-            f"Energy that ankle and fat pad dissipate in one cycle, one mark a recording ({n}). {rests}."
+            f"Energy that ankle and fat pad dissipate in one cycle, one mark a recording ({n}); {interval}."
             if all(math.isfinite(row["upper_j"]) for row in found.energies)
             else f"Energy that ankle and fat pad dissipate in one cycle, one mark a recording ({n})."
         )
     texts["traces"] = f"Acceleration of the malleolus over three periods, data and model ({best.name}); {n}."
     texts["residuals"] = f"What the model leaves, as amplitude spectrum, beside that of the data; {n}."
     texts["correlation"] = (
-        f"Correlation of the {len(result.parameters)} estimates if the model is true: pairs near ±1 are known only "
-        "together."
+        f"Correlation of the {len(result.parameters)} estimates, {basis}: pairs near ±1 are known only together."
     )
     if result.starts:
         texts["waterfall"] = (
-            f"Where each of the {len(result.starts)} starts ended. A flat first step says that the minimum was found "
-            "often."
+            "The best end of each side of the mirror, and how many descents came to it."
+            if result.evidence and result.evidence.solutions
+            else f"Where each of the {len(result.starts)} starts ended. A flat first step "
+            "says that the minimum was found often."
         )
     if result.by_sensor:
         texts["sensors"] = (
@@ -194,6 +193,19 @@ def captions(result: FitResult) -> dict[str, str]:
             "static force (dashed) and what the motion adds. Below zero the foot would leave the table."
         )
     return texts
+
+
+def _scatter(result: FitResult) -> str:
+    """What limits a measured transmissibility, in words."""
+    if result.wide is None or result.wide.repeatability < 5e-4:
+        return "their noise"
+    return f"noise and of how recordings repeat ({100 * result.wide.repeatability:.2g} %)"
+
+
+def rests(result: FitResult) -> dict[str, str]:
+    """Constants that are another number at rest than at the reference frequency, with their 95 % intervals there."""
+    both = {key: (e.interval(), e.at_rest.interval()) for key, e in result.parameters.items() if e.at_rest}
+    return {key: rest for key, (dynamic, rest) in both.items() if rest != dynamic}
 
 
 def interval(value: float, lower: float, upper: float, scale: float = 1.0) -> str:
@@ -264,7 +276,7 @@ def _reduction(result: FitResult) -> str:
     return (
         "Each recording was reduced to the complex amplitudes of its harmonics (up to six, below 100 Hz) by least "
         f"squares{numbers}. The residual was weighted by the noise of the harmonics of both channels, so that its sum "
-        f"of squares follows the chi-square distribution with {best.dof} degrees of freedom if the model is true."
+        f"of squares follows the chi-square distribution with {best.dof} degrees of freedom where the model is exact."
     )
 
 
@@ -273,7 +285,7 @@ def _model(result: FitResult) -> str:
     masses = result.wide.masses if result.wide else ()
     stated = ", ".join(f"{m.name} = {m.stated:.4g} kg ± {100 * m.prior_std:.3g} %" for m in masses)
     evidence = result.evidence
-    shares = evidence is None or all("m_F" in r.condition.masses for r in evidence.domain.recordings)
+    shares = evidence is None or all("m_F" in r.condition.masses for r in evidence.recordings)
     text = f"The model {result.model} with {len(result.parameters)} free parameters was fitted ({free}). "
     if stated:
         of = (
@@ -284,27 +296,50 @@ def _model(result: FitResult) -> str:
         text += f"Segment masses were {of} ({stated}, standard deviation) and were estimated with the rest. "
     elif result.wide:
         text += "Segment masses were taken as exactly known. "
-    seed = result.provenance.get("seed")
-    text += f"The search had {len(result.starts)} starts" + (f" (seed {seed})" if seed is not None else "")
+    return text + _searched(result)
+
+
+def _searched(result: FitResult) -> str:
+    """How the best place was looked for, and what MuJoCo has to do with it."""
+    seed, engine = result.provenance.get("seed"), result.provenance.get("versions", {}).get("mujoco")
+    mujoco = "MuJoCo" + (f" {engine}" if engine else "")
+    steady = result.domain == "periodic"
+    count = sum(int(start["evaluations"]) for start in result.starts) if steady else len(result.starts)
+    text = f"The search had {count} starts" + (f" (seed {seed})" if seed is not None else "")
     text += "; both mirror solutions were followed to their ends. " if result.mirror else ". "
-    engine = result.provenance.get("versions", {}).get("mujoco")
-    text += "The reported estimate is converged on the MuJoCo" + (f" {engine}" if engine else "") + " rollout"
+    if steady:
+        apart = result.twin_mujoco_difference or 0.0
+        return (
+            f"{text}Periodic motions were computed by harmonic balance, and each end was replayed as a {mujoco} "
+            f"rollout of the model, which differs from it by {apart:.1e} of the largest harmonic at most."
+        )
+    text += f"The reported estimate is converged on the {mujoco} rollout"
     if result.twin_mujoco_difference is not None:
-        text += f", which differs from a compiled twin by {result.twin_mujoco_difference:.1e} of the peak at most"
-    return text + "."
+        text += (
+            f", which differs from the equations of motion by {result.twin_mujoco_difference:.1e} of the peak at most"
+        )
+    return f"{text}."
 
 
 def _beyond(result: FitResult) -> str:
     if not result.wide:
-        return "All intervals hold if the model, the masses and the instruments are exact."
+        return "All intervals assume that model, masses and instruments are exact."
     names = [n.name for n in result.wide.nuisances if n.group != "masses"]
     names = ["delay between the channels" if name == DELAY.name else name for name in names]
     names = (["segment masses"] if result.wide.masses else []) + names
-    return (
-        "A second fit had everything that a laboratory seldom excludes as nuisances with priors, estimated together "
-        f"with the constants: {', '.join(names)}. Unless said otherwise, 95 % intervals are of this "
-        "fit. The others hold if the model is true. Errors of derived quantities are propagated linearly; natural "
-        "frequencies and damping ratios are of small motion about rest."
+    text = (
+        "What a laboratory seldom excludes was estimated together with the constants, as nuisance parameters with "
+        f"priors: {', '.join(names)}. So was the scatter of the recordings: {result.wide.repeats}. The intervals of "
+        "the model assumed exact hold all of these at the centre of their priors. "
+    )
+    if result.relaxes:
+        text += (
+            "Stiffness and damping of a joint are dynamic, those of its complex stiffness at "
+            f"{result.wide.reference_frequency_hz:.3g} Hz, the geometric mean of the recorded frequencies. "
+        )
+    return text + (
+        "Errors of derived quantities are propagated linearly; natural frequencies and damping ratios are of small "
+        "motion about rest."
     )
 
 
@@ -313,8 +348,9 @@ def _outcome(result: FitResult) -> str:
     if result.domain != "periodic" or not best.dof:
         return f"The fit is {result.fit_percent:.1f} %; the verdict on the branches is {result.verdict}."
     p = "" if best.p_value is None else f", {chance(best.p_value)}"
-    text = f"Chi-square was {best.chi_square:.4g} for {best.dof} degrees of freedom if the model is true{p}"
-    text += f", and {result.wide.chi_square:.4g} with whatever else may be true" if result.wide else ""
+    text = f"Chi-square of the model assumed exact was {best.chi_square:.4g} for {best.dof} degrees of freedom{p}"
+    if result.wide:
+        text += f"; with model and sensor errors included, {result.wide.repeats}"
     return f"{text}. The verdict on the branches is {result.verdict}: {result.reason}"
 
 

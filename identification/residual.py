@@ -1,9 +1,9 @@
 """The residual of steady recordings: whitened harmonics of all sensors, and a row for each prior.
 
-Following Pintelon and Schoukens, a periodic recording is worth its harmonics: 2 H numbers a sensor with known variances.
-Their noise is that of the sensor, that of the base seen through the model, and the scatter from one recording to the
-next: a person sits down anew, and repeats to some per cent of each harmonic. Of a true model the sum of squares is
-chi-square distributed.
+Following Pintelon and Schoukens, a periodic recording is worth its harmonics: 2 H numbers a sensor with known
+variances. Their noise is that of the sensor, that of the base seen through the model, and the scatter from one
+recording to the next: a person sits down anew, and repeats to some per cent of each harmonic. Of a true model the sum
+of squares is chi-square distributed.
 """
 
 from dataclasses import dataclass, replace
@@ -80,8 +80,11 @@ class Problem:
 
     @cached_property
     def _whitener(self) -> np.ndarray:
+        return self.whitener(self.repeatability)
+
+    def whitener(self, repeatability: float) -> np.ndarray:
         """(R, 2 S H, 2 S H) inverse of the Cholesky factor of the covariance; zero where nothing was measured."""
-        scatter = (self.repeatability * np.abs(self.measured.output)).reshape(len(self.measured.lines), -1) ** 2
+        scatter = (repeatability * np.abs(self.measured.output)).reshape(len(self.measured.lines), -1) ** 2
         W = np.zeros_like(self.noise)
         for r, rows in enumerate(self.measured.rows):
             at = np.flatnonzero(rows)
@@ -129,11 +132,12 @@ class Problem:
         variables = self.variables
         theta = variables.theta(Q)
         Y, D, moves, memory = self.motion.response(theta, None if near is None else near.memory)
-        by_theta = variables.slopes(variables.theta, Q)  # (C, R, P, n)
-        dY = np.einsum("crshp,crpn->crshn", D, by_theta)
+        by_theta = variables.slopes(variables.theta, Q, variables.of_motion)  # (C, R, P, k)
+        C, R, S, H, P = D.shape
+        dY = np.zeros((C, R, S, H, Q.shape[1]), complex)
+        dY[..., variables.of_motion] = (D.reshape(C, R, S * H, P) @ by_theta).reshape(C, R, S, H, -1)
         read, dread = self._read(Q, Y, dY)
         e, J = read - self.measured.output, dread
-        C, R = e.shape[:2]
         n = Q.shape[1]
         e, J = e.reshape(C, R, -1), J.reshape(C, R, -1, n)
         e, J = np.concatenate([e.real, e.imag], 2), np.concatenate([J.real, J.imag], 2)
@@ -149,15 +153,16 @@ class Problem:
         r, J = np.where(good[:, None], r, NO_MOTION), np.where(good[:, None, None], J, 0.0)
         return Evaluation(r, J, good, memory)
 
-    def whitened(self, read: np.ndarray) -> np.ndarray:
-        """Residual (m,) of what sensors read (R, S, H), without the priors' rows."""
+    def whitened(self, read: np.ndarray, repeatability: float | None = None) -> np.ndarray:
+        """Residual (m,) of what sensors read (R, S, H), without the priors' rows; at another scatter if given."""
         e = (read - self.measured.output).reshape(len(read), -1)
         e = np.concatenate([e.real, e.imag], 1)
-        return (self._whitener @ e[..., None])[..., 0][self.measured.rows]
+        W = self._whitener if repeatability is None else self.whitener(repeatability)
+        return (W @ e[..., None])[..., 0][self.measured.rows]
 
     def predicted(self, q: np.ndarray) -> np.ndarray:
         """(R, S, H) what the sensors read at q (n,)."""
-        Y, D, _, _ = self.motion.response(self.variables.theta(q[None]), None)
+        Y = self.motion.response(self.variables.theta(q[None]), None)[0]
         n = q.size
         return self._read(q[None], Y, np.zeros((*Y.shape, n), complex))[0][0]
 
@@ -169,16 +174,10 @@ class Problem:
         T, rock = self.channel(Q, H)
         moved = Y + rock
         dread = T[..., None] * dY
-        variables = self.variables
-        of_channel = [
-            variables.place(item)
-            for item in variables.nuisances
-            if item.group in ("gain", "delay", "drift", "mount", "rocking")
-        ]
-        for i in of_channel:
-            step = 1e-5 * np.eye(variables.size)[i]
-            (T_up, rock_up), (T_down, rock_down) = self.channel(Q + step, H), self.channel(Q - step, H)
-            dread[..., i] += (T_up * (Y + rock_up) - T_down * (Y + rock_down)) / 2e-5
+        of = self.variables.of_channel
+        if of.size:
+            change = self.variables.slopes(lambda Q: np.stack(self.channel(Q, H), 1), Q, of)
+            dread[..., of] += change[:, 0] * moved[..., None] + T[..., None] * change[:, 1]
         return T * moved, dread
 
     def channel(self, Q: np.ndarray, H: int) -> tuple[np.ndarray, np.ndarray]:
@@ -195,6 +194,7 @@ class Problem:
         ratio = v.value(Q, v.of_kind("rocking damping"), 0.1)[one]
         swing = base * f**2 / (own**2 - f**2 + 2j * ratio * own * f)
         for s, sensor in enumerate(measured.sensors):
+
             def of(kind: str, rest: float = 0.0, sensor: str = sensor) -> np.ndarray:
                 return v.value(Q, v.of_kind(kind, sensor=sensor), rest)[one]
 

@@ -70,9 +70,10 @@ def identifiability(value: float, std_error: float, size: float, at_bound: bool)
 class Estimate(Tabled):
     """One parameter: value, standard error, 95 % limits, whether it ended at its bound, and how well it is known.
 
-    They allow for whatever else may be true (`World`), and `if_model_true` has those that trust the model, the masses
-    and the instrument. Where no such fit was made (time domain, one frequency, all excluded) that is None, and these
-    hold if the model is true; where the sines hold fewer numbers than there are parameters, none is offered (NaN).
+    They include errors of model and sensors (`World`), and `if_model_true` has those that assume the model, the masses
+    and the instrument exact. Where no such fit was made (time domain, one frequency, all excluded) that is None, and
+    these assume it; where the sines hold fewer numbers than there are parameters, none is offered (NaN). A spring or
+    damper that may relax is dynamic, at the reference frequency, and `at_rest` says what it is without that.
     """
 
     value: float
@@ -88,7 +89,7 @@ class Estimate(Tabled):
         return f"{self.interval()}, {self.known}"
 
     def sheet(self) -> Sheet:
-        """The interval, and beside it that which holds if the model is true."""
+        """The interval, and beside it that with the model assumed exact."""
         both = [(WHATEVER, self), (IF_TRUE, self.if_model_true)] if self.if_model_true else [(IF_TRUE, self)]
         rows = [(told, e.interval(), e.known) for told, e in both if e]
         return Sheet(str(self), ("interval", "value", ""), rows)
@@ -132,10 +133,10 @@ class Estimate(Tabled):
 
 
 def _flat(e: Estimate) -> dict[str, Any]:
-    """An estimate as a row, with the limits that hold if the model is true (the same where no others are known)."""
+    """An estimate as a row, with the limits of the exact model (the same where no others are known)."""
     row = asdict(e)
     narrow = e.if_model_true or e
-    del row["if_model_true"]
+    del row["if_model_true"], row["at_rest"]
     return row | {"lower_if_model_true": narrow.lower, "upper_if_model_true": narrow.upper}
 
 
@@ -230,6 +231,13 @@ class World(Tabled):
     exhausted: bool = True
 
     @property
+    def repeats(self) -> str:
+        """How well recordings repeat, in words."""
+        if self.repeatability < 5e-4:
+            return "recordings repeat as well as the sensors can tell"
+        return f"recordings repeat to {100 * self.repeatability:.2g} %"
+
+    @property
     def per_dof(self) -> float:
         """Chi-square per degree of freedom."""
         return self.chi_square / max(1, self.dof)
@@ -244,7 +252,7 @@ class Branch(Presented):
         deviance: -2 log likelihood up to a constant. fit_percent: mean over recordings, Eq. (3.20).
         parameters: key with unit -> estimate. correlation: (p, p) of the search variables, in the order of parameters.
         chi_square, dof, p_value: goodness of fit of the model alone (steady state; in the time domain chi_square is
-            only a ratio). world: the fit with whatever else may be true, None where none was made.
+            only a ratio). world: the fit with errors of model and sensors, None where none was made.
     """
 
     name: str
@@ -272,10 +280,9 @@ class Branch(Presented):
     def values(self) -> dict[str, float]:
         """Key -> value of the foot's parameters, as `Foot.with_values` takes them; the channels' delay is none.
 
-        They hold if the model is true: with the masses as stated, the foot then moves as recorded.
+        They are those of the headline: what tables, report and page show.
         """
-        kept = {key: e.if_model_true or e for key, e in self.parameters.items() if not of_channel(key)}
-        return {key: e.value for key, e in kept.items()}
+        return {key: e.value for key, e in self.parameters.items() if not of_channel(key)}
 
     def records(self) -> list[dict[str, Any]]:
         """One row a parameter: as parameters.csv has it."""
@@ -445,7 +452,7 @@ class FitResult(Presented):
 
     @property
     def wide(self) -> World | None:
-        """The fit with whatever else may be true, of the likelier branch; None where none was made."""
+        """The fit with errors of model and sensors, of the likelier branch; None where none was made."""
         return self.best.world
 
     @property
@@ -537,15 +544,16 @@ class FitResult(Presented):
         alone += "" if p is None else f", {chance(p)}"
         if self.wide and not self.wide.follows:
             return (
-                "The model does not follow the recordings, whatever else may be true (chi-square "
-                f"{self.wide.per_dof:.3g} per degree of freedom): no constant is offered; {_ASK} compares rivals. "
+                f"The model does not follow the recordings: {self.wide.repeats}, and people repeat to 2 to 5 %. No "
+                f"constant is offered; check the added masses, the body mass and the units first. {_ASK} compares "
+                "rivals. "
             )
         if p is None or p >= UNLIKELY:
             return ""
         if self.wide:
             return (
-                f"The model alone misses the recordings ({alone}); with whatever else may be true it follows them "
-                f"({self.wide.per_dof:.2f}), and {_ASK} compares rivals: "
+                f"The model alone misses the recordings ({alone}); with model and sensor errors it follows them, and "
+                f"{_ASK} compares rivals: "
             )
         return f"The model misses the recordings ({alone}): "
 
@@ -559,13 +567,19 @@ class FitResult(Presented):
         if self.domain == "periodic":
             per = f"chi-square {self.best.chi_square / max(1, self.best.dof):.2f} per degree of freedom"
             found = f", {per}" if self.best.dof else ", no degrees of freedom left"
-        if self.misfit():  # which gives both, of the model alone and with whatever else may be true
+        if self.misfit():  # which gives it
             found = ""
-        rests_on = "whatever else may be true" if self.wide else "if the model is true"
-        word = self.verdict if self.verdict == "not compared" else f"{self.verdict}, {rests_on}"
+        word = self.verdict if self.wide or self.verdict == "not compared" else f"{self.verdict}{_EXACT}"
         if self.wide and not self.wide.follows:
             return f"{self.misfit()}Fit {self.fit_percent:.1f} %; {word}."
-        return f"{self.misfit()}{values}; fit {self.fit_percent:.1f} %{found}; {word}."
+        at = f" at {self.wide.reference_frequency_hz:.3g} Hz" if self.relaxes else ""
+        repeats = f", {self.wide.repeats}" if self.wide else ""
+        return f"{self.misfit()}{values}{at}; fit {self.fit_percent:.1f} %{found}{repeats}; {word}."
+
+    @property
+    def relaxes(self) -> bool:
+        """Whether a spring or damper may be another at rest than at the frequency it is reported at."""
+        return bool(self.wide and any(e.at_rest for e in self.parameters.values()))
 
     def __str__(self) -> str:
         lines = [self.sentence(), self.reason]
@@ -576,7 +590,7 @@ class FitResult(Presented):
 
 
 def trusting(branch: Branch) -> Branch:
-    """A branch of which no wide fit was made: its words hold if the model is true."""
+    """A branch whose model was assumed exact: its words say so."""
     told = {
         key: e if e.identifiability == "not identifiable" else replace(e, identifiability=e.identifiability + _EXACT)
         for key, e in branch.parameters.items()
@@ -585,7 +599,7 @@ def trusting(branch: Branch) -> Branch:
 
 
 def without_exact(branch: Branch) -> Branch:
-    """A branch that offers no interval that trusts the model, and calls no constant known by it."""
+    """A branch that offers no interval of the exact model, and calls no constant known by it."""
     word = "not identifiable"
     told = {}
     for key, e in branch.parameters.items():

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,74 +17,17 @@ from identification.space import SearchSpace
 if TYPE_CHECKING:
     from scipy.optimize import OptimizeResult
 
-
-class Problem(Protocol):
-    """What a descent needs: periodic.PeriodicProblem and time_domain.TimeProblem."""
-
-    evaluations: int
-    tolerance: float
-    #: Whether the cost is chi-square distributed where the model is true.
-    chi_square: bool
-
-    @property
-    def space(self) -> SearchSpace:
-        """What is searched."""
-
-    @property
-    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lower and upper bounds (n,) of the full search variable."""
-
-    @property
-    def size(self) -> int:
-        """Number of residuals."""
-
-    @property
-    def log_determinant(self) -> float:
-        """Sum of log variances."""
-
-    def start(self, q: np.ndarray) -> np.ndarray:
-        """Full search variable (n,) of a start q (p,)."""
-
-    def residual(self, z: np.ndarray) -> np.ndarray:
-        """Weighted residual (m,)."""
-
-    def jacobian(self, z: np.ndarray) -> np.ndarray:
-        """Its Jacobian (m, n)."""
-
-    def compiled(self) -> Any:
-        """The descent in one compiled piece (compiled.py), None if this problem has none."""
-
-    def covariance(self, z: np.ndarray, active: np.ndarray) -> np.ndarray:
-        """Covariance (p, p) of the active ones of q, NaN for the others."""
-
-    def reweigh(self, z: np.ndarray) -> None:
-        """Bring the weights up to date at z."""
-
-    def certified(self, foot: Foot) -> "Problem":
-        """The same problem with the same weights on MuJoCo's motion of a foot, whose step may be another."""
-
-    def states(self, z: np.ndarray, number: int) -> np.ndarray:
-        """Initial states (s,) of one recording [m, m/s]."""
+    from identification.time_domain import TimeProblem
 
 
 #: Every residual of a parameter set whose motion is unstable.
 UNSTABLE = 1e6
-#: A chi-square below this share of the number of residuals is zero to any noise.
+#: A sum of squares below this share of the number of residuals is zero to any noise.
 ZERO = 1e-9
 #: Evaluations after which a descent is given up.
 _MOST = 200
 #: So many samples have a cost as large, of which 1e-7 is a thousandth of what a standard error changes.
 _LONG = 5000
-
-
-def inverse_of_gram(J: np.ndarray) -> np.ndarray:
-    """(J^T J)^-1 (p, p) of J (m, p), with infinite variance for parameters in directions that no residual sees."""
-    _, s, Vt = np.linalg.svd(J, full_matrices=False)
-    seen = s > 1e-10 * s[0]
-    C = (Vt[seen].T / s[seen] ** 2) @ Vt[seen]
-    blind = np.sum(Vt[seen] ** 2, axis=0) < 1 - 1e-6
-    C[blind, blind] = np.inf
-    return C
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +51,7 @@ class Descent:
 
 
 def descend(
-    problem: Problem, q0: np.ndarray, label: str, *, z0: np.ndarray | None = None, tight: bool = False
+    problem: "TimeProblem", q0: np.ndarray, label: str, *, z0: np.ndarray | None = None, tight: bool = False
 ) -> Descent:
     """Minimise the cost, Eqs. (4.35) to (4.41), from one start.
 
@@ -121,28 +64,21 @@ def descend(
     z = problem.start(q0) if z0 is None else z0
     inside = np.clip(z, low + 1e-9 * (high - low), high - 1e-9 * (high - low))  # the method starts inside its bounds
     tolerance = 1e-7 if problem.size > _LONG else 1e-10 if tight else 1e-8  # of the cost: far below a standard error
-    quick = problem.compiled()
-    if quick is not None:
-        z, cost, evaluations, converged = quick.descend(inside, tolerance, problem.tolerance, _MOST)
-        problem.evaluations += evaluations
-        unstable = not np.isfinite(cost)
-        cost = problem.size * UNSTABLE**2 if unstable else cost
-    else:
-        from scipy.optimize import least_squares  # a quarter of a second that models with a twin need not wait
+    from scipy.optimize import least_squares  # a quarter of a second that models with a twin need not wait
 
-        before = problem.evaluations
+    before = problem.evaluations
 
-        def ended(intermediate_result: "OptimizeResult") -> None:  # a valley of zeros is as flat as it is long
-            if 2 * intermediate_result.cost <= ZERO * problem.size:
-                raise StopIteration
+    def ended(intermediate_result: "OptimizeResult") -> None:  # a valley of zeros is as flat as it is long
+        if 2 * intermediate_result.cost <= ZERO * problem.size:
+            raise StopIteration
 
-        found = least_squares(
-            problem.residual, inside, problem.jacobian, bounds=(low, high), method="trf", x_scale="jac",
-            ftol=tolerance, xtol=tolerance, gtol=tolerance, max_nfev=_MOST, callback=ended,
-        )  # fmt: skip
-        z, cost, evaluations = found.x, 2 * float(found.cost), problem.evaluations - before
-        converged = bool(found.success) or cost <= ZERO * problem.size
-        unstable = bool((found.fun == UNSTABLE).all())
+    found = least_squares(
+        problem.residual, inside, problem.jacobian, bounds=(low, high), method="trf", x_scale="jac",
+        ftol=tolerance, xtol=tolerance, gtol=tolerance, max_nfev=_MOST, callback=ended,
+    )  # fmt: skip
+    z, cost, evaluations = found.x, 2 * float(found.cost), problem.evaluations - before
+    converged = bool(found.success) or cost <= ZERO * problem.size
+    unstable = bool((found.fun == UNSTABLE).all())
     return Descent(
         label=label,
         theta0=problem.space.to_theta(inside[:p]),
@@ -171,7 +107,7 @@ def lost(
 
 
 def explore(
-    problem: Problem, starts: Iterable[tuple[str, np.ndarray]], advance: Callable[[], None] = lambda: None
+    problem: "TimeProblem", starts: Iterable[tuple[str, np.ndarray]], advance: Callable[[], None] = lambda: None
 ) -> tuple[list[Descent], bool]:
     """Descend from every start; Ctrl-C keeps what is done.
 

@@ -17,16 +17,6 @@ PROMISED = 0.01
 _LEAST_DAMPING, _MOST_DAMPING, _ROUNDING = 1e-6, 1e14, 1e-14
 
 
-class Squares(Protocol):
-    """Residual (m,) and its derivatives (m, n)."""
-
-    def residual(self, q: np.ndarray) -> np.ndarray:
-        """At q (n,)."""
-
-    def jacobian(self, q: np.ndarray) -> np.ndarray:
-        """At q (n,)."""
-
-
 @dataclass(frozen=True, eq=False)
 class Settled:
     """Where a descent ended.
@@ -41,47 +31,6 @@ class Settled:
     evaluations: int
     converged: bool
     left: float
-
-
-def settle(
-    problem: Squares, q: np.ndarray, low: np.ndarray, high: np.ndarray, most: int, promised: float = PROMISED
-) -> Settled:
-    """Minimise the sum of squares between bounds.
-
-    Args:
-        problem: residual and Jacobian. q: start (n,). low, high: bounds (n,). most: evaluations.
-        promised: decrease of the sum of squares that is worth no further step.
-    """
-    q = np.clip(q, low, high)
-    r = problem.residual(q)
-    objective, count, factor = float(r @ r), 1, 2.0
-    damping = max(1.0, objective / r.size)  # one unit of a variable is a step that is large
-    while True:
-        J = problem.jacobian(q)
-        A, g = J.T @ J, J.T @ r
-        size = np.sqrt(np.maximum(np.diag(A), 1e-12 * max(1e-300, float(np.diag(A).max()))))
-        A, g = A / np.outer(size, size), g / size
-        ends = (low - q) * size, (high - q) * size
-        full = between(A + _ROUNDING * np.eye(q.size), g, *ends)
-        left = -float(2 * g @ full + full @ A @ full)
-        if left < promised:
-            return Settled(q, objective, count, True, left)
-        while True:
-            if count >= most or damping > _MOST_DAMPING:
-                return Settled(q, objective, count, False, left)
-            step = between(A + np.diag(damping / size**2 + _ROUNDING), g, *ends)
-            trial = np.clip(q + step / size, low, high)
-            r_new = problem.residual(trial)
-            count += 1
-            gain = objective - float(r_new @ r_new)
-            foretold = -float(2 * g @ step + step @ A @ step)
-            if gain > 0:
-                # Nielsen (1999): by how well the quadratic foretold the gain
-                damping = max(_LEAST_DAMPING, damping * max(0.1, 1 - (2 * gain / foretold - 1) ** 3))
-                factor = 2.0
-                q, r, objective = trial, r_new, objective - gain
-                break
-            damping, factor = damping * factor, 2 * factor
 
 
 class Valley(Protocol):
@@ -107,9 +56,10 @@ _FEELER, _BEND = 0.1, 0.75
 def follow(
     valley: Valley, q: np.ndarray, low: np.ndarray, high: np.ndarray, most: int, promised: float = PROMISED
 ) -> Settled:
-    """`settle` along a valley that bends: each step has the correction of second order (Transtrum and Sethna 2012).
+    """Minimise a sum of squares along a valley that bends: each step has the correction of second order.
 
-    The second derivative of the residual along the step costs one more residual and no Jacobian.
+    The second derivative of the residual along the step costs one more residual and no Jacobian (Transtrum and Sethna
+    2012).
     """
     q = np.clip(q, low, high)
     r = valley.values(q)

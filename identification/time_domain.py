@@ -17,7 +17,8 @@ from fasbody.recording.recording import Recording, gain_and_delay
 from identification.engines.certified import CertifiedRollouts
 from identification.engines.engine import Engine, Whole
 from identification.engines.twin import Twin
-from identification.search import UNSTABLE, inverse_of_gram
+from identification.intervals import inverse_of_gram
+from identification.search import UNSTABLE
 from identification.space import Space, delay_of
 
 #: Bound of the scaled initial states.
@@ -31,9 +32,7 @@ class TimeProblem:
         recordings: checked recordings. engine: runs them. space: the free parameters.
     """
 
-    chi_square = False
-
-    def __init__(self, recordings: Sequence[Recording], engine: Engine[Whole], space: Space) -> None:
+    def __init__(self, recordings: Sequence[Recording], engine: Engine, space: Space) -> None:
         self.recordings, self.engine, self.space = list(recordings), engine, space
         #: Of each recording, which sensors are fitted, and the noise of each.
         self.sensors = [[name for name in engine.sensors if name in r.sensors] for r in self.recordings]
@@ -41,7 +40,7 @@ class TimeProblem:
             np.array([noise_floor(r, name) for name in its])
             for r, its in zip(self.recordings, self.sensors, strict=True)
         ]
-        self.evaluations, self.tolerance = 0, 0.0
+        self.evaluations = 0
         self._cache: tuple[bytes, np.ndarray, np.ndarray] | None = None
 
     @property
@@ -70,9 +69,6 @@ class TimeProblem:
         """Full search variable (n,) of a start q (p,): rest in every recording."""
         return np.concatenate([q, np.zeros(self._states * len(self.recordings))])
 
-    def compiled(self) -> None:
-        """One evaluation is long enough to be called from Python."""
-
     def residual(self, z: np.ndarray) -> np.ndarray:
         """Compressed residual (m,) at the full search variable z (n,)."""
         return self._evaluate(z)[0]
@@ -85,9 +81,6 @@ class TimeProblem:
         """Initial states of one recording [m, m/s]."""
         p, ns = self.space.lower.size, self._states
         return z[p + number * ns : p + (number + 1) * ns] * self.engine.state_scale
-
-    def reweigh(self, z: np.ndarray) -> None:
-        """The weights come from the noise floor alone."""
 
     def certified(self, foot: Foot) -> "TimeProblem":
         """The same problem on MuJoCo's motion of a foot, whose step may be another."""

@@ -44,7 +44,13 @@ class Found:
 
 
 def fit(
-    question: "Question", starts: int, seed: int, threads: int, replay: int | None, advance: Advance, interruptible: bool
+    question: "Question",
+    starts: int,
+    seed: int,
+    threads: int,
+    replay: int | None,
+    advance: Advance,
+    interruptible: bool,
 ) -> Found:
     """Fit every sample.
 
@@ -57,9 +63,7 @@ def fit(
         SimulationError: no start led anywhere.
     """
     space = question.space
-    domain = TimeDomain(
-        question.foot, question.recordings, space, question.two_mass, threads, question.sensors, replay
-    )
+    domain = TimeDomain(question.foot, question.recordings, space, question.two_mass, threads, question.sensors, replay)
     ratio = None
     if not question.why_not:
         masses = [recording.condition.masses for recording in question.recordings]

@@ -21,6 +21,7 @@ from fasbody.arch.mounted import SHANK_KG, SHIPPED
 from fasbody.foot.model import load
 from fasbody.foot.shaker import harmonics
 from fasbody.foot.simulate import simulate
+from fasbody.foot.steady_state import Balance
 from fasbody.leg.chain import Leg
 from identification.derived import linearised
 from identification.engines.engine import Excitation
@@ -123,6 +124,11 @@ def stepped(file: Path) -> dict[str, complex]:
     return {"T": _first(run.malleolus[0], step) / _first(run.base[0], step)}
 
 
+def balanced(file: Path) -> dict[str, complex]:
+    """Harmonic balance on the engine's inverse dynamics."""
+    return {"T": complex(Balance(load(file)).orbit(HZ, [PEAK]).harmonics()[0] / PEAK)}
+
+
 def fitted(file: Path) -> dict[str, complex]:
     """The motion that a fit begins from: compiled equations where they are this model, else MuJoCo."""
     foot = load(file)
@@ -172,7 +178,7 @@ def as_arch(file: Path) -> dict[str, complex]:
 
 
 READERS: Mapping[str, Callable[[Path], dict[str, complex]]] = {
-    "simulate": stepped, "fit": fitted, "energy": energies, "modes": swings, "curve": drawn, "viewer": shown,
+    "simulate": stepped, "balance": balanced, "fit": fitted, "energy": energies, "modes": swings, "curve": drawn, "viewer": shown,
     "leg": as_leg, "arch": as_arch,
 }  # fmt: skip
 #: What no edit of a model changes: it is a chain, or an arch.
@@ -182,8 +188,8 @@ NO_TREE = {"arch": "there is no tendon 'heel_pad'"}
 USUAL = {"two_dof": NO_ARCH, "leg": NO_ARCH, "foot_arch": NO_LEG, "mounted_arch": NO_LEG | NO_TREE}
 #: Readers of each model.
 OF: Mapping[str, tuple[str, ...]] = {
-    "two_dof": tuple(READERS), "leg": tuple(name for name in READERS if name != "energy"), "foot_arch": ("simulate", "fit", "curve", "viewer", "leg", "arch"),
-    "mounted_arch": ("simulate", "fit", "curve", "viewer", "leg", "arch"),
+    "two_dof": tuple(READERS), "leg": tuple(name for name in READERS if name != "energy"), "foot_arch": ("simulate", "balance", "fit", "curve", "viewer", "leg", "arch"),
+    "mounted_arch": ("simulate", "balance", "fit", "curve", "viewer", "leg", "arch"),
 }  # fmt: skip
 
 

@@ -24,7 +24,7 @@ HZ = (20.0, 45.0)
 def fitted(linear: Foot) -> FitResult:  # noqa: F811
     p = TwoDof.from_values(linear.values())
     data = [recorded(p, f, noise=1e-3) for f in HZ]
-    data[1] = replace(data[1], known=Known(static_force_n=300.0))
+    data[1] = replace(data[1], known=Known(static_forces=((None, 300.0),)))
     return fit_foot(data, linear, free=["k_T", "k_F"], starts=1, threads=1, wide=False)
 
 
@@ -83,4 +83,4 @@ def test_a_static_force_that_cannot_be_is_refused(value: object, tmp_path: Path)
     with pytest.raises(InputFileError, match=r"known\.static_force_n"):
         Known.from_toml(tmp_path / "study.toml", {"static_force_n": value})
     known = Known.from_toml(tmp_path / "study.toml", {"static_force_n": 120, "mount": "tapped"})
-    assert known.static_force_n == 120.0 and known.told(mass_std=0.0).static_force_n == 120.0
+    assert known.static_force_n(2.3) == 120.0 and known.told(mass_std=0.0).static_force_n(0.0) == 120.0

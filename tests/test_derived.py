@@ -11,12 +11,15 @@ from scipy.integrate import solve_ivp
 from fasbody.foot.model import Foot
 from fasbody.foot.shaker import harmonics
 from fasbody.foot.two_dof import TwoDof
+from fasbody.foot.two_mass import PARAMETERS, parameters, resolved
 from fasbody.recording.harmonics import fit_harmonics
 from fasbody.recording.study import BUNDLED
 from identification import report
-from identification.derived import _views, derived, linearised, poles
-from identification.periodic import Line
+from identification.derived import _views, derived, linearised, poles, small_motion, work_slopes
+from identification.harmonics import Line
+from identification.replay import relaxing
 from identification.result import IF_TRUE, WHATEVER, FitResult
+from identification.study.loops import cycle
 
 HZ = 20.0
 #: Draws so near the estimate that what follows from them is linear.
@@ -24,9 +27,9 @@ _NEAR = 1e-3
 
 
 def values(fitted: FitResult) -> dict[str, float]:
-    """Constants and masses of the certified foot by name."""
+    """Constants and masses of the foot by name, the model assumed exact."""
     view = next(view for view in _views(fitted, fitted.evidence) if view.basis == IF_TRUE)
-    return view.foot(view.q, 0)
+    return view.foot(0, view.q)
 
 
 def test_modes_are_the_eigenvalues_of_the_linearised_mjcf(fitted: FitResult, foot: Foot) -> None:
@@ -49,26 +52,63 @@ def test_modes_that_do_not_swing_are_a_pair_of_real_eigenvalues() -> None:
     assert zeta == pytest.approx([0.2, 2.5])
 
 
+@pytest.mark.parametrize(("r", "tau"), [(0.1, 5e-3), (0.6, 4e-3), (1.5, 2e-2)])
+def test_modes_of_springs_that_relax_make_the_dynamic_stiffness_singular(foot: Foot, r: float, tau: float) -> None:
+    p = {**foot.values(), "r_T": r, "r_F": 0.5 * r, "tau": tau}
+    f, zeta = small_motion(p)
+    assert f.size == 2 and (zeta < 1).any()
+    for w, z in zip(2 * np.pi * f, zeta, strict=True):
+        s = w * (-z + np.emath.sqrt(z * z - 1))
+        K_T, K_F = (
+            p[f"k_{j}"] * (1 + p[f"r_{j}"] * s * tau / (1 + s * tau)) + s * p[c]
+            for j, c in (("T", "c_11"), ("F", "c_21"))
+        )
+        D = np.array([[p["m_S"] * s * s + K_T, -K_T], [-K_T, p["m_F"] * s * s + K_T + K_F]])
+        if z < 1:  # of a pair of real eigenvalues only sum and product are given
+            assert abs(np.linalg.det(D)) < 1e-9 * abs(D[0, 0] * D[1, 1])
+
+
+def test_what_relaxes_in_mujoco_is_in_the_slopes_of_the_energies(foot: Foot) -> None:
+    """Exact derivatives of the works against differences of the loops that MuJoCo's own forces make."""
+    base = np.array([-8.95j, 0.13 + 0.05j])
+    p = {**foot.values(), "c_12": 90.0, "c_23": 150.0, "r_T": 0.4, "r_F": 0.7, "tau": 4e-3}
+    moved = relaxing(foot)
+
+    def works(values: dict[str, float]) -> np.ndarray:
+        made = {f"relaxing_{j}": values[f"k_{j}"] * values[f"r_{j}"] for j in ("T", "F")}
+        made |= {"tau_T": values["tau"], "tau_F": values["tau"]}
+        found = cycle(moved, HZ, base, values | made, False)
+        return np.array([found.ankle.dissipated_j, found.fat_pad.dissipated_j])
+
+    motion = resolved(parameters(p)[None], np.array([2 * np.pi * HZ]), base[None], slopes=True)
+    (slopes,) = work_slopes(motion)
+    for name, size in (("k_T", 30.0), ("c_12", 0.05), ("m_S", 1e-3), ("m_F", 1e-3), ("r_F", 1e-3), ("tau", 1e-6)):
+        up, down = (works(p | {name: p[name] + sign * size}) for sign in (1, -1))
+        want = (up - down) / (2 * size)
+        assert slopes[:, PARAMETERS.index(name)] == pytest.approx(want, rel=1e-4, abs=1e-5 * np.abs(want).max())
+
+
 @pytest.mark.parametrize("basis", [WHATEVER, IF_TRUE])
 def test_intervals_are_those_of_draws(fitted: FitResult, basis: str) -> None:
     view = next(view for view in _views(fitted, fitted.evidence) if view.basis == basis)
-    free = np.isfinite(np.diag(view.C)) & (np.diag(view.C) > 0)
+    C = view.solution.covariance
+    free = np.isfinite(np.diag(C)) & (np.diag(C) > 0)
     rng = np.random.default_rng(0)
-    root = np.linalg.cholesky(view.C[np.ix_(free, free)])
+    root = np.linalg.cholesky(C[np.ix_(free, free)])
     drawn = []
     for _ in range(400):
         q = view.q.copy()
         q[free] += _NEAR * root @ rng.normal(size=free.sum())
-        drawn.append(np.log(poles(TwoDof.from_values(view.foot(q, 0)).state_space()[0])[0][0]))
+        drawn.append(np.log(small_motion(view.foot(0, q))[0][0]))
     (mode,) = (m for m in derived(fitted).modes
                if (m["basis"], m["branch"], m["mode"]) == (basis, view.branch, 1))  # fmt: skip
-    std = np.log(mode["upper_hz"] / mode["natural_frequency_hz"]) / 1.96
+    std = np.log(mode["upper_hz"] / mode["natural_frequency_hz"]) / view.quantile
     assert np.std(drawn) / _NEAR == pytest.approx(std, rel=0.15)
     assert mode["lower_hz"] < np.exp(np.mean(drawn)) < mode["upper_hz"]
 
 
 def test_energies_are_those_of_an_integration_in_time(fitted: FitResult) -> None:
-    line = next(Line.of(r) for r in fitted.evidence.domain.recordings if round(r.condition.frequency_hz) == HZ)
+    line = next(Line.of(r) for r in fitted.evidence.recordings if round(r.condition.frequency_hz) == HZ)
     f = line.base.frequency_hz
     foot, base = TwoDof.from_values(values(fitted)), harmonics(f, line.base.amplitudes, 1.0)
 
@@ -89,6 +129,25 @@ def test_energies_are_those_of_an_integration_in_time(fitted: FitResult) -> None
     assert [e["dissipated_j"] for e in mine] == pytest.approx(work, rel=1e-5)
     assert all(e["lower_j"] < e["dissipated_j"] < e["upper_j"] for e in mine)
     assert sum(e["share"] for e in mine) == pytest.approx(1)
+
+
+def test_the_legs_mass_is_the_part_that_all_intervals_share(fitted: FitResult) -> None:
+    """A constant's logarithm is that of the constant per kilogram and that of the mass, so the widths are sides."""
+    view = next(view for view in _views(fitted, fitted.evidence) if view.basis == WHATEVER)
+    rows = [row for row in derived(fitted).scale if row["branch"] == view.branch]
+    assert [row["parameter"] for row in rows] == list(fitted.parameters)[:4]
+    leg = sum(mass.value for mass in fitted.wide.masses)
+    (mass,) = {row["of_it_mass_percent"] for row in rows}
+    assert mass == pytest.approx(100 * view.quantile * fitted.wide.scale_std)
+    for row in rows:
+        e = fitted[row["parameter"]]
+        assert row["half_width_percent"] == pytest.approx(50 * np.log(e.upper / e.lower), rel=1e-3)
+        assert row["per_kg"] == pytest.approx(e.value / leg, rel=1e-6)
+        whole, per_kg = row["half_width_percent"], row["per_kg_half_width_percent"]
+        assert abs(whole - mass) <= per_kg * (1 + 1e-9)
+    # natural frequencies do not know the mass
+    (mode,) = (m for m in derived(fitted).modes if (m["basis"], m["branch"], m["mode"]) == (WHATEVER, view.branch, 1))
+    assert 100 * np.log(mode["upper_hz"] / mode["natural_frequency_hz"]) < 0.2 * mass
 
 
 def test_parts_of_chi_square_add_up(fitted: FitResult) -> None:

@@ -36,7 +36,7 @@ def test_a_study_says_what_is_wrong_with_it() -> None:
 
 def test_a_fit_is_a_screen_and_a_sentence(fitted: idn.FitResult) -> None:
     text = repr(fitted)
-    assert len(text.splitlines()) < 30 and max(map(len, text.splitlines())) <= 130  # two mirror feet, side by side
+    assert len(text.splitlines()) < 36 and max(map(len, text.splitlines())) <= 130  # two mirror feet, side by side
     assert fitted["k_T"] is fitted["k_T_n_per_m"] is fitted.best["k_T"]
     assert fitted["k_T"].interval() in text and fitted.mirror["k_T"].interval() in text
     assert {fitted.best.name, fitted.mirror.name} == {"stiff ankle", "stiff pad"}
@@ -65,13 +65,13 @@ def test_every_plot_of_a_fit_can_be_drawn(fitted: idn.FitResult) -> None:
     measured = fb.Transmissibility.of(fb.bundled().under(0.0)).to_dataframe().set_index("frequency_hz")
     for f, T in data.items():
         assert measured.loc[round(f), "transmissibility"] == pytest.approx(T, rel=1e-4)  # by segments
-        assert model[f] == pytest.approx(T, rel=0.05)
+        assert model[f] == pytest.approx(T, rel=2.5 * fitted.wide.repeatability)
     assert (lower.lines[0].get_ydata() > 0).all()  # the malleolus lags
 
 
 def test_a_fit_moves_the_foot_that_is_simulated(fitted: idn.FitResult, foot: fb.Foot) -> None:
     moved = foot.with_values(fitted.values())
-    assert moved.values()["k_T"] == pytest.approx(fitted["k_T"].if_model_true.value)
+    assert moved.values()["k_T"] == pytest.approx(fitted["k_T"].value)
     motion = fb.simulate(moved, fb.sine(20, 1))
     last = motion.to_dataframe()["time_s"] > 0.8
     peak = np.ptp(motion.to_dataframe()["malleolus_m_s2"][last]) / np.ptp(motion.to_dataframe()["base_m_s2"][last])

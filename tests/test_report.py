@@ -13,6 +13,7 @@ import mjcf
 from fasbody.foot.model import load
 from fasbody.presentation import COLOURS
 from identification import figures, report
+from identification.derived import derived
 from identification.result import FitResult
 from viz.fitted import read
 
@@ -37,7 +38,7 @@ class Balanced(HTMLParser):
         assert self.open.pop() == tag
 
 
-STARTS = tuple({"start": f"{i}", "cost": 10.0 * (i + 1), "branch": "stiff ankle"} for i in range(3))
+STARTS = tuple({"start": f"{i}", "cost": 10.0 * (i + 1), "evaluations": 9, "branch": "stiff ankle"} for i in range(3))
 
 
 @pytest.fixture(scope="module")
@@ -90,6 +91,18 @@ def test_a_page_has_every_figure_with_a_caption_that_counts(whole: str, fitted: 
     assert COLOURS[0].lower() in whole.lower() and COLOURS[1].lower() not in whole.lower()  # one load
 
 
+def test_a_page_says_what_the_legs_mass_costs_and_at_which_frequency_values_hold(fitted: FitResult, whole: str) -> None:
+    page, rows = unescape(whole), derived(fitted).scale
+    assert f"known to\n± {rows[0]['of_it_mass_percent']:.2g} % here" in page
+    for row in rows:
+        assert f"<td>{row['half_width_percent']:.3g} %</td>" in page and f"<td>{row['per_kg']:.4g}</td>" in page
+    assert "<th>value, at 18.2 Hz</th>" in page
+    at_rest = report.rests(fitted)
+    assert at_rest and set(at_rest) <= {"k_T_n_per_m", "k_F_n_per_m", "c_11_n_s_per_m", "c_21_n_s_per_m"}
+    assert all(f"<td>{text}</td>" in page for text in at_rest.values())
+    assert f"{fitted.wide.repeats[1:]}" in page
+
+
 def test_a_value_at_its_bound_is_written_as_the_bound() -> None:
     keys = {"k_T_n_per_m": estimate(3e5, 1.0), "c_12_per_m": estimate(600.0, 1.0, True)}
     at_bound = replace(result().best, parameters=keys)
@@ -102,7 +115,8 @@ def test_methods_have_the_numbers_of_the_fit(fitted: FitResult) -> None:
     text = " ".join(report.methods(fitted))
     for part in (
         "n = 3 recordings", "10 to 30 Hz", "sampled at 1000 Hz", "28 numbers", f"{fitted.best.dof} degrees of freedom",
-        "m_S = 3.375 kg ± 10 %", "2 starts (seed 0)", "k_T [N/m]", "p < 1e-16",
+        "m_S = 3.375 kg ± 15 %", "starts (seed 0)", "k_T [N/m]", "p < 1e-16", "at 18.2 Hz, the geometric mean",
+        fitted.wide.repeats, "replayed as a MuJoCo",
     ):  # fmt: skip
         assert part in text, part
 
@@ -120,7 +134,7 @@ def test_every_figure_has_labelled_axes(name: str) -> None:
 def test_a_time_domain_result_without_mirror_twin_or_truth_has_a_page_too() -> None:
     plain = result(starts=STARTS, domain="time", branches=result().branches[:1], twin_mujoco_difference=None, truth={})
     text = report.html(plain)
-    assert "no twin for this model" in text
+    assert "equations of motion and MuJoCo, of the peak</td>\n<td>–</td>" in text
     assert "time domain" in text
 
 

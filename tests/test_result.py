@@ -81,7 +81,7 @@ def test_document_has_the_promised_keys_and_survives_json() -> None:
     assert {"twin_mujoco_difference", "base_acceleration_error", "warnings"} <= set(document)
     assert set(document["recordings"][0]) >= {"file", "frequency_hz", "fit_percent"}
     assert set(document["parameters"]["k_T_n_per_m"]) == {
-        "value", "std_error", "lower", "upper", "at_bound", "identifiability", "if_model_true",
+        "value", "std_error", "lower", "upper", "at_bound", "identifiability", "if_model_true", "at_rest",
     }  # fmt: skip
     assert set(document["branches"][0]) >= {"name", "cost", "fit_percent", "parameters"}
     assert document["branches"][1]["p_value"] is None  # NaN is no JSON

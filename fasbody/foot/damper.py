@@ -6,7 +6,8 @@ coordinate x (extension positive, from rest) the compressive strain of a pad of 
 the static strain under the foot's weight; the pad's force is taken about that equilibrium, as Eq. (4.29) is. A pad that
 lifts off (e < 0) has no force; one that expands fast while compressed may pull, as the printed laws have it.
 
-Laws 1 to 3 are none of the thesis'. Law 3 is a spring in series with a damper. Laws 1 and 2 stiffen, pads under compression (side -1), ligaments under tension (side 1):
+Laws 1 to 3 are none of the thesis'. Law 3 is a spring in series with a damper. Laws 1 and 2 stiffen, pads under
+compression (side -1), ligaments under tension (side 1):
 with d the deformation on that side, S(d) the spring and W the static force that it carries where x = 0,
 
     force = max(0, S(d) (1 + eta d')) - W,    S = A d^n or k_0/b (exp(b d) - 1), S(d) = W at x = 0

@@ -1,9 +1,10 @@
 """MuJoCo's native callbacks: nonlinear dampers, pad laws and the shaker, without the GIL.
 
 MuJoCo calls a C function where a model has forces of its own. numba compiles ours (`cfunc`), so no compiler is needed
-and rollouts run on all cores. Callbacks are global to the process: `callbacks()` installs them for a `with` block and
-restores what was there. They act on marked elements only: joints and tendons whose `user` field starts with a law's
-number (damper.py), and actuators whose `biasprm` starts with the number of a law or of the shaker.
+and rollouts run on all cores. Callbacks are global to the process: `callbacks()` installs them for a `with` block, and
+the last of such blocks to end, in whichever thread, restores what was there. They act on marked elements only: joints
+and tendons whose `user` field starts with a law's number (damper.py), and actuators whose `biasprm` starts with the
+number of a law or of the shaker.
 
 The compiled code reads mjModel and mjData by word offsets, which `find_offsets` finds at start-up in the structs of a
 probe model: the addresses of the arrays are known to Python, the words that hold them are their offsets, and a count is
@@ -14,6 +15,7 @@ differently.
 import ctypes
 import functools
 import hashlib
+import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -88,7 +90,14 @@ def _compile(offsets: dict[str, int], stamp: int) -> Callbacks:
     QPOS, QVEL, ACT, ACT_DOT = offsets["qpos"], offsets["qvel"], offsets["act"], offsets["act_dot"]
     CTRL, QFRC, TIME = offsets["ctrl"], offsets["qfrc_passive"], offsets["time"]
     TEN_J, TEN_LENGTH, TEN_VELOCITY = offsets["ten_J"], offsets["ten_length"], offsets["ten_velocity"]
-    USER, PRM, BRANCHES, RELAX, MAXWELL, UNIT = damper.USER_SIZE, _PRM, damper.BRANCHES, VISCOELASTIC, damper.MAXWELL, CLOCK
+    USER, PRM, BRANCHES, RELAX, MAXWELL, UNIT = (
+        damper.USER_SIZE,
+        _PRM,
+        damper.BRANCHES,
+        VISCOELASTIC,
+        damper.MAXWELL,
+        CLOCK,
+    )
     MODEL, DATA, BIG = (MODEL_WORDS,), (DATA_WORDS,), (1 << 20,)
     f8, i4, i8 = np.float64, np.int32, np.int64
 
@@ -253,18 +262,34 @@ _SLOTS: dict[str, tuple[Callable[[], Any], Callable[[Any], None]]] = {
 _SLOTS["warning"] = (mujoco.get_mju_user_warning, mujoco.set_mju_user_warning)
 
 
+#: What blocks have installed, the latest last, above what was there before; and what guards it.
+_installed: list[Callbacks] = []
+_LOCK = threading.Lock()
+
+
 @contextmanager
 def callbacks(chosen: Callbacks | None = None) -> Iterator[Callbacks]:
     """Install the callbacks (native by default) for the block; what was installed before is restored."""
     chosen = chosen or native()
-    before = {name: get() for name, (get, _) in _SLOTS.items()}
+    with _LOCK:
+        if not _installed:
+            _installed.append(Callbacks(**{name: get() for name, (get, _) in _SLOTS.items()}))
+        _install(chosen)
     try:
-        for name, (_, put) in _SLOTS.items():
-            put(getattr(chosen, name))
         yield chosen
     finally:
-        for name, (_, put) in _SLOTS.items():
-            put(before[name])
+        with _LOCK:
+            del _installed[max(i for i, one in enumerate(_installed) if one is chosen)]  # threads end in any order
+            _install(_installed.pop())
+            if len(_installed) == 1:
+                _installed.clear()
+
+
+def _install(chosen: Callbacks) -> None:
+    """Put callbacks in place, above those of other blocks."""
+    for name, (_, put) in _SLOTS.items():
+        put(getattr(chosen, name))
+    _installed.append(chosen)
 
 
 @contextmanager

@@ -1,13 +1,14 @@
-"""Periodic motion by harmonic balance: a Fourier series, of which Newton's method finds the coefficients.
+"""Periodic motion by harmonic balance: Newton's method finds the coefficients of a Fourier series.
 
-The forces of a system are computed at instants of one period and projected on the harmonics of its motion, where what
-is left must vanish. What is linear may be given harmonic by harmonic, as a dynamic stiffness. Coefficients of a signal
-are its mean, its cosines and its sines,
+The forces of a system are computed at instants of one period and projected on the harmonics of its
+motion, where what is left must vanish. What is linear may be given harmonic by harmonic, as a
+dynamic stiffness. The coefficients of a signal are its mean, its cosines and its sines,
 
-    x(t) = a_0 + sum_k a_k cos(k w t) + b_k sin(k w t) = a_0 + Re sum_k X_k exp(i k w t),    X_k = a_k - i b_k
+    x(t) = a_0 + sum_k a_k cos(k w t) + b_k sin(k w t)
+         = a_0 + Re sum_k X_k exp(i k w t),    X_k = a_k - i b_k
 
-`periodic` finds the motion of one system with as many harmonics as it needs; `newton` that of many systems at once, at
-a fixed number of them.
+`periodic` finds the motion of one system with as many harmonics as it needs; `newton` the motions
+of many systems at once, with a fixed number of them.
 """
 
 from dataclasses import dataclass
@@ -22,30 +23,32 @@ from fasbody.exceptions import NotSmoothError, PeriodicMotionError
 Array = np.ndarray
 #: Harmonics to begin with, and at most: 256 instants a period.
 HARMONICS, MOST_HARMONICS = 6, 48
-#: Largest share of the acceleration in the two highest harmonics, either of which may vanish by symmetry.
+#: Largest share of the acceleration in either of the two highest harmonics; symmetry may lack one.
 SMALL = 1e-6
 #: Jacobians of one solution, and steps with each.
 PASSES, CHORDS = 12, 12
 #: Contraction from which on a step with an old Jacobian is worth less than a new one.
 SLOW = 0.25
-#: Size of a step over the motion that ends the search, and below which one that is not shortened is rounding, if the
-#: Jacobian is new or has shortened others by `PROVEN`.
+#: Size of a step over the motion that ends the search. Below the second one a step that is not
+#: shortened is rounding, if the Jacobian is new or has shortened steps to the third.
 TIGHT, ROUNDING, PROVEN = 1e-12, 1e-6, 1e-3
 #: Least share of a Newton step, and least part of the amplitude by which a motion is continued.
 SHORTEST, FINEST = 2.0**-8, 2.0**-7
-#: Change of the Floquet multipliers that refining may leave, and how often the period is refined.
-MULTIPLIER, REFINED = 1e-8, 4
+#: Change of the Floquet multipliers that refining may leave, and how often intervals are halved.
+MULTIPLIER, HALVINGS = 1e-8, 4
 
 
 @dataclass(frozen=True)
 class Fourier:
     """Fourier series with a number of harmonics, and its values at instants of one period.
 
-        series = Fourier(6)
-        series.at(x), series.project(forces)
+        series = Fourier.of(6)
+        position, rate, acceleration = series.at(x)
+        series.project(force)
 
     Attributes:
-        harmonics: H. samples: instants N of a period, more than 2 H.
+        harmonics: H.
+        samples: instants N of a period, more than 2 H.
     """
 
     harmonics: int
@@ -53,7 +56,7 @@ class Fourier:
 
     @classmethod
     def of(cls, harmonics: int) -> "Fourier":
-        """With at least four instants a harmonic, so that cubic forces are projected exactly."""
+        """With more than four instants a harmonic, so that cubic forces are projected exactly."""
         return _fourier(harmonics)
 
     @property
@@ -69,13 +72,12 @@ class Fourier:
 
     @cached_property
     def basis(self) -> Array:
-        """Values, and first and second derivatives over w and w^2, (3, N, 2 H + 1), of unit coefficients."""
-        angle = np.outer(2 * np.pi * np.arange(self.samples) / self.samples, np.arange(1, self.harmonics + 1))
-        c, s, k = np.cos(angle), np.sin(angle), np.arange(1, self.harmonics + 1)
-        one = np.ones((self.samples, 1))
-        return np.stack(
-            [np.hstack([one, c, s]), np.hstack([0 * one, -k * s, k * c]), np.hstack([0 * one, -k * k * c, -k * k * s])]
-        )
+        """Values and two derivatives over w and w^2 of unit coefficients, (3, N, 2 H + 1)."""
+        k, N = np.arange(1, self.harmonics + 1), self.samples
+        angle = 2 * np.pi / N * np.outer(np.arange(N), k)
+        cos, sin, one = np.cos(angle), np.sin(angle), np.ones((N, 1))
+        values, rates = np.hstack([one, cos, sin]), np.hstack([0 * one, -k * sin, k * cos])
+        return np.stack([values, rates, -(self.order**2) * values])
 
     @cached_property
     def projection(self) -> Array:
@@ -83,7 +85,7 @@ class Fourier:
         return self.basis[0].T * np.where(self.order, 2.0, 1.0)[:, None] / self.samples
 
     def at(self, x: Array) -> Array:
-        """Values and derivatives (3, ..., N), over w and w^2, of coefficients x (..., 2 H + 1)."""
+        """Values and derivatives over w and w^2, (3, ..., N), of coefficients x (..., 2 H + 1)."""
         return np.stack([x @ b.T for b in self.basis])
 
     def project(self, values: Array) -> Array:
@@ -91,21 +93,23 @@ class Fourier:
         return values @ self.projection.T
 
     def tangent(self, slopes: Array) -> Array:
-        """Derivative (..., 2 H + 1, 2 H + 1) of a projected force to the coefficients of what it depends on.
+        """Derivative (..., 2 H + 1, 2 H + 1) of a projected force to coefficients of a motion.
 
         Args:
-            slopes: (3, ..., N) of the force in the value, and in the derivatives over w and w^2.
+            slopes: (3, ..., N) of the force in the motion, and in its derivatives over w and w^2.
         """
-        return sum((self.projection * slope[..., None, :]) @ b for slope, b in zip(slopes, self.basis, strict=True))
+        Q, (K, C, M), (E, V, A) = self.projection, slopes[..., None, :], self.basis
+        matrix: Array = (Q * K) @ E + (Q * C) @ V + (Q * M) @ A
+        return matrix
 
     def dynamic(self, stiffness: Array) -> Array:
-        """Matrix (..., 2 H + 1, 2 H + 1) by which a complex stiffness (..., H + 1) takes motion to force."""
+        """Matrix (..., 2 H + 1, 2 H + 1) of a complex stiffness (..., H + 1)."""
         H = self.harmonics
-        k, Z = np.arange(1, H + 1), stiffness[..., 1:]
+        c, s, Z = np.arange(1, H + 1), np.arange(H + 1, 2 * H + 1), stiffness[..., 1:]
         matrix = np.zeros((*stiffness.shape[:-1], self.size, self.size))
         matrix[..., 0, 0] = stiffness[..., 0].real
-        matrix[..., k, k] = matrix[..., H + k, H + k] = Z.real
-        matrix[..., k, H + k], matrix[..., H + k, k] = Z.imag, -Z.imag
+        matrix[..., c, c] = matrix[..., s, s] = Z.real
+        matrix[..., c, s], matrix[..., s, c] = Z.imag, -Z.imag
         return matrix
 
     def complex(self, x: Array) -> Array:
@@ -114,11 +118,11 @@ class Fourier:
         return x[..., 1 : H + 1] - 1j * x[..., H + 1 :]
 
     def real(self, amplitudes: Array, mean: Array | float = 0.0) -> Array:
-        """Coefficients (..., 2 H + 1) of the first complex amplitudes (..., h) of a signal; the others are zero."""
-        h, H = min(amplitudes.shape[-1], self.harmonics), self.harmonics
+        """Coefficients (..., 2 H + 1) of complex amplitudes (..., h); those above h are zero."""
+        h, H = amplitudes.shape[-1], self.harmonics
         x = np.zeros((*amplitudes.shape[:-1], self.size))
         x[..., 0] = mean
-        x[..., 1 : h + 1], x[..., H + 1 : H + h + 1] = amplitudes[..., :h].real, -amplitudes[..., :h].imag
+        x[..., 1 : h + 1], x[..., H + 1 : H + h + 1] = amplitudes.real, -amplitudes.imag
         return x
 
 
@@ -128,7 +132,7 @@ def _fourier(harmonics: int) -> Fourier:
 
 
 class Equations(Protocol):
-    """Systems that are solved together; rows (b,) says which of them are meant."""
+    """Systems that are solved together; `rows` (b,) says which of them are meant."""
 
     def residual(self, x: Array, rows: Array) -> Array:
         """What must vanish (b, m) at unknowns x (b, m)."""
@@ -137,74 +141,101 @@ class Equations(Protocol):
         """Its derivative (b, m, m)."""
 
     def size(self, x: Array) -> Array:
-        """Norm (b,) of unknowns or of a step."""
+        """Norm (b,) of unknowns or of steps x (b, m)."""
 
 
-def newton(equations: Equations, x: Array, inverse: Array | None = None) -> tuple[Array, Array, Array]:
-    """Solve many systems by damped Newton's method, with the same Jacobian as long as its steps contract.
+def newton(
+    equations: Equations, x: Array, inverse: Array | None = None, tight: float = TIGHT,
+    longest: float = np.inf,
+) -> tuple[Array, Array, Array]:  # fmt: skip
+    """Solve many systems by damped Newton's method, a Jacobian serving as long as steps contract.
 
-    Steps are judged by the next one that the same Jacobian would take, so that stiff and soft directions, newtons and
-    metres count alike (Deuflhard 2004, section 3.3).
+    A step is judged by the next one that the same Jacobian would take, so that stiff and soft
+    directions, newtons and metres count alike (Deuflhard 2004, section 3.3).
 
     Args:
-        equations: the systems. x: (b, m) unknowns to begin at.
-        inverse: (b, m, m) of the Jacobian of a solution nearby, with which the first steps are taken.
+        equations: the systems.
+        x: (b, m) unknowns to begin at.
+        inverse: (b, m, m) of Jacobians of solutions nearby, with which the first steps are taken.
+        tight: size of a step over that of the unknowns which ends the search.
+        longest: size of a first step over that of the unknowns. Where many motions exist, a search
+            with shorter ones stays near its start.
 
     Returns:
         Unknowns (b, m), the inverse of the last Jacobian (b, m, m), and which are solved (b,).
     """
-    x, (count, m) = np.array(x, float), x.shape
-    step, damping = np.empty_like(x), np.ones(count)
-    solved, going = np.zeros(count, bool), np.arange(count)
-    fresh = inverse is None
-    inverse = np.empty((count, m, m)) if inverse is None else np.array(inverse)
-
-    def correction(rows: Array, at: Array) -> Array:
-        return -(inverse[rows] @ equations.residual(at, rows)[..., None])[..., 0]
-
+    search, rows = _Search(equations, np.array(x, float), tight, longest), np.arange(len(x))
     with np.errstate(all="ignore"):  # a step that leads too far is not finite, and is shortened
+        if inverse is not None:
+            search.inverse[:] = inverse
+            rows = search.chords(rows, fresh=False)
         for _ in range(PASSES):
-            if fresh:
-                inverse[going] = _inverse(equations.jacobian(x[going], going))
-            step[going] = correction(going, x[going])
-            first, chord = equations.size(step), going
-            for _ in range(CHORDS):
-                trial = x[chord] + damping[chord, None] * step[chord]
-                after = correction(chord, trial)
-                before, left = equations.size(step[chord]), equations.size(after)
-                contraction = left / np.maximum(before, np.finfo(float).tiny)
-                better = contraction < 1 - damping[chord] / 4
-                motion = equations.size(trial)
-                exact = fresh | (before < PROVEN * first[chord])
-                rounded = exact & (before < ROUNDING * motion) & (contraction > SLOW)
-                solved[chord], fresh = (left <= TIGHT * motion) | rounded, False
-                x[chord[better]], step[chord[better]] = trial[better], after[better]
-                damping[chord] = np.where(better, np.minimum(1, 2 * damping[chord]), damping[chord] / 2)
-                again = ~solved[chord] & np.where(better, contraction < SLOW, damping[chord] >= SHORTEST)
-                chord = chord[again]
-                if not chord.size:
-                    break
-            going, fresh = going[~solved[going] & (damping[going] >= SHORTEST)], True
-            damping[going] = 1
+            if not rows.size:
+                break
+            search.linearise(rows)
+            rows = search.chords(rows, fresh=True)
+    return search.x, search.inverse, search.solved
+
+
+class _Search:
+    """Where Newton's method is with each of many systems."""
+
+    def __init__(self, equations: Equations, x: Array, tight: float, longest: float) -> None:
+        self.equations, self.x, self.tight, self.longest = equations, x, tight, longest
+        count, m = x.shape
+        self.inverse, self.solved = np.empty((count, m, m)), np.zeros(count, bool)
+
+    def linearise(self, rows: Array) -> None:
+        """A new Jacobian."""
+        self.inverse[rows] = _inverse(self.equations.jacobian(self.x[rows], rows))
+
+    def chords(self, rows: Array, fresh: bool) -> Array:
+        """Steps with the same Jacobian; returns the rows that want a new one."""
+        step, going = np.zeros_like(self.x), rows
+        step[rows] = self._correction(self.x[rows], rows)
+        first = self.equations.size(step)
+        reach = self.longest * self.equations.size(self.x) / first
+        damping = np.maximum(SHORTEST, np.fmin(1, reach))  # without a limit from rest it is no number
+        for _ in range(CHORDS):
+            trial = self.x[going] + damping[going, None] * step[going]
+            following = self._correction(trial, going)
+            before, after, motion = map(self.equations.size, (step[going], following, trial))
+            contraction = after / np.maximum(before, np.finfo(float).tiny)
+            better = contraction < 1 - damping[going] / 4
+            rounded = (contraction > SLOW) & (before < ROUNDING * motion)
+            proven = fresh | (before < PROVEN * first[going])
+            self.solved[going] = (after <= self.tight * motion) | (rounded & proven)
+            self.x[going[better]], step[going[better]] = trial[better], following[better]
+            damping[going] = np.where(better, np.minimum(1, 2 * damping[going]), damping[going] / 2)
+            again = np.where(better, contraction < SLOW, damping[going] >= SHORTEST)
+            going, fresh = going[again & ~self.solved[going]], False
             if not going.size:
                 break
-    return x, inverse, solved
+        return rows[~self.solved[rows] & (damping[rows] >= SHORTEST)]
+
+    def _correction(self, x: Array, rows: Array) -> Array:
+        residual = self.equations.residual(x, rows)
+        step: Array = -(self.inverse[rows] @ residual[..., None])[..., 0]
+        return step
 
 
 def _inverse(matrices: Array) -> Array:
-    """Of each (b, m, m); NaN where one is singular or not finite, and so leads nowhere."""
+    """Of each (b, m, m); NaN, which leads nowhere, where one is singular."""
     try:
         return np.linalg.inv(matrices)
     except np.linalg.LinAlgError:
-        return np.stack([np.linalg.pinv(m) if np.isfinite(m).all() else np.full_like(m, np.nan) for m in matrices])
+        if len(matrices) == 1:
+            return np.full_like(matrices, np.nan)
+        return np.concatenate([_inverse(matrix[None]) for matrix in matrices])
 
 
 class System(Protocol):
     """One system under a periodic excitation.
 
     Attributes:
-        name: for messages. frequency_hz: of the excitation. metric: (n, n) by which accelerations are measured, such
-            as a mass matrix.
+        name: for messages.
+        frequency_hz: of the excitation.
+        metric: (n, n) by which accelerations are measured, such as a mass matrix.
     """
 
     name: str
@@ -212,7 +243,7 @@ class System(Protocol):
     metric: Array
 
     def residual(self, series: Fourier, x: Array, share: float) -> Array:
-        """What must vanish (n, 2 H + 1) at coefficients x (n, 2 H + 1) under a share of the excitation."""
+        """What must vanish (n, 2 H + 1) at coefficients x under a share of the excitation."""
 
     def jacobian(self, series: Fourier, x: Array, share: float) -> Array:
         """Its derivative (n (2 H + 1), n (2 H + 1))."""
@@ -243,66 +274,77 @@ class _Single:
 
 
 def power(system: System, series: Fourier, x: Array) -> Array:
-    """Square of the acceleration over w^2 in each harmonic (H + 1,), the mean's displacement first."""
+    """Square of the acceleration over w^2 in each harmonic (H + 1,), first that of the mean."""
     each = np.einsum("il,ij,jl->l", x, system.metric, x) * np.maximum(1, series.order) ** 4
     return np.bincount(series.order, each)
 
 
 def highest(system: System, series: Fourier, x: Array) -> float:
-    """Share of the acceleration that is in the two highest harmonics."""
+    """Share of the acceleration that is in the two highest harmonics, the larger of both."""
     each = power(system, series, x)[1:]
     return float(np.sqrt(each[-2:].max() / max(each.sum(), np.finfo(float).tiny)))
 
 
 @dataclass(frozen=True, eq=False)
 class Solution:
-    """A balanced motion.
+    """A periodic motion.
 
     Attributes:
-        series: its harmonics. x: coefficients (n, 2 H + 1). inverse: of a Jacobian nearby.
+        series: its harmonics.
+        x: coefficients (n, 2 H + 1).
+        inverse: (m, m) of a Jacobian nearby, None if there is none.
     """
 
     series: Fourier
     x: Array
-    inverse: Array
+    inverse: Array | None = None
 
 
-def periodic(system: System, start: Solution | None = None) -> Solution:
+def periodic(system: System, start: Solution | None = None, least: int = HARMONICS) -> Solution:
     """The periodic motion of a system.
 
-    Harmonics are doubled until each of the two highest has less than `SMALL` of the acceleration. Where Newton's method
-    does not lead there from `start`, or from rest, the amplitude of the excitation is raised step by step.
+    Harmonics are doubled until either of the two highest has less than `SMALL` of the acceleration.
+    Where Newton's method leads nowhere from `start`, or from rest, the amplitude of the excitation
+    is raised step by step.
 
     Args:
-        system: what moves. start: a motion nearby.
+        system: what moves.
+        start: a motion nearby.
+        least: number of harmonics, at least.
 
     Raises:
-        PeriodicMotionError: there is none, or none that grows out of rest. NotSmoothError: its harmonics do not fall.
+        PeriodicMotionError: there is none, or none that grows out of rest.
+        NotSmoothError: its harmonics do not fall, or a constraint opens, closes or slips.
     """
-    n = len(system.metric)
-    first = Fourier.of(HARMONICS)
-    found = start or Solution(first, np.zeros((n, first.size)), np.empty(0))
-    inverse = start.inverse[None] if start else None
+    found = start or _rest(system, Fourier.of(HARMONICS))
     while True:
-        found = _solved(system, found, 1.0, inverse) or _continued(system, found.series)
-        left, changes = highest(system, found.series, found.x), system.changes(found.series, found.x)
-        if changes or (left >= SMALL and found.series.harmonics >= MOST_HARMONICS):
-            raise NotSmoothError(system.name, system.frequency_hz, found.series.harmonics, left, changes)
+        while found.series.harmonics < least:
+            found = _doubled(found)
+        reached, solved = _solved(system, found, 1.0)
+        found = reached if solved else _continued(system, found.series)
+        H, left = found.series.harmonics, highest(system, found.series, found.x)
+        changes = system.changes(found.series, found.x)
+        if changes or (left >= SMALL and H >= MOST_HARMONICS):
+            raise NotSmoothError(system.name, system.frequency_hz, H, left, changes)
         if left < SMALL:
             return found
-        found, inverse = _doubled(found), None
+        least = 2 * H
 
 
-def _solved(system: System, start: Solution, share: float, inverse: Array | None = None) -> Solution | None:
-    """The motion under a share of the excitation; None where Newton's method fails."""
-    equations = _Single(system, start.series, share)
-    x, inverse, solved = newton(equations, start.x.reshape(1, -1), inverse)
-    return Solution(start.series, x.reshape(start.x.shape), inverse[0]) if solved[0] else None
+def _rest(system: System, series: Fourier) -> Solution:
+    return Solution(series, np.zeros((len(system.metric), series.size)))
 
 
 def _doubled(found: Solution) -> Solution:
     series = Fourier.of(2 * found.series.harmonics)
-    return Solution(series, series.real(found.series.complex(found.x), found.x[:, 0]), np.empty(0))
+    return Solution(series, series.real(found.series.complex(found.x), found.x[:, 0]))
+
+
+def _solved(system: System, start: Solution, share: float) -> tuple[Solution, bool]:
+    """Where Newton's method ends under a share of the excitation, and whether that is a motion."""
+    near = None if start.inverse is None else start.inverse[None]
+    x, inverse, solved = newton(_Single(system, start.series, share), start.x.reshape(1, -1), near)
+    return Solution(start.series, x.reshape(start.x.shape), inverse[0]), bool(solved[0])
 
 
 def _continued(system: System, series: Fourier) -> Solution:
@@ -310,35 +352,47 @@ def _continued(system: System, series: Fourier) -> Solution:
 
     Raises:
         PeriodicMotionError: it ends before.
+        NotSmoothError: a constraint acts where it ends.
     """
-    found, reached, part = Solution(series, np.zeros((len(system.metric), series.size)), np.empty(0)), 0.0, 0.5
+    found, reached, part = _rest(system, series), 0.0, 0.5
     while reached < 1:
         share = min(1.0, reached + part)
-        grown = found.x * (share / reached if reached else 1.0)
-        following = _solved(system, Solution(series, grown, found.inverse), share)
-        if following:
+        grown = Solution(series, found.x * (share / reached if reached else 1.0))
+        following, solved = _solved(system, grown, share)
+        if solved:
             found, reached, part = following, share, 2 * part
-        else:
+        elif part >= FINEST:
             part /= 2
-            if part < FINEST:
-                raise PeriodicMotionError(system.name, system.frequency_hz, reached)
+        else:
+            raise _ended(system, following, reached)
     return found
+
+
+def _ended(system: System, tried: Solution, share: float) -> PeriodicMotionError:
+    """What ends a motion beyond a share of the excitation, at the coefficients tried last."""
+    f, H = system.frequency_hz, tried.series.harmonics
+    if changes := system.changes(tried.series, tried.x):
+        left = highest(system, tried.series, tried.x)
+        return NotSmoothError(system.name, f, H, left, changes)
+    return PeriodicMotionError(system.name, f, share)
 
 
 def multipliers(slopes: Array, period: float, first_order: int = 0) -> Array:
     """Floquet multipliers of a motion: by how much small departures from it grow over one period.
 
-    Each interval between two instants is passed with the matrix exponential of its middle, which is exact where nothing
-    varies, however stiff, and of second order elsewhere; it is refined and extrapolated until the multipliers rest.
+    An interval between two instants is passed with the matrix exponential of its middle, which is
+    exact where nothing varies, however stiff, and of second order elsewhere. Intervals are halved
+    and the passage extrapolated until the multipliers no longer change.
 
     Args:
-        slopes: (3, N, n, n) of the residual in coordinates, their rates and accelerations at instants of the period.
-        period: [s]. first_order: how many of the coordinates, the last ones, have no inertia.
+        slopes: (3, N, n, n) of the residual in coordinates, rates and accelerations at N instants.
+        period: [s].
+        first_order: how many of the coordinates, the last ones, have no inertia.
     """
-    A = _state_matrix(slopes, first_order)
+    A = _halved(_state_matrix(slopes, first_order))
     coarse, found = _passed(A, period), np.empty(0)
-    for _ in range(REFINED):
-        A = _refined(A)
+    for _ in range(HALVINGS):
+        A = _halved(A)
         fine = _passed(A, period)
         before, found = found, _sorted(np.linalg.eigvals((4 * fine - coarse) / 3))
         if before.size and np.abs(found - before).max() < MULTIPLIER:
@@ -351,24 +405,25 @@ def _state_matrix(slopes: Array, first_order: int) -> Array:
     """Matrices (N, s, s) of the states' rates: coordinates, rates of those with inertia."""
     K, C, M = slopes
     n = M.shape[-1] - first_order
-    top = np.concatenate([M[..., :n], C[..., n:]], axis=-1)  # what multiplies accelerations, and rates of the others
-    rates = -np.linalg.solve(top, np.concatenate([K, C[..., :n]], axis=-1))
-    count, states = len(K), K.shape[-1] + n
-    A = np.zeros((count, states, states))
+    # what multiplies accelerations, and the rates of what has none
+    highest = np.concatenate([M[..., :n], C[..., n:]], axis=-1)
+    rates = -np.linalg.solve(highest, np.concatenate([K, C[..., :n]], axis=-1))
+    states = K.shape[-1] + n
+    A = np.zeros((len(K), states, states))
     A[:, :n, n + first_order :] = np.eye(n)
     A[:, n : n + first_order], A[:, n + first_order :] = rates[:, n:], rates[:, :n]
     return A
 
 
 def _passed(A: Array, period: float) -> Array:
-    """State after one period (s, s) of unit states."""
+    """States after one period (s, s) of unit states; odd instants are the middles of intervals."""
     after = np.eye(A.shape[-1])
-    for step in expm(A * (period / len(A))):
+    for step in expm(A[1::2] * (2 * period / len(A))):
         after = step @ after
     return after
 
 
-def _refined(A: Array) -> Array:
+def _halved(A: Array) -> Array:
     """The same periodic matrices at twice as many instants."""
     spectrum = np.fft.rfft(A, axis=0)
     spectrum[-1] /= 2  # half of the highest one is of the negative frequency

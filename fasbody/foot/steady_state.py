@@ -2,20 +2,21 @@
 
     balance = Balance(foot)
     orbit = balance.orbit(20.0, [8.95], {"k_T": 2e5, "m_S": 5.6})
-    orbit.harmonics("malleolus")                                    # complex (H,) [m/s^2]
-    balance.derivatives(orbit, ["k_T", "m_S"])["malleolus"]         # complex (H, 2)
-    balance.orbit(20.0, [8.95], {"k_T": 2.1e5}, start=orbit)        # from nearby: quicker
-    orbit.stable, orbit.initial_state()                             # Floquet; what a rollout starts from
+    orbit.harmonics("malleolus")                                # complex (H,) [m/s^2]
+    balance.derivatives(orbit, ["k_T", "m_S"])["malleolus"]     # complex (H, 2)
+    balance.orbit(20.0, [8.95], {"k_T": 2.1e5}, start=orbit)    # from nearby: quicker
+    orbit.stable, orbit.initial_state()                         # Floquet; to start a rollout from
 
-At instants of a period MuJoCo is given position, velocity and acceleration of a Fourier series, and answers with the
-force that nobody supplies (`mj_inverse` less `mj_fwdActuation`) and with the rate of each activation. Newton's method
-makes both fit. So whatever the MJCF has is in the motion, tendons, equalities and dampers with memory among it, there
-is no time step and no error of one, and the base moves exactly as asked.
+At instants of a period MuJoCo is given position, velocity and acceleration of a Fourier series, and
+answers with the force that nobody supplies (`mj_inverse` less `mj_fwdActuation`) and with the rate
+of each activation; Newton's method makes both fit. So all that the MJCF has is in the motion, be it
+tendons, equalities or dampers with memory. There is no time step and no error of one, and the base
+moves exactly as asked.
 """
 
 import copy
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import mujoco
@@ -23,24 +24,24 @@ import numpy as np
 
 from fasbody.exceptions import SettingError, unknown
 from fasbody.foot.engine import callbacks
-from fasbody.foot.harmonic_balance import Fourier, Solution, multipliers, periodic
+from fasbody.foot.harmonic_balance import MOST_HARMONICS, Fourier, Solution, multipliers, periodic
 from fasbody.foot.model import Foot
 from fasbody.foot.parameters import Fitted
 
 Array = np.ndarray
 #: Step of the engine [s]: the rate of a DC motor is a difference over it.
 STEP = 1e-9
-#: Differences in coordinates [m or rad] and rates, and in activations and accelerations, in which forces are linear.
+#: Differences in coordinates [m or rad] and rates, and in what forces are linear in.
 POSITION, RATE, ACTIVATION, ACCELERATION = 1e-6, 1e-4, 1.0, 1.0
-#: Difference in a parameter as a share of its size, and in harmonics of the base [m/s^2], in which forces are linear.
+#: Difference in a parameter as a share of its size, and in harmonics of the base [m/s^2].
 PARAMETER, BASE = 3e-4, 1.0
 
 
 class Engine:
-    """MuJoCo as a function: at an instant, position, velocity and acceleration to what does not fit.
+    """MuJoCo as a function: from position, velocity and acceleration to what does not fit.
 
-    Coordinates are those of the model from rest, then its activations: c = nv + na of them. A row holds the c residuals,
-    forces [N or N m] and rates of activation, then the model's sensor data.
+    Coordinates are those of the model from rest, then its activations: c = nv + na of them. A row
+    holds the c residuals, forces [N or N m] and rates of activation, then the model's sensor data.
     """
 
     def __init__(self, model: mujoco.MjModel) -> None:
@@ -48,7 +49,7 @@ class Engine:
         self.size, d = model.nv + model.na, self.data
         self._state = d.qpos, d.qvel, d.qacc, d.act
         self._outputs = d.qfrc_inverse, d.qfrc_actuator, d.act_dot, d.sensordata
-        self._raw = sum(part.size for part in self._outputs)
+        *self._ends, self._raw = np.cumsum([part.size for part in self._outputs]).tolist()
 
     def rows(self, motion: Array) -> Array:
         """Rows (N, r) at N instants of a motion (3, N, c)."""
@@ -79,14 +80,14 @@ class Engine:
 
     def _states(self, motion: Array) -> Iterator[tuple[Array, ...]]:
         """qpos, qvel, qacc and act of each instant."""
-        nv = self.model.nv
-        parts = motion[0, :, :nv] + self.model.qpos0, motion[1, :, :nv], motion[2, :, :nv], motion[0, :, nv:]
-        return zip(*parts, strict=True)
+        nv, (position, velocity, acceleration) = self.model.nv, motion
+        qpos = self.model.qpos0 + position[:, :nv]
+        return zip(qpos, velocity[:, :nv], acceleration[:, :nv], position[:, nv:], strict=True)
 
     def _reduced(self, raw: Array) -> Array:
         """Rows of what the engine gives (..., raw)."""
-        nv, c = self.model.nv, self.size
-        return np.concatenate([raw[..., :nv] - raw[..., nv : 2 * nv], -raw[..., 2 * nv : nv + c], raw[..., nv + c :]], -1)
+        inverse, actuator, rate, sensors = np.split(raw, self._ends, axis=-1)
+        return np.concatenate([inverse - actuator, -rate, sensors], axis=-1)
 
     def _read(self, state: Sequence[Array], row: Array) -> None:
         for values, given in zip(self._state, state, strict=True):
@@ -94,7 +95,7 @@ class Engine:
         self._compute(0, row)
 
     def _compute(self, done: int, row: Array) -> None:
-        """What the engine gives for the state in `data`, of which the stages up to `done` are computed."""
+        """What the engine gives for the state in `data`, its stages up to `done` being computed."""
         m, d = self.model, self.data
         mujoco.mj_inverseSkip(m, d, done, 1)
         mujoco.mj_fwdActuation(m, d)
@@ -103,7 +104,7 @@ class Engine:
         np.concatenate(self._outputs, out=row)
 
     def _differences(self, state: Sequence[Array], out: Array) -> None:
-        """Differences about one state into out (3, c, raw), the costly stages of the engine as seldom as can be."""
+        """Differences about one state into out (3, c, raw), costly stages as seldom as can be."""
         (qpos, qvel, qacc, act), nv = self._state, self.model.nv
         row = np.empty(self._raw)
         self._read(state, row)
@@ -130,8 +131,9 @@ class Shaken:
     """A foot with its parameters on a base with its motion: the system that is balanced.
 
     Attributes:
-        balance: of the model. frequency_hz: fundamental.
-        base: (h,) complex harmonics of its acceleration [m/s^2], Re sum A_k exp(i k w t), the fundamental first.
+        balance: of the model.
+        frequency_hz: fundamental.
+        base: (h,) complex harmonics A_k of its acceleration [m/s^2], Re sum A_k exp(i k w t).
         values: parameters that differ from the model's, by name.
     """
 
@@ -155,7 +157,7 @@ class Shaken:
         return (2 * np.pi * self.frequency_hz) ** np.arange(3)
 
     def motion(self, series: Fourier, x: Array, share: float = 1.0) -> Array:
-        """Position, velocity and acceleration (3, N, c) of coefficients x (n, 2 H + 1) under a share of the base."""
+        """Position, velocity and acceleration (3, N, c) of coefficients under a share of base."""
         whole = np.insert(x, self.balance.base, 0.0, axis=0)
         k = np.arange(1, self.base.size + 1)
         whole[self.balance.base] = series.real(-share * self.base / (k * self._scale[1]) ** 2)
@@ -167,7 +169,7 @@ class Shaken:
         return self.balance.engine.rows(self.motion(series, x, share))
 
     def slopes(self, series: Fourier, x: Array, share: float = 1.0) -> Array:
-        """Derivatives (3, N, r - 1, n) of residuals and sensor data to coordinates, rates and accelerations."""
+        """Derivatives (3, N, r - 1, n) of rows, `Engine.slopes`, but for those of the base."""
         self.balance.set(self.values)
         found = self.balance.engine.slopes(self.motion(series, x, share))
         return np.delete(np.delete(found, self.balance.base, 2), self.balance.base, 3)
@@ -181,8 +183,8 @@ class Shaken:
         return self.assembled(series, self.slopes(series, x, share)[:, :, : len(x)])
 
     def assembled(self, series: Fourier, slopes: Array) -> Array:
-        """Derivative (m (2 H + 1), n (2 H + 1)) of projected rows, from that at instants (3, N, m, n)."""
-        blocks = series.tangent(np.moveaxis(slopes * self._scale[:, None, None, None], 1, -1))
+        """Derivative (m L, n L) of projected rows from slopes (3, N, m, n), L = 2 H + 1."""
+        blocks = series.tangent(np.moveaxis(slopes, 1, -1) * self._scale[:, None, None, None])
         m, n, L, _ = blocks.shape
         return blocks.swapaxes(1, 2).reshape(m * L, n * L)
 
@@ -198,7 +200,8 @@ class Orbit:
     """Periodic motion of a foot on a shaken base.
 
     Attributes:
-        shaken: what moves. solution: coefficients of coordinates from rest and activations, without the base.
+        shaken: what moves.
+        solution: coefficients of the coordinates from rest and activations, without the base.
         rows: (N, r) of the engine at instants of the period.
     """
 
@@ -233,20 +236,24 @@ class Orbit:
 
     @cached_property
     def slopes(self) -> Array:
-        """Derivatives (3, N, r - 1, n) of residuals and sensor data to coordinates, rates and accelerations."""
+        """Derivatives of rows at the orbit, see `Shaken.slopes`."""
         with callbacks():
             return self.shaken.slopes(self.series, self.solution.x)
 
     @cached_property
     def multipliers(self) -> Array:
-        """Floquet multipliers, the largest first: by how much small departures grow over a period."""
-        n = len(self.solution.x)
-        return multipliers(self.slopes[:, :, :n], 1 / self.shaken.frequency_hz, self.shaken.balance.model.na)
+        """Floquet multipliers, the largest first: how small departures grow over a period."""
+        residuals = self.slopes[:, :, : len(self.solution.x)]
+        return multipliers(residuals, 1 / self.shaken.frequency_hz, self.shaken.balance.model.na)
 
     @property
     def stable(self) -> bool:
         """Whether every small departure dies out."""
         return bool(np.abs(self.multipliers[0]) < 1)
+
+
+#: Systems on either side of another, and how far apart their difference is.
+Pair = tuple[Shaken, Shaken, float]
 
 
 class Balance:
@@ -269,28 +276,31 @@ class Balance:
         self.engine = Engine(model)
         self.free = np.delete(np.arange(self.engine.size), self.base)
         #: Mass that is the table's own, of which the shaker takes care [kg].
-        self.table_kg = float(model.dof_armature[self.base] + model.body_mass[model.dof_bodyid[self.base]])
+        table = model.body_mass[model.dof_bodyid[self.base]]
+        self.table_kg = float(model.dof_armature[self.base] + table)
         for name in sensors:
             self.reading(name)
-        self._fields = {field: getattr(model, field).reshape(-1) for field in foot.parameters.fields}
+        fields = foot.parameters.fields
+        self._fields = {field: getattr(model, field).reshape(-1) for field in fields}
         self._nominal = {field: values.copy() for field, values in self._fields.items()}
         self._current: Mapping[str, float] | None = None
 
     @cached_property
     def metric(self) -> Array:
         """Mass matrix at rest (n, n), zero where activations are."""
-        mass, whole = np.zeros((self.model.nv, self.model.nv)), np.zeros((self.engine.size, self.engine.size))
-        data = mujoco.MjData(self.model)
+        nv, data = self.model.nv, mujoco.MjData(self.model)
+        mass = np.zeros((nv, nv))
         mujoco.mj_fwdPosition(self.model, data)
         mujoco.mj_fullM(self.model, data, mass)
-        whole[: self.model.nv, : self.model.nv] = mass
-        return whole[np.ix_(self.free, self.free)]
+        return np.pad(mass, (0, self.model.na))[np.ix_(self.free, self.free)]
 
     def reading(self, sensor: str) -> Array:
-        """Weights (r,) by which rows of the engine give an accelerometer, but for what gravity adds."""
-        if sensor not in self.foot.sensors:
-            raise SettingError(f"{unknown('accelerometer', sensor, self.foot.sensors)} in model {self.foot.name}.")
-        item = self.foot.sensors[sensor]
+        """Weights (r,) by which rows of the engine give an accelerometer, but for gravity."""
+        known = self.foot.sensors
+        if sensor not in known:
+            message = unknown("accelerometer", sensor, known)
+            raise SettingError(f"{message} in model {self.foot.name}.")
+        item = known[sensor]
         weights = np.zeros(self.engine.size + self.model.nsensordata)
         weights[self.engine.size + item.first :][:3] = item.axis
         return weights
@@ -319,65 +329,76 @@ class Balance:
             frequency_hz: fundamental.
             base_harmonics: (h,) complex amplitudes A_k of the base's acceleration [m/s^2], which is
                 Re sum A_k exp(i k w t); the fundamental first.
-            values: parameters by name, the masses among them, as of `Foot.with_values`; others are the foot's.
+            values: parameters by name, masses among them, as of `Foot.with_values`; all others are
+                the foot's.
             start: a motion nearby, from which the search begins.
 
         Raises:
-            SettingError: an unknown parameter or value, or a frequency that is none.
-            PeriodicMotionError: there is no such motion. NotSmoothError: a contact, stop or dry friction acts in it.
+            SettingError: an unknown parameter or value, or a base that cannot be meant.
+            PeriodicMotionError: there is no such motion.
+            NotSmoothError: a contact, a stop or dry friction acts in it.
         """
         base = np.atleast_1d(np.asarray(base_harmonics, complex))
-        if not (np.isfinite(frequency_hz) and frequency_hz > 0 and np.isfinite(base).all() and base.any()):
-            raise SettingError(
-                f"a periodic motion needs a frequency in Hz and harmonics of the base in m/s^2, not {frequency_hz} and "
-                f"{list(base)}."
-            )
+        _check(frequency_hz, base)
         named = self.foot.parameters.named({} if values is None else values)
         for name, value in named.items():
             self.foot.parameters[name].check(value)
         shaken = Shaken(self, float(frequency_hz), base, named)
         with callbacks():
-            solution = periodic(shaken, start.solution if start else None)
+            solution = periodic(shaken, start.solution if start else None, base.size)
             return Orbit(shaken, solution, shaken.rows(solution.series, solution.x))
 
     def derivatives(self, orbit: Orbit, names: Sequence[str]) -> dict[str, Array]:
-        """Derivatives of the sensors' harmonics to named parameters at an orbit: sensor -> complex (H, p)."""
+        """Derivatives of the sensors' harmonics to parameters: sensor -> complex (H, p).
+
+        Args:
+            orbit: where. names: of the parameters.
+        """
         shaken, pairs = orbit.shaken, []
         for item in (self.foot.parameters[name] for name in names):
             value = shaken.values.get(item.name, item.read(self.foot.model))
-            size = PARAMETER * (abs(value) if item.logarithmic else max(abs(item.lower), abs(item.upper)))
+            most = abs(value) if item.logarithmic else max(abs(item.lower), abs(item.upper))
+            size = PARAMETER * most
             ends = ({**shaken.values, item.name: value + sign * size} for sign in (1, -1))
-            one, other = (Shaken(self, shaken.frequency_hz, shaken.base, values) for values in ends)
+            one, other = (replace(shaken, values=values) for values in ends)
             pairs.append((one, other, 2 * size))
         return self._follow(orbit, pairs)
 
     def base_derivatives(self, orbit: Orbit) -> dict[str, Array]:
-        """Derivatives to the base's harmonics at an orbit: sensor -> complex (H, 2 h), to real parts, then imaginary."""
-        shaken, pairs, unit = orbit.shaken, [], np.eye(orbit.shaken.base.size)
-        for direction in (*unit, *(1j * unit)):
-            one, other = (
-                Shaken(self, shaken.frequency_hz, shaken.base + sign * BASE * direction, shaken.values)
-                for sign in (1, -1)
-            )
+        """Derivatives to the base's harmonics, real parts first: sensor -> complex (H, 2 h)."""
+        shaken, pairs, unit = orbit.shaken, [], BASE * np.eye(orbit.shaken.base.size)
+        for nudge in (*unit, *(1j * unit)):
+            one, other = (replace(shaken, base=shaken.base + sign * nudge) for sign in (1, -1))
             pairs.append((one, other, 2 * BASE))
         return self._follow(orbit, pairs)
 
-    def _follow(self, orbit: Orbit, pairs: Sequence[tuple[Shaken, Shaken, float]]) -> dict[str, Array]:
-        """What the sensors read under changes of the system, which the motion follows (implicit function theorem).
+    def _follow(self, orbit: Orbit, pairs: Sequence[Pair]) -> dict[str, Array]:
+        """How readings change with the system; the motion follows (implicit function theorem).
 
         Args:
-            orbit: the motion. pairs: the system on either side of it, and how far both are apart.
+            orbit: the motion. pairs: systems on either side of it, and how far both are apart.
         """
-        series, x, n = orbit.series, orbit.solution.x, len(orbit.solution.x)
+        series, x, slopes = orbit.series, orbit.solution.x, orbit.slopes
         with callbacks():
             changes = [(a.rows(series, x) - b.rows(series, x)) / apart for a, b, apart in pairs]
-        change = series.project(np.moveaxis(changes, 1, -1))  # (p, r, 2 H + 1) at a motion that stays
-        J = orbit.shaken.assembled(series, orbit.slopes[:, :, :n])
+        change = series.project(np.moveaxis(changes, 1, -1))  # (p, r, 2 H + 1), the motion held
+        J = orbit.shaken.assembled(series, slopes[:, :, : len(x)])
         moved = np.linalg.solve(J, -change[:, self.free].reshape(len(pairs), -1).T)
         out = {}
         for name in self.sensors:
             weights = self.reading(name)
-            by_motion = np.einsum("dtij,i->dtj", orbit.slopes, np.delete(weights, self.base))[:, :, None]
-            follows = orbit.shaken.assembled(series, by_motion) @ moved
+            read = np.einsum("dtij,i->dtj", slopes, np.delete(weights, self.base))
+            follows = orbit.shaken.assembled(series, read[:, :, None]) @ moved
             out[name] = series.complex(weights @ change + follows.T).T
         return out
+
+
+def _check(frequency_hz: float, base: Array) -> None:
+    """Refuse a motion of the base that cannot be meant or balanced."""
+    if not (np.isfinite(frequency_hz) and frequency_hz > 0):
+        raise SettingError(f"a periodic motion needs a frequency above 0 Hz, not {frequency_hz}.")
+    if not (np.isfinite(base).all() and base.any()):
+        given = ", ".join(f"{amplitude:g}" for amplitude in base)
+        raise SettingError(f"harmonics of the base are {given}; give finite m/s^2, one not zero.")
+    if base.size > MOST_HARMONICS:
+        raise SettingError(f"a base of {base.size} harmonics has more than {MOST_HARMONICS}.")

@@ -140,7 +140,8 @@ def orbits(
 ) -> Orbits:
     """Periodic motions of feet, each on a base of its own, with the harmonics that `base` has.
 
-    Newton starts from `start` or from the linear motion; a foot for which that fails is shaken a little first, then more.
+    Newton starts from `start` or from the linear motion; where that fails, the foot is shaken a little first, then
+    more.
 
     Example:
         ``orbits(parameters(foot.values())[None], np.array([w]), 9.0 * np.eye(1, 6))``
@@ -348,7 +349,7 @@ def _orbits_of(
     system: _System, Z: np.ndarray, step: np.ndarray, F: np.ndarray, K: np.ndarray, J: np.ndarray, X: np.ndarray,
     D: np.ndarray | None, done: np.ndarray,
 ) -> Orbits:  # fmt: skip
-    H, n = system.H, 2 * system.H
+    n = 2 * system.H
     aS, aF = system.aS[..., None], system.aF[..., None]
 
     def following(x: np.ndarray) -> np.ndarray:
@@ -376,7 +377,9 @@ def _grown(system: _System, tolerance: float) -> Orbits:
     for _ in range(4 * 2**_HALVINGS):
         trial = np.minimum(1.0, level + stride)
         part = _System(system.theta, system.omega, trial[:, None] * system.base, system.slopes)
-        start = np.where((level > 0)[:, None, None], at * (trial / np.maximum(level, 1e-9))[:, None, None], part.linear())
+        start = np.where(
+            (level > 0)[:, None, None], at * (trial / np.maximum(level, 1e-9))[:, None, None], part.linear()
+        )
         result = _newton(part, start, tolerance, 12)
         level = np.where(result.converged, trial, level)
         at = np.where(result.converged[:, None, None], result.stretch, at)

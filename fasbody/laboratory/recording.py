@@ -1,6 +1,6 @@
 """One synthetic recording of a virtual subject: base, malleolus and tuberosity as strapped sensors see them.
 
-Sines are computed as periodic orbits of the compiled two-mass model, the tuberosity and the strapped sensors as linear
+Sines are computed by harmonic balance of the two-mass model, the tuberosity and the strapped sensors as linear
 filters of their harmonics; other excitations as trajectories.
 """
 
@@ -11,14 +11,13 @@ from scipy.interpolate import CubicSpline
 
 from fasbody.exceptions import SimulationError
 from fasbody.foot import shaker
-from fasbody.foot.two_dof import TwoDof, periodic, trajectory
+from fasbody.foot.two_dof import TwoDof, trajectory
+from fasbody.foot.two_mass import parameters, resolved
 from fasbody.laboratory.instrument import Instrument
 from fasbody.laboratory.subject import Tuberosity
 from fasbody.recording.recording import Recording
 
 _HARMONICS = 20
-#: Integration steps: at most this long [s], at least so many a period.
-_STEP_S, _STEPS = 2.5e-4, 96
 
 
 def steady(
@@ -36,13 +35,10 @@ def steady(
         SimulationError: the foot has no periodic motion.
     """
     U = instrument.amplitudes(rng, peak_to_peak)
-    steps = max(_STEPS, int(np.ceil(1 / (frequency_hz * _STEP_S))))
-    step = 1 / (frequency_hz * steps)
-    u = shaker.harmonics(frequency_hz, U, 1 / frequency_hz).half_steps(step, steps)
-    Y, *_, gap = periodic(np.zeros(4), foot.theta, foot.m_S, foot.m_F, u, step, 1e-9, 30)
-    if not gap < 1e-6:
+    orbits = resolved(parameters(vars(foot))[None], np.array([2 * np.pi * frequency_hz]), np.array([U]))
+    if not orbits.converged.all():
         raise SimulationError(f"the virtual foot has no periodic motion at {frequency_hz:g} Hz.")
-    malleolus = np.fft.rfft(Y)[1 : _HARMONICS + 1] * 2 / steps
+    malleolus = orbits.shank[0, :_HARMONICS]
     f = frequency_hz * np.arange(1, malleolus.size + 1)
     shank = malleolus * tuberosity.response(f)
     seen = instrument.strap(f) * np.exp(-2j * np.pi * f * instrument.delay_s)

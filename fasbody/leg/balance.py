@@ -6,35 +6,33 @@ the table's acceleration a cos(w t), every harmonic of the pad's force P(d, d') 
 
     P_0 = W,    P_k = M_k (a delta_k1 + (k w)^2 d_k)
 
-which Newton's method solves for d_0 .. d_H. It finds motions that repeat after one period of the table, stable or not.
+which `fasbody.foot.harmonic_balance` solves for d_0 .. d_H. It finds motions that repeat after one period of the table,
+stable or not.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
+from fasbody.foot.harmonic_balance import Fourier, newton
 from fasbody.leg.lift_off import REFERENCE_N
 
 Array = np.ndarray
 #: Harmonics that are balanced, and samples of a period.
 HARMONICS, SAMPLES = 8, 40
-#: Shares of the table's amplitude on the way to the whole, Newton steps at each but the last, and at the last.
-RAMP, STEPS, LAST = (0.3, 0.65, 1.0), 5, 14
-#: Largest unbalanced harmonic of the force over the static force that counts as balanced.
-BALANCED = 1e-6
+#: Shares of the table's amplitude on the way to the whole.
+RAMP = (0.3, 0.65, 1.0)
+#: Size of a Newton step over the motion that counts as balanced.
+BALANCED = 1e-7
 
-_angle = 2 * np.pi * np.arange(SAMPLES) / SAMPLES
-_k = np.arange(1, HARMONICS + 1)
-#: d and d' (over w) from the unknowns d_0, cosines, sines: (SAMPLES, 2 HARMONICS + 1); and back.
-_E = np.column_stack([np.ones(SAMPLES), np.cos(np.outer(_angle, _k)), np.sin(np.outer(_angle, _k))])
-_V = np.column_stack([np.zeros(SAMPLES), -_k * np.sin(np.outer(_angle, _k)), _k * np.cos(np.outer(_angle, _k))])
-_Q = _E.T * np.r_[1, np.full(2 * HARMONICS, 2)][:, None] / SAMPLES
+SERIES = Fourier(HARMONICS, SAMPLES)
+_K = np.arange(1, HARMONICS + 1)
 
 
 @dataclass(frozen=True)
 class Pressed:
-    """Many systems, each under one sine of the table.
+    """Many systems, each under one sine of the table; `harmonic_balance.Equations` of their pads' compression.
 
     Attributes:
         omega: of the table [rad/s], (n,). mass: dynamic mass at each harmonic [kg], complex, (n, HARMONICS).
@@ -59,44 +57,43 @@ class Pressed:
         n = self.exponent
         return (self.stiffness / (n * REFERENCE_N ** (1 - 1 / n))) ** n
 
-    def force(self, x: Array) -> tuple[Array, Array, Array]:
-        """Force of the pad [N], and its slopes in d and d', each (n, SAMPLES), for unknowns x (n, u)."""
-        n, still = self.exponent[:, None], (self.static / self.factor)[:, None] ** (1 / self.exponent[:, None])
-        d, v = x @ _E.T, self.omega[:, None] * (x @ _V.T)
-        held = np.maximum(d, 1e-6 * still)
-        spring = self.factor[:, None] * held**n
-        share = n * (self.damping / self.stiffness)[:, None] / held
-        P = spring * (1 + share * v)
+    @property
+    def still(self) -> Array:
+        """Compression under the static force alone [m], (n,)."""
+        return (self.static / self.factor) ** (1 / self.exponent)
+
+    def force(self, x: Array) -> tuple[Array, Array]:
+        """Force of the pad (n, SAMPLES) [N], and its slopes (2, n, SAMPLES) in d and d', for unknowns x (n, u)."""
+        n, A = self.exponent[:, None], self.factor[:, None]
+        d, v, _ = SERIES.at(x)
+        held = np.maximum(d, 1e-6 * self.still[:, None])
+        spring, share = A * held**n, n * (self.damping / self.stiffness)[:, None] / held
+        P = spring * (1 + share * self.omega[:, None] * v)
         on = (d > 0) & (P > 0)
-        return on * P, on * spring / held * (n + (n - 1) * share * v), on * spring * share
+        slopes = spring / held * (n + (n - 1) * share * self.omega[:, None] * v), spring * share
+        return on * P, on * np.stack(slopes)
 
-    def left_over(self, x: Array, amplitude: float = 1.0) -> Array:
-        """What is not balanced [N], (n, u)."""
-        return self.force(x)[0] @ _Q.T - self._inertia(x, amplitude)
+    def residual(self, x: Array, rows: Array) -> Array:
+        """What is not balanced [N], (n, u), in some of the systems."""
+        some = self[rows]
+        return SERIES.project(some.force(x)[0]) - SERIES.real(some.mass * some.acceleration(x), some.static)
 
-    def slope(self, x: Array) -> Array:
+    def jacobian(self, x: Array, rows: Array) -> Array:
         """Its derivative, (n, u, u)."""
-        _, in_d, in_v = self.force(x)
-        J = _Q @ (in_d[..., None] * _E + (in_v * self.omega[:, None])[..., None] * _V)
-        H, w2 = HARMONICS, (self.omega[:, None] * _k) ** 2
-        c, s = 1 + np.arange(H), 1 + H + np.arange(H)
-        J[:, c, c] -= w2 * self.mass.real
-        J[:, s, s] -= w2 * self.mass.real
-        J[:, c, s] -= w2 * self.mass.imag
-        J[:, s, c] += w2 * self.mass.imag
-        return J
+        some = self[rows]
+        in_d, in_v = some.force(x)[1]
+        J = SERIES.tangent(np.stack([in_d, some.omega[:, None] * in_v, 0 * in_d]))
+        J[:, 0, 0] += 1e-9 * some.stiffness  # a pad that is never touched has none
+        w2 = (some.omega[:, None] * _K) ** 2
+        return J - SERIES.dynamic(np.pad(w2 * some.mass, ((0, 0), (1, 0))))
 
-    def _inertia(self, x: Array, amplitude: float) -> Array:
-        H, w2 = HARMONICS, (self.omega[:, None] * _k) ** 2
-        a = w2 * (x[:, 1 : H + 1] - 1j * x[:, H + 1 :])
-        a[:, 0] += amplitude * self.table
-        F = self.mass * a
-        return np.column_stack([self.static, F.real, -F.imag])
+    def size(self, x: Array) -> Array:
+        """Norm of unknowns by the accelerations of their harmonics, (n,)."""
+        return np.linalg.norm(x * np.maximum(1, SERIES.order) ** 2, axis=1)
 
     def acceleration(self, x: Array) -> Array:
         """Harmonics of the acceleration above the pad [m/s^2], complex, (n, HARMONICS)."""
-        H = HARMONICS
-        a = (self.omega[:, None] * _k) ** 2 * (x[:, 1 : H + 1] - 1j * x[:, H + 1 :])
+        a = (self.omega[:, None] * _K) ** 2 * SERIES.complex(x)
         a[:, 0] += self.table
         return a
 
@@ -111,39 +108,11 @@ def solve(systems: Pressed, start: Array | None = None) -> tuple[Array, Array]:
     Args:
         systems: what is shaken. start: unknowns to begin at; default the static state, the table's amplitude rising.
     """
-    n = systems.omega.size
-    if start is None:
-        x = np.zeros((n, 2 * HARMONICS + 1))
-        x[:, 0] = (systems.static / systems.factor) ** (1 / systems.exponent)
-    else:
-        x = start.copy()
-    for share in RAMP if start is None else (1.0,):
-        rows = np.arange(n)
-        for _ in range(LAST if share == 1 else STEPS):
-            some = systems[rows]
-            rest = some.left_over(x[rows], share)
-            size = np.linalg.norm(rest, axis=1) / some.static
-            open_ = np.flatnonzero(size > BALANCED)
-            if not open_.size:
-                break
-            rest, rows, some, size = rest[open_], rows[open_], some[open_], size[open_]
-            slope = some.slope(x[rows])
-            slope[:, 0, 0] += 1e-9 * some.stiffness  # a pad that is never touched has none
-            step = np.linalg.solve(slope, rest[..., None])[..., 0]
-            far = np.linalg.norm(step, axis=1) / (np.linalg.norm(x[rows], axis=1) + some.table / some.omega**2)
-            step /= np.maximum(1, far)[:, None]
-            scale, open_ = np.ones(rows.size), np.arange(rows.size)
-            for part in (1.0, 0.4, 0.1):
-                tried = x[rows[open_]] - part * step[open_]
-                new = np.linalg.norm(some[open_].left_over(tried, share), axis=1) / some.static[open_]
-                good = new < size[open_]
-                scale[open_[good]] = part
-                open_ = open_[~good]
-                if not open_.size:
-                    break
-            x[rows] -= scale[:, None] * step
-    left = np.linalg.norm(systems.left_over(x), axis=1) / systems.static
-    return x, left < 1e3 * BALANCED
+    rising = RAMP if start is None else (1.0,)
+    x = SERIES.real(np.zeros((systems.omega.size, 0)), systems.still) if start is None else start
+    for share in rising:
+        x, _, balanced = newton(replace(systems, table=share * systems.table), x, tight=BALANCED, longest=1.0)
+    return x, balanced
 
 
 def begin(systems: Pressed, first: Array, second: Array | float = 0.0) -> Array:
@@ -151,12 +120,10 @@ def begin(systems: Pressed, first: Array, second: Array | float = 0.0) -> Array:
 
     The mean compression is the one that carries the static force.
     """
-    x = np.zeros((systems.omega.size, 2 * HARMONICS + 1))
-    for k, d in ((1, (first - systems.table) / systems.omega**2), (2, second / (2 * systems.omega) ** 2)):
-        x[:, k], x[:, HARMONICS + k] = np.real(d), -np.imag(d)
-    still = (systems.static / systems.factor) ** (1 / systems.exponent)
+    d = np.stack([first - systems.table, np.broadcast_to(second, first.shape) / 4], axis=1)
+    x = SERIES.real(d / systems.omega[:, None] ** 2)
     swing = np.abs(x[:, 1:]).sum(axis=1)
-    low, high = -swing, still + swing
+    low, high = -swing, systems.still + swing
     for _ in range(30):
         x[:, 0] = 0.5 * (low + high)
         light = systems.force(x)[0].mean(axis=1) < systems.static

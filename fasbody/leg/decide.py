@@ -53,7 +53,8 @@ FAR = 100.0
 RIVALS = ("constant", "stiffening", "second mode", "lift-off", "both")
 UNDECIDED, NONE = "undecided", "none of these"
 #: What computes a verdict: a kept one counts only if these are as they were.
-_SOURCES = ("decide", "balance", "lift_off", "mechanisms", "statements", "virtual")
+_OWN = ("decide", "balance", "lift_off", "mechanisms", "statements", "virtual")
+_SOURCES = (*_OWN, "../foot/harmonic_balance")
 
 
 @dataclass(frozen=True)
@@ -153,16 +154,16 @@ def predict(mechanism: Mechanism, values: dict[str, Array], plan: Plan, start: A
         M = np.repeat(mass[..., None].astype(complex), balance.HARMONICS, axis=-1)
         MF = TM = np.ones_like(M)
     systems = pressed(f, values, M, added, plan.table)
-    draws = len(M)
+    draws, every = len(M), np.arange(systems.omega.size)
     if nearby:
         assert start is not None
-        slope = systems[np.arange(f.size)].slope(start)  # the first draw is the one at `start`
+        slope = systems.jacobian(start, np.arange(f.size))  # the first draw is the one at `start`
         try:
             inverse = np.linalg.inv(slope)
         except np.linalg.LinAlgError:  # a motion that bifurcates: the shortest of its steps
             inverse = np.linalg.pinv(slope)
         x = np.tile(start, (draws, 1))
-        x -= (np.tile(inverse, (draws, 1, 1)) @ systems.left_over(x)[..., None])[..., 0]
+        x -= (np.tile(inverse, (draws, 1, 1)) @ systems.residual(x, every)[..., None])[..., 0]
     elif seen is not None:
         first = (seen.MB * plan.table / MF[0, :, 0]).ravel()
         second = seen.second * seen.MB * plan.table / MF[0, :, 1] * 1j if plan.harmonics else 0.0
@@ -175,7 +176,7 @@ def predict(mechanism: Mechanism, values: dict[str, Array], plan: Plan, start: A
     a = systems.acceleration(x).reshape(draws, f.size, -1) * MF
     first = a[..., 0]
     air = systems.air(x).reshape(draws, -1)
-    left = np.linalg.norm(systems.left_over(x), axis=1) / systems.static < LEFT
+    left = np.linalg.norm(systems.residual(x, every), axis=1) / systems.static < LEFT
     return Predicted(first / plan.table, first * TM[..., 0] / plan.table, -1j * a[..., 1] / first, x, air,
                      left.reshape(draws, -1))  # fmt: skip
 
@@ -503,7 +504,7 @@ def study(plans: Sequence[Plan], subjects: int, folder: Path, seed: int = 0,
     Raises:
         InputFileError: the folder cannot be written.
     """
-    own = [Path(__file__).with_name(f"{name}.py").read_bytes() for name in _SOURCES]
+    own = [(Path(__file__).parent / f"{name}.py").read_bytes() for name in _SOURCES]
     store, of = Store(folder), key(seed, departure, *own, versions("numpy", "numba"))
     store.make()
     made: dict[str, Analysis] = {}

@@ -5,9 +5,11 @@ from the model. What a laboratory has excluded need not be allowed for, and the 
 """
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
+
+import numpy as np
 
 from fasbody.exceptions import InputFileError, SettingError, unknown
 from fasbody.presentation import Tabled
@@ -15,7 +17,9 @@ from fasbody.presentation import Tabled
 #: Departures of the world from the model that a laboratory can exclude.
 DEPARTURES = ("mount", "relaxation", "load", "rocking", "drift", "share")
 _SIZES = {"mass_std": 0.5, "gain_std": 0.5, "delay_std_s": 0.01}
-_FORCE = "static_force_n"
+_FORCE, _SHARE = "static_force_n", "load_share"
+#: Limits of the share of the load that the leg carries, and standard gravity [m/s^2].
+_SHARES, _GRAVITY = (0.3, 1.2), 9.80665
 
 
 @dataclass(frozen=True)
@@ -25,16 +29,22 @@ class Known(Tabled):
     Attributes:
         mass_std: relative standard deviation of the segment masses, 0 where they are exact. gain_std: that of the
             malleolus' gain against the base's. delay_std_s: standard deviation of the delay between them [s].
-        excluded: departures that cannot be (`DEPARTURES`). static_force_n: with which the foot rests on the table
-            without vibration [N], default the weight of leg and load.
+        excluded: departures that cannot be (`DEPARTURES`). static_forces: load on the knee [kg] and force [N] with
+            which the foot rests on the table under it without vibration; default the weight of leg and load.
+        load_share: of the added mass that the leg carries, as stated or as two static forces tell; None if unknown.
     """
 
     mass_std: float | None = None
     gain_std: float | None = None
     delay_std_s: float | None = None
     excluded: frozenset[str] = frozenset()
-    static_force_n: float | None = None
+    static_forces: tuple[tuple[float | None, float], ...] = ()
     load_share: float | None = None
+
+    def static_force_n(self, load_kg: float) -> float | None:
+        """The force [N] under a load [kg]; None where nothing is stated of it."""
+        forces = dict(self.static_forces)
+        return forces.get(load_kg, forces.get(None))
 
     @classmethod
     def from_toml(cls, file: Path, table: Mapping[str, Any]) -> "Known":
@@ -44,21 +54,32 @@ class Known(Tabled):
             InputFileError: a key or value that does not exist.
         """
         sizes: dict[str, float] = {}
-        force = table.get(_FORCE)
-        if force is not None and (isinstance(force, bool) or not isinstance(force, int | float) or not 0 < force < 1e4):
-            raise InputFileError(file, f"known.{_FORCE} = {force!r}", "valid: a force in N, above 0 and below 10000")
+        forces = _forces(file, table.get(_FORCE))
+        share = table.get(_SHARE)
+        if share is not None and not (_number(share) and _SHARES[0] <= share <= _SHARES[1]):
+            low, high = _SHARES
+            raise InputFileError(file, f"known.{_SHARE} = {share!r}", f"valid: a share from {low:g} to {high:g}")
+        measured = _share(file, forces)
+        if share is not None and measured is not None and abs(share - measured) > 0.02:
+            raise InputFileError(
+                file,
+                f"known.{_SHARE} = {share:g}, and known.{_FORCE} says {measured:.3g} (force over weight of the load)",
+                "leave out one of them",
+            )
         for name, value in table.items():
             place = f"known.{name} = {value!r}"
             if name in _SIZES:
                 if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= _SIZES[name]:
                     raise InputFileError(file, place, f"valid: a standard deviation, 0 to {_SIZES[name]:g}")
                 sizes[name] = float(value)
-            elif name not in (*DEPARTURES, _FORCE):
-                raise InputFileError(file, unknown("key of [known]", name, (*_SIZES, _FORCE, *DEPARTURES)))
-            elif name != _FORCE and not (isinstance(value, str) and value.strip()):
+            elif name not in (*DEPARTURES, _FORCE, _SHARE):
+                raise InputFileError(file, unknown("key of [known]", name, (*_SIZES, _FORCE, _SHARE, *DEPARTURES)))
+            elif name not in (_FORCE, _SHARE) and not (isinstance(value, str) and value.strip()):
                 raise InputFileError(file, place, 'valid: how it was excluded, for example mount = "tapped"')
         excluded = frozenset(table) & frozenset(DEPARTURES)
-        return cls(**sizes, excluded=excluded, static_force_n=None if force is None else float(force))
+        return cls(
+            **sizes, excluded=excluded, static_forces=forces, load_share=measured if share is None else float(share)
+        )
 
     @classmethod
     def of_all(cls, each: Sequence["Known"]) -> "Known":
@@ -69,7 +90,9 @@ class Known(Tabled):
             return None if None in said or not said else max(said)
 
         excluded = frozenset.intersection(*(known.excluded for known in each)) if each else frozenset()
-        return cls(largest("mass_std"), largest("gain_std"), largest("delay_std_s"), excluded)
+        shares = {known.load_share for known in each}
+        share = shares.pop() if len(shares) == 1 else None
+        return cls(largest("mass_std"), largest("gain_std"), largest("delay_std_s"), excluded, load_share=share)
 
     def told(
         self,
@@ -94,4 +117,43 @@ class Known(Tabled):
                 raise SettingError(f"{unknown('departure to exclude', name, (*DEPARTURES, 'all'))}.")
             excluded |= set(DEPARTURES) if name == "all" else {name}
         sizes = {name: getattr(self, name) if value is None else value for name, value in given.items()}
-        return Known(**sizes, excluded=frozenset(excluded), static_force_n=self.static_force_n)
+        return replace(self, **sizes, excluded=frozenset(excluded))
+
+
+def _number(value: Any) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _forces(file: Path, stated: Any) -> tuple[tuple[float | None, float], ...]:
+    """Static forces as study.toml states them: one for all loads, or a table of load in kg and force in N."""
+    rows = [] if stated is None else [(None, stated)] if not isinstance(stated, Mapping) else list(stated.items())
+    forces: list[tuple[float | None, float]] = []
+    for load, force in rows:
+        place = f"known.{_FORCE} = {stated!r}"
+        try:
+            kg = None if load is None else float(load)
+        except ValueError:
+            raise InputFileError(
+                file, place, 'valid: a load in kg and a force in N, { "0" = 43.0, "2.3" = 62.5 }'
+            ) from None
+        if not (_number(force) and 0 < force < 1e4):
+            raise InputFileError(file, place, "valid: a force in N, above 0 and below 10000")
+        forces.append((kg, float(force)))
+    return tuple(forces)
+
+
+def _share(file: Path, forces: tuple[tuple[float | None, float], ...]) -> float | None:
+    """The share of the load that the leg carries: by how much the force grows over the weight added."""
+    loaded = [(kg, force) for kg, force in forces if kg is not None]
+    if len(loaded) < 2:
+        return None
+    kg, force = (np.array(column) for column in zip(*loaded, strict=True))
+    share = float(np.polyfit(kg, force, 1)[0] / _GRAVITY)
+    low, high = _SHARES
+    if not low <= share <= high:
+        raise InputFileError(
+            file,
+            f"known.{_FORCE}: the force grows by {share:.2g} of the weight of the load",
+            f"valid: between {low:g} and {high:g}; check loads (kg) and forces (N)",
+        )
+    return share

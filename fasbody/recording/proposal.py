@@ -41,12 +41,23 @@ _SIGNS = (
         re.compile(r"(?<![A-Za-z])(?:subject|subj|sub|s|p|vp|id)[ _-]?(\d+)(?![\d.]*[ _-]?(?:hz|kg))", re.IGNORECASE),
     ),
 )
+#: More than this in a name is a body mass [kg].
+_MOST_LOAD_KG = 25.0
 #: Words that headings use for each channel.
 _WORDS = {
     "base": ("base", "table", "shaker", "platform", "plate"),
     "malleolus": ("malleol", "ankle"),
     "tuberosity": ("tuberos", "tibia", "knee"),
 }
+
+
+def load_in_name(name: str) -> float | None:
+    """The load [kg] that a file's name states, "rec_20hz_2.3kg.csv" for example; None where it states none.
+
+    A name with several says nothing, and neither does one above what a knee carries: that is a body mass.
+    """
+    loads = {float(match.group(1).replace(",", ".").replace("p", ".")) for match in dict(_SIGNS)["load"].finditer(name)}
+    return loads.pop() if len(loads) == 1 and max(loads) <= _MOST_LOAD_KG else None
 
 
 @dataclass(frozen=True)

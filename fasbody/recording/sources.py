@@ -5,6 +5,7 @@ from pathlib import Path
 
 from fasbody.exceptions import InputFileError, SettingError
 from fasbody.recording.condition import plausible
+from fasbody.recording.proposal import load_in_name
 from fasbody.recording.recording import Recording, with_masses
 from fasbody.recording.study import Study, read_file, read_truth
 
@@ -43,10 +44,27 @@ def gather(
             sources.append(path.name)
             recording = read_file(path, mapping)
             _agree(recording, body, load)
-            recordings.append(with_masses(recording, body, load))
+            recordings.append(with_masses(recording, body, _load_of(path, recording, load)))
         else:
             raise InputFileError(path, "no such file or folder", "give a study folder or CSV recordings")
     return together(sources), recordings, truth
+
+
+def _load_of(path: Path, recording: Recording, load: float | None) -> float | None:
+    """The load [kg] as given, or as the file's name states it; that of a study stands in its tables.
+
+    Raises:
+        SettingError: name and option disagree.
+    """
+    named = load_in_name(path.name) if recording.condition.body_mass_kg is None else None
+    if named is None:
+        return load
+    if load is not None and abs(load - named) > 1e-6:
+        raise SettingError(
+            f"{path.name}: its name says {named:g} kg, and --added-mass says {load:g} kg; rename the file, or leave "
+            "out --added-mass."
+        )
+    return named
 
 
 def _agree(recording: Recording, body: float | None, load: float | None) -> None:

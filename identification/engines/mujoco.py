@@ -10,7 +10,7 @@ import numpy as np
 
 from fasbody.foot.model import Foot
 from fasbody.foot.simulate import Batch, Simulation
-from identification.engines.engine import MALLEOLUS, PASSES, D, Orbits
+from identification.engines.engine import MALLEOLUS, Whole
 
 #: A displacement [m or rad] and a velocity [m/s or rad/s] typical of a foot, and the share of them that is a nudge:
 #: small against the motion, large against rounding.
@@ -65,15 +65,7 @@ class Columns:
         self.foot, self.names, self._coordinates, self.sensors = foot, tuple(names), Coordinates(foot), tuple(sensors)
         self.scale = self._coordinates.scale
         self.states = self.scale.size
-        self._batch, self._one = Batch(foot, 1 + self.states + len(self.names), threads), Batch(foot, 1, 1)
-
-    def alone(
-        self, controls: np.ndarray, step: float, values: Mapping[str, float], x0: np.ndarray
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """Outputs (k n,) and final states (s,) of one run without derivatives; arguments as those of `run`."""
-        self._one.set({k: v for k, v in values.items() if k in self.foot.parameters})
-        out = self._one.run(controls[None], step, *self._coordinates.unpack(x0[None]))
-        return np.hstack([out.outputs[name] for name in self.sensors])[0], self._coordinates.final(out)[0]
+        self._batch = Batch(foot, 1 + self.states + len(self.names), threads)
 
     def run(self, controls: np.ndarray, step: float, values: Mapping[str, float], x0: np.ndarray) -> Differences:
         """Simulate and difference.
@@ -102,108 +94,34 @@ class Columns:
         return Differences(y[0], final[0], Dy[:, :ns], Dy[:, ns:], Dx[:, :ns], Dx[:, ns:])
 
 
-class Rollouts(Orbits[D]):
+class Rollouts:
     """Motions of any MJCF foot.
 
     Args:
-        foot: the model. drives: what moves its base. names: the parameters whose derivatives are wanted.
-        threads: 0 for all cores. sensors: whose outputs are wanted.
+        foot: the model.
+        drives: the recordings.
+        names: the parameters whose derivatives are wanted.
+        threads: 0 for all cores.
+        sensors: whose outputs are wanted.
     """
-
-    name = "mujoco"
 
     def __init__(
         self,
         foot: Foot,
-        drives: Sequence[D],
+        drives: Sequence[Whole],
         names: Sequence[str],
         threads: int = 0,
         sensors: Sequence[str] = MALLEOLUS,
     ) -> None:
-        self.columns, self._threads = Columns(foot, names, threads, sensors), threads
+        self.drives, self.sensors, self.columns = list(drives), tuple(sensors), Columns(foot, names, threads, sensors)
         self.state_scale = self.columns.scale
-        super().__init__(foot, drives, self.columns.states, sensors)
-        self._controls = [d.controls for d in self.drives]
-
-    def forget(self) -> None:
-        """Start the next orbits from rest."""
-        self._frozen: dict[int, tuple[np.ndarray, np.ndarray]] = {}  # I - monodromy, and outputs by states
-        super().forget()
-
-    def on(self, drives: Sequence[D], foot: Foot | None = None) -> "Rollouts[D]":
-        """See `Engine`."""
-        return Rollouts(foot or self.foot, drives, self.columns.names, self._threads, self.sensors)
-
-    def orbit(
-        self, number: int, values: Mapping[str, float], names: Sequence[str], tolerance: float
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """See `Engine`: arrays (k n,), (k n, p); `names` are those given at construction."""
-        e, controls = self.drives[number], self._controls[number]
-        full = {**values, **e.masses}
-        theta = np.array([values[name] for name in self.columns.names])
-        x = self._guess(number, theta)
-        if number in self._frozen:
-            x = self._near(controls, e.step, full, x, self._frozen[number][0], tolerance)
-        try:
-            for _ in range(PASSES):
-                d = self.columns.run(controls, e.step, full, x)
-                monodromy = np.eye(x.size) - d.x_by_state
-                step = np.linalg.solve(monodromy, d.x - x)
-                x = x + step
-                gap = np.abs(step).max() / max(1e-12, np.abs(x).max())
-                if gap < tolerance:
-                    break
-                x = self._near(controls, e.step, full, x, monodromy, tolerance)
-            dx = np.linalg.solve(monodromy, d.x_by_parameter)
-        except np.linalg.LinAlgError:  # neutral: any start is an orbit, or none
-            gap, dx = np.inf, np.empty(0)
-        self._keep(number, x, dx, theta, self.columns.names, gap)
-        self._frozen[number] = monodromy, d.y_by_state
-        return d.y + d.y_by_state @ step, d.y_by_parameter + d.y_by_state @ dx
-
-    def _near(
-        self,
-        controls: np.ndarray,
-        step: float,
-        values: Mapping[str, float],
-        x: np.ndarray,
-        monodromy: np.ndarray,
-        tolerance: float,
-    ) -> np.ndarray:
-        """States (s,) nearer to those that return, by Newton's method with a monodromy matrix from nearby.
-
-        A pass costs one simulation where a new matrix costs one a state; it stops where it no longer comes nearer.
-        """
-        before = np.inf
-        for _ in range(PASSES):
-            move = np.linalg.solve(monodromy, self.columns.alone(controls, step, values, x)[1] - x)
-            gap = np.abs(move).max() / max(1e-12, np.abs(x + move).max())
-            if not gap < before / 2:
-                break
-            x, before = x + move, gap
-            if gap < tolerance / 2:
-                break
-        return x
-
-    def nearby(
-        self, number: int, values: Mapping[str, float], names: Sequence[str], drives: Sequence[D]
-    ) -> list[np.ndarray]:
-        """See `Engine`: one simulation a drive, closed by the monodromy matrix of the drive that they are near to."""
-        self.orbit(number, values, names, 1e-6)
-        x, full = self.start(number), {**values, **self.drives[number].masses}
-        monodromy, by_state = self._frozen[number]
-        found = []
-        for drive in drives:
-            y, end = self.columns.alone(drive.controls, drive.step, full, x)
-            found.append(y + by_state @ np.linalg.solve(monodromy, end - x))
-        return found
 
     def run(
         self, number: int, values: Mapping[str, float], names: Sequence[str], x0: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """See `Engine`: arrays (k n,), (k n, states + p); `names` as at construction."""
         e = self.drives[number]
-        d = self.columns.run(self._controls[number], e.step, {**values, **e.masses}, x0)
+        d = self.columns.run(e.controls, e.step, {**values, **e.masses}, x0)
         derivatives = np.hstack([d.y_by_state, d.y_by_parameter])
         at = sampled(d.y.size, len(self.sensors), e.stride)
         return d.y[at], derivatives[at]

@@ -8,62 +8,23 @@ import numpy as np
 
 from fasbody.foot.engine import SHAKER_CONTROLS
 from fasbody.foot.model import Foot, can_be_constrained
-from fasbody.foot.two_dof import MASSES, NAMES, STATES, WITH_MASSES, TwoDof, both, both_periodic
-from identification.engines.engine import MALLEOLUS, PASSES, D, Orbits
+from fasbody.foot.two_dof import NAMES, TwoDof, both
+from identification.engines.engine import MALLEOLUS, Whole
 
 
-class Twin(Orbits[D]):
+class Twin:
     """Motions of the compiled two-mass model.
 
     Args:
-        foot: a model that the twin stands for (`twin_applies`). drives: what moves its base.
+        foot: a model that the twin stands for (`twin_applies`).
+        drives: the recordings.
         sensors: whose outputs are wanted, of those on one of the two masses.
-
-    Attributes:
-        feet: whether a sensor is on the foot's mass.
     """
 
-    name = "twin"
-
-    def __init__(self, foot: Foot, drives: Sequence[D], sensors: Sequence[str] = MALLEOLUS) -> None:
-        super().__init__(foot, drives, STATES, sensors)
+    def __init__(self, foot: Foot, drives: Sequence[Whole], sensors: Sequence[str] = MALLEOLUS) -> None:
+        self.drives, self.sensors = list(drives), tuple(sensors)
         self.on_foot = tuple(name != "malleolus" and carriers(foot)[name] == FOOT for name in sensors)
-        self.feet = any(self.on_foot)
         self.order, self.state_scale = twin_order(foot), np.array([1e-3, 1e-3, 0.1, 0.1])
-        self.inputs = [d.half_steps for d in self.drives]
-
-    def on(self, drives: Sequence[D], foot: Foot | None = None) -> "Twin[D]":
-        """See `Engine`."""
-        return Twin(foot or self.foot, drives, self.sensors)
-
-    def stacked(self, Y: np.ndarray, Z: np.ndarray) -> np.ndarray:
-        """What the sensors read (k n, ...) from what shank and foot do (n, ...), one behind the other."""
-        if self.on_foot == (False,):
-            return Y
-        return np.concatenate([Z if on_foot else Y for on_foot in self.on_foot])
-
-    def orbit(
-        self, number: int, values: Mapping[str, float], names: Sequence[str], tolerance: float
-    ) -> tuple[np.ndarray, np.ndarray]:
-        """See `Engine`: arrays (k n,), (k n, p)."""
-        d = self.drives[number]
-        masses = {**values, **d.masses}
-        weighed = any(name in MASSES for name in names)
-        order = (*NAMES, *MASSES) if weighed else NAMES
-        theta = np.array([masses[name] for name in order])
-        columns = WITH_MASSES if weighed else STATES + len(NAMES)
-        motion = (masses["m_S"], masses["m_F"], self.inputs[number], d.step, tolerance, PASSES, columns, self.feet)
-        arguments = (theta[: len(NAMES)], *motion)
-        try:
-            Y, DY, x, dx, gap, Z, DZ = both_periodic(self._guess(number, theta), *arguments)
-            if not gap < tolerance:  # a bad guess: once more from rest
-                Y, DY, x, dx, gap, Z, DZ = both_periodic(np.zeros(STATES), *arguments)
-        except np.linalg.LinAlgError:  # neutral: any start is an orbit, or none
-            gap, Y, DY, x, dx = np.inf, np.empty(0), np.empty((0, 0)), np.empty(0), np.empty((0, 0))
-            Z, DZ = Y, DY
-        self._keep(number, x, dx, theta, order, gap)
-        wanted = [order.index(name) for name in names]
-        return self.stacked(Y, Z), self.stacked(DY, DZ)[:, wanted]
 
     def run(
         self, number: int, values: Mapping[str, float], names: Sequence[str], x0: np.ndarray
@@ -72,29 +33,14 @@ class Twin(Orbits[D]):
         d = self.drives[number]
         full = {**values, **d.masses}
         theta = np.array([full[name] for name in NAMES])
-        columns = 12 if names else 0
-        motion = (x0[self.order], theta, full["m_S"], full["m_F"], self.inputs[number], d.step, d.stride, columns)
-        Y, DY, _, _, Z, DZ = both(*motion, self.feet)
-        return self.stacked(Y, Z), self.stacked(DY, DZ)[:, [*self.order, *(4 + NAMES.index(name) for name in names)]]
+        motion = (x0[self.order], theta, full["m_S"], full["m_F"], d.half_steps, d.step, d.stride)
+        Y, DY, _, _, Z, DZ = both(*motion, 12 if names else 0, any(self.on_foot))
+        columns = [*self.order, *(4 + NAMES.index(name) for name in names)]
+        return self._stacked(Y, Z), self._stacked(DY, DZ)[:, columns]
 
-    def nearby(
-        self, number: int, values: Mapping[str, float], names: Sequence[str], drives: Sequence[D]
-    ) -> list[np.ndarray]:
-        """See `Engine`: one simulation a drive, closed by the monodromy matrix of the drive that they are near to."""
-        self.orbit(number, values, names, 1e-6)
-        x, full = super().start(number), {**values, **self.drives[number].masses}
-        given = (x, np.array([full[name] for name in NAMES]), full["m_S"], full["m_F"])
-        _, DY, _, S, _, DZ = both(*given, self.inputs[number], self.drives[number].step, 1, STATES, self.feet)
-        by_state, monodromy = self.stacked(DY, DZ)[:, :STATES], np.eye(STATES) - S[:, :STATES]
-        found = []
-        for drive in drives:
-            Y, _, end, _, Z, _ = both(*given, drive.half_steps, drive.step, 1, 0, self.feet)
-            found.append(self.stacked(Y, Z) + by_state @ np.linalg.solve(monodromy, end - x))
-        return found
-
-    def start(self, number: int) -> np.ndarray:
-        """See `Engine`: states (4,)."""
-        return super().start(number)[self.order]
+    def _stacked(self, Y: np.ndarray, Z: np.ndarray) -> np.ndarray:
+        """What the sensors read (k n, ...) from what shank and foot do (n, ...), one behind the other."""
+        return Y if self.on_foot == (False,) else np.concatenate([Z if foot else Y for foot in self.on_foot])
 
 
 #: Which mass a sensor is on.

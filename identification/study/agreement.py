@@ -11,7 +11,7 @@ from fasbody.recording.checks import checked
 from fasbody.recording.recording import Recording
 from identification.domains import STEADY
 from identification.estimate import Settings, fit_foot
-from identification.periodic import Line
+from identification.harmonics import Line
 from identification.result import FitResult
 
 #: A difference beyond this many joint standard errors is a disagreement.

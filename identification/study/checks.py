@@ -1,23 +1,24 @@
 """Checks of a study's fits, each one a job of its own: profile, validation, agreement of the two domains."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from typing import Any
+
+import numpy as np
 
 from fasbody.exceptions import SettingError, unknown
 from fasbody.foot.model import Foot
-from fasbody.recording.checks import checked
 from fasbody.recording.recording import Recording
-from identification.certification import settle
-from identification.domains import PeriodicDomain
-from identification.engines.twin import twin_applies
-from identification.estimate import Settings
-from identification.search import descend
+from identification import optimiser
+from identification.estimate import Question, Settings
+from identification.intervals import Solution
 from identification.space import DELAY, Space, space_of
 from identification.study.agreement import agreement
 from identification.study.filters import KINDS
+from identification.study.loops import values_of
 from identification.study.plan import Work
-from identification.study.profile import profiles
-from identification.study.validation import NONLINEAR, compare_damping, leave_one_frequency_out
+from identification.study.profile import profiles_of
+from identification.study.validation import NONLINEAR, compare_damping, held, leave_one_frequency_out
 
 
 def ensure(mode: str, settings: Settings, foot: Foot, profile: Sequence[str]) -> Space:
@@ -49,20 +50,21 @@ def check(work: Work, recordings: Sequence[Recording], foot: Foot) -> dict[str, 
 
 
 def _profile(work: Work, recordings: Sequence[Recording], foot: Foot) -> dict[str, Any]:
-    """Profile of the chosen branch on the twin's residual, which the certified one differs from by rounding."""
+    """Profile of the chosen branch, the model assumed exact, from where the fit ended."""
     fit: Mapping[str, Any] = work.basis["result"] if work.basis else {}
     if fit.get("domain") != "periodic":
         raise SettingError(f"{work.job}: a profile needs a fit in the steady state, and there is none.")
     best = fit["branches"][0]
-    values = best["parameters"]
-    space = space_of(foot, work.settings.free, work.settings.bounds, "delay_s" in values)
-    data = [checked(recording) for recording in recordings]
-    domain = PeriodicDomain(foot, data, space, twin_applies(foot), work.settings.threads)
-    q = space.to_q(space.theta({item.name: values[item.key]["value"] for item in space.free}))
-    domain = domain.weighed(q)
-    problem, end = settle(domain, descend(domain.problem(), q, best["name"], tight=True))
-    (found,) = profiles(problem, space, end, max(0, problem.size - end.z.size), (work.job.parameter,))
-    return {"fit": work.basis["key"] if work.basis else "", "branch": best["name"], **found.document()}
+    settings = replace(work.settings, domain="periodic", delay="delay_s" in best["parameters"])
+    problem = held(Question.of(recordings, foot, settings))
+    variables = problem.variables
+    q = variables.start(values_of(best, foot))
+    sign = int(np.sign(q[variables.index["k_F"]])) if variables.ratio is not None else 0
+    problem = problem.weighed(q)
+    q, objective, converged = optimiser.finished(problem, q, sign)
+    solution = Solution(best["name"], problem, optimiser.Optimum(sign, q, objective, converged, 1, 1))
+    (profile,) = profiles_of(solution, (work.job.parameter,))
+    return {"fit": work.basis["key"] if work.basis else "", "branch": best["name"], **profile.document()}
 
 
 def _validation(mode: str, settings: Settings, recordings: Sequence[Recording], foot: Foot) -> dict[str, Any]:

@@ -1,18 +1,19 @@
 """Hysteresis loops of ankle and fat pad over one cycle, and the energy that goes through the foot.
 
-The loops are Eq. (4.42) along the periodic orbit that the recording's own base motion drives: force against relative
+The loops are Eq. (4.42) along the periodic motion that the recording's own base drives: force against relative
 displacement. Their areas are what ankle and pad dissipate a cycle. What the shaker puts in is computed without any
 damper's force, and in a closed cycle the two must be equal: the imbalance is printed with every cycle.
 
-- The two-mass foot: the compiled twin's orbit. The shaker's force is the rate of change of the momentum on the base.
-- Any other MJCF foot with a `talocrural` and a `fat_pad` (joint or tendon, or the pads of foot_arch): MuJoCo's orbit.
-  The force of each part comes from the model with all other parts silenced, so any law that MuJoCo or our callbacks
-  know will do; the shaker's is that of its actuator, less what moves the base's own armature.
+- The two-mass foot: harmonic balance in closed form, many feet at once, springs that relax included. The shaker's force
+  is the rate of change of the momentum on the base.
+- Any other MJCF foot with a `talocrural` and a `fat_pad` (joint or tendon, or the pads of foot_arch): harmonic balance
+  on MuJoCo's inverse dynamics. The force of each part comes from the model with all other parts silenced, so any law
+  that MuJoCo or our callbacks know will do; the shaker's is what the table needs of it.
 """
 
 import copy
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import mujoco
@@ -23,22 +24,15 @@ from fasbody.exceptions import ModelError, SimulationError
 from fasbody.foot.engine import callbacks
 from fasbody.foot.model import Foot
 from fasbody.foot.parameters import names
-from fasbody.foot.simulate import Batch
-from fasbody.foot.two_dof import TwoDof, path, periodic
+from fasbody.foot.steady_state import Balance
+from fasbody.foot.two_mass import PARAMETERS, Orbits, parameters, resolved
 from fasbody.recording.recording import Recording
-from identification.domains import resolved
-from identification.engines.engine import LONGEST_STEP, Excitation
-from identification.engines.mujoco import Coordinates, Rollouts
 from identification.engines.twin import twin_applies
-from identification.periodic import Line
+from identification.harmonics import Line
 from identification.space import DELAY
 
-#: Points of a stored loop.
-POINTS = 48
-#: Newton steps to a closed orbit.
-_PASSES = 30
-#: Relative gap at which an orbit counts as closed.
-CLOSED = 1e-9
+#: Points of a stored loop, and instants of the cycle of a two-mass foot.
+POINTS, INSTANTS = 48, 128
 #: Names of the parts, first choice first; several elements work side by side.
 PARTS: Mapping[str, tuple[tuple[str, ...], ...]] = {
     "ankle": (("talocrural",),),
@@ -71,14 +65,14 @@ class Cycle:
 
     Attributes:
         ankle, fat_pad: their loops. dissipated_j: by the whole model, which may have other dampers.
-        shaker_work_j: by the base on the foot. malleolus_m_s2: (n,) its acceleration.
+        shaker_work_j: by the base on the foot. malleolus_m_s2: fundamental of its acceleration.
     """
 
     ankle: Loop
     fat_pad: Loop
     dissipated_j: float
     shaker_work_j: float
-    malleolus_m_s2: np.ndarray
+    malleolus_m_s2: complex
 
     @property
     def imbalance(self) -> float:
@@ -97,119 +91,104 @@ def _short(values: np.ndarray) -> list[float]:
     return [float(f"{v:.6g}") for v in values]
 
 
-def cycle(foot: Foot, excitation: Excitation, values: Mapping[str, float], twin: bool) -> Cycle:
-    """The cycle of a foot with the given parameter values; `twin`: the compiled two-mass model is this foot.
+def cycle(
+    foot: Foot, frequency_hz: float, base: Sequence[complex] | np.ndarray, values: Mapping[str, float], two_mass: bool
+) -> Cycle:  # fmt: skip
+    """The cycle of a foot on a periodic base.
+
+    Args:
+        foot: the model. frequency_hz: fundamental. base: (h,) complex harmonics of its acceleration [m/s^2].
+        values: parameters and masses by name. two_mass: the model is the two-mass foot.
 
     Raises:
         SimulationError: no periodic motion. ModelError: the model has no ankle or no fat pad by these names.
     """
-    excitation = resolved(excitation, foot, values, twin)
-    return _twin_cycle(excitation, values) if twin else _mujoco_cycle(foot, excitation, values)
+    A = np.asarray(base, complex)
+    if not two_mass:
+        return _of_model(foot, frequency_hz, A, values)
+    found = resolved(parameters(values)[None], np.array([2 * np.pi * frequency_hz]), A[None])
+    if not found.converged.all():
+        raise SimulationError(f"{foot.name}: no periodic motion at {frequency_hz:g} Hz with these values.")
+    return of_orbits(found, A[None])[0]
 
 
-def _twin_cycle(e: Excitation, values: Mapping[str, float]) -> Cycle:
-    foot = TwoDof.from_values({**values, **e.masses})
-    model = (foot.theta, foot.m_S, foot.m_F, e.half_steps, e.step)
-    malleolus, _, start, _, gap = periodic(np.zeros(4), *model, CLOSED, _PASSES)
-    if not gap < CLOSED:
-        raise SimulationError(f"no periodic motion at {e.frequency_hz:g} Hz for {foot}.")
-    x = path(start, *model).T
-    F_T, F_F = foot.forces(x)  # Eq. (4.42)
-    ankle, fat_pad = _loop(x[0], x[2], F_T, e), _loop(x[1], x[3], F_F, e)
-    base = _base_velocity(e)
-    momentum = foot.m_S * (x[2] + x[3] + base) + foot.m_F * (x[3] + base)
-    work = float(np.mean(_rate(momentum, e) * base)) / e.frequency_hz
-    return Cycle(ankle, fat_pad, ankle.dissipated_j + fat_pad.dissipated_j, work, malleolus)
+def of_orbits(orbits: Orbits, base: np.ndarray) -> list[Cycle]:
+    """The cycles of B two-mass feet in their periodic motions, on bases (B, h) [m/s^2]."""
+    H = orbits.shank.shape[1]
+    s = 1j * orbits.omega[:, None] * np.arange(1, H + 1)
+    turning = np.exp(2j * np.pi * np.outer(np.arange(1, H + 1), np.arange(INSTANTS)) / INSTANTS)
+    period = 2 * np.pi / orbits.omega
+    z, rate = ((x @ turning).real for x in (orbits.stretch, s[:, None] * orbits.stretch))
+    at = {name: orbits.theta[:, i, None] for i, name in enumerate(PARAMETERS)}
+    lag = s * at["tau"]
+    forces = []
+    for joint, (j, n) in enumerate((("T", 1), ("F", 2))):
+        relaxes = (at[f"r_{j}"] * lag / (1 + lag) * orbits.stretch[:, joint]) @ turning
+        c_1, c_2, c_3 = (at[f"c_{n}{i}"] for i in (1, 2, 3))
+        c = c_1 * np.exp(-c_2 * z[:, joint]) * np.cos(c_3 * z[:, joint])  # Eq. (4.32)
+        forces.append(at[f"k_{j}"] * (z[:, joint] + relaxes.real) + c * rate[:, joint])  # Eq. (4.42)
+    work = np.mean(np.stack(forces, 1) * rate, axis=2) * period[:, None]
+    A = np.zeros((len(period), H), complex)
+    A[:, : base.shape[1]] = base
+    momentum_rate = ((at["m_S"] * orbits.shank + at["m_F"] * orbits.foot) @ turning).real
+    shaker = np.mean(momentum_rate * ((A / s) @ turning).real, axis=1) * period
+    return [
+        Cycle(
+            *(Loop(z[b, joint], forces[joint][b], float(work[b, joint])) for joint in range(2)),
+            float(work[b].sum()), float(shaker[b]), complex(orbits.shank[b, 0]),
+        )
+        for b in range(len(period))
+    ]  # fmt: skip
 
 
-def _base_velocity(e: Excitation) -> np.ndarray:
-    """Velocity of the base at the steps of one period (n,), without a mean [m/s]."""
-    omega = 2j * np.pi * e.frequency_hz * np.arange(1, e.amplitudes.size + 1)
-    t = e.step * np.arange(e.steps)
-    return (np.exp(np.multiply.outer(t, omega)) @ (e.amplitudes / omega)).real
-
-
-def _rate(values: np.ndarray, e: Excitation) -> np.ndarray:
-    """Time derivative of a periodic signal (n,), by its harmonics."""
-    spectrum = np.fft.rfft(values)
-    omega = 2j * np.pi * e.frequency_hz * np.arange(spectrum.size)
-    if values.size % 2 == 0:
-        omega[-1] = 0.0  # the phase of the highest line is unknown
-    return np.fft.irfft(omega * spectrum, values.size)
-
-
-def _loop(x: np.ndarray, x_dot: np.ndarray, force: np.ndarray, e: Excitation) -> Loop:
-    """The work of a closed loop is its power averaged over a period: exact for the harmonics the steps resolve."""
-    return Loop(x, force, float(np.mean(force * x_dot)) / e.frequency_hz)
-
-
-def _mujoco_cycle(foot: Foot, excitation: Excitation, values: Mapping[str, float]) -> Cycle:
-    """The cycle of a foot with the given parameter values; see `cycle`."""
-    found = _run(foot, excitation, values)
-    if foot.model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4:
-        return found
-    # the implicit integrators are of first order, so half the step shows the error and takes it away
-    finer = replace(excitation, longest_step=0.5 * excitation.step)
-    return _extrapolated(found, _run(foot, finer, values))
-
-
-def _extrapolated(coarse: Cycle, fine: Cycle) -> Cycle:
-    """Richardson's extrapolation of everything in a cycle from steps h and h/2."""
-
-    def loop(a: Loop, b: Loop) -> Loop:
-        x, force = 2 * b.displacement_m[::2] - a.displacement_m, 2 * b.force_n[::2] - a.force_n
-        return Loop(x, force, 2 * b.dissipated_j - a.dissipated_j)
-
-    return Cycle(
-        loop(coarse.ankle, fine.ankle),
-        loop(coarse.fat_pad, fine.fat_pad),
-        2 * fine.dissipated_j - coarse.dissipated_j,
-        2 * fine.shaker_work_j - coarse.shaker_work_j,
-        2 * fine.malleolus_m_s2[::2] - coarse.malleolus_m_s2,
-    )
-
-
-def _run(foot: Foot, e: Excitation, values: Mapping[str, float]) -> Cycle:
+def _of_model(foot: Foot, frequency_hz: float, base: np.ndarray, values: Mapping[str, float]) -> Cycle:
+    """The cycle of any model; see `cycle`."""
     parts = {part: _elements(foot, part) for part in PARTS}
-    engine = Rollouts(foot, [e], ())
-    malleolus, _ = engine.orbit(0, values, (), CLOSED)
-    controls = e.controls
-    declared = {k: v for k, v in {**values, **e.masses}.items() if k in foot.parameters}
-    tuned = foot.with_values(declared, e.step)
-    run = Batch(tuned, 1).run(controls[None], e.step, *Coordinates(foot).unpack(engine.start(0)[None]))
-    states = [run.qpos[0, :-1], run.qvel[0, :-1], run.act[0, :-1]]
-    tied = (tuned.model.eq_solref < 0).all(axis=1)
-    tuned.model.eq_solref[tied] = -0.25 / e.step**2, -1 / e.step  # as every rollout has it (simulate.py)
-    model, base = tuned.model, int(foot.model.jnt_dofadr[foot.model.joint("base").id])
+    declared = {name: value for name, value in values.items() if name in foot.parameters}
+    balance = Balance(foot)
+    orbit = balance.orbit(frequency_hz, base, declared)
+    balance.set(declared)
+    motion = orbit.shaken.motion(orbit.series, orbit.solution.x)
+    with callbacks():
+        x, power = _forces(balance, motion, parts)
+    loops = {}
+    for part, row in parts.items():
+        own = [x[part, i] for i in range(len(row))]
+        work = sum(np.mean(F * x_dot) for _, x_dot, F in own) / frequency_hz
+        loops[part] = Loop(np.mean([z for z, _, _ in own], axis=0), np.sum([F for *_, F in own], axis=0), float(work))
+    reaction = orbit.table_force_n * motion[1, :, balance.base]
+    energies = float(np.mean(power) / frequency_hz), float(np.mean(reaction) / frequency_hz)
+    return Cycle(loops["ankle"], loops["fat_pad"], *energies, complex(orbit.harmonics()[0]))
+
+
+def _forces(
+    balance: Balance, motion: np.ndarray, parts: Mapping[str, Sequence[tuple[str, int]]]
+) -> tuple[dict[tuple[str, int], np.ndarray], np.ndarray]:
+    """Displacement, its rate and force (3, N) of each element of each part, and the power (N,) that the foot takes up.
+
+    Args:
+        balance: of the model, its values set. motion: (3, N, c) positions from rest, velocities and accelerations.
+        parts: elements by kind and number.
+    """
+    model, data = balance.model, mujoco.MjData(balance.model)
     alone = {
         (part, i): mujoco.MjData(_silenced(model, *element))
         for part, row in parts.items()
         for i, element in enumerate(row)
     }
-    x = {key: np.empty((3, e.steps)) for key in alone}  # displacement, velocity, force
-    power, reaction = np.empty(e.steps), np.empty(e.steps)
-    data = mujoco.MjData(model)
-    with callbacks():
-        for k in range(e.steps):
-            data.qpos[:], data.qvel[:], data.act[:] = (each[k] for each in states)
-            data.ctrl[foot.shaker : foot.shaker + controls.shape[1]] = controls[k]
-            data.time = controls[k, 0]
-            mujoco.mj_forward(model, data)
-            force = data.qfrc_passive + data.qfrc_actuator + data.qfrc_constraint
-            power[k] = -np.delete(force * data.qvel, base).sum()
-            reaction[k] = data.qfrc_actuator[base] - model.dof_armature[base] * data.qacc[base]
-            for (part, i), silent in alone.items():
-                silent.qpos[:], silent.qvel[:], silent.act[:] = data.qpos, data.qvel, data.act
-                mujoco.mj_forward(silent.model, silent)
-                x[part, i][:, k] = _state(silent, *parts[part][i])
-    velocity = states[1][:, base] - states[1][:, base].mean()
-    loops = {}
-    for part, row in parts.items():
-        own = [x[part, i] for i in range(len(row))]
-        work = sum(np.mean(F * x_dot) for _, x_dot, F in own) / e.frequency_hz
-        loops[part] = Loop(np.mean([z for z, _, _ in own], axis=0), np.sum([F for *_, F in own], axis=0), float(work))
-    energies = (float(np.mean(power) / e.frequency_hz), float(np.mean(reaction * velocity) / e.frequency_hz))
-    return Cycle(loops["ankle"], loops["fat_pad"], *energies, malleolus)
+    x = {key: np.empty((3, motion.shape[1])) for key in alone}
+    power = np.empty(motion.shape[1])
+    for k, (position, velocity, acceleration) in enumerate(motion.swapaxes(0, 1)):
+        for each in (data, *alone.values()):
+            each.qpos[:], each.act[:] = model.qpos0 + position[: model.nv], position[model.nv :]
+            each.qvel[:], each.qacc[:] = velocity[: model.nv], acceleration[: model.nv]
+            mujoco.mj_inverse(each.model, each)
+            mujoco.mj_fwdActuation(each.model, each)
+        force = data.qfrc_passive + data.qfrc_actuator + data.qfrc_constraint
+        power[k] = -np.delete(force * data.qvel, balance.base).sum()
+        for (part, i), silent in alone.items():
+            x[part, i][:, k] = _state(silent, *parts[part][i])
+    return x, power
 
 
 def _elements(foot: Foot, part: str) -> list[tuple[str, int]]:
@@ -260,7 +239,7 @@ def _driven(data: mujoco.MjData, kind: str, number: int) -> float:
 
 
 def cycles(
-    result: Mapping[str, Any], foot: Foot, recordings: Sequence[Recording | Line], twin: bool | None = None
+    result: Mapping[str, Any], foot: Foot, recordings: Sequence[Recording | Line], two_mass: bool | None = None
 ) -> list[dict[str, Any]]:
     """The cycles of a fit as plain data: one entry a recording and branch.
 
@@ -268,25 +247,24 @@ def cycles(
 
     Args:
         result: `FitResult.document()`.
-        foot: the model. recordings: those of the fit, checked, or their harmonics. twin: whether the compiled twin is
-            this model, where that is known already.
+        foot: the model. recordings: those of the fit, checked, or their harmonics. two_mass: whether the model is
+            the two-mass foot, where that is known already.
 
     Returns:
         Entries with file, frequency_hz, added_mass_kg, branch, chosen, ankle, fat_pad, dissipated_j, shaker_work_j,
         imbalance and transmissibility (measured, model). Recordings that are not periodic have no entry.
     """
-    twin = twin_applies(foot) if twin is None else twin
-    step = min(LONGEST_STEP, foot.step)
+    two_mass = twin_applies(foot) if two_mass is None else two_mass
     entries = []
     for given in recordings:
         if isinstance(given, Recording) and given.condition.frequency_hz is None:
             continue
         line = given if isinstance(given, Line) else Line.of(given)
         condition = line.recording.condition
-        e = Excitation(line.base.frequency_hz, line.base.amplitudes, condition.masses, step)
         for number, branch in enumerate(result["branches"]):
             values = values_of(branch, foot)
-            found = cycle(foot, e, {**foot.values(), **values}, twin)
+            moving = {**foot.values(), **values, **condition.masses}
+            found = cycle(foot, line.base.frequency_hz, line.base.amplitudes, moving, two_mass)
             entries.append({
                 "file": line.recording.file, "frequency_hz": line.base.frequency_hz,
                 "added_mass_kg": condition.added_mass_kg, "branch": branch["name"], "chosen": number == 0,
@@ -298,7 +276,7 @@ def cycles(
 
 
 def values_of(branch: Mapping[str, Any], foot: Foot) -> dict[str, float]:
-    """The branch's parameter values by name, those that hold if the model is true: with them it moves as recorded."""
+    """The branch's parameter values by name, those of the exact model: with them it moves as recorded."""
     name_of = {item.key: name for name, item in {**foot.parameters, DELAY.name: DELAY}.items()}
     told = {key: e.get("if_model_true") or e for key, e in branch["parameters"].items()}
     return {name_of[key]: e["value"] for key, e in told.items()}
@@ -306,8 +284,7 @@ def values_of(branch: Mapping[str, Any], foot: Foot) -> dict[str, float]:
 
 def _transmissibility(line: Line, found: Cycle, delay: float) -> dict[str, list[float]]:
     """Malleolus over base at the excitation, measured and modelled, as real and imaginary part."""
-    Y = 2 / found.malleolus_m_s2.size * np.fft.rfft(found.malleolus_m_s2)[1]
-    Y *= np.exp(-2j * np.pi * line.base.frequency_hz * delay)
+    Y = found.malleolus_m_s2 * np.exp(-2j * np.pi * line.base.frequency_hz * delay)
     base = line.base.amplitudes[0]
     each = {"measured": line.malleolus.amplitudes[0] / base, "model": Y / base}
     return {name: _short(np.array([H.real, H.imag])) for name, H in each.items()}

@@ -7,19 +7,20 @@ that do not exist. It sees one valley and what leads out of it, though, so its v
 error and not raise it.
 """
 
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass, replace
+from typing import Any, Protocol
 
 import numpy as np
 from scipy.optimize import least_squares
 from scipy.stats import chi2
 
 from fasbody.exceptions import SettingError, unknown
-from identification.certification import size_that_matters, standard_errors
+from fasbody.foot.parameters import Parameter
+from identification.intervals import Solution, inverse_of_gram, size_that_matters
+from identification.residual import Evaluation
 from identification.result import identifiability
-from identification.search import Descent, Problem
-from identification.space import Space
+from identification.space import delay_of
 
 #: Rise of the deviance at the 95 % limits.
 RISE = float(chi2.ppf(0.95, 1))
@@ -76,63 +77,137 @@ class Profile:
         )
 
 
-def profiles(problem: Problem, space: Space, descent: Descent, dof: int, names: Sequence[str] = ()) -> list[Profile]:
-    """Profiles of named parameters of a settled fit.
+class Problem(Protocol):
+    """What has a profile: residuals (m,) and their derivatives (m, n) at q (n,), between bounds (n,), (n,)."""
 
-    Args:
-        problem: with the weights of the estimate, which are kept. space: its parameters. descent: where it ended.
-        dof: degrees of freedom. names: of parameters, all free ones where none are given.
+    bounds: tuple[np.ndarray, np.ndarray]
+
+    def residual(self, q: np.ndarray) -> np.ndarray:
+        """(m,) at q (n,)."""
+
+    def jacobian(self, q: np.ndarray) -> np.ndarray:
+        """(m, n) at q (n,)."""
+
+
+@dataclass(frozen=True, eq=False)
+class Place:
+    """Where a parameter stands among the search variables, and its value [its unit] of that variable."""
+
+    item: Parameter
+    index: int
+    value: Callable[[float], float]
+
+
+class Likelihood:
+    """A fit's residual over its free variables, each constant one of them.
+
+    Attributes:
+        q: (n,) where the fit ended. bounds: of q. places: of the constants and the delay. solution: the fit.
+    """
+
+    def __init__(self, solution: Solution) -> None:
+        v = solution.problem.variables
+        whole = solution.q.copy()
+        for name in ("k_T", "k_F") if v.ratio is not None else ():  # in place of sigma and rho
+            whole[v.index[name]] = np.log(float(v.dynamic(solution.q)[name]))
+        self._problem = replace(solution.problem, variables=replace(v, ratio=None))
+        low, high = self._problem.bounds()
+        self._free, self._whole = high > low, whole
+        self._last: tuple[bytes, Evaluation | None] = b"", None
+        self.solution, self.q, self.bounds = solution, whole[self._free], (low[self._free], high[self._free])
+        self.places = tuple(self._places())
+
+    def _places(self) -> list[Place]:
+        v = self._problem.variables
+        order = np.cumsum(self._free) - 1
+        items = {item.name: item for item in v.space.free}
+        places = [self._place(items[name], i, int(order[i])) for name, i in v.index.items()]
+        for item in v.nuisances:
+            if item.kind == "delay" and self._free[v.place(item)]:
+                places.append(self._place(delay_of(item.sensor), v.place(item), int(order[v.place(item)])))
+        return places
+
+    def _place(self, item: Parameter, i: int, index: int) -> Place:
+        scale, squared = float(self._problem.variables.scale[i]), item.name in self._problem.variables._squared
+        if squared:
+            return Place(item, index, lambda x: float(np.sqrt(max(x * scale, 0.0))))
+        return Place(item, index, lambda x: float(np.exp(x)) if item.logarithmic else float(x * scale))
+
+    def _evaluated(self, q: np.ndarray) -> Evaluation:
+        key, last = self._last
+        if last is None or key != q.tobytes():
+            whole = self._whole.copy()
+            whole[self._free] = q
+            last = self._problem.evaluate(whole[None], last)
+            self._last = q.tobytes(), last
+        return last
+
+    def residual(self, q: np.ndarray) -> np.ndarray:
+        """See `Problem`."""
+        return np.asarray(self._evaluated(q).residual[0])
+
+    def jacobian(self, q: np.ndarray) -> np.ndarray:
+        """See `Problem`."""
+        return np.asarray(self._evaluated(q).jacobian[0][:, self._free])
+
+
+def profiles_of(solution: Solution, names: Sequence[str] = ()) -> list[Profile]:
+    """Profiles of named parameters of a fit, of all free ones where none are given.
 
     Raises:
         SettingError: a parameter that was not free.
     """
-    free = [item.name for item in space.free]
+    likelihood = Likelihood(solution)
+    free = [place.item.name for place in likelihood.places]
     for name in names:
         if name not in free:
             raise SettingError(f"{unknown('parameter to profile', name, free)}.")
-    std, _ = standard_errors(problem, descent, dof)
-    excess = max(1.0, descent.cost / max(1, dof))
-    return [_profile(problem, space, descent, free.index(n), float(std[free.index(n)]), excess) for n in names or free]
+    enough = solution.problem.size > len(free)
+    wanted = [place for place in likelihood.places if place.item.name in (names or free)]
+    return profiles(likelihood, wanted, likelihood.q, solution.excess, enough)
 
 
-def _profile(problem: Problem, space: Space, descent: Descent, j: int, std: float, excess: float) -> Profile:
-    low, high = problem.bounds
-    wide = float(high[j] - low[j])
-    step = min(std, 0.25 * wide) if np.isfinite(std) and std > 0 else 0.05 * wide
-    best = float(descent.z[j])
-    sides = [
-        _walk(problem, descent, j, sign * _FIRST * step, float(limit), excess)
-        for sign, limit in ((-1, low[j]), (1, high[j]))
-    ]
+def profiles(
+    problem: Problem, places: Sequence[Place], q: np.ndarray, excess: float = 1.0, enough: bool = True
+) -> list[Profile]:
+    """Profiles of parameters where a fit ended.
+
+    Args:
+        problem: with the weights of the estimate, which are kept. places: of the parameters. q: (n,) the end.
+        excess: chi-square per degree of freedom, at least 1. enough: there are more numbers than parameters.
+    """
+    std = np.sqrt(np.diag(inverse_of_gram(problem.jacobian(q))) * excess)
+    return [_profile(problem, place, q, float(std[place.index]), excess, enough) for place in places]
+
+
+def _profile(problem: Problem, place: Place, q: np.ndarray, std: float, excess: float, enough: bool) -> Profile:
+    j, item, value = place.index, place.item, place.value
+    low, high = (float(limit[j]) for limit in problem.bounds)
+    step = min(std, 0.25 * (high - low)) if np.isfinite(std) and std > 0 else 0.05 * (high - low)
+    best = float(q[j])
+    sides = [_walk(problem, q, j, sign * _FIRST * step, limit, excess) for sign, limit in ((-1, low), (1, high))]
     points = sorted([*sides[0].points, (best, 0.0), *sides[1].points])
     lower, upper = sides[0].limit, sides[1].limit
-
-    def value(q: float) -> float:
-        z = np.array(descent.z[: space.lower.size])
-        z[j] = q
-        return float(space.to_theta(z)[j])
-
     half = _Z95 * std if np.isfinite(std) else np.inf
-    wald = (max(best - half, low[j]), min(best + half, high[j]))
+    wald = (max(best - half, low), min(best + half, high))
     width = max(wald[1] - wald[0], 1e-300)
     open_below, open_above = sides[0].open, sides[1].open
     departs = open_below or open_above or max(abs(lower - wald[0]), abs(upper - wald[1])) > DEPARTURE * width
-    item = space.free[j]
     size = size_that_matters(item)
     as_std = (value(upper) - value(lower)) / (2 * _Z95)
     if item.logarithmic and (open_below or open_above):
         as_std = np.inf
-    own = std * float(space.slope(space.to_theta(descent.z[: space.lower.size]))[j])
-    told = (
+    by_wald = (value(wald[1]) - value(wald[0])) / (2 * _Z95) if np.isfinite(std) else np.inf
+    words = (
         identifiability(value(best), as_std, size, at_bound=open_below and open_above),
-        identifiability(value(best), own, size, at_bound=False),
-        _ORDER[2 if problem.size <= space.lower.size else 0],
+        identifiability(value(best), by_wald, size, at_bound=False),
+        _ORDER[0 if enough else 2],
     )
     return Profile(
-        key=item.key, value=value(best), values=tuple(value(q) for q, _ in points), rises=tuple(r for _, r in points),
+        key=item.key, value=value(best), values=tuple(value(x) for x, _ in points), rises=tuple(r for _, r in points),
         lower=value(lower), upper=value(upper), open_below=open_below, open_above=open_above,
         wald=(value(wald[0]), value(wald[1])), departs=bool(departs),
-        verdict=max(told, key=_ORDER.index),
+        verdict=max(words, key=_ORDER.index),
         better=bool(min(r for _, r in points) < -0.01),
     )  # fmt: skip
 
@@ -146,16 +221,16 @@ class _Side:
     open: bool
 
 
-def _walk(problem: Problem, descent: Descent, j: int, step: float, bound: float, excess: float) -> _Side:
+def _walk(problem: Problem, end: np.ndarray, j: int, step: float, bound: float, excess: float) -> _Side:
     points: list[tuple[float, float]] = []
-    z, q, rise = np.array(descent.z), float(descent.z[j]), 0.0
+    z, q, rise, least = np.array(end), float(end[j]), 0.0, _cost(problem, end)
     inner, inner_rise, inner_z = q, 0.0, z
     for _ in range(_STEPS):
         ahead = q + step
         at_end = (ahead - bound) * np.sign(step) >= 0
         q = bound if at_end else ahead
         z = _refit(problem, z, j, q)
-        rise = (_cost(problem, z) - descent.cost) / excess
+        rise = (_cost(problem, z) - least) / excess
         points.append((q, rise))
         if rise >= RISE:
             break
@@ -170,7 +245,7 @@ def _walk(problem: Problem, descent: Descent, j: int, step: float, bound: float,
         a, b = np.sqrt(max(inner_rise, 0.0)), np.sqrt(outer_rise)
         q = inner + (outer - inner) * float(np.clip((np.sqrt(RISE) - a) / (b - a), 0.2, 0.8))
         z = _refit(problem, inner_z, j, q)
-        rise = (_cost(problem, z) - descent.cost) / excess
+        rise = (_cost(problem, z) - least) / excess
         points.append((q, rise))
         if abs(rise - RISE) < _CLOSE:
             break

@@ -13,22 +13,22 @@ import numpy as np
 
 from fasbody.exceptions import SettingError, SimulationError, unknown
 from fasbody.foot.model import Foot
+from fasbody.foot.steady_state import Balance
+from fasbody.foot.two_mass import parameters, resolved
 from fasbody.recording.checks import checked
 from fasbody.recording.recording import Recording
-from identification.certification import settle
-from identification.domains import PeriodicDomain, resolved
-from identification.engines.engine import Engine, Excitation
-from identification.engines.mujoco import Rollouts
-from identification.engines.twin import Twin, twin_applies
-from identification.estimate import Settings
-from identification.periodic import Line, split
-from identification.search import explore, lost
-from identification.space import DELAY, Space, space_of
+from identification import optimiser
+from identification.engines.twin import twin_applies
+from identification.estimate import Question, Settings
+from identification.harmonics import Line
+from identification.intervals import Solution
+from identification.residual import Problem
+from identification.space import DELAY, MASSES, space_of
+from identification.steady import SIDES
 from identification.study.filters import MODES
 
 #: Constants that bend the dampers' law; without them it is linear.
 NONLINEAR = ("c_12", "c_13", "c_22", "c_23")
-_TOLERANCE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -50,14 +50,23 @@ class HeldOut:
     percent: float
 
 
-def predicted(line: Line, foot: Foot, values: Mapping[str, float], twin: bool) -> np.ndarray:
-    """Malleolus harmonics (H,) of a foot on the measured base, delayed like the measurement [m/s^2]."""
-    excitation = resolved(line.excitation, foot, values, twin)
-    engine: Engine[Excitation] = Twin(foot, [excitation]) if twin else Rollouts(foot, [excitation], ())
-    y, _ = engine.orbit(0, values, (), _TOLERANCE)
-    h = np.arange(1, line.count + 1)
-    turn = np.exp(-2j * np.pi * line.base.frequency_hz * h * values.get(DELAY.name, 0.0))
-    return 2 / y.size * np.fft.rfft(y)[h] * turn
+def predicted(line: Line, foot: Foot, values: Mapping[str, float], two_mass: bool) -> np.ndarray:
+    """Malleolus harmonics (H,) of a foot on the measured base, delayed like the measurement [m/s^2].
+
+    Raises:
+        SimulationError: it has no periodic motion there.
+    """
+    f, base, moving = line.base.frequency_hz, line.base.amplitudes, {**values, **line.recording.condition.masses}
+    if two_mass:
+        orbits = resolved(parameters(moving)[None], np.array([2 * np.pi * f]), base[None])
+        if not orbits.converged.all():
+            raise SimulationError(f"{foot.name}: no periodic motion at {f:g} Hz with these values.")
+        Y = orbits.shank[0]
+    else:
+        declared = {name: value for name, value in moving.items() if name in foot.parameters}
+        Y = Balance(foot).orbit(f, base, declared).harmonics()
+    turn = np.exp(-2j * np.pi * f * np.arange(1, line.count + 1) * values.get(DELAY.name, 0.0))
+    return np.asarray(Y[: line.count] * turn)
 
 
 def compare(line: Line, Y: np.ndarray, edge: bool = False) -> HeldOut:
@@ -65,7 +74,7 @@ def compare(line: Line, Y: np.ndarray, edge: bool = False) -> HeldOut:
     measured = line.malleolus.amplitudes
     gain = abs(measured[0] / line.base.amplitudes[0])
     std = np.hypot(line.malleolus.std, gain * line.base.std)
-    error = split(Y - measured)
+    error = np.concatenate([(Y - measured).real, (Y - measured).imag])
     condition = line.recording.condition
     return HeldOut(
         file=line.recording.file,
@@ -122,39 +131,33 @@ class Validation:
         return f"{self.mode}: held-out error {self.percent:.2g} % (median), {len(self.rows)} recordings"
 
 
-@dataclass(frozen=True, eq=False)
-class QuickFit:
-    """The likelier end of a fit on the twin, not certified: parameters q in the space, and what criteria need."""
-
-    space: Space
-    q: np.ndarray
-    chi_square: float
-    deviance: float
-    numbers: int
-
-    @property
-    def values(self) -> dict[str, float]:
-        """Parameters by name."""
-        return self.space.values(self.space.to_theta(self.q))
+def held(question: Question) -> Problem:
+    """The problem of recordings with the model assumed exact: only constants and delays are free."""
+    problem = question.problem()
+    variables = problem.variables
+    return problem.with_held(variables.held([item.kind for item in variables.nuisances if item.kind != "delay"]))
 
 
-def quick_fit(recordings: Sequence[Recording], foot: Foot, settings: Settings, twin: bool) -> QuickFit:
-    """Fit checked recordings with constants, from the model's values and random starts, weights settled.
+def quick_fit(recordings: Sequence[Recording], foot: Foot, settings: Settings) -> Solution:
+    """The likelier end of a fit of constants, the model assumed exact, not replayed in MuJoCo."""
+    problem = held(Question.of(recordings, foot, replace(settings, domain="periodic")))
+    variables = problem.variables
+    signs = (1, -1) if variables.ratio is not None else (0,)
+    first = variables.start(variables.own)[None]
+    search = optimiser.search(
+        problem, signs, starts=settings.starts, rounds=1, seed=settings.seed, estimate=False, first=first
+    )
+    best = search.optima[0]
+    return Solution(SIDES[best.sign], search.problem, best)
 
-    Raises:
-        SimulationError: no start has a steady motion.
-    """
-    several = len({round(r.condition.frequency_hz or 0.0, 1) for r in recordings}) > 1
-    space = space_of(foot, settings.free, settings.bounds, several if settings.delay is None else settings.delay)
-    domain = PeriodicDomain(foot, list(recordings), space, twin, settings.threads)
-    rng = np.random.default_rng(settings.seed)
-    starts = [("model", space.to_q(space.theta(foot.values())))]
-    starts += [(f"random {i}", space.random(rng)) for i in range(1, settings.starts)]
-    descents, _ = explore(replace(domain, excess=np.inf).problem(), starts)
-    if descents[0].unstable:
-        raise lost(foot, space, descents, recordings)
-    problem, d = settle(domain.weighed(descents[0].z), descents[0])
-    return QuickFit(space, d.z, d.cost, d.cost + problem.log_determinant, problem.size)
+
+def values_of(solution: Solution) -> dict[str, float]:
+    """Constants by name without masses, and the delay where it is free."""
+    values = {name: value for name, value in solution.foot(0).items() if name not in MASSES}
+    delay = solution.problem.variables.of_kind("delay", sensor="malleolus")
+    if delay is not None:
+        values[DELAY.name] = float(solution.problem.variables.value(solution.q, delay))
+    return values
 
 
 def leave_one_frequency_out(
@@ -177,7 +180,7 @@ def leave_one_frequency_out(
     """
     settings = settings or Settings()
     data = [checked(recording) for recording in recordings]
-    lines, twin = [Line.of(recording) for recording in data], twin_applies(foot)
+    lines, two_mass = [Line.of(recording) for recording in data], twin_applies(foot)
     f = np.array([round(r.condition.frequency_hz or 0.0, 1) for r in data])
     loads = np.array([r.condition.added_mass_kg for r in data])
     if mode not in MODES:
@@ -189,7 +192,7 @@ def leave_one_frequency_out(
 
     def predict(i: int, values: Mapping[str, float], used: np.ndarray) -> None:
         try:
-            Y = predicted(lines[i], foot, {**foot.values(), **values}, twin)
+            Y = predicted(lines[i], foot, {**foot.values(), **values}, two_mass)
         except SimulationError:
             failed.append(data[i].file)
         else:
@@ -197,7 +200,7 @@ def leave_one_frequency_out(
 
     if mode == "per-recording":
         space = space_of(foot, settings.free, settings.bounds, delay=True)
-        named = estimates or [quick_fit([r], foot, settings, twin).values for r in data]
+        named = estimates or [values_of(quick_fit([r], foot, settings)) for r in recordings]
         q = np.array([space.to_q(space.theta(values)) for values in named])
         for i in range(len(data)):
             others = (loads == loads[i]) & (f != f[i])
@@ -206,7 +209,7 @@ def leave_one_frequency_out(
     for m, at in sorted(set(zip(loads, f, strict=True))):
         used, out = np.flatnonzero((loads == m) & (f != at)), np.flatnonzero((loads == m) & (f == at))
         try:
-            values = quick_fit([data[i] for i in used], foot, settings, twin).values
+            values = values_of(quick_fit([recordings[i] for i in used], foot, settings))
         except SimulationError:
             failed += [data[i].file for i in out]
             continue
@@ -282,13 +285,12 @@ def compare_damping(
     missing = [name for name in NONLINEAR if name not in foot.parameters]
     if missing:
         raise SettingError(f"model {foot.name} has no {', '.join(missing)}, so damping cannot be compared.")
-    data = [checked(recording) for recording in recordings]
     free = settings.free or tuple(n for n in space_of(foot, None, None, False).names)
     straight = replace(settings, free=tuple(n for n in free if n not in NONLINEAR), bounds={
         n: b for n, b in (settings.bounds or {}).items() if n not in NONLINEAR} or None)  # fmt: skip
     flat = foot.with_values(dict.fromkeys(NONLINEAR, 0.0))
     found = [
-        _criteria(law, data, model, s, held_out)
+        _criteria(law, recordings, model, s, held_out)
         for law, model, s in (("linear", flat, straight), ("nonlinear", foot, settings))
     ]
     (linear, _), (nonlinear, errors) = found
@@ -296,13 +298,14 @@ def compare_damping(
 
 
 def _criteria(
-    law: str, data: Sequence[Recording], foot: Foot, settings: Settings, held_out: bool
+    law: str, recordings: Sequence[Recording], foot: Foot, settings: Settings, held_out: bool
 ) -> tuple[Criteria, Validation | None]:
-    fit = quick_fit(data, foot, settings, twin_applies(foot))
-    count, deviance, chi_square, numbers = fit.q.size, fit.deviance, fit.chi_square, fit.numbers
-    errors = leave_one_frequency_out(data, foot, "pooled", settings) if held_out else None
+    fit = quick_fit(recordings, foot, settings)
+    low, high = fit.problem.bounds()
+    count, deviance, numbers = int((high > low).sum()), fit.chi_square, fit.problem.size
+    errors = leave_one_frequency_out(recordings, foot, "pooled", settings) if held_out else None
     criteria = Criteria(
-        law, count, deviance, deviance + 2 * count, deviance + float(np.log(numbers)) * count, chi_square,
+        law, count, deviance, deviance + 2 * count, deviance + float(np.log(numbers)) * count, fit.chi_square,
         max(0, numbers - count), errors.percent if errors else None, errors.chi_square_per_number if errors else None,
     )  # fmt: skip
     return criteria, errors
