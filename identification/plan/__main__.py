@@ -66,7 +66,9 @@ _Seconds = Annotated[float, typer.Option(help="length of a recording in s")]
 _Noise = Annotated[float, typer.Option(help="noise of a sensor, rms of a sample in m/s^2, until recordings tell it")]
 _Repeatability = Annotated[
     float,
-    typer.Option(metavar="SHARE", help="scatter of a harmonic from one recording to the next, until recordings tell it"),
+    typer.Option(
+        metavar="SHARE", help="scatter of a harmonic from one recording to the next, until recordings tell it"
+    ),
 ]
 _Exclude = Annotated[
     str | None,
@@ -141,7 +143,17 @@ def propose(
 
     began = time.perf_counter()
     shaker = _shaker(
-        frequencies, loads, amplitude, amplitudes, displacement, force, table_mass, kinds, sensors, seconds, noise,
+        frequencies,
+        loads,
+        amplitude,
+        amplitudes,
+        displacement,
+        force,
+        table_mass,
+        kinds,
+        sensors,
+        seconds,
+        noise,
         repeatability,
     )
     if not 60 * minutes >= seconds:
@@ -238,7 +250,17 @@ def run(
             f"--amplitude {int(1000 * COMMANDED * max_acceleration) / 1000:g} or less."
         )
     shaker = _shaker(
-        frequencies, loads, amplitude, amplitudes, displacement, force, table_mass, "sine", "malleolus", seconds, noise,
+        frequencies,
+        loads,
+        amplitude,
+        amplitudes,
+        displacement,
+        force,
+        table_mass,
+        "sine",
+        "malleolus",
+        seconds,
+        noise,
         repeatability,
     )
     earlier = _earlier([out] if (out / "recordings.csv").is_file() else None, None)
