@@ -24,7 +24,9 @@ SAME, _CLOSE = 0.3, 1.0
 #: Distances of a start: from the axis of the mirror (rho), of stiffness and damping (logarithm), and bends [1/m].
 _APART, _SPREAD, _BENDS = (0.05, 1.5), 0.5, (10.0, 200.0)
 #: Scatter of harmonics where a search begins, and below which it is none; ends of a side that are followed down.
-_SMOOTH, _LEVEL, _KEPT = 0.5, 1e-4, 6
+SMOOTH, _LEVEL, _KEPT = 0.5, 1e-4, 6
+#: Chance of a chi-square from noise alone beyond which there is a scatter besides.
+_BY_CHANCE = 0.05
 #: How near the scatter is to what its best end leaves over, and rounds of that at most.
 _SETTLED, _LEVELS = 0.05, 16
 #: Steps of the last descent, and the decrease that is worth no further step there.
@@ -223,6 +225,7 @@ def search(
     seed: int = 0,
     estimate: bool = True,
     first: np.ndarray | None = None,
+    smooth: float = SMOOTH,
     advance: Callable[[int, int], None] = lambda done, total: None,
 ) -> Searched:
     """The best end of each side, and how well recordings repeat.
@@ -238,6 +241,7 @@ def search(
         seed: of the starts.
         estimate: the scatter from recording to recording; else it is none.
         first: (k, n) places to begin with besides.
+        smooth: scatter at which the candidates begin.
         advance: called with rounds done and their number.
     """
     rng = np.random.default_rng(seed)
@@ -250,9 +254,9 @@ def search(
         for sign in wanted:
             tried[sign] += int(np.sum(fresh.sign == sign))
         if population is None:
-            problem, population = _annealed(problem, fresh, estimate)
+            problem, population = _annealed(problem, fresh, smooth, estimate)
         else:
-            _, fresh = _annealed(problem, fresh, False, problem.repeatability)
+            _, fresh = _annealed(problem, fresh, smooth, False, problem.repeatability)
             population = population.joined(fresh).distinct()
         population = population.joined(_images(problem, population, signs)).distinct()
         poor = [sign for sign in signs if population.hits[population.best(sign)] < 2]
@@ -269,8 +273,9 @@ def _fresh(
     """Random starts of each side, and the first ones on all."""
     Q, side = [], []
     for sign in signs:
-        Q.append(random_starts(problem, sign, starts, rng))
-        side.append(np.full(starts, sign))
+        if starts:
+            Q.append(random_starts(problem, sign, starts, rng))
+            side.append(np.full(starts, sign))
         if first is not None:
             Q.append(first)
             side.append(np.full(len(first), sign))
@@ -279,10 +284,10 @@ def _fresh(
 
 
 def _annealed(
-    problem: Problem, population: Population, estimate: bool, last: float = 0.0
+    problem: Problem, population: Population, smoothest: float, estimate: bool, last: float = 0.0
 ) -> tuple[Problem, Population]:
     """Candidates followed down from a smooth landscape to the scatter that they leave over, or to the one given."""
-    level, smooth = max(_SMOOTH, last), None
+    level, smooth = max(smoothest, last), None
     for _ in range(_LEVELS):
         problem = problem.with_repeatability(level)
         population = _down(problem, population, _PROMISED if level == last else _ON_THE_WAY)
@@ -295,6 +300,8 @@ def _annealed(
             break
         level = last if level <= _FALL * last or level < _FALL * _LEVEL else level / _FALL
     assert smooth is not None
+    if len(smooth.Q) == 1:
+        return problem, population
     straight = _down(problem, replace(smooth, hits=np.ones_like(smooth.hits)))
     return problem, population.joined(straight).distinct()
 
@@ -319,12 +326,14 @@ def repeatability(problem: Problem, q: np.ndarray) -> float:
     """Relative scatter s of harmonics from recording to recording that makes chi-square its degrees of freedom.
 
     The variance of a harmonic is that of the noise and (s |Y|)^2. The degrees of freedom are the numbers measured less
-    those that the variables use up, the trace of the hat matrix.
+    those that the variables use up, the trace of the hat matrix. There is none where noise alone would leave as much
+    once in twenty times.
 
     Args:
         problem: with the weights at which q was found. q: (n,) the best end.
     """
     from scipy.optimize import brentq
+    from scipy.special import chdtri
 
     now = problem.evaluate(q[None])
     J, N = now.jacobian[0], problem.size
@@ -340,7 +349,7 @@ def repeatability(problem: Problem, q: np.ndarray) -> float:
         r = problem.whitened(read, s)
         return float(r @ r) - dof
 
-    if excess(0.0) <= 0:
+    if excess(0.0) <= float(chdtri(dof, _BY_CHANCE)) - dof:
         return 0.0
     return float(brentq(excess, 0.0, 1.0, xtol=1e-5)) if excess(1.0) < 0 else 1.0
 

@@ -34,8 +34,20 @@ from identification.space import MASSES, Space
 FOLLOWS = 0.15
 #: Names of the sides of the mirror.
 SIDES = {1: STIFF_ANKLE, -1: STIFF_PAD, 0: "best"}
-#: Starts of the held fit beside those that the search ends at.
-_HELD_STARTS = 3
+
+
+@dataclass(frozen=True)
+class _Thoroughness:
+    """How a search goes: random starts of a side in a round, rounds, smoothest scatter; starts of the held fit."""
+
+    starts: int
+    rounds: int
+    smooth: float
+    held: int
+
+
+#: The two-mass foot has many ends, and a motion costs 50 us; other models have one near their own constants, and 10 ms.
+_SETTINGS = {True: _Thoroughness(1000, optimiser.ROUNDS, optimiser.SMOOTH, 3), False: _Thoroughness(1, 1, 0.05, 0)}
 #: Change of the sum of squares below which twice the harmonics say the same, and harmonics at most.
 _ENOUGH, _MOST_HARMONICS = 0.01, 48
 EXACT = ", model assumed exact"
@@ -120,9 +132,10 @@ def fit(
     held = variables.held([item.kind for item in variables.nuisances if item.kind != "delay"])
     exact = problem.with_held(held)
     first = variables.start(variables.own)[None]
+    settings = _SETTINGS[variables.two_mass]
     search = optimiser.search(
-        problem if allow else exact, signs, starts=starts, seed=seed, estimate=allow, first=first,
-        rounds=optimiser.ROUNDS if variables.two_mass else 1,
+        problem if allow else exact, signs, starts=min(starts, settings.starts), seed=seed, estimate=allow,
+        first=first, rounds=settings.rounds, smooth=settings.smooth,
         advance=lambda done, total: advance("searching both branches", done, total),
     )  # fmt: skip
     solutions = [Solution(SIDES[o.sign], search.problem, o) for o in search.optima]
@@ -160,7 +173,10 @@ def _held_ends(exact: Problem, solutions: Sequence[Solution], seed: int) -> dict
     mean, _ = exact.variables.prior
     signs = tuple(solution.optimum.sign for solution in solutions)
     first = np.stack([np.where(exact.held, mean, solution.q) for solution in solutions])
-    search = optimiser.search(exact, signs, starts=_HELD_STARTS, rounds=1, seed=seed, estimate=False, first=first)
+    settings = _SETTINGS[exact.variables.two_mass]
+    search = optimiser.search(
+        exact, signs, starts=settings.held, rounds=1, seed=seed, estimate=False, first=first, smooth=settings.smooth
+    )
     return {SIDES[o.sign]: Solution(SIDES[o.sign], search.problem, o) for o in search.optima}
 
 

@@ -408,9 +408,7 @@ class Director:
         return [replace(self.candidates[i], seconds=n * self.shaker.seconds) for i, n in plan.items()]
 
 
-def _refuse(
-    person: Person, shaker: Shaker, ask: Mapping[str, float], earlier: Sequence[Recording], draws: int
-) -> None:
+def _refuse(person: Person, shaker: Shaker, ask: Mapping[str, float], earlier: Sequence[Recording], draws: int) -> None:
     """Raise SettingError where something cannot be meant."""
     _refuse_ask(ask)
     there = [name for name in person.foot.sensors if name != "base"]

@@ -166,9 +166,7 @@ class Feet:
             float(np.mean(met)), odds[:, 0], utility[0],
         )  # fmt: skip
 
-    def gains(
-        self, done: Sums, plan: Mapping[int, float], length: float = 1.0, feet: int | None = None
-    ) -> np.ndarray:
+    def gains(self, done: Sums, plan: Mapping[int, float], length: float = 1.0, feet: int | None = None) -> np.ndarray:
         """What each candidate of a length adds by the first feet: (K, 4) as in `Score`.
 
         A recording updates what is known as a measurement does in Kalman's filter, with as many rows as it has readings.
