@@ -83,7 +83,7 @@ class View:
         """Of the time domain."""
         space, descent = evidence.space, certified.descent
         assert space is not None
-        _, C = standard_errors(certified.problem, descent, dof)
+        _, C = standard_errors(certified.problem, descent)
         C = np.nan_to_num(C, nan=0.0, posinf=0.0)  # at a bound, or not seen
 
         def foot(number: int, q: np.ndarray) -> dict[str, float]:

@@ -64,9 +64,17 @@ _Kinds = Annotated[str, typer.Option(help="sine, multisine; separated by commas"
 _Sensors = Annotated[str, typer.Option(help="accelerometers that are worn, e.g. malleolus,foot")]
 _Seconds = Annotated[float, typer.Option(help="length of a recording in s")]
 _Noise = Annotated[float, typer.Option(help="noise of a sensor, rms of a sample in m/s^2, until recordings tell it")]
+_Repeatability = Annotated[
+    float,
+    typer.Option(
+        metavar="SHARE", help="scatter of a harmonic from one recording to the next, until recordings tell it"
+    ),
+]
 _Exclude = Annotated[
     str | None,
-    typer.Option(help="what to rule out, as in identification.fit: mount, relaxation, load, rocking, drift, or all"),
+    typer.Option(
+        help="what to rule out, as in identification.fit: mount, relaxation, load, share, rocking, drift, or all"
+    ),
 ]
 _Draws = Annotated[int, typer.Option(help="feet to average over (default 32, after recordings 12)")]
 _Seed = Annotated[int, typer.Option(min=0, help="seed of the drawn feet")]
@@ -101,6 +109,7 @@ def propose(
     sensors: _Sensors = "malleolus",
     seconds: _Seconds = 10.0,
     noise: _Noise = 0.5,
+    repeatability: _Repeatability = 0.03,
     exclude: _Exclude = None,
     mass_std: MassStd = None,
     gain_std: GainStd = None,
@@ -134,7 +143,18 @@ def propose(
 
     began = time.perf_counter()
     shaker = _shaker(
-        frequencies, loads, amplitude, amplitudes, displacement, force, table_mass, kinds, sensors, seconds, noise
+        frequencies,
+        loads,
+        amplitude,
+        amplitudes,
+        displacement,
+        force,
+        table_mass,
+        kinds,
+        sensors,
+        seconds,
+        noise,
+        repeatability,
     )
     if not 60 * minutes >= seconds:
         raise SettingError(f"--minutes {minutes:g} leaves no room for a recording of {seconds:g} s; give more.")
@@ -185,6 +205,7 @@ def run(
     table_mass: _Table = 5.0,
     seconds: _Seconds = 10.0,
     noise: _Noise = 0.5,
+    repeatability: _Repeatability = 0.03,
     exclude: _Exclude = None,
     mass_std: MassStd = None,
     gain_std: GainStd = None,
@@ -229,7 +250,18 @@ def run(
             f"--amplitude {int(1000 * COMMANDED * max_acceleration) / 1000:g} or less."
         )
     shaker = _shaker(
-        frequencies, loads, amplitude, amplitudes, displacement, force, table_mass, "sine", "malleolus", seconds, noise
+        frequencies,
+        loads,
+        amplitude,
+        amplitudes,
+        displacement,
+        force,
+        table_mass,
+        "sine",
+        "malleolus",
+        seconds,
+        noise,
+        repeatability,
     )
     earlier = _earlier([out] if (out / "recordings.csv").is_file() else None, None)
     if len({r.condition.subject for r in earlier}) > 1:  # a study of several people: those of this one count
@@ -271,6 +303,7 @@ def _shaker(
     sensors: str,
     seconds: float,
     noise: float,
+    repeatability: float,
 ) -> "Shaker":
     from identification.plan.shaker import Shaker
     from identification.space import names
@@ -282,6 +315,7 @@ def _shaker(
     return Shaker(
         low, high, step, amplitude, displacement, force, table_mass, _numbers(amplitudes, "--amplitudes"),
         _numbers(loads, "--loads"), names(kinds) or (), names(sensors) or (), seconds, noise_m_s2=noise,
+        repeatability=repeatability,
     )  # fmt: skip
 
 

@@ -24,8 +24,12 @@ from identification.residual import Problem
 from identification.sensors import MALLEOLUS
 from identification.steady import FOLLOWS, SIDES
 
-#: Starts of a first descent on each branch.
-_STARTS = 6
+#: Starts of a first descent on each branch, and how many of their ends are followed.
+_STARTS, _KEPT = 6, 3
+#: Scatter with which a search begins, as that makes the landscape smooth, and by which it comes nearer to the true one.
+_LEVELS = (0.1, 0.03, 0.01)
+#: Chi-square per degree of freedom beyond which such a foot does not make these recordings.
+_MISFIT = 2.0
 #: What keeps a correlation matrix positive definite.
 _ROUNDING = 1e-10
 #: That such a foot does not move like this is said from so many recordings on: one recording can itself be bad.
@@ -88,7 +92,7 @@ class Belief:
     @property
     def follows(self) -> bool:
         """Whether such a foot can make these recordings, if a person repeats as people do."""
-        return self.repeatability <= FOLLOWS
+        return self.repeatability <= FOLLOWS and self.ends[0].excess <= _MISFIT
 
     @property
     def strange(self) -> bool:
@@ -158,16 +162,17 @@ def believe(
     measured = Measured.of([Line.of(recording) for recording in recordings], MALLEOLUS)
     variables = person.variables(allowed, recordings, middle_hz)
     motion = TwoMassMotion(measured, variables.omega, (False,))
-    problem = Problem.of(measured, variables, motion, expected)
-    ends = _best(problem, *_starts(variables, seed, before))
+    problem = Problem.of(measured, variables, motion)
+    Q, signs = _starts(variables, seed, before)
+    for level in _LEVELS:
+        Q, signs = _followed(problem.with_repeatability(level), Q, signs)
     for _ in range(2):  # what is left over says how well the recordings repeat, and weighs them anew
-        best = ends[0].q
-        problem = problem.weighed(best).with_repeatability(repeatability(problem, best, expected))
-        Q, signs = np.stack([end.q for end in ends]), np.array([end.optimum.sign for end in ends])
-        ends = _best(problem, *_both(variables, Q, signs))
+        problem = problem.weighed(Q[0]).with_repeatability(repeatability(problem, Q[0], expected))
+        Q, signs = _followed(problem, Q, signs)
+    ends = [_end(problem, Q[signs == sign][0], sign) for sign in (1, -1)]
     if not all(end.evaluation.moves[0] for end in ends):
         raise SimulationError("no foot of the population moves as these recordings do; check masses and units.")
-    return Belief(tuple(ends))
+    return Belief(tuple(sorted(ends, key=lambda end: end.optimum.objective)))
 
 
 def _starts(
@@ -177,27 +182,24 @@ def _starts(
     if before is None:
         signs = np.tile([1, -1], _STARTS)
         Q = np.stack([variables.draw(stream(seed, str(i)), sign) for i, sign in enumerate(signs)])
-    else:
-        signs = np.array([end.optimum.sign for end in before.ends])
-        Q = variables.carried(np.stack([end.q for end in before.ends]), before.variables)
-    return _both(variables, Q, signs)
+        return Q, signs
+    Q = np.stack([end.q for end in before.ends])
+    return variables.carried(Q, before.variables), np.array([end.optimum.sign for end in before.ends])
 
 
-def _both(variables: PlanVariables, Q: np.ndarray, signs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Places (k, n) and sides (k,) with those of the mirror images."""
-    return np.concatenate([Q, variables.image(Q)]), np.concatenate([signs, -signs])
-
-
-def _best(problem: Problem, Q: np.ndarray, signs: np.ndarray) -> list[Solution]:
-    """The best end of each branch from starts (k, n) on their sides (k,), the likelier first."""
+def _followed(problem: Problem, Q: np.ndarray, signs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The best few ends (k, n) of each side (k,), the likeliest first, from places and from their mirror images."""
+    Q, signs = np.concatenate([Q, problem.variables.image(Q)]), np.concatenate([signs, -signs])
     down = descend(problem, Q, signs)
-    ends = []
-    for sign in (1, -1):
-        mine = np.flatnonzero(signs == sign)
-        i = mine[np.argmin(down.objective[mine])]
-        optimum = Optimum(sign, down.Q[i], float(down.objective[i]), bool(down.rests[i]), 1, mine.size)
-        ends.append(Solution(SIDES[sign], problem, optimum))
-    return sorted(ends, key=lambda end: end.optimum.objective)
+    order = np.argsort(down.objective)
+    best = np.sort(np.concatenate([np.flatnonzero(signs[order] == sign)[:_KEPT] for sign in (1, -1)]))
+    return down.Q[order][best], signs[order][best]
+
+
+def _end(problem: Problem, q: np.ndarray, sign: int) -> Solution:
+    """An end (n,) of one side."""
+    objective = float(problem.evaluate(q[None]).objective[0])
+    return Solution(SIDES[sign], problem, Optimum(sign, q, objective, True, 1, 1))
 
 
 def repeatability(problem: Problem, q: np.ndarray, expected: float) -> float:

@@ -14,7 +14,7 @@ from identification.plan.candidates import PLANNED, THESIS, THESIS_AMPLITUDE, UN
 from identification.plan.director import GOAL, SHARE, Director
 from identification.plan.feet import Outlook, Score
 from identification.plan.protocol import Protocol, shaking_s
-from identification.plan.words import listed, minutes, percent, plain, span, whole
+from identification.plan.words import in_the_way, listed, minutes, percent, plain, repeating, span, whole
 
 _TITLES = {PLANNED: "planned", THESIS: "the thesis, three loads", UNLOADED: "the thesis, unloaded"}
 
@@ -59,6 +59,7 @@ _RELIEF = {
     "mount": ("a sensor that rings on soft tissue", "where a tap shows that it does not: --exclude mount"),
     "relaxation": ("springs that relax", "higher frequencies tell it; where it is ruled out: --exclude relaxation"),
     "load": ("constants that follow the load", "where a slow push under each load rules it out: --exclude load"),
+    "share": ("a load that the thigh helps to carry", "where a force plate shows all of it: --exclude share"),
     "rocking": ("a leg that rocks", "where a sensor across the leg rules it out: --exclude rocking"),
     "drift": ("a gain that drifts", "where the channels are compared before and after: --exclude drift"),
 }
@@ -152,6 +153,7 @@ class Planned(Presented):
         offers: sensors that could be worn besides.
         earlier: how many recordings there are. places: the map. said: what they say. computing_s: that the
             planning took. uncertain: what is not known beforehand, beside the constants.
+        repeatability: relative scatter of a harmonic from recording to recording.
     """
 
     figures: ClassVar[str] = "identification.plan.figures"
@@ -177,6 +179,7 @@ class Planned(Presented):
     said: str
     computing_s: float
     uncertain: tuple[str, ...] = ()
+    repeatability: float = 0.0
 
     @property
     def limited(self) -> str:
@@ -272,7 +275,7 @@ class Planned(Presented):
         if parts and self.longer and self.longer.shaking_s > _FAR_S:
             text = f"Out of reach, as it would take {span(self.longer.shaking_s)} of shaking: {', '.join(parts)}. "
         elif parts:
-            text = f"More is needed, as noise is in the way: {', '.join(parts)}. "
+            text = f"More is needed, as {in_the_way(self.repeatability)} in the way: {', '.join(parts)}. "
             text += f"{self.longer} " if self.longer else ""
         if never:
             text += (
@@ -342,8 +345,8 @@ class Planned(Presented):
             else "nothing beside their constants is uncertain"
         )
         notes.append(
-            f"Averages over {counted(self.feet, 'foot', 'feet')} of persons of {self.body_mass_kg:g} kg; {also}. Seed "
-            f"{self.seed}."
+            f"Averages over {counted(self.feet, 'foot', 'feet')} of persons of {self.body_mass_kg:g} kg; {also}; "
+            f"{repeating(self.repeatability)}. Seed {self.seed}."
         )
         if self.said:
             notes.append(self.said)
@@ -370,7 +373,7 @@ class Planned(Presented):
             },
             "longer": None if self.longer is None else asdict(self.longer), "excluding": self.excluding,
             "offers": [offer.document() for offer in self.offers],
-            "uncertain": list(self.uncertain),
+            "uncertain": list(self.uncertain), "repeatability": self.repeatability,
             "limited": self.limited, "earlier_recordings": self.earlier,
             "information": [
                 {
@@ -425,7 +428,7 @@ def planned(director: Director, most: int, seconds: float, took_s: float = 0.0) 
         tuple(_offer(director, name, steps, whole) for name in director.offers), len(director.done),
         tuple(Place(s, a, b) for s, a, b in zip(director.candidates, first, more, strict=True)),
         "" if director.belief is None else believed(director), took_s + time.perf_counter() - began,
-        director.uncertain,
+        director.uncertain, director.shaker.repeatability,
     )  # fmt: skip
 
 
@@ -453,14 +456,14 @@ def believed(director: Director) -> str:
     bands = ", ".join(f"{name} {band}" for name, band in belief.open_bands(EXCHANGED).items())
     odds = np.exp(min(belief.log_odds, np.log(1e6)))
     name = belief.ends[0].branch
-    told = f"{name}, decided" if belief.decided else f"branch open, {name} at {readable(odds)} to 1"
-    lost = ""
-    if belief.strange:
-        lost = f" Such a foot does not move like this (chi-square {belief.per_dof:.3g} per degree of freedom)."
-    elif not belief.follows:
-        lost = f" Too little is recorded to say whether such a foot moves like this (chi-square {belief.per_dof:.3g})."
-    noise = f"noise {readable(director.shaker.noise_m_s2, 2)} m/s^2"  # theirs, in place of what was expected
-    return f"After {counted(len(director.done), 'recording')} ({noise}): {told}; {bands}.{lost}"
+    verdict = f"{name}, decided" if belief.decided else f"branch open, {name} at {readable(odds)} to 1"
+    doubt = ""
+    if not belief.follows:
+        doubt = " Such a foot does not" if belief.strange else " Too little is recorded to say whether such a foot does"
+        doubt += f" move like this: {percent(belief.repeatability)} from recording to recording is not what people do."
+    # theirs, in place of what was expected
+    about = f"noise {readable(director.shaker.noise_m_s2, 2)} m/s^2, {repeating(belief.repeatability)}"
+    return f"After {counted(len(director.done), 'recording')} ({about}): {verdict}; {bands}.{doubt}"
 
 
 def _widths(half: Mapping[str, float], names: Sequence[str] = ()) -> str:

@@ -18,7 +18,7 @@ from identification.plan.belief import Band, Belief
 from identification.plan.candidates import Step
 from identification.plan.director import GOAL, SHARE, Director
 from identification.plan.feet import Outlook
-from identification.plan.heard import Heard, heard
+from identification.plan.observed import Observed, observed
 from identification.plan.prior import Person
 from identification.plan.protocol import shaking_s
 from identification.plan.result import EVERY, Longer, believed, goal, unreachable
@@ -33,8 +33,9 @@ _FAILURES = 3
 #: Laying another load on the knee costs as much as so long a shaking under this one [s]: two hands lay it in half a
 #: minute, and the person stands as before after as long again. An assumption, not a measurement.
 CHANGE_S = 60.0
-#: Within this factor of what unlimited minutes leave, an interval is as narrow as it gets.
-_NEARLY = 1.1
+#: Within this factor of what unlimited minutes leave, an interval is as narrow as it gets: of that few recordings make
+#: 1.1, by Student's quantile and as the fit has no population.
+_NEARLY = 1.15
 #: What is left to record helps if it is expected to bring an interval below this share of what it is.
 _HELPS = 0.98
 #: A step lasts at most so many of the usual lengths, as the next one may be worth more by then.
@@ -62,13 +63,13 @@ class Taken:
     """One step that was tried.
 
     Attributes:
-        step: as proposed. heard: what it was, None where it failed. why: it failed. bands: of the constants after it.
+        step: as proposed. observed: what it was, None where it failed. why: it failed. bands: of the constants after it.
         log_odds: of the likelier branch after it. branch: its name. decided: whether that is beyond 1000 to 1.
         stalled: it was the board that failed, not the step.
     """
 
     step: Step
-    heard: Heard | None
+    observed: Observed | None
     why: str
     bands: Mapping[str, Band]
     log_odds: float
@@ -106,7 +107,7 @@ class Shaken(Presented):
     @property
     def good(self) -> tuple[Taken, ...]:
         """Steps that were recorded."""
-        return tuple(t for t in self.taken if t.heard is not None)
+        return tuple(t for t in self.taken if t.observed is not None)
 
     def sentence(self) -> str:
         """How it ended, and with what."""
@@ -117,7 +118,7 @@ class Shaken(Presented):
         """Step by step, with the bands that narrow."""
         rows = []
         for number, t in enumerate(self.taken, start=1):
-            h = t.heard
+            h = t.observed
             rows.append(
                 (
                     str(number), f"{t.step.frequency_hz:g}", f"{t.step.added_mass_kg:g}", f"{t.step.seconds:g}",
@@ -144,7 +145,7 @@ class Shaken(Presented):
         rows = []
         for t in self.taken:
             row: dict[str, Any] = {**asdict(t.step), "sensors": ",".join(t.step.sensors)}
-            row |= asdict(t.heard) if t.heard else {}
+            row |= asdict(t.observed) if t.observed else {}
             row |= {
                 "why": t.why,
                 "stalled": t.stalled,
@@ -249,7 +250,7 @@ class Session:
             None if self._director is None else self._director.belief, compares=False,
         )  # fmt: skip
         self._director = director
-        if self._taken and self._taken[-1].heard is not None:
+        if self._taken and self._taken[-1].observed is not None:
             self._taken[-1] = _after(self._taken[-1], director.belief)
             self._offering.told(believed(director))
         return director
@@ -257,7 +258,7 @@ class Session:
     def _over(self, director: Director) -> tuple[str, str] | None:
         """Why the session ends here, if it does."""
         belief = director.belief
-        count, spent = len(self._recordings) - self._before, shaking_s([t.step for t in self._taken if t.heard])
+        count, spent = len(self._recordings) - self._before, shaking_s([t.step for t in self._taken if t.observed])
         if belief is not None:
             bands = belief.open_bands(EXCHANGED)
             wide = [name for name, share in director.asked.items() if bands[name].half_width > share]
@@ -273,7 +274,7 @@ class Session:
         if count >= self._most or spent + self._shaker.seconds > self._seconds + 1e-9:
             return SPENT, f"The recordings or minutes that were given are spent. {self._missing(director)}".strip()
         last = self._taken[-_FAILURES:]
-        if len(last) == _FAILURES and all(t.heard is None for t in last):
+        if len(last) == _FAILURES and all(t.observed is None for t in last):
             if all(t.stalled for t in last):
                 return FAILING, f"The board has stalled {_FAILURES} times in a row: {last[-1].why}"
             return FAILING, f"{_FAILURES} steps in a row have failed."
@@ -298,7 +299,7 @@ class Session:
 
     def _missing(self, director: Director) -> str:
         """What it would take where noise is in the way of what is asked."""
-        belief, good = director.belief, [t.step for t in self._taken if t.heard]
+        belief, good = director.belief, [t.step for t in self._taken if t.observed]
         if belief is None or not good:
             return ""
         ever, bands = director.for_ever(), belief.open_bands(EXCHANGED)
@@ -321,7 +322,7 @@ class Session:
         Another load is laid where that adds more than going on under this one for as long as the change costs, too.
         """
         count = len(self._recordings) - self._before
-        left = self._seconds - shaking_s([t.step for t in self._taken if t.heard])
+        left = self._seconds - shaking_s([t.step for t in self._taken if t.observed])
         barred = [s for s in director.candidates if (s.frequency_hz, s.added_mass_kg) in self._failed]
         rest = [s for s in director.session(self._most - count, left) if not _among(s, barred)]
         self._left = tuple(rest)
@@ -347,7 +348,7 @@ class Session:
         self._load, self._again = step.added_mass_kg, None
         try:
             recording = checked(self._record(step))
-            found = heard(recording)
+            found = observed(recording)
         except Stalled as error:
             self._again = step
             self._taken.append(Taken(step, None, str(error), {}, 0.0, "", False, stalled=True))

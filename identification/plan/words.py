@@ -40,3 +40,13 @@ def span(seconds: float) -> str:
 def listed(words: Sequence[str], last: str = "and") -> str:
     """Words with commas and an `and`, or another last word."""
     return f" {last} ".join([", ".join(words[:-1]), words[-1]]) if len(words) > 1 else "".join(words)
+
+
+def repeating(repeatability: float) -> str:
+    """How well recordings repeat."""
+    return f"recordings repeat to {percent(repeatability)}" if repeatability else "recordings repeat exactly"
+
+
+def in_the_way(repeatability: float) -> str:
+    """What more recordings average out."""
+    return "noise and scatter between recordings are" if repeatability else "noise is"

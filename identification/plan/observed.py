@@ -15,7 +15,7 @@ _SEGMENTS = 20
 
 
 @dataclass(frozen=True)
-class Heard:
+class Observed:
     """One recording.
 
     Attributes:
@@ -42,14 +42,14 @@ class Heard:
         )
 
 
-def heard(recording: Recording) -> Heard:
+def observed(recording: Recording) -> Observed:
     """What a checked recording of one sine was."""
     line = Line.of(recording)
     U, f = line.base.amplitudes, line.base.frequency_hz
     channels = {"base": recording.base_m_s2, "malleolus": recording.malleolus_m_s2}
     H, std = by_segments(recording.time_s, channels, f).ratio("malleolus")
     size, wide = float(abs(H[0])), _Z95 * float(std[0])
-    return Heard(
+    return Observed(
         float(abs(U[0])), float(np.linalg.norm(U[1:]) / abs(U[0])), coherence(recording, f), size,
         max(0.0, size - wide), size + wide, float(np.degrees(np.angle(H[0]))),
         float(np.sqrt(0.5 * (line.base.sigma**2 + line.malleolus.sigma**2))),
