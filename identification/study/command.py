@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from identification.study.cluster import Crew
     from identification.study.findings import Findings
     from identification.study.job import Document
-    from identification.study.plan import Job, Plan, Work
+    from identification.study.plan import Job, Work
 
 #: Places of a failure that are named.
 _NAMED = 3
