@@ -26,15 +26,16 @@ from fasbody.foot.two_dof import TwoDof
 from fasbody.laboratory.foot import TRUTH, exact
 from fasbody.laboratory.instrument import Instrument
 from fasbody.laboratory.study import FREQUENCIES_HZ
-from fasbody.recording.checks import checked
 from fasbody.recording.condition import SUBJECTS
 from fasbody.recording.recording import Condition, Recording
 from fasbody.runner import run
-from identification.branches import judge, mirrored, ratio, side
-from identification.certification import settle, standard_errors
-from identification.domains import PeriodicDomain
-from identification.search import Descent, Problem, descend
-from identification.space import space_of
+from identification import optimiser
+from identification.branches import judge
+from identification.estimate import Question, Settings
+from identification.intervals import Solution
+from identification.residual import Problem
+from identification.steady import SIDES
+from identification.study.validation import held
 from reproduction.check import Check, at_least, within
 
 #: The laboratory's own foot, and the same with less nonlinearity.
@@ -54,7 +55,6 @@ class Trial:
     Attributes:
         covered: name -> whether the 95 % interval of the true branch holds the truth, for each of `COUNTED`.
         chi_square, dof: of the true branch. true_is_best: the true branch is the likelier. decided: the verdict.
-        branches: how many distinct branches were found.
     """
 
     covered: Mapping[str, bool]
@@ -62,7 +62,6 @@ class Trial:
     dof: int
     true_is_best: bool
     decided: bool
-    branches: int
 
 
 def motions(truth: Mapping[str, float], frequencies_hz: Sequence[float], seconds: float) -> list[Recording]:
@@ -79,34 +78,32 @@ def motions(truth: Mapping[str, float], frequencies_hz: Sequence[float], seconds
 
 
 def trial(truth: Mapping[str, float], clean: Sequence[Recording], seed: int) -> Trial:
-    """Add noise, fit both branches with the twin, and judge, as identification/estimate.py does."""
+    """Add noise, fit both branches with the model assumed exact, and judge."""
     rng = np.random.default_rng(seed)
-    foot = load("two_dof")
-    space = space_of(foot)
-    data = [checked(INSTRUMENT.observe(recording, rng)) for recording in clean]
-    domain = PeriodicDomain(foot, data, space, twin=True, threads=1)
-    a = ratio([recording.condition.masses for recording in data], truth)
-    near = {name: value * rng.uniform(0.9, 1.1) for name, value in truth.items()}
-    found: dict[str, tuple[float, Problem, Descent]] = {}
-    for start in (near, mirrored(near, a)):
-        descent = descend(domain.problem(), space.to_q(space.theta(start)), "start")
-        problem, descent = settle(domain, descent)
-        deviance = descent.cost + problem.log_determinant
-        name = side(space.values(descent.theta), a)
-        if name not in found or deviance < found[name][0]:
-            found[name] = (deviance, problem, descent)
-    names = sorted(found, key=lambda name: found[name][0])
-    best_problem, best = found[names[0]][1:]
-    dof = best_problem.size - best.z.size
-    verdict = judge(names, [found[name][0] for name in names], best.cost, dof)
-    true_name = side(truth, a)
-    if true_name not in found:
-        return Trial(dict.fromkeys(COUNTED, False), np.inf, dof, False, verdict.word == "decided", len(found))
-    _, problem, descent = found[true_name]
-    std, _ = standard_errors(problem, descent, dof)
-    low, high = (space.values(limit) for limit in space.interval(descent.theta, std))
-    covered = {name: bool(low[name] <= truth[name] <= high[name]) for name in COUNTED}
-    return Trial(covered, descent.cost, dof, names[0] == true_name, verdict.word == "decided", len(found))
+    data = [INSTRUMENT.observe(recording, rng) for recording in clean]
+    problem = held(Question.of(data, load("two_dof"), Settings()))
+    variables = problem.variables
+    true = _side(problem, variables.start(truth))
+    near = variables.start({name: value * rng.uniform(0.9, 1.1) for name, value in truth.items()})
+    starts = {_side(problem, q): q for q in (near, variables.image(near))}
+    problem = problem.weighed(starts[true])
+    found = {sign: _end(problem, q, sign) for sign, q in starts.items()}
+    best = min(found, key=lambda sign: found[sign].optimum.objective)
+    order = [found[best], found[-best]]
+    verdict = judge([s.branch for s in order], [s.optimum.objective for s in order], order[0].chi_square, order[0].dof)
+    right = found[true]
+    estimates = {key.split("_n_")[0]: e for key, e in right.estimates()[0].items()}
+    covered = {name: estimates[name].lower <= truth[name] <= estimates[name].upper for name in COUNTED}
+    return Trial(covered, right.chi_square, right.dof, best == true, verdict.word == "decided")
+
+
+def _side(problem: Problem, q: np.ndarray) -> int:
+    return 1 if q[problem.variables.index["k_F"]] > 0 else -1
+
+
+def _end(problem: Problem, q: np.ndarray, sign: int) -> Solution:
+    q, objective, converged = optimiser.finished(problem, q, sign)
+    return Solution(SIDES[sign], problem, optimiser.Optimum(sign, q, objective, converged, 1, 1))
 
 
 def _work(task: tuple[str, int, Sequence[Recording]]) -> Trial:
@@ -147,8 +144,8 @@ def rows_of(trials: Mapping[str, Sequence[Trial]]) -> list[Check]:
         chosen = sum(t.true_is_best and t.decided for t in strong)
         rows.append(at_least(f"{_about(STRONG)}: true branch chosen and decided, seeds", chosen, n))
     if weak:
-        undecided = sum(not t.decided and t.branches == 2 for t in weak)
-        rows.append(at_least(f"{_about(WEAK)}: both branches found and undecided, seeds", undecided, len(weak)))
+        undecided = sum(not t.decided for t in weak)
+        rows.append(at_least(f"{_about(WEAK)}: undecided, seeds", undecided, len(weak)))
     if middle:
         count, wrong = sum(t.decided for t in middle), sum(t.decided and not t.true_is_best for t in middle)
         what = f"{_about(BETWEEN)}: decided, seeds (wrongly: {wrong})"

@@ -23,8 +23,9 @@ import numpy as np
 import typer
 from scipy.signal import cont2discrete, lfilter
 
+from benchmarks.leg import Leg, Shaking, harmonics, sample
 from benchmarks.table import JsonOption, report
-from benchmarks.worlds import FOOT, RATE_HZ, SHANK, Departure, Leg, felt, leg_of, sample
+from benchmarks.worlds import FOOT, RATE_HZ, SHANK, SOURCES, leg_of
 from fasbody.acquire.board import Watch
 from fasbody.acquire.level import Safety, reach
 from fasbody.acquire.wire import Channel as WireChannel
@@ -85,16 +86,25 @@ def virtual(seed: int) -> Virtual:
     return Virtual(seed, leg, body, float(GAIN_STD * rng.standard_normal()), noise, strength)
 
 
+def malleolus(leg: Leg, steps: Sequence[Step], bases: np.ndarray) -> np.ndarray:
+    """Harmonics (n, H) of the malleolus [m/s^2] under those of the base (n, 3), step by step."""
+    loads, hz = np.array([(step.added_mass_kg, step.frequency_hz) for step in steps]).T
+    return harmonics(leg, (), Shaking(loads, hz, bases))[0]
+
+
 def recorded(foot: Virtual, steps: Sequence[Step], session: int) -> list[Recording]:
     """What the laboratory writes of these steps."""
     rng = np.random.default_rng([foot.seed, session])
-    made, noise = [], foot.noise_m_s2 / np.sqrt(SHORTER)
+    made, bases, noises = [], [], []
     for step in steps:
-        base = step.amplitude_m_s2 * np.array([1.0, 0.015, 0.008]) * np.exp(1j * rng.uniform(0, 2 * np.pi, 3))
-        t = np.arange(round(step.seconds / SHORTER * RATE_HZ)) / RATE_HZ
-        hz = step.frequency_hz
-        y = (1 + foot.gain) * felt(foot.leg, Departure(), step.added_mass_kg, hz, base)
-        a, b = (sample(t, hz, x) + noise * rng.standard_normal(t.size) for x in (base, y))
+        phases = rng.uniform(0, 2 * np.pi, 3)
+        bases.append(step.amplitude_m_s2 * np.array([1.0, 0.015, 0.008]) * np.exp(1j * phases))
+        noises.append(rng.standard_normal((2, round(step.seconds / SHORTER * RATE_HZ))))
+    moved = (1 + foot.gain) * malleolus(foot.leg, steps, np.array(bases))
+    size = foot.noise_m_s2 / np.sqrt(SHORTER)
+    for step, base, felt, noise in zip(steps, bases, moved, noises, strict=True):
+        t, hz = np.arange(noise.shape[1]) / RATE_HZ, step.frequency_hz
+        a, b = size * noise + [sample(t, hz, x) for x in (base, felt)]
         condition = Condition("made", "midstance", step.added_mass_kg, foot.body_kg, hz)
         made.append(Recording(t, a, b, condition=condition, file=str(step), origin="synthetic"))
     return made
@@ -314,14 +324,12 @@ class Rig:
         finally:
             self.off()
         t = np.arange(base.size) / self.rate_hz
-        parts = max(1, int(t[-1] * step.frequency_hz / 10))
-        y = np.empty(base.size)
-        for i in range(parts):  # ten periods at a time
-            part = slice(i * base.size // parts, (i + 1) * base.size // parts)
-            U = fit_harmonics(t[part], base[part], step.frequency_hz, 3).amplitudes
-            y[part] = sample(
-                t[part], step.frequency_hz, felt(self._foot.leg, Departure(), step.added_mass_kg, step.frequency_hz, U)
-            )
+        hz = step.frequency_hz
+        parts = max(1, int(t[-1] * hz / 10))  # ten periods at a time
+        cuts = [slice(i * base.size // parts, (i + 1) * base.size // parts) for i in range(parts)]
+        bases = np.array([fit_harmonics(t[cut], base[cut], hz, 3).amplitudes for cut in cuts])
+        felt = malleolus(self._foot.leg, parts * [step], bases)
+        y = np.concatenate([sample(t[cut], hz, Y) for cut, Y in zip(cuts, felt, strict=True)])
         noise = self._foot.noise_m_s2 * self._rng.standard_normal((2, base.size))
         condition = Condition("made", "midstance", step.added_mass_kg, self._foot.body_kg, step.frequency_hz)
         a, b = base + noise[0], (1 + self._foot.gain) * y + noise[1]
@@ -400,7 +408,7 @@ def digest(plan: bool, *rooms: str, exclude: Sequence[str] = EXCLUDED) -> str:
     """Of everything that a fit of these feet depends on: worlds, fit and models, and what is planned for two."""
     told_ = [*map(str, exclude), *([planned(virtual(seed), exclude)[0] for seed in (0, 1)] if plan else [])]
     found = hashlib.sha256(repr(told_).encode())
-    files = [ROOT / "benchmarks" / "worlds.py"]
+    files = list(SOURCES)
     for room in ("identification", "identification/engines", "fasbody/foot", *rooms):
         files += list((ROOT / room).glob("*.py"))
     for file in sorted(files):

@@ -7,7 +7,7 @@ usual size, in each sensor for itself. What is done is kept in a file and not do
 
 import time
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Annotated
 
@@ -15,9 +15,11 @@ import numpy as np
 import typer
 
 from benchmarks import kept
-from benchmarks.reality import STARTS
+from benchmarks.departure import Following, Maxwell, Mount, Rocking
+from benchmarks.instrument import Gain
+from benchmarks.leg import SENSORS
 from benchmarks.table import JsonOption, report
-from benchmarks.worlds import LOADS_KG, Departure, Member, leg_of, recordings
+from benchmarks.worlds import LOADS_KG, SOURCES, Member, leg_of, recordings
 from fasbody.console import command_line, progress_bar
 from fasbody.recording.recording import Recording
 from identification.branches import STIFF_ANKLE, STIFF_PAD
@@ -29,6 +31,7 @@ CLEAN, USUAL = "nothing departs", "everything at its usual size"
 ALONE, WITH_FOOT = ("malleolus",), ("malleolus", "foot")
 #: What is fitted, world by world.
 TASKS = ((CLEAN, WITH_FOOT), (CLEAN, ALONE), (USUAL, WITH_FOOT), (USUAL, ALONE))
+STARTS = 4
 #: Feet and error that were asked for.
 ENOUGH, CLOSE = 50, 0.05
 
@@ -61,22 +64,22 @@ def member(world: str, seed: int) -> Member:
     rng = np.random.default_rng([seed, 71])
     body = rng.uniform(45, 110)
     leg = leg_of(rng, body, STRENGTH)
-    departure = Departure() if world == CLEAN else usual(np.random.default_rng([seed, 72]))
-    return Member(f"second sensor, {world}", seed, leg, departure, LOADS_KG[:2], NOISE, STRENGTH, body)
+    made = Member(f"second sensor, {world}", seed, leg, (), LOADS_KG[:2], NOISE, STRENGTH, body)
+    return made if world == CLEAN else usual(made, np.random.default_rng([seed, 72]))
 
 
-def usual(rng: np.random.Generator) -> Departure:
-    """A world in which everything that a laboratory cannot exclude is there, at its usual size."""
+def usual(made: Member, rng: np.random.Generator) -> Member:
+    """The leg with everything that a laboratory cannot exclude, at its usual size."""
     n = rng.normal
-    share = np.abs(n(0, 0.35, 2)).clip(0, 0.8)
-    hz = 1e2 / np.sqrt(np.abs(n(0, 1.0, 2)).clip(1e-2, 1.6))
-    return Departure(
-        mass=float(np.exp(n(0, 0.05))), follow=float(n(0, 0.05)), relax_T=share[0], relax_F=share[1],
-        tau_s=float(np.exp(n(np.log(5e-3), 0.5))), mount_hz=hz[0], foot_mount_hz=hz[1],
-        mount_zeta=float(rng.uniform(0.1, 0.3)), foot_mount_zeta=float(rng.uniform(0.1, 0.3)), gain=float(n(0, 0.01)),
-        foot_gain=float(n(0, 0.01)), drift=float(n(0, 0.01)), foot_drift=float(n(0, 0.01)), rock=float(n(0, 0.03)),
-        foot_rock=float(n(0, 0.03)), rock_hz=float(60 * np.exp(n(0, 0.15))), rock_zeta=float(rng.uniform(0.06, 0.15)),
-    )  # fmt: skip
+    (ankle, pad), tau_s = np.abs(n(0, 0.35, 2)).clip(0, 0.8), float(np.exp(n(np.log(5e-3), 0.5)))
+    turning_hz = 60 * float(np.exp(n(0, 0.15)))
+    rocking = Rocking(n(0, 0.03), turning_hz, rng.uniform(0.06, 0.15), foot=n(0, 0.03))
+    hz, zeta = 1e2 / np.sqrt(np.abs(n(0, 1.0, 2)).clip(1e-2, 1.6)), rng.uniform(0.1, 0.3, 2)
+    mounts = (Mount(hz[i], zeta[i], sensor) for i, sensor in enumerate(SENSORS))
+    departures = Following(n(0, 0.05)), Maxwell(ankle, pad, tau_s), rocking, *mounts
+    gains = tuple(Gain(n(0, 0.01), n(0, 0.01), sensor) for sensor in SENSORS)
+    stated = made.body_kg * float(np.exp(n(0, 0.05)))
+    return replace(made, body_kg=stated, departures=departures, instruments=gains)
 
 
 def judged(truth: Member, data: Sequence[Recording], sensors: tuple[str, ...], world: str) -> Judged:
@@ -87,13 +90,13 @@ def judged(truth: Member, data: Sequence[Recording], sensors: tuple[str, ...], w
     began = time.process_time()
     result = fit_foot(data, load("two_dof"), starts=STARTS, threads=1, sensors=sensors)
     spent = time.process_time() - began
-    name = STIFF_ANKLE if truth.leg.stiff_ankle else STIFF_PAD
+    name = STIFF_ANKLE if truth.stiff_ankle else STIFF_PAD
     branch = next((b for b in result.branches if b.name == name), None)
     off: dict[str, float | None] = {"k_T": None, "k_F": None}
     holds = {"k_T": False, "k_F": False}
     for constant in off if branch else ():
         assert branch is not None
-        exact, e = getattr(truth.leg, constant), branch[constant]
+        exact, e = truth.dynamic[constant], branch[constant]
         off[constant], holds[constant] = e.value / exact - 1, bool(e.lower <= exact <= e.upper)
     follows = result.wide is not None and result.wide.follows
     right = result.best.name == name
@@ -109,8 +112,7 @@ def trial(world: str, sensors: tuple[str, ...], seed: int) -> Judged:
 
 def digest() -> str:
     """Of the worlds, and of everything that a fit depends on."""
-    own = [kept.ROOT / "benchmarks" / name for name in ("worlds.py", "sensors.py")]
-    return kept.digest([*own, *kept.fit_sources()])
+    return kept.digest([*SOURCES, kept.ROOT / "benchmarks" / "sensors.py", *kept.fit_sources()])
 
 
 def measure(feet: int, state: Path) -> list[Check]:

@@ -208,6 +208,10 @@ GROUPS: dict[str, tuple[Command, ...]] = {
             "Beyond the thesis: damping of a viscoelastic cell, and its response to a shaken base from 5 Hz up.",
         ),
         Command(
+            "cell response", "fasbody.cell", "response",
+            "Damping of any viscoelastic body, and its response: to a shaken support, or, of a free body, to a force.",
+        ),
+        Command(
             "view cell", "viz.cell", "",
             "Watch the mode shapes of a cell, a bone or any body in slow motion; the page follows its result's file.",
         ),
@@ -237,6 +241,7 @@ GROUPS: dict[str, tuple[Command, ...]] = {
             "Compare black-box estimators with the truth and with other packages. Takes some minutes.",
         ),
         Command("bench callbacks", "benchmarks.callbacks", "", "Cost of the callbacks and gain of a second thread."),
+        Command("bench bodies", "benchmarks.bodies", "", "Bodies of every kind by themselves: how far off, how long."),
         Command("bench cell", "benchmarks.cell", "", "Time and memory of the cell's modes, solver by solver."),
         Command(
             "bench coverage", "benchmarks.coverage", "",
@@ -255,6 +260,10 @@ GROUPS: dict[str, tuple[Command, ...]] = {
         Command(
             "bench reality", "benchmarks.reality", "",
             "Verdicts and intervals in worlds that depart from the model, made by a separate simulator.",
+        ),
+        Command(
+            "bench search", "benchmarks.search", "",
+            "Whether a fit finds the best end on each side, or says that it may not have.",
         ),
         Command(
             "bench director", "benchmarks.director", "",

@@ -1,6 +1,7 @@
 """Errors that a user can mend: each builds one sentence from the facts, naming what would be valid."""
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
 from difflib import get_close_matches
 from pathlib import Path
 
@@ -69,6 +70,30 @@ def pip_install(extra: str) -> str:
 
 class RecordingError(FasError):
     """A recording cannot serve as measured data (too short, clipped, NaN, ...)."""
+
+
+@contextmanager
+def by_name(file: str) -> Iterator[None]:
+    """Whatever goes wrong with one recording becomes a sentence that names it, so that a study goes on without it.
+
+    Args:
+        file: what to call the recording.
+
+    Raises:
+        RecordingError: with the name before it; or in place of an error that no check foresaw, which is its cause.
+    """
+    try:
+        yield
+    except FasError as error:
+        if isinstance(error, RecordingError) and not str(error).startswith(file):
+            raise RecordingError(f"{file}: {error}") from None
+        raise
+    except Exception as bug:
+        short = " ".join(str(bug).split())[:120]
+        raise RecordingError(
+            f"{file}: cannot be used, for an unforeseen {type(bug).__name__} ({short}); leave it out, and please "
+            "report it with the file."
+        ) from bug
 
 
 class SettingError(FasError):

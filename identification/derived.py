@@ -20,11 +20,14 @@ from fasbody.foot.rest import standing
 from fasbody.foot.steady_state import Balance
 from fasbody.foot.two_dof import TwoDof
 from fasbody.foot.two_mass import PARAMETERS, Orbits, parameters, resolved
+from identification.blackbox.criteria import fit_percent
 from identification.certification import Certified, standard_errors
 from identification.harmonics import Line
 from identification.intervals import Solution
 from identification.replay import residual
+from identification.replay import traces as replayed
 from identification.result import IF_TRUE, WHATEVER, FitResult
+from identification.sensors import MALLEOLUS
 from identification.space import DELAY
 from identification.study.loops import Cycle, cycle, of_orbits
 
@@ -80,7 +83,7 @@ class View:
         """Of the time domain."""
         space, descent = evidence.space, certified.descent
         assert space is not None
-        _, C = standard_errors(certified.problem, descent, dof)
+        _, C = standard_errors(certified.problem, descent)
         C = np.nan_to_num(C, nan=0.0, posinf=0.0)  # at a bound, or not seen
 
         def foot(number: int, q: np.ndarray) -> dict[str, float]:
@@ -154,6 +157,18 @@ def at_a_glance(result: FitResult) -> tuple[list[Row], list[Row], list[Row]]:
         return [], [], []
     parts = [{"branch": b.name, **row} for b in result.branches for row in _chi_square(evidence, b.name)]
     return _data(evidence), _curves(result, evidence), parts
+
+
+def traces(evidence: "Evidence") -> dict[str, list[tuple[np.ndarray, float]]]:
+    """Of each branch by name: the model's malleolus (n,) [m/s^2] in every recording, and its fit percentage."""
+    found = {c.name: list(zip(c.run.traces, c.run.fits, strict=True)) for c in evidence.certified}
+    for solution in evidence.solutions:
+        rows = replayed(solution.problem, solution.q, evidence.replays[solution.branch])
+        found[solution.branch] = [
+            (row[MALLEOLUS[0]], fit_percent(r.malleolus_m_s2, row[MALLEOLUS[0]]))
+            for r, row in zip(evidence.recordings, rows, strict=True)
+        ]
+    return found
 
 
 def _headline(evidence: "Evidence", name: str, dof: int) -> View:

@@ -97,7 +97,7 @@ class TimeDomain:
     def start(self, q: np.ndarray, states: np.ndarray) -> np.ndarray:
         """Full search variable (n,) of constants q (p,) and initial states (R, s) of the two-mass foot or the model."""
         problem = self.problem()
-        if not self.twin:
+        if not isinstance(problem.engine, Twin):
             return problem.start(q)
         order = problem.engine.order
         return np.concatenate([q, *(x[order] / problem.engine.state_scale for x in states[:, :4])])

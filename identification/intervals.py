@@ -192,8 +192,9 @@ class Solution:
             ends[0] = 0.0
         at_bound = bool(min(x - ends[0], ends[1] - x) < _AT_BOUND * (ends[1] - ends[0]))
         reach = self.quantile * std if np.isfinite(std) else np.inf
-        low, high = (self._back(name, float(np.clip(x + sign * reach, *ends))) for sign in (-1, 1))
-        value = self._back(name, float(np.clip(x, *ends)))
+        low, high = (self._back(name, float(np.clip(x + sign * reach, ends[0], ends[1]))) for sign in (-1, 1))
+        nearest = min(ends, key=lambda end: abs(x - end))
+        value = self._back(name, nearest if at_bound else float(np.clip(x, ends[0], ends[1])))
         width = std * value if item.logarithmic else (high - low) / (2 * self.quantile)
         word = identifiability(value, width, size_that_matters(item), at_bound)
         return Estimate(value, float(width), low, high, at_bound, word)

@@ -263,6 +263,7 @@ def search(
         if not poor:
             break
         wanted = poor
+    assert population is not None
     optima = [_optimum(problem, population, sign, tried[sign]) for sign in signs]
     return Searched(problem, tuple(sorted(optima, key=lambda o: o.objective)))
 

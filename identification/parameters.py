@@ -249,13 +249,16 @@ class Variables:
 
     def _weights(self, Q: np.ndarray) -> dict[str, np.ndarray]:
         """(..., R) masses [kg] with the load that the leg carries."""
-        factor = {"shank mass": 0.0, "foot mass": 0.0}
+        none = np.zeros((*Q.shape[:-1], len(self.recordings)))
+        factor = {"shank mass": none, "foot mass": none}
         share = np.ones((*Q.shape[:-1], len(self.recordings)))
         for item in self.nuisances:
-            x = self.value(Q, self.place(item))[..., None] if item.group in ("masses", "share") else 0.0
+            if item.group not in ("masses", "share"):
+                continue
+            x = self.value(Q, self.place(item))[..., None]
             if item.group == "masses":
                 factor[item.kind] = factor[item.kind] + x * self._acts(item)
-            elif item.group == "share":
+            else:
                 share = np.where(self._acts(item), x, share)
         weights = {}
         for name, kg in self.stated.items():

@@ -572,7 +572,7 @@ class FitResult(Presented):
         word = self.verdict if self.wide or self.verdict == "not compared" else f"{self.verdict}{_EXACT}"
         if self.wide and not self.wide.follows:
             return f"{self.misfit()}Fit {self.fit_percent:.1f} %; {word}."
-        at = f" at {self.wide.reference_frequency_hz:.3g} Hz" if self.relaxes else ""
+        at = f" at {self.wide.reference_frequency_hz:.3g} Hz" if self.wide and self.relaxes else ""
         repeats = f", {self.wide.repeats}" if self.wide else ""
         return f"{self.misfit()}{values}{at}; fit {self.fit_percent:.1f} %{found}{repeats}; {word}."
 

@@ -126,7 +126,7 @@ def known(parameter: str) -> str:
     moves = rows["truth"].nunique() > 1
     ranks = ", ".join(f"{rank(true):.2f}" for true in true_means(parameter).values()) if moves else "none"
     return (
-        f"Known to 10 %, if the model is true, in {np.mean(rows['verdict'] == 'identified'):.0%} of recordings; "
+        f"Known to 10 %, the model assumed exact, in {np.mean(rows['verdict'] == 'identified'):.0%} of recordings; "
         f"truth within 3 standard errors in {shares[0]:.0%} on the first branch, in {shares[1]:.0%} on the other; "
         f"rank correlation of the true means with frequency: {ranks}."
     )

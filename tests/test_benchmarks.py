@@ -240,13 +240,13 @@ def test_one_noise_seed_of_the_coverage_study() -> None:
     truth = coverage.FEET[coverage.STRONG]
     clean = coverage.motions(truth, (10.0, 20.0, 30.0), seconds=1.0)
     found = coverage.trial(truth, clean, seed=0)
-    assert found.dof == 2 * (6 + 5 + 3) - 9
+    assert 2 * (6 + 5 + 3) - 9 <= found.dof <= 2 * (6 + 5 + 3) - 7  # the priors of bends use up less than a number each
     assert found.chi_square < 5 * found.dof
-    assert found.branches >= 1 and set(found.covered) == set(coverage.COUNTED)
+    assert set(found.covered) == set(coverage.COUNTED)
 
 
 def test_coverage_rows_count_trials() -> None:
-    good = coverage.Trial(dict.fromkeys(coverage.COUNTED, True), 50.0, 53, True, True, 2)
+    good = coverage.Trial(dict.fromkeys(coverage.COUNTED, True), 50.0, 53, True, True)
     bad = replace(good, covered=dict.fromkeys(coverage.COUNTED, False), true_is_best=False)
     undecided = replace(good, decided=False)
     trials = {coverage.STRONG: [good] * 3 + [bad], coverage.WEAK: [undecided, good], coverage.BETWEEN: []}

@@ -7,9 +7,24 @@ import pytest
 import trimesh
 from cell_cases import CACHE, block, cell
 
+import mjcf
 from fasbody.cell.assembly import assemble
 from fasbody.cell.dome import Dome, Nucleus
-from fasbody.cell.mesh import EDGES, NUCLEUS, MeshSize, TetMesh, dome_mesh, surface_mesh, unknowns
+from fasbody.cell.mesh import (
+    DEFAULT,
+    EDGES,
+    NUCLEUS,
+    STRAY,
+    MeshSize,
+    TetMesh,
+    default_size,
+    dome_mesh,
+    filled,
+    strays,
+    surface_mesh,
+    unknowns,
+)
+from fasbody.cell.meshfile import upward
 from fasbody.exceptions import MeshError, SettingError
 
 
@@ -63,7 +78,9 @@ def test_inverted_elements_are_named() -> None:
     mesh = block()
     tets = mesh.tets.copy()
     tets[5] = tets[5][[1, 0, 2, 3]]
-    with pytest.raises(MeshError, match=r"1 of the \d+ tetrahedra are inverted or flat \(the first is number 5\)"):
+    with pytest.raises(
+        MeshError, match=r"1 of the \d+ tetrahedra are inverted .*\(the first is number 5\)"
+    ):
         TetMesh(mesh.points_um, tets, mesh.region).check()
 
 
@@ -79,7 +96,7 @@ def test_closed_surfaces_are_filled() -> None:
     ball = trimesh.creation.icosphere(2, 2.0)
     assembly = assemble(surface_mesh(box, ball))
     assert assembly.volume_um3 == pytest.approx(960.0, rel=1e-9)
-    assert assembly.regions[NUCLEUS].volume_um3 == pytest.approx(ball.volume, rel=1e-9)
+    assert assembly.regions[NUCLEUS].volume_um3 == pytest.approx(ball.volume, rel=5e-3)
 
 
 @pytest.mark.parametrize("size", [4.0, 2.0])
@@ -95,7 +112,7 @@ def test_surfaces_are_filled_at_the_size_asked_for(size: float) -> None:
 def test_a_nucleus_surface_is_filled_finer_than_its_cell() -> None:
     ball = trimesh.creation.icosphere(1, 2.0)
     mesh = surface_mesh(trimesh.creation.box((10, 8, 12)), ball, MeshSize.of(4.0))
-    assert assemble(mesh).regions[NUCLEUS].volume_um3 == pytest.approx(ball.volume, rel=1e-9)
+    assert assemble(mesh).regions[NUCLEUS].volume_um3 == pytest.approx(ball.volume, rel=0.02)
     edge = [np.linalg.norm(np.diff(mesh.corners[mesh.region == r], axis=1), axis=2).mean() for r in (0, 1)]
     assert edge[1] < 0.8 * edge[0]
 
@@ -110,11 +127,74 @@ def test_unknowns_are_foreseen_and_too_many_are_refused() -> None:
         surface_mesh(trimesh.creation.box((10, 8, 12)), size=MeshSize.of(0.05))
 
 
+def test_a_plate_gets_two_elements_through_its_thickness_and_a_count_that_was_foreseen() -> None:
+    plate = trimesh.creation.box((40, 2, 30))
+    mesh = surface_mesh(plate)
+    height = mesh.points_um[np.unique(mesh.tets[:, :4]), 1]  # of the corners: inner ones divide the thickness
+    assert (np.abs(height) < 0.6).sum() > 0.15 * len(height)
+    size = default_size(plate)
+    assert size.size == pytest.approx(1.0, rel=0.2)
+    assert 3 * len(mesh.points_um) == pytest.approx(filled(plate, size.size), rel=0.25)
+    assert 3 * len(surface_mesh(plate, size=MeshSize.of(4.0)).points_um) < 10_000  # and no finer than asked for
+
+
+def test_a_large_plate_gets_the_elements_that_fit() -> None:
+    for side, fits in ((60, True), (90, False)):
+        plate = trimesh.creation.box((side, 2, side))
+        size = default_size(plate).size
+        assert (size == pytest.approx(plate.volume / plate.area)) == fits
+        assert filled(plate, size) <= DEFAULT
+
+
+@pytest.mark.parametrize(("size", "keeps"), [(5e3, True), (8e3, False)])
+def test_elements_that_lose_a_part_of_the_surface_are_refused(size: float, keeps: bool) -> None:
+    """Elements of 8 mm cut a process off the heel bone, and with it its eighth mode."""
+    with np.load(mjcf.asset("anatomy.npz")) as stored:
+        bone = trimesh.Trimesh(10.0 * stored["calcaneus.vertices"], stored["calcaneus.faces"])
+    if keeps:
+        assert strays(bone, surface_mesh(bone, size=MeshSize.of(size))) < STRAY * size
+        return
+    with pytest.raises(MeshError, match="elements of this size lose a part of the surface"):
+        surface_mesh(bone, size=MeshSize.of(size))
+
+
+def test_a_closed_cavity_stays_empty() -> None:
+    room = trimesh.creation.icosphere(3, 2.0)
+    block = trimesh.creation.box((10, 8, 12))
+    mesh = surface_mesh(trimesh.util.concatenate([block, room]), size=MeshSize.of(2.0))
+    assert assemble(mesh).volume_um3 == pytest.approx(960.0 - room.volume, rel=1e-3)
+    assert len(mesh.surface.split()) == 2
+
+
+@pytest.mark.parametrize(
+    ("height", "says"),
+    [(-0.5, None), (0.0, "1 of the 2 tetrahedra are flat"), (0.5, "overlap at 1 faces")],
+)
+def test_a_tetrahedron_that_is_folded_over_its_neighbour(height: float, says: str | None) -> None:
+    """The second apex moves from the far side of the common face through it to the near one."""
+    points = np.array([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1], [0.3, 0.3, height]])
+    tets = upward(points, np.array([[0, 1, 2, 3], [0, 1, 2, 4]]))
+    mesh = TetMesh(points, tets, np.zeros(2, np.int64))
+    if says is None:
+        assert mesh.check() is mesh
+        return
+    with pytest.raises(MeshError, match=says):
+        mesh.check()
+
+
 def test_open_or_misplaced_surfaces_are_refused() -> None:
     box = trimesh.creation.box((10, 8, 12))
     box.update_faces(np.arange(len(box.faces)) > 0)
     with pytest.raises(MeshError, match="the surface is not closed: 3 edges"):
         surface_mesh(box)
+    whole = trimesh.creation.box((10, 8, 12))
+    fin = [*whole.faces[0][:2], len(whole.vertices)]
+    branched = trimesh.Trimesh([*whole.vertices, [9, 9, 9]], [*whole.faces, fin], process=False)
+    with pytest.raises(MeshError, match="the surface branches: 1 edges belong to more than two triangles"):
+        surface_mesh(branched)
+    whole.faces[0] = whole.faces[0][::-1]
+    with pytest.raises(MeshError, match="neighbouring triangles face opposite sides"):
+        surface_mesh(trimesh.Trimesh(whole.vertices, whole.faces, process=False))
     with pytest.raises(MeshError, match="not inside"):
         surface_mesh(trimesh.creation.box((10, 8, 12)), trimesh.creation.icosphere(1, 5.0))
 

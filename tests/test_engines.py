@@ -1,104 +1,21 @@
-"""The three engines: orbits against a long DOP853 simulation, derivatives against each other and the orbit's own.
-
-And where the twin may stand for a model.
-"""
+"""The engines of whole recordings: derivatives against each other, and where the twin may stand for a model."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import oracle
 import pytest
 
-from fasbody.exceptions import SimulationError
 from fasbody.foot.model import Foot, load
 from fasbody.foot.shaker import sine
 from fasbody.foot.two_dof import NAMES, TwoDof, trajectory
 from fasbody.laboratory.foot import TRUTH
 from fasbody.recording.checks import checked
 from identification.engines.certified import CertifiedRollouts
-from identification.engines.engine import Excitation, Whole
+from identification.engines.engine import Whole
 from identification.engines.mujoco import Columns, Coordinates, Rollouts
-from identification.engines.twin import Twin, twin_applies
-
-EXCITATIONS = [Excitation(f, np.array([-8.95j, 0.1]), oracle.MASSES) for f in (10.0, 30.0, 50.0)]
-DISTORTED = [Excitation(f, np.array([8.0, 0.6 - 0.4j, 0.2j]), oracle.MASSES) for f in (12.0, 35.0)]
-VALUES = {**oracle.TRUTH, **oracle.MASSES}
-
-
-def test_steps_divide_the_period() -> None:
-    for e in EXCITATIONS:
-        assert e.steps * e.step * e.frequency_hz == pytest.approx(1, rel=1e-14)
-        assert e.step <= 5e-4 * (1 + 1e-12)
-        assert e.steps >= 48
-
-
-@pytest.mark.parametrize("number", range(3))
-def test_both_engines_find_the_settled_motion(foot: Foot, number: int) -> None:
-    e = EXCITATIONS[number]
-    t = np.concatenate([[0.0], (round(0.8 * e.frequency_hz) + np.arange(e.steps) / e.steps) / e.frequency_hz])
-    base = lambda time: float(e.motion.acceleration(np.array([time]))[0])  # noqa: E731
-    want = oracle.malleolus(oracle.TRUTH, base, t, rtol=1e-9)[1:]
-    twin, _ = Twin(foot, EXCITATIONS).orbit(number, VALUES, (), 1e-9)
-    rollouts, _ = Rollouts(foot, EXCITATIONS, ()).orbit(number, VALUES, (), 1e-9)
-    peak = np.abs(want).max()
-    assert np.abs(twin - want).max() < 2e-4 * peak  # the step of 5e-4 s
-    assert np.abs(rollouts - twin).max() < 1e-6 * peak
-
-
-def test_derivatives_of_both_engines_agree_and_are_those_of_the_orbit(foot: Foot) -> None:
-    twin = Twin(foot, EXCITATIONS)
-    _, exact = twin.orbit(1, VALUES, NAMES, 1e-10)
-    _, differences = Rollouts(foot, EXCITATIONS, NAMES).orbit(1, VALUES, NAMES, 1e-10)
-    for j, name in enumerate(NAMES):
-        size = 1e-4 * max(1, abs(VALUES[name]))
-        up, down = (twin.orbit(1, {**VALUES, name: VALUES[name] + s * size}, (), 1e-10)[0] for s in (1, -1))
-        want = (up - down) / (2 * size)
-        assert np.abs(exact[:, j] - want).max() < 1e-4 * np.abs(want).max(), name
-        assert np.abs(differences[:, j] - want).max() < 1e-3 * np.abs(want).max(), name
-
-
-def test_a_loose_tolerance_is_corrected_to_first_order(foot: Foot) -> None:
-    """Accepted at a gap of 1e-2 or 1e-3, the orbit is off by about the square of the gap, also near the last one."""
-    tight, _ = Twin(foot, EXCITATIONS).orbit(1, VALUES, (), 1e-12)
-    loose = Twin(foot, EXCITATIONS)
-    loose.orbit(1, {**VALUES, "k_T": 1.3e5}, NAMES, 1e-3)
-    y, _ = loose.orbit(1, VALUES, NAMES, 1e-3)
-    assert np.abs(y - tight).max() < 1e-5 * np.abs(tight).max()
-
-
-@pytest.mark.parametrize("kind", [Twin, Rollouts, CertifiedRollouts])
-def test_nearby_drives_move_the_orbit_as_shooting_afresh_does(foot: Foot, kind: type) -> None:
-    """What `reweigh` differences: the change of the output, not the output, has to be right."""
-    made = (foot, EXCITATIONS, ()) if kind is Rollouts else (foot, EXCITATIONS)
-    engine = kind(*made)
-    y, _ = Twin(foot, EXCITATIONS).orbit(1, VALUES, (), 1e-12)
-    drives = [replace(EXCITATIONS[1], amplitudes=np.array([-8.95j + 1e-3, 0.1 - 2e-3j]))]
-    (moved,) = engine.nearby(1, VALUES, (), drives)
-    want, _ = Twin(foot, drives).orbit(0, VALUES, (), 1e-12)
-    (still,) = engine.nearby(1, VALUES, (), [EXCITATIONS[1]])
-    assert np.abs(moved - still - (want - y)).max() < 1e-3 * np.abs(want - y).max()
-
-
-def test_no_orbit_is_an_error(foot: Foot) -> None:
-    wrong = {**VALUES, "c_11": -2e4, "c_21": -2e4}
-    with pytest.raises(SimulationError), np.errstate(all="ignore"):
-        Twin(foot, EXCITATIONS).orbit(1, wrong, NAMES, 1e-3)
-    with pytest.raises(SimulationError), np.errstate(all="ignore"):
-        Rollouts(foot, EXCITATIONS, ()).orbit(1, wrong, (), 1e-3)
-
-
-@pytest.mark.parametrize("number", [0, 1])
-def test_certified_orbits_are_those_of_mujoco(foot: Foot, number: int) -> None:
-    values = {**foot.values(), **TRUTH}
-    hybrid, plain = CertifiedRollouts(foot, DISTORTED), Rollouts(foot, DISTORTED, NAMES)
-    y, D = hybrid.orbit(number, values, NAMES, 1e-9)
-    want, differences = plain.orbit(number, values, NAMES, 1e-9)
-    assert np.abs(y - want).max() < 1e-8 * np.abs(want).max()
-    assert np.abs(hybrid.start(number) - plain.start(number)).max() < 1e-8 * np.abs(plain.start(number)).max()
-    scale = np.abs(differences).max(axis=0)
-    assert (np.abs(D - differences).max(axis=0) < 2e-4 * scale).all()
+from identification.engines.twin import twin_applies
 
 
 def test_certified_runs_are_those_of_mujoco(foot: Foot, trial: Callable) -> None:  # type: ignore[type-arg]

@@ -135,9 +135,10 @@ def test_layouts_that_make_no_sense(toml: dict, says: str) -> None:
 
 
 def test_contradicting_units_and_missing_sensitivity(tmp_path: Path) -> None:
+    (tmp_path / "r.csv").write_text("time,base [g],malleolus_v\ns,mg,V\n0,0,0\n")
+    with pytest.raises(InputFileError, match=r"base is in mg \(a unit with the column\), and its heading says g; "):
+        Recording.read(tmp_path / "r.csv")
     (tmp_path / "r.csv").write_text("time_s,base_g,malleolus_v\n0,0,0\n")
-    with pytest.raises(InputFileError, match=r"base is in g, and study.toml says m/s\^2"):
-        Recording.read(tmp_path / "r.csv", layout=Layout.from_toml(Path("s"), {"base": {"unit": "m/s^2"}}))
     with pytest.raises(InputFileError, match="malleolus is in v; study"):
         Recording.read(tmp_path / "r.csv")
 
@@ -186,14 +187,22 @@ def test_uff_with_an_uneven_abscissa_keeps_its_times(tmp_path: Path) -> None:
     assert Recording.read(tmp_path / "e.uff").rate_hz == pytest.approx(1000)
 
 
-def test_uff_with_times_of_its_own_for_each_channel_is_refused(tmp_path: Path) -> None:
+def test_uff_with_times_of_its_own_for_each_channel(tmp_path: Path) -> None:
+    """They are brought to those of the base, if they run alike."""
     uneven = T + np.where(np.arange(300) % 2, 3e-4, 0.0)
     write_uff(tmp_path / "a.uff", uneven, 0, base=BASE)
-    for x, spacing, says in ((2 * uneven, 0, "at different uneven times"), (T, 1, "channels with uneven times")):
-        write_uff(tmp_path / "b.uff", x, spacing, malleolus=BASE)
+
+    def joined(x: np.ndarray, spacing: int, values: np.ndarray) -> Recording:
+        write_uff(tmp_path / "b.uff", x, spacing, malleolus=values)
         (tmp_path / "c.uff").write_bytes((tmp_path / "a.uff").read_bytes() + (tmp_path / "b.uff").read_bytes())
+        return Recording.read(tmp_path / "c.uff")
+
+    late = uneven + 2.2e-3
+    back = joined(late, 0, np.sin(2 * np.pi * 20 * late))
+    assert back.malleolus_m_s2 == pytest.approx(np.sin(2 * np.pi * 20 * back.time_s), abs=1e-3)
+    for x, spacing, says in ((2 * uneven, 0, "different rates"), (T, 1, "channels with uneven times")):
         with pytest.raises(InputFileError, match=says):
-            Recording.read(tmp_path / "c.uff")
+            joined(x, spacing, BASE)
 
 
 def test_a_time_that_wanders_is_not_stored_as_a_rate(tmp_path: Path) -> None:

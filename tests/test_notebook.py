@@ -76,7 +76,7 @@ def test_a_fit_moves_the_foot_that_is_simulated(fitted: idn.FitResult, foot: fb.
     last = motion.to_dataframe()["time_s"] > 0.8
     peak = np.ptp(motion.to_dataframe()["malleolus_m_s2"][last]) / np.ptp(motion.to_dataframe()["base_m_s2"][last])
     table = fb.Transmissibility.of(fb.bundled().under(0.0)).to_dataframe().set_index("frequency_hz")
-    assert peak == pytest.approx(table.loc[20.0, "transmissibility"], rel=0.05)
+    assert peak == pytest.approx(table.loc[20.0, "transmissibility"], rel=0.1)
     assert "malleolus peak" in repr(motion)
     assert motion.plot().axes[1].get_ylabel() == "malleolus [m/s²]"
 

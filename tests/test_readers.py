@@ -7,7 +7,8 @@ import pytest
 
 from fasbody.exceptions import InputFileError
 from fasbody.recording.channels import Layout
-from fasbody.recording.csv import column, read_csv, read_table
+from fasbody.recording.csv import column, read_table
+from fasbody.recording.files import read as read_csv
 
 ROWS = np.array([[0.0, 1.5, -2.25], [0.001, 2.5, -3.25], [0.002, -1e-3, 4.0]])
 
@@ -151,8 +152,9 @@ def test_broken_tables(tmp_path: Path, text: str, sentence: str) -> None:
 def test_missing_file_and_folder(tmp_path: Path) -> None:
     with pytest.raises(InputFileError, match="no such file"):
         read_csv(tmp_path / "none.csv")
+    (tmp_path / "folder.csv").mkdir()
     with pytest.raises(InputFileError, match="is a folder, not a file"):
-        read_csv(tmp_path)
+        read_csv(tmp_path / "folder.csv")
 
 
 def test_decimal_commas_in_a_file_without_time(tmp_path: Path) -> None:

@@ -11,7 +11,8 @@ from typer.testing import CliRunner
 import identification as idn
 import mjcf
 from benchmarks import worlds
-from benchmarks.worlds import Departure, Leg
+from benchmarks.departure import Exponential, Following, Maxwell, Mount, Polynomial
+from benchmarks.leg import Departure, Leg, Shaking, harmonics
 from fasbody.exceptions import ModelError, RecordingError, SettingError
 from fasbody.foot.model import load
 from fasbody.foot.two_dof import TwoDof
@@ -24,7 +25,7 @@ from identification.rivals.mjcf import difference, edited_text, write_models
 from identification.rivals.problem import Measured, RungProblem
 from identification.rivals.result import DECISIVE, Rival, Rivals, preferred
 from identification.rivals.search import folds, image, surprise
-from identification.rivals.steady import CONSTANTS, HARMONICS, INDEX, felt
+from identification.rivals.steady import CONSTANTS, INDEX, SERIES, Feet
 
 LEG = Leg(1.5e5, 1.0e5, 430.0, 50.0, 100.0, 500.0, -50.0, 100.0, 3.3, 1.05)
 #: Its dampers bend so little that it is linear.
@@ -38,9 +39,15 @@ def constants(leg: Leg, **changed: float) -> np.ndarray:
 
 
 def response(c: np.ndarray, hz: float, base: np.ndarray = U, load_kg: float = 0.0) -> np.ndarray:
-    found, Y, _ = felt(c, load_kg, hz, base, 0.25, np.zeros(2 * (2 * HARMONICS + 1)), False)
-    assert found
-    return Y
+    feet, x = moving(c, hz, base, load_kg)
+    return feet.felt(x)[0, : base.size]
+
+
+def moving(c: np.ndarray, hz: float, base: np.ndarray, load_kg: float) -> tuple[Feet, np.ndarray]:
+    feet = Feet.of(c, np.array([load_kg]), np.array([hz]), np.array([0.25]), base[None])
+    x, found = feet.solve(np.zeros((1, 2 * SERIES.size)))
+    assert found.all()
+    return feet, x
 
 
 # the equations
@@ -74,21 +81,23 @@ def test_linear_rivals_have_their_closed_form_responses() -> None:
 
 
 @pytest.mark.parametrize(
-    ("changed", "departure"),
+    ("changed", "departures"),
     [
-        ({}, Departure()),
-        ({"r_T": 0.5, "r_F": 0.3}, Departure(relax_T=0.5, relax_F=0.3)),
-        ({"u": 1 / 90**2}, Departure(mount_hz=90.0)),
-        ({"b_T": 500.0, "b_F": -350.0}, Departure(exponential=(500.0, -350.0))),
-        ({"d_T": 2e5, "d_F": 1e5}, Departure(cubic=(2e5, 1e5))),
-        ({"e_T": np.log(1.1), "e_F": np.log(1.1)}, Departure(follow=0.1)),
+        ({}, ()),
+        ({"r_T": 0.5, "r_F": 0.3}, (Maxwell(0.5, 0.3),)),
+        ({"u": 1 / 90**2}, (Mount(90.0),)),
+        ({"b_T": 500.0, "b_F": -350.0}, (Exponential(500.0, -350.0),)),
+        ({"d_T": 2e5, "d_F": 1e5}, (Polynomial(cubic=(2e5, 1e5)),)),
+        ({"e_T": np.log(1.1), "e_F": np.log(1.1)}, (Following(0.1),)),
     ],
     ids=["model", "relaxing", "mount", "exponential", "cubic", "load"],
 )
-def test_every_rival_moves_as_in_the_other_simulator(changed: dict[str, float], departure: Departure) -> None:
-    for hz in (10.0, 27.0):
-        want = worlds.felt(LEG, departure, 2.3, hz, U)[:3]
-        assert np.abs(response(constants(LEG, **changed), hz, load_kg=2.3) - want).max() < 1e-8 * abs(want[0])
+def test_every_rival_moves_as_in_the_other_simulator(
+    changed: dict[str, float], departures: tuple[Departure, ...]
+) -> None:
+    shaking = Shaking(np.full(2, 2.3), np.array([10.0, 27.0]), np.tile(U, (2, 1)))
+    for hz, want in zip(shaking.hz, harmonics(LEG, departures, shaking, 2e-4)[0, :, :3], strict=True):
+        assert np.abs(response(constants(LEG, **changed), hz, load_kg=2.3) - want).max() < 1e-7 * abs(want[0])
 
 
 def test_derivatives_are_those_of_differences() -> None:
@@ -96,18 +105,18 @@ def test_derivatives_are_those_of_differences() -> None:
         LEG, b_T=400, b_F=-300, p_T=100, p_F=-50, d_T=1e5, d_F=2e5, r_T=0.4, r_F=0.3, w=0.2, e_T=0.1, e_F=-0.1,
         u=1e-4, gain=0.01, drift=0.02, delay=1e-4,
     )  # fmt: skip
-    q = np.zeros(2 * (2 * HARMONICS + 1))
-    _, _, D = felt(c, 2.3, 20.0, U, 0.25, q, False)
+    feet, x = moving(c, 20.0, U, 2.3)
+    D = feet.by_constants(x)[0, :3]
     for i, name in enumerate(CONSTANTS):
         nudge = np.zeros(c.size)
         nudge[i] = 1e-5 * abs(c[i])
         wide = (response(c + nudge, 20.0, load_kg=2.3) - response(c - nudge, 20.0, load_kg=2.3)) / (2 * nudge[i])
         assert np.abs(D[:, i] - wide).max() < 1e-5 * np.abs(wide).max(), name
-    _, _, noisy = felt(c, 2.3, 20.0, U, 0.25, q, True)
+    noisy = feet.by_base(x)[0, :3]
     for i, turn in enumerate((1, 1j)):
         nudge = 1e-5 * turn * np.array([0, 1, 0])
         wide = (response(c, 20.0, U + nudge, 2.3) - response(c, 20.0, U - nudge, 2.3)) / 2e-5
-        assert np.abs(noisy[:, 2 + i] - wide).max() < 1e-5 * np.abs(wide).max()
+        assert np.abs(noisy[:, 1 + 8 * i] - wide).max() < 1e-5 * np.abs(wide).max()
 
 
 # the search
@@ -207,11 +216,11 @@ def test_nothing_is_said_where_no_rival_follows() -> None:
 # worlds
 
 
-def recorded(departure: Departure, leg: Leg = LEG, loads: tuple[float, ...] = (0.0, 2.3)) -> list[Recording]:
-    body = leg.m_F / worlds.FOOT
-    leg = replace(leg, m_S=worlds.SHANK * body)
-    truth = worlds.Member("made", 0, leg, departure, loads, 0.004, 1.0, body)
-    return worlds.recordings(truth, (10.0, 20.0, 25.0, 30.0, 40.0, 50.0))
+def recorded(*departures: Departure, loads: tuple[float, ...] = (0.0, 2.3), stated: float = 1.0) -> list[Recording]:
+    body = LEG.m_F / worlds.FOOT
+    leg = replace(LEG, m_S=worlds.SHANK * body)
+    truth = worlds.Member("made", 0, leg, departures, loads, 0.004, 1.0, stated * body)
+    return worlds.recordings(replace(truth, frequencies_hz=(10.0, 20.0, 25.0, 30.0, 40.0, 50.0)))
 
 
 RUNGS = ["relaxing", "mount"]
@@ -219,11 +228,11 @@ RUNGS = ["relaxing", "mount"]
 
 @pytest.fixture(scope="module")
 def relaxing() -> Rivals:
-    return compare_rivals(recorded(Departure(relax_T=0.4, relax_F=0.3)), rungs=RUNGS, source="made")
+    return compare_rivals(recorded(Maxwell(0.4, 0.3)), rungs=RUNGS, source="made")
 
 
 def test_a_mass_that_is_stated_wrong_chooses_no_rival() -> None:
-    result = compare_rivals(recorded(Departure(mass=1.05)), rungs=["mount"])
+    result = compare_rivals(recorded(stated=1.05), rungs=["mount"])
     assert result.first.name == "model"
     assert {c.what for c in result.conclusions if c.shared} >= {"branch", "stiffer"}
     assert result.first.k_T is not None and result.first.k_T.lower < LEG.k_T < result.first.k_T.upper
@@ -240,7 +249,7 @@ def test_springs_that_relax_are_named_and_the_model_is_not_believed(relaxing: Ri
 
 
 def test_a_sensor_on_soft_tissue_is_named_with_its_frequency() -> None:
-    result = compare_rivals(recorded(Departure(mount_hz=100.0)), rungs=RUNGS)
+    result = compare_rivals(recorded(Mount(100.0)), rungs=RUNGS)
     assert result.first.name == "mount"
     (frequency, _) = result.first.own
     assert frequency.name == "f_u" and frequency.lower < 100 < frequency.upper
@@ -250,7 +259,7 @@ def test_what_is_left_out_are_thirds_of_the_frequencies_and_each_load() -> None:
     from fasbody.recording.checks import checked
     from identification.periodic import Line
 
-    data = Measured.of([Line.of(checked(r)) for r in recorded(Departure())])
+    data = Measured.of([Line.of(checked(r)) for r in recorded()])
     left = folds(data)
     assert [kind for kind, _ in left] == ["frequency"] * 3 + ["load"] * 2
     assert np.array([mask for kind, mask in left if kind == "frequency"]).sum(axis=0).tolist() == [1] * 12
@@ -311,7 +320,7 @@ def test_a_users_own_model_is_a_rival(tmp_path: Path) -> None:
     lines = [line for line in text.splitlines() if not any(f'text name="{name}"' in line for name in CONSTANTS[2:8])]
     file = tmp_path / "my_foot.xml"
     file.write_text("\n".join(lines))
-    data = recorded(Departure(mount_hz=90.0), loads=(0.0,))[1:4]
+    data = recorded(Mount(90.0), loads=(0.0,))[1:4]
     result = compare_rivals(data, rungs=["mount"], files=[file])
     mine = result["my_foot.xml"]
     assert mine.free == 2 and mine.follows and mine in result.adequate
@@ -323,7 +332,7 @@ def test_a_users_own_model_is_a_rival(tmp_path: Path) -> None:
 
 
 def test_bad_input_is_one_sentence(tmp_path: Path) -> None:
-    data = recorded(Departure())
+    data = recorded()
     with pytest.raises(SettingError, match="unknown rung 'maunt', did you mean 'mount'"):
         compare_rivals(data, rungs=["maunt"])
     with pytest.raises(ModelError, match="known for the two-mass foot only"):

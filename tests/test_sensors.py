@@ -11,6 +11,8 @@ import pytest
 import mjcf
 from benchmarks import sensors as second
 from benchmarks import worlds
+from benchmarks.departure import Mount, Rocking
+from benchmarks.leg import Shaking, harmonics
 from fasbody.exceptions import InputFileError, SettingError
 from fasbody.foot.model import Foot, load
 from fasbody.foot.shaker import sine
@@ -247,23 +249,26 @@ def test_the_laboratory_writes_a_second_sensor(tmp_path: Path) -> None:
 
 def test_the_judging_simulator_moves_the_foot(linear: Foot) -> None:
     made = second.member(second.CLEAN, 1)
-    leg, d = replace(made.leg, c_12=0.0, c_13=0.0, c_22=0.0, c_23=0.0), worlds.Departure()
-    base = worlds.table(np.random.default_rng(0), d)
-    found = worlds.moved(leg, d, 20.0, base)
+    leg, base = replace(made.leg, c_12=0.0, c_13=0.0, c_22=0.0, c_23=0.0), made.shaking.base[0]
+    shaking = Shaking(np.zeros(1), np.array([20.0]), base[None])
+    found = harmonics(leg, (), shaking)[:, 0]
     p = TwoDof(**{name: getattr(leg, name) for name in (*NAMES, *MASSES)})
     for h in (1, 2, 3):
         have = [part[h - 1] / base[h - 1] for part in found]
-        np.testing.assert_allclose(have, linear_motion(p, 20.0 * h), rtol=1e-8)
-    felt = worlds.felt(leg, replace(d, foot_mount_hz=100.0, foot_rock=0.05), 0.0, 20.0, base, "foot")[0]
-    s = np.array([2j * np.pi * 20.0])
-    want = (found[1][0] + worlds.rocking(s, 0.05, 60.0, 0.1)[0] * base[0]) * worlds.mount(s, 100.0, 0.2)[0]
-    assert felt == pytest.approx(want)
+        np.testing.assert_allclose(have, linear_motion(p, 20.0 * h), rtol=1e-4)
+    parts = Rocking(0.0, 60.0, 0.1, foot=0.05), Mount(100.0, 0.2, "foot")
+    felt = harmonics(leg, parts, shaking)[1, 0, 0]
+    s, rocks, slips = 2j * np.pi * 20.0, 2 * np.pi * 60.0, 2 * np.pi * 100.0
+    want = found[1][0] + 0.05 * s**2 / (s**2 + 0.2 * rocks * s + rocks**2) * base[0]
+    want *= (slips**2 + 0.4 * slips * s) / (s**2 + 0.4 * slips * s + slips**2)
+    assert felt == pytest.approx(want, rel=1e-5)
 
 
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_sensor_on_the_foot_decides_the_mirror_of_a_nearly_linear_leg(foot: Foot, seed: int) -> None:
-    made = replace(second.member(second.CLEAN, seed), loads_kg=(0.0,))
-    data = worlds.recordings(made, (10.0, 15.0, 20.0, 25.0, 30.0, 40.0, 50.0), foot=True)
+    hz = (10.0, 15.0, 20.0, 25.0, 30.0, 40.0, 50.0)
+    made = replace(second.member(second.CLEAN, seed), loads_kg=(0.0,), frequencies_hz=hz)
+    data = worlds.recordings(made, foot=True)
     result = fit_foot(data, foot, starts=2, threads=1)
     name = branches.STIFF_ANKLE if made.leg.stiff_ankle else branches.STIFF_PAD
     assert (result.verdict, result.best.name) == ("decided", name)

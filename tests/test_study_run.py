@@ -64,16 +64,6 @@ def test_interrupt_within_compiled_code_is_no_failed_fit(study: Path, monkeypatc
     assert "in compiled" in found["traceback"] and found["traceback"].count("\n") > 3
 
 
-def test_a_first_run_says_that_it_compiles(study: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Before its first fit, and neither where nothing is left to compute nor where the search is on disk already."""
-    narrow = ("--workers", "1", "--frequency", "20")
-    with monkeypatch.context() as patch:
-        patch.setattr("identification.engines.compiled.cold", lambda: True)
-        assert fitted(study, tmp_path, *narrow)["said"].count("compiling the search, once after each installation") == 1
-        assert "compiling" not in fitted(study, tmp_path, *narrow)["said"]
-    assert "compiling" not in fitted(study, tmp_path, *narrow, "--seed", "1")["said"]
-
-
 def test_nothing_done_is_exit_code_one(tmp_path: Path) -> None:
     study = small(tmp_path / "study")
     for file in (study / "recordings").glob("*.csv"):

@@ -5,7 +5,7 @@ import oracle
 import pytest
 
 from fasbody.foot import shaker
-from fasbody.foot.two_dof import NAMES, TwoDof, periodic, trajectory
+from fasbody.foot.two_dof import NAMES, TwoDof, trajectory
 
 
 def foot_of(p: dict[str, float]) -> TwoDof:
@@ -123,44 +123,3 @@ def test_columns_choose_what_is_differentiated() -> None:
         np.testing.assert_array_equal(x, full[2])
         np.testing.assert_array_equal(DY[:, :columns], full[1][:, :columns])
         assert not DY[:, columns:].any()
-
-
-@pytest.mark.parametrize("frequency", [10.0, 30.0, 50.0])
-def test_periodic_orbit_is_where_a_long_simulation_settles(frequency: float) -> None:
-    foot, n = foot_of(oracle.TRUTH), 200
-    h = 1 / (frequency * n)
-    u = shaker.harmonics(frequency, [-8.95j], 1 / frequency).half_steps(h, n)
-    Y, _, _, _, gap = periodic(np.zeros(4), foot.theta, foot.m_S, foot.m_F, u, h, 1e-9, 12)
-    _, _, want = oracle.steady(oracle.TRUTH, frequency, n * frequency, 1 / frequency, settle=1.0)
-    assert gap < 1e-9
-    assert np.abs(Y - want).max() < 1e-5 * np.abs(want).max()
-
-
-def test_derivatives_of_the_orbit_against_differences_of_orbits() -> None:
-    foot, n, frequency = foot_of(oracle.TRUTH), 100, 20.0
-    h = 1 / (frequency * n)
-    u = shaker.harmonics(frequency, [-8.95j, 0.3], 1 / frequency).half_steps(h, n)
-    orbit = lambda theta: periodic(np.zeros(4), theta, foot.m_S, foot.m_F, u, h, 1e-12, 20)  # noqa: E731
-    _, DY, _, dx, _ = orbit(foot.theta)
-    for j, item in enumerate(NAMES):
-        size = 1e-4 * max(abs(foot.theta[j]), 1.0)
-        up, down = orbit(foot.theta + size * np.eye(8)[j]), orbit(foot.theta - size * np.eye(8)[j])
-        want, want_x = (up[0] - down[0]) / (2 * size), (up[2] - down[2]) / (2 * size)
-        assert np.abs(DY[:, j] - want).max() < 1e-5 * np.abs(want).max(), item
-        assert np.abs(dx[:, j] - want_x).max() < 1e-5 * np.abs(want_x).max(), item
-
-
-def test_an_energy_source_has_no_orbit() -> None:
-    """Negative damping grows without bound, which the gap must say."""
-    foot = foot_of(oracle.TRUTH)
-    theta = foot.theta * np.array([1, 1, -50, 1, 1, -50, 1, 1])
-    u = shaker.harmonics(20.0, [-8.95j], 0.05).half_steps(5e-4, 100)
-    with np.errstate(all="ignore"):
-        gap = periodic(np.zeros(4), theta, foot.m_S, foot.m_F, u, 5e-4, 1e-6, 12)[4]
-    assert not gap < 1e-2
-
-
-def test_a_free_foot_has_no_one_orbit() -> None:
-    """Without springs and dampers any drift is periodic or none: the gap says so instead of a singular matrix."""
-    u = shaker.harmonics(20.0, [-8.95j], 0.05).half_steps(5e-4, 100)
-    assert periodic(np.zeros(4), np.zeros(8), 3.4, 1.05, u, 5e-4, 1e-6, 12)[4] == np.inf

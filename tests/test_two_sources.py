@@ -124,13 +124,14 @@ def headed(file: Path, base: str) -> Path:
 
 
 @pytest.mark.parametrize("heading", ["AI0 [g]", "AI0 (g)", "knee_acc_g", "base [g]"])
-def test_the_unit_in_a_mapped_heading_is_used_and_may_not_be_contradicted(tmp_path: Path, heading: str) -> None:
+def test_the_unit_in_a_mapped_heading_is_used_unless_study_toml_overrules_it(tmp_path: Path, heading: str) -> None:
     file = headed(tmp_path / "r.csv", heading)
     bare = Layout.from_toml(Path("s"), {"base": {"column": heading}})
     assert top(Recording.read(file, layout=bare)) == pytest.approx(9.80665)
     other = Layout.from_toml(Path("s"), {"base": {"column": heading, "unit": "m/s^2"}})
-    with pytest.raises(InputFileError, match=r"base is in g, and study\.toml says m/s\^2; correct one"):
-        Recording.read(file, layout=other)
+    overruled = Recording.read(file, layout=other)
+    assert top(overruled) == pytest.approx(1.0)
+    assert overruled.warnings == ("r.csv: base is in m/s^2 as study.toml says, though the file says g.",)
     same = Layout.from_toml(Path("s"), {"base": {"column": heading, "unit": "g"}})
     assert top(Recording.read(file, layout=same)) == pytest.approx(9.80665)
 

@@ -36,9 +36,9 @@ def test_result_of_a_fit_moves_the_sliders(tmp_path: Path) -> None:
         fitted.read(file, model.parameters)
 
 
-def estimate(value: float, half: float, narrow: float | None = None) -> dict[str, Any]:
+def estimate(value: float, half: float, exact: float | None = None) -> dict[str, Any]:
     """One entry of a result.json."""
-    inside = None if narrow is None else estimate(narrow, 0.1 * half)
+    inside = None if exact is None else estimate(exact, 0.1 * half)
     return {
         "value": value, "std_error": half / 1.96, "lower": value - half, "upper": value + half, "at_bound": False,
         "identifiability": "weak", "if_model_true": inside,
@@ -46,9 +46,9 @@ def estimate(value: float, half: float, narrow: float | None = None) -> dict[str
 
 
 def test_result_brings_mirror_intervals_verdict_and_delay(tmp_path: Path) -> None:
-    """What a page shows of result.json; the foot gets the values that hold with the masses as stated."""
+    """What a page shows of result.json; the foot gets the values of its table."""
     sides = {
-        "stiff ankle": {"k_T_n_per_m": estimate(2e5, 2e4, narrow=1.9e5), "delay_s": estimate(2e-4, 1e-5)},
+        "stiff ankle": {"k_T_n_per_m": estimate(2e5, 2e4, exact=1.9e5), "delay_s": estimate(2e-4, 1e-5)},
         "stiff pad": {"k_T_n_per_m": estimate(8e4, 1e4), "delay_s": estimate(1e-4, 1e-5)},
     }
     file = tmp_path / "result.json"
@@ -60,7 +60,7 @@ def test_result_brings_mirror_intervals_verdict_and_delay(tmp_path: Path) -> Non
     }  # fmt: skip
     file.write_text(json.dumps(document))
     show = command._show("two_dof", "", None, None, 0.0, False, (RECORDED, None), None, file, {})
-    assert (show.settings.values, show.settings.delay_s) == ({"k_T": 1.9e5}, 2e-4)
+    assert (show.settings.values, show.settings.delay_s) == ({"k_T": 2e5}, 2e-4)
     fit = show.description()["fit"]
     assert [branch["name"] for branch in fit["branches"]] == ["stiff ankle", "stiff pad"]
     assert fit["branches"][1]["values"] == {"k_T": 8e4}
@@ -84,7 +84,7 @@ def test_foot_of_a_result_has_the_masses_and_the_load_of_its_fit(tmp_path: Path)
     """A bare file says neither: the page once showed 88 % where the fit said 99, for another body mass alone."""
     bare, file = tmp_path / "loose.csv", tmp_path / "result.json"
     bare.write_text(RECORDED.read_text())
-    masses = [{"name": "m_S", "stated": 3.162}, {"name": "m_F", "stated": 0.986}]
+    masses = [{"name": "m_S", "value": 3.162}, {"name": "m_F", "value": 0.986}]
     found = {"parameters": {"k_T_n_per_m": estimate(2e5, 2e4)}, "masses": masses, "verdict": "decided"}
     found["recordings"] = [{"file": "elsewhere/loose.csv", "added_mass_kg": 2.3}]
     file.write_text(json.dumps(found))

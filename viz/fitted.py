@@ -35,9 +35,12 @@ def fitted(
     Raises:
         KeyError, TypeError, ValueError: it is no such document.
     """
-    branches = document.get("branches") or [{"name": "best", "parameters": document["parameters"]}]
-    stated = {m["name"]: float(m["stated"]) for m in document.get("masses") or [] if m["name"] in parameters}
+    alone = {"name": "best", "parameters": document.get("parameters"), "world": {"masses": document.get("masses")}}
+    branches = document.get("branches") or [alone]
+    world, best = branches[0].get("world") or {}, branches[0]["parameters"].values()
+    hz = world.get("reference_frequency_hz") if any(entry.get("at_rest") for entry in best) else None
     return {
+        "at": f"at {hz:.3g} Hz" if hz else "",
         "source": str(document.get("source", "")),
         "model": str(document.get("model", "")),
         "sentence": sentence,
@@ -46,7 +49,7 @@ def fitted(
         "reason": _named(str(document.get("verdict_reason", "")), parameters),
         "warnings": [_named(str(text), parameters) for text in document.get("warnings", [])],
         "odds": _odds(document),
-        "branches": [_branch(branch, parameters, stated | dict(held or {})) for branch in branches],
+        "branches": [_branch(branch, parameters, dict(held or {})) for branch in branches],
         "recordings": [
             {name: r.get(name) for name in ("file", "frequency_hz", "added_mass_kg", "fit_percent")}
             for r in document.get("recordings", [])
@@ -72,13 +75,13 @@ def _odds(document: Mapping[str, Any]) -> str:
 def _branch(
     branch: Mapping[str, Any], parameters: Mapping[str, Parameter], held: Mapping[str, float]
 ) -> dict[str, Any]:
-    """One branch. Its values hold with the masses as stated; its intervals allow for what the result allows for."""
+    """One branch: its values and masses, which belong together, and its intervals."""
     rows, delay = [], 0.0
-    values = dict(held)  # the foot that was fitted has them
+    masses = (branch.get("world") or {}).get("masses") or []
+    values = {m["name"]: float(m["value"]) for m in masses if m["name"] in parameters} | dict(held)
     symbols = {p.key: name for name, p in parameters.items()}
     for key, entry in branch["parameters"].items():
-        narrow = entry.get("if_model_true") or entry
-        value = float(narrow["value"])
+        value = float(entry["value"])
         name = symbols.get(key, symbol_and_unit(key)[0])
         if key in symbols:
             values[name] = value
@@ -87,18 +90,23 @@ def _branch(
         row = {"name": name, "unit": symbol_and_unit(key)[1], "key": key, "value": value}
         row |= {"known": str(entry.get("identifiability", ""))}
         if "lower" in entry:
-            told = {field: entry[field] for field in ("value", "std_error", "lower", "upper")}
-            numbers = {field: math.nan if v is None else float(v) for field, v in told.items()}
-            at_bound, known = bool(entry["at_bound"]), str(entry["identifiability"])
-            whole = Estimate(
-                numbers["value"], numbers["std_error"], numbers["lower"], numbers["upper"], at_bound, known
-            )
+            whole = _estimate(entry)
             finite = math.isfinite(whole.lower) and math.isfinite(whole.upper)
             row |= {"interval": whole.interval(), "known": whole.known}
             row |= {"lower": whole.lower, "upper": whole.upper} if finite else {}
+            if entry.get("at_rest"):
+                row["at_rest"] = _estimate(entry["at_rest"]).interval()
         rows.append(row)
     about = {"name": str(branch.get("name", "best")), "fit_percent": branch.get("fit_percent")}
     return about | {"values": values, "delay_s": delay, "rows": rows}
+
+
+def _estimate(entry: Mapping[str, Any]) -> Estimate:
+    """An entry of a document, with NaN for what does not exist."""
+    numbers = (
+        math.nan if entry[name] is None else float(entry[name]) for name in ("value", "std_error", "lower", "upper")
+    )
+    return Estimate(*numbers, bool(entry["at_bound"]), str(entry["identifiability"]))
 
 
 def model_of(file: Path) -> str:

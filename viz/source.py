@@ -11,10 +11,7 @@ from typing import Any
 from fasbody.exceptions import InputFileError, SettingError
 from fasbody.recording.channels import Layout
 from fasbody.recording.condition import plausible
-from fasbody.recording.csv import headings
-from fasbody.recording.files import TEXTS, beside
-from fasbody.recording.formats import ending
-from fasbody.recording.formats.reader import read_series
+from fasbody.recording.files import columns_of
 from fasbody.recording.recording import Recording, with_masses
 from fasbody.recording.study import BUNDLED, read_file
 
@@ -77,10 +74,8 @@ class Source:
         Raises:
             InputFileError: nothing can be made of the file.
         """
-        if ending(self.path) in TEXTS:
-            names, units = headings(self.path, beside(self.path, Layout()))
-            return [{"name": name, "unit": unit} for name, unit in zip(names, units or [""] * len(names), strict=False)]
-        return [{"name": s.name, "unit": s.unit} for s in read_series(self.path) if not s.what]
+        columns = columns_of(self.path)
+        return [{"name": name, "unit": unit} for name, unit in zip(columns.names, columns.units, strict=True)]
 
     def corrected(self, said: Mapping[str, Any]) -> "Source":
         """The same with what the page's form says.

@@ -121,7 +121,7 @@ def _take_in(jobs: TextIO, waiting: "SimpleQueue[str]") -> None:
 
 
 def _rehearse() -> None:
-    """A small fit, which loads the compiled code and whatever else the first one would wait for."""
+    """A small fit, which loads what the first one would wait for."""
     from fasbody.recording.study import BUNDLED
 
     source = Source("20hz_0kg.csv", str(BUNDLED / "recordings"))
@@ -129,7 +129,7 @@ def _rehearse() -> None:
 
 
 def _fit(asked: Mapping[str, Any], tell: Callable[[Mapping[str, Any]], None]) -> Any:
-    from identification.derived import at_a_glance
+    from identification.derived import at_a_glance, traces
     from identification.estimate import fit_foot
     from viz.load import load_foot
 
@@ -141,12 +141,12 @@ def _fit(asked: Mapping[str, Any], tell: Callable[[Mapping[str, Any]], None]) ->
     result = result.with_source(together([r.file for r in recordings]))
     result = replace(result, provenance={**result.provenance, "model": asked["model"]})
     data, curves, chi_square = at_a_glance(result)
-    branches = result.evidence.certified if result.evidence else ()
+    models = traces(result.evidence)
     tell({
         "type": "fitted", "document": result.document(), "sentence": result.sentence(), "seconds": result.seconds,
         "data": data, "curves": curves, "chi_square": chi_square,
         "traces": [
-            _trace(recording, {b.name: (b.run.traces[k], b.run.fits[k]) for b in branches})
+            _trace(recording, {name: rows[k] for name, rows in models.items()})
             for k, recording in enumerate(result.recordings)
         ],
     })  # fmt: skip

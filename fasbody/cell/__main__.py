@@ -1,10 +1,10 @@
-"""Command line of the cell and of other bodies: ``python -m fasbody.cell [modes | sweep | verify | shake] --help``."""
+"""Command line of the cell and of other bodies: ``python -m fasbody.cell --help``."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 import typer
 
@@ -16,7 +16,9 @@ from fasbody.exceptions import SettingError
 if TYPE_CHECKING:
     from fasbody.cell.analysis import Analysis
     from fasbody.cell.mesh import MeshSize
+    from fasbody.cell.viscoelastic import StandardLinearSolid
 
+T = TypeVar("T")
 PresetOption = Annotated[str, typer.Option("--preset", help="as-printed, as-reproduced or si")]
 ShapeOption = Annotated[str, typer.Option("--shape", help=r"base axes, long x short \[um]")]
 SizeOption = Annotated[float, typer.Option("--size", help=r"element size \[um]; finer at nucleus and rim")]
@@ -29,6 +31,27 @@ JsonOption = Annotated[bool, typer.Option("--json", help="print one JSON documen
 OutOption = Annotated[
     Path | None,
     typer.Option("--out", help="folder for results and figures", callback=lambda out: out and make_folder(out)),
+]
+
+BodyArgument = Annotated[
+    str, typer.Argument(help="a .stl, .obj, .vtu or .msh file, or a bundled bone such as calcaneus")
+]
+MaterialOption = Annotated[
+    list[str],
+    typer.Option(help=r"Young's modulus \[Pa], Poisson's ratio, density \[kg/m^3]; of one region: REGION=E,NU,RHO"),
+]
+SupportOption = Annotated[
+    str, typer.Option(help="free, base (flat on the lowest plane) or region (see --held)")
+]
+HeldOption = Annotated[
+    str | None,
+    typer.Option(help="number or name of what stands still; triangles:1, tetrahedra:1 if both are"),
+]
+UnitOption = Annotated[str, typer.Option(help="length unit of the file: nm, um, mm, cm or m")]
+UpOption = Annotated[str, typer.Option(help="axis that points up from the base: x, y or z")]
+BodySizeOption = Annotated[
+    float | None,
+    typer.Option("--size", help="element size in a surface, in its unit", show_default="two through its thickness"),
 ]
 
 #: Parameters that only a dome, only a mesh of the user's own, or only a closed surface has.
@@ -95,14 +118,14 @@ def analyse_cell(
         options["cytoskeleton"] = Tensegrity(bundle=filaments) if filaments else None
     if mesh is not None:
         from fasbody.cell.assembly import assemble
+        from fasbody.cell.companion import pair
         from fasbody.cell.meshfile import read_mesh
 
-        own = read_mesh(
+        fine, rough = pair(read_mesh(
             mesh, um_per_unit=um_per_unit, nucleus_tag=nucleus_tag, nucleus=nucleus_surface, size=mesh_size(size)
-        )
-        analysis = analyse(assemble(own), None, chosen, **options)
-        console.print("warning: a mesh of your own has no error estimate; how far it has converged is unknown until "
-                      "you solve a finer one", soft_wrap=True)  # fmt: skip
+        ))  # fmt: skip
+        with console.status("solving"):
+            analysis = analyse(assemble(fine), assemble(rough), chosen, **options)
     else:
         nucleus = None if no_nucleus else Nucleus(centre=nucleus_centre)
         dome = Dome(*shape(shape_text), chosen.height_um if height is None else height, profile, nucleus)
@@ -115,22 +138,13 @@ def analyse_cell(
 
 @app.command("modes")
 def modes_of_a_body(
-    body: Annotated[str, typer.Argument(help="a .stl, .obj, .vtu or .msh file, or a bundled bone such as calcaneus")],
-    material: Annotated[
-        list[str],
-        typer.Option(help=r"Young's modulus \[Pa], Poisson's ratio, density \[kg/m^3]; of one region: REGION=E,NU,RHO"),
-    ],
-    support: Annotated[str, typer.Option(help="free, base (flat on the lowest plane) or region (see --held)")] = "free",
-    held: Annotated[
-        str | None,
-        typer.Option(help="number or name of what stands still; triangles:1, tetrahedra:1 if both are"),
-    ] = None,
-    unit: Annotated[str, typer.Option(help="length unit of the file: nm, um, mm, cm or m")] = "mm",
-    up: Annotated[str, typer.Option(help="axis that points up from the base: x, y or z")] = "y",
-    size: Annotated[
-        float | None,
-        typer.Option(help="element size inside a surface, in its unit", show_default="as fine as its triangles"),
-    ] = None,
+    body: BodyArgument,
+    material: MaterialOption,
+    support: SupportOption = "free",
+    held: HeldOption = None,
+    unit: UnitOption = "mm",
+    up: UpOption = "y",
+    size: BodySizeOption = None,
     modes: ModesOption = 10,
     solver: SolverOption = None,
     as_json: JsonOption = False,
@@ -149,22 +163,13 @@ def modes_of_a_body(
       python -m fasbody.cell modes soles.msh --support region --held 3 --material 1=2e6,0.4,200 --material 1e7,0.4,300
     """
     check_count(modes)
-    if held is not None and support != "region":
-        raise SettingError(f"--held {held} goes with --support region, and the support is {support}.")
+    check_held(held, support)
     from fasbody.cell.body import body_modes, read_body
 
-    given: dict[str | None, Material] = {}
-    for text in material:
-        region, one = named_material(text)
-        if region in given:
-            whose = "all regions that have none of their own" if region is None else f"region {region}"
-            raise SettingError(f"--material {text}: there is a material of {whose} already; give each once.")
-        given[region] = one
+    given = by_region("--material", map(named_material, material))
     found = read_body(body, unit=unit, up=up, size=size)
     with console.status("solving"):
         result = body_modes(found, given, support, part=held, count=modes, way=solver)
-    console.print("warning: a body from a file has no error estimate; how far it has converged is unknown until "
-                  "you solve a finer one", soft_wrap=True)  # fmt: skip
     if out is not None:
         from fasbody.cell import figures
         from fasbody.cell.meshfile import write_browser, write_vtu
@@ -173,6 +178,48 @@ def modes_of_a_body(
         write_vtu(out / "body.vtu", result, found.tags, result.unit[1])
         write_browser(out / "body.npz", result, inner=None)
         figures.save(figures.mode_shapes(result), out / "modes.png")
+        console.print(f"written: {out}")
+    _report(result.document(), str(result), as_json)
+
+
+@app.command("response")
+def shake_a_body(
+    body: BodyArgument,
+    material: MaterialOption,
+    relaxation: Annotated[
+        list[str],
+        typer.Option(help=r"relaxing share of stiffness, relaxation time \[s]; of one region: REGION=G,TAU"),
+    ],
+    support: SupportOption = "base",
+    held: HeldOption = None,
+    unit: UnitOption = "mm",
+    up: UpOption = "y",
+    size: BodySizeOption = None,
+    modes: Annotated[int, typer.Option("--modes", help="modes in the basis; the highest ends the range")] = 20,
+    as_json: JsonOption = False,
+    out: OutOption = None,
+) -> None:
+    """Damping of any viscoelastic body, and its response: to a shaken support, or, of a free body, to a force.
+
+    Examples:
+      python -m fasbody.cell response sole.stl --up z --material 2e6,0.4,200 --relaxation 0.5,0.001
+
+      python -m fasbody.cell response calcaneus --support free --material 7.3e9,0.3,1500 --relaxation 0.1,1e-5
+    """
+    check_count(modes)
+    check_held(held, support)
+    from fasbody.cell.body import read_body, shaken_body
+
+    materials = by_region("--material", map(named_material, material))
+    solids = by_region("--relaxation", map(named_solid, relaxation))
+    found = read_body(body, unit=unit, up=up, size=size)
+    with console.status("solving"):
+        result = shaken_body(found, materials, solids, support, part=held, count=modes)
+    if out is not None:
+        from fasbody.cell import figures
+
+        write_whole(out / "shake.json", to_json(result.document()))
+        figures.save(figures.response(result.response), out / "shake.png")
         console.print(f"written: {out}")
     _report(result.document(), str(result), as_json)
 
@@ -276,8 +323,6 @@ def shake(
     chosen = chosen_preset(preset_name, modulus)
     dome = Dome(*shape(shape_text), chosen.height_um)
     check_count(modes)
-    import numpy as np
-
     from fasbody.cell.assembly import assemble
     from fasbody.cell.mesh import dome_mesh
     from fasbody.cell.modal import CellModel
@@ -287,16 +332,14 @@ def shake(
         model = CellModel(assemble(dome_mesh(dome, mesh_size(size))), chosen.materials, chosen.metres_per_um)
         cell = ReducedCell.of(model, modes)
         damped = damped_modes(cell, (solid, other))
-        inside = damped.frequencies_hz[damped.frequencies_hz < cell.reach_hz]  # so that no narrow peak is missed
-        grid = np.union1d(np.geomspace(5, cell.reach_hz, 500), inside)
-        response = base_response(cell, (solid, other), grid)
+        response = base_response(cell, (solid, other), damped.grid(5, cell.reach_hz))
     document = {"preset": chosen.name, "dof": model.assembly.dof, "damped_modes": damped.document()}
     document["response"] = response.document()
     if out is not None:
         from fasbody.cell import figures
 
         write_whole(out / "shake.json", to_json(document))
-        figures.save(figures.base_response(response), out / "shake.png")
+        figures.save(figures.response(response), out / "shake.png")
         console.print(f"written: {out}")
     _report(document, f"{damped}\n{response}", as_json)
 
@@ -321,19 +364,51 @@ def chosen_materials(chosen: Preset, nucleus_E: float | None, nu: float | None, 
         return replace(chosen, nucleus=replace(chosen.nucleus, E=nucleus_E))
 
 
-def named_material(text: str) -> tuple[str | None, Material]:
-    """Region and material from ``REGION=E,NU,RHO``, or None and the material of all from ``E,NU,RHO``.
+def named_material(text: str) -> "tuple[str | None, Material]":
+    """Region and material from ``REGION=E,NU,RHO``, or None and the material of all from ``E,NU,RHO``."""
+    return named_values("--material", text, "three numbers are needed, such as 17e9,0.3,1900.", Material)
+
+
+def named_solid(text: str) -> "tuple[str | None, StandardLinearSolid]":
+    """Region and solid from ``REGION=G,TAU``, or None and the solid of all from ``G,TAU``."""
+    from fasbody.cell.viscoelastic import StandardLinearSolid
+
+    return named_values("--relaxation", text, "two numbers are needed, such as 0.5,1e-3.", StandardLinearSolid)
+
+
+def named_values(option: str, text: str, needed: str, kind: Callable[..., T]) -> tuple[str | None, T]:
+    """Region and what its numbers make, or None and what those of all make.
 
     Raises:
-        SettingError: the text does not have that form, or no solid has these values.
+        SettingError: the text does not have that form, or the numbers cannot be meant.
     """
     region, _, values = text.rpartition("=")
-    with named(f"--material {text}"):
+    with named(f"{option} {text}"):
         try:
-            E, nu, rho = map(float, values.split(","))
-        except ValueError:
-            raise SettingError("three numbers are needed, such as 17e9,0.3,1900.") from None
-        return region or None, Material(E, nu, rho)
+            return region or None, kind(*map(float, values.split(",")))
+        except (TypeError, ValueError):  # another count, or no numbers
+            raise SettingError(needed) from None
+
+
+def by_region(option: str, given: Iterable[tuple[str | None, T]]) -> dict[str | None, T]:
+    """What is given of each region, and by None of all others.
+
+    Raises:
+        SettingError: a region is given twice.
+    """
+    found: dict[str | None, T] = {}
+    for region, value in given:
+        if region in found:
+            whose = "all regions that have none of their own" if region is None else f"region {region}"
+            raise SettingError(f"there is a {option} of {whose} already: give each once.")
+        found[region] = value
+    return found
+
+
+def check_held(held: str | None, support: str) -> None:
+    """Refuse a held part of a body that is supported otherwise."""
+    if held is not None and support != "region":
+        raise SettingError(f"--held {held} goes with --support region, and the support is {support}.")
 
 
 def check_count(modes: int) -> None:

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fasbody.cell.assembly import Assembly, assemble
+from fasbody.cell.companion import COARSER, richardson
 from fasbody.cell.cytoskeleton import Tensegrity
 from fasbody.cell.dome import Dome
 from fasbody.cell.materials import Preset
@@ -16,11 +17,6 @@ from fasbody.cell.mesh import MeshSize, dome_mesh
 from fasbody.cell.modal import CellModel, Modes, solve
 from fasbody.cell.modeshape import ModeDescription, describe
 from fasbody.presentation import Presented, Sheet
-
-#: The error of a frequency falls as h^ORDER. `python -m fasbody.cell verify` observes nearly the 4 of smooth modes, but
-#: the corner where free wall meets clamped base is singular and slows it down; 2 gives the larger, safer estimate.
-ORDER = 2.0
-COARSER = 1.35  # element size of the companion mesh, relative
 
 
 @dataclass(frozen=True, repr=False)
@@ -151,13 +147,3 @@ def analyse(
         errors = richardson(rough.frequencies_hz, modes.frequencies_hz, coarse.dof, fine.dof)
     return Analysis(preset, model, modes, describe(model, modes), errors, dome)
 
-
-def richardson(
-    coarse_hz: NDArray[np.float64], fine_hz: NDArray[np.float64], coarse_dof: int, fine_dof: int, order: float = ORDER
-) -> NDArray[np.float64]:
-    """Relative error (n,) of the fine frequencies [Hz], |f_c - f_f| / ((h_c / h_f)^order - 1) / f_f.
-
-    Frequencies are compared in rising order, so that modes which change places need no partner.
-    """
-    ratio = (fine_dof / coarse_dof) ** (1 / 3)
-    return np.asarray(np.abs(coarse_hz - fine_hz) / (ratio**order - 1) / fine_hz)

@@ -4,22 +4,34 @@ Elements, matrices and solver are those of the cell. `python -m fasbody.cell mod
 """
 
 from collections.abc import Collection, Mapping
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 import mjcf
 from fasbody.cell.assembly import FREE, assemble
+from fasbody.cell.companion import pair, richardson, surface_meshes
 from fasbody.cell.materials import Material
-from fasbody.cell.mesh import FACES, MeshSize, TetMesh, surface_mesh
+from fasbody.cell.mesh import FACES, MeshSize, TetMesh
 from fasbody.cell.meshfile import BOTH, SURFACE, VOLUME, read_surface, read_tagged
 from fasbody.cell.modal import CellModel, Modes, solve
+from fasbody.cell.viscoelastic import (
+    BaseResponse,
+    DampedModes,
+    ForceResponse,
+    ReducedCell,
+    StandardLinearSolid,
+    base_response,
+    damped_modes,
+    force_response,
+)  # fmt: skip
 from fasbody.exceptions import InputFileError, MeshError, SettingError, unknown
 from fasbody.presentation import Presented, Sheet, Tabled
 
+T = TypeVar("T")
 #: Length units of files [um].
 UNITS = {"nm": 1e-3, "um": 1.0, "mm": 1e3, "cm": 1e4, "m": 1e6}
 SUPPORTS = ("free", "base", "region")
@@ -52,8 +64,8 @@ class Body(Tabled):
     Args:
         name: of the file or the bone.
         mesh: regions are numbered in the order of `tags`.
+        rough: the same body in larger elements, for the error.
         tags: number (r,) of each region in the file; a surface has one region, 0.
-        faces: corners (f, 3) of the file's own triangles, by their number.
         names: number and dimension (2 triangles, 3 tetrahedra) by the names that a .msh file gives to its groups; the
             same number may stand for a group of either.
         unit: of the file, one of `UNITS`.
@@ -61,10 +73,15 @@ class Body(Tabled):
 
     name: str
     mesh: TetMesh
+    rough: TetMesh
     tags: tuple[int, ...] = (0,)
-    faces: Mapping[int, NDArray[np.int64]] = field(default_factory=dict)
     names: Mapping[str, tuple[int, int]] = field(default_factory=dict)
     unit: str = "mm"
+
+    @property
+    def faces(self) -> Mapping[int, NDArray[np.int64]]:
+        """Corners (f, 3) of the file's own triangles, by their number."""
+        return self.mesh.faces
 
     def number(self, text: str, kinds: Collection[int] = (SURFACE, VOLUME)) -> tuple[int, tuple[int, ...]]:
         """The number that a name or a number in words means, and the dimensions of which it may be.
@@ -160,19 +177,24 @@ class Body(Tabled):
         Raises:
             SettingError: a region has no material or two, or a material no region.
         """
-        found: dict[int | None, Material] = {}
-        for name, material in given.items():
+        return self.by_region("--material", given)
+
+    def by_region(self, option: str, given: Mapping[str | None, T]) -> tuple[T, ...]:
+        """What an option gives to each region; see `materials`."""
+        found: dict[int | None, T] = {}
+        for name, value in given.items():
             tag = None if name is None else self.number(name, (VOLUME,))[0]
             if tag in found:
-                raise SettingError(f"--material {name}: region {tag} of {self.name} has a material already.")
-            found[tag] = material
+                raise SettingError(f"{option} {name}: region {tag} of {self.name} has one already.")
+            found[tag] = value
         have = ", ".join(map(str, self.tags))
         for tag in set(found) - {None, *self.tags}:
-            raise SettingError(f"--material {tag}: {self.name} has no such region; it has {have}.")
+            raise SettingError(f"{option} {tag}: {self.name} has no such region; it has {have}.")
         bare = [tag for tag in self.tags if tag not in found]
         if bare and None not in found:
-            raise SettingError(f"region {bare[0]} of {self.name} has no material: give --material {bare[0]}=E,NU,RHO.")
-        return tuple(found.get(tag, found.get(None)) for tag in self.tags)  # type: ignore[misc]  # None is refused above
+            what = option.lstrip("-")
+            raise SettingError(f"region {bare[0]} of {self.name} has no {what}: give {option} {bare[0]}=VALUES.")
+        return tuple(found[tag if tag in found else None] for tag in self.tags)
 
 
 def bones() -> list[str]:
@@ -188,7 +210,7 @@ def read_body(source: str | Path, *, unit: str = "mm", up: str = "y", size: floa
         source: .vtu or .msh with tetrahedra of 4 or 10 nodes, closed .stl or .obj surface, or the name of a bone.
         unit: length unit of the file, one of `UNITS`; bones bring theirs.
         up: axis that points up from the base, "x", "y" or "z".
-        size: element size in a surface, in its unit, millimetres for bones; None is as fine as its triangles.
+        size: element size in a surface, in its unit, millimetres for bones; None is two through its thickness.
 
     Raises:
         SettingError: no such unit or axis, or the size asks for too many unknowns.
@@ -209,14 +231,15 @@ def read_body(source: str | Path, *, unit: str = "mm", up: str = "y", size: floa
         if bone or kind in SURFACES:
             surface = _bone(str(source)) if bone else read_surface(file, UNITS[unit])
             unit = "mm" if bone else unit
-            filled = surface_mesh(surface, None, None if size is None else MeshSize.of(size * UNITS[unit]))
-            return Body(str(source), TetMesh(filled.points_um, filled.tets, filled.region, axis), unit=unit)
+            sizes = None if size is None else MeshSize.of(size * UNITS[unit])
+            fine, rough = (replace(mesh, up=axis) for mesh in surface_meshes(surface, sizes))
+            return Body(str(source), fine, rough, unit=unit)
         if size is not None:
             raise SettingError(f"--size serves a surface; {file} brings its own tetrahedra: leave it out.")
         found = read_tagged(file, UNITS[unit])
         tags, region = np.unique(found.tags, return_inverse=True)
-        mesh = TetMesh(found.points_um, found.tets, region.astype(np.int64), axis).check()
-        return Body(str(source), mesh, tuple(map(int, tags)), found.faces, found.names, unit)
+        mesh = TetMesh(found.points_um, found.tets, region.astype(np.int64), axis, found.faces).check()
+        return Body(str(source), *pair(mesh), tuple(map(int, tags)), found.names, unit)
     except MeshError as error:
         raise InputFileError(file, str(error).rstrip(".")) from error
 
@@ -257,6 +280,7 @@ class BodyModes(Presented):
         support: "free", "base" or "region".
         model: matrices.
         modes: frequencies and shapes, without the rigid motions of a free body.
+        errors: estimated relative error (c,) of each frequency, from the rough mesh.
         descriptions: one for each mode.
         held: the region that is, None for another support.
     """
@@ -265,13 +289,12 @@ class BodyModes(Presented):
     support: str
     model: CellModel
     modes: Modes
+    errors: NDArray[np.float64]
     descriptions: tuple[BodyMode, ...]
     held: Held | None = None
 
     figures: ClassVar[str] = "fasbody.cell.figures"
     plots: ClassVar[tuple[str, ...]] = ("mode_shapes",)
-    #: A mesh of the user's own has no coarser companion.
-    errors: ClassVar[None] = None
 
     @property
     def frequencies_hz(self) -> NDArray[np.float64]:
@@ -300,11 +323,13 @@ class BodyModes(Presented):
 
     def sheet(self) -> Sheet:
         """Frequency and directions of each mode."""
+        modes = zip(self.frequencies_hz, self.errors, self.descriptions, strict=True)
         rows = [
-            (str(i), f"{f:.5g}", d.label, " ".join(f"{share:.0%}" for share in d.parts))
-            for i, (f, d) in enumerate(zip(self.frequencies_hz, self.descriptions, strict=True), start=1)
+            (str(i), f"{f:.5g}", f"{100 * error:.2g}", d.label, " ".join(f"{share:.0%}" for share in d.parts))
+            for i, (f, error, d) in enumerate(modes, start=1)
         ]
-        columns = ("mode", "frequency [Hz]", "moves along", f"kinetic energy in {', '.join(map(str, self.body.tags))}")
+        parts = ", ".join(map(str, self.body.tags))
+        columns = ("mode", "frequency [Hz]", "estimated error [%]", "moves along", f"kinetic energy in {parts}")
         notes = [f"{self.remark}."] if self.remark else []
         return Sheet(f"{self.title}: {self.model.assembly.dof} degrees of freedom", columns, rows, notes)
 
@@ -330,7 +355,7 @@ class BodyModes(Presented):
             "dof": self.model.assembly.dof,
             "rigid_hz": self.modes.rigid_hz,
             "frequencies_hz": self.frequencies_hz,
-            "estimated_error": None,
+            "estimated_error": self.errors,
             "modes": [
                 {"label": d.label, "energy_xyz": d.energy, "energy_of_regions": d.parts, "participation_xyz": p,
                  "residual": r}
@@ -345,10 +370,12 @@ class BodyModes(Presented):
         lines = [f"{self.title}: {volume:.4g} cm^3, {1e3 * self.model.mass_kg:.4g} g, "
                  f"{self.model.assembly.dof} unknowns"]  # fmt: skip
         lines += [f"  {self.remark}"] if self.remark else []
-        for i, (f, d) in enumerate(zip(self.frequencies_hz, self.descriptions, strict=True), start=1):
+        rows = zip(self.frequencies_hz, self.errors, self.descriptions, strict=True)
+        for i, (f, error, d) in enumerate(rows, start=1):
             parts = ", ".join(f"{tag}: {share:.0%}" for tag, share in zip(self.body.tags, d.parts, strict=True))
             lines.append(
-                f"  mode {i:2d}  {f:10.5g} Hz  moves along {d.label}" + (f"; energy in {parts}" if "," in parts else "")
+                f"  mode {i:2d}  {f:10.5g} Hz +-{error:.2%}  moves along {d.label}"
+                + (f"; energy in {parts}" if "," in parts else "")
             )
         return "\n".join(lines)
 
@@ -366,19 +393,76 @@ def body_modes(
         count: number of modes, rigid motions not counted.
         way: solver, None is the fastest.
     """
-    chosen = body.materials(materials)
-    try:
-        faces, held = body.holding(support, part)
-        model = CellModel(assemble(body.mesh, held=faces), chosen)
-    except MeshError as error:
-        raise InputFileError(Path(body.name), str(error).rstrip(".")) from error
+    model, held = body_model(body, materials, support, part)
     modes = solve(model, count, way=way)
+    rough, _ = body_model(replace(body, mesh=body.rough), materials, support, part)
+    coarse = solve(rough, count).frequencies_hz
+    errors = richardson(coarse, modes.frequencies_hz, rough.assembly.dof, model.assembly.dof)
     phi = modes.vectors
     moving = model.M @ phi
     along = np.stack([np.einsum("ij,ij->j", phi[axis::3], moving[axis::3]) for axis in range(3)], axis=1)
-    parts = np.stack([np.einsum("ij,ij->j", phi, model.mass(r) @ phi) for r in range(len(chosen))], axis=1)
+    parts = np.stack([np.einsum("ij,ij->j", phi, model.mass(r) @ phi) for r in range(len(body.tags))], axis=1)
     found = tuple(
         BodyMode((float(x), float(y), float(z)), tuple(map(float, shares)))
         for (x, y, z), shares in zip(along, parts, strict=True)
     )
-    return BodyModes(body, support, model, modes, found, held)
+    return BodyModes(body, support, model, modes, errors, found, held)
+
+
+def body_model(
+    body: Body, materials: Mapping[str | None, Material], support: str, part: str | None = None
+) -> tuple[CellModel, Held | None]:
+    """Matrices of a supported body, and of a region that is held what it is."""
+    chosen = body.materials(materials)
+    try:
+        faces, held = body.holding(support, part)
+        return CellModel(assemble(body.mesh, held=faces), chosen), held
+    except MeshError as error:
+        raise InputFileError(Path(body.name), str(error).rstrip(".")) from error
+
+
+@dataclass(frozen=True)
+class ShakenBody(Tabled):
+    """What ``python -m fasbody.cell response`` reports.
+
+    Args:
+        elastic: modes and their errors without damping.
+        damped: modes of the viscoelastic body.
+        response: to the motion of its support, or to a force on a free body.
+    """
+
+    elastic: BodyModes
+    damped: DampedModes
+    response: BaseResponse | ForceResponse
+
+    def document(self) -> dict[str, Any]:
+        """Ready for JSON."""
+        kind = "base_response" if isinstance(self.response, BaseResponse) else "force_response"
+        parts = {"damped_modes": self.damped.document(), kind: self.response.document()}
+        return self.elastic.document() | parts
+
+    def __str__(self) -> str:
+        head = f"{self.elastic.title}: elastic frequencies within {self.elastic.errors.max():.2%}"
+        return f"{head}\n{self.damped}\n{self.response}"
+
+
+def shaken_body(
+    body: Body, materials: Mapping[str | None, Material], solids: Mapping[str | None, StandardLinearSolid],
+    support: str = "base", *, part: str | None = None, count: int = 20,
+) -> ShakenBody:  # fmt: skip
+    """Damping and response of a body, from a hundredth of its first frequency to its last; see `body_modes`.
+
+    Args:
+        body: of `read_body`.
+        materials, solids: by number or name of a region, None for the others.
+        support: what is shaken; "free" is driven by a force. part: the region that is held.
+        count: modes in the basis.
+    """
+    relaxing = body.by_region("--relaxation", solids)
+    elastic = body_modes(body, materials, support, part=part, count=count)
+    reduced = ReducedCell.of(elastic.model, count, elastic.modes)
+    damped = damped_modes(reduced, relaxing)
+    grid = damped.grid(elastic.frequencies_hz[0] / 100, reduced.reach_hz)
+    if elastic.model.assembly.flies:
+        return ShakenBody(elastic, damped, force_response(reduced, relaxing, grid))
+    return ShakenBody(elastic, damped, base_response(reduced, relaxing, grid, inner=None))

@@ -19,7 +19,7 @@ from fasbody.presentation import COLOURS, COLUMN, LINES, PAGE, printed, write_fi
 if TYPE_CHECKING:
     from fasbody.cell.analysis import Analysis
     from fasbody.cell.body import BodyModes
-    from fasbody.cell.viscoelastic import BaseResponse
+    from fasbody.cell.viscoelastic import BaseResponse, ForceResponse
 
 SWELL = 0.12  # largest drawn displacement, of the cell's length
 MARKERS = "osD^v<>pPX*hdH"
@@ -149,6 +149,25 @@ def power_law(sweep: Sweep, laws: Sequence[PowerLaw], direct_hz: float) -> Figur
     return figure
 
 
+def response(response: "BaseResponse | ForceResponse") -> Figure:
+    """What a shaken base or a force does to a body."""
+    from fasbody.cell.viscoelastic import BaseResponse
+
+    return base_response(response) if isinstance(response, BaseResponse) else force_response(response)
+
+
+@printed
+def force_response(response: "ForceResponse") -> Figure:
+    """Acceleration of the highest point per force over the frequency, per direction."""
+    figure, axes = _axes()
+    for i, axis in enumerate("xyz"):
+        size = np.abs(response.accelerance[i])
+        axes.loglog(response.frequencies_hz, size, color=COLOURS[i], ls=LINES[i], label=f"along {axis}")
+    axes.set(xlabel="frequency [Hz]", ylabel="acceleration / force [1/kg]")
+    axes.legend()
+    return figure
+
+
 @printed
 def base_response(response: "BaseResponse") -> Figure:
     """Transmissibility from base to top and nucleus over the frequency of the shaking, per direction."""
@@ -159,7 +178,8 @@ def base_response(response: "BaseResponse") -> Figure:
         upper.loglog(
             response.frequencies_hz, np.abs(response.top[i]), lw=1.4, label=f"top, shaken along {axis}", **look
         )
-        upper.loglog(response.frequencies_hz, np.abs(response.nucleus[i]), lw=0.6, label="its nucleus", **look)
+        if not np.isnan(response.nucleus).all():
+            upper.loglog(response.frequencies_hz, np.abs(response.nucleus[i]), lw=0.6, label="its nucleus", **look)
         lower.loglog(response.frequencies_hz, 1e9 * np.asarray(response.relative_m[i]), lw=1.4, **look)
     for axes in (upper, lower):
         axes.axvspan(10, 100, color="0.9", lw=0, zorder=0)

@@ -45,7 +45,7 @@ def read_mesh(
         nucleus_tag: region number of the nucleus in the file's cell data `region`, `gmsh:physical` or `medit:ref`;
             None is 1 where the file has several regions, and no nucleus where it has one.
         nucleus: closed STL surface of the nucleus, for an STL cell.
-        size: element sizes for an STL cell; None is as fine as its triangles.
+        size: element sizes for an STL cell; None is two through its thickness.
 
     Raises:
         SettingError: the unit cannot be meant, or the size asks for too many unknowns.
@@ -63,11 +63,6 @@ def read_mesh(
     try:
         if file.suffix.lower() == ".stl":
             surfaces = [read_surface(path, um_per_unit) for path in (file, nucleus) if path is not None]
-            for path, surface in zip((file, nucleus), surfaces, strict=False):
-                edge = float(surface.edges_unique_length.mean())
-                if size is not None and edge > np.sqrt(2) * size.size:
-                    console.print(f"note: {path}: its triangles (mean edge {edge:.3g} um) are coarser than the element "
-                                  f"size of {size.size:g} um; they are cut, but stay flat", soft_wrap=True)  # fmt: skip
             filled = surface_mesh(surfaces[0], surfaces[1] if nucleus else None, size)
             volumes = tet_volumes(filled.points_um, filled.tets)
             if nucleus is not None:
@@ -207,7 +202,16 @@ def read_tagged(file: Path, um_per_unit: float) -> Tagged:
     groups = {str(name): (int(group[0]), int(group[1])) for name, group in content.field_data.items()}
     names = {name: group for name, group in groups.items() if group[1] in (SURFACE, VOLUME)}
     names |= dict.fromkeys(_shared_names(file), (0, BOTH))
-    return Tagged(points, renumbered.reshape(tets.shape), np.concatenate(tags).astype(np.int64), faces, names)
+    tets = upward(points, renumbered.reshape(tets.shape))
+    return Tagged(points, tets, np.concatenate(tags).astype(np.int64), faces, names)
+
+
+def upward(points: np.ndarray, tets: np.ndarray) -> np.ndarray:
+    """Tetrahedra (m, 4) or (m, 10) with the fourth corner above the other three, whichever way a file numbers them."""
+    x = points[tets[:, :4]]
+    below = np.linalg.det(x[:, 1:] - x[:, :1]) < 0
+    turned = [1, 0, 2, 3, 4, 6, 5, 8, 7, 9][: tets.shape[1]]
+    return np.where(below[:, None], tets[:, turned], tets)
 
 
 def _shared_names(file: Path) -> set[str]:
@@ -307,12 +311,19 @@ def read_surface(file: Path, um_per_unit: float) -> Any:
     except ImportError as error:
         raise MissingPackageError("trimesh", "cell") from error
     try:
-        surface = trimesh.load_mesh(file)
+        surface = trimesh.load_mesh(file, process=False)
+        faces = len(surface.faces)
     except Exception as error:  # trimesh raises whatever its parsers raise
         raise InputFileError(file, f"cannot be read as {file.suffix[1:].upper()} ({error})") from error
-    if len(surface.faces) == 0:
+    if faces == 0:
         raise InputFileError(file, "holds no triangles")
-    surface.merge_vertices()
+    bad = ~np.isfinite(surface.triangles).all(axis=(1, 2))
+    if bad.any():
+        first = f"(the first is triangle {int(np.argmax(bad))})"
+        raise InputFileError(file, f"has {int(bad.sum())} triangles with corners that are not finite numbers {first}")
+    surface.merge_vertices(merge_tex=True, merge_norm=True)
+    a, b, c = surface.faces.T
+    surface.update_faces((a != b) & (b != c) & (c != a))
     surface.apply_scale(um_per_unit)
     return surface
 

@@ -1,12 +1,11 @@
 """Natural frequencies and mode shapes: Eq. (5.3) by shift-invert Lanczos, with what tells whether to believe them.
 
 SuperLU, which comes with scipy, is the fastest inverse of a small cell. Above 15,000 unknowns LOBPCG is faster, over a
-two-level preconditioner, in which only the problem of the corner nodes (linear elements, an eighth of the unknowns) is
-factored and Chebyshev steps smooth what it cannot see. Pardiso (package pypardiso, with Intel's MKL) wins on free
-bodies, whose many inner elements slow that iteration down. Measured side by side in docs/cell.md.
+two-level preconditioner, in which only the problem of the corner nodes (linear elements, an eighth of the unknowns,
+which hold the rigid motions exactly) is factored and Chebyshev steps smooth what it cannot see. Where it does not
+converge, a factorisation follows by itself. Measured side by side in docs/cell.md.
 """
 
-import warnings
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -26,19 +25,18 @@ from fasbody.presentation import Tabled
 
 Solve = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 Block = NDArray[np.float64]
-#: Unknowns up to which SuperLU is the fastest, and up to which Pardiso's factors stay below 2 GiB (docs/cell.md).
-SUPERLU_TO, PARDISO_TO = 15_000, 150_000
+#: Unknowns up to which SuperLU is the fastest (docs/cell.md).
+SUPERLU_TO = 15_000
 HINGED = "parts of the body hang together by a hinge only: they must share faces."
 NOT_POSITIVE = "the stiffness is not positive: its prestress exceeds what it can carry."
 #: Squares of a free body's first mode, relative to the lift, below which it is no mode but a hinge.
 LOOSE = 1e-8
-#: Relative error of the squares at which Lanczos ends: frequencies are as good as with its own limit, in a sixth fewer
-#: solutions.
+#: Relative error of the squares at which an iteration ends.
 CONVERGED = 1e-10
 #: Of the two-level iteration: Chebyshev steps before and after the coarse correction; the smoother damps the upper 3/4
 #: of the spectrum, the coarse level serves the rest; vectors carried beyond the wanted ones, for the convergence of the
-#: last of them; residual relative to |K phi| (the frequencies' error is its square); most iterations.
-SMOOTHING, BAND, GUARD, TOLERANCE, ITERATIONS = 2, 4.0, 4, 1e-7, 200
+#: last of them; most iterations.
+SMOOTHING, BAND, GUARD, ITERATIONS = 2, 4.0, 4, 60
 
 
 @dataclass(frozen=True)
@@ -172,21 +170,27 @@ def solve(model: CellModel, count: int = 10, *, way: str | None = None) -> Modes
     most = K.shape[0] - 2 - flight.shape[1]
     if not 0 < count <= most:
         raise SettingError(f"{count} modes cannot be computed from {K.shape[0]} unknowns: ask for 1 to {most}.")
-    way = way or fastest(K.shape[0], model.assembly.flies)
     lifted = K + model.lift * M if flight.shape[1] else K
-    try:
+
+    def lowest(way: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         if way == "multigrid":
-            squares, vectors = lowest_by_multigrid(lifted, M, model.assembly, count, flight)
-        else:
-            squares, vectors = _lanczos(lifted, M, count, way, flight)
-    except spla.ArpackError as error:
-        raise SimulationError(f"the modes did not converge ({error}): ask for fewer or refine the mesh.") from error
+            return lowest_by_multigrid(lifted, M, model.assembly, count, flight)
+        return _lanczos(lifted, M, count, way, flight)
+
+    chosen = way or fastest(K.shape[0])
+    try:
+        squares, vectors = lowest(chosen)
+    except (SimulationError, RuntimeError, np.linalg.LinAlgError):  # of ARPACK and SuperLU, too
+        if way or chosen == direct():
+            raise
+        chosen = direct()
+        squares, vectors = lowest(chosen)
     order = np.argsort(squares)
     squares, vectors = squares[order] - model.lift, vectors[:, order]
     if squares[0] <= LOOSE * model.lift:
         raise SimulationError(HINGED if model.assembly.flies else NOT_POSITIVE)
     rigid = np.sqrt(np.abs(np.einsum("ij,ij->j", flight, K @ flight))) / (2 * np.pi)
-    return replace(_assess(model, K, squares, vectors, way), rigid_hz=rigid)
+    return replace(_assess(model, K, squares, vectors, chosen), rigid_hz=rigid)
 
 
 def _lanczos(
@@ -202,8 +206,16 @@ def _lanczos(
     operator = spla.LinearOperator(K.shape, apply, dtype=np.float64)
     start = np.random.default_rng(5).standard_normal(K.shape[0])  # fixed: the same run gives the same digits
     start -= flight @ (weights.T @ start)
-    subspace = min(K.shape[0] - 1, 2 * count + 4)
-    return spla.eigsh(K, count, M, sigma=0, OPinv=operator, v0=start, ncv=subspace, tol=CONVERGED)
+    many = min(count + GUARD, K.shape[0] - 2 - flight.shape[1])  # Lanczos may miss one of two close modes at its end
+    subspace = min(K.shape[0] - 1, 2 * many + 4)
+    try:
+        squares, vectors = spla.eigsh(
+            K, many, M, sigma=0, OPinv=operator, v0=start, ncv=subspace, tol=CONVERGED
+        )
+        lowest = np.argsort(squares)[:count]
+        return squares[lowest], vectors[:, lowest]
+    except spla.ArpackError as error:
+        raise SimulationError(f"the modes did not converge ({error}): ask for fewer or refine the mesh.") from error
 
 
 def _assess(
@@ -261,16 +273,9 @@ def direct() -> str:
     return "pardiso" if find_spec("pypardiso") else "superlu"
 
 
-def fastest(unknowns: int, flies: bool = False) -> str:
-    """The fastest way that is installed, as measured at that number of unknowns (docs/cell.md).
-
-    Args:
-        unknowns: of the problem.
-        flies: the body is free; the two-level iteration takes twice as long on it.
-    """
-    if unknowns <= SUPERLU_TO:
-        return "superlu"
-    return "pardiso" if flies and unknowns <= PARDISO_TO and find_spec("pypardiso") else "multigrid"
+def fastest(unknowns: int) -> str:
+    """The fastest way without further packages, as measured at that number of unknowns (docs/cell.md)."""
+    return "superlu" if unknowns <= SUPERLU_TO else "multigrid"
 
 
 def inverse(K: sp.csr_array, way: str) -> Solve:
@@ -292,37 +297,51 @@ def lowest_by_multigrid(
 ) -> tuple[Block, Block]:
     """Eigenvalues (count,) and vectors (dof, count) of K x = lambda M x, beside the rigid motions `flight`.
 
+    LOBPCG (Knyazev 2001), which ends by r B r / lambda for the residual r and the preconditioner B: the relative error
+    of an eigenvalue, as far as B inverts K. The norm of r, by which scipy's ends, never falls far in a slender body.
+
     Raises:
-        SimulationError: it did not converge within 200 iterations.
+        SimulationError: it did not converge within `ITERATIONS`.
     """
     P = prolongation(assembly)
     R = P.T.tocsr()
     coarse = superlu(R @ K @ P)
-    precondition = two_level(K, P, coarse)
-    vectors = _coarse_modes(sp.csr_array(R @ M @ P), coarse, count + GUARD + flight.shape[1])
-    vectors = precondition(M @ (P @ vectors))
+    precondition, M_flight = two_level(K, P, coarse), M @ flight
+
+    def deforming(x: Block) -> Block:
+        return x - flight @ (M_flight.T @ x)
+
+    size = count + GUARD
+    start = _coarse_modes(sp.csr_array(R @ M @ P), coarse, size + flight.shape[1])
+    squares, x = _ritz(K, M, deforming(precondition(M @ (P @ start))), size)
+    step = x[:, :0]
+    for _ in range(ITERATIONS):
+        r = K @ x - (M @ x) * squares
+        towards = deforming(precondition(r))
+        errors = np.abs(np.einsum("ij,ij->j", r, towards) / squares)
+        if errors[:count].max() < CONVERGED:
+            return squares[:count], x[:, :count]
+        before = x
+        squares, x = _ritz(K, M, np.column_stack([x, towards[:, errors > CONVERGED], step]), size)
+        step = x - before @ (before.T @ (M @ x))
+    raise SimulationError(f"the modes did not converge in {ITERATIONS} iterations: take --solver superlu.")
+
+
+def _ritz(K: sp.csr_array, M: sp.csr_array, vectors: Block, count: int) -> tuple[Block, Block]:
+    """Lowest eigenvalues (count,) and vectors (dof, count) within the columns' span."""
+    basis = orthonormal(vectors, M)
+    squares, turn = np.linalg.eigh(basis.T @ (K @ basis))
+    return squares[:count], basis @ turn[:, :count]
+
+
+def orthonormal(vectors: Block, M: sp.csr_array) -> Block:
+    """M-orthonormal basis of the columns' span; directions that add nothing are dropped."""
     vectors = vectors / np.sqrt(np.einsum("ij,ij->j", vectors, M @ vectors))
-    share = flight.T @ (M @ vectors)
-    vectors = (vectors - flight @ share)[:, (share**2).sum(axis=0) < 0.5][:, : count + GUARD]
-    scale = float(np.linalg.norm(K @ vectors, axis=0)[:count].min())  # lobpcg's tolerance is absolute
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore", UserWarning)  # what it warns of is measured below
-        squares, vectors = spla.lobpcg(
-            K,
-            vectors,
-            M,
-            precondition,
-            flight if flight.shape[1] else None,
-            tol=TOLERANCE * scale,
-            maxiter=ITERATIONS,
-            largest=False,
-        )
-    order = np.argsort(squares)[:count]
-    squares, vectors = squares[order], vectors[:, order]
-    residual = np.linalg.norm(K @ vectors - (M @ vectors) * squares, axis=0) / np.linalg.norm(K @ vectors, axis=0)
-    if residual.max() > 100 * TOLERANCE:
-        raise SimulationError(f"the modes did not converge (residual {residual.max():.0e}): try another element size.")
-    return squares, vectors
+    for _ in range(2):  # the second pass removes what rounding left of the first
+        values, turn = np.linalg.eigh(vectors.T @ (M @ vectors))
+        keep = values > 1e-10 * values[-1]
+        vectors = vectors @ (turn[:, keep] / np.sqrt(values[keep]))
+    return vectors
 
 
 def prolongation(assembly: Assembly) -> sp.csr_array:

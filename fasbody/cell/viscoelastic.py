@@ -1,30 +1,30 @@
-"""A viscoelastic cell (thesis, Chapter 6): complex frequencies, damping, and what it does on a shaken dish.
+"""A viscoelastic cell (thesis, Chapter 6), or any body: complex frequencies, damping, and what it does when shaken.
 
 A standard linear solid is a spring E beside a spring g E in series with a dashpot:
 
     E(s) = E (1 + g s tau / (1 + s tau)),
 
 E at rest, (1 + g) E when shaken fast. With an internal displacement q_r for the dashpots of each region the modes are
-the eigenvalues of a linear problem. It is solved in a small basis (modes, and how the nucleus bends them) and the
-residual of the full equations is reported with every result; with one and the same solid in both regions the basis is
+the eigenvalues of a linear problem. It is solved in a small basis (modes, and how each region bends them) and the
+residual of the full equations is reported with every result; with one and the same solid in all regions the basis is
 exact. Membrane and cytoskeleton stay elastic.
 
 Relative to the base, [M]{x''} + [C]{x'} + [K]{x} = {F(t)}, Eq. (5.1), has F = -M r a for a base acceleration a along r;
-C is the loss of the standard linear solids, so that K(i omega) carries both. Everything is linear: responses are per
-unit of base motion.
+C is the loss of the standard linear solids, so that K(i omega) carries both. A free body is driven by a force at its
+highest point. Everything is linear: responses are per unit of base motion or of force.
 """
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import scipy.linalg
-import scipy.sparse as sp
 from numpy.typing import NDArray
 
-from fasbody.cell.mesh import CYTOPLASM, NUCLEUS
-from fasbody.cell.modal import CellModel, direct, inverse, solve
+from fasbody.cell.mesh import NUCLEUS
+from fasbody.cell.modal import CellModel, Modes, direct, inverse, orthonormal, solve
 from fasbody.exceptions import SettingError
 from fasbody.presentation import Tabled
 
@@ -61,45 +61,50 @@ WITHIN = 0.1
 #: whose frequencies are right to 2e-3 have 0.01 to 0.15 (tests/test_cell_viscoelastic.py), such vectors 0.3 to 1.
 CONVERGED = 0.2
 
-Solids = tuple[StandardLinearSolid, StandardLinearSolid]
+#: Share of the reach below which a motion of a free body is a rigid one.
+RIGID = 1e-5
+
+Solids = Sequence[StandardLinearSolid]
 
 
 @dataclass(frozen=True)
 class ReducedCell:
-    """A cell in a small M-orthonormal basis.
+    """A cell, or any other body, in a small M-orthonormal basis.
 
     Args:
-        model: the full cell.
-        basis: vectors (dof, m).
-        stiffness: stiffness of each region in the basis, (m, m) each, then what does not relax.
+        model: the full body.
+        basis: vectors (dof, m); of a free body, its rigid motions, too.
+        stiffness: stiffness of each region in the basis, (m, m) each.
+        rest: stiffness (m, m) of what does not relax.
         loads: basis^T M times unit translations (m, 3).
         reach_hz: highest mode in the basis; above it the other vectors stand in for modes that are missing [Hz].
     """
 
     model: CellModel
     basis: NDArray[np.float64]
-    stiffness: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]
+    stiffness: tuple[NDArray[np.float64], ...]
+    rest: NDArray[np.float64]
     loads: NDArray[np.float64]
     reach_hz: float
 
     @classmethod
-    def of(cls, model: CellModel, count: int) -> "ReducedCell":
-        """Basis of `count` modes, their correction by the nucleus, and the deflection under steady acceleration."""
-        modes = solve(model, count, way=direct())  # tens of modes, and a factor that the next line needs anyway
-        apply = inverse(model.K, direct())
-        K_n = model.stiffness(NUCLEUS)
-        columns = np.column_stack([K_n @ modes.vectors, model.M @ model.rigid])
-        vectors = np.column_stack([modes.vectors, *(apply(column) for column in columns.T)])
-        basis = _orthonormal(vectors, model.M)
-        parts = (model.stiffness(CYTOPLASM), K_n, model.additions)
-        cytoplasm, nucleus, rest = (basis.T @ (part @ basis) for part in parts)
-        loads = basis.T @ (model.M @ model.rigid)
-        return cls(model, basis, (cytoplasm, nucleus, rest), loads, float(modes.frequencies_hz[-1]))
+    def of(cls, model: CellModel, count: int, modes: Modes | None = None) -> "ReducedCell":
+        """Basis of `count` modes, their correction by each region, and the deflection under steady acceleration."""
+        modes = modes or solve(model, count, way=direct())  # tens of modes, and a factor that is needed anyway
+        regions = [model.stiffness(region) for region in range(len(model.materials))]
+        columns = [part @ modes.vectors for part in regions[1:]]  # the first follows from the others
+        columns += [point_load(model)] if model.assembly.flies else [model.M @ model.rigid]
+        apply = inverse(model.K + model.lift * model.M, direct())
+        corrections = [apply(column) for column in np.column_stack(columns).T]
+        basis = orthonormal(np.column_stack([model.flight, modes.vectors, *corrections]), model.M)
+        parts = tuple(basis.T @ (part @ basis) for part in regions)
+        rest, loads = basis.T @ (model.additions @ basis), basis.T @ (model.M @ model.rigid)
+        return cls(model, basis, parts, rest, loads, float(modes.frequencies_hz[-1]))
 
     def dynamic_stiffness(self, s: complex, solids: Solids) -> NDArray[np.complex128]:
         """K(s) in the basis (m, m) [1/s^2]."""
-        cytoplasm, nucleus, rest = self.stiffness
-        return np.asarray(solids[CYTOPLASM](s) * cytoplasm + solids[NUCLEUS](s) * nucleus + rest)
+        relaxing = (solid(s) * part for solid, part in zip(solids, self.stiffness, strict=True))
+        return sum(relaxing, self.rest.astype(complex))
 
 
 @dataclass(frozen=True)
@@ -126,6 +131,11 @@ class DampedModes(Tabled):
         """Damping ratios (c,)."""
         return np.asarray(-self.s.real / np.abs(self.s))
 
+    def grid(self, low_hz: float, high_hz: float) -> NDArray[np.float64]:
+        """Frequencies (n,) of a response from low to high, with those of the modes: no narrow peak is missed [Hz]."""
+        inside = self.frequencies_hz[(low_hz < self.frequencies_hz) & (self.frequencies_hz < high_hz)]
+        return np.union1d(np.geomspace(low_hz, high_hz, 500), inside)
+
     def document(self) -> dict[str, Any]:
         """Ready for JSON."""
         return {
@@ -148,36 +158,36 @@ def damped_modes(cell: ReducedCell, solids: Solids, count: int = 10) -> DampedMo
 
     The basis also holds vectors that are no modes; their values lie above its reach and do not converge.
 
-    State (u, v, q_1, q_2): s u = v, s v = -(K + sum g_r K_r) u + sum g_r K_r q_r, s q_r = (u - q_r) / tau_r.
+    State (u, v, q_1, q_2, ...): s u = v, s v = -(K + sum g_r K_r) u + sum g_r K_r q_r, s q_r = (u - q_r) / tau_r.
 
     Raises:
         SettingError: no mode of the basis oscillates and converges.
     """
     m = cell.basis.shape[1]
     one, zero = np.eye(m), np.zeros((m, m))
-    first, second = solids
-    K_1, K_2, rest = cell.stiffness
-    fast = (1 + first.g) * K_1 + (1 + second.g) * K_2 + rest
+    parts = list(zip(solids, cell.stiffness, strict=True))
+    rest, fast = (sum((factor * part for factor, part in each), cell.rest) for each in (
+        [(1.0, part) for _, part in parts], [(1 + solid.g, part) for solid, part in parts]
+    ))  # fmt: skip
+    taus = np.kron(np.diag([1 / solid.tau for solid in solids]), one)
     state = np.block(
         [
-            [zero, one, zero, zero],
-            [-fast, zero, first.g * K_1, second.g * K_2],
-            [one / first.tau, zero, -one / first.tau, zero],
-            [one / second.tau, zero, zero, -one / second.tau],
+            [zero, one, *(zero for _ in parts)],
+            [-fast, zero, *(solid.g * part for solid, part in parts)],
+            [np.kron(np.array([[1 / solid.tau] for solid in solids]), one), np.zeros((len(taus), m)), -taus],
         ]
     )
     values, vectors = scipy.linalg.eig(state)
     swinging = np.flatnonzero(values.imag > 1e-6 * np.abs(values))
     shapes = vectors[:m, swinging]
-    at_rest = np.einsum("ij,ij->j", shapes.conj(), (K_1 + K_2 + rest) @ shapes).real
-    elastic_hz = np.sqrt(at_rest / (np.abs(shapes) ** 2).sum(axis=0)) / (2 * np.pi)
-    within = np.flatnonzero(elastic_hz <= cell.reach_hz * (1 + WITHIN))
+    at_rest = np.einsum("ij,ij->j", shapes.conj(), rest @ shapes).real
+    elastic_hz = np.sqrt(np.abs(at_rest) / (np.abs(shapes) ** 2).sum(axis=0)) / (2 * np.pi)
+    within = np.flatnonzero((elastic_hz <= cell.reach_hz * (1 + WITHIN)) & (elastic_hz > RIGID * cell.reach_hz))
     within = within[np.argsort(values[swinging[within]].imag)][:count]
     s, x = values[swinging[within]], cell.basis @ shapes[:, within]
     model = cell.model
-    K_1x, K_2x, Mx = (matrix @ x for matrix in (model.stiffness(CYTOPLASM), model.stiffness(NUCLEUS), model.M))
-    restoring = first(s) * K_1x + second(s) * K_2x + model.additions @ x
-    residuals = np.linalg.norm(s**2 * Mx + restoring, axis=0) / np.linalg.norm(restoring, axis=0)
+    restoring = sum((solid(s) * (model.stiffness(r) @ x) for r, solid in enumerate(solids)), model.additions @ x)
+    residuals = np.linalg.norm(s**2 * (model.M @ x) + restoring, axis=0) / np.linalg.norm(restoring, axis=0)
     good = residuals < CONVERGED
     if not good.any():
         raise SettingError(
@@ -185,16 +195,6 @@ def damped_modes(cell: ReducedCell, solids: Solids, count: int = 10) -> DampedMo
             f"{CONVERGED:g}) in this basis: take more modes, less relaxing stiffness or another relaxation time."
         )
     return DampedModes(s[good], residuals[good], elastic_hz[within][good])
-
-
-def _orthonormal(vectors: NDArray[np.float64], M: sp.csr_array) -> NDArray[np.float64]:
-    """M-orthonormal basis of the columns' span; directions that add nothing are dropped."""
-    vectors = vectors / np.sqrt(np.einsum("ij,ij->j", vectors, M @ vectors))
-    for _ in range(2):  # the second pass removes what rounding left of the first
-        values, turn = np.linalg.eigh(vectors.T @ (M @ vectors))
-        keep = values > 1e-10 * values[-1]
-        vectors = vectors @ (turn[:, keep] / np.sqrt(values[keep]))
-    return vectors
 
 
 @dataclass(frozen=True)
@@ -245,19 +245,26 @@ class BaseResponse(Tabled):
         none = f"none below {self.frequencies_hz[-1]:.4g} Hz"
         pairs = zip("xyz", self.resonance_hz, strict=True)
         peaks = ", ".join(f"{axis} {none if np.isnan(f) else f'{f:.4g} Hz'}" for axis, f in pairs)
-        T, way = self.at(20.0)
+        slow = max(20.0, float(self.frequencies_hz[0]))
+        T, way = self.at(slow)
         return (
             f"resonance (most motion of the top against the base, per base displacement): {peaks}\n"
-            f"at 20 Hz the top moves {T[0]:.9g} times the base along x, and {way[0]:.3g} m against it at 1 m/s^2"
+            f"at {slow:.3g} Hz the top moves {T[0]:.9g} times the base along x, and {way[0]:.3g} m against it at "
+            "1 m/s^2"
         )
 
 
-def base_response(cell: ReducedCell, solids: Solids, frequencies_hz: NDArray[np.float64]) -> BaseResponse:
-    """Shake the base at each frequency (n,) [Hz] along x, y and z; trust it up to `cell.reach_hz`."""
+def base_response(
+    cell: ReducedCell, solids: Solids, frequencies_hz: NDArray[np.float64], inner: int | None = NUCLEUS
+) -> BaseResponse:
+    """Shake the base at each frequency (n,) [Hz] along x, y and z; trust it up to `cell.reach_hz`.
+
+    `inner` is the region whose mean motion is the nucleus', None for none.
+    """
     assembly = cell.model.assembly
     shapes = assembly.expand(cell.basis)  # (m, nodes, 3)
-    top = shapes[:, int(assembly.nodes_um[:, 1].argmax())]
-    weight = assembly.regions[NUCLEUS].m.diagonal()
+    top = cell.basis.T @ point_load(cell.model)
+    weight = np.zeros(len(assembly.nodes_um)) if inner is None else assembly.regions[inner].m.diagonal()
     inside = np.einsum("n,mnd->md", weight, shapes) / weight.sum() if weight.sum() > 0 else np.full(top.shape, np.nan)
     omega = 2 * np.pi * np.asarray(frequencies_hz, dtype=np.float64)
     at_top, at_nucleus = np.empty((2, 3, len(omega)), dtype=complex)
@@ -268,3 +275,44 @@ def base_response(cell: ReducedCell, solids: Solids, frequencies_hz: NDArray[np.
         at_top[:, i] = np.einsum("md,md->d", top, x)
         at_nucleus[:, i] = np.einsum("md,md->d", inside, x)
     return BaseResponse(np.asarray(frequencies_hz), 1 + at_top, 1 + at_nucleus, np.abs(at_top) / omega**2)
+
+
+def point_load(model: CellModel) -> NDArray[np.float64]:
+    """Unit forces (dof, 3) along x, y and z at the highest point."""
+    assembly = model.assembly
+    highest = int(assembly.nodes_um[assembly.free, assembly.mesh.up].argmax())
+    load = np.zeros((assembly.dof, 3))
+    load[3 * highest : 3 * highest + 3] = np.eye(3)
+    return load
+
+
+@dataclass(frozen=True)
+class ForceResponse(Tabled):
+    """Frequency response of a free body to a force at its highest point along x, y and z in turn.
+
+    Args:
+        frequencies_hz: frequencies of the force (n,) [Hz].
+        accelerance: acceleration of that point along the force over the force, complex (3, n) [1/kg].
+    """
+
+    frequencies_hz: NDArray[np.float64]
+    accelerance: NDArray[np.complex128]
+
+    def document(self) -> dict[str, Any]:
+        """Ready for JSON; magnitudes."""
+        return {"frequencies_hz": self.frequencies_hz, "accelerance_per_kg_xyz": np.abs(self.accelerance)}
+
+    def __str__(self) -> str:
+        peaks = np.abs(self.accelerance).argmax(axis=1)
+        where = ", ".join(f"{axis} {self.frequencies_hz[i]:.4g} Hz" for axis, i in zip("xyz", peaks, strict=True))
+        return f"driven by a force at its highest point, that point accelerates most at: {where}"
+
+
+def force_response(cell: ReducedCell, solids: Solids, frequencies_hz: NDArray[np.float64]) -> ForceResponse:
+    """A force at the highest point at each frequency (n,) [Hz]; trust it up to `cell.reach_hz`."""
+    load = cell.basis.T @ point_load(cell.model)
+    one, found = np.eye(len(load)), []
+    for w in 2 * np.pi * np.asarray(frequencies_hz, dtype=np.float64):
+        x = np.linalg.solve(cell.dynamic_stiffness(1j * w, solids) - w**2 * one, load)
+        found.append(-(w**2) * np.einsum("md,md->d", load, x))
+    return ForceResponse(np.asarray(frequencies_hz), np.array(found).T)

@@ -40,7 +40,8 @@ class Orbits:
         stretch: (B, 2, H) harmonics of z_1 and z_2 [m].
         shank: (B, H) harmonics of the shank's acceleration [m/s^2].
         foot: (B, H) harmonics of the foot's acceleration [m/s^2].
-        converged: (B,) whether there is such a motion.
+        converged: (B,) whether there is such a motion. Where there is none, the motion that grows with the base ends
+            at a fold below the full one: a damper that bends takes no more power than it takes there.
         slopes: (B, 2, H, 13) derivatives of shank and foot to the parameters; None where not asked for.
         stretch_slopes: (B, 2, H, 13) derivatives of the stretches.
         jacobian: (B, 4 H, 4 H) of the balance at the motion.
@@ -117,7 +118,7 @@ def _largest_multiplier(A: np.ndarray, step: np.ndarray) -> np.ndarray:
         whole = np.broadcast_to(np.eye(A.shape[-1]), (len(A), *A.shape[-2:]))
         for part in np.moveaxis(parts, 1, 0):
             whole = part @ whole
-    finite = np.isfinite(whole).all((1, 2))
+    finite: np.ndarray = np.isfinite(whole).all((1, 2))
     values = np.linalg.eigvals(np.where(finite[:, None, None], whole, 0.0))
     return np.where(finite, np.abs(values).max(-1), np.inf)
 

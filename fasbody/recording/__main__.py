@@ -15,11 +15,15 @@ from fasbody.recording.files import read_one
 from fasbody.recording.proposal import TABLES, propose
 from fasbody.recording.recording import Recording
 from fasbody.recording.study import StudyFolder, understood_trial
+from fasbody.recording.together import out_of_line
 from fasbody.recording.trials import describe, posture_remarks
 from fasbody.runner import run
 
 #: Of more recordings only those are listed that are not sound.
 _MANY = 100
+
+#: What is shown of a sine, and how.
+_OF_A_SINE = {"transmissibility": "f", "phase_deg": "g"}
 
 app: typer.Typer = typer.Typer(add_completion=False, pretty_exceptions_enable=False, no_args_is_help=True)
 
@@ -73,6 +77,8 @@ def check(
         light = replace(folder, trials=())  # what a process needs besides its trial
         found = dict(run(understood_trial, [(light, trial) for trial in folder.trials], "checking", jobs))
         rows += [found[i] for i in range(len(found))]
+        for remark in out_of_line(rows):
+            console.print(f"[yellow]warning:[/] {escape(remark)}", soft_wrap=True)
     elif len(paths) == 1:
         recording = Recording.read(path, layout=_layout(study, columns))  # unreadable: one sentence
         rows.append(understood(recording))
@@ -277,7 +283,7 @@ def _show(rows: list[dict[str, Any]]) -> None:
     colours = {"unusable": "red", "usable, see below": "yellow", "sound": "default"}
     read = list(dict.fromkeys(name for row in rows for name in row.get("rms_m_s2", {})))
     felt = [f"{name} rms [m/s²]" for name in read]
-    heads = ("file", "samples", "rate [Hz]", "excitation [Hz]", *felt, *QUALITIES, "verdict")
+    heads = ("file", "samples", "rate [Hz]", "excitation [Hz]", "T", "phase [deg]", *felt, *QUALITIES, "verdict")
     folders = {str(Path(row["file"]).parent) for row in rows}
     names = {row["file"]: Path(row["file"]).name if len(folders) == 1 else row["file"] for row in rows}
     table = Table(*(escape(head.replace(" ", "\n")) for head in heads), box=SIMPLE_HEAD, pad_edge=False)
@@ -292,6 +298,7 @@ def _show(rows: list[dict[str, Any]]) -> None:
             str(row.get("samples", "")),
             f"{row['rate_hz']:.6g}" if "rate_hz" in row else "",
             "" if row["problem"] else "broadband" if found is None else f"{found:.5g}",
+            *(f"{row[key]:.3{kind}}" if key in row else "" for key, kind in _OF_A_SINE.items()),
             *(f"{row['rms_m_s2'][name]:.3g}" if name in row.get("rms_m_s2", {}) else "" for name in read),
             *quality_cells(row),
             f"[{colours[verdict(row)]}]{verdict(row)}[/]",
@@ -301,6 +308,9 @@ def _show(rows: list[dict[str, Any]]) -> None:
     if len(listed) < len(rows):
         results.print(f"{len(rows) - len(listed)} more recordings are sound (--json lists them).", markup=False)
     for row in rows:
+        if len(rows) == 1 and row.get("used"):
+            results.print("; ".join(row["used"]), markup=False, soft_wrap=True)
+            results.print(f"not used: {'; '.join(row['unused']) or 'nothing'}", markup=False, soft_wrap=True)
         for text in row.get("warnings", []):
             console.print(text, markup=False, soft_wrap=True)
 

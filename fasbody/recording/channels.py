@@ -20,7 +20,8 @@ _G = 9.80665
 #: Units that a CSV header or a board may carry behind a channel's name, and what they are in SI.
 UNITS = {"m_s2": 1.0, "g": _G, "mg": 1e-3 * _G, "mm_s2": 1e-3, "cm_s2": 1e-2}
 TIME_UNITS = {
-    "s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "sec": 1.0, "second": 1.0, "seconds": 1.0, "msec": 1e-3,
+    "s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9, "sec": 1.0, "second": 1.0, "seconds": 1.0,
+    "msec": 1e-3, "milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9, "min": 60.0, "minutes": 60.0,
 }  # fmt: skip
 #: Those and what else instruments write into their files.
 ACCELERATIONS = UNITS | {
@@ -84,8 +85,8 @@ Channels = dict[str, np.ndarray]
 #: The accelerometers of section 2.2.2; the first two are needed. Others are known by their unit, or by study.toml.
 NAMES = ("base", "malleolus", "tuberosity")
 #: What a sensor of one's own may be called.
-_OWN = re.compile(r"[a-z][a-z0-9]*(?:_[a-z0-9]+)*")
-_KEYS = ("unit", "sign", "sensitivity", "delay_s", "column", "gain_std", "delay_std_s")
+OWN = re.compile(r"[a-z][a-z0-9]*(?:_[a-z0-9]+)*")
+_KEYS = ("unit", "sign", "sensitivity", "delay_s", "column", "gain_std", "delay_std_s", "clock")
 
 
 @dataclass(frozen=True)
@@ -93,7 +94,8 @@ class Channel(Tabled):
     """What study.toml says of one channel.
 
     Attributes:
-        column: its name in the files, default the channel's own name. unit: of the numbers, if the files do not say.
+        column: its name in the files, or its number from 1; default the channel's own name.
+        unit: of the numbers, if the files do not say, or are wrong. clock: the column of its times, if it has its own.
         sign: +1 or -1. sensitivity: recorded unit per m/s^2, or in V per m/s^2 if `volts`. delay_s: how late it is.
         gain_std: relative standard uncertainty of the sensitivity, mounting included. delay_std_s: that of the delay.
     """
@@ -106,6 +108,7 @@ class Channel(Tabled):
     delay_s: float = 0.0
     gain_std: float = 0.0
     delay_std_s: float = 0.0
+    clock: str = ""
 
 
 @dataclass(frozen=True)
@@ -156,7 +159,7 @@ class Layout(Tabled):
         channels = {}
         for name, table in tables.items():
             known_as = get_close_matches(name, (*NAMES, "time"), cutoff=0.75)  # a slip of the pen is no sensor
-            own = _OWN.fullmatch(name) and not known_as and isinstance(table, dict) and table
+            own = OWN.fullmatch(name) and not known_as and isinstance(table, dict) and table
             if name not in (*NAMES, "time") and not own:
                 listed = f"valid: {', '.join(NAMES)}, time, or a sensor of the model, in small letters"
                 raise InputFileError(file, f"describes the channel {name!r}", listed)
@@ -176,144 +179,15 @@ class Layout(Tabled):
         return cls(channels, rate, tuple(columns), beyond=Known.from_toml(file, known or {}))
 
     def known(self, names: Sequence[str]) -> int:
-        """How many of a file's columns are channels by their names."""
-        told = {c.column.strip().lower() for c in self.channels.values() if c.column}
-        return sum(name.strip().lower() in told or name_and_unit(name)[0] in ("time", *NAMES) for name in names)
+        """How many of a line's cells are channels by their names, or begin the name of one."""
+        given = [c.column.strip().lower() for c in self.channels.values() if c.column]
 
-    def find(
-        self,
-        file: Path,
-        names: Sequence[str],
-        units: Sequence[str],
-        line: int | None = None,
-        passed: Sequence[str] = (),
-        sizes: Sequence[int] = (),
-        clocked: bool = False,
-    ) -> dict[str, tuple[int, float]]:
-        """Which of the file's columns is which channel.
+        def is_one(name: str) -> bool:
+            plain = name.strip().lower()
+            begins = len(plain) > 2 and any(column.startswith(f"{plain} ") for column in given)
+            return {plain, name_and_unit(name)[0]} & {"time", *NAMES, *given} != set() or begins
 
-        Args:
-            file: for messages. names, units: of the file's columns; a unit may also stand behind a name
-                (``base_g``, ``base [g]``). line: of the header, for messages.
-            passed: what else the file holds and why it is no channel, for messages.
-            sizes: how many samples each column has, if they may differ. clocked: the file says its rate.
-
-        Returns:
-            ``time_s``, ``base_m_s2`` ... -> (index, factor to SI); ``time`` if that has no unit and a rate is known.
-            Behind them every other column that is an acceleration by its unit, or a channel by study.toml.
-
-        Raises:
-            InputFileError: a unit is unknown, missing or contradicts study.toml; a channel is missing or there twice;
-                channels of different lengths.
-        """
-        wanted: dict[str, tuple[int, str]] = {}
-        listed = f"found: {shown(', '.join(names)) or 'nothing'}"
-        listed += f"; passed over: {shown(', '.join(passed))}" if passed else ""
-        for channel in ("time", *NAMES):
-            told = self.channels.get(channel, Channel())
-            for index, (name, unit) in enumerate(zip(names, units, strict=True)):
-                stem, behind = name_and_unit(name)
-                if told.column:
-                    plain, claimed = heading(name)
-                    behind = behind if stem == channel else claimed
-                    stem = channel if told.column.strip().lower() in (name.strip().lower(), plain) else ""
-                if stem != channel:
-                    continue
-                self._agree(file, channel, behind, unit, "its heading says", "a unit with the column says")
-                self._agree(file, channel, told.unit, unit or behind, "study.toml says", "the file says")
-                found = told.unit or unit or behind
-                key = "time_s" if channel == "time" else f"{channel}_m_s2"
-                if channel == "time" and not found:
-                    key = "time"
-                elif channel == "time" and found.lower() not in TIME_UNITS and not told.column:
-                    continue
-                if key in wanted:
-                    raise InputFileError(file, f"has two columns for {channel}", "keep one of them", line=line)
-                wanted[key] = (index, found)
-            if told.column and not {channel, f"{channel}_s", f"{channel}_m_s2"} & wanted.keys():
-                hint = "one study.toml is for files of one kind; python -m fasbody.recording convert makes them one"
-                raise InputFileError(file, f"has no column {told.column!r} for {channel} ({listed})", hint)
-        bare = wanted.pop("time", None)  # a time that does not say its unit; a known rate tells it
-        if bare and "time_s" not in wanted:
-            if not clocked and self.rate_hz is None:
-                hint = 'name the column time_s, time_ms or time_us, or give study.toml [channels.time] unit = "s"'
-                raise InputFileError(file, f"{names[bare[0]]!r} has no unit", hint, line=line)
-            wanted["time"] = bare
-        if line and not wanted:  # text, perhaps in another language
-            columns = ", ".join(f'[channels.{name}] column = "..."' for name in ("time", "base", "malleolus"))
-            raise InputFileError(
-                file, f"names no channel ({listed})",
-                f"call its columns time_s, base_m_s2, malleolus_m_s2, or say in study.toml which is which: {columns}",
-                line=line,
-            )  # fmt: skip
-        clock = ("time_s",) if line and self.rate_hz is None else ()  # only text has no rate of its own
-        for name in (*clock, "base_m_s2", "malleolus_m_s2"):
-            if name not in wanted:
-                hint = _CLOCK if name in clock else _HELP.format(name=name.removesuffix("_m_s2"))
-                raise InputFileError(file, f"has no column {name!r} ({listed})", hint, line=line)
-        wanted |= self._others(names, units, sizes, wanted)
-        lengths = {name: sizes[index] for name, (index, _) in wanted.items()} if sizes else {}
-        if len(set(lengths.values())) > 1:
-            told_lengths = ", ".join(f"{name} {size}" for name, size in lengths.items())
-            raise InputFileError(
-                file, f"its channels have different lengths ({told_lengths})", "resample them to one rate"
-            )
-        return {key: (index, self._factor(file, key, unit, line)) for key, (index, unit) in wanted.items()}
-
-    def _others(
-        self, names: Sequence[str], units: Sequence[str], sizes: Sequence[int], wanted: Mapping[str, tuple[int, str]]
-    ) -> dict[str, tuple[int, str]]:
-        """Further accelerometers: those of study.toml, and columns that their unit says to be accelerations."""
-        taken, size = {index for index, _ in wanted.values()}, sizes[wanted["base_m_s2"][0]] if sizes else 0
-        columns = {c.column.strip().lower(): name for name, c in self.channels.items() if c.column}
-        found: dict[str, tuple[int, str]] = {}
-        for index, (name, unit) in enumerate(zip(names, units, strict=True)):
-            plain, claimed = heading(name)
-            stem = plain.removesuffix(f"_{claimed}") if claimed else plain
-            channel = columns.get(name.strip().lower(), columns.get(plain, stem))
-            told = self.channels.get(channel)
-            acceleration = (unit or claimed).lower() in ACCELERATIONS and _OWN.fullmatch(channel)
-            if index in taken or channel.partition("_")[0] in (*NAMES, "time") or not (told or acceleration):
-                continue
-            if not sizes or told or sizes[index] == size:
-                found.setdefault(f"{channel}_m_s2", (index, (told.unit if told else "") or unit or claimed))
-        return found
-
-    def _factor(self, file: Path, key: str, unit: str, line: int | None) -> float:
-        if key == "time":
-            return 1.0
-        if key == "time_s":
-            return factor(file, "time", unit, TIME_UNITS, line)
-        channel = key.removesuffix("_m_s2")
-        told = self.channels.get(channel, Channel())
-        if not unit:
-            hint = f"name the column {channel}_m_s2 or {channel}_g, or give study.toml [channels.{channel}]"
-            raise InputFileError(file, f"{channel} has no unit", f'{hint} unit = "m/s^2"', line=line)
-        if unit.lower() in VOLTAGES:
-            if told.sensitivity == 1.0 and not told.volts:
-                raise InputFileError(
-                    file, f"{channel} is in {unit}", f'study.toml must give channels.{channel}.sensitivity = "100 mV/g"'
-                )
-            scale = VOLTAGES[unit.lower()] if told.volts else 1.0
-        else:
-            scale = factor(file, channel, unit, ACCELERATIONS, line)
-            if told.volts:
-                raise InputFileError(file, f"{channel} is in {unit}, and study.toml gives a sensitivity in volts")
-        return told.sign * scale / told.sensitivity
-
-    @staticmethod
-    def _agree(file: Path, channel: str, told: str, found: str, one: str, other: str) -> None:
-        """Refuse two units of one column that are not the same; a text that is no unit says nothing."""
-        by_file = other == "the file says"
-        told, found = told.lower(), found.lower()
-        if not told or not found or (told in VOLTAGES and found == "m_s2"):
-            return  # the standard heading over numbers that study.toml makes m/s^2
-        valid = TIME_UNITS if channel == "time" else ACCELERATIONS | VOLTAGES
-        if told not in valid or (found not in valid and not by_file):
-            return
-        if valid[told] != valid.get(found) or (told in VOLTAGES) != (found in VOLTAGES):
-            source = "" if by_file else f" ({other.removesuffix(' says')})"
-            raise InputFileError(file, f"{channel} is in {found}{source}, and {one} {told}", "correct one of them")
+        return sum(map(is_one, names))
 
     def timed(self, file: Path, channels: Channels, rate_hz: float | None = None) -> Channels:
         """The channels with ``time_s``: the file's own, or counted from a sampling rate.
@@ -361,60 +235,66 @@ class Layout(Tabled):
             )
         return channels
 
-    def aligned(self, file: Path, channels: Channels, starts: Mapping[str, float] | None = None) -> Channels:
-        """The channels with their known delays undone (by a spline), over the time that all of them cover.
+    def aligned(self, file: Path, channels: Channels, times: Mapping[str, np.ndarray] | None = None) -> Channels:
+        """The channels on the base's clock, their known delays undone (by a spline), over the time that all cover.
 
         Args:
-            file: for messages. channels: with ``time_s``. starts: when each channel's first sample was taken [s],
-                where the file says so.
+            file: for messages. channels: with ``time_s``. times: of the channels that have a clock of their own
+                (n,) [s], on which a clock of another start or a little other speed is brought to ``time_s``.
 
         Raises:
-            InputFileError: a delay that takes more than a tenth of the recording.
+            InputFileError: clocks and delays that leave less than nine tenths of the recording; unlike rates.
         """
         from scipy.interpolate import CubicSpline
 
-        first_of_all = min(starts.values(), default=0.0) if starts else 0.0
-        late = {
-            name: first_of_all - start for name, start in (starts or {}).items()
-        }  # an early start is a late channel
-        for name, c in self.channels.items():
-            if name != "time":
-                late[f"{name}_m_s2"] = late.get(f"{name}_m_s2", 0.0) + c.delay_s
-        late = {name: delay for name, delay in late.items() if abs(delay) > 1e-9}
         t = channels["time_s"]
-        if not late or t.size < 2 or np.any(np.diff(t) <= 0) or not np.isfinite(t).all():
+        delays = {f"{name}_m_s2": c.delay_s for name, c in self.channels.items() if name != "time" and c.delay_s}
+        taken = {name: at - delays.get(name, 0.0) for name, at in (times or {}).items()}
+        taken |= {name: t - delay for name, delay in delays.items() if name in channels and name not in taken}
+        taken = {name: at for name, at in taken.items() if at.size != t.size or np.abs(at - t).max() > 1e-9}
+        every = (t, *taken.values())
+        if not taken or any(at.size < 2 or not np.isfinite(at).all() or np.diff(at).min() <= 0 for at in every):
             return channels  # the checks will say what is wrong with such a time
-        late = {name: delay for name, delay in late.items() if name in channels}
-        first, last = (float(limit(0.0, *late.values())) for limit in (min, max))
-        if last - first > _LONGEST_DELAY * (t[-1] - t[0]):
-            told = ", ".join(f"{name.removesuffix('_m_s2')} {delay:.6g} s" for name, delay in late.items())
-            source = "the start times of its channels and " if starts and np.ptp(list(starts.values())) else ""
+        first, last = max(at[0] for at in every), min(at[-1] for at in every)
+        if last - first < (1 - _LONGEST_DELAY) * (t[-1] - t[0]):
+            late = ", ".join(f"{name.removesuffix('_m_s2')} {t[0] - at[0]:.6g} s" for name, at in taken.items())
+            starts = "the start times of its channels and " if times else ""
             raise InputFileError(
-                file, f"lasts {t[-1] - t[0]:.4g} s, too short for {source}delay_s of study.toml ({told})",
+                file, f"lasts {t[-1] - t[0]:.4g} s, too short for {starts}delay_s of study.toml ({late})",
                 f"valid: delays that leave {100 - 100 * _LONGEST_DELAY:.0f} % of a recording",
             )  # fmt: skip
-        # a channel that is late by d holds at t + d what the others hold at t; beyond its ends it holds nothing
+        for name, at in taken.items():
+            rate, other = (float((one.size - 1) / (one[-1] - one[0])) for one in (t, at))
+            if abs(other / rate - 1) > _SAME_CLOCK:
+                raise InputFileError(
+                    file, f"its channels have different rates ({rate:.6g} Hz, {name.removesuffix('_m_s2')} "
+                    f"{other:.6g} Hz)", "resample them to one rate",
+                )  # fmt: skip
         rounding = 1e-9 * (t[-1] - t[0])
-        covered = (t + first >= t[0] - rounding) & (t + last <= t[-1] + rounding)
+        covered = (t >= first - rounding) & (t <= last + rounding)
         return {
-            name: CubicSpline(t, values)(t[covered] + late[name])
-            if name in late and np.isfinite(values).all()
+            name: CubicSpline(taken[name], values)(t[covered])
+            if name in taken and np.abs(values).max() < _SPLINED
             else values[covered]
             for name, values in channels.items()
         }
 
 
+#: Two clocks run alike within this share: crystals do, and sensors that send by radio nearly.
+_SAME_CLOCK = 1e-2
+#: Larger numbers are of no body and overflow a spline; the checks refuse them, and what is no number.
+_SPLINED = 1e100
 #: Delays may take this share of a recording.
 _LONGEST_DELAY = 0.1
 #: Two sampling rates are the same within this share: a nominal rate and a logger's own clock.
 _SAME_RATE = 1e-3
-_CLOCK = "study.toml can name it ([channels.time] column = ...), or give sampling_rate_hz"
-_HELP = "units may also be g or ms, and study.toml can name the column ([channels.{name}] column = ...)"
 
 
 def _channel(file: Path, name: str, table: Mapping[str, Any]) -> Channel:
     for key, value in table.items():
-        text = key in ("column", "unit") or (key == "sensitivity" and isinstance(value, str))
+        if key == "column" and isinstance(value, int) and not isinstance(value, bool) and value > 0:
+            continue
+        text = key in ("column", "unit", "clock") or (key == "sensitivity" and isinstance(value, str))
         right = isinstance(value, str) if text else _is_number(value) and np.isfinite(value)
         if key == "sign" and not (right and abs(value) == 1):
             raise InputFileError(file, f"channels.{name}.sign = {value!r}", "valid: 1, -1 (a gain is a sensitivity)")
@@ -431,9 +311,12 @@ def _channel(file: Path, name: str, table: Mapping[str, Any]) -> Channel:
     unit = str(table.get("unit", ""))
     if unit:
         factor(file, name, unit, TIME_UNITS if name == "time" else ACCELERATIONS | VOLTAGES)
+    column = table.get("column", "")
+    column = f"#{column}" if isinstance(column, int) else str(column)
     return Channel(
-        str(table.get("column", "")), unit, float(table.get("sign", 1.0)), sensitivity, volts,
+        column, unit, float(table.get("sign", 1.0)), sensitivity, volts,
         float(table.get("delay_s", 0.0)), float(table.get("gain_std", 0.0)), float(table.get("delay_std_s", 0.0)),
+        str(table.get("clock", "")),
     )  # fmt: skip
 
 

@@ -8,8 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from fasbody.exceptions import RecordingError
+from fasbody.exceptions import RecordingError, by_name
 from fasbody.presentation import Presented, Sheet
+from fasbody.recording import samples
 from fasbody.recording.clock import uniform
 from fasbody.recording.harmonics import find_frequency, fit_harmonics, narrow_share, sine_share
 from fasbody.recording.quality import Quality, quality, still
@@ -31,6 +32,8 @@ _CLIPPED_RUN = 4
 _IMPOSSIBLE = 1e6
 #: The largest range of the accelerometers that are strapped to people, 50 g [m/s^2].
 _UNLIKELY = 500.0
+#: Standard deviation of an amplitude by the converter's steps that is told.
+_COARSE = 5e-3
 #: What is said of a base between a fifth of a m/s^2 and two.
 _IN_G = "is it in g? Then name the column base_g"
 _UNIT = "check its unit"
@@ -76,7 +79,15 @@ def checked(recording: Recording) -> Recording:
 
 def _checked(recording: Recording) -> Recording:
     """The same of all channels alike."""
+    with by_name(recording.file):
+        return _all_alike(recording)
+
+
+def _all_alike(recording: Recording) -> Recording:
     warnings = list(recording.warnings)
+    for name in recording.channels:
+        if name != "time_s":
+            _possible(recording, name)
     recording, remark = uniform(recording)
     warnings += [remark] if remark else []
     _time(recording)
@@ -92,6 +103,7 @@ def _checked(recording: Recording) -> Recording:
             kind = "gravity" if abs(abs(values.mean()) - 9.81) < 1 else "an offset"
             warnings.append(f"{recording.file}: {name} has {kind} of {values.mean():.3g} m/s^2, which is taken out.")
         channels[name] = values - values.mean()
+    offsets = {name: float(recording.channels[name].mean()) for name in channels}
     recording = recording.with_channels(channels)
     found = find_frequency(recording.time_s, recording.base_m_s2)
     share = narrow_share(recording.time_s, recording.base_m_s2, found)
@@ -99,6 +111,8 @@ def _checked(recording: Recording) -> Recording:
     frequency = _excitation(recording, found, share, warnings)
     for name in channels:
         _clipping(recording, name, frequency)
+        if not _slow(recording, name, frequency, warnings):
+            _odd(recording, name, frequency, offsets[name], warnings)
     if frequency is not None:
         _level(recording, frequency, warnings)
     about = quality_of(recording, frequency)
@@ -162,24 +176,32 @@ def judged(recording: Recording) -> dict[str, Any]:
     except RecordingError as error:
         row["problem"] = str(error)
     t = recording.time_s
-    row |= {"samples": t.size, "origin": recording.origin}
+    row |= {"samples": t.size, "origin": recording.origin, "used": recording.used, "unused": recording.unused}
     if t.size > 1 and np.isfinite(t).all() and t[-1] > t[0]:
         row |= {"rate_hz": recording.rate_hz, "seconds": float(t[-1] - t[0])}
     return row
 
 
 def understood(recording: Recording) -> dict[str, Any]:
-    """The same, with level and quality of each channel."""
-    row = judged(recording)
-    good = recording if row["problem"] else checked(recording)
-    row["rms_m_s2"] = {
-        name.removesuffix("_m_s2"): float(np.std(values)) for name, values in good.channels.items() if name != "time_s"
-    }
-    if not row["problem"]:
-        found = good.condition.frequency_hz or find_frequency(good.time_s, good.base_m_s2)
-        row["sine_share"] = sine_share(good.time_s, good.base_m_s2, found)
-        row["quality"] = quality_of(good, good.condition.frequency_hz).row()
-    return row
+    """The same, with level and quality of each channel, and amplitude and phase of a sine."""
+    condition = recording.condition
+    row = judged(recording) | {key: getattr(condition, key) for key in ("subject", "posture", "added_mass_kg")}
+    try:
+        with by_name(recording.file):
+            return row | _measured(recording if row["problem"] else checked(recording), bool(row["problem"]))
+    except RecordingError as error:
+        return row | {"problem": row["problem"] or str(error)}
+
+
+def _measured(good: Recording, unfit: bool) -> dict[str, Any]:
+    levels = {name.removesuffix("_m_s2"): float(np.std(x)) for name, x in good.channels.items() if name != "time_s"}
+    if unfit:
+        return {"rms_m_s2": levels}
+    frequency = good.condition.frequency_hz
+    share = sine_share(good.time_s, good.base_m_s2, frequency or find_frequency(good.time_s, good.base_m_s2))
+    about = quality_of(good, frequency)
+    sine = {} if frequency is None else {"transmissibility": about.ratio, "phase_deg": about.lead_deg}
+    return {"rms_m_s2": levels, "sine_share": share, "quality": about.row()} | sine
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -203,11 +225,12 @@ class Checked(Presented):
         """One row a recording."""
         flat = []
         for row in self.rows:
-            plain = {key: value for key, value in row.items() if key not in ("warnings", "rms_m_s2", "quality")}
+            plain = {key: value for key, value in row.items() if key not in ("rms_m_s2", "quality")}
             for name, value in row.get("quality", {}).items():
                 plain |= {f"{key}_{name}": v for key, v in value.items()} if isinstance(value, dict) else {name: value}
             rms = {f"rms_{name}_m_s2": value for name, value in row.get("rms_m_s2", {}).items()}
-            flat.append(plain | rms | {"warnings": " ".join(row.get("warnings", ()))})
+            joined = {"used": "; ", "unused": "; ", "warnings": " "}
+            flat.append(plain | rms | {key: mark.join(row.get(key, ())) for key, mark in joined.items()})
         return flat
 
     def sheet(self) -> Sheet:
@@ -287,7 +310,9 @@ def _time(recording: Recording) -> None:
         )
 
 
-def _channel(recording: Recording, name: str, values: np.ndarray) -> None:
+def _possible(recording: Recording, name: str) -> None:
+    """Refuse samples that are none, before anything is computed with them."""
+    values = recording.channels[name]
     if values.shape != recording.time_s.shape:
         raise _fail(recording, f"{name} has {values.size} samples and time has {recording.time_s.size}")
     if not np.isfinite(values).all():
@@ -302,12 +327,15 @@ def _channel(recording: Recording, name: str, values: np.ndarray) -> None:
             f"{name} reaches {peak:.3g} m/s^2 at {recording.time_s[np.abs(values).argmax()]:g} s, which no body does "
             f"(at most {_IMPOSSIBLE:.0e} is read); check its unit and sensitivity",
         )
+
+
+def _channel(recording: Recording, name: str, values: np.ndarray) -> None:
     spread = values.std()
     if spread < 1e-3:
         raise _fail(
             recording, f"{name} is dead (it varies by {np.ptp(values):.2g} m/s^2); check the cable and the units"
         )
-    if (levels := np.unique(values).size) < 8:
+    if (levels := np.unique(values).size) < 3 or (levels < 8 and samples.step(values)):
         raise _fail(
             recording,
             f"{name} is dead or too coarse: it takes {levels} values only; check the cable, and that its numbers "
@@ -336,6 +364,58 @@ def _clipping(recording: Recording, name: str, frequency: float | None) -> None:
                 f"{name} is clipped {count} times, for up to {runs.max()} samples near {place:g} s; "
                 "record with a larger range",
             )
+
+
+def _odd(recording: Recording, name: str, frequency: float | None, offset: float, warnings: list[str]) -> None:
+    """Marks that stand for missing samples are refused; spikes and jumps are told with what they cost."""
+    t, values = recording.time_s, recording.channels[name]
+    found = samples.odd(values, None if frequency is None else (t[-1] - t[0]) * frequency)
+    if found.mark is not None:
+        raise _fail(
+            recording,
+            f"{name} is {found.mark + offset:.6g} m/s^2 at {found.spikes.size} places, first at "
+            f"{t[found.spikes[0]]:.4g} s, and near it nowhere else: a mark for missing samples; cut them off, or fill "
+            "them before",
+        )
+    if found.spikes.size:
+        changed = 1.0 if frequency is None else samples.cost(t, values, frequency, found.spikes)
+        costs = "" if frequency is None else (
+            f", which change the amplitude of its sine by {100 * abs(changed) - 100:+.2g} % and its phase by "
+            f"{np.degrees(np.angle(changed)):+.2g} degrees"
+        )  # fmt: skip
+        spikes = "a spike" if found.spikes.size == 1 else f"{found.spikes.size} spikes"
+        warnings.append(
+            f"{recording.file}: {name} has {spikes} of up to {found.size:.3g} m/s^2, the first at "
+            f"{t[found.spikes[0]]:.4g} s{costs}."
+        )
+    elif found.jumps.size:
+        more = f" and at {found.jumps.size - 1} more places" * (found.jumps.size > 1)
+        warnings.append(
+            f"{recording.file}: {name} jumps by {found.size:.3g} m/s^2 at {t[found.jumps[0]]:.4g} s{more}; are samples "
+            "missing there? Then what is behind them comes early, and its phase leads."
+        )
+
+
+def _slow(recording: Recording, name: str, frequency: float | None, warnings: list[str]) -> bool:
+    """Tell with what it costs whether a channel has fewer samples than the file; and of a coarse converter."""
+    values, rate, f = recording.channels[name], recording.rate_hz, frequency or 20.0
+    grid = samples.step(values)
+    found = samples.slow(values, grid)
+    if found is not None:
+        change, delay_s = found.effect(f, rate)
+        kept = "held until the next one" if found.held else "joined by straight lines"
+        late = f", {360 * f * delay_s:.3g} degrees late" * found.held
+        hint = f", or give study.toml channels.{name.removesuffix('_m_s2')}.delay_s = {delay_s:.3g}" * found.held
+        warnings.append(
+            f"{recording.file}: {name} was sampled at {rate / found.interval:.4g} Hz and is {kept}: a sine of "
+            f"{f:.4g} Hz is {-100 * change:.2g} % too small by that{late}; record all channels at one rate{hint}."
+        )
+    elif frequency and (error := samples.by_steps(values, grid, frequency, rate)) > _COARSE:
+        warnings.append(
+            f"{recording.file}: {name} has steps of {grid:.3g} m/s^2 (its converter, or numbers saved "
+            f"with few digits), which leave its amplitude uncertain by {100 * error:.2g} %, whatever the interval says."
+        )
+    return found is not None
 
 
 def _moving(recording: Recording, channels: Mapping[str, np.ndarray], frequency: float | None) -> None:
@@ -490,6 +570,11 @@ def _level(recording: Recording, frequency: float, warnings: list[str]) -> None:
             f"{hint}."
         )
     lead = np.degrees(np.angle(ratio))
+    if why := samples.impossible(ratio):
+        warnings.append(
+            f"{recording.file}: the malleolus moves {abs(ratio):.3g} times as much as the base and lags it by "
+            f"{-lead:.3g} degrees at {frequency:.4g} Hz: {why}; {_UNIT}."
+        )
     if _late(abs(ratio), lead):
         warnings.append(
             f"{recording.file}: the malleolus lags the base by {360 - lead:.0f} degrees at {frequency:.4g} Hz, more "

@@ -10,6 +10,10 @@ if TYPE_CHECKING:
 
 #: Steps that stay within this share of the typical one are uniform as they are.
 _UNIFORM = 0.5
+#: Rounding makes odd steps again and again; fewer could be missing samples.
+_REPEATED = 3
+#: A missing sample is seen where it would jump by this times the scatter of the third differences.
+_SEEN = 8.0
 #: A step of this many typical ones is a gap, which nothing can fill.
 _GAP = 1.9
 
@@ -35,6 +39,14 @@ def rounded(time_s: np.ndarray) -> float | None:
     return None
 
 
+def straightened(time_s: np.ndarray) -> np.ndarray:
+    """Times (n,) [s] that increase, or the uniform clock that they were rounded from; others as they are."""
+    if time_s.size < 3 or np.diff(time_s).min() > 0 or rounded(time_s) is None:
+        return time_s
+    index = np.arange(time_s.size)
+    return np.polynomial.Polynomial.fit(index, time_s, 1)(index)
+
+
 def uniform(recording: "Recording") -> tuple["Recording", str]:
     """The recording at uniform times, and a sentence on what that costs; itself where nothing is to be done.
 
@@ -51,6 +63,8 @@ def uniform(recording: "Recording") -> tuple["Recording", str]:
         return recording, ""
     index = np.arange(t.size)
     unit = rounded(t)
+    if unit is not None and not _gapless(recording, unit):
+        return recording, ""
     if unit is not None:
         clock = np.polynomial.Polynomial.fit(index, t, 1)(index)
         return replace(recording, time_s=clock), (
@@ -72,3 +86,25 @@ def uniform(recording: "Recording") -> tuple["Recording", str]:
         f"for exact, the channels were brought to a uniform {1 / typical:.6g} Hz by a spline, which costs less than "
         f"0.1 % below {0.1 / typical:.3g} Hz."
     )
+
+
+def _gapless(recording: "Recording", unit: float) -> bool:
+    """Whether stamps rounded to a unit [s] are those of a uniform clock: odd steps again and again, or samples that go
+    on evenly over the few there are, as they would not if one were missing.
+    """
+    counts = np.round(np.diff(recording.time_s) / unit)
+    odd = np.flatnonzero(counts != np.median(counts))
+    if odd.size >= _REPEATED:
+        return True
+    signals = [values for name, values in recording.channels.items() if name != "time_s"]
+    for place in odd:
+        seen = would = 0.0
+        for values in signals:
+            bends = np.diff(values, 3)
+            scale = 1.4826 * float(np.median(np.abs(bends))) or 1e-12
+            near = slice(max(0, place - 2), place + 1)
+            jump = np.median(np.abs(np.diff(values[max(0, place - 3) : place + 5])))
+            seen, would = np.hypot(seen, np.abs(bends[near]).max() / scale), np.hypot(would, 2 * jump / scale)
+        if would < _SEEN or seen > 0.5 * would:
+            return False
+    return True

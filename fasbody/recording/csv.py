@@ -10,6 +10,8 @@ import re
 import sys
 import zlib
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
 from io import BytesIO, StringIO
 from itertools import islice, zip_longest
 from pathlib import Path
@@ -18,7 +20,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fasbody.exceptions import InputFileError, shown
-from fasbody.recording.channels import KNOWN_UNITS, NAMES, Channels, Layout
+from fasbody.recording.channels import KNOWN_UNITS, Channels, Layout
+from fasbody.recording.columns import Columns, Use
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -36,10 +39,10 @@ _CONTROL = bytes([*range(0x09), *range(0x0E, 0x20)])  # the same, before they ar
 #: A line of measured numbers, which is no header.
 _SAMPLES = re.compile(r"[\s\d.,;|eE+-]*\.[\s\d.,;|eE+-]*")
 _MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
-#: Columns that a recording itself has.
-_OWN = ("time", "time_s", *(f"{name}_m_s2" for name in NAMES))
 #: A time of the day, with or without its date before it.
-_STAMP = re.compile(r"(?:[\d./-]{8,10}[T ]+)?(\d{1,2}):(\d\d):(\d\d(?:[.,]\d+)?)(?:Z|[+-]\d\d:?\d\d)?")
+_STAMP = re.compile(
+    r"(?:[\d./-]{8,10}[T ]+)?(\d{1,2}):(\d\d):(\d\d(?:[.,]\d+)?)(?:Z|[+-]\d\d:?\d\d|\s*([AaPp])\.?[Mm]\.?)?"
+)
 #: Longer texts are parsed by pandas, several times as fast as numpy's parser; importing it costs what this long takes.
 _LONG = 5_000_000
 _PLAIN = b"0123456789+-.eE,;|\t\n "
@@ -167,95 +170,297 @@ def number(cell: str) -> float:
     return float(cell.replace(",", "."))
 
 
-def read_csv(file: Path, layout: Layout | None = None) -> Channels:
-    """Read one recording.
+@dataclass(frozen=True, eq=False)
+class TextTable:
+    """A recording's text: rows of headings, and below them the numbers, which are parsed when they are asked for.
 
-    The header names the columns with their units, ``time_s,base_m_s2,malleolus_m_s2[,tuberosity_m_s2]``; other columns
-    are further accelerometers where their unit or study.toml says so, else ignored. Units may also be ms or us, g,
-    mm_s2 or cm_s2, or stand in a row of their own below the names. Comma, semicolon, tab, bar or blank separate the
-    columns; decimal commas, comments, and lines above the header are understood.
+    Attributes:
+        file: for messages. text: whole. separator: of its columns. names, units: of the columns, a unit "" if no row
+            says it. line: of the headings, 0 without. first: how many lines stand above the numbers.
+        skipped: rows among the headings that were not used, in words.
+    """
+
+    file: Path
+    text: str
+    separator: str
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    line: int
+    first: int
+    skipped: tuple[str, ...] = ()
+
+    @classmethod
+    def open(cls, file: Path, layout: Layout, strict: bool = True) -> "TextTable":
+        """Find the headings, their units and where the numbers begin.
+
+        Args:
+            file: the file. layout: what study.toml says of its columns. strict: refuse columns without names.
+
+        Raises:
+            InputFileError: it is no text or empty; or it has no header, and study.toml names its columns wrongly.
+        """
+        text, skipped = _without_footer(read_text(file))
+        line, separator, names = header(text, layout.known)
+        if not any(names):
+            raise InputFileError(file, "is empty", "the first line must be time_s,base_m_s2,malleolus_m_s2")
+        bare = None if layout.known(names) and not layout.columns else _headless(text, names, line, separator, layout)
+        if bare is None:
+            if not layout.known(names) and any(c.column[:1] == "#" for c in layout.channels.values()):
+                line, separator, names = _above_numbers(text) or (line, separator, names)
+            return _headed(file, text, line, separator, names, skipped)
+        line, separator, width = bare
+        if strict and not layout.columns:
+            raise InputFileError(
+                file, "has no header line",
+                "the first line must be time_s,base_m_s2,malleolus_m_s2, or --columns time_s,base_g,... (study.toml: "
+                "columns) must name its columns",
+            )  # fmt: skip
+        if layout.columns and width != len(layout.columns):
+            listed = shown(", ".join(layout.columns))
+            raise InputFileError(
+                file, f"has {width} columns, and {len(layout.columns)} are named ({listed})",
+                "name every column, with any word for those that are no channel", line,
+            )  # fmt: skip
+        units = layout.units or ("",) * len(layout.columns)
+        return cls(file, text, separator, layout.columns, units, 0, line - 1, skipped)
+
+    @property
+    def columns(self) -> Columns:
+        """Its columns; a time of the day is in seconds."""
+        units = ["s" if index in self.stamped else unit for index, unit in enumerate(self.units)]
+        return Columns(self.names, units, line=self.line or 1)
+
+    def rate_hz(self, uses: Mapping[str, Use], layout: Layout) -> None:
+        """A text states no rate."""
+
+    def starts(self, uses: Mapping[str, Use], time_s: np.ndarray) -> Channels:
+        """A text states no start."""
+        return {}
+
+    @cached_property
+    def stamped(self) -> frozenset[int]:
+        """Columns of times of the day."""
+        cells = _row(self.text, self.first, self.separator)
+        return frozenset(i for i, cell in enumerate(cells[: len(self.names)]) if _STAMP.fullmatch(cell))
+
+    def numbers(self, wanted: Mapping[str, int]) -> Channels:
+        """Columns as floats (n,), times of the day in seconds: by name, from their index.
+
+        Raises:
+            InputFileError: a cell is no finite number; a row has more cells than headings, or fewer.
+        """
+        times = {name: index for name, index in wanted.items() if index in self.stamped}
+        rest = {name: index for name, index in wanted.items() if index not in self.stamped}
+        _no_narrower(self, wanted)
+        found = _numbers(self.file, self.text, self.separator, self.names, rest, self.first) if rest else {}
+        for name, values in found.items():
+            _no_thousands(self, name, rest[name], values)
+        clocks = {name: _seconds(self.file, self.text, self.separator, i, self.first) for name, i in times.items()}
+        return {name: (clocks | found)[name] for name in wanted}
+
+    def sample(self, most: int = 500) -> np.ndarray:
+        """The first rows of numbers, (columns, rows); NaN where a cell is none."""
+        kept: list[list[float]] = []
+        for row in lines(self.text, offset(self.text, self.first)):
+            cells = [] if COMMENT.match(row) else split(row, self.separator)
+            if len(kept) < most and len(cells) == len(self.names) and any(map(numeric, cells)):
+                kept.append([number(cell) if numeric(cell) else np.nan for cell in cells])
+        return np.array(kept, float).reshape(-1, len(self.names)).T
+
+
+def _headless(
+    text: str, names: Sequence[str], line: int, separator: str, layout: Layout
+) -> tuple[int, str, int] | None:  # fmt: skip
+    """Line, separator and width of the first row of numbers where no line is a header, None where one is.
 
     Args:
-        file: the file. layout: what study.toml says of its columns.
-
-    Returns:
-        name in SI (``time_s``, ``base_m_s2``, ...) -> (n,) values.
-
-    Raises:
-        InputFileError: with file, line and column.
+        text: whole. names, line, separator: what `header` took for headings.
+        layout: where study.toml names the columns, lines of words above as many numbers are a preamble.
     """
-    text = read_text(file)
-    layout = layout or Layout()
-    line, separator, names = header(text, layout.known)
-    if not any(names):
-        raise InputFileError(file, "is empty", "the first line must be time_s,base_m_s2,malleolus_m_s2")
-    headless = not layout.known(names) and all(numeric(cell) or _STAMP.fullmatch(cell) for cell in names if cell)
-    if headless and not layout.columns:
-        raise InputFileError(
-            file, "has no header line",
-            "the first line must be time_s,base_m_s2,malleolus_m_s2, or --columns time_s,base_g,... (study.toml: "
-            "columns) must name its columns",
-        )  # fmt: skip
-    if headless and len(names) != len(layout.columns):
-        raise InputFileError(
-            file, f"has {len(names)} columns, and {len(layout.columns)} are named ({shown(', '.join(layout.columns))})",
-            "name every column, with any word for those that are no channel", line,
-        )  # fmt: skip
-    if headless:
-        line, names = line - 1, list(layout.columns)
-        units: list[str] | None = list(layout.units) or None
-        first = line
-    else:
-        units = _units(text, line, separator, names)
-        first = line + (units is not None)
-    told = units or [""] * len(names)
-    stamped = [_STAMP.fullmatch(cell) for cell in _row(text, first, separator)]
-    told = ["s" if i < len(stamped) and stamped[i] else unit for i, unit in enumerate(told)]
-    wanted = layout.find(file, names, told, line=line or 1)
-    clock = "time_s" in wanted and bool(stamped[wanted["time_s"][0] :] and stamped[wanted["time_s"][0]])
-    times = {"time_s": _seconds(file, text, separator, wanted.pop("time_s")[0], first)} if clock else {}
-    places = {name: index for name, (index, _) in wanted.items()}
-    own = {name: at for name, at in places.items() if name in _OWN or name.removesuffix("_m_s2") in layout.channels}
-    try:
-        columns = _numbers(file, text, separator, names, places, first)
-    except InputFileError:
-        if own == places:
-            raise
-        columns = _numbers(file, text, separator, names, own, first)  # others may hold what they want
-        wanted = {name: wanted[name] for name in own}
-    channels = times | {name: columns[name] * factor for name, (_, factor) in wanted.items()}
-    return layout.timed(file, channels)
+    if all(_value(cell) for cell in names if cell):
+        return line, separator, len(names)
+    rows_of_numbers = _rows_of_numbers(text) if layout.columns else iter(())
+    return next((row for row in rows_of_numbers if row[2] == len(layout.columns)), None)
 
 
-def headings(file: Path, layout: Layout) -> tuple[list[str], list[str]]:
-    """Names and units of a recording's columns; none if it has no header."""
-    text = read_text(file)
-    line, separator, names = header(text, layout.known)
-    if all(numeric(cell) for cell in names if cell):
-        return list(layout.columns), list(layout.units) or [""] * len(layout.columns)
-    return names, _units(text, line, separator, names) or [""] * len(names)
+def _rows_of_numbers(text: str) -> Iterator[tuple[int, str, int]]:
+    """Line, separator and width of the first rows of samples alone."""
+    for number, row in enumerate(islice(lines(text), 200), 1):
+        separator = next((s for s in SEPARATORS if s in row.strip()), ",")
+        cells = split(row, separator)
+        if row.strip() and not COMMENT.match(row) and all(map(_value, cells)) and len(cells) > 1:
+            yield number, separator, len(cells)
 
 
-def first_numbers(file: Path, names: Sequence[str], most: int = 500) -> np.ndarray:
-    """The first rows of numbers below a recording's header, (columns, rows); NaN where a cell is none."""
-    text = read_text(file)
-    line, separator, found = header(text, lambda cells: sum(cell in names for cell in cells))
-    start = line - 1 if all(numeric(cell) for cell in found if cell) else line
-    kept: list[list[float]] = []
-    for row in lines(text, offset(text, start)):
-        cells = [] if COMMENT.match(row) else split(row, separator)
-        if len(kept) < most and len(cells) == len(names) and any(map(numeric, cells)):
-            kept.append([number(cell) if numeric(cell) else np.nan for cell in cells])
-    return np.array(kept, float).reshape(-1, len(names)).T
-
-
-def _units(text: str, line: int, separator: str, names: Sequence[str]) -> list[str] | None:
-    """Units in a row below the header: no number in it, and at least one unit that is known."""
-    cells = [re.sub(r"^[\[(]\s*|\s*[\])]$", "", cell) for cell in _row(text, line, separator)]
-    cells = (cells + [""] * len(names))[: len(names)]
-    if not any(cell.lower() in KNOWN_UNITS for cell in cells) or any(numeric(cell) for cell in cells):
+def _above_numbers(text: str) -> tuple[int, str, list[str]] | None:
+    """The row of headings above the first row of samples, and above its units: line, separator, names."""
+    for first, separator, width in _rows_of_numbers(text):
+        above = list(enumerate(islice(lines(text), first - 1), 1))
+        for number, row in reversed(above):
+            names = split(row, separator)
+            worded = len(names) > width // 2 and not any(map(numeric, names))
+            if worded and not any(_bare(name).lower() in KNOWN_UNITS for name in names):
+                return number, separator, names
         return None
-    return cells
+    return None
+
+
+def _without_footer(text: str) -> tuple[str, tuple[str, ...]]:
+    """The text without lines of words behind the last number, and what was left out."""
+    end, words = len(text), list[str]()
+    while end > 0 and len(words) < _HEADING_ROWS:
+        start = text.rfind("\n", 0, end - 1) + 1
+        line = text[start:end].strip()
+        if COMMENT.match(line) or any(map(numeric, re.split(r"[,;|\s]+", line))):
+            break
+        words += [line] if line else []
+        end = start
+    if not words or end == 0:
+        return text, ()
+    return text[:end], tuple(f"a footer ({shown(word)})" for word in reversed(words))
+
+
+def _bare(cell: str) -> str:
+    """A unit without the brackets around it."""
+    return re.sub(r"^[\[(]\s*|\s*[\])]$", "", cell)
+
+
+def _value(cell: str) -> bool:
+    """Whether a cell is a sample: a number or a time of the day."""
+    return numeric(cell) or _STAMP.fullmatch(cell) is not None
+
+
+def _headed(
+    file: Path, text: str, line: int, separator: str, names: Sequence[str], footer: Sequence[str]
+) -> TextTable:  # fmt: skip
+    """The rows of headings from one line to the first row of numbers: names, parts of names, units, counts."""
+    names, rows_above = list(names), line
+    body = _first_samples(text, line, separator)
+    width = len(body)
+    if len(names) == width + 1 and _TITLED.fullmatch(names[0]):  # as Qualisys: CHANNEL_NAMES in front of the names
+        names = names[1:]
+    names = _merged(names, body)
+    above = _above(text, line, separator, names)
+    if above is not None:
+        names = [f"{group} {name}".strip() for group, name in zip(_merged(above, body), names, strict=True)]
+    units, skipped = [""] * len(names), list(footer)
+    while rows_above < line + _HEADING_ROWS:
+        cells = (_row(text, rows_above, separator) + [""] * len(names))[: len(names)]
+        bare = [_bare(cell) for cell in cells]
+        if any(map(numeric, cells)):
+            if not _counts(text, cells, body, rows_above, separator):
+                break
+            skipped.append(f"a row of counts ({shown(separator.join(cells))})")
+        elif any(cell.lower() in KNOWN_UNITS for cell in bare):
+            units = bare
+        elif not any(units) and _parts(cells, names):
+            names = [f"{name} {part}".strip() for name, part in zip(names, cells, strict=True)]
+        else:
+            break
+        rows_above = _line_of_row(text, rows_above)
+    return TextTable(file, text, separator, tuple(names), tuple(units), line, rows_above, tuple(skipped))
+
+
+#: Rows of headings, units and counts at most.
+_HEADING_ROWS = 12
+#: What stands in front of a row of names and is none.
+_TITLED = re.compile(r"[A-Z]+_NAMES", re.IGNORECASE)
+
+
+def _first_samples(text: str, line: int, separator: str) -> list[str]:
+    """The cells of the fullest of the first rows of numbers below a line."""
+    found: list[str] = []
+    for row in islice(lines(text, offset(text, line)), _HEADING_ROWS):
+        cells = [] if COMMENT.match(row) else split(row, separator)
+        if sum(map(_value, cells)) > sum(map(_value, found)):
+            found = cells
+    while found and not found[-1]:
+        found.pop()
+    return found
+
+
+def _merged(names: Sequence[str], body: Sequence[str]) -> list[str]:
+    """Names with that of a merged cell over each of its columns, as far as these hold numbers."""
+    filled: list[str] = []
+    for index, name in enumerate(names):
+        over = not name and index < len(body) and numeric(body[index]) and any(filled)
+        filled.append(filled[-1] if over else name)
+    return filled
+
+
+def _above(text: str, line: int, separator: str, names: Sequence[str]) -> list[str] | None:
+    """The row of merged cells above headings that repeat themselves, as X, Y, Z, X, Y, Z."""
+    some = [name for name in names if name]
+    if line < 2 or len(set(some)) == len(some):
+        return None
+    cells = split(next(lines(text, offset(text, line - 2))), separator)
+    cells = (cells + [""] * len(names))[: len(names)]
+    return cells if any(cells) and not any(map(numeric, cells)) and "" in cells else None
+
+
+def _parts(cells: Sequence[str], names: Sequence[str]) -> bool:
+    """Whether a row of words holds parts of the names above it: one for each column under a merged name."""
+    repeated = [cell for name, cell in zip(names, cells, strict=True) if name and names.count(name) > 1]
+    return bool(repeated) and all(repeated)
+
+
+def _counts(text: str, cells: Sequence[str], body: Sequence[str], line: int, separator: str) -> bool:
+    """Whether a row holds counts of samples: one whole number in all cells, and none where samples have one."""
+    given = {cell for cell in cells if cell}
+    lacking = any(not cell and index < len(body) and _value(body[index]) for index, cell in enumerate(cells))
+    return lacking and len(given) == 1 and given.pop().isdigit()
+
+
+def _line_of_row(text: str, after: int) -> int:
+    """The number of the first line that holds cells after so many lines."""
+    for number, row in enumerate(lines(text, offset(text, after)), after + 1):
+        if row.strip() and not COMMENT.match(row):
+            return number
+    return after + 1
+
+
+def _no_narrower(table: TextTable, wanted: Mapping[str, int]) -> None:
+    """Refuse headings that are more than the cells below them, unless a time of its name shows which are which."""
+    body = _first_samples(table.text, table.first, table.separator)
+    surplus = len(table.names) - len(body)
+    while surplus > 0 and not table.names[len(body) + surplus - 1]:
+        surplus -= 1
+    if not body or surplus <= 0 or not table.line or "time_s" in wanted or "time" in wanted:
+        return
+    raise InputFileError(
+        table.file, f"names {len(body) + surplus} columns ({shown(', '.join(table.names))}), and its rows have "
+        f"{len(body)} cells: which heading is whose cannot be known",
+        "delete the heading that is none, or name the columns in study.toml (columns) and delete the header",
+        table.line,
+    )  # fmt: skip
+
+
+#: Thousands as a mark of three digits writes them; 0,125 is none.
+_THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2}(?:[.,]\d{3})+")
+
+
+def _no_thousands(table: TextTable, name: str, index: int, values: np.ndarray) -> None:
+    """Refuse a column in which a mark between thousands would be taken for that of decimals: 8,100 beside 950."""
+    thousandths = np.round(1e3 * values)
+    whole = thousandths % 1000 == 0
+    if whole.all() or not whole.any() or np.abs(1e3 * values - thousandths).max() > 1e-6:
+        return  # numbers with other than three decimals
+    if np.abs(values[~whole]).min() < 1:
+        return
+    marked = bare = ""
+    for _, cells in rows(table.file, table.text, table.separator, table.first):
+        cell = cells[index]
+        if _THOUSANDS.fullmatch(cell):
+            marked = marked or cell
+        elif re.search(r"[.,eE]", cell):
+            return
+        elif abs(float(cell)) >= 1:
+            bare = bare or cell
+    if marked and bare:
+        raise InputFileError(
+            table.file, f"{name} is {marked!r} and {bare!r}: a mark between thousands would be read as that of "
+            "decimals", "write numbers without marks between thousands, or all with their decimals",
+        )  # fmt: skip
 
 
 def _row(text: str, after: int, separator: str) -> list[str]:
@@ -335,7 +540,8 @@ def _seconds(file: Path, text: str, separator: str, index: int, first: int) -> n
         stamp = _STAMP.fullmatch(cell)
         if stamp is None:
             raise InputFileError(file, f"time is {shown(cell)!r}, not a time of the day as above it", line=line)
-        found.append(3600 * int(stamp[1]) + 60 * int(stamp[2]) + float(stamp[3].replace(",", ".")))
+        hour = int(stamp[1]) if stamp[4] is None else int(stamp[1]) % 12 + 12 * (stamp[4] in "Pp")
+        found.append(3600 * hour + 60 * int(stamp[2]) + float(stamp[3].replace(",", ".")))
     times = np.array(found)
     passed = np.concatenate([[0], np.cumsum(np.diff(times) < -43_200)]) if times.size else times
     return times + 86_400 * passed
@@ -365,7 +571,8 @@ def _cell(file: Path, name: str, cells: Sequence[str], index: int, line: int) ->
     try:
         value = number(cell)
     except ValueError:
-        raise InputFileError(file, f"{name} is {shown(cell)!r}, not a number", line=line) from None
+        hint = "write numbers without marks between thousands" if re.fullmatch(r"[-+\d.,]*\d[-+\d.,]*", cell) else ""
+        raise InputFileError(file, f"{name} is {shown(cell)!r}, not a number", hint, line) from None
     if not np.isfinite(value):
         raise InputFileError(file, f"{name} is {shown(cell)!r}", "every sample must be finite", line=line)
     return value

@@ -117,7 +117,10 @@ class Known(Tabled):
                 raise SettingError(f"{unknown('departure to exclude', name, (*DEPARTURES, 'all'))}.")
             excluded |= set(DEPARTURES) if name == "all" else {name}
         sizes = {name: getattr(self, name) if value is None else value for name, value in given.items()}
-        return replace(self, **sizes, excluded=frozenset(excluded))
+        return replace(
+            self, mass_std=sizes["mass_std"], gain_std=sizes["gain_std"], delay_std_s=sizes["delay_std_s"],
+            excluded=frozenset(excluded),
+        )  # fmt: skip
 
 
 def _number(value: Any) -> bool:

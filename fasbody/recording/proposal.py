@@ -13,8 +13,8 @@ from fasbody.console import write_whole
 from fasbody.exceptions import FasError, InputFileError, SettingError, unknown
 from fasbody.recording.channels import KNOWN_UNITS, NAMES, TIME_UNITS, VOLTAGES, Layout, heading, name_and_unit
 from fasbody.recording.condition import POSTURES
-from fasbody.recording.csv import first_numbers, headings
-from fasbody.recording.files import TEXTS, beside
+from fasbody.recording.csv import TextTable
+from fasbody.recording.files import TEXTS, beside, columns_of
 from fasbody.recording.formats import READ, ending
 from fasbody.recording.formats.reader import read_series
 from fasbody.recording.recording import Recording
@@ -257,8 +257,8 @@ def _columns(file: Path) -> tuple[list[str], list[str], float | None]:
     """Names, units and rate of a file's columns."""
     if ending(file) in TEXTS:
         layout = beside(file, Layout())
-        names, units = headings(file, layout)
-        return names, units, layout.rate_hz
+        columns = columns_of(file, layout)
+        return list(columns.names), list(columns.units), layout.rate_hz
     series = [s for s in read_series(file) if not s.what]
     return [s.name for s in series], [s.unit for s in series], next((s.rate_hz for s in series if s.rate_hz), None)
 
@@ -270,7 +270,7 @@ def _clock(file: Path, names: Sequence[str], units: Sequence[str]) -> int | None
     """
     if ending(file) not in TEXTS or not names:
         return None
-    columns = first_numbers(file, names)
+    columns = TextTable.open(file, beside(file, Layout())).sample()
     rising = []
     for index, values in enumerate(columns):
         steps = np.diff(values)

@@ -44,13 +44,14 @@ class Quality:
     Attributes:
         coherence: of malleolus and base, at the excitation; for broadband the mean over the base's power to 100 Hz.
         lead_deg: how far the malleolus is ahead, and its standard deviation `lead_std_deg`; likewise for broadband.
-        channels: by name.
+        channels: by name. ratio: how much more the malleolus moves than the base, nan for broadband.
     """
 
     coherence: float
     lead_deg: float
     lead_std_deg: float
     channels: dict[str, ChannelQuality]
+    ratio: float = float("nan")
 
     def row(self) -> dict[str, Any]:
         """For the check's table and document."""
@@ -100,7 +101,7 @@ def quality(time_s: np.ndarray, channels: dict[str, np.ndarray], frequency_hz: f
     spread = np.hypot(*(fit.std[0] / abs(fit.amplitudes[0]) for fit in (base, malleolus)))
     return Quality(
         _coherence(amplitudes["base"], amplitudes["malleolus"]), float(np.degrees(np.angle(ratio))),
-        float(np.degrees(spread)), found,
+        float(np.degrees(spread)), found, float(abs(ratio)),
     )  # fmt: skip
 
 

@@ -11,11 +11,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fasbody.exceptions import RecordingError
+from fasbody.exceptions import RecordingError, by_name
 from fasbody.foot.shaker import plain, seconds
 from fasbody.presentation import Sheet, Tabled
 from fasbody.recording import files
 from fasbody.recording.channels import Channel, Channels, Layout
+from fasbody.recording.columns import Columns, assign
 from fasbody.recording.condition import Condition, plausible
 from fasbody.recording.known import Known
 
@@ -41,6 +42,8 @@ class Recording(Tabled):
         known: what the laboratory knows beyond the recording.
         digest: sha256 of the file that it was read from, in hexadecimal; "" where there was none.
         others: (n,) of further accelerometers by name, such as ``foot`` [m/s^2].
+        used: on each channel the column, unit and clock that it was made of, in words.
+        unused: what else the file holds.
     """
 
     time_s: np.ndarray
@@ -55,6 +58,8 @@ class Recording(Tabled):
     known: Known = field(default_factory=Known)
     digest: str = ""
     others: Mapping[str, np.ndarray] = field(default_factory=dict)
+    used: tuple[str, ...] = ()
+    unused: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Arrays of any kind are kept as numpy's, and the index of a pandas Series is not looked at."""
@@ -170,9 +175,10 @@ class Recording(Tabled):
         units = ["s" if stamps else str(unit) for stamps, unit in zip(stamped, units, strict=True)]
         layout, file = layout or Layout(), Path(name)
         sizes = [values.size for values in arrays]
-        wanted = layout.find(file, list(columns), units, None, (), sizes, clocked=layout.rate_hz is not None)
+        table = Columns(list(columns), units, sizes=sizes, clocked=layout.rate_hz is not None)
         rows = {
-            key: _seconds(arrays[i], name) if stamped[i] else factor * arrays[i] for key, (i, factor) in wanted.items()
+            key: _seconds(arrays[use.index], name) if stamped[use.index] else use.factor * arrays[use.index]
+            for key, use in assign(file, table, layout).uses.items()
         }
         rows = layout.aligned(file, layout.timed(file, rows))
         others = {key.removesuffix("_m_s2"): values for key, values in rows.items() if key not in HEADER}
@@ -202,20 +208,24 @@ class Recording(Tabled):
             InputFileError: no such file, or it is not such a table; the message names line and column.
         """
         layout = layout.of(Path(file)) if layout else None
-        channels = files.read(Path(file), layout)
+        with by_name(label or str(file)):
+            found = files.reading(Path(file), layout)
+        channels, shown_as = found.channels, label or Path(file).name
         return cls(
             time_s=channels[HEADER[0]],
             base_m_s2=channels[HEADER[1]],
             malleolus_m_s2=channels[HEADER[2]],
             tuberosity_m_s2=channels.get(HEADER[3]),
             condition=condition or Condition(),
-            file=label or Path(file).name,
+            file=shown_as,
             origin=origin,
-            warnings=_remarks(Path(file).with_suffix(".json")),
+            warnings=(*_remarks(Path(file).with_suffix(".json")), *(f"{shown_as}: {w}." for w in found.warnings)),
             calibration=_with_delays(layout.channels if layout else {}, Path(file).with_suffix(".json")),
             known=layout.beyond if layout else Known(),
             digest=sha256(Path(file).read_bytes()).hexdigest(),
             others={name.removesuffix("_m_s2"): values for name, values in channels.items() if name not in HEADER},
+            used=found.used,
+            unused=found.unused,
         )
 
     @property

@@ -12,6 +12,7 @@ from fasbody.presentation import Sheet, Tabled
 from fasbody.recording.channels import Layout
 from fasbody.recording.checks import Checked, understood
 from fasbody.recording.recording import Recording
+from fasbody.recording.together import out_of_line
 from fasbody.recording.trials import Trial, describe, is_listed, listed
 
 #: Folder of the study that ships with the package: synthetic recordings of subject 16, nine of 10 to 50 Hz
@@ -97,7 +98,8 @@ class Study(Tabled):
 
     def check(self) -> Checked:
         """What the checks say of each recording: what is wrong with it, and what was understood."""
-        return Checked(self.name, tuple(understood(recording) for recording in self.recordings))
+        rows = tuple(understood(recording) for recording in self.recordings)
+        return Checked(self.name, rows, tuple(out_of_line(rows)))
 
     @classmethod
     def read(cls, folder: Path | str, only: Path | None = None) -> "Study":
@@ -124,8 +126,8 @@ def understood_trial(task: tuple[StudyFolder, Trial]) -> dict[str, Any]:
     try:
         row = understood(folder.read(trial))
     except FasError as error:
-        row = {"file": trial.label, "problem": str(error)}
-    return row | {"subject": trial.condition.subject}
+        row = {"file": trial.label, "problem": str(error), "subject": trial.condition.subject}
+    return row
 
 
 def bundled() -> Study:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from fasbody.exceptions import by_name
 from fasbody.recording.checks import checked
 from fasbody.recording.harmonics import Harmonics
 from fasbody.recording.recording import Recording, gain_and_delay
@@ -60,12 +61,17 @@ def rows(recording: Recording, resolution_hz: float = 1.0, estimate: str = "best
         RecordingError: the recording cannot serve. SettingError: no such estimate.
     """
     good = checked(recording)
+    with by_name(recording.file):
+        return _rows(good, recording.condition.frequency_hz, resolution_hz, estimate)
+
+
+def _rows(good: Recording, nominal_hz: float | None, resolution_hz: float, estimate: str) -> list[Row]:
     channels = {name.removesuffix("_m_s2"): values for name, values in good.channels.items() if name != "time_s"}
     pairs = {pair: c for pair, c in PAIRS.items() if set(c) <= set(channels)}
     if good.condition.frequency_hz is not None:
         f = good.condition.frequency_hz
         found = by_segments(good.time_s, channels, f)
-        return _pairs(good, found, pairs, channels, [recording.condition.frequency_hz or f])
+        return _pairs(good, found, pairs, channels, [nominal_hz or f])
     made = []
     for part, f in steps_of(good.time_s, channels["base"]):
         cut = {name: values[part] for name, values in channels.items()}

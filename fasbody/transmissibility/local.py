@@ -21,6 +21,8 @@ _ORDER = 2
 _NEAREST = 0.6
 #: A narrower window differs where it does by this times its standard deviation.
 _SURE = 5.0
+#: Equations with a larger condition number do not determine a response: the base drives too few lines of the window.
+_SINGULAR = 1e13
 #: Least bins of a window on each side.
 _LEAST = 8
 #: Parts of the band above the excitation in which noise is looked for.
@@ -38,23 +40,27 @@ def local(
         frequency_hz: (f,) where. band_hz: that the shaker excites. resolution_hz: half width of the windows.
 
     Raises:
-        RecordingError: too short for a window within the band.
+        RecordingError: too short for a window within the band, or no window with enough lines that the base drives.
     """
     rate = (time_s.size - 1) / (time_s[-1] - time_s[0])
-    step = rate / time_s.size
-    outs = [name for name in channels if name != "base"]
-    half = max(_LEAST, round(resolution_hz / step))
+    half = max(_LEAST, round(resolution_hz * time_s.size / rate))
     wide = _windows(channels, frequency_hz, band_hz, resolution_hz, half, rate)
+    driven = np.all([np.isfinite(H) for H in wide.H.values()], axis=0)
+    if not driven.any():
+        raise RecordingError(
+            f"base_m_s2 drives too few lines within {resolution_hz:g} Hz for their response; ask for a coarser "
+            "resolution, or record three periods or more."
+        )
+    wide = wide.at(driven)
     if half < 2 * _LEAST:
         return wide
-    narrow = _windows(channels, frequency_hz, band_hz, resolution_hz, half // 2, rate)
-    bias = {}
-    for name in outs:
-        differ = wide.H[name] / narrow.H[name] - 1
-        beyond = np.abs(differ) > _SURE * narrow.ratio(name)[1] / np.abs(narrow.H[name])
-        bias[name] = np.where(beyond, np.abs(wide.H[name] / narrow.H[name]) - 1, 0.0)
-    lost = {name: np.where(bias[name] != 0, np.abs(wide.H[name] - narrow.H[name]), 0.0) for name in outs}
-    covariance = {(a, b): c + (2 * lost[a] ** 2 if a == b else 0) for (a, b), c in wide.covariance.items()}
+    narrow = _windows(channels, wide.frequency_hz, band_hz, resolution_hz, half // 2, rate)
+    bias, covariance = {}, dict(wide.covariance)
+    for name, H in wide.H.items():
+        nearer = np.where(np.isfinite(narrow.H[name]), narrow.H[name], H)
+        beyond = np.abs(H - nearer) > _SURE * narrow.ratio(name)[1]
+        bias[name] = np.where(beyond, np.abs(H / nearer) - 1, 0.0)
+        covariance[name, name] = covariance[name, name] + 2 * np.where(beyond, np.abs(H - nearer), 0.0) ** 2
     return replace(wide, covariance=covariance, bias=bias)
 
 
@@ -105,6 +111,8 @@ def _fitted(
     normal = basis.conj().T @ basis
     weighted = powers / np.abs(A[:, None])
     normal[:count, :count] -= noise_in * (weighted.T @ weighted)
+    if np.linalg.cond(normal) > _SINGULAR:
+        return complex(np.nan), np.nan, np.full(Y.size, np.nan)
     solved = np.linalg.solve(normal, basis.conj().T @ Y)
     left = Y - basis @ solved
     if np.all(A == 1):
@@ -127,6 +135,8 @@ def _denominator(
         normal[-1, -1] -= noise_out * np.sum(weight * r**2)
         right = basis.conj().T @ (Y / A)
         right[-1] += noise_out * np.sum(weight * r)
+        if np.linalg.cond(normal) > _SINGULAR:
+            return np.ones(r.size, complex)
         a = np.linalg.solve(normal, right)[-1]
         zero = -1 / a if a else np.inf
         if abs(np.imag(zero)) < _NEAREST and abs(np.real(zero)) < 1.6:

@@ -154,11 +154,13 @@ def _settled(spectra: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
 
 def _together(values: np.ndarray, driven: np.ndarray, near: int) -> tuple[np.ndarray, np.ndarray]:
     """Means over the driven lines nearby, and how many they are."""
-    if not near:
-        return values, np.ones(values.size)
-    kernel = np.ones(2 * near + 1)
-    count = np.maximum(1, np.convolve(driven.astype(float), kernel, "same"))
-    return np.convolve(np.where(driven, values, 0), kernel, "same") / count, count
+    count = np.maximum(1, _nearby(driven.astype(float), near))
+    return _nearby(np.where(driven, values, 0), near) / count, count
+
+
+def _nearby(values: np.ndarray, near: int) -> np.ndarray:
+    """Sums (n,) over so many neighbours on each side; "same" of numpy is longer where its kernel is."""
+    return np.convolve(values, np.ones(2 * near + 1))[near : near + values.size]
 
 
 def _distorted(
@@ -175,10 +177,8 @@ def _distorted(
     P = len(left)
     noise = np.sum(np.abs(left - left.mean(axis=0)) ** 2, axis=0) / (P - 1) / P
     power = np.abs(left.mean(axis=0)) ** 2
-    kernel = np.ones(2 * _TOGETHER + 1)
-    power, noise = (
-        np.convolve(v, kernel, "same") / np.convolve(np.ones(v.size), kernel, "same") for v in (power, noise)
-    )
+    count = _nearby(np.ones(silent.size), _TOGETHER)
+    power, noise = _nearby(power, _TOGETHER) / count, _nearby(noise, _TOGETHER) / count
     sure = power > 3 * noise  # so much more is not by chance
     return np.interp(frequency, frequency[silent], np.where(sure, power - noise, 0.0))
 

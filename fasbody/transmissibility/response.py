@@ -28,6 +28,12 @@ class Response(Tabled):
     distortion: dict[str, np.ndarray] = field(default_factory=dict)
     bias: dict[str, np.ndarray] = field(default_factory=dict)
 
+    def at(self, use: np.ndarray) -> "Response":
+        """At some of the frequencies, (f,) bool."""
+        H, distortion, bias = ({k: v[use] for k, v in part.items()} for part in (self.H, self.distortion, self.bias))
+        covariance = {pair: values[use] for pair, values in self.covariance.items()}
+        return Response(self.method, self.frequency_hz[use], H, covariance, distortion, bias)
+
     def ratio(self, out: str, into: str = "base") -> tuple[np.ndarray, np.ndarray]:
         """One channel over another: (f,) complex, and (f,) standard deviation of its real (or imaginary) part."""
         if into == "base":

@@ -112,20 +112,24 @@ class Table(Presented):
         light = StudyFolder(study.name, study.origin, "", (), study.layout)  # what a process needs besides its trial
         jobs = [(light, trial, resolution_hz, estimate) for trial in study.trials]
         found: dict[int, list[Row] | str] = dict(run(_analyse, jobs, "transmissibility", processes))
-        ordered = [found[i] for i in range(len(jobs))]
-        lines = [row.document() for part in ordered if not isinstance(part, str) for row in part]
-        problems = tuple(part for part in ordered if isinstance(part, str))
-        if not lines:
-            raise RecordingError(problems[0])
-        return cls(_common_band(pd.DataFrame(lines)), study.origin, problems, covered(_stated(study.layout)))
+        return cls._made_of([found[i] for i in range(len(jobs))], study.origin, _stated(study.layout))
 
     @classmethod
     def of_recordings(
         cls, recordings: Sequence[Recording], resolution_hz: float = 1.0, estimate: str = "best"
     ) -> "Table":
         """Analyse recordings in memory."""
-        lines = [row.document() for recording in recordings for row in rows(recording, resolution_hz, estimate)]
-        return cls(_common_band(pd.DataFrame(lines)), recordings[0].origin, (), covered(recordings[0].calibration))
+        found = [_rows_or_problem(recording, resolution_hz, estimate) for recording in recordings]
+        return cls._made_of(found, recordings[0].origin, recordings[0].calibration)
+
+    @classmethod
+    def _made_of(cls, found: Sequence[list[Row] | str], origin: str, channels: Mapping[str, Channel]) -> "Table":
+        """Of the rows of each recording, or the sentence on why it has none."""
+        lines = [row.document() for part in found if not isinstance(part, str) for row in part]
+        problems = tuple(part for part in found if isinstance(part, str))
+        if not lines:
+            raise RecordingError(problems[0])
+        return cls(_common_band(pd.DataFrame(lines)), origin, problems, covered(channels))
 
     def __str__(self) -> str:
         subjects, files = self.frame["subject"].nunique(), self.frame["file"].nunique()
@@ -299,6 +303,15 @@ def _analyse(task: tuple[StudyFolder, Trial, float, str]) -> list[Row] | str:
     """Rows of one trial, or the sentence on why there are none."""
     study, trial, resolution, estimate = task
     try:
-        return [replace(row, file=trial.file) for row in rows(study.read(trial), resolution, estimate)]
+        recording = study.read(trial)
     except FasError as error:
+        return str(error)
+    found = _rows_or_problem(recording, resolution, estimate)
+    return found if isinstance(found, str) else [replace(row, file=trial.file) for row in found]
+
+
+def _rows_or_problem(recording: Recording, resolution_hz: float, estimate: str) -> list[Row] | str:
+    try:
+        return rows(recording, resolution_hz, estimate)
+    except RecordingError as error:
         return str(error)

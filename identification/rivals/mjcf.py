@@ -24,7 +24,7 @@ from fasbody.foot.model import load
 from identification.engines.engine import Excitation
 from identification.engines.mujoco import Rollouts
 from identification.rivals.result import Rivals
-from identification.rivals.steady import CONSTANTS, HARMONICS, LOAD_KG, felt
+from identification.rivals.steady import CONSTANTS, LOAD_KG, SERIES, Feet
 
 #: Mass of the sensor's body [kg], so little that the shank does not feel it, and its inertia [kg m^2].
 _SENSOR_KG, _TINY = 1e-6, "1e-9 1e-9 1e-9"
@@ -45,7 +45,7 @@ def write_models(result: Rivals, file: Path, folder: Path) -> dict[Path, float]:
         result: the comparison. file: the MJCF that the rungs are edits of. folder: to write into.
 
     Returns:
-        Each file, and the largest difference of MuJoCo's steady motion from the compiled one, as a share of its peak.
+        Each file, and the largest difference of MuJoCo from the equations, as a share of its peak.
 
     Raises:
         ModelError: the file has no such joints, or they are not where the edits expect them.
@@ -115,7 +115,7 @@ def edited_text(file: Path, name: str, title: str, values: Mapping[str, float], 
 
 
 def difference(file: Path, name: str, values: Mapping[str, float], hz: float, U: np.ndarray, load_kg: float) -> float:
-    """How far MuJoCo's steady motion of a written model is from the compiled one, as a share of the fundamental.
+    """How far MuJoCo's steady motion of a written model is from the equations' one, as a share of the fundamental.
 
     Args:
         file: the model. name: of the rung. values: its constants. hz: fundamental. U: (H,) base [m/s^2].
@@ -127,8 +127,10 @@ def difference(file: Path, name: str, values: Mapping[str, float], hz: float, U:
     y, _ = engine.orbit(0, foot.values(), (), 1e-9)
     have = 2 / y.size * np.fft.rfft(y)[1 : U.size + 1]
     c = np.array([0.0 if n in ("gain", "delay", "drift") else values[n] for n in CONSTANTS])
-    found, want, _ = felt(c, load_kg, hz, U, 0.0, np.zeros(2 * (2 * HARMONICS + 1)), False)
-    return float(np.abs(have - want).max() / abs(want[0])) if found else np.inf
+    feet = Feet.of(c, np.array([load_kg]), np.array([hz]), np.zeros(1), U[None])
+    x, found = feet.solve(np.zeros((1, 2 * SERIES.size)))
+    want = feet.felt(x)[0, : U.size]
+    return float(np.abs(have - want).max() / abs(want[0])) if found[0] else np.inf
 
 
 def _body_of(root: ET.Element, joint: str, file: Path) -> ET.Element:

@@ -8,7 +8,7 @@ from scipy.optimize import least_squares
 
 from identification.periodic import Line
 from identification.rivals.ladder import RungSpace
-from identification.rivals.steady import HARMONICS, felt, whitened
+from identification.rivals.steady import SERIES, Feet
 from identification.search import UNSTABLE
 
 #: Noise below this share of the amplitude is not believed.
@@ -17,7 +17,7 @@ _FLOOR = 1e-7
 
 @dataclass(frozen=True, eq=False)
 class Measured:
-    """Harmonics of recordings as the compiled code takes them.
+    """Harmonics of recordings as one set of arrays.
 
     Attributes:
         loads_kg, hz, places: (n,) load, fundamental, place in the session from -1/2 to 1/2.
@@ -57,15 +57,19 @@ class Measured:
             W[i, : 2 * k, : 2 * k] = np.diag(1 / np.tile(S, 2))
         return cls(np.array(loads, float), hz, places, counts, U, Y, U_std, Y_std, W)
 
+    def feet(self, c: np.ndarray) -> Feet:
+        """The foot of constants c (29,) in each recording."""
+        return Feet.of(c, self.loads_kg, self.hz, self.places, self.U)
+
     def weighed(self, c: np.ndarray) -> "Measured":
         """Whitened at constants c (29,): the base's noise through the exact derivative of the motion to it."""
-        W = self.W.copy()
+        W, feet = self.W.copy(), self.feet(c)
+        x, found = feet.solve(np.zeros((len(feet), 2 * SERIES.size)))
+        by_base = feet.by_base(x).reshape(len(feet), -1, 2, SERIES.harmonics)
         for i, k in enumerate(self.counts):
-            q = np.zeros(2 * (2 * HARMONICS + 1))
-            found, _, D = felt(c, self.loads_kg[i], self.hz[i], self.U[i, :k], self.places[i], q, True)
-            if not found:
+            if not found[i]:
                 continue
-            D = D.reshape(k, k, 2).transpose(0, 2, 1).reshape(k, 2 * k)  # all real parts of U, then all imaginary ones
+            D = by_base[i, :k, :, :k].reshape(k, 2 * k)
             G = np.concatenate([D.real, D.imag])
             S = np.diag(np.tile(self.Y_std[i, :k] ** 2, 2)) + (G * np.tile(self.U_std[i, :k] ** 2, 2)) @ G.T
             W[i, : 2 * k, : 2 * k] = np.linalg.inv(np.linalg.cholesky(S))
@@ -91,8 +95,7 @@ class RungProblem:
 
     def __init__(self, data: Measured, space: RungSpace) -> None:
         self.data, self.space = data, space
-        self._starts = np.concatenate([[0], np.cumsum(2 * data.counts)[:-1]])
-        self._motions = np.zeros((data.counts.size, 2 * (2 * HARMONICS + 1)))
+        self._motions = np.zeros((data.counts.size, 2 * SERIES.size))
         self._cache: tuple[bytes, np.ndarray, np.ndarray] | None = None
         self.evaluations = 0
 
@@ -101,19 +104,31 @@ class RungProblem:
         key = q.tobytes()
         if self._cache is None or self._cache[0] != key:
             self.evaluations += 1
-            d, m = self.data, self.data.size
             c, slope = self.space.constants(q)
-            r, J = np.empty(m), np.empty((m, c.size))
-            found = whitened(c, d.loads_kg, d.hz, d.U, d.counts, d.places, d.Y, d.W, self._starts, self._motions, r, J)
+            found, r, J = self._whitened(c)
             has, mean = self.space.prior
             rows = np.zeros((has.size, q.size))
             rows[np.arange(has.size), has] = 1.0
-            if found and np.isfinite(r).all() and np.isfinite(J).all():
+            if found and np.isfinite(J).all():
                 out = np.concatenate([r, q[has] - mean]), np.concatenate([J @ slope, rows])
             else:
-                out = np.full(m + has.size, UNSTABLE), np.zeros((m + has.size, q.size))
+                size = self.data.size + has.size
+                out = np.full(size, UNSTABLE), np.zeros((size, q.size))
             self._cache = (key, *out)
         return self._cache[1], self._cache[2]
+
+    def _whitened(self, c: np.ndarray) -> tuple[bool, np.ndarray, np.ndarray]:
+        """Whether every recording has a motion; whitened residual (m,) and its derivatives (m, 29) at constants c."""
+        d, feet = self.data, self.data.feet(c)
+        self._motions, found = feet.solve(self._motions)
+        gap, by = feet.felt(self._motions)[:, : d.Y.shape[1]] - d.Y, feet.by_constants(self._motions)
+        rows = np.concatenate([gap[..., None], by[:, : d.Y.shape[1]]], axis=2)
+        parts = [
+            W[: 2 * k, : 2 * k] @ np.concatenate([row[:k].real, row[:k].imag])
+            for W, row, k in zip(d.W, rows, d.counts, strict=True)
+        ]
+        whole = np.concatenate(parts)
+        return bool(found.all()), whole[:, 0], whole[:, 1:]
 
     def chi(self, q: np.ndarray) -> float:
         """Chi-square of the recordings at q (n,)."""
@@ -122,11 +137,10 @@ class RungProblem:
 
     def predict(self, q: np.ndarray) -> list[np.ndarray]:
         """Harmonics (H,) of the malleolus' sensor in each recording [m/s^2]; zeros where there is no motion."""
-        c, d = self.space.constants(q)[0], self.data
-        return [
-            felt(c, d.loads_kg[i], d.hz[i], d.U[i, :k], d.places[i], self._motions[i].copy(), False)[1]
-            for i, k in enumerate(d.counts)
-        ]
+        feet = self.data.feet(self.space.constants(q)[0])
+        x, found = feet.solve(self._motions)
+        Y = feet.felt(x) * found[:, None]
+        return [row[:k] for row, k in zip(Y, self.data.counts, strict=True)]
 
     def descend(self, q: np.ndarray, low: np.ndarray, high: np.ndarray, most: int) -> tuple[np.ndarray, float, bool]:
         """Minimise within bounds from q (n,): where it ended, the sum of squares, whether it came to rest."""

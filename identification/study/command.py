@@ -112,7 +112,7 @@ def main(
     checking += plan.jobs(mode, "agreement") if agreement else []
     began = time.perf_counter()
     try:
-        computed = complete(plan.work, jobs, fits, scheduler, workers, to_compile(plan) if scheduler is None else "")
+        computed = complete(plan.work, jobs, fits, scheduler, workers)
         kept = fits.documents(job.key for job in jobs)  # read and verified once: a study has hundreds
         found = {job.trials: kept.get(job.key) for job in jobs}
         checking = [job for job in checking if job.kind == "validation" or _done(found[job.trials])]
@@ -147,23 +147,13 @@ def _done(document: "Document | None") -> bool:
     return document is not None and document["status"] == "done"
 
 
-def to_compile(plan: "Plan") -> str:
-    """The sentence on a first run; empty where nothing is compiled, or no recording is a steady sine."""
-    from identification.engines.compiled import compiling
-
-    steady = any(trial.condition.frequency_hz is not None for trial in plan.trials)
-    return compiling(plan.model.foot()) if steady else ""
-
-
 def complete(
-    work: "Callable[[Job], Work]", jobs: "Sequence[Job]", store: Store, scheduler: str | None, workers: int,
-    first: str = "",
+    work: "Callable[[Job], Work]", jobs: "Sequence[Job]", store: Store, scheduler: str | None, workers: int
 ) -> int:  # fmt: skip
     """Do what is missing or failed before; returns how many jobs that were.
 
     Args:
-        work, jobs: what is to be done. store: of the documents. scheduler, workers: who does it. first: what is said
-            before anything is computed.
+        work, jobs: what is to be done. store: of the documents. scheduler, workers: who does it.
 
     Raises:
         SettingError: no scheduler or worker where one is named. InputFileError: the folder cannot be written.

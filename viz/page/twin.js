@@ -1,4 +1,4 @@
-// The two masses of Eq. 4.29 in the page of an exported file: the periodic motion by shooting, as the compiled twin does.
+// The two masses of Eq. 4.29 in the page of an exported file: the periodic motion by shooting.
 "use strict";
 
 // Rates of (z1, z2, z1', z2') under the base acceleration u, into f; returns the forces of ankle and fat pad.

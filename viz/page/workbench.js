@@ -316,13 +316,14 @@ function showFit(fit) {
 // What both branches say of each constant; what is known of it is of the branch that is shown, whose name is lit.
 function drawEstimates() {
   const { branches } = bench.fit, shown = branches[bench.branch] || branches[0], head = element("tr");
-  head.append(element("th"), ...branches.map(b => element("th", b.name, { className: b === shown && branches.length > 1 ? "shown" : "" })));
+  head.append(element("th", bench.fit.at || ""), ...branches.map(b => element("th", b.name, { className: b === shown && branches.length > 1 ? "shown" : "" })));
   head.append(element("th", "known", { title: branches.length > 1 ? `of the ${shown.name}` : "" }));
   byId("estimates").replaceChildren(head, ...shown.rows.map((row, k) => {
     const tr = element("tr"), name = element("th", row.name, { title: row.key });
     const interval = b => { const own = b.rows[k] || row; return (own.interval || number(own.value)).replace(" ± ", " ±\u00a0").replace(" to ", "\u00a0to "); };
     if (row.unit) name.append(" ", element("small", row.unit));
-    tr.append(name, ...branches.map(b => element("td", interval(b))), element("td", row.known.replace(/identi(?=fi)/, "identi\u00ad")));
+    const atRest = b => { const own = (b.rows[k] || row).at_rest; return own ? { title: `at rest ${own}` } : {}; };
+    tr.append(name, ...branches.map(b => element("td", interval(b), atRest(b))), element("td", row.known.replace(/identi(?=fi)/, "identi\u00ad")));
     return tr;
   }));
 }
@@ -365,7 +366,7 @@ function showBranch(k) {
 
 // Colours of the loads, and paler ones for the mirror's dashes, which lie over them.
 const LOADS = ["#6cb6ff", "#ffb454", "#7ee0a1", "#e58fc4", "#f3e37c"], PALE = ["#cfe6ff", "#ffe6c4", "#d4f5df", "#f6d6ea", "#fbf5cf"];
-const FIT_TITLES = { trace: "malleolus [m/s²]", residual: "residual [m/s²]", chi: "chi-square of each harmonic, if the model is true" };
+const FIT_TITLES = { trace: "malleolus [m/s²]", residual: "residual [m/s²]", chi: "chi-square of each harmonic" };
 function drawFit() {
   const found = bench.found;
   if (!found || !found.data) return;
@@ -411,13 +412,11 @@ function wornBranchName() {
 
 function drawChiSquare() {
   if (!bench.plots || !bench.found) return;
-  const known = r => r.chi_square_if_model_true !== null, chi = bench.found.chi_square.filter(r => known(r) && r.branch === shownBranchName());
+  const whole = r => r.chi_square ?? r.chi_square_if_model_true, chi = bench.found.chi_square.filter(r => r.branch === shownBranchName());
   const order = chi.sort((a, b) => a.frequency_hz * a.harmonic - b.frequency_hz * b.harmonic);
-  bench.plots.chi.box.hidden = !bench.found.chi_square.some(known);
-  if (!chi.length) bench.plots.chi.none(noTrace());
-  else bench.plots.chi.set([{ label: "", colour: ANKLE, x: order.map(r => r.frequency_hz * r.harmonic), y: order.map(r => r.chi_square_if_model_true), points: 5 }]);
+  bench.plots.chi.box.hidden = !chi.length;
+  bench.plots.chi.set([{ label: "", colour: ANKLE, x: order.map(r => r.frequency_hz * r.harmonic), y: order.map(whole), points: 5 }]);
 }
-const noTrace = () => `The ${shownBranchName()} was found only with whatever else may be true; the model alone has no trace of it.`;
 
 // Traces, residuals, chi-square and the matrix are of the branch that is shown; where there are two they say so.
 function nameBranch() {
@@ -437,10 +436,6 @@ function drawTrace() {
     return;
   }
   const mine = trace.models[shownBranchName()];
-  if (!mine) {
-    for (const key of ["trace", "residual"]) bench.plots[key].none(noTrace());
-    return;
-  }
   const x = trace.time_s.map(t => 1e3 * t);
   bench.plots.trace.set([{ label: "measured", colour: SEEN, x, y: trace.measured, points: 3 }, { label: `model, ${mine.fit_percent.toFixed(1)} %`, colour: ANKLE, x, y: mine.model }]);
   bench.plots.residual.set([{ label: "", colour: ANKLE, x, y: trace.measured.map((v, k) => v - mine.model[k]) }]);

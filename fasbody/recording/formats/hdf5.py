@@ -11,6 +11,7 @@ from fasbody.recording.channels import Channels
 from fasbody.recording.formats.series import (
     MOST_SERIES,
     RATES,
+    STARTS,
     STEPS,
     FormatError,
     Series,
@@ -42,14 +43,13 @@ def decode(file: Path) -> list[Series]:
 
         source.visititems(visit)  # visits hard links only
         check_size(0, len(datasets))
-        base_rate = _rate(source.attrs)
         for name, item in datasets:
             if _is_table(item):
                 total += item.size * len(item.dtype.names)
                 check_size(total)
                 rows = item[()]
                 numeric = [field for field in item.dtype.names if item.dtype[field].kind in "fiub"]
-                rate = _rate(item.attrs) or base_rate
+                rate = _rate(source, name)
                 found += [s for field in numeric for s in columns_of(f"{name}/{field}", rows[field], "", rate)]
                 continue
             what = _no_numbers(item)
@@ -63,9 +63,9 @@ def decode(file: Path) -> list[Series]:
             unit = item.attrs.get("units", item.attrs.get("unit", b""))
             text = unit.decode("utf-8", "replace") if isinstance(unit, bytes) else unit if isinstance(unit, str) else ""
             values, scaled, unclear = _scaled(item)
-            columns = columns_of(name, values, text, _rate(item.attrs) or base_rate)
+            columns = columns_of(name, values, text, _rate(source, name))
             found += [replace(s, scaled=scaled, unclear=unclear, start_s=_start(item.attrs)) for s in columns]
-    return with_rate(short(found))
+    return short(with_rate(found))
 
 
 def _is_table(item: Any) -> bool:
@@ -79,8 +79,6 @@ _SCALES = (
     "scale", "scaling", "scaling_factor", "gain", "sensitivity", "calibration", "calibration_factor", "conversion",
     "conversion_factor", "factor", "multiplier", "slope",
 )  # fmt: skip
-#: Attributes that say when a dataset's first sample was taken [s].
-_STARTS = ("start_s", "start_time_s", "start_time", "t0", "t0_s")
 
 
 def _scaled(item: Any) -> tuple[np.ndarray, str, str]:
@@ -121,13 +119,25 @@ def _no_numbers(item: Any) -> str:
     return "" if item.shape is not None and item.ndim <= 2 else "no vector or matrix"
 
 
-def _rate(attributes: Any) -> float | None:
-    return stated_rate((name, _number(value)) for name, value in attributes.items() if name.lower() in RATES + STEPS)
+def _rate(source: Any, name: str) -> float | None:
+    """The rate [Hz] that a dataset states, or a folder that it lies in.
+
+    Raises:
+        FormatError: two of them disagree.
+    """
+    parts = name.split("/")
+    above = [source, *(source["/".join(parts[:count])] for count in range(1, len(parts) + 1))]
+    return stated_rate(
+        (f"{item.name.strip('/')}/{key}".strip("/"), _number(value))
+        for item in above
+        for key, value in item.attrs.items()
+        if key.lower() in RATES + STEPS
+    )
 
 
 def _start(attributes: Any) -> float | None:
     """When a dataset's first sample was taken [s], if a number says."""
-    return next((value for name in _STARTS if (value := _number(attributes.get(name))) is not None), None)
+    return next((value for name in STARTS if (value := _number(attributes.get(name))) is not None), None)
 
 
 def encode(channels: Channels) -> bytes:

@@ -30,9 +30,8 @@ def decode(file: Path) -> list[Series]:
     count = int(told.get("Channels", ["0"])[0] or 0)
     body = [row for row in table[ends[1] + 2 :] if any(cell.strip() for cell in row)]
     check_size(len(body) * max(1, len(names)), len(names))
-    if x_columns == "multi":
-        raise FormatError("has a time for every channel (X_Columns Multi); save it with one, or none")
-    if not 0 < count < len(names) + 1:
+    first = [2 * i + 1 for i in range(count)] if x_columns == "multi" else [i + 1 for i in range(count)]
+    if not 0 < count < len(names) + 1 or first[-1] >= len(names):
         raise FormatError(f"announces {count} channels and names {len(names)}")
 
     def column(index: int) -> np.ndarray:
@@ -49,14 +48,27 @@ def decode(file: Path) -> list[Series]:
         except (IndexError, ValueError):
             return None
 
-    units = told.get("Y_Unit_Label", [])
+    units, clocks = told.get("Y_Unit_Label", []), told.get("Time", [])
+    starts = [_seconds(clocks[i], decimal) if i < len(clocks) else 0.0 for i in range(count)]
     found = [Series("time", "s", column(0))] if x_columns == "one" else []
-    for i in range(count):  # X_Value stands first, also where its cells are empty
+    for i, place in enumerate(first):  # X_Value stands first, also where its cells are empty
         step = value("Delta_X", i)
         rate = 1 / step if step and step > 0 else None
-        start = value("X0", i) if x_columns != "one" else None
-        found.append(Series(names[i + 1], units[i] if i < len(units) else "", column(i + 1), rate, start_s=start))
+        start = None if x_columns == "one" and len(set(starts)) == 1 else starts[i] + (value("X0", i) or 0.0)
+        if x_columns == "multi":
+            found.append(Series(f"time {i + 1}", "s", column(place - 1) + starts[i] - starts[0]))
+            start = None
+        found.append(Series(names[place], units[i] if i < len(units) else "", column(place), rate, start_s=start))
     return found
+
+
+def _seconds(clock: str, decimal: str) -> float:
+    """A time of the day [s]."""
+    try:
+        hours, minutes, seconds = (float(part.replace(decimal, ".")) for part in clock.split(":"))
+    except ValueError:
+        raise FormatError(f"states the time {clock!r}, which is no time of the day") from None
+    return 3600 * hours + 60 * minutes + seconds
 
 
 def _ends(table: list[list[str]]) -> list[int]:

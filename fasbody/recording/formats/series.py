@@ -28,6 +28,7 @@ class Series:
         what: empty, or what this is instead of a column of real numbers; it then has no values.
         start_s: when the first sample was taken [s], on one clock for the whole file, if the file says.
         scaled: by which statement of the file its values were scaled. unclear: a scale that was not applied.
+        group: sheet, structure or folder in which it lies.
     """
 
     name: str
@@ -38,6 +39,7 @@ class Series:
     start_s: float | None = None
     scaled: str = ""
     unclear: str = ""
+    group: str = ""
 
 
 def passed_over(name: str, what: str) -> Series:
@@ -67,8 +69,12 @@ def columns_of(name: str, values: np.ndarray, unit: str = "", rate_hz: float | N
 
 def short(series: list[Series]) -> list[Series]:
     """Named without their groups where that is unambiguous."""
-    lasts = Counter(s.name.rsplit("/", 1)[-1] for s in series)
-    return [s if lasts[last] > 1 else replace(s, name=last) for s in series for last in (s.name.rsplit("/", 1)[-1],)]
+    parts = [s.name.rpartition("/") for s in series]
+    lasts = Counter(last for _, _, last in parts)
+    return [
+        replace(s, name=s.name if lasts[last] > 1 else last, group=group)
+        for s, (group, _, last) in zip(series, parts, strict=True)
+    ]
 
 
 #: Names, in small letters, under which programs store the sampling rate [Hz], and the sampling interval [s].
@@ -76,7 +82,11 @@ RATES = (
     "rate_hz", "sampling_rate_hz", "fs", "sample_rate", "samplerate", "sampling_rate", "samplingrate",
     "sampling_frequency", "samplingfrequency",
 )  # fmt: skip
-STEPS = ("dt", "dt_s", "sampling_interval", "sampling_interval_s")
+STEPS = (
+    "dt", "dt_s", "sampling_interval", "sampling_interval_s", "increment", "time_base_s", "tinterval",
+)  # fmt: skip
+#: And the time of the first sample [s].
+STARTS = ("start_s", "start_time_s", "start_time", "t0", "t0_s", "start_value", "tstart")
 #: Two statements of a rate that differ by more than this share are two rates.
 _ALIKE = 1e-3
 
@@ -100,9 +110,29 @@ def stated_rate(told: Iterable[tuple[str, float | None]]) -> float | None:
 
 
 def with_rate(series: list[Series]) -> list[Series]:
-    """Without the scalars; one that is named like a sampling rate becomes that of all others."""
-    rate = stated_rate((s.name, float(s.values[0])) for s in series if s.values.size == 1)
-    return [replace(s, rate_hz=s.rate_hz or rate) for s in series if s.values.size > 1 or s.what]
+    """Without the scalars: one that is named like a rate, interval or start is that of the series below its folder.
+
+    Simcenter writes them into ``x_values`` beside the ``y_values``. Where no scalar is above a series, those of folders
+    that hold nothing else count.
+    """
+    scalars = [s for s in series if s.values.size == 1 and not s.what]
+    kept = [s for s in series if s.values.size > 1 or s.what]
+    filled = {_folder(s) for s in kept}
+
+    def told(one: Series) -> list[tuple[str, float]]:
+        above = [s for s in scalars if f"{_folder(one)}/".startswith(f"{_folder(s)}/".lstrip("/"))]
+        return [(s.name, float(s.values[0])) for s in above or scalars if above or _folder(s) not in filled]
+
+    return [replace(s, rate_hz=s.rate_hz or stated_rate(told(s)), start_s=_start(s, told(s))) for s in kept]
+
+
+def _folder(series: Series) -> str:
+    return series.name.rpartition("/")[0].removesuffix("x_values").rstrip("/")
+
+
+def _start(series: Series, told: Iterable[tuple[str, float]]) -> float | None:
+    stated = (value for name, value in told if name.rpartition("/")[2].lower() in STARTS)
+    return next(stated, None) if series.start_s is None else series.start_s
 
 
 #: A uniform time has every sample within this share of an interval of its place.

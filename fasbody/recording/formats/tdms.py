@@ -41,7 +41,7 @@ def decode(file: Path) -> list[Series]:
             stamps.append(channel.properties.get("wf_start_time"))
             offset = channel.properties.get("wf_start_offset")
             offsets.append(float(offset) if isinstance(offset, int | float) and np.isfinite(offset) else None)
-            found.append(Series(name, str(unit), values.astype(float), rate))
+            found.append(Series(name, str(unit), values.astype(float), rate, group=channel.group_name))
     starts = _starts(stamps, offsets)
     return [replace(s, start_s=start) for s, start in zip(found, starts, strict=True)]
 

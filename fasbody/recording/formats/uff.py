@@ -30,7 +30,7 @@ def decode(file: Path) -> list[Series]:
     source = pyuff.UFF(str(file))
     kinds = list(source.get_set_types())
     check_size(0, len(kinds))
-    found, times, total = [], list[np.ndarray](), 0
+    found, total = list[Series](), 0
     for index, kind in enumerate(kinds):
         if int(kind) != 58:
             continue
@@ -47,7 +47,8 @@ def decode(file: Path) -> list[Series]:
         start = float(data.get("abscissa_min") or 0.0)
         if int(data.get("abscissa_spacing", 1)) == 0:  # uneven: every sample has its own time
             step, start = uniform_step(x), float(x[0]) if x.size else 0.0
-        times += [x] if step is None else []
+        if step is None:  # the times of the channel behind them
+            found.append(Series(f"time {len(found) + 1}", "s", x))
         name = str(data.get("id1", "")).strip() or f"{data.get('rsp_node', 0)}:{data.get('rsp_dir', 0)}"
         unit = str(data.get("ordinate_axis_units_lab", "")).strip()
         kind_of = _MOTIONS.get(int(data.get("ordinate_spec_data_type") or 0))
@@ -60,12 +61,9 @@ def decode(file: Path) -> list[Series]:
             )
         )
     again = {name for name, count in Counter(s.name for s in found).items() if count > 1}
-    if times and any(s.rate_hz is not None for s in found):
+    if len({s.rate_hz is None for s in found}) > 1:
         raise FormatError("has channels with a sampling rate and channels with uneven times; resample them to one rate")
-    if any(x.shape != times[0].shape or not np.allclose(x, times[0], rtol=0, atol=1e-9) for x in times):
-        raise FormatError("has channels sampled at different uneven times; resample them to one rate")
-    clock = [Series("time", "s", times[0])] if times else []
-    return clock + [replace(s, name=f"{s.name}_{i + 1}" if s.name in again else s.name) for i, s in enumerate(found)]
+    return [replace(s, name=f"{s.name}_{i + 1}" if s.name in again else s.name) for i, s in enumerate(found)]
 
 
 def encode(channels: Channels) -> bytes:

@@ -30,7 +30,8 @@ def decode(file: Path) -> list[Series]:
         sheets += [sheet.title] * len(columns)
     again = Counter(s.name for s in found)
     return [
-        replace(s, name=f"{sheet}/{s.name}") if again[s.name] > 1 else s for s, sheet in zip(found, sheets, strict=True)
+        replace(s, name=f"{sheet}/{s.name}" if again[s.name] > 1 and len(set(sheets)) > 1 else s.name, group=sheet)
+        for s, sheet in zip(found, sheets, strict=True)
     ]
 
 

@@ -1,0 +1,339 @@
+"""Which column of a file is which channel, in which unit and by which clock, and which columns are none."""
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from fasbody.exceptions import InputFileError, shown
+from fasbody.presentation import Tabled
+from fasbody.recording.channels import (
+    ACCELERATIONS,
+    NAMES,
+    OWN,
+    TIME_UNITS,
+    UNITS,
+    VOLTAGES,
+    Channel,
+    Layout,
+    factor,
+    heading,
+    name_and_unit,
+)
+
+_CLOCK = "study.toml can name it ([channels.time] column = ...), or give sampling_rate_hz"
+_HELP = "units may also be g or ms, and study.toml can name the column ([channels.{name}] column = ...)"
+#: Words of a heading that holds times.
+_TIMES = re.compile(r"(?:^|[\W_\d])(times?|timestamps?|zeit|temps|tiempo|tempo|t|clock)(?=$|[\W_\d])")
+
+
+@dataclass(frozen=True)
+class Columns:
+    """A file's columns.
+
+    Attributes:
+        names, units: of each, a unit "" where only the name may say it. groups: sheet, structure or folder of each.
+        sizes: samples of each, if they may differ. passed: what else the file holds and why it is no column.
+        line: of the headings, if it is text. clocked: the file says its rate.
+    """
+
+    names: Sequence[str]
+    units: Sequence[str]
+    groups: Sequence[str] = ()
+    sizes: Sequence[int] = ()
+    passed: Sequence[str] = ()
+    line: int | None = None
+    clocked: bool = False
+
+    def called(self, index: int, column: str) -> bool:
+        """Whether study.toml means a column: by name, by name without its unit, with `` 2`` if two are called so, or by
+        its number.
+        """
+        wanted, plain = column.strip().lower(), [name.strip().lower() for name in self.names]
+        repeated = f"{plain[index]} {plain[: index + 1].count(plain[index])}"
+        return wanted in (plain[index], heading(self.names[index])[0], repeated, f"#{index + 1}")
+
+    def claimed(self, index: int) -> str:
+        """The unit of a column by itself, or by its heading."""
+        return self.units[index] or heading(self.names[index])[1] or name_and_unit(self.names[index])[1]
+
+    @property
+    def listed(self) -> str:
+        """All headings, for messages."""
+        passed = f"; passed over: {shown(', '.join(self.passed))}" if self.passed else ""
+        return f"found: {shown(', '.join(self.names)) or 'nothing'}{passed}"
+
+    @property
+    def times(self) -> list[int]:
+        """The columns that are times by their unit, or by their name where no unit denies it."""
+        return [index for index in range(len(self.names)) if self._is_time(index)]
+
+    def _is_time(self, index: int) -> bool:
+        name = self.names[index].strip().lower()
+        unit = self.units[index].lower() or (name_and_unit(name)[1] if name[-1:] in ")]" else "")
+        if unit:
+            return unit in TIME_UNITS
+        return name_and_unit(name)[1] not in UNITS and _TIMES.search(name) is not None
+
+
+@dataclass(frozen=True)
+class Use(Tabled):
+    """What a column is used for.
+
+    Attributes:
+        index: of the column. factor: to SI. unit: what its numbers are in.
+        clock: index of the column of its times, None for the time of all channels.
+    """
+
+    index: int
+    factor: float
+    unit: str = ""
+    clock: int | None = None
+
+
+@dataclass(frozen=True)
+class Assignment:
+    """Channels and columns.
+
+    Attributes:
+        uses: by the channel's name, ``time_s``, ``base_m_s2`` ...; ``time`` if that has no unit and a rate is known.
+        remarks: what was decided between the file and study.toml, in sentences without the file's name.
+    """
+
+    uses: dict[str, Use]
+    remarks: tuple[str, ...] = ()
+
+
+def assign(file: Path, columns: Columns, layout: Layout) -> Assignment:
+    """Find the channels among a file's columns: those of section 2.2.2, and every other that is an acceleration.
+
+    Args:
+        file: for messages. columns: of the file. layout: what study.toml says of them.
+
+    Raises:
+        InputFileError: a unit is unknown or missing, or the file gives two; a channel is missing or there twice.
+    """
+    remarks: list[str] = []
+    wanted: dict[str, tuple[int, str]] = {}
+    for channel in ("time", *NAMES):
+        found = _found(file, columns, layout, channel, remarks)
+        if found is not None:
+            index, unit = found
+            key = f"{channel}_m_s2" if channel != "time" else "time_s" if unit else "time"
+            wanted[key] = (index, unit)
+    bare = wanted.pop("time", None)  # a time that does not say its unit; a known rate tells it
+    if bare and not columns.clocked and layout.rate_hz is None:
+        hint = 'name the column time_s, time_ms or time_us, or give study.toml [channels.time] unit = "s"'
+        raise InputFileError(file, f"{columns.names[bare[0]]!r} has no unit", hint, line=columns.line)
+    if bare:
+        wanted["time"] = bare
+    elif "time_s" not in wanted and (named := _by_unit(columns)) is not None:
+        wanted["time_s"] = (named, columns.claimed(named))
+    _complete(file, columns, layout, wanted)
+    wanted |= _others(columns, layout, wanted)
+    clocks = _clocks(file, columns, layout, wanted)
+    _one_length(file, columns, wanted, clocks)
+    return Assignment(
+        {
+            key: Use(index, _factor(file, columns, layout, key, unit), unit, clocks.get(key))
+            for key, (index, unit) in wanted.items()
+        },
+        tuple(remarks),
+    )
+
+
+def _found(
+    file: Path, columns: Columns, layout: Layout, channel: str, remarks: list[str]
+) -> tuple[int, str] | None:  # fmt: skip
+    """The column of a channel, and the unit of its numbers.
+
+    Raises:
+        InputFileError: two columns, none where study.toml names one, or two units.
+    """
+    stated = layout.channels.get(channel, Channel())
+    found: list[tuple[int, str]] = []
+    for index, name in enumerate(columns.names):
+        stem, behind = name_and_unit(name)
+        if stated.column:
+            behind = behind if stem == channel else heading(name)[1]
+        mine = stem == channel and (channel == "time" or index not in columns.times)
+        if not (columns.called(index, stated.column) if stated.column else mine):
+            continue
+        unit = _unit(file, channel, behind, columns.units[index], stated.unit, remarks)
+        if channel == "time" and unit and unit.lower() not in TIME_UNITS and not stated.column:
+            continue
+        found.append((index, unit))
+    if (
+        len(found) > 1
+        and channel == "time"
+        and len({columns.groups[i] for i, _ in found} if columns.groups else ()) > 1
+    ):
+        return found[0]  # a clock for each sheet, structure or group
+    if len(found) > 1:
+        numbers = " or ".join(f"column = {index + 1}" for index, _ in found[:3])
+        hint = f"keep one of them, or say which in study.toml ([channels.{channel}] {numbers})"
+        raise InputFileError(file, f"has two columns for {channel}", hint, line=columns.line)
+    if stated.column and not found:
+        hint = "one study.toml is for files of one kind; python -m fasbody.recording convert makes them one"
+        column = repr(stated.column) if stated.column[:1] != "#" else f"number {stated.column[1:]}"
+        raise InputFileError(file, f"has no column {column} for {channel} ({columns.listed})", hint)
+    return found[0] if found else None
+
+
+def _unit(file: Path, channel: str, behind: str, beside: str, stated: str, remarks: list[str]) -> str:
+    """The unit of a channel's numbers: what study.toml says, which may overrule the file, or the file.
+
+    Args:
+        file, channel: for messages. behind: by the heading. beside: by a row or attribute of units. stated: in
+            study.toml. remarks: gets a sentence where study.toml overrules.
+    """
+    valid = TIME_UNITS if channel == "time" else ACCELERATIONS | VOLTAGES
+    known = [unit for unit in (beside, behind) if unit.lower() in valid]
+    if not stated and len(known) == 2 and not _same(valid, *known):
+        raise InputFileError(
+            file, f"{channel} is in {beside} (a unit with the column), and its heading says {behind}",
+            f"correct one of them, or say which in study.toml ([channels.{channel}] unit = ...)",
+        )  # fmt: skip
+    claimed = beside or behind
+    plain = stated.lower() in VOLTAGES and claimed.lower() == "m_s2"  # the standard heading over numbers in volts
+    if stated and claimed and not plain and not _same(valid, stated, claimed):
+        remarks.append(f"{channel} is in {stated} as study.toml says, though the file says {shown(claimed)}")
+    return stated or claimed
+
+
+def _same(valid: Mapping[str, float], one: str, other: str) -> bool:
+    one, other = one.lower(), other.lower()
+    return valid.get(one) == valid.get(other) and (one in VOLTAGES) == (other in VOLTAGES)
+
+
+def _by_unit(columns: Columns) -> int | None:
+    """The first column that has a unit of time, beside it or in brackets behind its name, under whatever name."""
+    for index, name in enumerate(columns.names):
+        bracketed = name_and_unit(name)[1] if name.strip()[-1:] in ")]" else ""
+        if (columns.units[index] or bracketed).lower() in TIME_UNITS:
+            return index
+    return None
+
+
+def _complete(file: Path, columns: Columns, layout: Layout, wanted: Mapping[str, tuple[int, str]]) -> None:
+    """Refuse a file that lacks a channel, or a time where it states no rate."""
+    if columns.line and not wanted:  # text, perhaps in another language
+        listed = ", ".join(f'[channels.{name}] column = "..."' for name in ("time", "base", "malleolus"))
+        raise InputFileError(
+            file, f"names no channel ({columns.listed})",
+            f"call its columns time_s, base_m_s2, malleolus_m_s2, or say in study.toml which is which: {listed}",
+            line=columns.line,
+        )  # fmt: skip
+    clock = ("time_s",) if columns.line and layout.rate_hz is None else ()  # only text has no rate of its own
+    for name in (*clock, "base_m_s2", "malleolus_m_s2"):
+        if name not in wanted:
+            hint = _CLOCK if name in clock else _HELP.format(name=name.removesuffix("_m_s2"))
+            raise InputFileError(file, f"has no column {name!r} ({columns.listed})", hint, line=columns.line)
+
+
+def _others(
+    columns: Columns, layout: Layout, wanted: Mapping[str, tuple[int, str]]
+) -> dict[str, tuple[int, str]]:  # fmt: skip
+    """Further accelerometers: those of study.toml, and columns that their unit says to be accelerations."""
+    taken = {index for index, _ in wanted.values()}
+    size = columns.sizes[wanted["base_m_s2"][0]] if columns.sizes else 0
+    found: dict[str, tuple[int, str]] = {}
+    for index, (name, unit) in enumerate(zip(columns.names, columns.units, strict=True)):
+        plain, claimed = heading(name)
+        stem = plain.removesuffix(f"_{claimed}") if claimed else plain
+        named = (other for other, c in layout.channels.items() if c.column and columns.called(index, c.column))
+        channel = next(named, stem)
+        stated = layout.channels.get(channel)
+        acceleration = (unit or claimed).lower() in ACCELERATIONS and OWN.fullmatch(channel)
+        if index in taken or channel.partition("_")[0] in (*NAMES, "time") or not (stated or acceleration):
+            continue
+        if not columns.sizes or stated or columns.sizes[index] == size:
+            found.setdefault(f"{channel}_m_s2", (index, (stated.unit if stated else "") or unit or claimed))
+    return found
+
+
+def _clocks(
+    file: Path, columns: Columns, layout: Layout, wanted: Mapping[str, tuple[int, str]]
+) -> dict[str, int]:  # fmt: skip
+    """The column of times of each channel that does not share the time of the file.
+
+    A table repeats its time in front of each sensor, a file with groups in each of them, and names share a word.
+
+    Raises:
+        InputFileError: study.toml names a column of times that is none.
+    """
+    main = next((wanted[key][0] for key in ("time_s", "time") if key in wanted), None)
+    times = sorted({*columns.times, *(() if main is None else (main,))})
+    chosen: dict[str, int] = {}
+    for key, (index, _) in wanted.items():
+        if key in ("time_s", "time"):
+            continue
+        stated = layout.channels.get(key.removesuffix("_m_s2"), Channel()).clock
+        if stated:
+            named = next((i for i in range(len(columns.names)) if columns.called(i, stated)), None)
+            if named is None:
+                raise InputFileError(file, f"has no column {stated!r} for the times of {key} ({columns.listed})")
+            chosen[key] = named
+        elif times:
+            chosen[key] = _clock_of(columns, index, key, [i for i in times if i != index], main)
+    return {key: index for key, index in chosen.items() if index != main}
+
+
+def _one_length(
+    file: Path, columns: Columns, wanted: Mapping[str, tuple[int, str]], clocks: Mapping[str, int]
+) -> None:  # fmt: skip
+    """Refuse channels of other lengths than the others that share their time."""
+    sizes = {key: columns.sizes[index] for key, (index, _) in wanted.items()} if columns.sizes else {}
+    odd = {key for key, size in sizes.items() if key in clocks and columns.sizes[clocks[key]] == size}
+    shared = {key: size for key, size in sizes.items() if key not in odd}
+    if len(set(shared.values())) > 1:
+        listed = ", ".join(f"{name} {size}" for name, size in shared.items())
+        raise InputFileError(file, f"its channels have different lengths ({listed})", "resample them to one rate")
+
+
+def _clock_of(columns: Columns, index: int, key: str, times: Sequence[int], main: int | None) -> int:
+    """The column of times of one column: of its group, by a word that both names have, or the one in front of it."""
+    if columns.groups and any(columns.groups[i] == columns.groups[index] for i in times):
+        times = [i for i in times if columns.groups[i] == columns.groups[index]]
+    words = {i: _words(columns.names[i]) for i in times}
+    if not all(any(word.isdigit() for word in found) for found in words.values()):  # t1 and t2, not time and time 2
+        words = {i: {word for word in found if not word.isdigit()} for i, found in words.items()}
+    mine = _words(columns.names[index]) | {key.removesuffix("_m_s2")}
+    alike = [i for i, found in words.items() if found and found <= mine]
+    if len(alike) == 1 and len(times) > 1:
+        return alike[0]
+    before = [i for i in times if i < index] or times[:1]
+    run = [before[-1]]
+    while run[0] - 1 in before:  # times side by side are of the same rows
+        run.insert(0, run[0] - 1)
+    return main if main is not None and main in run else run[0]
+
+
+def _words(name: str) -> set[str]:
+    """What tells a heading from others: its words and numbers but those of time and units."""
+    found = set(re.findall(r"[^\W\d_]+|\d+", name_and_unit(name)[0] if name.strip()[-1:] in ")]" else name.lower()))
+    return {word for word in found if (word.isdigit() or len(word) > 2) and not _TIMES.fullmatch(word)}
+
+
+def _factor(file: Path, columns: Columns, layout: Layout, key: str, unit: str) -> float:
+    """What turns a column's numbers into SI."""
+    if key == "time":
+        return 1.0
+    if key == "time_s":
+        return factor(file, "time", unit, TIME_UNITS, columns.line)
+    channel = key.removesuffix("_m_s2")
+    stated = layout.channels.get(channel, Channel())
+    if not unit:
+        hint = f"name the column {channel}_m_s2 or {channel}_g, or give study.toml [channels.{channel}]"
+        raise InputFileError(file, f"{channel} has no unit", f'{hint} unit = "m/s^2"', line=columns.line)
+    if unit.lower() in VOLTAGES:
+        if stated.sensitivity == 1.0 and not stated.volts:
+            raise InputFileError(
+                file, f"{channel} is in {unit}", f'study.toml must give channels.{channel}.sensitivity = "100 mV/g"'
+            )
+        scale = VOLTAGES[unit.lower()] if stated.volts else 1.0
+    else:
+        scale = factor(file, channel, unit, ACCELERATIONS, columns.line)
+        if stated.volts:
+            raise InputFileError(file, f"{channel} is in {unit}, and study.toml gives a sensitivity in volts")
+    return stated.sign * scale / stated.sensitivity

@@ -1,0 +1,177 @@
+"""What the samples themselves say of how they came about: held, joined by lines, spiked, jumping, in steps.
+
+Each finding has its place and its size: what it does to the amplitude and phase of the channel's sine.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+#: Share of the places that must lie a slow channel's interval apart.
+_REGULAR = 0.9
+#: Samples that repeat the one before while the channel moves, beyond this share.
+_REPEATED = 0.02
+#: A bend is none below this share of the largest: numbers have digits.
+_STRAIGHT = 3e-5
+#: Fewest changes of a slow channel.
+_FEWEST = 10
+#: A sample stands out where its neighbours miss it by this times what they usually do.
+_BEYOND = 12.0
+#: And by this share of the channel's standard deviation.
+_SHARE = 0.02
+#: How neighbours of a single spike are missed, over the spike: -2/3, as far as motion lets it.
+_BESIDE = (-0.95, -0.4)
+#: A sample of a sine is foreign beyond this times the usual range.
+_FOREIGN = 3.0
+#: More jumps than in every tenth period are the motion's own.
+_RARE = 0.1
+#: Real part of base over malleolus from which on the phase belies the amplitude; a mass on a spring has at most 1.
+_LITTLE = 2.0
+#: A resonance so large and so little damped is none of flesh.
+_MUCH, _LOSSLESS = 4.0, 0.1
+
+
+@dataclass(frozen=True)
+class Slow:
+    """A channel that was sampled more slowly than its file is.
+
+    Attributes:
+        interval: samples of the file from one of its own to the next. held: steps, else joined by straight lines.
+        age: of a held sample in the mean, in samples of the file.
+    """
+
+    interval: float
+    held: bool
+    age: float = 0.0
+
+    def effect(self, frequency_hz: float, rate_hz: float) -> tuple[float, float]:
+        """Relative change of a sine's amplitude, and its delay [s]: those of a hold, or of two in a row."""
+        turn = np.pi * frequency_hz / rate_hz
+        size = float(np.sin(turn * self.interval) / (self.interval * np.sin(turn)))
+        return (size - 1, self.age / rate_hz) if self.held else (size**2 - 1, 0.0)
+
+
+def slow(values: np.ndarray, grid: float | None = None) -> Slow | None:
+    """Whether a channel (n,) is one of fewer samples, each held, or joined by lines, up to the next.
+
+    Args:
+        values: (n,). grid: the `step` of its converter, if that is known already.
+    """
+    change, bend = np.abs(np.diff(values)), np.abs(np.diff(values, 2))
+    grid = step(values) if grid is None else grid
+    changes = np.flatnonzero(change > 0)
+    interval = _regular(changes)
+    if interval:
+        return Slow(interval, True, 0.5 * (interval - float(interval % 1 == 0)))
+    before, after = np.diff(values)[:-2], np.diff(values)[2:]
+    repeated = (change[1:-1] == 0) & (before * after > 0) & (change[:-2] + change[2:] > 8 * grid)
+    if repeated.mean() > _REPEATED:  # filled where samples were lost
+        age = np.arange(values.size - 1) - np.maximum.accumulate(np.where(change > 0, np.arange(change.size), 0))
+        return Slow(change.size / max(1, changes.size), True, float(age.mean()))
+    bends = np.flatnonzero(bend > max(4 * grid, _STRAIGHT * float(bend.max())))
+    starts = bends[np.diff(bends, prepend=-9) > 1]  # a line that bends between two samples bends at both
+    straight = bends.size <= 2.2 * starts.size and bend.max() > 80 * grid
+    interval = _regular(starts) if straight else 0.0
+    return Slow(interval, False) if interval else None
+
+
+def _regular(places: np.ndarray) -> float:
+    """The mean distance of places that lie evenly two or more samples apart, else 0."""
+    if places.size < _FEWEST:
+        return 0.0
+    gaps = np.diff(places)
+    usual = int(np.median(gaps))
+    near = np.abs(gaps - usual) <= 1
+    return float(gaps[near].mean()) if usual >= 2 and np.mean(near & (gaps > 1)) > _REGULAR else 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class Odd:
+    """Samples that their neighbours do not explain.
+
+    Attributes:
+        spikes: places of single samples that stand out. jumps: where the motion goes on elsewhere, samples lost.
+        size: of the largest [m/s^2]. mark: the number that all spikes are, None where they differ.
+    """
+
+    spikes: np.ndarray
+    jumps: np.ndarray
+    size: float = 0.0
+    mark: float | None = None
+
+
+def odd(values: np.ndarray, periods: float | None) -> Odd:
+    """The samples of a channel (n,) that stand out of their neighbours.
+
+    Args:
+        values: (n,). periods: of its sine, None for broadband.
+    """
+    missed = np.zeros(values.size)
+    middle = values[2:-2] - (4 * (values[1:-3] + values[3:-1]) - values[:-4] - values[4:]) / 6
+    missed[2:-2] = middle
+    usual = 1.4826 * float(np.median(np.abs(middle)))
+    out = np.flatnonzero(np.abs(missed) > max(_BEYOND * usual, _SHARE * float(values.std())))
+    if not out.size:
+        return Odd(out, out)
+    beside = np.stack([missed[out - 1], missed[out + 1]]) / missed[out]
+    spikes = out[np.all((beside > _BESIDE[0]) & (beside < _BESIDE[1]), axis=0)]
+    if periods is not None:
+        around = np.abs(values - np.median(values))
+        spikes = np.union1d(spikes, np.flatnonzero(around > _FOREIGN * np.quantile(around, 0.98)))
+    rest = np.array([i for i in out if not spikes.size or np.abs(spikes - i).min() > 2], int)
+    jumps = rest[np.diff(rest, prepend=-10) > 4]
+    if periods is None or jumps.size > max(3, _RARE * periods):
+        jumps = jumps[:0]
+    found = np.concatenate([spikes, jumps])
+    size = float(np.abs(missed[found]).max()) if found.size else 0.0
+    same = spikes.size > 1 and np.unique(values[spikes]).size == 1
+    return Odd(spikes, jumps, size, float(values[spikes[0]]) if same else None)
+
+
+def cost(time_s: np.ndarray, values: np.ndarray, frequency_hz: float, spikes: np.ndarray) -> complex:
+    """What spikes do to the sine of a channel (n,): its amplitude with them over that without."""
+    turn = 2 * np.pi * frequency_hz * time_s
+    basis = np.column_stack([np.ones_like(turn), np.cos(turn), np.sin(turn)])
+    kept = np.delete(np.arange(values.size), spikes)
+    both = [np.linalg.lstsq(basis[use], values[use])[0] for use in (slice(None), kept)]
+    found, clean = (c[1] - 1j * c[2] for c in both)
+    return complex(found / clean)
+
+
+def step(values: np.ndarray) -> float:
+    """The step of the converter that made a channel (n,), 0 where its values lie on no grid."""
+    apart = np.diff(np.unique(values))
+    if apart.size < 2:
+        return 0.0
+    counts = apart / apart.min()
+    return float(apart.min()) if np.abs(counts - np.round(counts)).max() < 0.02 else 0.0
+
+
+def by_steps(values: np.ndarray, grid: float, frequency_hz: float, rate_hz: float) -> float:
+    """Relative standard deviation of a sine's amplitude (and of its phase, in rad) by the steps of its converter.
+
+    Rounding that repeats itself every period does not average out: the samples of one period count, unless noise tells
+    the periods apart.
+    """
+    each, count = rate_hz / frequency_hz, values.size
+    if abs(each - round(each)) < 1e-3 * each and count > 2 * each:
+        periods = values[: count // round(each) * round(each)].reshape(-1, round(each))
+        count = round(each) if float(np.median(periods.std(axis=0))) < 0.3 * grid else count
+    return grid / np.sqrt(12) * np.sqrt(2 / count) / (np.sqrt(2) * float(values.std()))
+
+
+def impossible(ratio: complex) -> str:
+    """What is odd about malleolus over base of a sine, for a passive foot; empty where nothing is.
+
+    A mass on any spring that stores and loses energy answers with 1 / H = 1 - x exp(-i d), d from 0 to 90 degrees: what
+    moves much less than its base lags far behind it, and what moves much more is in resonance, a quarter turn behind.
+    """
+    inverse = 1 / ratio
+    loss = inverse.imag / max(1e-9, 1 - inverse.real)
+    if inverse.real > _LITTLE:
+        return "what moves so much less than its base lags by a quarter turn or more"
+    if abs(ratio) > _MUCH and loss < _LOSSLESS:
+        return (
+            f"what moves so much more is in resonance, and this one would lose no energy (a loss factor of {loss:.2g})"
+        )
+    return ""
