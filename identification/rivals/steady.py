@@ -1,4 +1,4 @@
-"""The steady motion of the two-mass foot and of its rivals by harmonic balance, with exact derivatives, compiled.
+"""The steady motion of the two-mass foot and of its rivals by harmonic balance, with derivatives.
 
 One set of equations holds for every rival, and a rival is what of it differs from zero. With the motions z1 of the
 ankle and z2 of the pad as harmonics, forces that bend (springs, dampers) are evaluated at instants of a period and
@@ -14,317 +14,224 @@ projected back; all that is linear is a number a harmonic, at s = i h omega:
 What the sensor gives is Y = [s^2 (Z1 + Z2) + U] T(s; 1 / sqrt(u), zeta_u) (1 + gain + drift x) exp(-s delay), with x
 from -1/2 to 1/2 over a session. Springs and dampers may follow the load: k_T, c_11 times exp(e_T load / 2.3 kg), and
 so for the pad.
-
-Loops stand here instead of NumPy's words, which take numba many times as long to compile.
 """
 
+from dataclasses import dataclass, replace
+from functools import cached_property
+
 import numpy as np
-from numba import njit
 
-from fasbody.foot.two_dof import solved
+from fasbody.foot.harmonic_balance import Fourier, newton
 
-#: Constants in the order of the compiled code; the first twenty-two move the foot, the others only its sensor.
+Array = np.ndarray
+#: Constants in the order of arrays.
 CONSTANTS = (
     "k_T", "k_F", "c_11", "c_12", "c_13", "c_21", "c_22", "c_23", "b_T", "p_T", "d_T", "b_F", "p_F", "d_F", "r_T",
     "r_F", "tau", "w", "f_w", "zeta_w", "m_S", "m_F", "e_T", "e_F", "u", "zeta_u", "gain", "drift", "delay",
 )  # fmt: skip
 INDEX = {name: i for i, name in enumerate(CONSTANTS)}
+#: Differences for derivatives: large against rounding, small against what bends a response by 1e-7.
+_NUDGES = np.array([
+    10, 10, 0.05, 0.02, 0.02, 0.05, 0.02, 0.02, 0.02, 0.02, 50, 0.02, 0.02, 50, 1e-4,
+    1e-4, 5e-7, 1e-4, 2e-3, 2e-5, 1e-4, 1e-4, 1e-4, 1e-4, 1e-10, 1e-5, 1e-4, 1e-4, 1e-7,
+])  # fmt: skip
 #: Harmonics of the motion, and instants of a period.
 HARMONICS, INSTANTS = 8, 32
 #: Load at which e_T and e_F are told [kg].
 LOAD_KG = 2.3
-_MOVING, _ALL = 22, len(CONSTANTS)
-_SIZE = 2 * HARMONICS + 1
-_PASSES, _LARGEST, _SMALL = 40, 2e-3, 1e-6
-_theta = 2 * np.pi * np.arange(INSTANTS) / INSTANTS
-_h = np.arange(1, HARMONICS + 1)
-#: Positions (N, 2 H + 1) of the real coefficients (mean, then real and imaginary part of each harmonic), their rates
-#: over omega, and the way back.
-_E = np.ones((INSTANTS, _SIZE))
-_E[:, 1::2], _E[:, 2::2] = np.cos(np.outer(_theta, _h)), -np.sin(np.outer(_theta, _h))
-_V = np.zeros((INSTANTS, _SIZE))
-_V[:, 1::2], _V[:, 2::2] = -_h * np.sin(np.outer(_theta, _h)), -_h * np.cos(np.outer(_theta, _h))
-_OF = np.ascontiguousarray(np.hstack([_E, _V]).T)
-_BACK = np.ascontiguousarray((_E * np.where(np.arange(_SIZE) == 0, 1.0, 2.0)).T / INSTANTS)
+SERIES = Fourier(HARMONICS, INSTANTS)
+#: Constants of ankle and pad.
+_JOINTS = np.array([
+    [INDEX[name] for name in names]
+    for names in (("k_T", "c_11", "c_12", "c_13", "b_T", "p_T", "d_T", "e_T"),
+                  ("k_F", "c_21", "c_22", "c_23", "b_F", "p_F", "d_F", "e_F"))
+])  # fmt: skip
+_SIZE = 2 * SERIES.size
+#: Size of a last step over the motion: what is left is the square of it.
+_TIGHT = 1e-8
 
 
-@njit(cache=True, error_model="numpy")
-def _moved(q, first, w, z, v):  # type: ignore[no-untyped-def]
-    """Position z (N,) and velocity v (N,) of the coefficients q from the first on."""
-    z[:], v[:] = 0.0, 0.0
-    for k in range(_SIZE):
-        a = q[first + k]
-        for t in range(INSTANTS):
-            z[t] += _OF[k, t] * a
-            v[t] += _OF[_SIZE + k, t] * (w * a)
+@dataclass(frozen=True, eq=False)
+class Feet:
+    """Feet with constants of their own, each in one recording: `harmonic_balance.Equations`.
 
+    Unknowns (n, 34) are the coefficients of z1, then those of z2 [m].
 
-@njit(cache=True, error_model="numpy")
-def _projected(force, stiff, damp, w, N, G):  # type: ignore[no-untyped-def]
-    """Coefficients N (n,) of a force, and G (n, n) their derivatives to those of the motion."""
-    N[:], G[:] = 0.0, 0.0
-    row = np.empty(_SIZE)
-    for t in range(INSTANTS):
-        for k in range(_SIZE):
-            row[k] = stiff[t] * _E[t, k] + w * damp[t] * _V[t, k]
-        for i in range(_SIZE):
-            N[i] += _BACK[i, t] * force[t]
-            for k in range(_SIZE):
-                G[i, k] += _BACK[i, t] * row[k]
-
-
-@njit(cache=True, error_model="numpy")
-def _joint(z, v, k, c1, c2, c3, b, p, d, force, stiff, damp, by):  # type: ignore[no-untyped-def]
-    """Force, tangents to z and z', and derivatives (n, 7) to k, c1, c2, c3, b, p, d of a joint that bends."""
-    for t in range(z.size):
-        x = z[t]
-        if abs(b * x) < 1e-5:
-            shape, slope, bend = x + b * x * x / 2, 1 + b * x, x * x / 2 + b * x**3 / 3
-        else:
-            grown = np.exp(b * x)
-            shape, slope = (grown - 1) / b, grown
-            bend = (x * grown - shape) / b
-        shape, slope = shape + p * x * x + d * x**3, slope + 2 * p * x + 3 * d * x * x
-        decay = np.exp(-c2 * x)
-        cos, sin = decay * np.cos(c3 * x), decay * np.sin(c3 * x)
-        force[t] = k * shape + c1 * cos * v[t]  # Eq. (4.25) beside the spring
-        stiff[t] = k * slope - c1 * (c2 * cos + c3 * sin) * v[t]
-        damp[t] = c1 * cos
-        by[t, 0], by[t, 1], by[t, 2], by[t, 3] = shape, cos * v[t], -c1 * x * cos * v[t], -c1 * x * sin * v[t]
-        by[t, 4], by[t, 5], by[t, 6] = k * bend, k * x * x, k * x**3
-
-
-@njit(cache=True, error_model="numpy")
-def _add(A, i, j, h, z):  # type: ignore[no-untyped-def]
-    """Add the complex number z of harmonic h to block (i, j) of the real matrix A."""
-    a, c = i * _SIZE + 2 * h - 1, j * _SIZE + 2 * h - 1
-    A[a, c] += z.real
-    A[a, c + 1] -= z.imag
-    A[a + 1, c] += z.imag
-    A[a + 1, c + 1] += z.real
-
-
-@njit(cache=True, error_model="numpy")
-def _put(B, i, h, column, z):  # type: ignore[no-untyped-def]
-    """Add the complex number z of harmonic h to rows of block i of the right-hand sides B."""
-    a = i * _SIZE + 2 * h - 1
-    B[a, column] += z.real
-    B[a + 1, column] += z.imag
-
-
-@njit(cache=True, error_model="numpy")
-def motion(c, load, hz, U, q):  # type: ignore[no-untyped-def]
-    """Newton's method on the balance of one recording.
-
-    Args:
-        c: constants, in the order of `CONSTANTS`. load: on the knee [kg]. hz: fundamental.
-        U: (H',) complex harmonics of the base [m/s^2], from the first. q: (2 (2 H + 1),) coefficients of z1 and z2 [m]
-            to begin with, overwritten.
-
-    Returns:
-        Whether it came to rest, and the derivatives (2 (2 H + 1), 22 + 2 H') of q to the moving constants and to the
-        real and imaginary parts of U.
+    Attributes:
+        constants: (n, 29) in the order of `CONSTANTS`.
+        loads_kg, hz, places: (n,) load on the knee, fundamental, place in the session from -1/2 to 1/2.
+        U: (n, 8) complex harmonics of the base [m/s^2], from the first.
     """
-    n, w, count = _SIZE, 2 * np.pi * hz, U.size
-    k_T, c_T = c[0] * np.exp(c[22] * load / LOAD_KG), c[2] * np.exp(c[22] * load / LOAD_KG)
-    k_F, c_F = c[1] * np.exp(c[23] * load / LOAD_KG), c[5] * np.exp(c[23] * load / LOAD_KG)
-    tau, share, m_S, m_F = c[16], c[17], c[20], c[21]
-    own, zeta = 2 * np.pi * c[18], c[19]
-    N = _E.shape[0]
-    f1, s1, d1, by1 = np.empty(N), np.empty(N), np.empty(N), np.empty((N, 7))
-    f2, s2, d2, by2 = np.empty(N), np.empty(N), np.empty(N), np.empty((N, 7))
-    A, R = np.empty((2 * n, 2 * n)), np.empty((2 * n, 1))
-    z1, v1, z2, v2 = np.empty(N), np.empty(N), np.empty(N), np.empty(N)
-    N1, G1, N2, G2 = np.empty(n), np.empty((n, n)), np.empty(n), np.empty((n, n))
-    kept = A
-    M, T = np.empty(HARMONICS, np.complex128), np.empty(HARMONICS, np.complex128)
-    for h in range(HARMONICS):
-        s = 1j * w * (h + 1)
-        above = 1 + 2 * zeta * s / own
-        T[h] = above / (above + (s / own) ** 2)
-        M[h] = load + m_S * (1 - share + share * T[h])
-    settled = False
-    for _ in range(_PASSES):
-        _moved(q, 0, w, z1, v1)
-        _moved(q, n, w, z2, v2)
-        _joint(z1, v1, k_T, c_T, c[3], c[4], c[8], c[9], c[10], f1, s1, d1, by1)
-        _joint(z2, v2, k_F, c_F, c[6], c[7], c[11], c[12], c[13], f2, s2, d2, by2)
-        finite = True
-        for t in range(N):
-            finite = finite and np.isfinite(f1[t]) and np.isfinite(f2[t])
-        if not finite:
-            return False, np.empty((0, 0))
-        _projected(f1, s1, d1, w, N1, G1)
-        _projected(f2, s2, d2, w, N2, G2)
-        for i in range(n):
-            R[i, 0], R[n + i, 0] = N1[i], N2[i] - N1[i]
-            for k in range(n):
-                A[i, k], A[i, n + k], A[n + i, k], A[n + i, n + k] = G1[i, k], 0.0, -G1[i, k], G2[i, k]
-        for h in range(1, HARMONICS + 1):
-            s = 1j * w * h
-            relax = s * tau / (1 + s * tau)
-            a, b = c[14] * k_T * relax, c[15] * k_F * relax
-            _add(A, 0, 0, h, M[h - 1] * s * s + a)
-            _add(A, 0, 1, h, M[h - 1] * s * s)
-            _add(A, 1, 0, h, -a)
-            _add(A, 1, 1, h, m_F * s * s + b)
-            Z1, Z2 = q[2 * h - 1] + 1j * q[2 * h], q[n + 2 * h - 1] + 1j * q[n + 2 * h]
-            u = U[h - 1] if h <= count else 0j
-            one = M[h - 1] * (s * s * (Z1 + Z2) + u) + a * Z1
-            two = m_F * (s * s * Z2 + u) - a * Z1 + b * Z2
-            R[2 * h - 1, 0] += one.real
-            R[2 * h, 0] += one.imag
-            R[n + 2 * h - 1, 0] += two.real
-            R[n + 2 * h, 0] += two.imag
-        kept = A.copy()
-        if not solved(A, R):
-            return False, np.empty((0, 0))
-        size, largest = 0.0, 0.0
-        for i in range(2 * n):
-            finite = finite and np.isfinite(R[i, 0])
-            size = max(size, abs(R[i, 0]))
-        if not finite:
-            return False, np.empty((0, 0))
-        for i in range(2 * n):
-            q[i] -= R[i, 0] * min(1.0, _LARGEST / size)
-            largest = max(largest, abs(q[i]))
-        if size < _SMALL * largest + 1e-16:  # what is left is the square of it
-            settled = True
-            break
-    if not settled:
-        return False, np.empty((0, 0))
-    B = np.zeros((2 * n, _MOVING + 2 * count + 2))
-    to_T, to_F = (0, 2, 3, 4, 8, 9, 10), (1, 5, 6, 7, 11, 12, 13)
-    up_T, up_F = np.exp(c[22] * load / LOAD_KG), np.exp(c[23] * load / LOAD_KG)
-    P1, P2 = np.zeros((n, 7)), np.zeros((n, 7))
-    for t in range(N):
-        for i in range(n):
-            for j in range(7):
-                P1[i, j] += _BACK[i, t] * by1[t, j]
-                P2[i, j] += _BACK[i, t] * by2[t, j]
-    for j in range(7):
-        for i in range(n):
-            one, two = P1[i, j] * (up_T if j < 2 else 1.0), P2[i, j] * (up_F if j < 2 else 1.0)
-            B[i, to_T[j]], B[n + i, to_T[j]] = one, -one
-            B[n + i, to_F[j]] = two
-    for h in range(1, HARMONICS + 1):
-        s = 1j * w * h
-        x = s * tau
-        relax = x / (1 + x)
-        by_tau = s / (1 + x) ** 2
-        Z1, Z2 = q[2 * h - 1] + 1j * q[2 * h], q[n + 2 * h - 1] + 1j * q[n + 2 * h]
-        u = U[h - 1] if h <= count else 0j
-        for column, z in ((0, c[14] * up_T * relax), (14, k_T * relax), (16, c[14] * k_T * by_tau)):
-            _put(B, 0, h, column, z * Z1)
-            _put(B, 1, h, column, -z * Z1)
-        for column, z in ((1, c[15] * up_F * relax), (15, k_F * relax), (16, c[15] * k_F * by_tau)):
-            _put(B, 1, h, column, z * Z2)
-        moved = s * s * (Z1 + Z2) + u
-        v = s / own
-        below = 1 + 2 * zeta * v + v * v
-        by_v = (2 * zeta * below - (1 + 2 * zeta * v) * (2 * zeta + 2 * v)) / below**2
-        by_zeta = 2 * v * v * v / below**2
-        _put(B, 0, h, 17, m_S * (T[h - 1] - 1) * moved)
-        _put(B, 0, h, 18, -m_S * share * by_v * v / c[18] * moved)
-        _put(B, 0, h, 19, m_S * share * by_zeta * moved)
-        _put(B, 0, h, 20, (1 - share + share * T[h - 1]) * moved)
-        _put(B, 1, h, 21, s * s * Z2 + u)
-        if h <= count:
-            for part, i in ((0, 1.0 + 0j), (1, 1j)):
-                _put(B, 0, h, _MOVING + 2 * (h - 1) + part, M[h - 1] * i)
-                _put(B, 1, h, _MOVING + 2 * (h - 1) + part, m_F * i)
-    last = _MOVING + 2 * count
-    for i in range(2 * n):  # k and c of a joint follow the load together
-        B[i, last] = (c[0] * B[i, 0] + c[2] * B[i, 2]) * load / LOAD_KG
-        B[i, last + 1] = (c[1] * B[i, 1] + c[5] * B[i, 5]) * load / LOAD_KG
-        for j in range(last + 2):
-            B[i, j] = -B[i, j]
-    return solved(kept, B), B
+
+    constants: Array
+    loads_kg: Array
+    hz: Array
+    places: Array
+    U: Array
+
+    @classmethod
+    def of(cls, constants: Array, loads_kg: Array, hz: Array, places: Array, U: Array) -> "Feet":
+        """Feet of the same constants (29,) in recordings (n,) with base harmonics (n, H), H at most 8."""
+        more = HARMONICS - U.shape[1]
+        return cls(np.tile(constants, (len(hz), 1)), loads_kg, hz, places, np.pad(U, ((0, 0), (0, more))))
+
+    def __len__(self) -> int:
+        return len(self.hz)
+
+    @cached_property
+    def s(self) -> Array:
+        """i h omega at each harmonic, (n, 8)."""
+        return 2j * np.pi * self.hz[:, None] * np.arange(1, HARMONICS + 1)
+
+    def _v(self, *names: str) -> list[Array]:
+        """Constants by name, each (n, 1)."""
+        return [self.constants[:, INDEX[name], None] for name in names]
+
+    @cached_property
+    def _joints(self) -> Array:
+        """Constants of both joints (8, n, 2, 1), k and c_1 as the load makes them."""
+        found = np.moveaxis(self.constants[:, _JOINTS], -1, 0)[..., None].copy()
+        found[:2] *= np.exp(found[-1] * self.loads_kg[:, None, None] / LOAD_KG)
+        return found
+
+    @cached_property
+    def _stiffness(self) -> tuple[Array, Array, Array, Array]:
+        """M(s) and the relaxing stiffness of ankle and pad at each harmonic, (n, 8), and m_F."""
+        r_T, r_F, tau, m_S, m_F = self._v("r_T", "r_F", "tau", "m_S", "m_F")
+        w, f_w, zeta = self._v("w", "f_w", "zeta_w")
+        k, relax = self._joints[0], self.s * tau / (1 + self.s * tau)
+        own = self.s / (2 * np.pi * f_w)
+        hangs = (1 + 2 * zeta * own) / (1 + 2 * zeta * own + own**2)
+        M = self.loads_kg[:, None] + m_S * (1 - w + w * hangs)
+        return M, r_T * k[:, 0] * relax, r_F * k[:, 1] * relax, m_F
+
+    @cached_property
+    def _linear(self) -> Array:
+        """Matrix (n, 34, 34) from motion to the forces that are linear."""
+        (M, T, F, m_F), s2 = self._stiffness, self.s**2
+        Z = np.stack([M * s2 + T, M * s2, -T, m_F * s2 + F], axis=1)
+        blocks = SERIES.dynamic(np.pad(Z, ((0, 0), (0, 0), (1, 0))))
+        blocks = blocks.reshape(-1, 2, 2, SERIES.size, SERIES.size).swapaxes(2, 3)
+        return blocks.reshape(-1, _SIZE, _SIZE)
+
+    @cached_property
+    def _shaken(self) -> Array:
+        return self._inertia(np.zeros((len(self), _SIZE)))
+
+    def _inertia(self, x: Array) -> Array:
+        """Forces that are linear in motions x (n, 34) and in the base, (n, 34)."""
+        (Z1, Z2), s2, (M, T, F, m_F) = _harmonics(x), self.s**2, self._stiffness
+        one = M * (s2 * (Z1 + Z2) + self.U) + T * Z1
+        two = m_F * (s2 * Z2 + self.U) - T * Z1 + F * Z2
+        return SERIES.real(np.stack([one, two], axis=1)).reshape(-1, _SIZE)
+
+    def _bent(self, x: Array, rows: Array, whole: bool = False) -> tuple[Array, ...]:
+        """Force of the joints (n, 2, 32), its slopes in stretch and rate, and (8, n, 2, 32) in constants."""
+        k, c_1, c_2, c_3, b, p, d, _ = self._joints[:, rows]
+        z, v, _ = SERIES.at(x.reshape(-1, 2, SERIES.size))
+        v *= 2 * np.pi * self.hz[rows, None, None]
+        grown, over = np.expm1(b * z), np.where(b == 0, 1.0, b)
+        spring, decay = np.where(b == 0, z, grown / over), np.exp(-c_2 * z)
+        shape, slope = spring + p * z**2 + d * z**3, 1 + grown + 2 * p * z + 3 * d * z**2
+        c, falls = decay * np.cos(c_3 * z), c_1 * decay * np.sin(c_3 * z)
+        force = k * shape + c_1 * c * v  # Eq. (4.25) beside the spring
+        stiff = k * slope - (c_2 * c_1 * c + c_3 * falls) * v
+        if not whole:
+            return force, stiff, c_1 * c
+        series, small = z**2 / 2 + b * z**3 / 3, np.abs(b * z) < 1e-5
+        bends = np.where(small, series, (z * (1 + grown) - spring) / over)
+        by = shape, c * v, -c_1 * z * c * v, -z * falls * v, k * bends, k * z**2, k * z**3
+        follows = self.loads_kg[rows, None, None] / LOAD_KG
+        up = np.exp(self._joints[-1, rows] * follows)
+        return force, stiff, c_1 * c, np.stack([up * by[0], up * by[1], *by[2:], force * follows])
+
+    def residual(self, x: Array, rows: Array) -> Array:
+        """What is not balanced [N], (n, 34), in some of the feet."""
+        joints = _between(SERIES.project(self._bent(x, rows)[0]))
+        return joints + (self._linear[rows] @ x[..., None])[..., 0] + self._shaken[rows]
+
+    def jacobian(self, x: Array, rows: Array) -> Array:
+        """Its derivative, (n, 34, 34)."""
+        _, stiff, damp = self._bent(x, rows)
+        rate = 2 * np.pi * self.hz[rows, None, None]
+        T, F = SERIES.tangent(np.stack([stiff, rate * damp, 0 * damp])).swapaxes(0, 1)
+        J, n = self._linear[rows], SERIES.size
+        J[:, :n, :n] += T
+        J[:, n:, :n] -= T
+        J[:, n:, n:] += F
+        return J
+
+    def size(self, x: Array) -> Array:
+        """Norm of unknowns by the accelerations of their harmonics, (n,)."""
+        signals = x.reshape(len(x), 2, -1) * np.maximum(1, SERIES.order) ** 2
+        return np.linalg.norm(signals, axis=(1, 2))
+
+    def solve(self, start: Array) -> tuple[Array, Array]:
+        """Motions (n, 34) and which there are, (n,); from rest where a start leads to none."""
+        x, _, found = newton(self, start, tight=_TIGHT)
+        if not found.all():
+            x[~found] = 0.0
+            x, _, found = newton(self, x, tight=_TIGHT)
+        x[~found] = 0.0
+        return x, found
+
+    def felt(self, x: Array) -> Array:
+        """What the malleolus' sensor gives of motions (n, 34): harmonics (n, 8) [m/s^2]."""
+        u, zeta, gain, drift, delay = self._v("u", "zeta_u", "gain", "drift", "delay")
+        f = self.s.imag / (2 * np.pi)
+        above = 1 + 2j * zeta * f * np.sqrt(np.abs(u))
+        chain = (1 + gain + drift * self.places[:, None]) * np.exp(-self.s * delay)
+        return (self.s**2 * sum(_harmonics(x)) + self.U) * above / (above - f**2 * u) * chain
+
+    def by_constants(self, x: Array) -> Array:
+        """Derivatives (n, 8, 29) of what is felt at motions x (n, 34)."""
+        nudges = np.diag(_NUDGES)
+        many = self._copies(2 * len(nudges))
+        nudged = many.constants + np.repeat(np.concatenate([nudges, -nudges]), len(x), axis=0)
+        differences = self._differences(x, replace(many, constants=nudged))
+        left, felt = (half / _NUDGES[:, None, None] for half in differences)
+        by = SERIES.project(self._bent(x, np.arange(len(x)), whole=True)[-1])
+        for joint, constants in enumerate(_JOINTS):
+            left[constants] += _between(by * (np.arange(2) == joint)[:, None])
+        return self._following(x, left, felt)
+
+    def by_base(self, x: Array) -> Array:
+        """Derivatives (n, 8, 16) of what is felt to the base's harmonics, real parts first."""
+        unit = np.concatenate([np.eye(HARMONICS), 1j * np.eye(HARMONICS)])
+        many = self._copies(2 * len(unit))
+        nudged = many.U + np.repeat(np.concatenate([unit, -unit]), len(x), axis=0)
+        return self._following(x, *self._differences(x, replace(many, U=nudged)))
+
+    def _copies(self, count: int) -> "Feet":
+        """The same feet so many times, one after the other."""
+        fields = (getattr(self, name) for name in self.__dataclass_fields__)
+        return Feet(*(np.concatenate([field] * count) for field in fields))
+
+    def _differences(self, x: Array, many: "Feet") -> tuple[Array, Array]:
+        """Half of what p copies of the feet have more than p others, at motions x that stay.
+
+        Returns:
+            Forces that are linear (p, n, 34), and what is felt (p, n, 8).
+        """
+        still, shape = np.tile(x, (len(many) // len(x), 1)), (2, -1, len(x))
+        force = many._inertia(still).reshape(*shape, _SIZE)
+        felt = many.felt(still).reshape(*shape, HARMONICS)
+        return (force[0] - force[1]) / 2, (felt[0] - felt[1]) / 2
+
+    def _following(self, x: Array, left: Array, felt: Array) -> Array:
+        """What is felt more, (n, 8, p), as motions x follow forces left, beside felt (p, n, 8)."""
+        moved = np.linalg.solve(self.jacobian(x, np.arange(len(x))), -np.moveaxis(left, 0, -1))
+        many = replace(self, U=0 * self.U)._copies(len(left))  # felt is linear in x and U
+        follows = many.felt(np.moveaxis(moved, -1, 0).reshape(-1, _SIZE))
+        return np.moveaxis(felt + follows.reshape(felt.shape), 0, -1)
 
 
-@njit(cache=True, error_model="numpy")
-def felt(c, load, hz, U, place, q, noisy):  # type: ignore[no-untyped-def]
-    """What the malleolus' sensor gives in one recording; arguments as `motion`.
-
-    Args:
-        place: of the recording in its session, -1/2 to 1/2. noisy: derivatives to U instead of those to the constants.
-
-    Returns:
-        Whether there is a motion, harmonics Y (H',) [m/s^2], and derivatives (H', 29) or (H', 2 H').
-    """
-    count, n = U.size, _SIZE
-    found, dq = motion(c, load, hz, U, q)
-    width = 2 * count if noisy else _ALL
-    Y, D = np.zeros(count, np.complex128), np.zeros((count, width), np.complex128)
-    if not found:
-        return False, Y, D
-    for h in range(1, count + 1):
-        s = 2j * np.pi * hz * h
-        a, b = 2 * h - 1, 2 * h
-        moved = s * s * (q[a] + q[n + a] + 1j * (q[b] + q[n + b])) + U[h - 1]
-        f = hz * h
-        root = np.sqrt(max(c[24], 0.0))
-        upper = 1 + 2j * c[25] * f * root
-        lower = upper - f * f * c[24]
-        mount = upper / lower
-        turn = -2 * np.pi * hz * h * c[28]
-        late = np.cos(turn) + 1j * np.sin(turn)
-        chain = (1 + c[26] + c[27] * place) * late
-        Y[h - 1] = moved * mount * chain
-        if noisy:
-            for j in range(2 * count):
-                k = _MOVING + j
-                D[h - 1, j] = s * s * (dq[a, k] + dq[n + a, k] + 1j * (dq[b, k] + dq[n + b, k]))
-            D[h - 1, 2 * h - 2] += 1.0
-            D[h - 1, 2 * h - 1] += 1j
-            for j in range(2 * count):
-                D[h - 1, j] *= mount * chain
-            continue
-        for j in range(24):
-            k = j if j < 22 else _MOVING + 2 * count + j - 22
-            D[h - 1, j] = s * s * (dq[a, k] + dq[n + a, k] + 1j * (dq[b, k] + dq[n + b, k])) * mount * chain
-        D[h - 1, 24] = moved * f * f * (1 + 1j * c[25] * f * root) / lower**2 * chain
-        D[h - 1, 25] = moved * 2j * f * root * (lower - upper) / lower**2 * chain
-        D[h - 1, 26] = moved * mount * late
-        D[h - 1, 27] = moved * mount * late * place
-        D[h - 1, 28] = -s * Y[h - 1]
-    return True, Y, D
+def _harmonics(x: Array) -> Array:
+    """Complex harmonics (2, n, 8) of z1 and z2, of unknowns x (n, 34)."""
+    return SERIES.complex(x.reshape(-1, 2, SERIES.size)).swapaxes(0, 1)
 
 
-@njit(cache=True, error_model="numpy")
-def whitened(c, loads, hz, U, counts, places, measured, W, starts, q, r, J):  # type: ignore[no-untyped-def]
-    """Whitened residual and its derivatives to the constants, of all recordings.
-
-    Args:
-        c: (29,) constants. loads, hz, places: (n,). U, measured: (n, H) complex, of which counts (n,) are used.
-        W: (n, 2 H, 2 H) whiteners. starts: (n,) first row of each. q: (n, 2 (2 H + 1)) motions, overwritten.
-        r: (m,) and J: (m, 29), overwritten.
-
-    Returns:
-        Whether every recording has a motion.
-    """
-    noisy = J.shape[1] != _ALL  # False, and no constant, for which numba would compile `felt` once more
-    for i in range(loads.size):
-        k = counts[i]
-        found, Y, D = felt(c, loads[i], hz[i], U[i, :k], places[i], q[i], noisy)
-        if not found:
-            q[i] = 0.0
-            found, Y, D = felt(c, loads[i], hz[i], U[i, :k], places[i], q[i], noisy)
-            if not found:
-                q[i] = 0.0
-                return False
-        gap, by = np.empty(2 * k), np.empty((2 * k, _ALL))
-        for h in range(k):
-            gap[h], gap[k + h] = (Y[h] - measured[i, h]).real, (Y[h] - measured[i, h]).imag
-            for j in range(_ALL):
-                by[h, j], by[k + h, j] = D[h, j].real, D[h, j].imag
-        for h in range(2 * k):
-            row = starts[i] + h
-            r[row] = 0.0
-            for j in range(_ALL):
-                J[row, j] = 0.0
-            for m in range(2 * k):
-                r[row] += W[i, h, m] * gap[m]
-                for j in range(_ALL):
-                    J[row, j] += W[i, h, m] * by[m, j]
-    return True
+def _between(joints: Array) -> Array:
+    """Forces on shank and foot (..., 34) of ankle and pad (..., 2, 17)."""
+    ankle, pad = joints[..., 0, :], joints[..., 1, :]
+    return np.concatenate([ankle, pad - ankle], axis=-1)
