@@ -230,17 +230,19 @@ def _inverse(matrices: Array) -> Array:
 
 
 class System(Protocol):
-    """One system under a periodic excitation.
+    """One system under a periodic excitation."""
 
-    Attributes:
-        name: for messages.
-        frequency_hz: of the excitation.
-        metric: (n, n) by which accelerations are measured, such as a mass matrix.
-    """
+    @property
+    def name(self) -> str:
+        """For messages."""
 
-    name: str
-    frequency_hz: float
-    metric: Array
+    @property
+    def frequency_hz(self) -> float:
+        """Of the excitation."""
+
+    @property
+    def metric(self) -> Array:
+        """By which accelerations are measured (n, n), such as a mass matrix."""
 
     def residual(self, series: Fourier, x: Array, share: float) -> Array:
         """What must vanish (n, 2 H + 1) at coefficients x under a share of the excitation."""

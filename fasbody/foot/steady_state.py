@@ -381,7 +381,7 @@ class Balance:
         series, x, slopes = orbit.series, orbit.solution.x, orbit.slopes
         with callbacks():
             changes = [(a.rows(series, x) - b.rows(series, x)) / apart for a, b, apart in pairs]
-        change = series.project(np.moveaxis(changes, 1, -1))  # (p, r, 2 H + 1), the motion held
+        change = series.project(np.moveaxis(np.array(changes), 1, -1))  # (p, r, 2 H + 1), the motion held
         J = orbit.shaken.assembled(series, slopes[:, :, : len(x)])
         moved = np.linalg.solve(J, -change[:, self.free].reshape(len(pairs), -1).T)
         out = {}
