@@ -52,6 +52,8 @@ STARTS = 4
 SHORTER = 5
 #: What plan and fit are told that cannot be, unless the option says otherwise: then masses, gain and delay are left.
 EXCLUDED = ("all",)
+#: What is recorded here repeats exactly, as no person does; the plan knows.
+REPEATABILITY = 0.0
 #: Feet from which on something is required.
 ENOUGH = 100
 
@@ -143,7 +145,7 @@ def planned(foot: Virtual, exclude: Sequence[str]) -> tuple[tuple[Step, ...], di
     from identification.plan.shaker import Shaker
 
     person = Person(load("two_dof"), foot.body_kg, Known().told(MASS_STD, exclude=exclude), "made")
-    director = Director(person, Shaker(), seed=foot.seed)
+    director = Director(person, Shaker(repeatability=REPEATABILITY), seed=foot.seed)
     director.aim(director.as_thesis())
     steps = director.session(len(thesis()) // 3, sum(step.seconds for step in thesis()))
     return steps, dict(director.outlook(steps).half_width)
@@ -385,7 +387,7 @@ def session(seed: int) -> Ran:
         finally:
             since[0] = time.process_time()
 
-    shaker = Shaker(every_hz=5.0, loads_kg=(0.0, 4.5), seconds=4.0)
+    shaker = Shaker(every_hz=5.0, loads_kg=(0.0, 4.5), seconds=4.0, repeatability=REPEATABILITY)
     asked = dict.fromkeys(COUNTED, 0.10)
     done = Session(person, shaker, asked, 9, 120.0, seed, 6, record).run()
     last = done.good[-1] if done.good else None

@@ -22,10 +22,11 @@ from fasbody.foot.model import load
 from fasbody.foot.shaker import harmonics
 from fasbody.foot.simulate import simulate
 from fasbody.foot.steady_state import Balance
-from fasbody.foot.two_mass import parameters, resolved
+from fasbody.foot.two_mass import orbits, parameters
 from fasbody.leg.chain import Leg
 from identification.derived import linearised
-from identification.engines.twin import twin_applies
+from identification.engines.twin import SHANK as ON_SHANK
+from identification.engines.twin import carriers
 from identification.study.loops import cycle
 from viz.load import load_foot
 from viz.motion import discretise, periodic_motion
@@ -129,18 +130,18 @@ def balanced(file: Path) -> dict[str, complex]:
 
 
 def fitted(file: Path) -> dict[str, complex]:
-    """The motion of a fit: the two-mass foot in closed form where it is this model, else on MuJoCo's dynamics."""
+    """The motion that a fit begins from: the two-mass foot in closed form where it is this model."""
     foot = load(file)
-    if not twin_applies(foot):
-        return {"T": complex(Balance(foot).orbit(HZ, [PEAK]).harmonics()[0] / PEAK)}
-    orbit = resolved(parameters(foot.values())[None], np.array([2 * np.pi * HZ]), np.array([[PEAK + 0j]]))
-    return {"T": complex(orbit.shank[0, 0] / PEAK)}
+    if carriers(foot).get("malleolus") != ON_SHANK:
+        return balanced(file)
+    found = orbits(parameters(foot.values())[None], np.array([2 * np.pi * HZ]), PEAK * np.eye(1, 6, dtype=complex))
+    return {"T": complex(found.shank[0, 0] / PEAK)}
 
 
 def energies(file: Path) -> dict[str, complex]:
     """What a fit says of the energy in the pad."""
     foot = load(file)
-    found = cycle(foot, HZ, [PEAK], foot.values(), twin_applies(foot))
+    found = cycle(foot, HZ, [PEAK], foot.values(), carriers(foot).get("malleolus") == ON_SHANK)
     return {"dissipated": found.fat_pad.dissipated_j / PEAK**2}
 
 

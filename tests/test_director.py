@@ -27,14 +27,14 @@ from fasbody.recording.known import DEPARTURES, Known
 from fasbody.recording.recording import Recording
 from fasbody.recording.study import Study
 from identification.branches import EXCHANGED
+from identification.nuisances import FOOT_STD, SHANK_STD
 from identification.plan.__main__ import _of, app, show
 from identification.plan.belief import Band, Belief
 from identification.plan.candidates import PLANNED, THESIS, UNLOADED, Candidates, Step, thesis
 from identification.plan.director import GOAL, Director
-from identification.plan.observed import Observed, coherence, observed
-from identification.nuisances import FOOT_STD, SHANK_STD
 from identification.plan.feet import Feet
 from identification.plan.information import Seen, Sight
+from identification.plan.observed import Observed, coherence, observed
 from identification.plan.prior import LOSS_STD, STIFFNESS_STD, Person
 from identification.plan.protocol import Protocol, shaking_s
 from identification.plan.record import Offer
@@ -311,7 +311,10 @@ def test_what_costs_most_and_what_would_help_is_said(wide: Director) -> None:
 def test_session_says_when_nothing_that_is_left_helps() -> None:
     """With 0.5 s left after two minutes under one load."""
     foot = replace(virtual(11), noise_m_s2=0.2)
-    who, shaker = Person(load("two_dof"), foot.body_kg, Known(), "made"), Shaker(every_hz=20.0, loads_kg=(0.0,), repeatability=0.0)
+    who, shaker = (
+        Person(load("two_dof"), foot.body_kg, Known(), "made"),
+        Shaker(every_hz=20.0, loads_kg=(0.0,), repeatability=0.0),
+    )
     data = [checked(r) for r in recorded(foot, thesis((0.0,), 120.0)[::2], 5)]
     short, ask = replace(shaker, seconds=0.5), dict.fromkeys(EXCHANGED, 0.02)
     session = Session(who, short, ask, 4, 0.5, 0, 4, lambda step: data[0], None, data)

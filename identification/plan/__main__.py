@@ -5,7 +5,7 @@ import time
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.markup import escape
@@ -66,9 +66,7 @@ _Seconds = Annotated[float, typer.Option(help="length of a recording in s")]
 _Noise = Annotated[float, typer.Option(help="noise of a sensor, rms of a sample in m/s^2, until recordings tell it")]
 _Repeatability = Annotated[
     float,
-    typer.Option(
-        metavar="SHARE", help="scatter of a harmonic from one recording to the next, until recordings tell it"
-    ),
+    typer.Option(metavar="SHARE", help="scatter of a harmonic between recordings, until they tell it"),
 ]
 _Exclude = Annotated[
     str | None,
@@ -140,22 +138,14 @@ def propose(
       python -m identification.plan run --simulate --auto --out my_study
     """
     from identification.plan.result import planned
+    from identification.space import names
 
     began = time.perf_counter()
     shaker = _shaker(
-        frequencies,
-        loads,
-        amplitude,
-        amplitudes,
-        displacement,
-        force,
-        table_mass,
-        kinds,
-        sensors,
-        seconds,
-        noise,
-        repeatability,
-    )
+        frequencies, loads, amplitude_m_s2=amplitude, amplitudes_m_s2=_numbers(amplitudes, "--amplitudes"),
+        displacement_m=displacement, force_n=force, table_kg=table_mass, kinds=names(kinds) or (),
+        sensors=names(sensors) or (), seconds=seconds, noise_m_s2=noise, repeatability=repeatability,
+    )  # fmt: skip
     if not 60 * minutes >= seconds:
         raise SettingError(f"--minutes {minutes:g} leaves no room for a recording of {seconds:g} s; give more.")
     if (subject or posture) and not data:
@@ -250,19 +240,9 @@ def run(
             f"--amplitude {int(1000 * COMMANDED * max_acceleration) / 1000:g} or less."
         )
     shaker = _shaker(
-        frequencies,
-        loads,
-        amplitude,
-        amplitudes,
-        displacement,
-        force,
-        table_mass,
-        "sine",
-        "malleolus",
-        seconds,
-        noise,
-        repeatability,
-    )
+        frequencies, loads, amplitude_m_s2=amplitude, displacement_m=displacement, force_n=force, table_kg=table_mass,
+        seconds=seconds, noise_m_s2=noise, repeatability=repeatability,
+    )  # fmt: skip
     earlier = _earlier([out] if (out / "recordings.csv").is_file() else None, None)
     if len({r.condition.subject for r in earlier}) > 1:  # a study of several people: those of this one count
         earlier = [r for r in earlier if r.condition.subject == subject]
@@ -291,32 +271,15 @@ def run(
         raise AcquisitionError(result.reason)
 
 
-def _shaker(
-    frequencies: str,
-    loads: str,
-    amplitude: float,
-    amplitudes: str | None,
-    displacement: float,
-    force: float | None,
-    table_mass: float,
-    kinds: str,
-    sensors: str,
-    seconds: float,
-    noise: float,
-    repeatability: float,
-) -> "Shaker":
+def _shaker(frequencies: str, loads: str, **limits: Any) -> "Shaker":
+    """A shaker from texts, and from limits by their names."""
     from identification.plan.shaker import Shaker
-    from identification.space import names
 
     try:
         low, high, step = (float(part) for part in frequencies.split(":"))
     except ValueError:
         raise SettingError(f"--frequencies {frequencies!r} is not START:STOP:STEP, for example 10:50:2.") from None
-    return Shaker(
-        low, high, step, amplitude, displacement, force, table_mass, _numbers(amplitudes, "--amplitudes"),
-        _numbers(loads, "--loads"), names(kinds) or (), names(sensors) or (), seconds, noise_m_s2=noise,
-        repeatability=repeatability,
-    )  # fmt: skip
+    return Shaker(low, high, step, loads_kg=_numbers(loads, "--loads"), **limits)
 
 
 def _numbers(text: str | None, option: str) -> tuple[float, ...]:

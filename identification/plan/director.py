@@ -38,10 +38,8 @@ GOAL = {"k_T": 0.03, "k_F": 0.03, "c_11": 0.06, "c_21": 0.06}
 AS_THESIS = 1.05
 #: The search of a session. Rounds in which its recordings are exchanged, and the gain in nats that is worth a change.
 _ROUNDS, _LEAST_GAIN = 5, 1e-3
-#: How often the search begins again from a session of which some recordings were drawn at random: at least, at most,
-#: and not again once it has scored all candidates so often by all feet (a bound of the time). Sessions after a restart
-#: are exchanged by these few feet; which one is best is judged by all.
-_LEAST_RESTARTS, _MOST_RESTARTS, _MOST_LOOKS, _FEET_OF_RESTARTS = 2, 8, 60, 8
+#: Feet that search; which session is best is judged by all, and where nothing departs all exchange once more.
+_SEARCHING = 8
 #: A protocol that goes on for ever has every candidate so often, and oftener until the noise of all of them together
 #: is that of a sample with this rms [m/s^2], and their scatter this share: far below any sensor and any person.
 _FOR_EVER, _SILENT, _STILL = 1e4, 1e-3, 1e-5
@@ -90,7 +88,7 @@ class Director:
         self.person, self.shaker, self.seed = person, shaker, seed
         self.candidates = Candidates(shaker, person.leg_kg).steps
         self.done = tuple(map(step_of, earlier))
-        # the order of the session, the starts of the belief, and the feet (with the restarts of the search)
+        # the order of the session, the starts of the belief, and the feet
         self._order, starts, self._stream = np.random.SeedSequence([seed, len(earlier)]).spawn(3)
         compared = self.thesis() if compares else ()
         every = tuple(dict.fromkeys(map(self._unit, [*self.candidates, *compared, *self.done])))
@@ -305,10 +303,8 @@ class Director:
         1. Pieces are added one by one, each where it adds most, until what is asked is expected to be met (`_grown`).
         2. Whole recordings are put elsewhere, and single pieces moved from one to another, while that gains; pieces
            that the goal does not need are taken out (`_polished`).
-        3. Some recordings of the best session so far are put at random places and step 2 is done again, several times.
-
-        Where departures are allowed there are more than twice the unknowns: then a few of the feet search, without
-        step 3 (eight times the search made intervals of other feet narrower by 3 % at most).
+        A few of the feet search. Where nothing departs from the model, step 2 is done once more by all of them; else
+        there are twice the unknowns, and that is not worth its time.
 
         Args:
             most: recordings.
@@ -324,19 +320,9 @@ class Director:
                 "give more time, or shorter ones."
             )
         self._scored.clear()
-        feet = min(_FEET_OF_RESTARTS, self.feet) if self._departs else self.feet
-        first = best = self._polished(self._grown(Counter(), most, pieces, feet), most, pieces, feet)
-        rng = np.random.default_rng(stream(self._stream, "restarts"))
-        for restart in range(0 if self._departs else _MOST_RESTARTS):
-            if restart >= _LEAST_RESTARTS and sum(feet for *_, feet in self._scored) > _MOST_LOOKS * self.feet:
-                break
-            other = best.copy()
-            for place in rng.permutation(sorted(best))[: rng.integers(1, len(best) + 1)]:
-                moved = other.pop(int(place))  # before the new place is filled: it may be the same one
-                other[int(rng.integers(len(self.candidates)))] += moved
-            other = self._polished(other, most, pieces, min(_FEET_OF_RESTARTS, self.feet))
-            best = max(best, other, key=self._rank)
-        if best != first:  # it was exchanged by few feet
+        few = min(_SEARCHING, self.feet)
+        best = self._polished(self._grown(Counter(), most, pieces, few), most, pieces, few)
+        if not self._departs:
             best = max(best, self._polished(best, most, pieces, self.feet), key=self._rank)
         return tuple(
             sorted(self._steps(best), key=lambda s: (s.added_mass_kg, s.frequency_hz, -s.amplitude_m_s2, s.kind))

@@ -135,7 +135,7 @@ class Feet:
         self._held = np.where(seen.held, _HELD, self._P)[:, None] * np.eye(mean.size)
         self._names, self._rivals = variables.names, _departures(variables)
         # derivatives (D, r, n): of the main constants' logarithms, the prior's slope, and units of the departures
-        L = variables.slopes(variables.logarithms, seen.q)
+        L = variables.slopes(variables.logarithms, seen.q, np.arange(mean.size))
         units = np.eye(mean.size)[[i for places in self._rivals for i in places]]
         units = np.broadcast_to(units, (len(true), *units.shape))
         rows = np.concatenate([L, (self._P * true)[:, None], units], axis=1)[:, None]
@@ -144,7 +144,7 @@ class Feet:
         self._rows = rows[..., self._felt]
         self._J = np.ascontiguousarray(seen.J[..., self._felt])
 
-    def sums(self, places: Sequence[int], lengths: Sequence[float]) -> Sums:
+    def sums(self, places: Sequence[int], lengths: Sequence[float] | np.ndarray) -> Sums:
         """Of recordings of the steps at some places, so many usual lengths long."""
         at, x = list(places), self.seen
         W = 1 / (x.noise[:, at] / np.array(lengths, float)[:, None] + x.scatter[:, at])
@@ -169,7 +169,7 @@ class Feet:
     def gains(self, done: Sums, plan: Mapping[int, float], length: float = 1.0, feet: int | None = None) -> np.ndarray:
         """What each candidate of a length adds by the first feet: (K, 4) as in `Score`.
 
-        A recording updates what is known as a measurement does in Kalman's filter, with as many rows as it has readings.
+        A recording updates what is known as a measurement does in Kalman's filter.
 
         Args:
             done: recordings that stay as they are.

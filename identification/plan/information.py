@@ -103,7 +103,7 @@ class Sight:
         return Seen(Q, rival, held, J, K, missed, noise, scatter), moves & also
 
     def rivals(self, Q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The likeliest feet (D, n) of the other branch if all steps are made of feet Q (D, n), and what rests on bounds.
+        """The likeliest feet (D, n) of the other branch if all steps are made of feet Q (D, n), and what is at bounds.
 
         One step from the mirror image is not enough where much else may be true: then it may go far, and miss little.
         """

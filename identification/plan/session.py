@@ -1,7 +1,7 @@
 """Shaking, fitting and planning in turn, until what is asked is met, or can never be, or the time is over."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -23,7 +23,7 @@ from identification.plan.prior import Person
 from identification.plan.protocol import shaking_s
 from identification.plan.result import EVERY, Longer, believed, goal, unreachable
 from identification.plan.shaker import Shaker
-from identification.plan.words import listed, minutes, percent, plain, whole
+from identification.plan.words import in_the_way, listed, minutes, percent, plain, whole
 
 #: Why a session ended.
 MET, NEVER, SPENT, FAILING, STOPPED = "met", "never", "spent", "failing", "stopped"
@@ -63,18 +63,23 @@ class Taken:
     """One step that was tried.
 
     Attributes:
-        step: as proposed. observed: what it was, None where it failed. why: it failed. bands: of the constants after it.
-        log_odds: of the likelier branch after it. branch: its name. decided: whether that is beyond 1000 to 1.
+        step: as proposed.
+        observed: what it was, None where it failed.
+        why: it failed.
+        bands: of the constants after it.
+        log_odds: of the likelier branch after it.
+        branch: its name.
+        decided: whether that is beyond 1000 to 1.
         stalled: it was the board that failed, not the step.
     """
 
     step: Step
     observed: Observed | None
-    why: str
-    bands: Mapping[str, Band]
-    log_odds: float
-    branch: str
-    decided: bool
+    why: str = ""
+    bands: Mapping[str, Band] = field(default_factory=dict)
+    log_odds: float = 0.0
+    branch: str = ""
+    decided: bool = False
     stalled: bool = False
 
 
@@ -146,13 +151,7 @@ class Shaken(Presented):
         for t in self.taken:
             row: dict[str, Any] = {**asdict(t.step), "sensors": ",".join(t.step.sensors)}
             row |= asdict(t.observed) if t.observed else {}
-            row |= {
-                "why": t.why,
-                "stalled": t.stalled,
-                "branch": t.branch,
-                "log_odds": t.log_odds,
-                "decided": t.decided,
-            }
+            row |= {name: getattr(t, name) for name in ("why", "stalled", "branch", "log_odds", "decided")}
             for name in EXCHANGED:
                 if name in t.bands:
                     row |= {f"{name}_{end}": getattr(t.bands[name], end) for end in ("value", "lower", "upper")}
@@ -260,8 +259,7 @@ class Session:
         belief = director.belief
         count, spent = len(self._recordings) - self._before, shaking_s([t.step for t in self._taken if t.observed])
         if belief is not None:
-            bands = belief.open_bands(EXCHANGED)
-            wide = [name for name, share in director.asked.items() if bands[name].half_width > share]
+            bands, wide = belief.open_bands(EXCHANGED), self._wide(director)
             if belief.decided and not wide:
                 return MET, "What is asked is met."
             ever = director.for_ever()
@@ -286,7 +284,7 @@ class Session:
         if belief is None or not rest:
             return None
         now, then, bands = director.outlook(()), director.outlook(rest), belief.open_bands(EXCHANGED)
-        wide = [name for name, share in director.asked.items() if bands[name].half_width > share]
+        wide = self._wide(director)
         helps = any(then.half_width[name] < _HELPS * now.half_width[name] for name in wide)
         if helps or (not belief.decided and then.decided > now.decided):
             return None
@@ -302,19 +300,25 @@ class Session:
         belief, good = director.belief, [t.step for t in self._taken if t.observed]
         if belief is None or not good:
             return ""
-        ever, bands = director.for_ever(), belief.open_bands(EXCHANGED)
-        wide = [n for n, share in director.asked.items() if bands[n].half_width > share]
+        ever, wide = director.for_ever(), self._wide(director)
         names = [n for n in wide if director.asked[n] >= ever.half_width[n]]
         branch = not belief.decided and ever.decided >= SHARE
         never, open_ = [n for n in wide if n not in names], not belief.decided and not branch
         text = _unreachable(director, ever, never, open_) if never or open_ else ""
         done = [replace(step, seconds=self._shaker.seconds) for step in good]
-        again = [step for step in done if step in director.candidates]
-        steps = {"these recordings": again, EVERY: director.candidates}
+        steps = {"these recordings": [s for s in done if s in director.candidates], EVERY: director.candidates}
         longer = Longer.of(director, steps, names, branch, self._seconds) if names or branch else None
         if longer:
-            text = f"Noise is in the way of {', '.join([*names, *['the branch'] * branch])}. {longer} {text}"
+            what = in_the_way(director.shaker.repeatability)
+            what, of = what[:1].upper() + what[1:], ", ".join([*names, *["the branch"] * branch])
+            text = f"{what} in the way of {of}. {longer} {text}"
         return text.strip()
+
+    def _wide(self, director: Director) -> list[str]:
+        """Constants whose intervals are wider than asked."""
+        assert director.belief is not None
+        bands = director.belief.open_bands(EXCHANGED)
+        return [name for name, share in director.asked.items() if bands[name].half_width > share]
 
     def _next(self, director: Director) -> Step | None:
         """The step of a plan for what is left of the time that adds most.
@@ -351,16 +355,16 @@ class Session:
             found = observed(recording)
         except Stalled as error:
             self._again = step
-            self._taken.append(Taken(step, None, str(error), {}, 0.0, "", False, stalled=True))
+            self._taken.append(Taken(step, None, str(error), stalled=True))
             self._offering.told(f"{step}: the board stalled, {error}")
             return
         except (AcquisitionError, RecordingError, SimulationError) as error:
             self._failed.add((step.frequency_hz, step.added_mass_kg))
-            self._taken.append(Taken(step, None, str(error), {}, 0.0, "", False))
+            self._taken.append(Taken(step, None, str(error)))
             self._offering.told(f"{step}: failed, {error}")
             return
         self._recordings.append(recording)
-        self._taken.append(Taken(step, found, "", {}, 0.0, "", False))
+        self._taken.append(Taken(step, found))
         self._left = tuple(s for s in self._left if not _among(s, [step]))
         notes = []
         if found.distortion > DISTORTED:
