@@ -13,6 +13,7 @@ from jinja2 import Environment, PackageLoader, select_autoescape
 from markupsafe import Markup
 
 from fasbody import console
+from fasbody.presentation import readable
 from fasbody.recording.condition import FOOT_MASS_FRACTION, SHANK_MASS_FRACTION
 from identification import figures
 from identification.derived import Row, derived
@@ -46,6 +47,7 @@ def html(result: FitResult, drawn: dict[str, str] | None = None, folder: Path | 
     return environment.get_template("report.html").render(
         result=result, label=label, chance=chance, interval=interval, allowed=allowed, energies=_energies(result),
         day=date.today().isoformat(), found=found, key=key, rule=RULE, bases=(WHATEVER, IF_TRUE), rests=rests,
+        readable=readable,
         hits={start["branch"]: start["hits"] for start in result.starts if "hits" in start},
         pictures={name: {"svg": Markup(drawn[name][drawn[name].index("<svg") :]), "caption": texts[name]}
                   for name in texts},
@@ -140,10 +142,12 @@ def captions(result: FitResult) -> dict[str, str]:
             "average. Parts above the dashed line, or many high ones at one load or frequency, show where the model "
             "misses."
         )
-    at = f" Stiffness and damping are at {result.wide.reference_frequency_hz:.3g} Hz" if result.relaxes else ""
+    at = ""
+    if result.wide and result.relaxes:
+        at = f" Stiffness and damping are at {result.wide.reference_frequency_hz:.3g} Hz; diamonds: at rest."
     texts["parameters"] = (
         f"Estimates of each branch from {n}; {interval}."
-        + (f"{at}; diamonds: at rest." if at else "")
+        + at
         + (" The dotted line is the truth." if result.truth else "")
     )
     if found.data or any(recording.frequency_hz is None for recording in result.recordings):

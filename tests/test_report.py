@@ -11,7 +11,7 @@ from test_result import estimate, result
 
 import mjcf
 from fasbody.foot.model import load
-from fasbody.presentation import COLOURS
+from fasbody.presentation import COLOURS, readable
 from identification import figures, report
 from identification.derived import derived
 from identification.result import FitResult
@@ -96,7 +96,9 @@ def test_a_page_says_what_the_legs_mass_costs_and_at_which_frequency_values_hold
     page, rows = unescape(whole), derived(fitted).scale
     assert f"known to\n± {rows[0]['of_it_mass_percent']:.2g} % here" in page
     for row in rows:
-        assert f"<td>{row['half_width_percent']:.3g} %</td>" in page and f"<td>{row['per_kg']:.4g}</td>" in page
+        assert (
+            f"<td>{row['half_width_percent']:.3g} %</td>" in page and f"<td>{readable(row['per_kg'], 3)}</td>" in page
+        )
     assert "<th>value, at 18.2 Hz</th>" in page
     at_rest = report.rests(fitted)
     assert at_rest and set(at_rest) <= {"k_T_n_per_m", "k_F_n_per_m", "c_11_n_s_per_m", "c_21_n_s_per_m"}

@@ -116,8 +116,8 @@ def test_derivatives_are_those_of_differences() -> None:
         assert np.abs(D[:, i] - wide).max() < 1e-5 * np.abs(wide).max(), name
     noisy = feet.by_base(x)[0, :3]
     for i, turn in enumerate((1, 1j)):
-        nudge = 1e-5 * turn * np.array([0, 1, 0])
-        wide = (response(c, 20.0, U + nudge, 2.3) - response(c, 20.0, U - nudge, 2.3)) / 2e-5
+        turned = 1e-5 * turn * np.array([0, 1, 0])
+        wide = (response(c, 20.0, U + turned, 2.3) - response(c, 20.0, U - turned, 2.3)) / 2e-5
         assert np.abs(noisy[:, 1 + 8 * i] - wide).max() < 1e-5 * np.abs(wide).max()
 
 
@@ -227,6 +227,7 @@ def test_only_what_all_adequate_rivals_say_is_shared() -> None:
     assert both == {"k_T": False, "k_F": True, "branch": True, "stiffer": False}
     out = compared(model, replace(far, bic=130.0))  # out-predicted, so it has no say
     assert all(c.shared for c in out.conclusions) and [r.name for r in out.adequate] == ["model"]
+    assert far.k_T and far.k_F
     open_ = replace(model, log_odds=1.0, other=(far.k_T, far.k_F))
     assert {c.what for c in compared(open_).conclusions if c.shared} == {"k_F"}
 

@@ -1,7 +1,7 @@
-"""The same recordings against a ladder of rival models: each at its best, ranked by BIC and by what it predicts."""
+"""The same recordings against a ladder of rival models, ranked by BIC and by what they predict."""
 
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -17,11 +17,17 @@ from identification.engines.twin import twin_applies
 from identification.harmonics import Line
 from identification.intervals import Solution
 from identification.result import Estimate
-from identification.rivals.ladder import LADDER, LINEAR, Candidate, Rung, RungVariables, edited, rungs_of
+from identification.rivals.ladder import (
+    LADDER,
+    LINEAR,
+    Candidate,
+    Rung,
+    RungVariables,
+    edited,
+    rungs_of,
+)
 from identification.rivals.result import MODEL, Own, Point, Rival, Rivals, preferred
-from identification.rivals.search import Contender, climb, deviance, held_out
-
-Advance = Callable[[str, int, int], None]
+from identification.rivals.search import Advance, Contender, climb, deviance, held_out
 
 
 def compare_rivals(
@@ -64,8 +70,8 @@ def compare_rivals(
     given = [study] if isinstance(study, Recording) else list(study)
     data = _checked(given)
     known = Known.of_all([r.known for r in data]).told(mass_std=mass_std, gain_std=gain_std, delay_std_s=delay_std_s)
-    candidates = [*rungs_of(foot, data, known, chosen), *(edited(model, data, known) for model in models)]
-    contenders = climb(candidates, advance)
+    ladder, others = rungs_of(foot, data, known, chosen), [edited(model, data, known) for model in models]
+    contenders = climb([*ladder, *others], advance)
     best = min((c.solutions[0] for c in contenders), key=lambda end: end.optimum.objective)
     lines = [Line.of(r) for r in data]
     return Rivals(
@@ -128,17 +134,17 @@ def _rival(contender: Contender, best: Solution) -> Rival:
         contender: at its ends. best: the best end of all rivals.
     """
     candidate, (end, *others) = contender.candidate, contender.solutions
-    problem, deviances = end.problem, [deviance(e.optimum.objective, best) for e in contender.solutions]
+    rung, problem, v = candidate.rung, end.problem, end.problem.variables
+    deviances = [deviance(e.optimum.objective, best) for e in contender.solutions]
     scores, error = held_out(end)
-    k_T, k_F = _springs(end)
-    v, rung = problem.variables, candidate.rung
+    (k_T, k_F), across = _springs(end), _springs(others[0]) if others else (None, None)
     Y, valid = problem.predicted(end.q)[:, 0], problem.measured.valid[:, 0]
     return Rival(
         name=rung.name, title=rung.title, free=candidate.free, chi_square=end.chi_square, dof=end.dof,
         bic=deviances[0] + candidate.free * float(np.log(problem.size)), held_out=scores, error=error,
         branch=end.branch, log_odds=0.5 * (deviances[1] - deviances[0]) if others else None,
         k_T=k_T, k_F=k_F, log_ratio=_log_ratio(end) if k_T and k_F else None,
-        other=_springs(others[0]) if others else None, own=_own(candidate, end),
+        other=(across[0], across[1]) if across[0] and across[1] else None, own=_own(candidate, end),
         values=v.named(end.q) if isinstance(v, RungVariables) else {},
         predicted=tuple(y[ok] for y, ok in zip(Y, valid, strict=True)), converged=end.optimum.converged,
         nested=bool(rung.held), extra=candidate.extra, repeatability=contender.repeatability,

@@ -1,12 +1,14 @@
 """The ladder: what each rival frees or holds beside the foot, with priors from literature.
 
-Every rung has the foot's eight constants (the linear one four), the masses, the share of a load and the instrument with
-the priors of the fit, so that a mass stated a little wrong or a gain of 1 % chooses no rival. A rung adds what it is
-named after: nuisances of the fit that rivals know one at a time, or constants that only rivals have.
+Every rung has the foot's eight constants (the linear one four), the masses, the share of a load and
+the instrument with the priors of the fit, so that a mass stated a little wrong or a gain of 1 %
+chooses no rival. A rung adds what it is named after: nuisances of the fit, here one kind at a time,
+or constants that only rivals have.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from math import log
 
 import numpy as np
 
@@ -30,8 +32,8 @@ from identification.steady import problem_of
 EXCLUDED = ("mount", "relaxation", "load", "rocking")
 #: Constants of the model: what frees more is more than it.
 _OF_MODEL = 8
-_FORCE = "a heel's force grows as deformation to the power 2.6, which is -600 to -1600 1/m at 1 to 3 mm"
-_TISSUE = "soft tissue of the leg rings at frequencies of running impacts, J Appl Physiol 90:412 (2001)"
+_FORCE = "a heel's force grows as deformation to the power 2.6, so -600 to -1600 1/m at 1 to 3 mm"
+_TISSUE = "soft tissue rings at frequencies of running impacts, J Appl Physiol 90:412 (2001)"
 
 
 @dataclass(frozen=True)
@@ -52,36 +54,40 @@ class Rung:
     loads: int = 1
 
 
-def _of_joints(kind: str, letter: str, unit: str, std: float, bound: float, does: str) -> dict[str, Nuisance]:
+def _of_joints(
+    kind: str, letter: str, unit: str, std: float, bound: float, does: str
+) -> dict[str, Nuisance]:  # fmt: skip
     """The same of ankle and pad, about zero."""
+    item = Nuisance(kind, "rival", unit, 0.0, std, -bound, bound, _FORCE, does)
     return {
-        f"{letter}_{j}": Nuisance(
-            kind, "rival", unit, 0.0, std, -bound, bound, _FORCE, does.format(j), constant=f"k_{j}"
-        )
-        for j in "TF"
-    }
+        f"{letter}_{j}": replace(item, does=does.format(j), constant=f"k_{j}") for j in "TF"
+    }  # fmt: skip
 
 
-_MOUNT = (replace(item, sensor=MALLEOLUS[0]) for item in OF_SENSOR if item.group == "mount")
-_THIRD = (
-    Nuisance("swinging", "rival", "", 0.0, 0.3, 0.0, 0.8, _TISSUE, "share of the shank that swings"),
-    Nuisance("swinging frequency", "rival", "Hz", float(np.log(25)), 0.5, float(np.log(8)), float(np.log(70)), _TISSUE,
-             "its natural frequency", logarithmic=True),
-    Nuisance("swinging damping", "rival", "", 0.2, 0.1, 0.02, 0.8, _TISSUE, "its damping ratio"),
-)  # fmt: skip
+_RELAX = dict(zip(("r_T", "r_F", "tau"), OF_SPRINGS, strict=True))
+_SOFT = (replace(item, sensor=MALLEOLUS[0]) for item in OF_SENSOR if item.group == "mount")
+_MOUNT = dict(zip(("u", "zeta_u"), _SOFT, strict=True))
+_THIRD = {
+    "w": Nuisance("swinging", "rival", "", 0.0, 0.3, 0.0, 0.8, _TISSUE,
+                  "share of the shank that swings"),
+    "f_w": Nuisance("swinging frequency", "rival", "Hz", log(25), 0.5, log(8), log(70), _TISSUE,
+                    "its natural frequency", logarithmic=True),
+    "zeta_w": Nuisance("swinging damping", "rival", "", 0.2, 0.1, 0.02, 0.8, _TISSUE,
+                       "its damping ratio"),
+}  # fmt: skip
 _CURVED = _of_joints("quadratic", "p", "1/m", 500.0, 1e4, "force of k_{} bends by p z²")
 _CURVED |= _of_joints("cubic", "d", "1/m²", 1e6, 2e7, "force of k_{} bends by d z³")
 _BENT = _of_joints("exponential", "b", "1/m", 1000.0, 3000.0, "k_{} grows as exp(b x)")
-_FOLLOW = _of_joints("following", "e", "", 0.1, 1.0, "k_{} and its damper grow by exp(e) under 2.3 kg")
+_FOLLOW = _of_joints("following", "e", "", 0.1, 1.0, "k_{} and damper grow by exp(e) under 2.3 kg")
 LINEAR = "linear"
 LADDER = (
     Rung(LINEAR, "linear dampers", held=("c_12", "c_13", "c_22", "c_23")),
     Rung(MODEL, "the model"),
     Rung("exponential", "springs that stiffen, exponential", _BENT),
     Rung("polynomial", "springs that stiffen, polynomial", _CURVED),
-    Rung("relaxing", "springs that relax", dict(zip(("r_T", "r_F", "tau"), OF_SPRINGS, strict=True))),
-    Rung("mount", "sensor on soft tissue", dict(zip(("u", "zeta_u"), _MOUNT, strict=True))),
-    Rung("third", "a third mass", dict(zip(("w", "f_w", "zeta_w"), _THIRD, strict=True))),
+    Rung("relaxing", "springs that relax", _RELAX),
+    Rung("mount", "sensor on soft tissue", _MOUNT),
+    Rung("third", "a third mass", _THIRD),
     Rung("load", "constants that follow the load", _FOLLOW, loads=2),
 )
 #: Rungs that say the same of the foot, by what they say.
@@ -113,15 +119,16 @@ class RungVariables(Variables):
         return self.value(Q, self.of_kind("load share"), 1.0)[..., None] * self.loads
 
     def theta(self, Q: np.ndarray) -> np.ndarray:
-        """(..., R, P) parameters of each recording's foot: `PARAMETERS`, and `EXTRA` where the rung has such."""
+        """(..., R, P) parameters of each recording's foot, `EXTRA` last if the rung has any."""
         theta = super().theta(Q)
         for symbol, names in (("e_T", ("k_T", "c_11")), ("e_F", ("k_F", "c_21"))):
             grown = np.exp(self._own(Q, symbol)[..., None] * self.loads / LOAD_KG)
             theta[..., [AT[name] for name in names]] *= grown[..., None]
         if not set(EXTRA) & set(self.rung.own):
             return theta
-        more = {name: np.broadcast_to(self._own(Q, name)[..., None], theta.shape[:-1]) for name in EXTRA}
-        more["w"] = more["w"] * (1 - self._carried(Q) / theta[..., AT["m_S"]])  # as a share of shank and load
+        alike = np.ones(theta.shape[:-1])  # in all recordings, but for the share of what swings
+        more = {name: self._own(Q, name)[..., None] * alike for name in EXTRA}
+        more["w"] *= 1 - self._carried(Q) / theta[..., AT["m_S"]]
         return np.concatenate([theta, np.stack(list(more.values()), -1)], -1)
 
     def named(self, q: np.ndarray) -> dict[str, float]:
@@ -135,7 +142,7 @@ class RungVariables(Variables):
         return values | {symbol: float(self._own(q, symbol)) for symbol in self.rung.own}
 
     def carried_over(self, q: np.ndarray, of: Variables) -> np.ndarray:
-        """(n,) a place of another rung in these variables; what only this one has is where its prior is centred."""
+        """(n,) a place of another rung; what that has not is where its prior is centred."""
         old = dict(zip((*of.constants, *of.nuisances), q, strict=True))
         new = zip((*self.constants, *self.nuisances), self.prior[0], strict=True)
         return np.clip([old.get(what, x) for what, x in new], *self.bounds)
@@ -159,10 +166,13 @@ class Candidate:
         return self.free > _OF_MODEL
 
 
-def rungs_of(foot: Foot, data: Sequence[Recording], known: Known, rungs: Sequence[Rung]) -> list[Candidate]:
+def rungs_of(
+    foot: Foot, data: Sequence[Recording], known: Known, rungs: Sequence[Rung]
+) -> list[Candidate]:  # fmt: skip
     """The rungs that recordings of one person can tell."""
     measured, own = Measured.of([Line.of(r) for r in data], MALLEOLUS), foot.values()
-    items = nuisances(data, known.told(exclude=EXCLUDED), [name for name in own if name in MASSES], True)
+    masses = [name for name in own if name in MASSES]
+    items = nuisances(data, known.told(exclude=EXCLUDED), masses, True)
     ratio = branches.ratio([r.condition.masses for r in data], own)
     loads = {r.condition.added_mass_kg for r in data}
     candidates = []
@@ -173,9 +183,9 @@ def rungs_of(foot: Foot, data: Sequence[Recording], known: Known, rungs: Sequenc
         space = space_of(foot, names, delay=False)
         space = replace(space, fixed={**space.fixed, **dict.fromkeys(rung.held, 0.0)})
         variables = RungVariables(space, (*items, *rung.own.values()), data, own, True, ratio, rung)
-        motion = RivalMotion if set(EXTRA) & set(rung.own) else TwoMassMotion
-        problem = Problem.of(measured, variables, motion(measured, variables.omega, (False,), HARMONICS))
-        candidates.append(Candidate(rung, problem))
+        kind = RivalMotion if set(EXTRA) & set(rung.own) else TwoMassMotion
+        motion = kind(measured, variables.omega, (False,), HARMONICS)
+        candidates.append(Candidate(rung, Problem.of(measured, variables, motion)))
     return candidates
 
 

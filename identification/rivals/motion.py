@@ -1,4 +1,4 @@
-"""The motion of rivals whose springs bend, or whose shank swings, as the fit's one problem asks for it."""
+"""The motion of rivals whose springs bend or whose shank swings, as the fit asks for it."""
 
 from dataclasses import dataclass
 from typing import Any
@@ -9,7 +9,7 @@ from fasbody.foot.two_mass import PARAMETERS
 from identification.motion import TwoMassMotion
 from identification.rivals.steady import CONSTANTS, HARMONICS, INDEX, SERIES, Feet
 
-#: Constants that only rivals have, behind those of the two-mass foot; w is a share of shank and load.
+#: Constants that only rivals have, behind those of the foot; w is a share of shank and load.
 EXTRA = ("b_T", "p_T", "d_T", "b_F", "p_F", "d_F", "w", "f_w", "zeta_w")
 #: Place of each in a row of parameters.
 AT = {name: i for i, name in enumerate((*PARAMETERS, *EXTRA))}
@@ -43,14 +43,16 @@ class RivalMotion(TwoMassMotion):
         hz, U = np.tile(self.omega / (2 * np.pi), len(theta)), np.tile(self.base, (len(theta), 1))
         return Feet(constants, none, hz, none, U)
 
-    def response(self, theta: np.ndarray, near: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, Any]:
+    def response(
+        self, theta: np.ndarray, near: Any
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, Any]:  # fmt: skip
         """See `Motion`."""
         (C, R, P), feet = theta.shape, self._feet(theta)
         start = np.zeros((C * R, 2 * SERIES.size)) if near is None else near.x.reshape(C * R, -1)
         x, moves = feet.solve(start)
         Y, D = feet.felt(x)[:, : self._count], feet.by_constants(x)[:, : self._count, _ROW]
-        shape = (C, R, 1, self._count)
-        return Y.reshape(shape), D.reshape(*shape, P), moves.reshape(C, R).all(1), Coefficients(x.reshape(C, R, -1))
+        shape, lasts = (C, R, 1, self._count), np.asarray(moves.reshape(C, R).all(1))
+        return Y.reshape(shape), D.reshape(*shape, P), lasts, Coefficients(x.reshape(C, R, -1))
 
     def by_base(self, theta: np.ndarray) -> np.ndarray:
         """See `Motion`."""

@@ -195,7 +195,7 @@ class Rivals(Presented):
             (
                 r.title, str(r.free), f"{100 * r.repeatability:.2g} %", f"{r.bic - best:.4g}",
                 f"{r.surprise - held:.4g}" if r.held_out else "–", f"{100 * r.error:.2g} %" if r.held_out else "–",
-                _branch(r), r.k_T.interval() if r.k_T else "–", r.k_F.interval() if r.k_F else "–",
+                _branch(r, r in adequate), r.k_T.interval() if r.k_T else "–", r.k_F.interval() if r.k_F else "–",
                 "yes" if r in adequate else "no",
             )
             for r in self.rivals
@@ -246,10 +246,10 @@ class Rivals(Presented):
 _ENDS = (("", "value"), ("_lower", "lower"), ("_upper", "upper"))
 
 
-def _branch(r: Rival) -> str:
+def _branch(r: Rival, adequate: bool) -> str:
     if r.log_odds is None:
         return "–"
-    return r.branch if r.decided else f"{r.branch}?"
+    return r.branch if adequate and r.decided else f"{r.branch}?"
 
 
 def _listed(names: list[str]) -> str:

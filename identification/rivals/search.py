@@ -1,4 +1,4 @@
-"""Where each rival ends on each branch, how well recordings repeat, and what is predicted of recordings left out."""
+"""Where rivals end on each branch, how well recordings repeat, what is predicted of others."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -7,12 +7,16 @@ import numpy as np
 
 from identification import optimiser
 from identification.intervals import Solution, inverse_of_gram
+from identification.optimiser import Optimum
 from identification.residual import Problem
 from identification.rivals.ladder import Candidate, RungVariables
 from identification.steady import SIDES
 
-#: Random starts of a side beside the ends of simpler rungs, ends that are gone on from, and steps of a refit.
+#: Random starts of a side beside simpler rungs' ends, ends to go on from, and steps of a refit.
 _STARTS, _NEAREST, _REFIT = 2, 3, 8
+
+#: Called with what is done, how many of how many.
+Advance = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,11 +34,11 @@ class Contender:
     repeatability: float
 
 
-def climb(candidates: Sequence[Candidate], advance: Callable[[str, int, int], None]) -> list[Contender]:
+def climb(candidates: Sequence[Candidate], advance: Advance) -> list[Contender]:
     """Every rival's ends, the same recordings weighed alike.
 
-    Each rival says how well recordings repeat if it is right. They repeat to what the one asks for that asks for least,
-    and it says how the noise of the base is seen.
+    Each rival says how well recordings repeat if it is right. They repeat to what the one asks for
+    that asks for least, and it says how the noise of the base is seen.
 
     Args:
         candidates: simpler ones first. advance: called with what is done, how many of how many.
@@ -44,11 +48,12 @@ def climb(candidates: Sequence[Candidate], advance: Callable[[str, int, int], No
         advance(candidate.rung.title, number, len(candidates))
         searched.append(_search(candidate.problem, searched[:2]))
     best = min(searched, key=lambda s: (s.problem.repeatability, s.optima[0].objective)).problem
-    found = []
-    for candidate, own in zip(candidates, searched, strict=True):
+    contenders = []
+    for candidate, search in zip(candidates, searched, strict=True):
         problem = replace(candidate.problem, noise=best.noise, repeatability=best.repeatability)
-        found.append(Contender(candidate, _ends(problem, own, searched), own.problem.repeatability))
-    return found
+        ends = _ends(problem, search.optima, searched)
+        contenders.append(Contender(candidate, ends, search.problem.repeatability))
+    return contenders
 
 
 def _search(problem: Problem, simpler: Sequence[optimiser.Searched]) -> optimiser.Searched:
@@ -67,18 +72,21 @@ def _over(v: RungVariables, others: Sequence[optimiser.Searched]) -> list[np.nda
     return [v.carried_over(o.q, s.problem.variables) for s in rungs for o in s.optima]
 
 
-def _ends(problem: Problem, own: optimiser.Searched, every: Sequence[optimiser.Searched]) -> tuple[Solution, ...]:
-    """The best end of each side, from the nearest of all ends, the rung's own and their images among them."""
-    v, Q = problem.variables, np.stack([o.q for o in own.optima])
+def _ends(
+    problem: Problem, optima: Sequence[Optimum], every: Sequence[optimiser.Searched]
+) -> tuple[Solution, ...]:  # fmt: skip
+    """The best end of each side, from all rivals' ends and the images of its two."""
+    v, Q = problem.variables, np.stack([o.q for o in optima])
     if isinstance(v, RungVariables):
         Q = np.concatenate([Q, v.image(Q), _over(v, every)])
     ends = []
-    for o in own.optima:
+    for o in optima:
         starts = np.clip(Q, *problem.bounds(o.sign))
         nearest = starts[np.argsort(problem.evaluate(starts).objective)[:_NEAREST]]
         down = optimiser.descend(problem, nearest, np.full(len(nearest), o.sign))
         q, objective, rests = optimiser.finished(problem, down.Q[np.argmin(down.objective)], o.sign)
-        ends.append(Solution(SIDES[o.sign], problem, replace(o, q=q, objective=objective, converged=rests)))
+        end = replace(o, q=q, objective=objective, converged=rests)
+        ends.append(Solution(SIDES[o.sign], problem, end))
     return tuple(sorted(ends, key=lambda end: end.optimum.objective))
 
 
@@ -86,7 +94,7 @@ def _ends(problem: Problem, own: optimiser.Searched, every: Sequence[optimiser.S
 
 
 def folds(problem: Problem) -> list[tuple[str, np.ndarray]]:
-    """What is left out in turn: every third frequency, and each load where there are several; masks (R,)."""
+    """What is left out in turn, every third frequency and each of several loads: masks (R,)."""
     hz, loads = np.round(problem.variables.omega / (2 * np.pi), 1), problem.variables.loads
     place, count = np.searchsorted(np.unique(hz), hz), min(3, np.unique(hz).size)
     out = [("frequency", place % count == i) for i in range(count if count > 1 else 0)]
@@ -103,12 +111,12 @@ def only(problem: Problem, kept: np.ndarray) -> Problem:
 def held_out(end: Solution) -> tuple[dict[str, float], float]:
     """What a rival predicts of recordings left out.
 
-    The prediction is uncertain by noise and repeatability, by the constants and by the nuisances, as the others tell
-    them.
+    The prediction is uncertain by noise and repeatability, and by what the others leave open of
+    constants and nuisances.
 
     Returns:
-        -2 log of the predictive density by what was left out, up to a constant of the data; and the error of the
-        predictions as a share of what was recorded.
+        -2 log of the predictive density by what was left out, up to a constant of the data; and the
+        error of the predictions as a share of what was recorded.
     """
     scores: dict[str, float] = {}
     missed = total = 0.0
@@ -126,17 +134,17 @@ def held_out(end: Solution) -> tuple[dict[str, float], float]:
 
 
 def surprise(r: np.ndarray, J: np.ndarray, C: np.ndarray) -> float:
-    """-2 log density of whitened residuals r (m,) of a prediction with derivatives J (m, n) and covariance C (n, n)."""
+    """-2 log density of whitened residuals r (m,), with slopes J (m, n) to what varies by C."""
     C = np.where(np.isfinite(C), C, 0.0)
     S = np.eye(r.size) + J @ C @ J.T
     return float(r @ np.linalg.solve(S, r) + np.linalg.slogdet(S)[1])
 
 
 def deviance(objective: float, best: Solution) -> float:
-    """-2 log likelihood at an end: Student's where the scatter between recordings was estimated, else the normal.
+    """-2 log likelihood at an end: Student's where repeatability was estimated, else the normal.
 
     Args:
-        objective: there. best: the end of all rivals that tells how large the scatter is.
+        objective: there. best: the best end of all rivals.
     """
     if best.problem.repeatability == 0:
         return objective
