@@ -30,8 +30,8 @@ from identification.sensors import MALLEOLUS
 from identification.space import MASSES, Space, space_of, without_delay
 
 _TRUSTS = (
-    "These intervals and odds assume the model, the stated masses and the instrument exact: errors of model and sensors "
-    "are included only where all recordings are settled sines, at several frequencies."
+    "These intervals and odds assume the model, the stated masses and the instrument exact: errors of model and "
+    "sensors are included only where all recordings are settled sines, at several frequencies."
 )
 _TRUSTS_NOT = (
     "The odds assume the model, the stated masses and the instrument exact: errors of model and sensors are included "

@@ -60,7 +60,7 @@ def test_the_covariance_is_that_of_the_curvature(solution: Solution) -> None:
 
 
 def test_intervals_hold_the_truth_as_often_as_they_say(made: Problem) -> None:
-    """Thirty legs whose masses, channels, springs and loads are drawn from their priors, and noise of the recordings."""
+    """Thirty legs whose masses, channels, springs and loads are drawn from their priors, with noise."""
     v, rng, trials = made.variables, np.random.default_rng(11), 30
     mean, _ = v.prior
     low, high = v.bounds
