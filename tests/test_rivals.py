@@ -290,9 +290,7 @@ def test_what_repeats_to_some_per_cent_prefers_nothing_to_the_model() -> None:
     """The sensors' noise alone would rule out every rival."""
     rng = np.random.default_rng(3)
     factors = 1 + 0.03 * rng.standard_normal(12)
-    data = [
-        replace(r, malleolus_m_s2=f * r.malleolus_m_s2) for r, f in zip(recorded(), factors, strict=True)
-    ]
+    data = [replace(r, malleolus_m_s2=f * r.malleolus_m_s2) for r, f in zip(recorded(), factors, strict=True)]
     result = compare_rivals(data, rungs=["mount"])
     assert result.first.name in ("model", "linear") and result["model"] in result.adequate
     assert 0.01 < result.repeatability < 0.04 and result.document()["repeatability"] == result.repeatability

@@ -415,9 +415,7 @@ def _inside(surface: "trimesh.Trimesh", point: NDArray[np.float64]) -> bool:
     a, b, c = np.moveaxis(surface.triangles - point, 1, 0)
     x, y, z = (np.linalg.norm(corner, axis=1) for corner in (a, b, c))
     above = np.einsum("ij,ij->i", a, np.cross(b, c))
-    below = x * y * z + sum(
-        np.einsum("ij,ij->i", p, q) * r for p, q, r in ((a, b, z), (b, c, x), (c, a, y))
-    )
+    below = x * y * z + sum(np.einsum("ij,ij->i", p, q) * r for p, q, r in ((a, b, z), (b, c, x), (c, a, y)))
     return bool(abs(np.arctan2(above, below).sum()) > np.pi)
 
 
@@ -586,4 +584,3 @@ def _gmsh() -> Iterator[Any]:
         ) from error
     finally:
         gmsh.finalize()
-
