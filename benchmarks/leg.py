@@ -7,8 +7,10 @@ motion are assembled from them, and all recordings of a leg are integrated at on
 Runge-Kutta method.
 
 A motion begins in the steady state of its small motion, and nothing is written down until the
-slowest free vibration of that has fallen to `FORGOTTEN` of its size. tests/test_simulator.py
-compares with closed forms and with DOP853.
+slowest free vibration of that has fallen to `FORGOTTEN` of its size. Of four legs in each world of
+worlds.py that left at most 4e-4 of the amplitude, and the step 8e-4 where friction and contact have
+corners, 2e-5 elsewhere; cubic springs near their fold left 3e-3, a lifting heel 2e-2.
+tests/test_simulator.py compares with closed forms and with DOP853.
 """
 
 from collections.abc import Iterator, Sequence
@@ -17,7 +19,7 @@ from functools import cached_property
 
 import numpy as np
 
-#: Step [s]: it leaves an error of 4e-6 of the amplitude at 50 Hz, 16 times less when halved.
+#: Step [s]: its error falls 16 times when it is halved.
 STEP_S = 5e-4
 #: What is left of a free vibration when recording begins.
 FORGOTTEN = 1e-4

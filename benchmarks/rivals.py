@@ -70,7 +70,7 @@ def _rival(row: dict[str, Any]) -> Rival:
     rung = next(rung for rung in LADDER if rung.name == row["name"])
     return Rival(
         row["name"], rung.title, row["free"], row["chi_square"], row["dof"], row["bic"], row["held_out"], 0.0, "",
-        None, None, None, None, None, (), {}, (), True, rung.nested, bool(rung.own),
+        None, None, None, None, None, (), {}, (), True, bool(rung.held), bool(rung.own), row["repeatability"],
     )  # fmt: skip
 
 
@@ -97,7 +97,7 @@ def trial(world: str, seed: int) -> Run:
     rows = tuple(
         {
             "name": r.name, "free": r.free, "chi_square": r.chi_square, "dof": r.dof, "bic": r.bic,
-            "held_out": dict(r.held_out), "branch": r.branch, "log_odds": r.log_odds,
+            "held_out": dict(r.held_out), "branch": r.branch, "log_odds": r.log_odds, "repeatability": r.repeatability,
             "k_T": [r.k_T.value, r.k_T.lower, r.k_T.upper], "k_F": [r.k_F.value, r.k_F.lower, r.k_F.upper],
         }
         for r in result.rivals if r.k_T and r.k_F
@@ -129,8 +129,10 @@ def truths(truth: Member, result: Rivals) -> dict[str, bool]:
 
 def digest() -> str:
     """Of everything that a run's numbers depend on."""
-    files = [*SOURCES, ROOT / "identification" / "periodic.py"]
-    files += [ROOT / "identification" / "rivals" / f"{name}.py" for name in ("steady", "ladder", "problem", "search")]
+    files = [*SOURCES, ROOT / "fasbody" / "foot" / "two_mass.py"]
+    fit = ("harmonics", "nuisances", "parameters", "residual", "optimiser", "intervals", "motion")
+    files += [ROOT / "identification" / f"{name}.py" for name in fit]
+    files += [ROOT / "identification" / "rivals" / f"{name}.py" for name in ("steady", "ladder", "motion", "search")]
     return kept.digest(files)
 
 

@@ -2,7 +2,7 @@
 
 Drawn: persons differ by tau, each estimate is off by its own standard error. Fitted: virtual persons whose constants
 differ by 15 %, whose legs weigh another 10 % than stated, recorded at seven frequencies with a gain that is off by 1 %,
-and fitted with whatever else may be true. This command prints what docs/study_methods.md quotes.
+and fitted with model and sensor errors included. This command prints what docs/study_methods.md quotes.
 """
 
 from collections.abc import Mapping

@@ -1,4 +1,4 @@
-"""The fit of a foot model to recordings: explore, follow both branches, certify in MuJoCo, judge."""
+"""The fit of a foot model to recordings: what is asked, steady or sample by sample, and what the answer allows."""
 
 import functools
 import time
@@ -30,12 +30,12 @@ from identification.sensors import MALLEOLUS
 from identification.space import MASSES, Space, space_of, without_delay
 
 _TRUSTS = (
-    "These intervals and odds trust the model, the stated masses and the instrument: whatever else may be true is "
-    "allowed for only where all recordings are settled sines, at several frequencies."
+    "These intervals and odds assume the model, the stated masses and the instrument exact: errors of model and "
+    "sensors are included only where all recordings are settled sines, at several frequencies."
 )
 _TRUSTS_NOT = (
-    "The odds trust the model, the stated masses and the instrument: whatever else may be true is allowed for only "
-    "where all recordings are settled sines, at several frequencies."
+    "The odds assume the model, the stated masses and the instrument exact: errors of model and sensors are included "
+    "only where all recordings are settled sines, at several frequencies."
 )
 _PEOPLE = "The recordings are of {n} people or feet ({names}), and one set of constants is fitted to all of them."
 #: Called with what is done, how many, and of how many.
@@ -49,20 +49,18 @@ class Settings(Tabled):
     Attributes:
         free: parameters to estimate, None for all the model declares but the masses.
         bounds: name -> (lower, upper), None for the model's own.
-        starts: how many starts, the model's values and their mirror image included (default 8).
+        starts: random starts of each side of the mirror in a round of the search (default 8).
         seed: of the random starts (default 0).
         domain: "auto" (default), "periodic" or "time".
         delay: estimate the delay between the channels; None for where it can be told.
         threads: of the search, 0 for all cores (default).
-        mass_std: relative standard deviation of the segment masses; None for what study.toml says, or 0.1.
+        mass_std: relative standard deviation of the segment masses; None for what study.toml says, or 0.15 and 0.1.
         gain_std: that of the malleolus' gain; None for what study.toml says, or 0.01.
         delay_std_s: that of the delay between the channels [s]; None for what study.toml says, or a tenth of a sample.
         exclude: what cannot be beside the model, of `known.DEPARTURES`, or "all"; nothing unless given.
         sensors: accelerometers to fit, None for all that model and recordings have by the same name.
-        wide: fit each branch once more with whatever else may be true; without, all words hold if the model is true.
-        replay: recordings in a steady state that MuJoCo runs from end to end, None for all; of the others one period,
-            where the compiled twin has shown to be the same model, which runs the rest. In the time domain all, or none
-            for 0.
+        wide: include errors of model and sensors; without, the model is assumed exact.
+        replay: in the time domain, 0 leaves MuJoCo out where the compiled twin has shown to be the same model.
 
     In the time domain, steady recordings are explored on their harmonics, and fitted to every sample from there.
     """

@@ -389,19 +389,14 @@ def label_of(key: str) -> str:
 
 @printed
 def waterfall(result: FitResult) -> Figure:
-    """Final cost of every start, or of the best end of each side, best first, coloured by its branch."""
+    """Final cost of every start, best first, coloured by the branch it ended in."""
     figure, axes = panels(1, 1, 5.2, 2.6)
     axis = axes[0, 0]
     colours = {branch.name: colour for branch, colour in zip(result.branches, (_DATA, _OTHER), strict=False)}
     for name in dict.fromkeys(str(start["branch"]) for start in result.starts):
         rows = [(i + 1, start["cost"]) for i, start in enumerate(result.starts) if start["branch"] == name]
-        hits = [
-            f", met {start['hits']} times" for start in result.starts if start["branch"] == name and "hits" in start
-        ]
-        axis.semilogy(
-            *zip(*rows, strict=True), "o", ms=5, color=colours.get(name, "#888888"), label="".join([name, *hits])
-        )
-    axis.set_xlabel("end, best first")
+        axis.semilogy(*zip(*rows, strict=True), "o", ms=5, color=colours.get(name, "#888888"), label=name)
+    axis.set_xlabel("start, best first")
     axis.set_ylabel("weighted sum of squares")
     axis.xaxis.get_major_locator().set_params(integer=True)
     axis.legend()

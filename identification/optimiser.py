@@ -90,7 +90,7 @@ def descend(
         A = np.swapaxes(now.jacobian, 1, 2) @ now.jacobian
         g = np.einsum("cmn,cm->cn", now.jacobian, now.residual)
         left = _step(A, g, Q[at], low[at], high[at], np.full(len(at), _LEAST_DAMPING))[1]
-        rests[at] = (left < promised) & now.moves
+        rests[at] = (np.abs(left) < promised) & now.moves  # a step cut by several bounds at once may promise a loss
         go = ~rests[at] & (damping < _MOST_DAMPING)
         if not go.any():
             break

@@ -66,6 +66,9 @@ def replay(foot: Foot, problem: Problem, q: np.ndarray) -> Replayed:
     variables, measured = problem.variables, problem.measured
     theta = variables.theta(q)
     expected, states = problem.motion.states(theta)
+    grows = problem.motion.multipliers(theta)
+    if grows.max() >= 1.0:  # a few periods would not show a slow departure
+        raise _lost(foot, measured.lines[int(grows.argmax())].base.frequency_hz)
     relaxes = variables.two_mass and bool(np.any(theta[:, 10:12] > 0))
     moved = relaxing(foot) if relaxes else foot
     batch, coordinates = Batch(moved, 1, 1), Coordinates(moved)
@@ -127,10 +130,12 @@ def _resolved(
         if difference < RESOLVED:
             break
     if best is None or best.difference > _LEFT:
-        raise SimulationError(
-            f"{batch.foot.name}: a periodic motion at {frequency_hz:g} Hz that a foot would not stay on."
-        )
+        raise _lost(batch.foot, frequency_hz)
     return best
+
+
+def _lost(foot: Foot, frequency_hz: float) -> SimulationError:
+    return SimulationError(f"{foot.name}: a periodic motion at {frequency_hz:g} Hz that a foot would not stay on.")
 
 
 @functools.lru_cache(maxsize=4)

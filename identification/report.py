@@ -13,6 +13,7 @@ from jinja2 import Environment, PackageLoader, select_autoescape
 from markupsafe import Markup
 
 from fasbody import console
+from fasbody.presentation import readable
 from fasbody.recording.condition import FOOT_MASS_FRACTION, SHANK_MASS_FRACTION
 from identification import figures
 from identification.derived import Row, derived
@@ -46,6 +47,8 @@ def html(result: FitResult, drawn: dict[str, str] | None = None, folder: Path | 
     return environment.get_template("report.html").render(
         result=result, label=label, chance=chance, interval=interval, allowed=allowed, energies=_energies(result),
         day=date.today().isoformat(), found=found, key=key, rule=RULE, bases=(WHATEVER, IF_TRUE), rests=rests,
+        readable=readable,
+        hits={start["branch"]: start["hits"] for start in result.starts if "hits" in start},
         pictures={name: {"svg": Markup(drawn[name][drawn[name].index("<svg") :]), "caption": texts[name]}
                   for name in texts},
         worst=worst[:_WORST],
@@ -139,8 +142,13 @@ def captions(result: FitResult) -> dict[str, str]:
             "average. Parts above the dashed line, or many high ones at one load or frequency, show where the model "
             "misses."
         )
-    texts["parameters"] = f"Estimates of each branch from {n}; {interval}." + (
-        " The dotted line is the truth." if result.truth else ""
+    at = ""
+    if result.wide and result.relaxes:
+        at = f" Stiffness and damping are at {result.wide.reference_frequency_hz:.3g} Hz; diamonds: at rest."
+    texts["parameters"] = (
+        f"Estimates of each branch from {n}; {interval}."
+        + at
+        + (" The dotted line is the truth." if result.truth else "")
     )
     if found.data or any(recording.frequency_hz is None for recording in result.recordings):
         curve = (
@@ -175,12 +183,10 @@ def captions(result: FitResult) -> dict[str, str]:
     texts["correlation"] = (
         f"Correlation of the {len(result.parameters)} estimates, {basis}: pairs near ±1 are known only together."
     )
-    if result.starts:
+    if result.starts and result.domain != "periodic":
         texts["waterfall"] = (
-            "The best end of each side of the mirror, and how many descents came to it."
-            if result.evidence and result.evidence.solutions
-            else f"Where each of the {len(result.starts)} starts ended. A flat first step "
-            "says that the minimum was found often."
+            f"Where each of the {len(result.starts)} starts ended. A flat first step says that the minimum was found "
+            "often."
         )
     if result.by_sensor:
         texts["sensors"] = (

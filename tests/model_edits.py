@@ -22,11 +22,11 @@ from fasbody.foot.model import load
 from fasbody.foot.shaker import harmonics
 from fasbody.foot.simulate import simulate
 from fasbody.foot.steady_state import Balance
+from fasbody.foot.two_mass import orbits, parameters
 from fasbody.leg.chain import Leg
 from identification.derived import linearised
-from identification.engines.engine import Excitation
-from identification.engines.mujoco import Rollouts
-from identification.engines.twin import Twin, twin_applies
+from identification.engines.twin import SHANK as ON_SHANK
+from identification.engines.twin import carriers
 from identification.study.loops import cycle
 from viz.load import load_foot
 from viz.motion import discretise, periodic_motion
@@ -130,19 +130,19 @@ def balanced(file: Path) -> dict[str, complex]:
 
 
 def fitted(file: Path) -> dict[str, complex]:
-    """The motion that a fit begins from: compiled equations where they are this model, else MuJoCo."""
+    """The motion that a fit begins from: the two-mass foot in closed form where it is this model."""
     foot = load(file)
-    e = Excitation(HZ, np.array([PEAK + 0j]), {}, min(5e-4, foot.step))
-    engine = Twin(foot, [e]) if twin_applies(foot) else Rollouts(foot, [e], ())
-    y = engine.orbit(0, foot.values(), (), 1e-4)[0]
-    return {"T": complex(2 / y.size * np.fft.rfft(y)[1] / PEAK)}
+    if carriers(foot).get("malleolus") != ON_SHANK:
+        return balanced(file)
+    found = orbits(parameters(foot.values())[None], np.array([2 * np.pi * HZ]), PEAK * np.eye(1, 6, dtype=complex))
+    return {"T": complex(found.shank[0, 0] / PEAK)}
 
 
 def energies(file: Path) -> dict[str, complex]:
     """What a fit says of the energy in the pad."""
     foot = load(file)
-    e = Excitation(HZ, np.array([PEAK + 0j]), {}, min(5e-4, foot.step))
-    return {"dissipated": cycle(foot, e, foot.values(), twin_applies(foot)).fat_pad.dissipated_j / PEAK**2}
+    found = cycle(foot, HZ, [PEAK], foot.values(), carriers(foot).get("malleolus") == ON_SHANK)
+    return {"dissipated": found.fat_pad.dissipated_j / PEAK**2}
 
 
 def swings(file: Path) -> dict[str, complex]:

@@ -33,7 +33,7 @@ def test_fit_of_named_arch_parameters_recovers_them() -> None:
     assert result.parameters["k_F_n_per_m"].value == pytest.approx(1.4e5, rel=0.01)
     assert result.parameters["c_F_n_s_per_m"].value == pytest.approx(2200.0, rel=0.01)
     assert result.verdict == "not compared"
-    assert result.twin_mujoco_difference is None
+    assert result.twin_mujoco_difference is not None and result.twin_mujoco_difference < 3e-4  # orbit and rollout
 
 
 def test_parameters_of_the_model_reach_the_equations() -> None:

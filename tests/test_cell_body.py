@@ -62,7 +62,7 @@ def test_triangles_of_the_file_hold_like_the_base(rod: Path) -> None:
 
 @pytest.fixture(scope="module")
 def sesamoid() -> BodyModes:
-    return body_modes(read_body("sesamoid_medial"), {None: BONE}, count=4)
+    return body_modes(read_body("sesamoid_medial", size=2.0), {None: BONE}, count=4)
 
 
 def test_a_free_bone_skips_six_rigid_motions(sesamoid: BodyModes) -> None:
@@ -239,7 +239,7 @@ def test_the_command_writes_its_files(rod: Path, tmp_path: Path) -> None:
     again = meshio.read(tmp_path / "body.vtu")
     assert np.ptp(again.points, axis=0) == pytest.approx([40, 10, 10])
     assert sorted(set(again.cell_data["region"][0])) == [3, 7]
-    assert max(document["estimated_error"]) < 0.05
+    assert max(document["estimated_error"]) < 0.1
     with np.load(tmp_path / "body.npz") as stored:  # the page's y is the body's x
         assert np.ptp(stored["vertices_um"], axis=0) == pytest.approx([1e4, 4e4, 1e4])
 
@@ -260,7 +260,7 @@ def test_a_beam_of_twelve_triangles_swings_as_timoshenko_says(tmp_path: Path) ->
 
 
 def test_a_shell_with_a_chamber_has_the_error_that_is_printed(tmp_path: Path) -> None:
-    ball, room = (trimesh.creation.icosphere(3, radius) for radius in (10.0, 6.0))
+    ball, room = (trimesh.creation.icosphere(4, radius) for radius in (10.0, 6.0))
     surface = trimesh.util.concatenate([ball, room])
     found = _surface(tmp_path, surface)
     fine = fill(surface.copy().apply_scale(1e3), default_size(surface.apply_scale(1e3)).coarser(0.7))
@@ -275,7 +275,7 @@ def test_a_finer_mesh_is_the_same_body(curved: bool) -> None:
     marked = replace(mesh, faces={5: mesh.base})
     fine = refined(marked).check()
     assert len(fine.tets) == 8 * len(mesh.tets)
-    assert fine.det_j.mean(axis=1).sum() == pytest.approx(mesh.det_j.mean(axis=1).sum(), rel=1e-4)
+    assert fine.volume_um3 == pytest.approx(mesh.volume_um3, rel=1e-4)
     one, two = (trimesh.Trimesh(m.points_um, m.faces[5], process=False).area for m in (marked, fine))
     assert len(fine.faces[5]) == 4 * len(mesh.base)
     assert two == pytest.approx(one, rel=5e-3 if curved else 1e-12)

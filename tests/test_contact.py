@@ -1,13 +1,11 @@
 """The force on the table, against the closed form of a linear foot on a sine."""
 
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
 from test_sensors import linear, linear_motion, recorded  # noqa: F401
 
-from fasbody.exceptions import InputFileError
 from fasbody.foot.model import Foot
 from fasbody.foot.two_dof import TwoDof
 from fasbody.recording.known import Known
@@ -76,11 +74,3 @@ def test_a_force_on_the_foot_moves_the_malleolus_as_the_matrices_say(linear: Foo
         ankle, pad = p.k_T + s * p.c_11, p.k_F + s * p.c_21
         K = np.array([[ankle, -ankle], [-ankle, ankle + pad]]) + s**2 * np.diag([p.m_S, p.m_F])
         assert have == pytest.approx(s**2 * np.linalg.solve(K, [0.0, F])[0])
-
-
-@pytest.mark.parametrize("value", [-3, 0, "much", True, 1e5])
-def test_a_static_force_that_cannot_be_is_refused(value: object, tmp_path: Path) -> None:
-    with pytest.raises(InputFileError, match=r"known\.static_force_n"):
-        Known.from_toml(tmp_path / "study.toml", {"static_force_n": value})
-    known = Known.from_toml(tmp_path / "study.toml", {"static_force_n": 120, "mount": "tapped"})
-    assert known.static_force_n(2.3) == 120.0 and known.told(mass_std=0.0).static_force_n(0.0) == 120.0

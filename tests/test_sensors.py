@@ -7,6 +7,8 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import pytest
+from identification.periodic import Line, PeriodicProblem, excitations
+from identification.world import WorldProblem, WorldSpace, nuisances
 
 import mjcf
 from benchmarks import sensors as second
@@ -31,11 +33,9 @@ from identification.engines.engine import Excitation, Whole
 from identification.engines.mujoco import Rollouts
 from identification.engines.twin import Twin, carriers, twin_applies
 from identification.estimate import fit_foot
-from identification.periodic import Line, PeriodicProblem, excitations
 from identification.sensors import chosen
 from identification.space import space_of
 from identification.time_domain import TimeProblem
-from identification.world import WorldProblem, WorldSpace, nuisances
 
 Edit = Callable[..., Path]
 BOTH = ("malleolus", "foot")

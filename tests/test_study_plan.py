@@ -121,5 +121,5 @@ def test_all_that_a_job_runs_is_part_of_its_key() -> None:
         "__init__.py",
     }  # they compute nothing
     names = {file.relative_to(root / "identification").as_posix() for file in keyed if "identification" in file.parts}
-    assert {"study/validation.py", "study/profile.py", "engines/compiled.py"} <= names
+    assert {"study/validation.py", "study/profile.py", "optimiser.py"} <= names
     assert not {"study/report.py", "study/figures.py", "study/summary.py", "fit.py", "report.py", "figures.py"} & names

@@ -81,7 +81,14 @@ def study(apart: float, follows: bool = True, persons: int = 5, paid: float = 0.
         d = plain("pooled", str(i), 0.0, None, {"stiff ankle": near, "stiff pad": far})
         for branch, objective in zip(d["result"]["branches"], (10.0, 10.0 + apart), strict=True):
             good = follows or i < persons - 1
-            branch["world"] = {"follows": good, "objective": objective, "chi_square": 10.0}
+            branch["world"] = {
+                "follows": good,
+                "objective": objective,
+                "chi_square": 10.0,
+                "dof": 10,
+                "repeatability": 0.0,
+            }
+            branch["deviance"] = objective
         branch["world"]["chi_square"] = 10.0 + apart - paid
         made.append(d)
     return made
@@ -110,11 +117,21 @@ def test_what_all_may_have_in_common_counts_once() -> None:
     assert half.verdict == "decided" and half.common_odds_log == pytest.approx(11.0)
 
 
+def test_odds_are_students_where_the_scatter_of_recordings_was_estimated() -> None:
+    """Of ten degrees of freedom a branch worse by 6 is so by 10 ln(1 + 6 / 10)."""
+    fits = study(6.0)
+    for d in fits:
+        for branch in d["result"]["branches"]:
+            branch["world"]["repeatability"] = 0.03
+    (one,) = populations(fits)
+    assert one.odds_log == pytest.approx(5 * 0.5 * 10 * np.log(1.6))
+
+
 def test_one_person_does_not_decide_for_the_others() -> None:
     fits = study(40.0)
-    ankle, pad = (branch["world"] for branch in fits[-1]["result"]["branches"])
-    ankle |= {"objective": 410.0, "chi_square": 410.0}
-    pad |= {"objective": 10.0, "chi_square": 10.0}
+    for branch, size in zip(fits[-1]["result"]["branches"], (410.0, 10.0), strict=True):
+        branch["world"] |= {"objective": size, "chi_square": size}
+        branch["deviance"] = size
     assert {p.verdict for p in populations(fits)} == {"undecided"}
     assert {p.verdict for p in populations(fits[:-1])} == {"decided"}
 
@@ -125,7 +142,7 @@ def test_who_does_not_follow_is_left_out() -> None:
     assert len(one.constants[0].persons) == 4
     assert populations(study(20.0, follows=False, persons=4)) == []
     alone = [plain("pooled", str(i), 0.0, None, {"stiff ankle": {}}) for i in range(5)]
-    assert populations(alone) == []  # without whatever else may be true
+    assert populations(alone) == []  # of a model assumed exact
 
 
 def test_who_is_left_out_is_named_with_the_reason() -> None:

@@ -103,10 +103,10 @@ def _branch(
 
 def _estimate(entry: Mapping[str, Any]) -> Estimate:
     """An entry of a document, with NaN for what does not exist."""
-    numbers = (
+    value, std_error, lower, upper = (
         math.nan if entry[name] is None else float(entry[name]) for name in ("value", "std_error", "lower", "upper")
     )
-    return Estimate(*numbers, bool(entry["at_bound"]), str(entry["identifiability"]))
+    return Estimate(value, std_error, lower, upper, bool(entry["at_bound"]), str(entry["identifiability"]))
 
 
 def model_of(file: Path) -> str:

@@ -141,7 +141,7 @@ def _fit(asked: Mapping[str, Any], tell: Callable[[Mapping[str, Any]], None]) ->
     result = result.with_source(together([r.file for r in recordings]))
     result = replace(result, provenance={**result.provenance, "model": asked["model"]})
     data, curves, chi_square = at_a_glance(result)
-    models = traces(result.evidence)
+    models = traces(result.evidence) if result.evidence else {}
     tell({
         "type": "fitted", "document": result.document(), "sentence": result.sentence(), "seconds": result.seconds,
         "data": data, "curves": curves, "chi_square": chi_square,

@@ -9,7 +9,7 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import astuple, dataclass, field
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -102,6 +102,11 @@ class TetMesh:
     def corners(self) -> NDArray[np.float64]:
         """Corner positions (m, 4, 3) [um]."""
         return self.points_um[self.tets[:, :4]]
+
+    @property
+    def volume_um3(self) -> float:
+        """Volume [um^3]; of curved elements within some 1e-5."""
+        return float(self.det_j.mean(axis=1).sum()) / 6
 
     @cached_property
     def surface(self) -> "trimesh.Trimesh":
@@ -319,7 +324,7 @@ def sized_mesh(
             raise MeshError("the nucleus' surface is not inside the other.")
     used = size or default_size(outer)
     while True:
-        refuse_above_limit(lambda factor, h=used.size: filled(outer, h * factor), used.size)
+        refuse_above_limit(partial(_filled_by, outer, used.size), used.size)
         mesh = fill(outer, used, inner)
         if strays(outer, mesh) <= STRAY * used.size:
             return mesh, used
@@ -346,7 +351,7 @@ def fill(outer: "trimesh.Trimesh", size: MeshSize, inner: "trimesh.Trimesh | Non
         except MeshError as error:
             failure = error
             continue
-        lost = abs(float(mesh.det_j.mean(axis=1).sum()) / 6 / volume(outer) - 1)
+        lost = abs(mesh.volume_um3 / volume(outer) - 1)
         if lost > LOST:
             failure = MeshError(f"elements of this size change its volume by {lost:.1%}: take smaller ones.")
         elif best is None or mesh.quality.mean_ratio_min > best.quality.mean_ratio_min:
@@ -363,7 +368,7 @@ def default_size(surface: "trimesh.Trimesh") -> MeshSize:
     size = volume(surface) / float(surface.area)
     while filled(surface, size) < LEAST:
         size *= 0.97
-    return MeshSize.of(size * _factor(lambda factor: filled(surface, size * factor), DEFAULT))
+    return MeshSize.of(size * _factor(partial(_filled_by, surface, size), DEFAULT))
 
 
 def volume(surface: "trimesh.Trimesh") -> float:
@@ -375,6 +380,10 @@ def volume(surface: "trimesh.Trimesh") -> float:
 def filled(surface: "trimesh.Trimesh", size: float) -> float:
     """About how many unknowns elements of one size [um] in a surface have, as counted on beams, plates and bones."""
     return 6.2 * volume(surface) / size**3 + 23.5 * float(surface.area) / size**2
+
+
+def _filled_by(surface: "trimesh.Trimesh", size: float, factor: float) -> float:
+    return filled(surface, size * factor)
 
 
 def _check_closed(whose: str, surface: "trimesh.Trimesh") -> None:

@@ -92,7 +92,8 @@ class Orbits:
         ihw = 1j * self.omega[:, None] * np.arange(1, self.shank.shape[1] + 1)
         z, v = (self.stretch @ E).real, ((ihw[:, None] * self.stretch) @ E).real
         k, c1, c2, c3, r = (self.theta[:, _JOINT[:, i]][..., None] for i in range(5))
-        e = np.exp(-c2 * z)
+        with np.errstate(over="ignore"):  # where no motion was found
+            e = np.exp(-c2 * z)
         c = c1 * e * np.cos(c3 * z)  # Eq. (4.32)
         slope = k - c1 * e * (c2 * np.cos(c3 * z) + c3 * np.sin(c3 * z)) * v
         m_S, m_F, tau = (self.theta[:, _AT[n], None] for n in ("m_S", "m_F", "tau"))

@@ -1,8 +1,7 @@
-"""The same recordings against a ladder of rival models: each at its best, ranked by BIC and by what it foretells."""
+"""The same recordings against a ladder of rival models, ranked by BIC and by what they predict."""
 
 import time
-from collections.abc import Callable, Iterable, Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -11,22 +10,24 @@ from fasbody.exceptions import ModelError, RecordingError, SettingError, unknown
 from fasbody.foot.model import Foot, load
 from fasbody.recording.checks import apart, checked
 from fasbody.recording.known import Known
-from fasbody.recording.recording import Recording, gain_and_delay
+from fasbody.recording.recording import Recording
 from fasbody.recording.study import Study
-from identification.domains import steady
+from identification.domains import is_steady
 from identification.engines.twin import twin_applies
-from identification.periodic import Line
-from identification.result import Estimate, identifiability
-from identification.rivals.edited import edited
-from identification.rivals.ladder import LADDER, LINEAR, Rung, RungSpace, nuisances
-from identification.rivals.problem import Measured, RungProblem
+from identification.harmonics import Line
+from identification.intervals import Solution
+from identification.result import Estimate
+from identification.rivals.ladder import (
+    LADDER,
+    LINEAR,
+    Candidate,
+    Rung,
+    RungVariables,
+    edited,
+    rungs_of,
+)
 from identification.rivals.result import MODEL, Own, Point, Rival, Rivals, preferred
-from identification.rivals.search import Side, climb, held_out
-from identification.search import inverse_of_gram
-from identification.world import DELAY_STD_SAMPLES, GAIN_STD, MASS_STD
-
-_Z95 = 1.959963984540054
-Advance = Callable[[str, int, int], None]
+from identification.rivals.search import Advance, Contender, climb, deviance, held_out
 
 
 def compare_rivals(
@@ -69,27 +70,20 @@ def compare_rivals(
     given = [study] if isinstance(study, Recording) else list(study)
     data = _checked(given)
     known = Known.of_all([r.known for r in data]).told(mass_std=mass_std, gain_std=gain_std, delay_std_s=delay_std_s)
+    ladder, others = rungs_of(foot, data, known, chosen), [edited(model, data, known) for model in models]
+    contenders = climb([*ladder, *others], advance)
+    best = min((c.solutions[0] for c in contenders), key=lambda end: end.optimum.objective)
     lines = [Line.of(r) for r in data]
-    measured = Measured.of(lines)
-    spaces = _spaces(foot, data, measured, known, chosen)
-    advance("climbing the ladder", 0, len(spaces) + len(models))
-    measured, ends = climb(measured, spaces)
-    found = []
-    for number, space in enumerate(spaces):
-        advance(space.rung.title, number + 1, len(spaces) + len(models))
-        found.append(_rival(measured, space, ends[space.rung.name]))
-    for number, model in enumerate(models):
-        advance(model.name, len(spaces) + number, len(spaces) + len(models))
-        found.append(edited(model, data, lines, measured, known))
     return Rivals(
         source=source or (study.name if isinstance(study, Study) else data[0].file),
         model=foot.name,
-        rivals=tuple(preferred(found)),
+        rivals=tuple(preferred([_rival(contender, best) for contender in contenders])),
         points=tuple(
             Point(line.recording.file, line.base.frequency_hz, line.recording.condition.added_mass_kg,
                   line.base.amplitudes, line.malleolus.amplitudes, line.malleolus.std)
             for line in lines
         ),
+        repeatability=best.problem.repeatability,
         warnings=tuple(dict.fromkeys(text for r in data for text in r.warnings)),
         seconds=time.perf_counter() - began,
     )  # fmt: skip
@@ -116,7 +110,7 @@ def _checked(given: Sequence[Recording]) -> list[Recording]:
     for r in data:
         if r.condition.frequency_hz is None:
             raise RecordingError(f"{r.file}: is not periodic; rivals are compared on steady vibration, one sine each.")
-    if not steady(data):
+    if not is_steady(data):
         raise RecordingError(
             f"{data[0].file} or one beside it is not steady (its amplitude drifts or beats); rivals are compared on "
             "steady vibration."
@@ -133,83 +127,56 @@ def _checked(given: Sequence[Recording]) -> list[Recording]:
     return data
 
 
-def _spaces(
-    foot: Foot, data: Sequence[Recording], measured: Measured, known: Known, rungs: Sequence[Rung]
-) -> list[RungSpace]:
-    """The search spaces of the rungs that these recordings can tell."""
-    limits = {name: (item.lower, item.upper) for name, item in foot.parameters.items()}
-    bare = replace(data[0].condition, added_mass_kg=0.0).masses
-    m_S, m_F = (float(bare.get(name, foot.values()[name])) for name in ("m_S", "m_F"))
-    ratio = float(np.mean((m_S + measured.loads_kg) / (m_S + m_F + measured.loads_kg)))
-    sizes = uncertainties(data, known)
-    loads = np.unique(measured.loads_kg).size
-    return [
-        RungSpace(rung, limits, ratio, m_S, m_F, nuisances(sizes)) for rung in rungs if loads >= rung.loads
-    ]  # fmt: skip
+def _rival(contender: Contender, best: Solution) -> Rival:
+    """A rival with its intervals, and what it predicts.
 
-
-def uncertainties(data: Sequence[Recording], known: Known) -> dict[str, float]:
-    """Standard deviations of masses, gain, delay and drift: as told, else as calibrated, else the usual."""
-    stated = np.array([gain_and_delay(r, "malleolus", "base") for r in data]).max(axis=0)
-    usual = (GAIN_STD, DELAY_STD_SAMPLES / min(r.rate_hz for r in data))
-    gain, delay = (float(s) if s > 0 else u for s, u in zip(stated, usual, strict=True))
-    sizes = {
-        "masses": MASS_STD if known.mass_std is None else known.mass_std,
-        "gain": gain if known.gain_std is None else known.gain_std,
-        "delay": delay if known.delay_std_s is None else known.delay_std_s,
-    }
-    return sizes | ({"drift": 0.0} if "drift" in known.excluded else {})
-
-
-def _rival(measured: Measured, space: RungSpace, ends: Sequence[Side]) -> Rival:
-    """A rung with its intervals, and what it foretells."""
-    best, other = ends[0], ends[1] if len(ends) > 1 else None
-    problem = RungProblem(measured, space)
-    chi_square = problem.chi(best.q)
-    dof = max(1, measured.size - space.counted)
-    told, error = held_out(measured, space, best)
-    k_T, k_F, ratio = _springs(problem, best.q, dof)
-    across = _springs(problem, other.q, dof)[:2] if other else None
-    problem.evaluate(best.q)
+    Args:
+        contender: at its ends. best: the best end of all rivals.
+    """
+    candidate, (end, *others) = contender.candidate, contender.solutions
+    rung, problem, v = candidate.rung, end.problem, end.problem.variables
+    deviances = [deviance(e.optimum.objective, best) for e in contender.solutions]
+    scores, error = held_out(end)
+    (k_T, k_F), across = _springs(end), _springs(others[0]) if others else (None, None)
+    Y, valid = problem.predicted(end.q)[:, 0], problem.measured.valid[:, 0]
     return Rival(
-        name=space.rung.name, title=space.rung.title, free=space.counted, chi_square=chi_square, dof=dof,
-        bic=best.objective + space.counted * float(np.log(measured.size)), held_out=told, error=error,
-        branch=best.branch, log_odds=0.5 * (other.objective - best.objective) if other else None,
-        k_T=k_T, k_F=k_F, log_ratio=ratio, other=across, own=_own(problem, best.q, dof),
-        values=space.named(best.q), predicted=tuple(problem.predict(best.q)), converged=best.converged,
-        nested=space.rung.nested, extra=bool(space.rung.own),
+        name=rung.name, title=rung.title, free=candidate.free, chi_square=end.chi_square, dof=end.dof,
+        bic=deviances[0] + candidate.free * float(np.log(problem.size)), held_out=scores, error=error,
+        branch=end.branch, log_odds=0.5 * (deviances[1] - deviances[0]) if others else None,
+        k_T=k_T, k_F=k_F, log_ratio=_log_ratio(end) if k_T and k_F else None,
+        other=(across[0], across[1]) if across[0] and across[1] else None, own=_own(candidate, end),
+        values=v.named(end.q) if isinstance(v, RungVariables) else {},
+        predicted=tuple(y[ok] for y, ok in zip(Y, valid, strict=True)), converged=end.optimum.converged,
+        nested=bool(rung.held), extra=candidate.extra, repeatability=contender.repeatability,
     )  # fmt: skip
 
 
-def _covariance(problem: RungProblem, q: np.ndarray, dof: int) -> np.ndarray:
-    """Of the search variable, widened by the misfit."""
-    return inverse_of_gram(problem.evaluate(q)[1]) * max(1.0, problem.chi(q) / dof)
+def _springs(end: Solution) -> tuple[Estimate | None, Estimate | None]:
+    """k_T and k_F as far as the model frees them."""
+    estimates, _ = end.estimates()
+    key = {item.name: item.key for item in end.problem.variables.space.free}
+    return estimates.get(key.get("k_T", "")), estimates.get(key.get("k_F", ""))
 
 
-def _springs(problem: RungProblem, q: np.ndarray, dof: int) -> tuple[Estimate, Estimate, tuple[float, float]]:
-    C, space = _covariance(problem, q, dof)[:2, :2], problem.space
-    la, found = np.log(space.ratio), []
-    for sign, name in ((0.5, "k_T"), (-0.5, "k_F")):
-        row = np.array([1.0, sign])
-        log, std = q[0] + sign * (q[1] + la), float(np.sqrt(row @ C @ row))
-        value, (low, high) = float(np.exp(log)), space.limits[name]
-        lower, upper = (float(np.clip(value * np.exp(z * std), low, high)) for z in (-_Z95, _Z95))
-        bound = value < 1.001 * low or value > 0.999 * high
-        found.append(Estimate(value, value * std, lower, upper, bound, identifiability(value, value * std, 0.0, bound)))
-    return found[0], found[1], (float(q[1] + la), float(np.sqrt(C[1, 1])))
+def _log_ratio(end: Solution) -> tuple[float, float]:
+    """Logarithm of k_T over k_F, and its standard error."""
+
+    def value(q: np.ndarray) -> np.ndarray:
+        springs = end.problem.variables.dynamic(q)
+        return np.log([springs["k_T"] / springs["k_F"]])
+
+    return float(value(end.q)[0]), float(end.spread(end.slopes(value))[0])
 
 
-def _own(problem: RungProblem, q: np.ndarray, dof: int) -> tuple[Own, ...]:
-    """The rung's own constants; 1 / f^2 of a mount is told as its frequency."""
-    C, space, found = _covariance(problem, q, dof), problem.space, []
-    at = {v.name: i for i, v in enumerate(space.variables)}
-    for v in space.rung.own:
-        x, std = q[at[v.name]] * v.size, float(np.sqrt(C[at[v.name], at[v.name]])) * v.size
-        ends = [float(np.clip(x + z * std, v.lower, v.upper)) for z in (0.0, -_Z95, _Z95)]
-        value, lower, upper = (float(np.exp(e)) if v.kind == "log" else e for e in ends)
-        if v.name == "u":
-            value, upper, lower = (e**-0.5 if e > 0 else np.inf for e in (value, lower, upper))
-            found.append(Own("f_u", "frequency of the sensor on its tissue", "Hz", value, lower, upper, v.source))
-        else:
-            found.append(Own(v.name, v.says, v.unit, value, lower, upper, v.source))
-    return tuple(found)
+def _own(candidate: Candidate, end: Solution) -> tuple[Own, ...]:
+    """The rival's own constants; 1 / f^2 of a mount is reported as its frequency."""
+    rows, items = dict(zip(end.problem.variables.nuisances, end.allowances(), strict=True)), []
+    for symbol, item in candidate.rung.own.items():
+        name, does, unit, row = symbol, item.does, item.unit, rows[item]
+        numbers = (row.value, row.lower, row.upper)
+        if symbol == "u":
+            name, does, unit = "f_u", "frequency of the sensor on its tissue", "Hz"
+            value, upper, lower = (x**-0.5 if x > 0 else np.inf for x in numbers)
+            numbers = (value, lower, upper)
+        items.append(Own(name, does, unit, *numbers, item.source))
+    return tuple(items)

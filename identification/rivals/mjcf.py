@@ -21,8 +21,7 @@ import numpy as np
 from fasbody.console import write_whole
 from fasbody.exceptions import InputFileError, ModelError
 from fasbody.foot.model import load
-from identification.engines.engine import Excitation
-from identification.engines.mujoco import Rollouts
+from fasbody.foot.steady_state import Balance
 from identification.rivals.result import Rivals
 from identification.rivals.steady import CONSTANTS, LOAD_KG, SERIES, Feet
 
@@ -34,8 +33,6 @@ _REST, _LEAST = 0.02, 1e-3
 #: [1/m], and how far apart the two ends of its spectrum are.
 _RELAXES, _STRAIGHT, _APART = 1e8, 1e-4, 1e-4
 _JOINTS = {"T": ("talocrural", "c_11", "c_12", "c_13"), "F": ("fat_pad", "c_21", "c_22", "c_23")}
-#: Step at which a written model is checked [s].
-_STEP = 1e-4
 
 
 def write_models(result: Rivals, file: Path, folder: Path) -> dict[Path, float]:
@@ -45,7 +42,7 @@ def write_models(result: Rivals, file: Path, folder: Path) -> dict[Path, float]:
         result: the comparison. file: the MJCF that the rungs are edits of. folder: to write into.
 
     Returns:
-        Each file, and the largest difference of MuJoCo from the equations, as a share of its peak.
+        Each file, and the largest difference of MuJoCo's motion from the equations, as a share of its peak.
 
     Raises:
         ModelError: the file has no such joints, or they are not where the edits expect them.
@@ -115,7 +112,7 @@ def edited_text(file: Path, name: str, title: str, values: Mapping[str, float], 
 
 
 def difference(file: Path, name: str, values: Mapping[str, float], hz: float, U: np.ndarray, load_kg: float) -> float:
-    """How far MuJoCo's steady motion of a written model is from the equations' one, as a share of the fundamental.
+    """How far MuJoCo's motion of a written model is from the equations, as a share of the fundamental.
 
     Args:
         file: the model. name: of the rung. values: its constants. hz: fundamental. U: (H,) base [m/s^2].
@@ -123,14 +120,13 @@ def difference(file: Path, name: str, values: Mapping[str, float], hz: float, U:
     """
     foot = load(file)
     masses = {"m_S": values["m_S"] + load_kg, "m_F": values["m_F"], "added_mass": load_kg}
-    engine = Rollouts(foot, [Excitation(hz, U, masses, _STEP)], ())
-    y, _ = engine.orbit(0, foot.values(), (), 1e-9)
-    have = 2 / y.size * np.fft.rfft(y)[1 : U.size + 1]
+    stated = {name: kg for name, kg in masses.items() if name in foot.parameters}
+    have = Balance(foot).orbit(hz, U, stated).harmonics()[: U.size]
     c = np.array([0.0 if n in ("gain", "delay", "drift") else values[n] for n in CONSTANTS])
     feet = Feet.of(c, np.array([load_kg]), np.array([hz]), np.zeros(1), U[None])
-    x, found = feet.solve(np.zeros((1, 2 * SERIES.size)))
+    x, moves = feet.solve(np.zeros((1, 2 * SERIES.size)))
     want = feet.felt(x)[0, : U.size]
-    return float(np.abs(have - want).max() / abs(want[0])) if found[0] else np.inf
+    return float(np.abs(have - want).max() / abs(want[0])) if moves[0] else np.inf
 
 
 def _body_of(root: ET.Element, joint: str, file: Path) -> ET.Element:

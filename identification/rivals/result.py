@@ -10,7 +10,7 @@ from fasbody.exceptions import SettingError, unknown
 from fasbody.presentation import Presented, Sheet, Tabled
 from identification.branches import DECISIVE_ODDS
 from identification.result import Estimate
-from identification.wide import FOLLOWS
+from identification.steady import FOLLOWS
 
 #: Difference of BIC that odds of 1000 to 1 make.
 DECISIVE = 2 * float(np.log(DECISIVE_ODDS))
@@ -40,15 +40,16 @@ class Rival(Tabled):
 
     Attributes:
         name, title: of the rung, or the name of a user's file. free: parameters that BIC counts.
-        chi_square, dof: of the recordings. bic: chi-square, squares of the priors' rows, and free log n.
+        chi_square, dof: of the recordings, as all rivals weigh them. bic: deviance, with the squares of the priors'
+            rows, and free log n; the deviance is chi-square, or Student's where repeatability was estimated.
         held_out: -2 log of the predictive density of recordings left out, by "frequency" and "load", as far as there
             are several. error: of those predictions, as a share of what was recorded.
         branch: the likelier one, "best" where no mirror is known. log_odds: over the other, None where not compared.
-        k_T, k_F: at rest, without load, on the likelier branch; None where the model has no such constant.
+        k_T, k_F: without load, on the likelier branch, dynamic where springs relax; None where the model has none.
         log_ratio: of k_T over k_F with its standard error. other: k_T and k_F of the other branch where it stays open.
         own: the rival's own constants. values: all constants. predicted: harmonics of each recording [m/s^2].
         converged: the descent came to rest. nested: it is the model with something held.
-        extra: it frees more than the model.
+        extra: it frees more than the model. repeatability: what recordings would have to repeat to if it were right.
     """
 
     name: str
@@ -71,16 +72,12 @@ class Rival(Tabled):
     converged: bool
     nested: bool
     extra: bool
-
-    @property
-    def per_dof(self) -> float:
-        """Chi-square per degree of freedom."""
-        return self.chi_square / max(1, self.dof)
+    repeatability: float
 
     @property
     def follows(self) -> bool:
-        """It describes the recordings."""
-        return self.per_dof <= FOLLOWS
+        """It describes the recordings, if they repeat no worse than people do."""
+        return self.repeatability <= FOLLOWS
 
     @property
     def surprise(self) -> float:
@@ -131,7 +128,12 @@ class Point:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Rivals(Presented):
-    """The comparison: rivals in order, the one that the recordings prefer first."""
+    """The comparison: rivals in order, the one that the recordings prefer first.
+
+    Attributes:
+        repeatability: relative standard deviation of a harmonic from recording to recording beside the sensors' noise,
+            as the rival says that asks for least; all are weighed with it.
+    """
 
     figures: ClassVar[str] = "identification.rivals.figures"
     plots: ClassVar[tuple[str, ...]] = ("predictions", "constants")
@@ -140,6 +142,7 @@ class Rivals(Presented):
     model: str
     rivals: tuple[Rival, ...]
     points: tuple[Point, ...]
+    repeatability: float
     warnings: tuple[str, ...]
     seconds: float
 
@@ -171,8 +174,9 @@ class Rivals(Presented):
         """The result in a sentence."""
         if not self.adequate:
             return (
-                f"No rival follows the recordings; {self.first.title} comes nearest (chi-square "
-                f"{self.first.per_dof:.3g} per degree of freedom), and nothing is said of the foot."
+                f"No rival follows the recordings; {self.first.title} comes nearest (they would have to repeat no "
+                f"better than to {100 * self.first.repeatability:.3g} %, and {100 * FOLLOWS:.3g} % is what people do "
+                "at most), and nothing is said of the foot."
             )
         shared = [c.text for c in self.conclusions if c.shared]
         changing = [c.text for c in self.conclusions if not c.shared]
@@ -189,20 +193,27 @@ class Rivals(Presented):
         adequate = self.adequate
         rows = [
             (
-                r.title, str(r.free), f"{r.per_dof:.3g}", f"{r.bic - best:.4g}",
+                r.title, str(r.free), f"{100 * r.repeatability:.2g} %", f"{r.bic - best:.4g}",
                 f"{r.surprise - held:.4g}" if r.held_out else "–", f"{100 * r.error:.2g} %" if r.held_out else "–",
-                _branch(r), r.k_T.interval() if r.k_T else "–", r.k_F.interval() if r.k_F else "–",
+                _branch(r, r in adequate), r.k_T.interval() if r.k_T else "–", r.k_F.interval() if r.k_F else "–",
                 "yes" if r in adequate else "no",
             )
             for r in self.rivals
         ]  # fmt: skip
         columns = (
-            "rival", "free", "chi²/dof", "BIC", "held out", "error", "branch", "k_T [N/m]", "k_F [N/m]", "adequate",
+            "rival", "free", "repeat to", "BIC", "held out", "error", "branch", "k_T [N/m]", "k_F [N/m]", "adequate",
         )  # fmt: skip
-        notes = [self.sentence()]
+        notes = [self.sentence(), self._repeating()]
         if self.first.own and self.first.follows:
             notes.append(f"{self.first.title}: {'; '.join(map(str, self.first.own))}.")
         return Sheet(f"{self.source}, rivals of {self.model}", columns, rows, [*notes, *self.warnings])
+
+    def _repeating(self) -> str:
+        least = min(self.rivals, key=lambda r: r.repeatability)
+        if not self.repeatability:
+            return f"Recordings repeat to the sensors' noise ({least.title})."
+        percent = f"{100 * self.repeatability:.2g} %"
+        return f"Recordings repeat to {percent}, as {least.title} says; all rivals are weighed with that."
 
     def records(self) -> list[dict[str, Any]]:
         """One row a rival."""
@@ -210,6 +221,7 @@ class Rivals(Presented):
         for place, r in enumerate(self.rivals, start=1):
             row: dict[str, Any] = {"place": place, "rival": r.name, "free": r.free, "chi_square": r.chi_square}
             row |= {"dof": r.dof, "bic": r.bic, "adequate": r in self.adequate, "branch": r.branch}
+            row["repeatability"] = r.repeatability
             row |= {"log_odds": r.log_odds, "held_out_error": r.error}
             row |= {f"held_out_{kind}": r.held_out.get(kind) for kind in ("frequency", "load")}
             for name, e in (("k_T", r.k_T), ("k_F", r.k_F)):
@@ -226,18 +238,18 @@ class Rivals(Presented):
         return {
             "source": self.source, "model": self.model, "first": self.first.name, "sentence": self.sentence(),
             "adequate": [r.name for r in self.adequate], "rivals": rivals,
-            "conclusions": [asdict(c) for c in self.conclusions], "warnings": list(self.warnings),
-            "seconds": self.seconds,
+            "conclusions": [asdict(c) for c in self.conclusions], "repeatability": self.repeatability,
+            "warnings": list(self.warnings), "seconds": self.seconds,
         }  # fmt: skip
 
 
 _ENDS = (("", "value"), ("_lower", "lower"), ("_upper", "upper"))
 
 
-def _branch(r: Rival) -> str:
+def _branch(r: Rival, adequate: bool) -> str:
     if r.log_odds is None:
         return "–"
-    return r.branch if r.decided else f"{r.branch}?"
+    return r.branch if adequate and r.decided else f"{r.branch}?"
 
 
 def _listed(names: list[str]) -> str:

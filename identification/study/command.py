@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from identification.study.cluster import Crew
     from identification.study.findings import Findings
     from identification.study.job import Document
-    from identification.study.plan import Job, Plan, Work
+    from identification.study.plan import Job, Work
 
 #: Places of a failure that are named.
 _NAMED = 3
@@ -167,8 +167,6 @@ def complete(
             missing.append(job)
     if not missing:
         return 0
-    if first:
-        console.print(first, soft_wrap=True)
     with crew(len(missing), scheduler, workers) as do, progress_bar() as progress:
         store.make()  # not before someone is there to fill it
         began = time.perf_counter()

@@ -10,16 +10,14 @@ from fasbody.exceptions import FasError, RecordingError, SimulationError
 from fasbody.foot.model import Foot
 from fasbody.recording.checks import checked
 from fasbody.recording.recording import Recording
-from identification.advice import follows
 from identification.estimate import Settings, fit_foot
-from identification.result import FitResult
 from identification.study.checks import check
 from identification.study.filters import KINDS
 from identification.study.loops import cycles
 from identification.study.plan import Job, Work
 
 Document = dict[str, Any]
-#: One fit in so many has a recording that MuJoCo replays from end to end; which ones follows from their keys.
+#: One fit of the time domain in so many is run by MuJoCo from end to end; which ones follows from their keys.
 SAMPLE = 20
 
 
@@ -59,23 +57,15 @@ def _done(work: Work, left_out: list[str]) -> Document:
     recordings, data = _usable(work.recordings, left_out)
     if work.job.kind != KINDS[0]:
         return {"result": check(work, recordings, foot)}
-    fitted = _fitted(recordings, foot, sampled(work))
+    fitted = fit_foot(recordings, foot, sampled(work), interruptible=False)
     result = fitted.with_source(str(work.job)).document()
     result["warnings"] += [f"Left out: {sentence}" for sentence in left_out]
     periodic = result.get("domain", "periodic") == "periodic"
     return {"result": result, "cycles": _cycles(result, foot, data) if periodic else []}
 
 
-def _fitted(recordings: Sequence[Recording], foot: Foot, settings: Settings) -> FitResult:
-    """A fit, with whatever else may be true where the model alone comes near: no allowance mends a gross misfit."""
-    alone = fit_foot(recordings, foot, settings, wide=False, interruptible=False)
-    if not settings.wide or not follows(alone.fit_percent):
-        return alone
-    return fit_foot(recordings, foot, settings, interruptible=False)
-
-
 def sampled(work: Work) -> Settings:
-    """The settings of a fit: without another wish, MuJoCo replays one recording of every twentieth fit throughout."""
+    """The settings of a fit: in the time domain MuJoCo runs every twentieth fit throughout, if not told otherwise."""
     wanted = work.settings.replay
     return replace(work.settings, replay=int(int(work.job.key, 16) % SAMPLE == 0) if wanted == 0 else wanted)
 

@@ -132,13 +132,11 @@ def of_orbits(orbits: Orbits, base: np.ndarray) -> list[Cycle]:
     A[:, : base.shape[1]] = base
     momentum_rate = ((at["m_S"] * orbits.shank + at["m_F"] * orbits.foot) @ turning).real
     shaker = np.mean(momentum_rate * ((A / s) @ turning).real, axis=1) * period
-    return [
-        Cycle(
-            *(Loop(z[b, joint], forces[joint][b], float(work[b, joint])) for joint in range(2)),
-            float(work[b].sum()), float(shaker[b]), complex(orbits.shank[b, 0]),
-        )
-        for b in range(len(period))
-    ]  # fmt: skip
+    cycles = []
+    for b, (ankle, pad) in enumerate(zip(*forces, strict=True)):
+        loops = Loop(z[b, 0], ankle, float(work[b, 0])), Loop(z[b, 1], pad, float(work[b, 1]))
+        cycles.append(Cycle(*loops, float(work[b].sum()), float(shaker[b]), complex(orbits.shank[b, 0])))
+    return cycles
 
 
 def _of_model(foot: Foot, frequency_hz: float, base: np.ndarray, values: Mapping[str, float]) -> Cycle:

@@ -149,7 +149,7 @@ class Plan:
         return Work(job, tuple(recordings), self.model, settings, tuple(unread), basis)
 
     def _settings(self, mode: str, kind: str) -> Settings:
-        """Several frequencies are fitted with whatever else may be true, and checks of them if the model is true."""
+        """Several frequencies are fitted with errors of model and sensors, and checked with the model assumed exact."""
         return replace(self.settings, wide=self.settings.wide and mode == "pooled" and kind == KINDS[0])
 
 

@@ -1,7 +1,7 @@
 """The persons behind a study's pooled fits: the mean of each constant, how much persons differ, and each one shrunk.
 
 The logarithm of a constant of person i is mu + u_i, u_i ~ N(0, tau^2), and the fit knows it to its standard error s_i,
-with whatever else may be true. Both are found by restricted maximum likelihood, by the machinery of the heels
+model and sensor errors included. Both are found by restricted maximum likelihood, by the machinery of the heels
 (heel/population.py); the interval of the mean has Student's t with the persons less one, that of the spread inverts
 Cochran's Q, which is chi-square distributed at the true tau. A person's own value is shrunk to the mean by what its fit
 leaves open. What all persons have in common, such as a wrong gain of one laboratory's sensor, no number of persons
@@ -32,6 +32,7 @@ from fasbody.presentation import Tabled, readable
 from identification.advice import POOR_FIT, follows
 from identification.branches import DECISIVE_ODDS, EXCHANGED, STIFF_ANKLE, STIFF_PAD
 from identification.heel.population import FEWEST, Observed, estimate
+from identification.study.tracking import deviances
 
 _LEVEL = 0.95
 #: Chance, times the number of persons, below which a value does not belong to the others'.
@@ -347,10 +348,13 @@ def _odds(fits: Sequence[Mapping[str, Any]]) -> tuple[float, float]:
     misfit, paid = [0.0], [0.0]
     for d in fits:
         worlds = {b["name"]: b["world"] for b in d["result"]["branches"]}
+        apart = dict(zip(worlds, deviances(d["result"]), strict=True))
         if {STIFF_ANKLE, STIFF_PAD} <= set(worlds) and worlds[d["result"]["branches"][0]["name"]]["follows"]:
             ankle, pad = worlds[STIFF_ANKLE], worlds[STIFF_PAD]
-            misfit.append(0.5 * (pad["chi_square"] - ankle["chi_square"]))
-            paid.append(0.5 * (pad["objective"] - ankle["objective"]) - misfit[-1])
+            whole, part = (pad[name] - ankle[name] for name in ("objective", "chi_square"))
+            log_odds = 0.5 * (apart[STIFF_PAD] - apart[STIFF_ANKLE])  # Student's where the scatter was estimated
+            misfit.append(log_odds * part / whole if whole else 0.0)
+            paid.append(log_odds - misfit[-1])
     return sum(misfit) + sum(paid), sum(misfit) + sum(paid) / max(1, len(paid) - 1)
 
 

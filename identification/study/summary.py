@@ -119,8 +119,8 @@ def _rows(
 def word(mode: str, branch: Mapping[str, Any], own: str, profile: str | None) -> str:
     """What may be said of an estimate, by its own verdict and that of its profile: the worse of both.
 
-    One frequency identifies nothing (`truth.LIMITS`), however small its standard error; neither does a fit that does
-    not allow for whatever else may be true, and one of several that does not follow them knows nothing.
+    One frequency identifies nothing (`truth.LIMITS`), however small its standard error; neither does a fit that
+    assumes the model exact, and one of several that does not follow them knows nothing.
     """
     told = [each.partition(",")[0] for each in (own, profile) if each]
     worst = max(told, key=VERDICTS.index)

@@ -68,19 +68,14 @@ class Fit:
     def from_document(cls, document: Mapping[str, Any], masses: Mapping[str, float] | None = None) -> Self:
         """From a fit's JSON document with `result`, as a study stores it.
 
-        The deviance of a wide fit is what it came to with whatever else may be true, its misfit what that leaves.
-        Where the model misfits, the deviances are scaled by the reduced chi-square as in branches.judge, and as there
+        Where the model misfits, the deviances of a model assumed exact are scaled by the reduced chi-square as in
+        branches.judge; where the scatter of the recordings was estimated, they are Student's. As in branches.judge
         nothing speaks against a branch whose stiffness or damping rests on a bound: it would fit better beyond.
         """
         result = document["result"]
-        goodness = result["goodness_of_fit"]
-        worlds = [branch.get("world") for branch in result["branches"]]
-        wide = all(worlds)
-        left = worlds[0]["chi_square"] if wide else goodness["chi_square"]
-        excess = max(1.0, left / max(1, goodness["dof"]))
-        own = [w["objective"] if wide else b["deviance"] for w, b in zip(worlds, result["branches"], strict=True)]
-        found, least = [], min(own)
-        for branch, deviance in zip(result["branches"], own, strict=True):
+        weighed = deviances(result)
+        found, least = [], min(weighed)
+        for branch, deviance in zip(result["branches"], weighed, strict=True):
             values, errors = {}, {}
             for key, e in branch["parameters"].items():
                 name = next((n for n in (*CURVES, "c_12", "c_13", "c_22", "c_23") if key.startswith(f"{n}_")), key)
@@ -88,10 +83,23 @@ class Fit:
                 if e["std_error"] is not None and np.isfinite(e["std_error"]) and e["value"]:
                     errors[name] = abs(e["std_error"] / e["value"])
             rests = pinned({key: bool(e["at_bound"]) for key, e in branch["parameters"].items()})
-            found.append(BranchFit(branch["name"], values, errors, (least if rests else deviance) / excess))
+            found.append(BranchFit(branch["name"], values, errors, least if rests else deviance))
         f = document["frequency_hz"]
         place = None if f is None else round(f, 1), document["added_mass_kg"]
         return cls(*place, tuple(found), masses, document.get("key", ""))
+
+
+def deviances(result: Mapping[str, Any]) -> list[float]:
+    """-2 log likelihood of each branch of a result's document, up to a constant."""
+    objectives = [float(branch["deviance"]) for branch in result["branches"]]
+    world, goodness = result["branches"][0].get("world"), result["goodness_of_fit"]
+    if world is None:
+        excess = max(1.0, goodness["chi_square"] / max(1, goodness["dof"]))
+        return [objective / excess for objective in objectives]
+    if not world["repeatability"]:
+        return objectives
+    nu, least = max(2, world["dof"]), min(objectives)
+    return [float(nu * np.log1p((objective - least) / nu)) for objective in objectives]
 
 
 @dataclass(frozen=True)

@@ -209,7 +209,7 @@ def leave_one_frequency_out(
     for m, at in sorted(set(zip(loads, f, strict=True))):
         used, out = np.flatnonzero((loads == m) & (f != at)), np.flatnonzero((loads == m) & (f == at))
         try:
-            values = values_of(quick_fit([recordings[i] for i in used], foot, settings))
+            values = values_of(quick_fit([recordings[int(i)] for i in used], foot, settings))
         except SimulationError:
             failed += [data[i].file for i in out]
             continue

@@ -1,0 +1,205 @@
+"""The search against SciPy's bounded least squares, and what counts as one end, as found twice, as followed."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pytest
+from scipy.optimize import least_squares, lsq_linear
+from steady_cases import BENT, problem, session
+
+from fasbody.foot.model import Foot
+from identification import optimiser, steady
+from identification.branches import NOT_EXHAUSTED, Had
+from identification.optimiser import SAME, Optimum, Population, Searched, descend, finished, search
+from identification.residual import Evaluation, Problem
+
+Array = np.ndarray
+FREQUENCIES = (10.0, 15.0, 20.0, 30.0, 40.0, 50.0)
+_MERGED = "starts that merge where recordings repeat to 50 % count as hits of one end, below which another lies"
+
+
+@dataclass
+class Valley:
+    """A sum of squares that is written down: residual (m,) and Jacobian (m, n) of q (n,), between bounds."""
+
+    low: Array
+    high: Array
+
+    def bounds(self, sign: int = 0) -> tuple[Array, Array]:
+        return self.low, self.high
+
+    def residual(self, q: Array) -> Array:
+        raise NotImplementedError
+
+    def jacobian(self, q: Array) -> Array:
+        raise NotImplementedError
+
+    def evaluate(self, Q: Array, near: object = None) -> Evaluation:
+        r, J = (np.stack([of(q) for q in Q]) for of in (self.residual, self.jacobian))
+        return Evaluation(r, J, np.ones(len(Q), bool), None)
+
+
+@dataclass
+class Linear(Valley):
+    M: Array
+    b: Array
+
+    def residual(self, q: Array) -> Array:
+        return self.M @ q - self.b
+
+    def jacobian(self, q: Array) -> Array:
+        return self.M
+
+
+class Rosenbrock(Valley):
+    def residual(self, q: Array) -> Array:
+        return np.array([10 * (q[1] - q[0] ** 2), 1 - q[0]])
+
+    def jacobian(self, q: Array) -> Array:
+        return np.array([[-20 * q[0], 10.0], [-1.0, 0.0]])
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_linear_problem_ends_where_bounded_least_squares_does(seed: int) -> None:
+    """With columns of unlike size, variables that start on a bound, and one that is held."""
+    rng = np.random.default_rng(seed)
+    M, b = rng.normal(size=(30, 12)) * np.exp(rng.normal(0, 2, 12)), rng.normal(0, 10, 30)
+    low, high = -np.abs(rng.normal(size=12)), np.abs(rng.normal(size=12))
+    low[:4] = 0.0
+    low[11] = high[11] = 0.0
+    q, objective, rests = finished(Linear(low, high, M, b), np.zeros(12), 0)  # type: ignore[arg-type]
+    want = lsq_linear(M, b, (low - 1e-12, high + 1e-12), method="bvls", tol=1e-14)
+    assert rests and ((low <= q) & (q <= high)).all()
+    assert objective == pytest.approx(2 * want.cost, rel=1e-6, abs=1e-4)
+
+
+@pytest.mark.parametrize("high", [(2.0, 2.0), (0.5, 2.0), (2.0, 0.3)])
+def test_a_bent_valley_ends_where_scipy_does(high: tuple[float, float]) -> None:
+    valley = Rosenbrock(np.full(2, -2.0), np.array(high))
+    down = descend(valley, np.array([[-1.2, 0.25], [0.3, -1.0]]), np.zeros(2, int), 500, 1e-14)  # type: ignore[arg-type]
+    want = least_squares(valley.residual, [-1.2, 0.25], valley.jacobian, valley.bounds(), xtol=1e-15, ftol=1e-15)
+    assert down.rests.all()
+    np.testing.assert_allclose(down.Q, [want.x, want.x], atol=1e-5)
+    np.testing.assert_allclose(down.objective, 2 * want.cost, atol=1e-10)
+
+
+def test_it_says_whether_it_came_to_rest() -> None:
+    valley = Rosenbrock(np.full(2, -2.0), np.full(2, 2.0))
+    short = descend(valley, np.array([[-1.2, 1.0]]), np.zeros(1, int), 3)  # type: ignore[arg-type]
+    assert not short.rests[0] and short.objective[0] > 0.1
+
+
+@pytest.fixture(scope="module")
+def made() -> Problem:
+    return problem(session(BENT, FREQUENCIES, (0.0, 2.3)))
+
+
+@pytest.fixture(scope="module")
+def found(made: Problem) -> Searched:
+    return search(made, (1, -1))
+
+
+def _by_scipy(problem: Problem, q: Array, sign: int, most: int) -> tuple[Array, float]:
+    low, high = problem.bounds(sign)
+    inside = np.clip(q, low + 1e-9 * (high - low), high - 1e-9 * (high - low))
+    end = least_squares(
+        lambda x: problem.evaluate(x[None]).residual[0], inside, lambda x: problem.evaluate(x[None]).jacobian[0],
+        bounds=(low, high), x_scale="jac", max_nfev=most, ftol=1e-12, xtol=1e-12, gtol=1e-12,
+    )  # fmt: skip
+    return end.x, 2 * end.cost
+
+
+def test_scipy_does_not_improve_either_end(found: Searched) -> None:
+    for optimum in found.optima:
+        assert optimum.exhausted
+        _, objective = _by_scipy(found.problem, optimum.q, optimum.sign, 60)
+        assert objective > optimum.objective - 1e-3
+
+
+@pytest.mark.parametrize("number", [0, pytest.param(1, marks=pytest.mark.xfail(strict=True, reason=_MERGED))])
+def test_an_end_is_that_of_many_starts(found: Searched, number: int) -> None:
+    """SciPy from random places of its side: none ends lower, and one or more end there."""
+    optimum, rng = found.optima[number], np.random.default_rng(5)
+    places = optimiser.random_starts(found.problem, optimum.sign, 6, rng)
+    ends = [_by_scipy(found.problem, q, optimum.sign, 150)[1] for q in places]
+    assert optimum.objective - 0.01 < min(ends) < optimum.objective + SAME
+
+
+def test_the_true_side_is_first_and_holds_the_truth(found: Searched) -> None:
+    first, second = found.optima
+    assert first.sign == 1 and second.objective > first.objective + 10
+    values = found.problem.variables.dynamic(first.q)
+    for name in ("k_T", "k_F", "c_11", "c_21"):
+        assert values[name] == pytest.approx(BENT[name], rel=0.15)  # the leg's mass is known to some per cent
+
+
+def population(Q: list[list[float]], objective: list[float], sign: tuple[int, ...] = (1, 1)) -> Population:
+    return Population(np.array(Q), np.array(sign), np.ones(len(Q), int), np.array(objective))
+
+
+@pytest.mark.parametrize(
+    ("apart", "higher", "sign", "hits"),
+    [
+        (0.99, 0.99 * SAME, 1, [2]),
+        (1.01, 0.99 * SAME, 1, [1, 1]),  # another place that fits as well
+        (0.99, 1.01 * SAME, 1, [1, 1]),  # on the way there
+        (0.0, 0.0, -1, [1, 1]),  # the other side of the mirror
+    ],
+)
+def test_ends_are_one_where_place_and_sum_of_squares_agree(
+    apart: float, higher: float, sign: int, hits: list[int]
+) -> None:
+    ends = population([[0.0, 0.0], [0.0, apart * optimiser._CLOSE]], [10.0, 10.0 + higher], (1, sign))
+    kept = ends.distinct()
+    assert kept.hits.tolist() == hits and kept.objective[0] == 10.0
+    assert ends.best() == 0 and ends.best(sign) == (0 if sign == 1 else 1)
+
+
+def test_only_the_best_few_of_a_side_are_followed() -> None:
+    many = 2 * optimiser._KEPT
+    ends = Population(10.0 * np.arange(many)[:, None], np.ones(many, int), np.ones(many, int), np.arange(many, 0.0, -1))
+    assert sorted(ends.distinct().objective) == list(range(1, optimiser._KEPT + 1))
+
+
+@pytest.mark.parametrize(("hits", "rests", "exhausted"), [(2, True, True), (1, True, False), (2, False, False)])
+def test_a_search_is_exhausted_where_its_end_was_found_twice_and_rests(hits: int, rests: bool, exhausted: bool) -> None:
+    assert Optimum(1, np.zeros(2), 1.0, rests, hits, 8).exhausted is exhausted
+
+
+@pytest.fixture(scope="module")
+def fitted(found: Searched, foot: Foot) -> Iterator[steady.Fitted]:
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(optimiser, "ROUNDS", 1)
+        yield steady.fit(replace(found.problem), foot, 4, 0, True)
+
+
+@pytest.mark.parametrize(("hits", "verdict", "word"), [(2, "decided", "identified"), (1, "undecided", "weak")])
+def test_what_was_found_once_decides_nothing(
+    fitted: steady.Fitted, foot: Foot, hits: int, verdict: str, word: str
+) -> None:
+    """Of a fit that decides, with hits as if the search had found each end so often."""
+    ends = [replace(s, optimum=replace(s.optimum, hits=hits)) for s in fitted.solutions]
+    once = replace(fitted, solutions=tuple(ends))
+    data = list(ends[0].problem.variables.recordings)
+    built = [steady.branch_of(once, end, data, foot) for end in ends]
+    found = steady.verdict_of(once, built, Had(2), "")
+    assert found.word == verdict and (found.sentence == NOT_EXHAUSTED) is (hits == 1)
+    assert built[0]["k_F"].identifiability == word and built[0].world is not None
+    assert built[0].world.exhausted is (hits == 2)
+
+
+@pytest.mark.parametrize("follows", [True, False])
+def test_beyond_the_bound_of_repeatability_nothing_is_offered(
+    fitted: steady.Fitted, foot: Foot, follows: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The bound on either side of what a fit found."""
+    ends = [replace(s, problem=s.problem.with_repeatability(0.1)) for s in fitted.solutions]
+    scattered = replace(fitted, solutions=tuple(ends))
+    monkeypatch.setattr(steady, "FOLLOWS", 0.101 if follows else 0.099)
+    data = list(ends[0].problem.variables.recordings)
+    built = [steady.branch_of(scattered, end, data, foot) for end in ends]
+    words = {e.identifiability for branch in built for e in branch.parameters.values()}
+    assert (words == {"not identifiable"}) is not follows
+    text = steady.verdict_of(scattered, built, Had(2), "").sentence
+    assert ("does not follow the recordings" in text) is not follows
