@@ -202,7 +202,8 @@ class Solution:
     def _at_rest(self) -> dict[str, Estimate]:
         """Springs and dampers without what relaxes, where that may be another number."""
         values = self.problem.variables.at_rest(self.q)
-        if not values:
+        relaxes = self.problem.variables.of_kind("relaxation time")
+        if not values or relaxes is None or self.problem.held[relaxes]:
             return {}
         std = self.spread(self.slopes(lambda q: self._coordinates(q, at_rest=True)))
         return {

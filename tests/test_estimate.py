@@ -9,16 +9,12 @@ import oracle
 import pytest
 
 from fasbody.console import to_json
-from fasbody.exceptions import RecordingError, SettingError, SimulationError
+from fasbody.exceptions import RecordingError, SettingError
 from fasbody.foot.model import Foot, load
 from fasbody.recording.recording import Condition, Recording
-from identification import certification
-from identification.branches import STIFF_ANKLE, STIFF_PAD
-from identification.domains import Domain
 from identification.estimate import Settings, fit_foot
 from identification.report import html
 from identification.result import FitResult
-from identification.search import Descent
 from viz.fitted import fitted
 
 Trial = Callable[..., Recording]
@@ -77,7 +73,7 @@ def test_a_single_20_hz_recording_tells_little_and_says_so(foot: Foot, trial: Tr
     document = json.loads(to_json(result.document()))
     assert {p[end] for p in document["parameters"].values() for end in ("lower", "upper", "std_error")} == {None}
     page = html(result)
-    assert "identified, if the model is true" not in page and "– to –" not in page
+    assert "identified, model assumed exact" not in page and "– to –" not in page
     shown = fitted(document, foot.parameters)["branches"][0]["rows"]
     assert {row["interval"] for row in shown} == {"–"} and not any("lower" in row for row in shown)
     assert result.excitation_rank == 2
@@ -111,7 +107,7 @@ def test_a_model_without_twin_is_fitted_in_mujoco_alone(edited: Callable[..., Pa
     truth = {**TRUTH, "c_12": 50.0, "c_13": 100.0}
     recordings = [trial(truth, f, pad=pad, seconds=1.0) for f in (10.0, 20.0, 40.0)]
     result = fit_foot(recordings, foot, Settings(free=("k_T", "c_11", "E", "eta"), starts=1))
-    assert result.twin_mujoco_difference is None
+    assert result.twin_mujoco_difference is not None and result.twin_mujoco_difference < 3e-4  # orbit and rollout
     assert result.model == "edited.xml"
     keys = {"k_T_n_per_m": "k_T", "c_11_n_s_per_m": "c_11", "E_n": "E", "eta_n_s": "eta"}
     near(result, {**truth, "E": E, "eta": eta}, keys, 0.03)
@@ -162,42 +158,8 @@ def test_a_bad_recording_is_refused(foot: Foot, trial: Trial) -> None:
         fit_foot([replace(r, malleolus_m_s2=np.zeros(r.time_s.size))], foot)
 
 
-def unstable_where(monkeypatch: pytest.MonkeyPatch, fails: Callable[[str, Descent], bool]) -> list[Descent]:
-    """Make the motions of some descents' ends not last; returns the list of those that were tried."""
-    tried: list[Descent] = []
-    real = certification._certify
-
-    def certify(domain: Domain, name: str, descent: Descent) -> certification.Certified:
-        tried.append(descent)
-        if fails(name, descent):
-            raise SimulationError("this motion does not last.")
-        return real(domain, name, descent)
-
-    monkeypatch.setattr(certification, "_certify", certify)
-    return tried
-
-
-def test_end_that_does_not_last_gives_way_to_the_next(
-    foot: Foot, light: list[Recording], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    usual = fit_foot(light, foot, Settings(starts=4))
-    best = usual.best.cost
-    unstable_where(monkeypatch, lambda name, descent: name != usual.best.name)
-    result = fit_foot(light, foot, Settings(starts=4))
-    other = ({STIFF_ANKLE, STIFF_PAD} - {usual.best.name}).pop()
-    assert [b.name for b in result.branches] == [usual.best.name] and result.best.cost == pytest.approx(best, rel=1e-6)
-    assert str(result.verdict) == "not compared" and result.reason.startswith(f"The {other} branch is left out")
-    tried = unstable_where(monkeypatch, lambda name, descent: True)
-    with pytest.raises(SimulationError, match="all unstable over the recordings"):
-        fit_foot(light, foot, Settings(starts=4))
-    costs = [descent.cost for descent in tried]
-    assert len(costs) == len({round(cost, 4) for cost in costs})  # the same end is tried once
-
-
-def test_a_recording_that_can_be_followed_exactly_gets_more_starts(foot: Foot, trial: Trial) -> None:
-    """Four numbers for eight constants: an end that misses them is a start's fault, and others are tried."""
+def test_a_recording_that_can_be_followed_exactly_is(foot: Foot, trial: Trial) -> None:
+    """Four numbers for eight constants, of a foot far stiffer than the model's own."""
     stiff = {**TRUTH, "k_T": 3.1e6, "k_F": 3.2e5, "c_11": 1612.0, "c_21": 1892.0}
     found = fit_foot([trial(stiff, 50.0, added=4.5)], foot, Settings(starts=1, bounds={"k_T": (1e4, 1e7)}))
-    costs = {str(row["start"]): float(str(row["cost"])) for row in found.starts}
-    assert found.best.dof == 0 and costs["model"] > 100
-    assert min(costs, key=costs.__getitem__).startswith("random") and found.best.chi_square < 1e-3
+    assert found.best.dof == 0 and found.best.chi_square < 1e-3

@@ -160,5 +160,7 @@ def test_at_rest_stands_beside_what_is_dynamic() -> None:
         assert e.lower < value < e.upper and e.at_rest.lower < BENT[key.split("_n_")[0]] < e.at_rest.upper
         assert e.at_rest.value < e.value and e.at_rest.lower / e.lower < e.at_rest.upper / e.upper
     plain = problem(session(BENT, FREQUENCIES), exclude=["relaxation"])
-    estimates, _ = solved(plain, plain.variables.start(BENT)).estimates()
-    assert all(e.at_rest is None for e in estimates.values())
+    held = made.with_held(made.variables.held(["relaxing", "relaxation time"]))
+    for fixed in (plain, held):
+        estimates, _ = solved(fixed, fixed.variables.start(BENT)).estimates()
+        assert all(e.at_rest is None for e in estimates.values())
