@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.stats import t as student_t
 from typer.testing import CliRunner
 
 import identification as idn
@@ -18,6 +19,8 @@ from fasbody.foot.two_dof import TwoDof
 from fasbody.recording.checks import checked
 from fasbody.recording.known import Known
 from fasbody.recording.recording import Recording
+from identification.intervals import Solution
+from identification.optimiser import Optimum
 from identification.residual import Problem
 from identification.result import Estimate
 from identification.rivals.__main__ import app
@@ -25,7 +28,7 @@ from identification.rivals.compare import compare_rivals
 from identification.rivals.ladder import LADDER, RungVariables, rungs_of
 from identification.rivals.mjcf import difference, edited_text, write_models
 from identification.rivals.result import DECISIVE, Rival, Rivals, preferred
-from identification.rivals.search import folds, only, surprise
+from identification.rivals.search import deviance, folds, only, surprise
 from identification.rivals.steady import CONSTANTS, INDEX, SERIES, Feet
 
 LEG = Leg(1.5e5, 1.0e5, 430.0, 50.0, 100.0, 500.0, -50.0, 100.0, 3.3, 1.05)
@@ -186,6 +189,18 @@ def test_surprise_is_the_log_density_of_what_was_left_out() -> None:
     assert abs(mean - 6 - np.linalg.slogdet(S)[1]) < 0.2
 
 
+def test_deviance_is_students_where_repeatability_is_estimated(problems: dict[str, Problem]) -> None:
+    """Against the density of Student's distribution, whose scale is what the best end leaves over."""
+    problem, gap = problems["linear"], 9.0
+    q = problem.variables.start(vars(LINEAR))
+    ends = [Solution("best", problem.with_repeatability(s), Optimum(0, q, 70.0, True, 1, 1)) for s in (0.0, 0.02)]
+    assert deviance(70.0 + gap, ends[0]) - deviance(70.0, ends[0]) == gap
+    nu = ends[1].dof
+    logs = [student_t.logpdf(x, nu) for x in (0.0, np.sqrt(gap))]
+    wants = 2 * (logs[0] - logs[1]) * nu / (nu + 1)
+    assert np.isclose(deviance(70.0 + gap, ends[1]) - deviance(70.0, ends[1]), wants)
+
+
 # the verdict
 
 
@@ -196,7 +211,7 @@ def made(name: str, bic: float, held: float, free: int = 8, repeats: float = 0.0
         "name": name, "title": name, "free": free, "chi_square": 100.0, "dof": 100, "bic": bic,
         "held_out": {"frequency": held}, "error": 0.01, "branch": "stiff pad", "log_odds": 20.0, "k_T": e, "k_F": f,
         "log_ratio": (np.log(k_T / 2e5), 0.02), "other": None, "own": (), "values": {}, "predicted": (),
-        "converged": True, "nested": name == "linear", "extra": free > 8, "repeatability": repeats,
+        "converged": True, "extra": free > 8, "repeatability": repeats,
     }  # fmt: skip
     return Rival(**{**values, **more})  # type: ignore[arg-type]
 
