@@ -3,9 +3,11 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.stats import multivariate_normal
 from scipy.stats import t as student_t
 from typer.testing import CliRunner
 
@@ -28,7 +30,7 @@ from identification.rivals.compare import compare_rivals
 from identification.rivals.ladder import LADDER, RungVariables, rungs_of
 from identification.rivals.mjcf import difference, edited_text, write_models
 from identification.rivals.result import DECISIVE, Rival, Rivals, preferred
-from identification.rivals.search import deviance, folds, only, surprise
+from identification.rivals.search import deviance, evidence, folds, only
 from identification.rivals.steady import CONSTANTS, INDEX, SERIES, Feet
 
 LEG = Leg(1.5e5, 1.0e5, 430.0, 50.0, 100.0, 500.0, -50.0, 100.0, 3.3, 1.05)
@@ -179,14 +181,24 @@ def test_the_image_is_the_mirror_and_a_place_carries_over(problems: dict[str, Pr
     assert bent.image(q)[place].tolist() == [-0.1, 0.3]
 
 
-def test_surprise_is_the_log_density_of_what_was_left_out() -> None:
-    """Against a normal distribution drawn from: the mean of r' S^-1 r is the number of residuals."""
+def test_evidence_is_the_predictive_density_of_a_linear_model() -> None:
+    """Of y = A x + noise with a normal prior of x: evidence of all over that of some, against the normal density."""
     rng = np.random.default_rng(0)
-    J, C = rng.normal(size=(6, 3)), np.diag([0.5, 1.0, 2.0])
-    draws = rng.normal(size=(4000, 3)) * np.sqrt(np.diag(C)) @ J.T + rng.normal(size=(4000, 6))
-    S = np.eye(6) + J @ C @ J.T
-    mean = np.mean([surprise(r, J, C) for r in draws])
-    assert abs(mean - 6 - np.linalg.slogdet(S)[1]) < 0.2
+    A, y = rng.normal(size=(9, 3)), rng.normal(size=9)
+
+    def made(rows: slice) -> tuple[SimpleNamespace, np.ndarray]:
+        J = np.concatenate([A[rows], np.eye(3)])
+        aim = np.concatenate([y[rows], np.zeros(3)])
+        x = np.linalg.lstsq(J, aim, rcond=None)[0]
+        now = SimpleNamespace(jacobian=J[None], objective=np.array([np.sum((J @ x - aim) ** 2)]))
+        return SimpleNamespace(evaluate=lambda Q: now), x
+
+    (whole, x), (part, x_part) = made(slice(None)), made(slice(0, 5))
+    C = np.linalg.inv(A[:5].T @ A[:5] + np.eye(3))
+    S = np.eye(4) + A[5:] @ C @ A[5:].T
+    density = multivariate_normal(A[5:] @ x_part, S).logpdf(y[5:])
+    wants = -2 * density - 4 * np.log(2 * np.pi)
+    assert np.isclose(evidence(whole, x) - evidence(part, x_part), wants)  # type: ignore[arg-type]
 
 
 def test_deviance_is_students_where_repeatability_is_estimated(problems: dict[str, Problem]) -> None:
