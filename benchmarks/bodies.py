@@ -49,8 +49,12 @@ def surfaces() -> Iterator[tuple[str, str, trimesh.Trimesh]]:
     yield "cylinder, free", "free", rod
     bone = read_body("metatarsal_2").mesh
     yield "bone, free", "free", trimesh.Trimesh(bone.points_um / 1e3, bone.surface.faces)
-    yield "drum with a chamber, free", "free", trimesh.util.concatenate(
-        [trimesh.creation.cylinder(20.0, 16.0, sections=64), trimesh.creation.box((14, 14, 8))]
+    yield (
+        "drum with a chamber, free",
+        "free",
+        trimesh.util.concatenate(
+            [trimesh.creation.cylinder(20.0, 16.0, sections=64), trimesh.creation.box((14, 14, 8))]
+        ),
     )
     cell = dome_mesh(Dome(nucleus=None), MeshSize.of(2.5))
     yield "cell, on its base", "base", trimesh.Trimesh(cell.points_um / 1e3, cell.surface.faces)
@@ -78,8 +82,10 @@ def both_ways(surface: trimesh.Trimesh, support: str, folder: Path) -> Iterator[
     surface.export(folder / "body.stl")
     for name in ("body.stl", "body.vtu"):
         start = time.process_time()
-        yield name[-3:], body_modes(read_body(folder / name), {None: MATERIAL}, support, count=COUNT), (
-            time.process_time() - start
+        yield (
+            name[-3:],
+            body_modes(read_body(folder / name), {None: MATERIAL}, support, count=COUNT),
+            (time.process_time() - start),
         )
 
 

@@ -70,7 +70,7 @@ def _rival(row: dict[str, Any]) -> Rival:
     rung = next(rung for rung in LADDER if rung.name == row["name"])
     return Rival(
         row["name"], rung.title, row["free"], row["chi_square"], row["dof"], row["bic"], row["held_out"], 0.0, "",
-        None, None, None, None, None, (), {}, (), True, bool(rung.held), bool(rung.own), row["repeatability"],
+        None, None, None, None, None, (), {}, (), True, bool(rung.own), row["repeatability"],
     )  # fmt: skip
 
 

@@ -21,7 +21,10 @@ Mapping = Annotated[
 ]
 MassStd = Annotated[
     float | None,
-    typer.Option(metavar="SHARE", help="how far the segment masses may be off, as a share (default 0.15 for the shank, 0.1 for the foot; 0: exact)"),
+    typer.Option(
+        metavar="SHARE",
+        help="how far segment masses may be off, as a share (default 0.15 shank, 0.1 foot; 0: exact)",
+    ),
 ]
 GainStd = Annotated[
     float | None,

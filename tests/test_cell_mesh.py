@@ -78,9 +78,7 @@ def test_inverted_elements_are_named() -> None:
     mesh = block()
     tets = mesh.tets.copy()
     tets[5] = tets[5][[1, 0, 2, 3]]
-    with pytest.raises(
-        MeshError, match=r"1 of the \d+ tetrahedra are inverted .*\(the first is number 5\)"
-    ):
+    with pytest.raises(MeshError, match=r"1 of the \d+ tetrahedra are inverted .*\(the first is number 5\)"):
         TetMesh(mesh.points_um, tets, mesh.region).check()
 
 

@@ -3,9 +3,12 @@
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from scipy.stats import multivariate_normal
+from scipy.stats import t as student_t
 from typer.testing import CliRunner
 
 import identification as idn
@@ -19,6 +22,8 @@ from fasbody.foot.two_dof import TwoDof
 from fasbody.recording.checks import checked
 from fasbody.recording.known import Known
 from fasbody.recording.recording import Recording
+from identification.intervals import Solution
+from identification.optimiser import Optimum
 from identification.residual import Problem
 from identification.result import Estimate
 from identification.rivals.__main__ import app
@@ -26,7 +31,7 @@ from identification.rivals.compare import compare_rivals
 from identification.rivals.ladder import LADDER, RungVariables, rungs_of
 from identification.rivals.mjcf import difference, edited_text, write_models
 from identification.rivals.result import DECISIVE, Rival, Rivals, preferred
-from identification.rivals.search import folds, only, surprise
+from identification.rivals.search import deviance, evidence, folds, only
 from identification.rivals.steady import CONSTANTS, INDEX, SERIES, Feet
 
 LEG = Leg(1.5e5, 1.0e5, 430.0, 50.0, 100.0, 500.0, -50.0, 100.0, 3.3, 1.05)
@@ -179,14 +184,36 @@ def test_the_image_is_the_mirror_and_a_place_carries_over(problems: dict[str, Pr
     assert bent.image(q)[place].tolist() == [-0.1, 0.3]
 
 
-def test_surprise_is_the_log_density_of_what_was_left_out() -> None:
-    """Against a normal distribution drawn from: the mean of r' S^-1 r is the number of residuals."""
+def test_evidence_is_the_predictive_density_of_a_linear_model() -> None:
+    """Of y = A x + noise with a normal prior of x: evidence of all over that of some, against the normal density."""
     rng = np.random.default_rng(0)
-    J, C = rng.normal(size=(6, 3)), np.diag([0.5, 1.0, 2.0])
-    draws = rng.normal(size=(4000, 3)) * np.sqrt(np.diag(C)) @ J.T + rng.normal(size=(4000, 6))
-    S = np.eye(6) + J @ C @ J.T
-    mean = np.mean([surprise(r, J, C) for r in draws])
-    assert abs(mean - 6 - np.linalg.slogdet(S)[1]) < 0.2
+    A, y = rng.normal(size=(9, 3)), rng.normal(size=9)
+
+    def made(rows: slice) -> tuple[SimpleNamespace, np.ndarray]:
+        J = np.concatenate([A[rows], np.eye(3)])
+        aim = np.concatenate([y[rows], np.zeros(3)])
+        x = np.linalg.lstsq(J, aim, rcond=None)[0]
+        now = SimpleNamespace(jacobian=J[None], objective=np.array([np.sum((J @ x - aim) ** 2)]))
+        return SimpleNamespace(evaluate=lambda Q: now), x
+
+    (whole, x), (part, x_part) = made(slice(None)), made(slice(0, 5))
+    C = np.linalg.inv(A[:5].T @ A[:5] + np.eye(3))
+    S = np.eye(4) + A[5:] @ C @ A[5:].T
+    density = multivariate_normal(A[5:] @ x_part, S).logpdf(y[5:])
+    wants = -2 * density - 4 * np.log(2 * np.pi)
+    assert np.isclose(evidence(whole, x) - evidence(part, x_part), wants)  # type: ignore[arg-type]
+
+
+def test_deviance_is_students_where_repeatability_is_estimated(problems: dict[str, Problem]) -> None:
+    """Against the density of Student's distribution, whose scale is what the best end leaves over."""
+    problem, gap = problems["linear"], 9.0
+    q = problem.variables.start(vars(LINEAR))
+    ends = [Solution("best", problem.with_repeatability(s), Optimum(0, q, 70.0, True, 1, 1)) for s in (0.0, 0.02)]
+    assert deviance(70.0 + gap, ends[0]) - deviance(70.0, ends[0]) == gap
+    nu = ends[1].dof
+    logs = [student_t.logpdf(x, nu) for x in (0.0, np.sqrt(gap))]
+    wants = 2 * (logs[0] - logs[1]) * nu / (nu + 1)
+    assert np.isclose(deviance(70.0 + gap, ends[1]) - deviance(70.0, ends[1]), wants)
 
 
 # the verdict
@@ -199,7 +226,7 @@ def made(name: str, bic: float, held: float, free: int = 8, repeats: float = 0.0
         "name": name, "title": name, "free": free, "chi_square": 100.0, "dof": 100, "bic": bic,
         "held_out": {"frequency": held}, "error": 0.01, "branch": "stiff pad", "log_odds": 20.0, "k_T": e, "k_F": f,
         "log_ratio": (np.log(k_T / 2e5), 0.02), "other": None, "own": (), "values": {}, "predicted": (),
-        "converged": True, "nested": name == "linear", "extra": free > 8, "repeatability": repeats,
+        "converged": True, "extra": free > 8, "repeatability": repeats,
     }  # fmt: skip
     return Rival(**{**values, **more})  # type: ignore[arg-type]
 
@@ -290,9 +317,7 @@ def test_what_repeats_to_some_per_cent_prefers_nothing_to_the_model() -> None:
     """The sensors' noise alone would rule out every rival."""
     rng = np.random.default_rng(3)
     factors = 1 + 0.03 * rng.standard_normal(12)
-    data = [
-        replace(r, malleolus_m_s2=f * r.malleolus_m_s2) for r, f in zip(recorded(), factors, strict=True)
-    ]
+    data = [replace(r, malleolus_m_s2=f * r.malleolus_m_s2) for r, f in zip(recorded(), factors, strict=True)]
     result = compare_rivals(data, rungs=["mount"])
     assert result.first.name in ("model", "linear") and result["model"] in result.adequate
     assert 0.01 < result.repeatability < 0.04 and result.document()["repeatability"] == result.repeatability

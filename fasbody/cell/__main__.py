@@ -40,9 +40,7 @@ MaterialOption = Annotated[
     list[str],
     typer.Option(help=r"Young's modulus \[Pa], Poisson's ratio, density \[kg/m^3]; of one region: REGION=E,NU,RHO"),
 ]
-SupportOption = Annotated[
-    str, typer.Option(help="free, base (flat on the lowest plane) or region (see --held)")
-]
+SupportOption = Annotated[str, typer.Option(help="free, base (flat on the lowest plane) or region (see --held)")]
 HeldOption = Annotated[
     str | None,
     typer.Option(help="number or name of what stands still; triangles:1, tetrahedra:1 if both are"),

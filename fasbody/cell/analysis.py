@@ -146,4 +146,3 @@ def analyse(
         rough = solve(replace(model, assembly=coarse), count)
         errors = richardson(rough.frequencies_hz, modes.frequencies_hz, coarse.dof, fine.dof)
     return Analysis(preset, model, modes, describe(model, modes), errors, dome)
-

@@ -18,8 +18,11 @@ if TYPE_CHECKING:
 #: The error of a frequency falls as h^ORDER. `python -m fasbody.cell verify` observes nearly the 4 of smooth modes, but
 #: a corner where a free wall meets a clamped base is singular and slows it down; 2 gives the larger, safer estimate.
 ORDER = 2.0
-#: Element size of the coarser mesh, relative; unknowns that a refined mesh has at most.
-COARSER, REFINED = 1.35, 250_000
+#: Element size of the coarser mesh of a cell and of another body, relative: from 1.35 to 1 a shell changed by a tenth
+#: of what it changed from there on. Unknowns that a refined mesh has at most.
+COARSER, ROUGH, REFINED = 1.35, 1.7, 250_000
+#: Share of the volume that a coarser mesh may lose: it makes the printed error larger.
+LOST_ROUGH = 0.2
 #: The eight children of a tetrahedron by the numbers of its corners and mid-edge nodes: one at each corner, and the
 #: octahedron between them in four around its diagonal 4-9.
 CHILDREN = (
@@ -50,13 +53,13 @@ def pair(mesh: TetMesh) -> tuple[TetMesh, TetMesh]:
     if 8 * 3 * (corners + len(edges)) <= REFINED:
         return refined(mesh), mesh
     length = np.linalg.norm(np.diff(mesh.points_um[edges], axis=1), axis=2).mean()
-    return mesh, remeshed(mesh, COARSER * float(length))
+    return mesh, remeshed(mesh, ROUGH * float(length))
 
 
 def surface_meshes(surface: "trimesh.Trimesh", size: MeshSize | None = None) -> tuple[TetMesh, TetMesh]:
     """A finer and a coarser mesh inside a closed surface [um]; see `sized_mesh`."""
     fine, used = sized_mesh(surface, None, size)
-    return fine, fill(surface, used.coarser(COARSER))
+    return fine, fill(surface, used.coarser(ROUGH), lost=LOST_ROUGH)
 
 
 def refined(mesh: TetMesh) -> TetMesh:
@@ -107,7 +110,7 @@ def remeshed(mesh: TetMesh, size: float) -> TetMesh:
 
     surface = trimesh.Trimesh(mesh.points_um, mesh.surface.faces, process=False)
     surface.remove_unreferenced_vertices()
-    found = fill(surface, MeshSize(size, size, size))
+    found = fill(surface, MeshSize(size, size, size), lost=LOST_ROUGH)
     inside = cKDTree(mesh.corners.mean(axis=1)).query(found.corners.mean(axis=1))[1]
     skin = np.asarray(found.surface.faces)
     here, there = (  # nearest in place and direction

@@ -341,8 +341,10 @@ def strays(surface: "trimesh.Trimesh", mesh: TetMesh) -> float:
     return float(cKDTree(points).query(surface.vertices)[0].max())
 
 
-def fill(outer: "trimesh.Trimesh", size: MeshSize, inner: "trimesh.Trimesh | None" = None) -> TetMesh:
-    """The same for surfaces that are known to be sound, by the best of the `PATCHES`."""
+def fill(
+    outer: "trimesh.Trimesh", size: MeshSize, inner: "trimesh.Trimesh | None" = None, lost: float = LOST
+) -> TetMesh:
+    """The same for surfaces that are known to be sound, by the best of the `PATCHES`, which may lose a share `lost`."""
     best: TetMesh | None = None
     failure = MeshError("no element size will do.")
     for angle in PATCHES:
@@ -351,9 +353,9 @@ def fill(outer: "trimesh.Trimesh", size: MeshSize, inner: "trimesh.Trimesh | Non
         except MeshError as error:
             failure = error
             continue
-        lost = abs(mesh.volume_um3 / volume(outer) - 1)
-        if lost > LOST:
-            failure = MeshError(f"elements of this size change its volume by {lost:.1%}: take smaller ones.")
+        changed = abs(mesh.volume_um3 / volume(outer) - 1)
+        if changed > lost:
+            failure = MeshError(f"elements of this size change its volume by {changed:.1%}: take smaller ones.")
         elif best is None or mesh.quality.mean_ratio_min > best.quality.mean_ratio_min:
             best = mesh
         if best is not None and best.quality.mean_ratio_min > SLIVER:
@@ -415,9 +417,7 @@ def _inside(surface: "trimesh.Trimesh", point: NDArray[np.float64]) -> bool:
     a, b, c = np.moveaxis(surface.triangles - point, 1, 0)
     x, y, z = (np.linalg.norm(corner, axis=1) for corner in (a, b, c))
     above = np.einsum("ij,ij->i", a, np.cross(b, c))
-    below = x * y * z + sum(
-        np.einsum("ij,ij->i", p, q) * r for p, q, r in ((a, b, z), (b, c, x), (c, a, y))
-    )
+    below = x * y * z + sum(np.einsum("ij,ij->i", p, q) * r for p, q, r in ((a, b, z), (b, c, x), (c, a, y)))
     return bool(abs(np.arctan2(above, below).sum()) > np.pi)
 
 
@@ -586,4 +586,3 @@ def _gmsh() -> Iterator[Any]:
         ) from error
     finally:
         gmsh.finalize()
-

@@ -209,9 +209,7 @@ def _lanczos(
     many = min(count + GUARD, K.shape[0] - 2 - flight.shape[1])  # Lanczos may miss one of two close modes at its end
     subspace = min(K.shape[0] - 1, 2 * many + 4)
     try:
-        squares, vectors = spla.eigsh(
-            K, many, M, sigma=0, OPinv=operator, v0=start, ncv=subspace, tol=CONVERGED
-        )
+        squares, vectors = spla.eigsh(K, many, M, sigma=0, OPinv=operator, v0=start, ncv=subspace, tol=CONVERGED)
         lowest = np.argsort(squares)[:count]
         return squares[lowest], vectors[:, lowest]
     except spla.ArpackError as error:

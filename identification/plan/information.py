@@ -109,7 +109,8 @@ class Sight:
         """
         Y, _, _ = self._read(Q)
         weights = 1 / np.sqrt(sum(self._variances(Y)))
-        problem = _Rivals(*(getattr(self.problem, item.name) for item in fields(Problem)), Y, weights)
+        same = {item.name: getattr(self.problem, item.name) for item in fields(Problem)}
+        problem = _Rivals(**same, motions=Y, weights=weights)
         signs = np.where(Q[:, self.variables.index["k_F"]] > 0, -1, 1)
         rival = descend(problem, self.variables.image(Q), signs, _DESCENT).Q
         low, high = (np.stack(x) for x in zip(*map(problem.bounds, signs), strict=True))

@@ -459,8 +459,12 @@ def believed(director: Director) -> str:
     verdict = f"{name}, decided" if belief.decided else f"branch open, {name} at {readable(odds)} to 1"
     doubt = ""
     if not belief.follows:
-        doubt = " Such a foot does not" if belief.strange else " Too little is recorded to say whether such a foot does"
-        doubt += f" move like this: {percent(belief.repeatability)} from recording to recording is not what people do."
+        doubt = (
+            " Such a foot does not move"
+            if belief.strange
+            else " Too little is recorded to say whether such a foot moves"
+        )
+        doubt += f" like this (chi-square {belief.ends[0].excess:.3g} per degree of freedom)."
     # theirs, in place of what was expected
     about = f"noise {readable(director.shaker.noise_m_s2, 2)} m/s^2, {repeating(belief.repeatability)}"
     return f"After {counted(len(director.done), 'recording')} ({about}): {verdict}; {bands}.{doubt}"

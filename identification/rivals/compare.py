@@ -147,7 +147,7 @@ def _rival(contender: Contender, best: Solution) -> Rival:
         other=(across[0], across[1]) if across[0] and across[1] else None, own=_own(candidate, end),
         values=v.named(end.q) if isinstance(v, RungVariables) else {},
         predicted=tuple(y[ok] for y, ok in zip(Y, valid, strict=True)), converged=end.optimum.converged,
-        nested=bool(rung.held), extra=candidate.extra, repeatability=contender.repeatability,
+        extra=candidate.extra, repeatability=contender.repeatability,
     )  # fmt: skip
 
 

@@ -48,8 +48,8 @@ class Rival(Tabled):
         k_T, k_F: without load, on the likelier branch, dynamic where springs relax; None where the model has none.
         log_ratio: of k_T over k_F with its standard error. other: k_T and k_F of the other branch where it stays open.
         own: the rival's own constants. values: all constants. predicted: harmonics of each recording [m/s^2].
-        converged: the descent came to rest. nested: it is the model with something held.
-        extra: it frees more than the model. repeatability: what recordings would have to repeat to if it were right.
+        converged: the descent came to rest. extra: it frees more than the model.
+        repeatability: what recordings would have to repeat to if it were right.
     """
 
     name: str
@@ -70,7 +70,6 @@ class Rival(Tabled):
     values: Mapping[str, float]
     predicted: tuple[np.ndarray, ...]
     converged: bool
-    nested: bool
     extra: bool
     repeatability: float
 
@@ -210,10 +209,8 @@ class Rivals(Presented):
 
     def _repeating(self) -> str:
         least = min(self.rivals, key=lambda r: r.repeatability)
-        if not self.repeatability:
-            return f"Recordings repeat to the sensors' noise ({least.title})."
-        percent = f"{100 * self.repeatability:.2g} %"
-        return f"Recordings repeat to {percent}, as {least.title} says; all rivals are weighed with that."
+        scatter = f"{100 * self.repeatability:.2g} %" if self.repeatability else "the sensors' noise"
+        return f"Recordings repeat to {scatter}, as {least.title} says; all rivals are weighed with that."
 
     def records(self) -> list[dict[str, Any]]:
         """One row a rival."""
@@ -221,8 +218,7 @@ class Rivals(Presented):
         for place, r in enumerate(self.rivals, start=1):
             row: dict[str, Any] = {"place": place, "rival": r.name, "free": r.free, "chi_square": r.chi_square}
             row |= {"dof": r.dof, "bic": r.bic, "adequate": r in self.adequate, "branch": r.branch}
-            row["repeatability"] = r.repeatability
-            row |= {"log_odds": r.log_odds, "held_out_error": r.error}
+            row |= {"log_odds": r.log_odds, "held_out_error": r.error, "repeatability": r.repeatability}
             row |= {f"held_out_{kind}": r.held_out.get(kind) for kind in ("frequency", "load")}
             for name, e in (("k_T", r.k_T), ("k_F", r.k_F)):
                 row |= {f"{name}{end}_n_per_m": getattr(e, which) if e else None for end, which in _ENDS}
@@ -233,8 +229,8 @@ class Rivals(Presented):
         """The comparison as plain data."""
         rivals = []
         for r, row in zip(self.rivals, self.records(), strict=True):
-            own = [asdict(each) for each in r.own]
-            rivals.append(row | {"title": r.title, "converged": r.converged, "own": own, "values": dict(r.values)})
+            more = {"title": r.title, "converged": r.converged, "own": [*map(asdict, r.own)]}
+            rivals.append(row | more | {"values": dict(r.values)})
         return {
             "source": self.source, "model": self.model, "first": self.first.name, "sentence": self.sentence(),
             "adequate": [r.name for r in self.adequate], "rivals": rivals,
@@ -281,27 +277,27 @@ def conclusions(adequate: tuple[Rival, ...]) -> tuple[Conclusion, ...]:
     A value is shared if the interval of each rival holds the estimate of the first; a branch or an order of the springs
     if all decide it, and alike.
     """
-    told = [r for r in adequate if r.k_T and r.k_F]
-    if not told:
+    rivals = [r for r in adequate if r.k_T and r.k_F]
+    if not rivals:
         return ()
-    found = []
+    items = []
     for name in ("k_T", "k_F"):
-        each = [e for r in told for e in _open(r, name)]
-        low, high = min(e.lower for e in each), max(e.upper for e in each)
-        shared = all(e.lower <= each[0].value <= e.upper for e in each)
-        both = replace(each[0], value=0.5 * (low + high), lower=low, upper=high)
+        estimates = [e for r in rivals for e in _open(r, name)]
+        first, low, high = estimates[0], min(e.lower for e in estimates), max(e.upper for e in estimates)
+        shared = all(e.lower <= first.value <= e.upper for e in estimates)
+        both = replace(first, value=0.5 * (low + high), lower=low, upper=high)
         text = f"{name} is {both.text(low)} to {both.text(high)} N/m"
-        found.append(Conclusion(name, shared, text, low, high))
-    compared = [r for r in told if r.log_odds is not None]
+        items.append(Conclusion(name, shared, text, low, high))
+    compared = [r for r in rivals if r.log_odds is not None]
     if compared:
         names = {r.branch if r.decided else "" for r in compared}
         shared = len(names) == 1 and "" not in names
         text = f"the branch is {compared[0].branch}" if shared else "the branch"
-        found.append(Conclusion("branch", shared, text))
-    order = {r.stiffer for r in told}
+        items.append(Conclusion("branch", shared, text))
+    order = {r.stiffer for r in rivals}
     shared = len(order) == 1 and "" not in order
     text = f"{order.copy().pop()} is the stiffer spring" if shared else "which spring is stiffer"
-    return (*found, Conclusion("stiffer", shared, text))
+    return (*items, Conclusion("stiffer", shared, text))
 
 
 def _open(r: Rival, name: str) -> list[Estimate]:

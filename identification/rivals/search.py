@@ -6,14 +6,16 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from identification import optimiser
-from identification.intervals import Solution, inverse_of_gram
+from identification.intervals import Solution
 from identification.optimiser import Optimum
 from identification.residual import Problem
 from identification.rivals.ladder import Candidate, RungVariables
 from identification.steady import SIDES
 
 #: Random starts of a side beside simpler rungs' ends, ends to go on from, and steps of a refit.
-_STARTS, _NEAREST, _REFIT = 2, 3, 8
+_STARTS, _NEAREST, _REFIT = 2, 3, 15
+#: Prior of what neither prior nor recordings tell, so weak that it says nothing.
+_FLAT = 1e-9
 
 #: Called with what is done, how many of how many.
 Advance = Callable[[str, int, int], None]
@@ -111,8 +113,9 @@ def only(problem: Problem, kept: np.ndarray) -> Problem:
 def held_out(end: Solution) -> tuple[dict[str, float], float]:
     """What a rival predicts of recordings left out.
 
-    The prediction is uncertain by noise and repeatability, and by what the others leave open of
-    constants and nuisances.
+    The predictive density is the evidence of all recordings over that of the others, each by Laplace
+    at its best place, as a linear prediction from the others is too coarse where they leave a
+    constant open.
 
     Returns:
         -2 log of the predictive density by what was left out, up to a constant of the data; and the
@@ -123,21 +126,18 @@ def held_out(end: Solution) -> tuple[dict[str, float], float]:
     for kind, out in folds(end.problem):
         kept, left = only(end.problem, ~out), only(end.problem, out)
         q = optimiser.descend(kept, end.q[None], np.array([end.optimum.sign]), _REFIT).Q[0]
-        C = inverse_of_gram(kept.evaluate(q[None]).jacobian[0])
-        now = left.evaluate(q[None])
-        r, J = now.residual[0, : left.size], now.jacobian[0, : left.size]
-        scores[kind] = scores.get(kind, 0.0) + surprise(r, J, C)
+        scores[kind] = scores.get(kind, 0.0) + evidence(end.problem, end.q) - evidence(kept, q)
         valid, Y = left.measured.valid, left.measured.output
         missed += float(np.sum(np.abs(left.predicted(q) - Y)[valid] ** 2))
         total += float(np.sum(np.abs(Y)[valid] ** 2))
     return scores, float(np.sqrt(missed / total)) if total else 0.0
 
 
-def surprise(r: np.ndarray, J: np.ndarray, C: np.ndarray) -> float:
-    """-2 log density of whitened residuals r (m,), with slopes J (m, n) to what varies by C."""
-    C = np.where(np.isfinite(C), C, 0.0)
-    S = np.eye(r.size) + J @ C @ J.T
-    return float(r @ np.linalg.solve(S, r) + np.linalg.slogdet(S)[1])
+def evidence(problem: Problem, q: np.ndarray) -> float:
+    """-2 log of the evidence by Laplace at the best place q (n,), up to a constant."""
+    now = problem.evaluate(q[None])
+    J = now.jacobian[0]
+    return float(now.objective[0] + np.linalg.slogdet(J.T @ J + _FLAT * np.eye(q.size))[1])
 
 
 def deviance(objective: float, best: Solution) -> float:
