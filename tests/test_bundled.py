@@ -65,7 +65,7 @@ def test_the_mirror_is_reported_and_is_worse(bundled: tuple) -> None:
 
 
 def test_two_loads_weigh_the_shank(bundled: tuple) -> None:
-    """Masses as stated are the truth here. How much of a load the leg carries is not known, so the foot's is as stated."""
+    """Masses as stated are the truth. How much of a load the leg carries is not known, so the foot's is as stated."""
     document, folder, _ = bundled
     for mass, name in zip(document["masses"], ("m_S", "m_F"), strict=True):
         assert mass["name"] == name and mass["stated"] == pytest.approx(document["truth"][name])
