@@ -136,7 +136,7 @@ class TwoMassMotion:
         D = slopes[:, which].reshape(C, R, len(which), self._count, P)
         H = self.base.shape[1]
         memory = Near(theta, found.stretch.reshape(C, R, 2, H), found.stretch_slopes.reshape(C, R, 2, H, P))
-        moves: np.ndarray = found.converged.reshape(C, R).all(1)
+        moves = np.asarray(found.converged.reshape(C, R).all(1))
         return Y, D, moves, memory
 
     def table_force(self, theta: np.ndarray) -> list[np.ndarray]:

@@ -119,7 +119,7 @@ def _largest_multiplier(A: np.ndarray, step: np.ndarray) -> np.ndarray:
         whole = np.broadcast_to(np.eye(A.shape[-1]), (len(A), *A.shape[-2:]))
         for part in np.moveaxis(parts, 1, 0):
             whole = part @ whole
-    finite: np.ndarray = np.isfinite(whole).all((1, 2))
+    finite = np.asarray(np.isfinite(whole).all((1, 2)))
     values = np.linalg.eigvals(np.where(finite[:, None, None], whole, 0.0))
     return np.where(finite, np.abs(values).max(-1), np.inf)
 
