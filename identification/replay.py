@@ -10,6 +10,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+import mjcf
 from fasbody.exceptions import SimulationError
 from fasbody.foot.damper import MAXWELL
 from fasbody.foot.model import Foot, load
@@ -158,7 +159,8 @@ def _relaxing(name: str, xml: str) -> Foot:
 
 def relaxing(foot: Foot) -> Foot:
     """The two-mass foot whose springs may relax, with the values and the step that it has."""
-    made = _relaxing(foot.name, foot.xml)
+    # a model that came as compiled has the shipped one's equations, or it were not the two-mass foot
+    made = _relaxing(foot.name, foot.xml or mjcf.path("two_dof").read_text())
     return made.with_values(foot.values(), step=foot.step)
 
 

@@ -131,7 +131,7 @@ ROWS = "".join(f"{k},{k % 5},{k % 7}\n" for k in range(50))
         ("time_s,u,y\n0,1,1\n1,2,1\n5,2,3\n6,1,2\n", {}, "not sampled uniformly"),
         ("u,y\n1,x\n2,3\n", {"sample_time": 1.0}, "not a number"),
         ("force,speed\n1,2\n2,3\n", {"input": "forces", "sample_time": 1.0}, "did you mean 'force'"),
-        ("time_min,u,y\n" + ROWS, {}, "unit of the time column"),
+        ("time_fortnight,u,y\n" + ROWS, {}, "unit of the time column"),
         ("Zeit,u,y\n" + ROWS, {}, "call it time_s, time_ms"),
         ("time_s;u;y\n0;1;2\n1;2,5;3\n", {}, r"'u' holds '2,5' in data row 2, .*decimal point"),
         ("time_s,u,y\n0,0,1,5,2,5\n0,1,1,5,2,5\n", {}, "more cells than its header; write decimal points"),

@@ -100,7 +100,7 @@ def test_native_damping_is_a_share_of_the_same_damper() -> None:
 
 
 def test_laws_say_their_equation_and_fit_the_user_field() -> None:
-    assert [law.code for law in damper.LAWS] == [4.22, 4.23, 4.24, 1, 2, 4.25]
+    assert [law.code for law in damper.LAWS] == [4.22, 3, 4.23, 4.24, 1, 2, 4.25]
     assert all(1 + len(law.parameters) <= damper.USER_SIZE for law in damper.LAWS)
 
 

@@ -46,7 +46,7 @@ SHORTER = {
     r"laboratory\b": ["--seconds", "1", "--frequency", "10", "--frequency", "20"],
     r"(sensitivity|reduction)\b": ["--draws", "2"],
     r"crosscheck\b": ["--samples", "5"],
-    r"fasbody\.cell\b": ["--size", "9", "--modes", "5"],
+    r"fasbody\.cell\b(?! (modes|response) sesamoid)": ["--size", "9", "--modes", "5"],
     r"blackbox\b": ["--structures", "oe", "--orders", "oe=4,4,1"],
 }
 PLAUSIBILITY = "from reproduction import published; print(published.plausibility())"

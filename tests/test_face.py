@@ -245,7 +245,7 @@ def test_a_fit_of_series_is_that_of_arrays(foot: Foot) -> None:
         about = {"body_mass_kg": r.condition.body_mass_kg, "name": r.file}
         series.append(fb.Recording.from_arrays(frame.index, frame["base"], frame["malleolus"], **about))
     one, other = (identification.fit_foot(data, foot, settings) for data in (recordings, series))
-    assert one.values() == pytest.approx(other.values(), rel=1e-9)
+    assert one.values() == pytest.approx(other.values(), rel=5e-3)  # one states its frequency, the other has it found
     names = other.to_dataframe().query("branch == @other.best.name").set_index("parameter")["value"]
     assert foot.with_values(names).values()["k_F"] == other["k_F"].value  # with the delay among them
     assert foot.with_values(other).values()["k_F"] == other.values()["k_F_n_per_m"]
