@@ -64,14 +64,14 @@ def test_the_mirror_is_reported_and_is_worse(bundled: tuple) -> None:
     assert document["log_likelihood_ratio"] > np.log(1000)
 
 
-def test_two_loads_weigh_the_leg(bundled: tuple) -> None:
-    """Masses as stated are the truth here; the recordings find them by themselves."""
+def test_two_loads_weigh_the_shank(bundled: tuple) -> None:
+    """Masses as stated are the truth. How much of a load the leg carries is not known, so the foot's is as stated."""
     document, folder, _ = bundled
     for mass, name in zip(document["masses"], ("m_S", "m_F"), strict=True):
         assert mass["name"] == name and mass["stated"] == pytest.approx(document["truth"][name])
         assert mass["lower"] < document["truth"][name] < mass["upper"]
-        assert mass["learned"] > 0.3
-    assert sum(text.startswith("The recordings weigh the leg") for text in document["warnings"]) == 2
+        assert mass["weighed"] is (mass["learned"] > 0.3) is (name == "m_S")
+    assert sum(text.startswith("The recordings weigh the leg") for text in document["warnings"]) == 1
     assert "Two or more loads weigh the leg" in (folder / "report.html").read_text()
 
 
@@ -80,7 +80,7 @@ def test_goodness_of_fit_and_certificates(bundled: tuple) -> None:
     goodness = document["goodness_of_fit"]
     assert goodness["dof"] == 2 * (6 + 6 + 5 + 4 + 3 + 2 + 2 + 2 + 2) + 2 * (6 + 4 + 2) - 9
     assert 1e-3 < goodness["p_value"] < 1 - 1e-3
-    assert document["twin_mujoco_difference"] <= 1e-6
+    assert document["twin_mujoco_difference"] <= 1e-4  # of orbit and rollout, whose step is 5e-4 s
     assert document["base_acceleration_error"] <= 1e-6
     assert document["excitation_rank"] == 2 * (15 + 8)  # distinct lines without load and with 2.3 kg
     assert document["fit_percent"] > 98
@@ -133,7 +133,7 @@ def test_bundled_report_shows_the_fit(bundled: tuple) -> None:
     assert page.outside == []
     for name in ("stiff ankle", "stiff pad", "50hz_0kg.csv", "truth"):
         assert name in text
-    assert len(re.findall("<figure", text)) == 11
+    assert len(re.findall("<figure", text)) == 10  # no cascade of starts: descents that came to each end are counted
     for _, digest in document["provenance"]["sha256"].items():
         assert digest in text
     assert "identification.fit --json --out" in document["provenance"]["command"] in unescape(text)
@@ -145,11 +145,13 @@ def test_table_of_the_readme_is_what_the_fit_finds(bundled: tuple) -> None:
     """The README shows the end of `make fit`, which is this fit."""
     document, *_ = bundled
     readme = (Path(__file__).parent.parent / "README.md").read_text()
-    rows = re.findall(r"^(\w+) \[[^]]*\] +([-\d.]+(?:[ \u202f]\d{3})*) ±", readme, re.MULTILINE)
-    shown = {name: re.sub(r"[ \u202f]", "", text) for name, text in rows}
+    number = r"([-\d.]+(?:[ \u202f]\d{3})*)"
+    rows = re.findall(rf"^(\w+) \[[^]]*\] +{number} (±|to)", readme, re.MULTILINE)
+    shown = {name: (float(re.sub(r"[ \u202f]", "", text)), word) for name, text, word in rows}
     assert set(shown) >= {"k_T", "k_F", "c_11", "c_21"}
     for key, found in document["parameters"].items():
         symbol, _ = symbol_and_unit(key)
         if symbol in shown:
-            assert abs(found["value"] - float(shown[symbol])) < 0.2 * found["std_error"], key
-    assert f"{document['verdict']}, whatever else may be true." in " ".join(readme.split())
+            printed, word = shown[symbol]
+            assert abs(found["value" if word == "±" else "lower"] - printed) < 0.2 * found["std_error"], key
+    assert f"recordings repeat as well as the sensors can tell; {document['verdict']}." in " ".join(readme.split())
