@@ -6,7 +6,7 @@ is not known to lie there, so that all others keep their share of its uncertaint
 """
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -169,7 +169,7 @@ class Solution:
         rest = self._at_rest()
         for name, estimate in rest.items():
             key = self._item(name).key
-            estimates[key] = _with_rest(estimates[key], estimate)
+            estimates[key] = replace(estimates[key], at_rest=estimate)
         rows = [J]
         for i, item in enumerate(variables.nuisances, len(variables.constants)):
             if item.kind == "delay":
@@ -299,12 +299,6 @@ class Solution:
             return 0.0
         names = [v.motion_names.index(name) for name in v.stated]
         return float(self.spread(self.slopes(lambda q: np.log(v.theta(q)[:1, names].sum(1))))[0])
-
-
-def _with_rest(e: Estimate, rest: Estimate) -> Estimate:
-    from dataclasses import replace
-
-    return replace(e, at_rest=rest)
 
 
 def size_that_matters(item: Parameter) -> float:

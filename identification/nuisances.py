@@ -5,7 +5,7 @@ are described by the model and by what a laboratory seldom excludes. Each nuisan
 least-squares problem, with a row of its own for the prior.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -235,8 +235,3 @@ def _following(recordings: Sequence[Recording]) -> list[Nuisance]:
         for load in others
         for name in EXCHANGED
     ]  # fmt: skip
-
-
-def select(items: Sequence[Nuisance], test: Callable[[Nuisance], bool]) -> list[int]:
-    """Places of the nuisances that pass a test."""
-    return [i for i, item in enumerate(items) if test(item)]

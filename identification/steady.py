@@ -139,7 +139,7 @@ def fit(
         advance=lambda done, total: advance("searching both branches", done, total),
     )  # fmt: skip
     solutions = [Solution(SIDES[o.sign], search.problem, o) for o in search.optima]
-    solutions = [_with_enough_harmonics(foot, solution) for solution in solutions]
+    solutions = [_with_enough_harmonics(solution) for solution in solutions]
     replays, kept, left_out = {}, [], []
     for number, solution in enumerate(solutions):
         advance("replaying in MuJoCo", number, len(solutions))
@@ -155,7 +155,7 @@ def fit(
     return Fitted(tuple(kept), alone, replays, tuple(left_out))
 
 
-def _with_enough_harmonics(foot: Foot, solution: Solution) -> Solution:
+def _with_enough_harmonics(solution: Solution) -> Solution:
     """The end with twice the harmonics, as often as that changes it."""
     problem, optimum = solution.problem, solution.optimum
     while isinstance(problem.motion, TwoMassMotion) and 2 * problem.motion.base.shape[1] <= _MOST_HARMONICS:
