@@ -203,6 +203,15 @@ def test_changed_description_and_damage() -> None:
     assert quality.remarks(Limits()) == ["1 damaged piece on the line"]
 
 
+def test_a_block_of_another_width_is_no_part_of_the_recording() -> None:
+    """The first block already may be of a changed board; the clock then has nothing to go by."""
+    timeline = Timeline(hello())
+    timeline.add([replace(block(0), samples=np.zeros((N, 3)))], 0.0)
+    assert timeline.length == 0
+    timeline.add([block(1)], 0.1)
+    assert timeline.length == N and timeline.quality().changed
+
+
 @pytest.mark.parametrize("ppm", [-2000.0, 0.0, 800.0])
 def test_drift_of_the_device_clock_is_measured_through_jitter(ppm: float) -> None:
     """Arrivals late by an exponential 3 ms: the drift is found within four standard errors, and those are small."""

@@ -261,17 +261,16 @@ class Timeline:
 
     def add(self, messages: Iterable[Message], host: float) -> None:
         """Add messages that arrived together at `host` [s]."""
-        block = None
+        blocks = len(self._stamps)
         for message in messages:
             if isinstance(message, Block):
                 self._add(message, host)
-                block = message
             elif isinstance(message, Damage):
                 self._damaged += 1
                 self._damaged_lines += not self.hello.bits
             else:
                 self._greet(message)
-        if block is not None:
+        if len(self._stamps) > blocks:
             self._note = ""
             self._clock.append((self._stamps[-1] * 1e-6, host))
             self._host = host
