@@ -49,7 +49,7 @@ class Settings(Tabled):
     Attributes:
         free: parameters to estimate, None for all the model declares but the masses.
         bounds: name -> (lower, upper), None for the model's own.
-        starts: random starts of each side of the mirror in a round of the search (default 8).
+        starts: random starts of each side of the mirror in a round of the search (default 12).
         seed: of the random starts (default 0).
         domain: "auto" (default), "periodic" or "time".
         delay: estimate the delay between the channels; None for where it can be told.
@@ -67,7 +67,7 @@ class Settings(Tabled):
 
     free: tuple[str, ...] | None = None
     bounds: Mapping[str, tuple[float, float]] | None = None
-    starts: int = 8
+    starts: int = 12
     seed: int = 0
     domain: str = "auto"
     delay: bool | None = None

@@ -31,7 +31,7 @@ def main(
         str | None, typer.Option(help="parameters to estimate, e.g. k_T,k_F,c_11,c_21 (default: all)")
     ] = None,
     bounds: Annotated[list[str] | None, typer.Option(help="NAME=LOWER:UPPER in SI units; repeat for several")] = None,
-    starts: Annotated[int, typer.Option(help="number of starts of the search")] = 8,
+    starts: Annotated[int, typer.Option(help="starts of each branch in a round of the search")] = 12,
     seed: Annotated[int, typer.Option(min=0, help="seed of the random starts")] = 0,
     domain: Annotated[str, typer.Option(help="auto, periodic (steady state) or time")] = "auto",
     mass_std: MassStd = None,

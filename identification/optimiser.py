@@ -6,7 +6,7 @@ as SciPy's trust region, crawls. The search of a side goes on with new starts un
 says that it is not exhausted.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -14,17 +14,24 @@ import numpy as np
 from identification.residual import Problem
 
 #: Starts of a side in one round, and rounds at most.
-STARTS, ROUNDS = 8, 6
+STARTS, ROUNDS = 12, 4
 #: Steps of a round, and the decrease of the sum of squares that is worth no further step.
 _STEPS, _PROMISED = 40, 0.02
+_THERE = (_STEPS, _PROMISED)
 #: The same on the way down, and the factor by which the scatter falls there.
-_ON_THE_WAY, _FALL = 0.2, 5.0
+_ON_THE_WAY, _FALL = (_STEPS, 0.2), 5.0
 #: Two descents came to the same end where their sums of squares, and their places, differ by less.
 SAME, _CLOSE = 0.3, 1.0
+#: On the way down two that are nearer than this, in all variables, go on as one.
+_ONE = 0.3
+#: A side is out of the question where so many starts all ended so far above the other side's end.
+_OUT_AFTER, _OUT = 24, 50.0
 #: Distances of a start: from the axis of the mirror (rho), of stiffness and damping (logarithm), and bends [1/m].
 _APART, _SPREAD, _BENDS = (0.05, 1.5), 0.5, (10.0, 200.0)
-#: Scatter of harmonics where a search begins, and below which it is none; ends of a side that are followed down.
-SMOOTH, _LEVEL, _KEPT = 0.5, 1e-4, 6
+#: Scatters of harmonics where starts begin.
+SMOOTH = (0.5, 0.1, 0.02)
+#: Scatter below which there is none, and ends of a side that are kept.
+_LEVEL, _KEPT = 1e-4, 6
 #: Chance of a chi-square from noise alone beyond which there is a scatter besides.
 _BY_CHANCE = 0.05
 #: How near the scatter is to what its best end leaves over, and rounds of that at most.
@@ -46,6 +53,7 @@ class Optimum:
         converged: a step more promises next to nothing.
         hits: how many descents came to it.
         starts: how many were tried.
+        behind: how far it is above the best end of all.
     """
 
     sign: int
@@ -54,11 +62,17 @@ class Optimum:
     converged: bool
     hits: int
     starts: int
+    behind: float = 0.0
 
     @property
     def exhausted(self) -> bool:
-        """Whether the search of this side found its end more than once, and has come to rest."""
-        return self.converged and self.hits > 1
+        """Whether the search of this side came to its end more than once, or only far above the best one."""
+        return self.converged and (self.hits > 1 or out_of_the_question(self.starts, self.behind))
+
+
+def out_of_the_question(starts: int, behind: float) -> bool:
+    """Whether enough starts of a side all ended far above the best end: the next would not come near it either."""
+    return starts >= _OUT_AFTER and behind > _OUT
 
 
 @dataclass(frozen=True, eq=False)
@@ -179,19 +193,25 @@ class Population:
         both = ("Q", "sign", "hits", "objective")
         return Population(*(np.concatenate([getattr(self, name), getattr(other, name)]) for name in both))
 
-    def distinct(self) -> "Population":
-        """The best few ends of each side; those that came to the same one are counted together."""
+    def distinct(self, close: float = _CLOSE, most: int | None = None) -> "Population":
+        """The best ends of each side; those that came to the same one are counted together."""
         kept: list[int] = []
         hits = np.zeros(len(self.Q), int)
         for i in np.argsort(self.objective):
             same = [k for k in kept if self.sign[k] == self.sign[i]]
-            near = [k for k in same if self.objective[i] - self.objective[k] < SAME and _near(self.Q[i], self.Q[k])]
+            near = [
+                k for k in same if self.objective[i] - self.objective[k] < SAME and _near(self.Q[i], self.Q[k], close)
+            ]
             if near:
                 hits[near[0]] += self.hits[i]
-            elif len(same) < _KEPT:
+            elif most is None or len(same) < most:
                 kept.append(int(i))
                 hits[i] = self.hits[i]
         return Population(self.Q[kept], self.sign[kept], hits[kept], self.objective[kept])
+
+    def behind(self, sign: int) -> float:
+        """How far the best end of a side is above the best of all."""
+        return float(self.objective[self.best(sign)] - self.objective.min())
 
     def best(self, sign: int | None = None) -> int:
         """Where the best end is, of one side or of all."""
@@ -199,9 +219,9 @@ class Population:
         return int(np.flatnonzero(mine)[np.argmin(self.objective[mine])])
 
 
-def _near(q: np.ndarray, other: np.ndarray) -> bool:
+def _near(q: np.ndarray, other: np.ndarray, close: float) -> bool:
     """Whether two places (n,) are one, in the units of the variables."""
-    return bool(np.abs(q - other).max() < _CLOSE)
+    return bool(np.abs(q - other).max() < close)
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,13 +245,14 @@ def search(
     seed: int = 0,
     estimate: bool = True,
     first: np.ndarray | None = None,
-    smooth: float = SMOOTH,
+    smooth: tuple[float, ...] = SMOOTH,
     advance: Callable[[int, int], None] = lambda done, total: None,
 ) -> Searched:
     """The best end of each side, and how well recordings repeat.
 
-    Candidates go down where recordings repeat to 50 %, which makes the landscape smooth, then where they repeat better,
-    until the scatter is what the best end leaves over (`repeatability`), or none; and once more straight from there.
+    Where recordings repeat to some ten per cent only, the landscape is smooth. Starts go down there, then where they
+    repeat better, until the scatter is what the best end leaves over (`repeatability`), or none. Some begin where it is
+    smoothest, others later: ends that the former pass by, the latter find.
 
     Args:
         problem: what to minimise.
@@ -241,42 +262,54 @@ def search(
         seed: of the starts.
         estimate: the scatter from recording to recording; else it is none.
         first: (k, n) places to begin with besides.
-        smooth: scatter at which the candidates begin.
+        smooth: scatters at which starts begin in turn, the largest first.
         advance: called with rounds done and their number.
     """
     rng = np.random.default_rng(seed)
     population: Population | None = None
     tried = dict.fromkeys(signs, 0)
-    wanted = list(signs)
+    images: set[bytes] = set()
+    open_ = list(signs)
     for number in range(rounds):
         advance(number, rounds)
-        fresh = _fresh(problem, wanted, starts, rng, first if number == 0 else None)
-        for sign in wanted:
-            tried[sign] += int(np.sum(fresh.sign == sign))
-        if population is None:
-            problem, population = _annealed(problem, fresh, smooth, estimate)
-        else:
-            _, fresh = _annealed(problem, fresh, smooth, False, problem.repeatability)
-            population = population.joined(fresh).distinct()
-        population = population.joined(_images(problem, population, signs)).distinct()
-        poor = [sign for sign in signs if population.hits[population.best(sign)] < 2]
-        if not poor:
+        fresh = [
+            _fresh(problem, open_, count, rng, first if number == 0 else None) for count in _shares(starts, smooth)
+        ]
+        for sign in open_:
+            tried[sign] += sum(int(np.sum(group.sign == sign)) for group in fresh)
+        level = None if estimate and population is None else problem.repeatability
+        problem, ends = _annealed(problem, dict(zip(smooth, fresh, strict=True)), level)
+        population = ends if population is None else population.joined(ends).distinct(most=_KEPT)
+        population = population.joined(_images(problem, population, signs, images)).distinct(most=_KEPT)
+        if estimate:
+            problem, population = _settled(problem, population)
+        open_ = [
+            sign
+            for sign in signs
+            if population.hits[population.best(sign)] < 2
+            and not out_of_the_question(tried[sign], population.behind(sign))
+        ]
+        if not open_:
             break
-        wanted = poor
     assert population is not None
     optima = [_optimum(problem, population, sign, tried[sign]) for sign in signs]
     return Searched(problem, tuple(sorted(optima, key=lambda o: o.objective)))
+
+
+def _shares(starts: int, smooth: tuple[float, ...]) -> list[int]:
+    """How many of the starts begin at each smoothness."""
+    return [len(range(i, starts, len(smooth))) for i in range(len(smooth))]
 
 
 def _fresh(
     problem: Problem, signs: list[int], starts: int, rng: np.random.Generator, first: np.ndarray | None
 ) -> Population:
     """Random starts of each side, and the first ones on all."""
-    Q, side = [], []
+    n = problem.variables.size
+    Q, side = [np.zeros((0, n))], [np.zeros(0, int)]
     for sign in signs:
-        if starts:
-            Q.append(random_starts(problem, sign, starts, rng))
-            side.append(np.full(starts, sign))
+        Q.append(random_starts(problem, sign, starts, rng))
+        side.append(np.full(starts, sign))
         if first is not None:
             Q.append(first)
             side.append(np.full(len(first), sign))
@@ -284,40 +317,57 @@ def _fresh(
     return Population(np.concatenate(Q), where, np.ones(len(where), int), np.full(len(where), np.inf))
 
 
-def _annealed(
-    problem: Problem, population: Population, smoothest: float, estimate: bool, last: float = 0.0
-) -> tuple[Problem, Population]:
-    """Candidates followed down from a smooth landscape to the scatter that they leave over, or to the one given."""
-    level, smooth = max(smoothest, last), None
+def _annealed(problem: Problem, groups: Mapping[float, Population], last: float | None) -> tuple[Problem, Population]:
+    """Starts followed down to a scatter, each group from its own, to the distinct ends there.
+
+    Args:
+        problem: what to minimise. groups: starts by the scatter at which they begin.
+        last: scatter at which they end; None where it is what the best of them leaves over.
+    """
+    rest = sorted(groups.items(), key=lambda item: -item[0])
+    level, population = max(rest[0][0], last or 0.0), rest[0][1]
+    rest = rest[1:]
+    goal = last or 0.0
     for _ in range(_LEVELS):
+        while rest and (level == goal or rest[0][0] > 0.99 * level):
+            population = population.joined(rest.pop(0)[1])
         problem = problem.with_repeatability(level)
-        population = _down(problem, population, _PROMISED if level == last else _ON_THE_WAY)
-        smooth = smooth or population
-        if estimate:
+        population = _down(problem, population, *_THERE if level == goal else _ON_THE_WAY).distinct(_ONE)
+        if last is None:
             best = population.Q[population.best()]
             problem = problem.weighed(best)
-            last = repeatability(problem, best)
-        if abs(level - last) <= _SETTLED * last or level == last:
+            goal = repeatability(problem, best)
+        if not rest and (abs(level - goal) <= _SETTLED * goal or level == goal):
             break
-        level = last if level <= _FALL * last or level < _FALL * _LEVEL else level / _FALL
-    assert smooth is not None
-    if len(smooth.Q) == 1:
-        return problem, population
-    straight = _down(problem, replace(smooth, hits=np.ones_like(smooth.hits)))
-    return problem, population.joined(straight).distinct()
+        level = goal if level <= _FALL * goal or level < _FALL * _LEVEL else level / _FALL
+    return problem, population.distinct(most=_KEPT)
 
 
-def _down(problem: Problem, population: Population, promised: float = _PROMISED) -> Population:
-    """Descend, and keep the distinct ends."""
-    down = descend(problem, population.Q, population.sign, promised=promised)
-    return Population(down.Q, population.sign, population.hits, down.objective).distinct()
+def _settled(problem: Problem, population: Population) -> tuple[Problem, Population]:
+    """Ends where the scatter is what the best of them leaves over."""
+    for _ in range(_LEVELS):
+        best = population.Q[population.best()]
+        level = repeatability(problem, best)
+        if abs(level - problem.repeatability) <= _SETTLED * level:
+            break
+        problem = problem.weighed(best).with_repeatability(level)
+        population = _down(problem, population).distinct()
+    return problem, population
 
 
-def _images(problem: Problem, population: Population, signs: tuple[int, ...]) -> Population:
-    """Descents from the mirror images of each side's best end."""
-    if len(signs) == 1:
+def _down(problem: Problem, population: Population, steps: int = _STEPS, promised: float = _PROMISED) -> Population:
+    """Where candidates come to."""
+    down = descend(problem, population.Q, population.sign, steps, promised)
+    return replace(population, Q=down.Q, objective=down.objective)
+
+
+def _images(problem: Problem, population: Population, signs: tuple[int, ...], done: set[bytes]) -> Population:
+    """Descents from the mirror images of each side's best end, where that is a new one."""
+    best = [population.best(sign) for sign in signs if sign]
+    best = [i for i in best if population.Q[i].tobytes() not in done]
+    done |= {population.Q[i].tobytes() for i in best}
+    if not best:
         return Population(population.Q[:0], population.sign[:0], population.hits[:0], population.objective[:0])
-    best = [population.best(sign) for sign in signs]
     Q, sign = problem.variables.image(population.Q[best]), -population.sign[best]
     down = descend(problem, Q, sign)
     return Population(down.Q, sign, np.ones(len(best), int), down.objective)
@@ -360,4 +410,4 @@ def _optimum(problem: Problem, population: Population, sign: int, tried: int) ->
     best = population.best(sign)
     q, objective, converged = finished(problem, population.Q[best], sign)
     near = (population.sign == sign) & (population.objective < max(population.objective[best], objective) + SAME)
-    return Optimum(sign, q, objective, converged, int(population.hits[near].sum()), tried)
+    return Optimum(sign, q, objective, converged, int(population.hits[near].sum()), tried, population.behind(sign))

@@ -38,16 +38,16 @@ SIDES = {1: STIFF_ANKLE, -1: STIFF_PAD, 0: "best"}
 
 @dataclass(frozen=True)
 class _Thoroughness:
-    """How a search goes: random starts of a side in a round, rounds, smoothest scatter; starts of the held fit."""
+    """How a search goes: random starts of a side in a round, rounds, where they begin; starts of the held fit."""
 
     starts: int
     rounds: int
-    smooth: float
+    smooth: tuple[float, ...]
     held: int
 
 
 #: The two-mass foot has many ends, and a motion costs 50 us; other models have one near their own constants, and 10 ms.
-_SETTINGS = {True: _Thoroughness(1000, optimiser.ROUNDS, optimiser.SMOOTH, 3), False: _Thoroughness(1, 1, 0.05, 0)}
+_SETTINGS = {True: _Thoroughness(1000, optimiser.ROUNDS, optimiser.SMOOTH, 3), False: _Thoroughness(1, 1, (0.05,), 0)}
 #: Change of the sum of squares below which twice the harmonics say the same, and harmonics at most.
 _ENOUGH, _MOST_HARMONICS = 0.01, 48
 EXACT = ", model assumed exact"

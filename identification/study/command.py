@@ -35,7 +35,7 @@ def main(
     mode: Annotated[str, typer.Option(help=f"{', '.join(MODES)}: what one fit takes together")] = MODES[0],
     scheduler: Annotated[str | None, typer.Option(help="address of a Dask scheduler, tcp://HOST:PORT")] = None,
     workers: Annotated[int, typer.Option(min=0, help="local processes; 0 for one per core, 1 for this one")] = 0,
-    starts: Annotated[int, typer.Option(help="starts of each fit")] = 8,
+    starts: Annotated[int, typer.Option(help="starts of each branch in a round of each fit")] = 12,
     seed: Annotated[int, typer.Option(min=0, help="seed of the random starts")] = 0,
     model: Annotated[str, typer.Option(help="shipped model or MJCF file")] = "two_dof",
     domain: Annotated[str, typer.Option(help="auto, periodic (steady state) or time")] = "auto",
