@@ -31,9 +31,10 @@ from fasbody.recording.recording import Condition, Recording
 from fasbody.runner import run
 from identification import optimiser
 from identification.branches import judge
-from identification.estimate import Question, Settings
+from identification.estimate import Settings
 from identification.intervals import Solution
 from identification.residual import Problem
+from identification.setup import Setup
 from identification.steady import SIDES
 from identification.study.validation import held
 from reproduction.check import Check, at_least, within
@@ -81,7 +82,7 @@ def trial(truth: Mapping[str, float], clean: Sequence[Recording], seed: int) -> 
     """Add noise, fit both branches with the model assumed exact, and judge."""
     rng = np.random.default_rng(seed)
     data = [INSTRUMENT.observe(recording, rng) for recording in clean]
-    problem = held(Question.of(data, load("two_dof"), Settings()))
+    problem = held(Setup.of(data, load("two_dof"), Settings()))
     variables = problem.variables
     true = _side(problem, variables.start(truth))
     near = variables.start({name: value * rng.uniform(0.9, 1.1) for name, value in truth.items()})

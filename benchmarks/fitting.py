@@ -27,9 +27,10 @@ from fasbody.recording.condition import SUBJECTS
 from fasbody.recording.recording import Condition, Recording
 from identification import optimiser, steady
 from identification.domains import TimeDomain
-from identification.estimate import Question, Settings, fit_foot
+from identification.estimate import Settings, fit_foot
 from identification.intervals import Solution
 from identification.search import Descent, descend
+from identification.setup import Setup
 from identification.space import space_of
 from identification.study.validation import held
 from identification.time_domain import TimeProblem
@@ -82,7 +83,7 @@ def constants(solution: Solution) -> tuple[np.ndarray, np.ndarray]:
 def steady_state(wild_starts: int = 50) -> tuple[list[Check], float]:
     """Rows of the pooled steady-state fit, and the time of one start [s]."""
     foot = load("two_dof")
-    question = Question.of(bundled(), foot, Settings())
+    question = Setup.of(bundled(), foot, Settings())
     problem = held(question)
     rng, count = np.random.default_rng(0), wild_starts // 2
     Q = np.concatenate([optimiser.random_starts(problem, sign, count, rng) for sign in (1, -1)])

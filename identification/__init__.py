@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from identification.blackbox.polynomial import Orders, PolynomialModel
     from identification.blackbox.state_space import StateSpaceModel
     from identification.estimate import Settings, fit_foot
-    from identification.result import Branch, Estimate, FitResult, RecordingFit
+    from identification.estimates import Estimate
+    from identification.result import Branch, FitResult, RecordingFit
     from identification.rivals.compare import compare_rivals
     from identification.rivals.result import Rival, Rivals
 else:

@@ -8,9 +8,10 @@ from scipy.special import chdtrc
 
 from fasbody.foot.parameters import symbol_and_unit
 from fasbody.recording.recording import Recording
+from identification.estimates import Allowance
 from identification.harmonics import Line
 from identification.nuisances import FOOT_STD
-from identification.result import UNLIKELY, Allowance, Branch, World, chance
+from identification.result import UNLIKELY, Branch, World, chance
 from identification.space import Space
 
 #: Fit below which something is wrong [%], and error of the base above which the shaker is.

@@ -19,12 +19,10 @@ from identification.engines.certified import CertifiedRollouts
 from identification.engines.engine import Whole
 from identification.engines.mujoco import Coordinates
 from identification.engines.twin import Twin
-from identification.intervals import size_that_matters
-from identification.result import Branch, Estimate, identifiability
 from identification.search import Descent, descend
 from identification.sensors import MALLEOLUS, SensorFit
 from identification.settle import Settled, follow
-from identification.space import DELAY, SearchSpace, Space, delay_of
+from identification.space import DELAY, SearchSpace, delay_of
 from identification.time_domain import Samples, TimeProblem
 
 #: Decrease of the sum of squares in MuJoCo that is worth no further step, a tenth of a standard error; evaluations at
@@ -180,40 +178,6 @@ def standard_errors(problem: TimeProblem, descent: Descent) -> tuple[np.ndarray,
     covariance = problem.covariance(descent.z, np.ones(at_bound.size, bool))
     covariance[at_bound] = covariance[:, at_bound] = np.nan
     return np.sqrt(np.diag(covariance)), covariance
-
-
-def branch_of(certified: Certified, space: Space) -> Branch:
-    """Estimates with standard errors from the Jacobian at MuJoCo's optimum."""
-    problem, descent, run = certified.problem, certified.descent, certified.run
-    dof = max(0, problem.size - descent.z.size)
-    std_q, covariance = standard_errors(problem, descent)
-    at_bound = space.at_bound(descent.theta)
-    theta = space.snapped(descent.theta)
-    low, high = space.interval(theta, std_q)
-    std = std_q * space.slope(theta)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        correlation = covariance / np.sqrt(np.outer(np.diag(covariance), np.diag(covariance)))
-    return Branch(
-        name=certified.name,
-        cost=descent.cost,
-        deviance=certified.deviance,
-        fit_percent=float(np.mean(run.fits)),
-        parameters={
-            item.key: Estimate(
-                float(v),
-                float(s),
-                float(lo),
-                float(hi),
-                bool(b),
-                identifiability(v, s, size_that_matters(item), bool(b)),
-            )
-            for item, v, s, lo, hi, b in zip(space.free, theta, std, low, high, at_bound, strict=True)
-        },
-        correlation=np.nan_to_num(correlation).tolist(),
-        chi_square=descent.cost,
-        dof=dof,
-        p_value=None,
-    )
 
 
 def replay(

@@ -22,11 +22,12 @@ from fasbody.foot.two_dof import TwoDof
 from fasbody.foot.two_mass import PARAMETERS, Orbits, parameters, resolved
 from identification.blackbox.criteria import fit_percent
 from identification.certification import Certified, standard_errors
+from identification.estimates import IF_TRUE, WHATEVER
 from identification.harmonics import Line
 from identification.intervals import Solution
 from identification.replay import residual
 from identification.replay import traces as replayed
-from identification.result import IF_TRUE, WHATEVER, FitResult
+from identification.result import FitResult
 from identification.sensors import MALLEOLUS
 from identification.space import DELAY
 from identification.study.loops import Cycle, cycle, of_orbits

@@ -1,4 +1,4 @@
-"""The two ways to compare model and recordings: steady state, on harmonics, and time domain, on every sample.
+"""Every sample of recordings against a model.
 
 A domain makes the problem of its recordings on the fastest engine that is the model, and finds the time step that a
 foot's parameters ask for: halved until halving it once more changes nothing.
@@ -11,60 +11,17 @@ from typing import Self
 import mujoco
 import numpy as np
 
-from fasbody.exceptions import SettingError
 from fasbody.foot.model import Foot
 from fasbody.recording.recording import Recording
 from identification.engines.engine import MALLEOLUS, Engine, Whole
 from identification.engines.mujoco import Rollouts
 from identification.engines.twin import Twin
-from identification.harmonics import Line
 from identification.space import Space
 from identification.time_domain import TimeProblem
 
-DOMAINS = ("auto", "periodic", "time")
-#: Scatter of the fundamental between parts of a recording beyond which it is not steady.
-STEADY = 0.05
 #: Share of the peak by which halving the step may change an orbit, and halvings at most.
 RESOLVED = 1e-4
 _HALVINGS = 4
-
-
-def choose_domain(recordings: Sequence[Recording], wanted: str) -> tuple[str, list[str]]:
-    """Periodic if every recording is steady, else time; the reason is said where it is not the usual one.
-
-    Raises:
-        SettingError: no such domain, or periodic for a recording that is not.
-    """
-    if wanted not in DOMAINS:
-        raise SettingError(f"the domain is {wanted!r} (valid: {', '.join(DOMAINS)}).")
-    if wanted == "time":
-        return "time", []
-    aperiodic = [recording.file for recording in recordings if recording.condition.frequency_hz is None]
-    if aperiodic:
-        if wanted == "periodic":
-            raise SettingError(
-                f"{aperiodic[0]} is not periodic, so it cannot be fitted on harmonics; use --domain time."
-            )
-        return "time", []
-    scatter, file = _worst(recordings)
-    if scatter > STEADY:
-        text = f"{file} is not steady: its amplitude scatters by {100 * scatter:.0f} % (drift or beating)"
-        if wanted == "periodic":
-            return "periodic", [f"{text}; the weights follow the scatter."]
-        return "time", [f"{text}, so all recordings are fitted in the time domain."]
-    return "periodic", []
-
-
-def _worst(recordings: Sequence[Recording]) -> tuple[float, str]:
-    """Largest scatter of a fundamental, and in which recording."""
-    lines = [Line.of(recording) for recording in recordings]
-    return max((max(line.base.scatter, line.malleolus.scatter), line.recording.file) for line in lines)
-
-
-def is_steady(recordings: Sequence[Recording]) -> bool:
-    """Whether all recordings are in a steady state, so that their harmonics say all that they hold."""
-    periodic = all(recording.condition.frequency_hz is not None for recording in recordings)
-    return periodic and _worst(recordings)[0] <= STEADY
 
 
 @dataclass(frozen=True, eq=False)

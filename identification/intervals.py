@@ -13,10 +13,10 @@ import numpy as np
 from scipy.special import stdtrit
 
 from fasbody.foot.parameters import Parameter
+from identification.estimates import WEIGHED, Allowance, Estimate, Mass, identifiability
 from identification.nuisances import Nuisance, stated_mass
 from identification.optimiser import Optimum
 from identification.residual import Evaluation, Problem
-from identification.result import WEIGHED, Allowance, Estimate, Mass, identifiability
 from identification.space import delay_of
 
 _NORMAL = 1.959963984540054

@@ -17,7 +17,8 @@ from fasbody.presentation import readable
 from fasbody.recording.condition import FOOT_MASS_FRACTION, SHANK_MASS_FRACTION
 from identification import figures
 from identification.derived import Row, derived
-from identification.result import IF_TRUE, RULE, WHATEVER, Allowance, Estimate, FitResult, chance, label
+from identification.estimates import IF_TRUE, RULE, WHATEVER, Allowance, Estimate, label
+from identification.result import FitResult, chance
 from identification.space import DELAY
 
 #: Parts of chi-square that the page lists.

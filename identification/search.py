@@ -13,15 +13,11 @@ from fasbody.recording.recording import Recording
 from fasbody.recording.sources import together
 from identification.engines.engine import stated
 from identification.space import SearchSpace
+from identification.time_domain import UNSTABLE, TimeProblem
 
 if TYPE_CHECKING:
     from scipy.optimize import OptimizeResult
 
-    from identification.time_domain import TimeProblem
-
-
-#: Every residual of a parameter set whose motion is unstable.
-UNSTABLE = 1e6
 #: A sum of squares below this share of the number of residuals is zero to any noise.
 ZERO = 1e-9
 #: Evaluations after which a descent is given up.
@@ -51,7 +47,7 @@ class Descent:
 
 
 def descend(
-    problem: "TimeProblem", q0: np.ndarray, label: str, *, z0: np.ndarray | None = None, tight: bool = False
+    problem: TimeProblem, q0: np.ndarray, label: str, *, z0: np.ndarray | None = None, tight: bool = False
 ) -> Descent:
     """Minimise the cost, Eqs. (4.35) to (4.41), from one start.
 
@@ -107,7 +103,7 @@ def lost(
 
 
 def explore(
-    problem: "TimeProblem", starts: Iterable[tuple[str, np.ndarray]], advance: Callable[[], None] = lambda: None
+    problem: TimeProblem, starts: Iterable[tuple[str, np.ndarray]], advance: Callable[[], None] = lambda: None
 ) -> tuple[list[Descent], bool]:
     """Descend from every start; Ctrl-C keeps what is done.
 

@@ -18,6 +18,7 @@ from fasbody.recording.recording import Recording
 from identification import branches, optimiser
 from identification.blackbox.criteria import fit_percent
 from identification.branches import STIFF_ANKLE, STIFF_PAD, Had, Verdict
+from identification.estimates import Estimate
 from identification.harmonics import Line, Measured
 from identification.intervals import Solution
 from identification.motion import EngineMotion, Motion, TwoMassMotion
@@ -25,7 +26,7 @@ from identification.nuisances import nuisances
 from identification.parameters import Variables
 from identification.replay import Replayed, replay, residual, traces
 from identification.residual import Problem
-from identification.result import Branch, Estimate, RecordingFit, World
+from identification.result import Branch, RecordingFit, World
 from identification.sensors import MALLEOLUS, SensorFit
 from identification.space import MASSES, Space
 

@@ -18,9 +18,10 @@ from identification.engines.certified import CertifiedRollouts
 from identification.engines.engine import Engine, Whole
 from identification.engines.twin import Twin
 from identification.intervals import inverse_of_gram
-from identification.search import UNSTABLE
 from identification.space import Space, delay_of
 
+#: Every residual of a parameter set whose motion is unstable.
+UNSTABLE = 1e6
 #: Bound of the scaled initial states.
 _WIDE = 1e3
 

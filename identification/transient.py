@@ -5,21 +5,21 @@ Steady recordings are explored on their harmonics, where the same foot is found 
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from fasbody.exceptions import SimulationError
 from identification import branches, search, steady
 from identification.branches import STIFF_ANKLE, STIFF_PAD
-from identification.certification import Certified, certify_first
-from identification.domains import TimeDomain, is_steady
+from identification.certification import Certified, certify_first, standard_errors
+from identification.domains import TimeDomain
 from identification.engines.engine import stated
+from identification.estimates import Estimate, identifiability
+from identification.intervals import size_that_matters
+from identification.result import Branch
 from identification.search import ZERO, Descent
+from identification.setup import Setup, is_steady
 from identification.space import Space
-
-if TYPE_CHECKING:
-    from identification.estimate import Question
 
 #: Ends of a branch whose mirror images are entered, and by which share of the cost they must differ.
 _IMAGES, _APART = 4, 1e-2
@@ -44,7 +44,7 @@ class Found:
 
 
 def fit(
-    question: "Question",
+    setup: Setup,
     starts: int,
     seed: int,
     threads: int,
@@ -55,28 +55,28 @@ def fit(
     """Fit every sample.
 
     Args:
-        question: recordings and model. starts: how many. seed: of the random ones. threads: 0 for all cores.
+        setup: recordings and model. starts: how many. seed: of the random ones. threads: 0 for all cores.
         replay: as `estimate.Settings`. advance: called with what is done, how many of how many.
         interruptible: Ctrl-C ends the exploration only, and the result rests on the starts done.
 
     Raises:
         SimulationError: no start led anywhere.
     """
-    space = question.space
-    domain = TimeDomain(question.foot, question.recordings, space, question.two_mass, threads, question.sensors, replay)
+    space = setup.space
+    domain = TimeDomain(setup.foot, setup.recordings, space, setup.two_mass, threads, setup.sensors, replay)
     ratio = None
-    if not question.why_not:
-        masses = [recording.condition.masses for recording in question.recordings]
-        ratio = branches.ratio(masses, question.foot.values())
-    explored = _on_harmonics if is_steady(question.recordings) else _on_samples
-    descents, interrupted = explored(question, domain, ratio, starts, seed, advance)
+    if not setup.why_not:
+        masses = [recording.condition.masses for recording in setup.recordings]
+        ratio = branches.ratio(masses, setup.foot.values())
+    explored = _on_harmonics if is_steady(setup.recordings) else _on_samples
+    descents, interrupted = explored(setup, domain, ratio, starts, seed, advance)
     if interrupted and not interruptible:
         raise KeyboardInterrupt
     warnings: list[str] = []
     if interrupted:
         warnings.append(f"Interrupted after {len(descents)} of {starts} starts; the result rests on those.")
     if descents[0].unstable:
-        raise search.lost(question.foot, space, descents, question.recordings)
+        raise search.lost(setup.foot, space, descents, setup.recordings)
     ends = _of_each_branch(domain, space, ratio, descents)
     certified, left_out = [], []
     for number, (name, its) in enumerate(ends.items()):
@@ -89,9 +89,9 @@ def fit(
         if skipped:
             warnings.append((_PASSED_OVER if best else branches.LEFT_OUT).format(name=name))
     if not certified:
-        values = stated(question.foot, space.values(descents[0].theta))
+        values = stated(setup.foot, space.values(descents[0].theta))
         raise SimulationError(
-            f"{question.foot.name}: the best parameter sets are all unstable over the recordings (the best: {values})."
+            f"{setup.foot.name}: the best parameter sets are all unstable over the recordings (the best: {values})."
         )
     rows = tuple(_row(descent, space, ratio) for descent in descents)
     certified.sort(key=lambda c: c.deviance)
@@ -102,11 +102,11 @@ Explored = tuple[list[Descent], bool]
 
 
 def _on_harmonics(
-    question: "Question", domain: TimeDomain, ratio: float | None, starts: int, seed: int, advance: Advance
+    setup: Setup, domain: TimeDomain, ratio: float | None, starts: int, seed: int, advance: Advance
 ) -> Explored:
     """The ends of a steady fit with the nuisances held, as descents in the time domain that have yet to begin."""
-    problem, space = question.problem(), question.space
-    fitted = steady.fit(problem, question.foot, starts, seed, False, advance)
+    problem, space = setup.problem(), setup.space
+    fitted = steady.fit(problem, setup.foot, starts, seed, False, advance)
     descents = []
     for solution in fitted.solutions:
         values = solution.foot(0) | {
@@ -121,10 +121,10 @@ def _on_harmonics(
 
 
 def _on_samples(
-    question: "Question", domain: TimeDomain, ratio: float | None, starts: int, seed: int, advance: Advance
+    setup: Setup, domain: TimeDomain, ratio: float | None, starts: int, seed: int, advance: Advance
 ) -> Explored:
     """Descents from the model's own values, their mirror image, and random places."""
-    space, values = question.space, question.foot.values()
+    space, values = setup.space, setup.foot.values()
     rng = np.random.default_rng(seed)
     places = [("model", space.to_q(space.theta(values)))]
     if ratio is not None:
@@ -174,3 +174,37 @@ def _row(descent: Descent, space: Space, ratio: float | None) -> dict[str, objec
     row: dict[str, object] = {"start": descent.label, "cost": descent.cost, "evaluations": descent.evaluations}
     row |= {"converged": descent.converged, "branch": _side(space, ratio, descent)}
     return row | {item.key: float(value) for item, value in zip(space.free, descent.theta, strict=True)}
+
+
+def branch_of(certified: Certified, space: Space) -> Branch:
+    """Estimates with standard errors from the Jacobian at MuJoCo's optimum."""
+    problem, descent, run = certified.problem, certified.descent, certified.run
+    dof = max(0, problem.size - descent.z.size)
+    std_q, covariance = standard_errors(problem, descent)
+    at_bound = space.at_bound(descent.theta)
+    theta = space.snapped(descent.theta)
+    low, high = space.interval(theta, std_q)
+    std = std_q * space.slope(theta)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        correlation = covariance / np.sqrt(np.outer(np.diag(covariance), np.diag(covariance)))
+    return Branch(
+        name=certified.name,
+        cost=descent.cost,
+        deviance=certified.deviance,
+        fit_percent=float(np.mean(run.fits)),
+        parameters={
+            item.key: Estimate(
+                float(v),
+                float(s),
+                float(lo),
+                float(hi),
+                bool(b),
+                identifiability(v, s, size_that_matters(item), bool(b)),
+            )
+            for item, v, s, lo, hi, b in zip(space.free, theta, std, low, high, at_bound, strict=True)
+        },
+        correlation=np.nan_to_num(correlation).tolist(),
+        chi_square=descent.cost,
+        dof=dof,
+        p_value=None,
+    )

@@ -11,8 +11,9 @@ from fasbody.foot.model import load
 from fasbody.foot.two_mass import parameters, resolved
 from fasbody.recording.condition import Condition
 from fasbody.recording.recording import Recording
-from identification.estimate import Question, Settings
+from identification.estimate import Settings
 from identification.residual import Problem
+from identification.setup import Setup
 
 #: A foot whose dampers bend a little, with the masses of somebody of 72.57 kg, and a shaker that distorts.
 BENT = {**{name: float(x) for name, x in oracle.TRUTH.items()}, "c_12": 30.0, "c_13": 60.0, "c_22": -40.0, "c_23": 60.0}
@@ -58,4 +59,4 @@ def session(
 
 def problem(data: Sequence[Recording], p: Mapping[str, float] = BENT, **settings: Any) -> Problem:
     """What a fit of the foot with constants p makes of recordings."""
-    return Question.of(data, load("two_dof").with_values(dict(p)), Settings(**settings)).problem()
+    return Setup.of(data, load("two_dof").with_values(dict(p)), Settings(**settings)).problem()

@@ -8,7 +8,8 @@ import pytest
 from fasbody.recording.checks import checked
 from fasbody.recording.recording import Condition, Recording
 from identification.advice import departures, excitation_rank
-from identification.result import Mass, World
+from identification.estimates import Mass
+from identification.result import World
 
 T = np.arange(2000) / 1000
 

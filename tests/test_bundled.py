@@ -15,7 +15,7 @@ from test_report import Balanced
 
 from fasbody.foot.parameters import symbol_and_unit
 from identification.branches import ratio
-from identification.result import RULE
+from identification.estimates import RULE
 
 TRUTH = {name: float(value) for name, value in oracle.TRUTH.items()}
 KEYS = {"k_T_n_per_m": "k_T", "k_F_n_per_m": "k_F", "c_11_n_s_per_m": "c_11", "c_21_n_s_per_m": "c_21"}

@@ -16,9 +16,10 @@ from fasbody.recording.harmonics import fit_harmonics
 from fasbody.recording.study import BUNDLED
 from identification import report
 from identification.derived import _views, derived, linearised, poles, small_motion, work_slopes
+from identification.estimates import IF_TRUE, WHATEVER
 from identification.harmonics import Line
 from identification.replay import relaxing
-from identification.result import IF_TRUE, WHATEVER, FitResult
+from identification.result import FitResult
 from identification.study.loops import cycle
 
 HZ = 20.0

@@ -18,7 +18,8 @@ from fasbody.recording.checks import checked
 from fasbody.recording.condition import Condition
 from fasbody.recording.harmonics import fit_harmonics
 from fasbody.recording.recording import Recording
-from identification.domains import TimeDomain, choose_domain, halvings
+from identification.domains import TimeDomain, halvings
+from identification.setup import choose_domain
 from identification.space import space_of
 from identification.study import loops
 

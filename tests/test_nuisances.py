@@ -11,10 +11,12 @@ from steady_cases import BENT, problem, session
 from fasbody.foot.model import Foot
 from fasbody.recording.recording import Channel, Recording, gain_and_delay
 from identification.advice import departures
-from identification.estimate import Question, Settings, fit_foot
+from identification.estimate import Settings, fit_foot
+from identification.estimates import IF_TRUE, WHATEVER
 from identification.intervals import Solution
 from identification.optimiser import Optimum
-from identification.result import IF_TRUE, WHATEVER, FitResult
+from identification.result import FitResult
+from identification.setup import Setup
 
 FREQUENCIES = (10.0, 20.0, 30.0, 50.0)
 
@@ -129,13 +131,13 @@ def test_what_is_said_of_a_channel_holds_for_its_prior(foot: Foot, two_loads: li
     assert gain_and_delay(data[0], "malleolus", "tuberosity") == pytest.approx((0.03, 2e-4))
 
     def std(data: Sequence[Recording], **settings: float) -> dict[str, float]:
-        items = Question.of(data, foot, Settings(**settings)).problem().variables.nuisances  # type: ignore[arg-type]
+        items = Setup.of(data, foot, Settings(**settings)).problem().variables.nuisances  # type: ignore[arg-type]
         return {n.kind: n.std for n in items if n.kind in ("gain", "delay")}
 
     assert std(data) == pytest.approx({"gain": 0.05, "delay": 2e-4})
     assert std(data, gain_std=0.0) == pytest.approx({"delay": 2e-4})
     assert std(two_loads[:2]) == pytest.approx({"gain": 0.01, "delay": 1e-4})
-    told = Question.of(data, foot, Settings(gain_std=0.0)).recordings
+    told = Setup.of(data, foot, Settings(gain_std=0.0)).recordings
     assert [gain_and_delay(r, "malleolus", "base")[0] for r in told] == [0.0, 0.0]
 
 

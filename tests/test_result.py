@@ -11,7 +11,8 @@ import pytest
 
 from fasbody import console
 from fasbody.foot.parameters import symbol_and_unit
-from identification.result import RULE, Branch, Estimate, FitResult, RecordingFit, identifiability
+from identification.estimates import RULE, Estimate, identifiability
+from identification.result import Branch, FitResult, RecordingFit
 
 
 def estimate(value: float, half: float, at_bound: bool = False) -> Estimate:

@@ -22,10 +22,10 @@ from fasbody.foot.two_dof import TwoDof
 from fasbody.recording.checks import checked
 from fasbody.recording.known import Known
 from fasbody.recording.recording import Recording
+from identification.estimates import Estimate
 from identification.intervals import Solution
 from identification.optimiser import Optimum
 from identification.residual import Problem
-from identification.result import Estimate
 from identification.rivals.__main__ import app
 from identification.rivals.compare import compare_rivals
 from identification.rivals.ladder import LADDER, RungVariables, rungs_of

@@ -29,8 +29,9 @@ from identification.engines.certified import CertifiedRollouts
 from identification.engines.engine import Whole
 from identification.engines.mujoco import Rollouts
 from identification.engines.twin import Twin, carriers, twin_applies
-from identification.estimate import Question, Settings, fit_foot
+from identification.estimate import Settings, fit_foot
 from identification.sensors import chosen
+from identification.setup import Setup
 from identification.space import space_of
 from identification.time_domain import TimeProblem
 
@@ -137,7 +138,7 @@ def test_each_sensor_has_nuisances_of_its_own(linear: Foot) -> None:
     """Their derivatives are in test_residual.py."""
     p = TwoDof.from_values(linear.values())
     data = [recorded(p, f, added=m) for f, m in ((12.0, 0.0), (25.0, 2.3))]
-    made = Question.of(data, linear, Settings(sensors=BOTH)).problem()
+    made = Setup.of(data, linear, Settings(sensors=BOTH)).problem()
     prior = {each.name: (each.mean, each.std, each.lower, each.upper) for each in made.variables.nuisances}
     for kind in ("gain", "delay", "drift", "mount", "mount damping", "rocking"):
         assert prior[f"{kind} of foot"] == prior[kind]

@@ -10,7 +10,7 @@ import pandas as pd
 import pytest
 from made_fits import failed, plain
 
-from identification.result import RULE
+from identification.estimates import RULE
 from identification.study import figures, report, summary, tables
 from identification.study.findings import gather
 from identification.study.tracking import Prior

@@ -13,7 +13,7 @@ from typing import Any
 from fasbody.exceptions import InputFileError, SettingError
 from fasbody.foot.parameters import Parameter, symbol_and_unit
 from fasbody.presentation import readable
-from identification.result import Estimate
+from identification.estimates import Estimate
 from viz.settings import within
 
 _VALID = "give the result.json of python -m identification.fit"

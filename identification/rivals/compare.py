@@ -12,11 +12,10 @@ from fasbody.recording.checks import apart, checked
 from fasbody.recording.known import Known
 from fasbody.recording.recording import Recording
 from fasbody.recording.study import Study
-from identification.domains import is_steady
 from identification.engines.twin import twin_applies
+from identification.estimates import Estimate
 from identification.harmonics import Line
 from identification.intervals import Solution
-from identification.result import Estimate
 from identification.rivals.ladder import (
     LADDER,
     LINEAR,
@@ -28,6 +27,7 @@ from identification.rivals.ladder import (
 )
 from identification.rivals.result import MODEL, Own, Point, Rival, Rivals, preferred
 from identification.rivals.search import Advance, Contender, climb, deviance, held_out
+from identification.setup import is_steady
 
 
 def compare_rivals(

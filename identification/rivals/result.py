@@ -9,7 +9,7 @@ import numpy as np
 from fasbody.exceptions import SettingError, unknown
 from fasbody.presentation import Presented, Sheet, Tabled
 from identification.branches import DECISIVE_ODDS
-from identification.result import Estimate
+from identification.estimates import Estimate
 from identification.steady import FOLLOWS
 
 #: Difference of BIC that odds of 1000 to 1 make.

@@ -9,10 +9,10 @@ import numpy as np
 from fasbody.foot.model import Foot
 from fasbody.recording.checks import checked
 from fasbody.recording.recording import Recording
-from identification.domains import STEADY
 from identification.estimate import Settings, fit_foot
 from identification.harmonics import Line
 from identification.result import FitResult
+from identification.setup import STEADY
 
 #: A difference beyond this many joint standard errors is a disagreement.
 BEYOND = 3.0

@@ -10,8 +10,9 @@ from fasbody.exceptions import SettingError, unknown
 from fasbody.foot.model import Foot
 from fasbody.recording.recording import Recording
 from identification import optimiser
-from identification.estimate import Question, Settings
+from identification.estimate import Settings
 from identification.intervals import Solution
+from identification.setup import Setup
 from identification.space import DELAY, Space, space_of
 from identification.study.agreement import agreement
 from identification.study.filters import KINDS
@@ -56,7 +57,7 @@ def _profile(work: Work, recordings: Sequence[Recording], foot: Foot) -> dict[st
         raise SettingError(f"{work.job}: a profile needs a fit in the steady state, and there is none.")
     best = fit["branches"][0]
     settings = replace(work.settings, domain="periodic", delay="delay_s" in best["parameters"])
-    problem = held(Question.of(recordings, foot, settings))
+    problem = held(Setup.of(recordings, foot, settings))
     variables = problem.variables
     q = variables.start(values_of(best, foot))
     sign = int(np.sign(q[variables.index["k_F"]])) if variables.ratio is not None else 0

@@ -17,8 +17,8 @@ from fasbody.recording.condition import Condition
 from fasbody.recording.recording import Recording
 from fasbody.recording.study import StudyFolder
 from fasbody.recording.trials import Trial
-from identification.domains import DOMAINS
 from identification.estimate import Settings
+from identification.setup import DOMAINS
 from identification.study.filters import KINDS, MODES
 
 #: What this module imports is part of the key of a job.

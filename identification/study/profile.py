@@ -17,9 +17,9 @@ from scipy.stats import chi2
 
 from fasbody.exceptions import SettingError, unknown
 from fasbody.foot.parameters import Parameter
+from identification.estimates import identifiability
 from identification.intervals import Solution, inverse_of_gram, size_that_matters
 from identification.residual import Evaluation
-from identification.result import identifiability
 from identification.space import delay_of
 
 #: Rise of the deviance at the 95 % limits.

@@ -13,7 +13,7 @@ from markupsafe import Markup
 
 from fasbody import console
 from identification.advice import POOR_FIT, follows
-from identification.result import RULE
+from identification.estimates import RULE
 from identification.study import summary, tables
 from identification.study.findings import Findings, gather
 from identification.study.population import Population

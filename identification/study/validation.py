@@ -19,10 +19,11 @@ from fasbody.recording.checks import checked
 from fasbody.recording.recording import Recording
 from identification import optimiser
 from identification.engines.twin import twin_applies
-from identification.estimate import Question, Settings
+from identification.estimate import Settings
 from identification.harmonics import Line
 from identification.intervals import Solution
 from identification.residual import Problem
+from identification.setup import Setup
 from identification.space import DELAY, MASSES, space_of
 from identification.steady import SIDES
 from identification.study.filters import MODES
@@ -131,7 +132,7 @@ class Validation:
         return f"{self.mode}: held-out error {self.percent:.2g} % (median), {len(self.rows)} recordings"
 
 
-def held(question: Question) -> Problem:
+def held(question: Setup) -> Problem:
     """The problem of recordings with the model assumed exact: only constants and delays are free."""
     problem = question.problem()
     variables = problem.variables
@@ -140,7 +141,7 @@ def held(question: Question) -> Problem:
 
 def quick_fit(recordings: Sequence[Recording], foot: Foot, settings: Settings) -> Solution:
     """The likelier end of a fit of constants, the model assumed exact, not replayed in MuJoCo."""
-    problem = held(Question.of(recordings, foot, replace(settings, domain="periodic")))
+    problem = held(Setup.of(recordings, foot, replace(settings, domain="periodic")))
     variables = problem.variables
     signs = (1, -1) if variables.ratio is not None else (0,)
     first = variables.start(variables.own)[None]
