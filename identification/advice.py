@@ -119,6 +119,8 @@ def _symbol(key: str) -> str:
 
 #: Standard deviations of a prior, or standard errors, beyond which something else is named.
 _FAR = 3.0
+#: Times the scatter of a repeated condition beyond which what a model leaves is not the person's.
+_BEYOND = 2.0
 
 
 def departures(world: World, others: Sequence[World] = (), loads: int = 1) -> list[str]:
@@ -131,7 +133,7 @@ def departures(world: World, others: Sequence[World] = (), loads: int = 1) -> li
             were on the knee.
     """
     if not world.follows:
-        return []
+        return _culprits(world)
     texts = _ruler(world)
     for mass in world.masses:
         if mass.weighed:
@@ -152,6 +154,34 @@ def departures(world: World, others: Sequence[World] = (), loads: int = 1) -> li
     told = {each.name for other in others for each in other.nuisances if not _shows(each)}
     texts += [_sign(each) for each in world.nuisances if _shows(each) and each.name not in told]
     return [*texts, *_loads(world)]
+
+
+def _culprits(world: World) -> list[str]:
+    """Where a fit that does not follow its recordings misses them."""
+    texts = []
+    itself = world.repeats_by_itself
+    if itself is not None and world.repeatability > _BEYOND * itself:
+        texts.append(
+            f"Recordings of one condition repeat to {100 * itself:.2g} %, and the model leaves "
+            f"{100 * world.repeatability:.2g} %: the model or a condition is wrong, rather than the person restless."
+        )
+    if world.misfit is None:
+        return texts
+    out = world.misfit.standing_out()
+    parts = [f"{name} ({_share(share)})" for name, share in list(out.get("recordings", {}).items())[:3]]
+    parts += [f"harmonic {name} ({_share(share)})" for name, share in list(out.get("harmonics", {}).items())[:2]]
+    parts += [f"the {name} ({_share(share)})" for name, share in out.get("sensors", {}).items()]
+    if parts:
+        texts.append(
+            f"Of chi-square, most is in {', '.join(parts)}: check load, body mass, unit and mounting there, or fit "
+            "without."
+        )
+    else:
+        texts.append(
+            "The misfit is spread over all recordings and harmonics, so that no single recording is to blame: check "
+            "load, body mass and units first, then compare rivals (python -m identification.rivals)."
+        )
+    return texts
 
 
 #: Standard deviations of their priors that both masses must be off to the same side to raise an alarm.

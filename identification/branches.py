@@ -104,9 +104,14 @@ class Had:
     @property
     def may_tell(self) -> str:
         """What else may, in a sentence."""
+        sensor = "a sensor on the bones of the foot, beside that on the malleolus,"
+        if self.loads == 1 and self.sensors == 1:
+            return (
+                f"{sensor.capitalize()} decides most often; a second load may, if the constants do not change with it."
+            )
         if self.loads == 1:
             return "A second load may decide, if the constants do not change with it."
-        more = ["a second sensor, on the bones of the foot,"] if self.sensors == 1 else []
+        more = [sensor] if self.sensors == 1 else []
         if not self.follow:
             return f"The loads do not tell them apart{f'; {more[0]} may' if more else ''}."
         ways = " or ".join([*more, "excluding what else may be true (--exclude, [known] in study.toml)"])

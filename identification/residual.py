@@ -155,10 +155,18 @@ class Problem:
 
     def whitened(self, read: np.ndarray, repeatability: float | None = None) -> np.ndarray:
         """Residual (m,) of what sensors read (R, S, H), without the priors' rows; at another scatter if given."""
+        W = self._whitener if repeatability is None else self.whitener(repeatability)
+        return self._whitened_by(W, read)[self.measured.rows]
+
+    def squares(self, read: np.ndarray) -> np.ndarray:
+        """(R, S, H) share of each harmonic in chi-square where sensors read (R, S, H); zero where none was measured."""
+        r = np.where(self.measured.rows, self._whitened_by(self._whitener, read), 0.0)
+        return (r**2).reshape(len(r), 2, *read.shape[1:]).sum(1)
+
+    def _whitened_by(self, W: np.ndarray, read: np.ndarray) -> np.ndarray:
         e = (read - self.measured.output).reshape(len(read), -1)
         e = np.concatenate([e.real, e.imag], 1)
-        W = self._whitener if repeatability is None else self.whitener(repeatability)
-        return (W @ e[..., None])[..., 0][self.measured.rows]
+        return (W @ e[..., None])[..., 0]
 
     def predicted(self, q: np.ndarray) -> np.ndarray:
         """(R, S, H) what the sensors read at q (n,)."""

@@ -15,6 +15,7 @@ from fasbody.recording.recording import Recording
 from identification.contact import Contact
 from identification.contact import summary as lifted
 from identification.estimates import IF_TRUE, WHATEVER, Allowance, Estimate, Mass, label
+from identification.misfit import Misfit
 from identification.sensors import SensorFit, summary
 
 if TYPE_CHECKING:
@@ -57,6 +58,9 @@ class World(Tabled):
         reference_frequency_hz: at which dynamic stiffness and damping are reported.
         scale_std: standard error of the logarithm of the leg's mass, a factor that all constants share.
         exhausted: the search found its end more than once.
+        misfit: where in the recordings chi-square comes from.
+        repeats_by_itself: `repeatability` as recordings of one condition show it, without a model; None where no
+            condition was recorded twice.
     """
 
     chi_square: float
@@ -71,6 +75,8 @@ class World(Tabled):
     reference_frequency_hz: float | None = None
     scale_std: float = 0.0
     exhausted: bool = True
+    misfit: Misfit | None = None
+    repeats_by_itself: float | None = None
 
     @property
     def repeats(self) -> str:

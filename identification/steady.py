@@ -21,6 +21,7 @@ from identification.branches import STIFF_ANKLE, STIFF_PAD, Had, Verdict
 from identification.estimates import Estimate
 from identification.harmonics import Line, Measured
 from identification.intervals import Solution
+from identification.misfit import Misfit, repeats
 from identification.motion import EngineMotion, Motion, TwoMassMotion
 from identification.nuisances import nuisances
 from identification.parameters import Variables
@@ -187,7 +188,7 @@ def _held_ends(exact: Problem, solutions: Sequence[Solution], seed: int) -> dict
 def branch_of(fitted: Fitted, solution: Solution, recordings: Sequence[Recording], foot: Foot) -> Branch:
     """One branch as a result has it: the headline, beside it the model assumed exact, and what was allowed for."""
     run = fitted.replays[solution.branch]
-    _, r = residual(solution.problem, solution.q, run)
+    read, r = residual(solution.problem, solution.q, run)
     rows = traces(solution.problem, solution.q, run)
     fits = [
         fit_percent(recording.malleolus_m_s2, row[MALLEOLUS[0]])
@@ -207,7 +208,7 @@ def branch_of(fitted: Fitted, solution: Solution, recordings: Sequence[Recording
             tuple(replace(m, weighed=m.weighed and follows and solution.optimum.converged) for m in solution.masses()),
             solution.allowances(), solution.constant_under_load(), solution.exponents(),
             solution.problem.repeatability, solution.problem.variables.reference_hz, solution.scale_std(),
-            solution.optimum.exhausted,
+            solution.optimum.exhausted, Misfit.of(solution.problem, read), repeats(solution.problem.measured),
         )  # fmt: skip
     return Branch(
         solution.branch, judged.optimum.objective, solution.optimum.objective, float(np.mean(fits)), parameters,

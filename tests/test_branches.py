@@ -51,10 +51,11 @@ def test_a_mirror_needs_four_free_parameters() -> None:
 @pytest.mark.parametrize(
     ("had", "said", "unsaid"),
     [
-        (Had(), "A second load may decide", "second sensor"),
-        (Had(loads=2), "a second sensor, on the bones of the foot, may.", "--exclude"),
+        (Had(), "A sensor on the bones of the foot", "excluding"),
+        (Had(sensors=2), "A second load may decide", "bones"),
+        (Had(loads=2), "a sensor on the bones of the foot, beside that on the malleolus, may.", "--exclude"),
         (Had(loads=2, sensors=2), "The loads do not tell them apart.", "second"),
-        (Had(loads=2, follow=True), "a second sensor, on the bones of the foot, or excluding", "second load"),
+        (Had(loads=2, follow=True), "beside that on the malleolus, or excluding", "second load"),
         (Had(loads=2, sensors=2, follow=True), "; excluding what else may be true", "second"),
     ],
 )
@@ -76,7 +77,7 @@ def test_odds_of_a_thousand_decide(difference: float, decided: bool) -> None:
     verdict = judge([STIFF_ANKLE, STIFF_PAD], [100.0, 100.0 + difference], 40.0, 50)
     assert str(verdict) == ("decided" if decided else "undecided")
     assert verdict.log_likelihood_ratio == pytest.approx(difference / 2)
-    assert ("A second load may decide" in verdict.sentence) is not decided
+    assert ("a second load may" in verdict.sentence) is not decided
     assert not verdict.tied
 
 
