@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -35,7 +36,7 @@ class Misfit(Tabled):
         measured = problem.measured
         whole = max(float(squares.sum()), 1e-300)
 
-        def shares(names: Sequence, axes: tuple[int, int]) -> dict:  # type: ignore[type-arg]
+        def shares(names: Sequence[Any], axes: tuple[int, int]) -> dict[Any, float]:
             return dict(zip(names, map(float, squares.sum(axes) / whole), strict=True))
 
         files = [line.recording.file for line in measured.lines]
@@ -47,7 +48,11 @@ class Misfit(Tabled):
 
     def standing_out(self) -> dict[str, dict[str | int, float]]:
         """What has more than twice its equal share, the largest first: by "recordings", "harmonics", "sensors"."""
-        kinds = {"recordings": self.recordings, "harmonics": self.harmonics, "sensors": self.sensors}
+        kinds: dict[str, Mapping[Any, float]] = {
+            "recordings": self.recordings,
+            "harmonics": self.harmonics,
+            "sensors": self.sensors,
+        }
         found = {}
         for kind, shares in kinds.items():
             most = sorted(shares.items(), key=lambda item: -item[1])
