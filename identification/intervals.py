@@ -110,6 +110,16 @@ class Solution:
 
     # what follows from it
 
+    def deviance(self, objective: float) -> float:
+        """-2 log likelihood at an end whose sum of squares is `objective`, up to a constant.
+
+        Normal, or Student's where repeatability was estimated at this solution, the best of those compared.
+        """
+        if self.problem.repeatability == 0:
+            return objective
+        nu, least = max(2, self.dof), self.optimum.objective
+        return float(least + nu * np.log1p(max(0.0, objective - least) / nu))
+
     def slopes(self, function) -> np.ndarray:  # type: ignore[no-untyped-def]
         """(m, n) derivatives of a function (m,) of q (n,), by central differences."""
         steps = _STEP * np.eye(self.q.size)

@@ -261,7 +261,7 @@ def search(
         rounds: at most.
         seed: of the starts.
         estimate: the scatter from recording to recording; else it is none.
-        first: (k, n) places to begin with besides.
+        first: (k, n) places to begin with besides, at the smallest of `smooth`.
         smooth: scatters at which starts begin in turn, the largest first.
         advance: called with rounds done and their number.
     """
@@ -272,15 +272,15 @@ def search(
     open_ = list(signs)
     for number in range(rounds):
         advance(number, rounds)
-        fresh = [
-            _fresh(problem, open_, count, rng, first if number == 0 else None) for count in _shares(starts, smooth)
-        ]
+        fresh = [_fresh(problem, open_, count, rng) for count in _shares(starts, smooth)]
+        if first is not None and number == 0:
+            fresh[-1] = fresh[-1].joined(_everywhere(first, signs))
         for sign in open_:
             tried[sign] += sum(int(np.sum(group.sign == sign)) for group in fresh)
         level = None if estimate and population is None else problem.repeatability
         problem, ends = _annealed(problem, dict(zip(smooth, fresh, strict=True)), level)
         population = ends if population is None else population.joined(ends).distinct(most=_KEPT)
-        population = population.joined(_images(problem, population, signs, images)).distinct(most=_KEPT)
+        population = _with_images(problem, population, signs, images)
         if estimate:
             problem, population = _settled(problem, population)
         open_ = [
@@ -301,20 +301,19 @@ def _shares(starts: int, smooth: tuple[float, ...]) -> list[int]:
     return [len(range(i, starts, len(smooth))) for i in range(len(smooth))]
 
 
-def _fresh(
-    problem: Problem, signs: list[int], starts: int, rng: np.random.Generator, first: np.ndarray | None
-) -> Population:
-    """Random starts of each side, and the first ones on all."""
-    n = problem.variables.size
-    Q, side = [np.zeros((0, n))], [np.zeros(0, int)]
-    for sign in signs:
-        Q.append(random_starts(problem, sign, starts, rng))
-        side.append(np.full(starts, sign))
-        if first is not None:
-            Q.append(first)
-            side.append(np.full(len(first), sign))
-    where = np.concatenate(side)
-    return Population(np.concatenate(Q), where, np.ones(len(where), int), np.full(len(where), np.inf))
+def _fresh(problem: Problem, signs: list[int], starts: int, rng: np.random.Generator) -> Population:
+    """Random starts of each side."""
+    Q = [random_starts(problem, sign, starts, rng) for sign in signs]
+    return _starting(np.concatenate(Q), np.repeat(signs, starts))
+
+
+def _everywhere(places: np.ndarray, signs: tuple[int, ...]) -> Population:
+    """Places (k, n) to begin with on every side."""
+    return _starting(np.tile(places, (len(signs), 1)), np.repeat(signs, len(places)))
+
+
+def _starting(Q: np.ndarray, signs: np.ndarray) -> Population:
+    return Population(Q, signs, np.ones(len(Q), int), np.full(len(Q), np.inf))
 
 
 def _annealed(problem: Problem, groups: Mapping[float, Population], last: float | None) -> tuple[Problem, Population]:
@@ -361,16 +360,13 @@ def _down(problem: Problem, population: Population, steps: int = _STEPS, promise
     return replace(population, Q=down.Q, objective=down.objective)
 
 
-def _images(problem: Problem, population: Population, signs: tuple[int, ...], done: set[bytes]) -> Population:
-    """Descents from the mirror images of each side's best end, where that is a new one."""
+def _with_images(problem: Problem, population: Population, signs: tuple[int, ...], done: set[bytes]) -> Population:
+    """Ends, with those below the mirror images of each side's best one, where that is new."""
     best = [population.best(sign) for sign in signs if sign]
     best = [i for i in best if population.Q[i].tobytes() not in done]
     done |= {population.Q[i].tobytes() for i in best}
-    if not best:
-        return Population(population.Q[:0], population.sign[:0], population.hits[:0], population.objective[:0])
-    Q, sign = problem.variables.image(population.Q[best]), -population.sign[best]
-    down = descend(problem, Q, sign)
-    return Population(down.Q, sign, np.ones(len(best), int), down.objective)
+    images = _starting(problem.variables.image(population.Q[best]), -population.sign[best]) if best else None
+    return population if images is None else population.joined(_down(problem, images)).distinct(most=_KEPT)
 
 
 def repeatability(problem: Problem, q: np.ndarray) -> float:

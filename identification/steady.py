@@ -241,7 +241,7 @@ def verdict_of(fitted: Fitted, built: Sequence[Branch], had: Had, why_not: str) 
     rests = branches.pinned({key: e.at_bound for key, e in last.items()}, {key: e.value for key, e in last.items()})
     objectives = [solution.optimum.objective for solution in solutions]
     if fitted.exact:
-        objectives = [_deviance(best, objective) for objective in objectives]
+        objectives = [best.deviance(objective) for objective in objectives]
     excess, dof = (0.0, best.dof) if fitted.exact else (best.chi_square, best.dof)
     verdict = branches.judge([b.name for b in built], objectives, excess, dof, rests, had)
     world = built[0].world
@@ -251,14 +251,6 @@ def verdict_of(fitted: Fitted, built: Sequence[Branch], had: Had, why_not: str) 
     if verdict.word == "decided" and not all(solution.optimum.exhausted for solution in solutions):
         return Verdict("undecided", verdict.log_likelihood_ratio, branches.NOT_EXHAUSTED)
     return verdict
-
-
-def _deviance(best: Solution, objective: float) -> float:
-    """-2 log likelihood at an end: Student's where the scatter between recordings was estimated, else the normal."""
-    if best.problem.repeatability == 0:
-        return objective
-    nu = max(2, best.dof)
-    return float(nu * np.log1p(max(0.0, objective - best.optimum.objective) / nu))
 
 
 def recordings_of(fitted: Fitted, solution: Solution, recordings: Sequence[Recording]) -> tuple[RecordingFit, ...]:

@@ -31,7 +31,7 @@ from identification.rivals.compare import compare_rivals
 from identification.rivals.ladder import LADDER, RungVariables, rungs_of
 from identification.rivals.mjcf import difference, edited_text, write_models
 from identification.rivals.result import DECISIVE, Rival, Rivals, preferred
-from identification.rivals.search import deviance, evidence, folds, only
+from identification.rivals.search import evidence, folds, only
 from identification.rivals.steady import CONSTANTS, INDEX, SERIES, Feet
 
 LEG = Leg(1.5e5, 1.0e5, 430.0, 50.0, 100.0, 500.0, -50.0, 100.0, 3.3, 1.05)
@@ -209,11 +209,11 @@ def test_deviance_is_students_where_repeatability_is_estimated(problems: dict[st
     problem, gap = problems["linear"], 9.0
     q = problem.variables.start(vars(LINEAR))
     ends = [Solution("best", problem.with_repeatability(s), Optimum(0, q, 70.0, True, 1, 1)) for s in (0.0, 0.02)]
-    assert deviance(70.0 + gap, ends[0]) - deviance(70.0, ends[0]) == gap
+    assert ends[0].deviance(70.0 + gap) - ends[0].deviance(70.0) == gap
     nu = ends[1].dof
     logs = [student_t.logpdf(x, nu) for x in (0.0, np.sqrt(gap))]
     wants = 2 * (logs[0] - logs[1]) * nu / (nu + 1)
-    assert np.isclose(deviance(70.0 + gap, ends[1]) - deviance(70.0, ends[1]), wants)
+    assert np.isclose(ends[1].deviance(70.0 + gap) - ends[1].deviance(70.0), wants)
 
 
 # the verdict

@@ -20,8 +20,6 @@ NAMES = ("k_T", "k_F", "c_11", "c_12", "c_13", "c_21", "c_22", "c_23")
 MASSES = ("m_S", "m_F")
 STATES = 4
 _COLUMNS = STATES + len(NAMES)
-#: Columns of all sensitivities, those to the masses among them.
-WITH_MASSES = _COLUMNS + len(MASSES)
 #: Columns that are computed: registers take several at once, and a loop of a length that is known has no loose ends.
 _ROW = 16
 

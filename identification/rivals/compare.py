@@ -26,7 +26,7 @@ from identification.rivals.ladder import (
     rungs_of,
 )
 from identification.rivals.result import MODEL, Own, Point, Rival, Rivals, preferred
-from identification.rivals.search import Advance, Contender, climb, deviance, held_out
+from identification.rivals.search import Advance, Contender, climb, held_out
 from identification.setup import is_steady
 
 
@@ -135,7 +135,7 @@ def _rival(contender: Contender, best: Solution) -> Rival:
     """
     candidate, (end, *others) = contender.candidate, contender.solutions
     rung, problem, v = candidate.rung, end.problem, end.problem.variables
-    deviances = [deviance(e.optimum.objective, best) for e in contender.solutions]
+    deviances = [best.deviance(e.optimum.objective) for e in contender.solutions]
     scores, error = held_out(end)
     (k_T, k_F), across = _springs(end), _springs(others[0]) if others else (None, None)
     Y, valid = problem.predicted(end.q)[:, 0], problem.measured.valid[:, 0]

@@ -138,15 +138,3 @@ def evidence(problem: Problem, q: np.ndarray) -> float:
     now = problem.evaluate(q[None])
     J = now.jacobian[0]
     return float(now.objective[0] + np.linalg.slogdet(J.T @ J + _FLAT * np.eye(q.size))[1])
-
-
-def deviance(objective: float, best: Solution) -> float:
-    """-2 log likelihood at an end: Student's where repeatability was estimated, else the normal.
-
-    Args:
-        objective: there. best: the best end of all rivals.
-    """
-    if best.problem.repeatability == 0:
-        return objective
-    nu, least = max(2, best.dof), best.optimum.objective
-    return float(least + nu * np.log1p(max(0.0, objective - least) / nu))
