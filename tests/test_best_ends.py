@@ -9,7 +9,7 @@ import pytest
 from benchmarks import search
 from benchmarks.kept import Kept, digest, fit_sources
 from benchmarks.search import Ends
-from benchmarks.worlds import CLEAN, SOURCES
+from simulator.worlds import CLEAN, SOURCES
 
 
 def ends(default: tuple[float, ...], many: tuple[float, ...] = (30.0, 41.0), **changes: object) -> Ends:

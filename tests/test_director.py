@@ -13,7 +13,6 @@ import typer
 from rich.console import Console
 from typer.testing import CliRunner
 
-from benchmarks.director import COUNTED, SHORTER, Rig, recorded, virtual
 from fasbody.acquire.board import Stalled
 from fasbody.acquire.commands import app as acquire
 from fasbody.acquire.level import COMMANDED, Safety
@@ -44,6 +43,7 @@ from identification.plan.shaker import REPEATABILITY, Shaker
 from identification.plan.words import listed, minutes, percent, span
 from identification.residual import Problem
 from identification.steady import FOLLOWS
+from simulator.rig import SHORTER, Rig, recorded, virtual
 
 ALONE = Known().told(exclude=("all",))
 #: A rig of which every recording repeats exactly, and one with a person on it.
@@ -690,7 +690,7 @@ def test_recordings_of_another_simulator_are_believed(half_way: tuple[Director, 
     belief, truth = director.belief, virtual(3).leg
     assert belief is not None and belief.follows and belief.decided
     assert belief.ends[0].branch == ("stiff ankle" if truth.stiff_ankle else "stiff pad")
-    for name, band in belief.open_bands(COUNTED).items():
+    for name, band in belief.open_bands(EXCHANGED).items():
         assert band.lower <= getattr(truth, name) <= band.upper
     more = director.outlook([director.next()[0]]).half_width
     assert all(more[n] < director.outlook(()).half_width[n] for n in EXCHANGED)

@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from symbolic_arch import evaluate, poses
 
 from fasbody.arch import kinematics, lagrange
 from fasbody.arch.bones import PARAMETERS, Arch
 from reproduction import printed
+from simulator.symbolic_arch import evaluate, poses
 
 STEP = 1e-30
 

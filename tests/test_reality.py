@@ -7,12 +7,13 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from benchmarks import reality, worlds
+from benchmarks import reality
 from benchmarks.kept import Kept
 from benchmarks.reality import COUNTED, ENOUGH, WITHHELD, Interval, Judged, rows_of
-from benchmarks.worlds import CLEAN, SCATTER_3, WORLDS
 from fasbody.exceptions import SettingError
 from reproduction.check import Check
+from simulator import worlds
+from simulator.worlds import CLEAN, SCATTER_3, WORLDS
 
 HOLDS, MISSES = Interval("identified", True, True), Interval("identified", False, False)
 

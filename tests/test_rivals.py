@@ -13,9 +13,6 @@ from typer.testing import CliRunner
 
 import identification as idn
 import mjcf
-from benchmarks import worlds
-from benchmarks.departure import Exponential, Following, Maxwell, Mount, Polynomial
-from benchmarks.leg import Departure, Leg, Shaking, harmonics
 from fasbody.exceptions import ModelError, RecordingError, SettingError
 from fasbody.foot.model import load
 from fasbody.foot.two_dof import TwoDof
@@ -33,6 +30,9 @@ from identification.rivals.mjcf import difference, edited_text, write_models
 from identification.rivals.result import DECISIVE, Rival, Rivals, preferred
 from identification.rivals.search import deviance, evidence, folds, only
 from identification.rivals.steady import CONSTANTS, INDEX, SERIES, Feet
+from simulator import worlds
+from simulator.departure import Exponential, Following, Maxwell, Mount, Polynomial
+from simulator.leg import Departure, Leg, Shaking, harmonics
 
 LEG = Leg(1.5e5, 1.0e5, 430.0, 50.0, 100.0, 500.0, -50.0, 100.0, 3.3, 1.05)
 #: Its dampers bend so little that it is linear.

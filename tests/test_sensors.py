@@ -10,9 +10,6 @@ import pytest
 
 import mjcf
 from benchmarks import sensors as second
-from benchmarks import worlds
-from benchmarks.departure import Mount, Rocking
-from benchmarks.leg import Shaking, harmonics
 from fasbody.exceptions import InputFileError, SettingError
 from fasbody.foot.model import Foot, load
 from fasbody.foot.shaker import sine
@@ -33,6 +30,9 @@ from identification.estimate import Question, Settings, fit_foot
 from identification.sensors import chosen
 from identification.space import space_of
 from identification.time_domain import TimeProblem
+from simulator import worlds
+from simulator.departure import Mount, Rocking
+from simulator.leg import Shaking, harmonics
 
 Edit = Callable[..., Path]
 BOTH = ("malleolus", "foot")

@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from benchmarks import departure as d
-from benchmarks import instrument, worlds
-from benchmarks.leg import STEP_S, Leg, Shaking, harmonics, motion, sample, under
-from benchmarks.worlds import CLEAN, WORLDS, Member, member
+from simulator import departure as d
+from simulator import instrument, worlds
+from simulator.leg import STEP_S, Leg, Shaking, harmonics, motion, sample, under
+from simulator.worlds import CLEAN, WORLDS, Member, member
 
 #: Its dampers forget within half a second.
 LEG = Leg(1.4e5, 1.1e5, 900.0, 80.0, 140.0, 1100.0, -110.0, 170.0, 3.3, 1.05)
