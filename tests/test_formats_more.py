@@ -3,12 +3,10 @@
 import gzip
 import importlib.util
 import json
-from datetime import datetime, timedelta
 from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.io import savemat
 
 from fasbody.exceptions import InputFileError, MissingPackageError, SettingError
 from fasbody.recording import files
@@ -30,24 +28,6 @@ def rows() -> list[tuple[float, float, float]]:
     return list(zip(T.tolist(), BASE.tolist(), (1.3 * BASE).tolist(), strict=True))
 
 
-@pytest.mark.parametrize("style", ["plain", "units", "dates"])
-def test_excel(tmp_path: Path, style: str) -> None:
-    openpyxl = pytest.importorskip("openpyxl")
-    book = openpyxl.Workbook()
-    sheet = book.active
-    if style != "plain":
-        sheet.append(["Logger 4711", None, "left foot"])
-    sheet.append(["time" if style != "plain" else "time_s", "Base [g]", "malleolus"])
-    sheet.append(["s", "g", "m/s^2"] if style != "plain" else [])
-    for t, base, malleolus in rows():
-        stamp = datetime(2026, 3, 4, 10) + timedelta(milliseconds=round(1e3 * t)) if style == "dates" else t
-        sheet.append([stamp, base / G, malleolus])
-    book.create_sheet("notes").append(["a word"])
-    book.save(tmp_path / "r.xlsx")
-    told = Layout.from_toml(Path("s"), {"malleolus": {"unit": "m/s^2"}})
-    same(Recording.read(tmp_path / "r.xlsx", layout=told))
-
-
 def test_excel_without_a_header_or_with_words_between_numbers(tmp_path: Path) -> None:
     openpyxl = pytest.importorskip("openpyxl")
     book = openpyxl.Workbook()
@@ -63,33 +43,6 @@ def test_excel_without_a_header_or_with_words_between_numbers(tmp_path: Path) ->
     book.save(tmp_path / "r.xlsx")
     with pytest.raises(InputFileError, match=r"'base_m_s2' is no column of numbers \(row 9\)"):
         Recording.read(tmp_path / "r.xlsx")
-
-
-@pytest.mark.parametrize("ending", ["wav", "flac"])
-def test_sound(tmp_path: Path, ending: str) -> None:
-    soundfile = pytest.importorskip("soundfile")
-    stereo = np.column_stack([BASE, 1.3 * BASE]) / 40
-    soundfile.write(tmp_path / f"r.{ending}", stereo, 1000, subtype="PCM_24")
-    table = {
-        name: {"column": f"channel_{i}", "unit": "m/s^2", "sensitivity": 1 / 40}
-        for i, name in enumerate(("base", "malleolus"), 1)
-    }
-    same(Recording.read(tmp_path / f"r.{ending}", layout=Layout.from_toml(Path("s"), table)), 1e-5)
-    with pytest.raises(InputFileError, match=r"no column 'base_m_s2' \(found: channel_1, channel_2\)"):
-        Recording.read(tmp_path / f"r.{ending}")
-
-
-def test_c3d(tmp_path: Path) -> None:
-    ezc3d = pytest.importorskip("ezc3d")
-    made = ezc3d.c3d()
-    made["parameters"]["POINT"]["RATE"]["value"] = [100.0]
-    made["parameters"]["ANALOG"]["RATE"]["value"] = [1000.0]
-    made["parameters"]["ANALOG"]["LABELS"]["value"] = ["base", "malleolus"]
-    made["parameters"]["ANALOG"]["UNITS"]["value"] = ["g", "m/s^2"]
-    made["data"]["points"] = np.zeros((4, 0, 40))
-    made["data"]["analogs"] = np.array([[BASE / G, 1.3 * BASE]])
-    made.write(str(tmp_path / "r.c3d"))
-    same(Recording.read(tmp_path / "r.c3d"), 1e-4)  # C3D stores single precision
 
 
 LVM = """LabVIEW Measurement\t
@@ -129,15 +82,6 @@ def test_lvm(tmp_path: Path) -> None:
     (tmp_path / "two.lvm").write_text(text + LVM[LVM.index("Channels") :])
     with pytest.raises(InputFileError, match="holds 2 segments; save each segment as a file of its own"):
         Recording.read(tmp_path / "two.lvm")
-
-
-def test_structures_of_matlab(tmp_path: Path) -> None:
-    trial = {"time_s": T, "acc": {"base_m_s2": BASE, "malleolus_m_s2": 1.3 * BASE}, "note": "left"}
-    savemat(tmp_path / "r.mat", {"trial": trial})
-    same(Recording.read(tmp_path / "r.mat"))
-    savemat(tmp_path / "d.mat", {"trial": {"fs": 1000.0, "data": np.column_stack([BASE, 1.3 * BASE])}})
-    told = {n: {"column": f"data_{i}", "unit": "m/s^2"} for i, n in enumerate(("base", "malleolus"), 1)}
-    same(Recording.read(tmp_path / "d.mat", layout=Layout.from_toml(Path("s"), told)))
 
 
 def test_tables_of_bids(tmp_path: Path) -> None:

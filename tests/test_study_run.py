@@ -64,14 +64,6 @@ def test_interrupt_within_compiled_code_is_no_failed_fit(study: Path, monkeypatc
     assert "in compiled" in found["traceback"] and found["traceback"].count("\n") > 3
 
 
-def test_nothing_done_is_exit_code_one(tmp_path: Path) -> None:
-    study = small(tmp_path / "study")
-    for file in (study / "recordings").glob("*.csv"):
-        file.unlink()
-    found = fitted(study, tmp_path / "out", "--workers", "1", expect=1)
-    assert (found["computed"], found["done"], found["wanted"]) == (4, 0, 4)
-
-
 def test_failures_are_kept_and_tried_again(tmp_path: Path) -> None:
     study, out = small(tmp_path / "study"), tmp_path / "out"
     dead = study / "recordings" / "s01_midstance_0kg_20hz.csv"
@@ -144,16 +136,6 @@ def test_interrupted(study: Path, tmp_path: Path, workers: str, presses: int) ->
         assert not [text for text in document["result"]["warnings"] if "Interrupted" in text]
 
 
-def test_interrupted_while_it_is_imported(study: Path, tmp_path: Path) -> None:
-    """A module in the place of a late import presses Ctrl-C: one word, and no traceback."""
-    (tmp_path / "mujoco.py").write_text("import os, signal, time\nos.kill(os.getpid(), signal.SIGINT)\ntime.sleep(9)\n")
-    environment = {**ENVIRONMENT, "PYTHONPATH": f"{tmp_path}{os.pathsep}{ENVIRONMENT['PYTHONPATH']}"}
-    done = subprocess.run(
-        arguments(study, tmp_path / "out"), env=environment, capture_output=True, text=True, check=False
-    )
-    assert (done.returncode, done.stderr) == (130, "interrupted\n")
-
-
 def test_broken_and_foreign_documents_are_computed_again(study: Path, tmp_path: Path) -> None:
     narrow = ("--workers", "1", "--frequency", "20")
     fitted(study, tmp_path, *narrow)
@@ -217,10 +199,6 @@ def test_bad_input_is_one_sentence(study: Path, tmp_path: Path, more: tuple[str,
     document = fitted(study, out, *more, expect=2)
     assert not out.exists()
     assert said in document["said"] and document["said"].count("error:") == 1 and "Traceback" not in document["said"]
-
-
-def test_no_study(tmp_path: Path) -> None:
-    assert "study.toml" in fitted(tmp_path / "nowhere", tmp_path, expect=2)["said"]
 
 
 @pytest.mark.usefixtures("undrawn")
