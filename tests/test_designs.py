@@ -63,7 +63,7 @@ class Design:
 
 def test_every_random_design_has_an_answer_or_a_reason() -> None:
     refused = 0
-    for seed in range(80):
+    for seed in range(30):
         try:
             found = Design.drawn(seed).rows()
         except FasError as reason:
@@ -72,7 +72,7 @@ def test_every_random_design_has_an_answer_or_a_reason() -> None:
             continue
         assert found
         assert np.isfinite([(row.transmissibility, row.phase_deg, row.transmissibility_std) for row in found]).all()
-    assert refused < 80 * _REFUSED
+    assert refused < 30 * _REFUSED
 
 
 @pytest.mark.parametrize("left_out", [0, 5])

@@ -38,7 +38,6 @@ from identification.plan.result import Planned, believed, planned
 from identification.plan.session import FAILING, INTERRUPTED, NEVER, SPENT, Offering, Session, Shaken
 from identification.plan.shaker import REPEATABILITY, Shaker
 from identification.residual import Problem
-from identification.steady import FOLLOWS
 from simulator.rig import SHORTER, Rig, recorded, virtual
 
 ALONE = Known().told(exclude=("all",))
@@ -659,8 +658,8 @@ def test_strangeness_takes_several_recordings(half_way: tuple[Director, list[Rec
         first, other = belief.ends
         return Belief((replace(first, problem=first.problem.with_repeatability(to)), other))
 
-    assert not repeating(0.99 * FOLLOWS).strange and repeating(0.99 * FOLLOWS).decided
-    bad = repeating(1.01 * FOLLOWS)
+    assert not repeating(0.149).strange and repeating(0.149).decided
+    bad = repeating(0.151)
     assert bad.strange and not bad.follows and not bad.decided
     who = Person(load("two_dof"), virtual(3).body_kg, ALONE, "made")
     wild = [replace(r, malleolus_m_s2=3.0 ** (-1) ** i * r.malleolus_m_s2) for i, r in enumerate(data)]
