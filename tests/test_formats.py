@@ -117,15 +117,6 @@ def test_mixed_rates_and_lengths(tmp_path: Path) -> None:
         Recording.read(tmp_path / "c.mat")
 
 
-def test_lengths_are_told_before_a_missing_unit(tmp_path: Path) -> None:
-    savemat(tmp_path / "c.mat", {"fs": 1000.0, "base": BASE, "malleolus": BASE[:-1]})
-    with pytest.raises(InputFileError, match=r"different lengths \(base_m_s2 300, malleolus_m_s2 299\)"):
-        Recording.read(tmp_path / "c.mat")
-    savemat(tmp_path / "c.mat", {"fs": 1000.0, "base": BASE, "malleolus": BASE})
-    with pytest.raises(InputFileError, match=r'base has no unit; .* study.toml \[channels.base\] unit = "m/s\^2"'):
-        Recording.read(tmp_path / "c.mat")
-
-
 def write_uff(file: Path, x: np.ndarray, spacing: int, **channels: np.ndarray) -> None:
     sets = [
         pyuff.prepare_58(

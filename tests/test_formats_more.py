@@ -2,7 +2,6 @@
 
 import gzip
 import importlib.util
-import json
 from pathlib import Path
 
 import numpy as np
@@ -43,61 +42,6 @@ def test_excel_without_a_header_or_with_words_between_numbers(tmp_path: Path) ->
     book.save(tmp_path / "r.xlsx")
     with pytest.raises(InputFileError, match=r"'base_m_s2' is no column of numbers \(row 9\)"):
         Recording.read(tmp_path / "r.xlsx")
-
-
-LVM = """LabVIEW Measurement\t
-Writer_Version\t2
-Reader_Version\t2
-Separator\tTab
-Decimal_Separator\t,
-Multi_Headings\tYes
-X_Columns\t{x}
-Time_Pref\tRelative
-***End_of_Header***\t
-\t
-Channels\t2\t\t
-Samples\t400\t400\t
-Date\t2026/03/04\t2026/03/04\t
-Y_Unit_Label\tg\tm/s^2\t
-X_Dimension\tTime\tTime\t
-X0\t0,0E+0\t{x0}\t
-Delta_X\t0,001\t0,001\t
-***End_of_Header***\t\t\t
-X_Value\tbase\tmalleolus\tComment
-"""
-
-
-def test_lvm(tmp_path: Path) -> None:
-    """As LabVIEW writes it where decimals have commas; without a time the starts of the channels count."""
-    with_time = [f"{t:.6f}\t{b / G:.12f}\t{m:.12f}" for t, b, m in rows()]
-    text = LVM.format(x="One", x0="0,0E+0") + "\n".join(with_time).replace(".", ",") + "\n"
-    (tmp_path / "r.lvm").write_text(text)
-    same(Recording.read(tmp_path / "r.lvm"))
-    late = 1.3 * 8.95 * np.sin(2 * np.pi * 20 * (T + 2e-3))
-    without = [f"\t{b / G:.12f}\t{m:.12f}" for b, m in zip(BASE, late, strict=True)]
-    text = LVM.format(x="No", x0="2,0E-3") + "\n".join(without).replace(".", ",") + "\n"
-    (tmp_path / "n.lvm").write_text(text)
-    back = Recording.read(tmp_path / "n.lvm")
-    assert back.malleolus_m_s2 == pytest.approx(1.3 * back.base_m_s2, abs=2e-3)
-    (tmp_path / "two.lvm").write_text(text + LVM[LVM.index("Channels") :])
-    with pytest.raises(InputFileError, match="holds 2 segments; save each segment as a file of its own"):
-        Recording.read(tmp_path / "two.lvm")
-
-
-def test_tables_of_bids(tmp_path: Path) -> None:
-    """A physio recording (packed, no header, columns in its JSON) and a motion recording (channels.tsv)."""
-    body = "\n".join(f"{b / G:.12f}\t{m:.12f}" for _, b, m in rows()) + "\n"
-    (tmp_path / "sub-01_physio.tsv.gz").write_bytes(gzip.compress(body.encode()))
-    about = {"SamplingFrequency": 1000, "StartTime": 0, "Columns": ["base", "malleolus"]}
-    about |= {"base": {"Units": "g"}, "malleolus": {"Units": "m/s^2"}}
-    (tmp_path / "sub-01_physio.json").write_text(json.dumps(about))
-    same(Recording.read(tmp_path / "sub-01_physio.tsv.gz"))
-    with pytest.raises(InputFileError, match=r"SamplingFrequency is 1000 Hz, and study\.toml says .* = 500"):
-        Recording.read(tmp_path / "sub-01_physio.tsv.gz", layout=Layout(rate_hz=500))
-    (tmp_path / "sub-01_motion.tsv").write_text(body)
-    (tmp_path / "sub-01_motion.json").write_text('{"SamplingFrequency": 1000}')
-    (tmp_path / "sub-01_channels.tsv").write_text("name\ttype\tunits\nbase\tACCEL\tg\nmalleolus\tACCEL\tm/s^2\n")
-    same(Recording.read(tmp_path / "sub-01_motion.tsv"))
 
 
 def test_logs_without_a_header(tmp_path: Path) -> None:

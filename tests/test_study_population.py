@@ -230,15 +230,6 @@ def test_an_error_of_zero_is_no_estimate() -> None:
         constant("k_T", NAMES, LOGS, np.array([0.0, 0.1, 0.1, 0.1, 0.1]))
 
 
-def test_the_page_tells_persons_and_population(tmp_path: Path) -> None:
-    report.write(tmp_path, [{**d, "cycles": []} for d in study(6.0)], "five persons", "synthetic")
-    page = (tmp_path / "report.html").read_text()
-    assert '<h2 id="section1">Population</h2>' in page
-    assert "<td>midstance, 0 kg</td><td>stiff ankle (decided)</td><td>k_T [kN/m]</td><td>5</td>" in page
-    assert (tmp_path / "figures" / "persons_midstance.svg").stat().st_size > 1000
-    assert "One set of constants serves all frequencies in 5 of 5 pooled fits." in page
-
-
 def test_persons_of_other_results_join_the_population(tmp_path: Path) -> None:
     """Three persons of this study and two of others are the population that one study of five persons has."""
     five = study(60.0)

@@ -16,7 +16,7 @@ from fasbody.console import to_json
 from fasbody.foot.model import load
 from fasbody.recording.study import StudyFolder
 from identification.estimate import Settings, fit_foot
-from identification.study import cluster, command, job
+from identification.study import cluster, job
 from identification.study.plan import Model, Plan
 
 
@@ -221,15 +221,3 @@ def test_what_other_settings_left_is_said_and_its_figures_go(study: Path, tmp_pa
     assert "2 per-recording documents in this folder were made with other settings, recordings or program" in again
     assert "2 pooled documents in this folder, a mode that was not asked for, were made" in again
     assert (figures / "mine.png").is_file() and (figures / "loops_pooled.png").is_file()
-
-
-def test_failures_are_said_once_with_their_places() -> None:
-    from made_fits import failed
-
-    same = [failed(str(s), "there are three or more frequencies needed.") for s in range(1, 6)]
-    every = command.failures_said([*same, failed("9", "s9.csv: is dead.")])
-    where = "; ".join(f"subject {s}, midstance, 0 kg, 10 Hz" for s in (1, 2, 3))
-    assert every == [
-        f"{where} and 2 more: there are three or more frequencies needed.",
-        "subject 9, midstance, 0 kg, 10 Hz: s9.csv: is dead.",
-    ]
