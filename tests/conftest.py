@@ -115,6 +115,15 @@ def command() -> Callable[..., subprocess.CompletedProcess[str]]:
     return run
 
 
+@pytest.fixture(scope="module")
+def opened() -> Iterator[Any]:
+    """Headless Chromium; a module's, as its event loop is in the way of others."""
+    from viewer import browser
+
+    with browser() as found:
+        yield found
+
+
 @pytest.fixture
 def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
     """Pictures are small and empty, where files matter and not what is on them: drawing takes longer than a fit."""
