@@ -19,6 +19,8 @@ T, PHASE_DEG, HZ, RATE = 1.3, -25.0, 20.0, 1000
 TIME = np.arange(1500) / RATE
 LATE = 3.4e-3
 G = 9.80665
+
+
 def base(time_s: np.ndarray) -> np.ndarray:
     return 8.95 * np.sin(2 * np.pi * HZ * time_s)
 

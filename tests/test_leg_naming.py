@@ -130,7 +130,8 @@ def test_the_second_harmonic_does_not_depend_on_when_the_clock_started(flying: l
 
 
 def test_a_second_mode_is_named_with_and_without_the_tuberosity(
-    linked: list[Recording], second: Naming
+    linked: list[Recording],
+    second: Naming,
 ) -> None:
     assert second.named == "second mode"
     assert second.seen.plan.tuberosity
@@ -170,9 +171,8 @@ def test_a_pad_that_stiffens_in_contact_is_not_called_lift_off() -> None:
 
 
 def test_a_foot_far_nearer_than_assumed_is_said(second: Naming) -> None:
-    near, usual = (
-        replace(second, verdict=replace(second.verdict, per_dof=x)).notes for x in (1e-3, 1.0)
-    )
+    verdicts = (replace(second.verdict, per_dof=x) for x in (1e-3, 1.0))
+    near, usual = (replace(second, verdict=verdict).notes for verdict in verdicts)
     assert [note for note in near if note not in usual] == [
         "Second mode fits far better than that assumes (0.001 per number, where about 1 is expected): with a smaller "
         "departure less might stay undecided."

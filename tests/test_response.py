@@ -64,7 +64,8 @@ def test_coloured_noise_has_its_own_weight_at_each_harmonic() -> None:
 
 
 @pytest.mark.parametrize(
-    ("power", "weight"), [(1.4, 1.0), (1.9, np.sqrt(1.9)), (0.75, 1.0), (0.4, np.sqrt(0.4))]
+    ("power", "weight"),
+    [(1.4, 1.0), (1.9, np.sqrt(1.9)), (0.75, 1.0), (0.4, np.sqrt(0.4))],
 )
 def test_noise_counts_as_coloured_beyond_what_chance_makes_of_white(power: float, weight: float) -> None:
     """Power within 8 Hz of the harmonic over its mean: inside 0.6 to 1.6 white noise keeps its exact weight."""

@@ -189,7 +189,9 @@ def test_skipping_the_constraint_stage_changes_no_bit() -> None:
     ],
 )
 def test_a_model_that_can_be_constrained_keeps_the_stage(
-    old: str, new: str, edited: Callable[..., Path]
+    old: str,
+    new: str,
+    edited: Callable[..., Path],
 ) -> None:
     foot = load(edited((old, new)))
     assert can_be_constrained(foot.model) and not foot.model.opt.disableflags
