@@ -6,7 +6,7 @@ import pytest
 from fasbody.arch import kinematics
 from fasbody.arch.bones import Arch
 from fasbody.exceptions import SimulationError
-from simulator.symbolic_arch import poses
+from simulator.arch import poses
 
 ARCH = Arch.nominal()
 

@@ -5,7 +5,7 @@ import pytest
 
 from fasbody.arch import kinematics, lagrange
 from fasbody.arch.bones import PARAMETERS, Arch
-from simulator.symbolic_arch import evaluate, poses
+from simulator.arch import evaluate, poses
 
 STEP = 1e-30
 

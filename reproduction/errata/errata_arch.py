@@ -6,7 +6,7 @@ import numpy as np
 
 from fasbody.arch.bones import DAMPERS, SPRINGS, Arch
 from fasbody.arch.kinematics import rest
-from simulator.symbolic_arch import poses
+from simulator.arch import poses
 
 ARCH = Arch.draw(np.random.default_rng(0))
 REST = rest(ARCH)
