@@ -1,6 +1,7 @@
-"""Would the tests notice? One fault after the other in a copy of the tree, and the tests that should see it.
+"""Would the tests notice? One fault after the other in a copy of the tree, and the tests for it.
 
-Each fault is in a rule that decides something for the user: a limit moved, a repetition left out, a rate forgotten.
+Each fault is in a rule that decides something for the user: a limit moved, a repetition left out,
+a rate forgotten.
 """
 
 import os
@@ -20,8 +21,13 @@ from fasbody.runner import ROOT
 from reproduction.check import Check, exactly, told
 
 #: What a test run needs of the checkout.
-COPIED = ("benchmarks", "docs", "examples", "fasbody", "identification", "mjcf", "reproduction", "simulator", "tests",
-          "viz")  # fmt: skip
+COPIED = (
+    "benchmarks", "docs", "examples", "fasbody", "identification", "mjcf", "reproduction",
+    "simulator", "tests", "viz",
+)  # fmt: skip
+#: Of the guard against limits: the shaker's gain runs away.
+_GENERATOR = "test_acquire_generator.py"
+_RUNS_AWAY = f"{_GENERATOR}::test_gain_that_grows_by_a_fifth_each_second_never_exceeds_a_limit"
 
 
 @dataclass(frozen=True)
@@ -66,7 +72,8 @@ FAULTS = (
         "DECISIVE_ODDS = 1000.0", "DECISIVE_ODDS = 10.0", ("test_branches.py",),
     ),
     Fault(
-        "branches are tied up to odds of e", "identification/branches.py", "TIE = 0.01", "TIE = 1.0",
+        "branches are tied up to odds of e", "identification/branches.py",
+        "TIE = 0.01", "TIE = 1.0",
         ("test_branches.py",),
     ),
     Fault(
@@ -87,10 +94,12 @@ FAULTS = (
     ),
     Fault(
         "the curve forgets the step", "viz/motion.py",
-        "rate = s if self.exact else (np.exp(s * self.step) - 1) / self.step", "rate = s", ("test_viz_motion.py",),
+        "rate = s if self.exact else (np.exp(s * self.step) - 1) / self.step", "rate = s",
+        ("test_viz_motion.py",),
     ),
     Fault(
-        "every second person is odd", "identification/study/population.py", "_ODD = 0.05", "_ODD = 0.5",
+        "every second person is odd", "identification/study/population.py",
+        "_ODD = 0.05", "_ODD = 0.5",
         ("test_study_population.py",),
     ),
     Fault(
@@ -99,45 +108,48 @@ FAULTS = (
     ),
     Fault(
         "nothing is recorded again", "fasbody/acquire/session.py",
-        "reversed(range(self.plan.retries + 1))", "reversed(range(1))", ("test_acquire_session.py",),
+        "reversed(range(self.plan.retries + 1))", "reversed(range(1))",
+        ("test_acquire_session.py",),
     ),
     Fault(
         "nothing is recorded again by the command", "fasbody/acquire/commands.py",
-        'repeat a recording that lost samples")] = 2', 'repeat a recording that lost samples")] = 0',
+        'repeat a recording that lost samples")] = 2',
+        'repeat a recording that lost samples")] = 0',
         ("test_acquire.py::test_planned_session_goes_on_where_it_stopped",),
     ),
     Fault(
-        "the output goes off beyond its limit", "fasbody/acquire/level.py", "TRIPPED = 0.97", "TRIPPED = 1.07",
-        ("test_acquire_generator.py::test_gain_that_grows_by_a_fifth_each_second_never_exceeds_a_limit",),
+        "the output goes off beyond its limit", "fasbody/acquire/level.py",
+        "TRIPPED = 0.97", "TRIPPED = 1.07",
+        (_RUNS_AWAY,),
     ),
     Fault(
         "travel has no limit", "fasbody/acquire/level.py",
         "moving = 0.5 * self.displacement_m", "moving = 5.0 * self.displacement_m",
-        ("test_acquire_generator.py::test_gain_that_grows_by_a_fifth_each_second_never_exceeds_a_limit",),
+        (_RUNS_AWAY,),
     ),
     Fault(
         "the output of a killed driver stays on", "fasbody/acquire/guard.py",
         "if not said:\n            break", "if not said:\n            return",
-        ("test_acquire_generator.py::test_guard_acts_on_silence_and_on_the_end_of_the_driver",),
+        (f"{_GENERATOR}::test_guard_acts_on_silence_and_on_the_end_of_the_driver",),
     ),
     Fault(
         "a shaker goes on blindly", "fasbody/acquire/board.py",
-        "if self.watch is not None and time.monotonic()", "if self.watch is None and time.monotonic()",
+        "if self.watch is not None and time.monotonic()",
+        "if self.watch is None and time.monotonic()",
         ("test_acquire_session.py::test_shaking_blindly_is_an_error",),
     ),
 )  # fmt: skip
 
 
-def survives(fault: Fault, tree: Path, seconds: float) -> bool:
-    """Whether all of its tests pass with the fault in the tree, which is as before afterwards.
+def outcome(fault: Fault, tree: Path, seconds: float) -> str:
+    """What became of a fault: killed, survived, or not planted as a rule has changed its name.
 
-    Raises:
-        ValueError: the text is not there once: rule and fault have parted.
+    The tree is as before afterwards.
     """
     file = tree / fault.file
-    before = file.read_text()
+    before = file.read_text() if file.is_file() else ""
     if before.count(fault.old) != 1:
-        raise ValueError(f"{fault.file} has {before.count(fault.old)} times {fault.old!r}")
+        return f"not planted: {fault.old!r} is there {before.count(fault.old)} times"
     file.write_text(before.replace(fault.old, fault.new))
     words = [sys.executable, "-m", "pytest", "-x", "-q", "-n", "0", "-p", "no:cacheprovider"]
     words += [f"tests/{test}" for test in fault.tests]
@@ -147,12 +159,10 @@ def survives(fault: Fault, tree: Path, seconds: float) -> bool:
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, timeout=seconds,
         )  # fmt: skip
     except subprocess.TimeoutExpired:
-        return False
+        return "killed"
     finally:
         file.write_text(before)
-    if done.returncode not in (0, 1):
-        raise ValueError(f"{fault.what}: no tests were run\n{done.stdout[-2000:]}")
-    return done.returncode == 0
+    return {0: "survived", 1: "killed"}.get(done.returncode, f"not tested: {done.stdout[-300:]}")
 
 
 def measure(only: str, seconds: float) -> list[Check]:
@@ -167,9 +177,8 @@ def measure(only: str, seconds: float) -> list[Check]:
         for fault in FAULTS:
             if only not in fault.what:
                 continue
-            lives = survives(fault, tree, seconds)
-            alive += lives
-            word = "survived" if lives else "killed"
+            word = outcome(fault, tree, seconds)
+            alive += word != "killed"
             console.print(f"{word}: {fault.what} ({fault.file})", soft_wrap=True)
             rows.append(told(fault.what, word))
     return [*rows, exactly("faults in decision rules that no test notices", alive, 0)]
@@ -181,7 +190,7 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 @app.command()
 def main(
     only: Annotated[str, typer.Option(help="part of the names of the faults wanted")] = "",
-    seconds: Annotated[float, typer.Option(help="after which a fault that hangs its tests is killed")] = 300.0,
+    seconds: Annotated[float, typer.Option(help="a fault whose tests take longer is killed")] = 300.0,
     json_: JsonOption = False,
 ) -> None:
     """Plant faults in decision rules, one at a time, and say which the tests kill. Takes some minutes.
