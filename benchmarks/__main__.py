@@ -28,7 +28,7 @@ LIBRARIES = ("mujoco", "numba", "numpy", "scipy")
 #: Topics in the order of the table; each is a module with a command, run in a process of its own on one thread.
 TOPICS = (
     "accuracy", "callbacks", "arch", "fitting", "coverage", "reality", "rivals", "sensors", "black_box", "cell",
-    "study", "study_population", "viewer", "acquire", "peak_to_peak", "responses", "study_end_to_end", "heel",
+    "study", "study_population", "viewer", "acquire", "peak_to_peak", "responses", "study_end_to_end", "heel", "mutate",
 )  # fmt: skip
 
 #: How much of each study a run takes that is to end within the hour; `--full` takes the whole.

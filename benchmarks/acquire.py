@@ -21,9 +21,7 @@ from typing import Annotated, Any
 import numpy as np
 import typer
 
-from benchmarks import pulse, simavr
 from benchmarks.fuzz_parsers import HELLO, counts_of, fuzz
-from benchmarks.simavr import SimulatedBoard
 from benchmarks.table import report
 from fasbody.acquire.bench import Bench
 from fasbody.acquire.bench.foot import BODY_MASS_KG
@@ -46,6 +44,8 @@ from fasbody.recording.condition import foot_mass, shank_mass
 from fasbody.recording.recording import Condition, Recording
 from fasbody.recording.study import Study
 from reproduction.check import Check, at_most, exactly, told
+from simulator import pulse, simavr
+from simulator.simavr import SimulatedBoard
 
 BAUD = 921600
 #: Played to the sound card by another program than ours: base acceleration at the shaker [m/s^2].

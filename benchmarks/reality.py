@@ -25,7 +25,6 @@ from rich.progress import Progress
 from benchmarks import kept
 from benchmarks.kept import ROOT
 from benchmarks.table import JsonOption, report
-from benchmarks.worlds import CLEAN, SCATTER_3, SOURCES, STRONG, WORLDS, Member, member, recordings
 from fasbody.console import command_line, console, progress_bar
 from fasbody.exceptions import FasError, SettingError
 from fasbody.recording.recording import Recording
@@ -33,6 +32,7 @@ from identification.branches import STIFF_ANKLE, STIFF_PAD
 from identification.result import Branch, FitResult
 from identification.space import names
 from reproduction.check import Check, at_least, at_most, told, within
+from simulator.worlds import CLEAN, SCATTER_3, SOURCES, STRONG, WORLDS, Member, member, recordings
 
 #: Constants whose intervals are counted.
 COUNTED = ("k_T", "k_F", "c_11", "c_21")

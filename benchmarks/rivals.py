@@ -16,13 +16,13 @@ import typer
 from benchmarks import kept
 from benchmarks.kept import ROOT
 from benchmarks.table import JsonOption, report
-from benchmarks.worlds import CLEAN, SOURCES, WORLDS, Member, member, recordings
 from fasbody.console import command_line, progress_bar
 from fasbody.exceptions import FasError, SettingError
 from identification.branches import STIFF_ANKLE, STIFF_PAD
 from identification.rivals.ladder import KINDS, LADDER, LINEAR
 from identification.rivals.result import MODEL, Rival, Rivals, preferred
 from reproduction.check import Check, at_least, told
+from simulator.worlds import CLEAN, SOURCES, WORLDS, Member, member, recordings
 
 #: A clean world whose dampers are linear.
 STRAIGHT = "linear dampers"

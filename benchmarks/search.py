@@ -17,11 +17,11 @@ import typer
 from benchmarks import kept
 from benchmarks.reality import study
 from benchmarks.table import JsonOption, report
-from benchmarks.worlds import SOURCES, WORLDS, member, recordings
 from fasbody.console import command_line, progress_bar
 from fasbody.exceptions import FasError
 from identification.result import FitResult
 from reproduction.check import Check, at_most, told
+from simulator.worlds import SOURCES, WORLDS, member, recordings
 
 #: Difference of two objectives (chi-square and prior) that makes two ends one.
 SAME = 0.5

@@ -15,15 +15,15 @@ import numpy as np
 import typer
 
 from benchmarks import kept
-from benchmarks.departure import Following, Maxwell, Mount, Rocking
-from benchmarks.instrument import Gain
-from benchmarks.leg import SENSORS
 from benchmarks.table import JsonOption, report
-from benchmarks.worlds import LOADS_KG, SOURCES, Member, leg_of, recordings
 from fasbody.console import command_line, progress_bar
 from fasbody.recording.recording import Recording
 from identification.branches import STIFF_ANKLE, STIFF_PAD
 from reproduction.check import Check, at_least, at_most, told
+from simulator.departure import Following, Maxwell, Mount, Rocking
+from simulator.instrument import Gain
+from simulator.leg import SENSORS
+from simulator.worlds import LOADS_KG, SOURCES, Member, leg_of, recordings
 
 #: Strength of the dampers' nonlinearity, that of a leg which the malleolus alone leaves undecided; noise over the base.
 STRENGTH, NOISE = 0.03, 0.003

@@ -254,6 +254,10 @@ GROUPS: dict[str, tuple[Command, ...]] = {
             "Frequency responses with a known answer, for every kind of excitation, beside the earlier estimates.",
         ),
         Command(
+            "bench mutate", "benchmarks.mutate", "",
+            "Plant faults in decision rules, one at a time, and say which the tests kill. Takes some minutes.",
+        ),
+        Command(
             "bench peak-to-peak", "benchmarks.peak_to_peak", "",
             "Sine fit and peak to peak on signals whose answer is known.",
         ),

@@ -35,10 +35,11 @@ settings.load_profile("untimed")
 
 #: Files that compute or wait longest, the longest first: with the short ones behind them all processes end together.
 LONGEST = (
-    "acquire_audio", "docs_blocks", "viz_bench_page", "acquire_session", "docs_links", "acquire", "study_cluster",
-    "viz_page", "viz_layout", "viz_command", "examples", "viz_workbench", "wheel", "study_run", "leg_naming",
-    "acquire_generator", "acquire_firmware", "rivals", "laboratory", "transmissibility", "viz_film", "edits",
-    "arch_fit", "bundled", "cell_verification", "load_effect", "director", "blackbox_identify", "cell_command",
+    "docs_blocks", "study_run", "study_cluster", "acquire_audio", "docs_links", "viz_bench_page", "rivals",
+    "examples", "leg_naming", "acquire_session", "director", "viz_command", "cell_body", "acquire", "wheel",
+    "study_checks", "edits", "acquire_generator", "transmissibility", "viz_page", "cell_sweep", "optimiser",
+    "viz_workbench", "load_effect", "cell_verification", "bundled", "viz_layout", "acquire_firmware",
+    "sensitivity", "nuisances", "docs_notebooks",
 )  # fmt: skip
 
 
@@ -113,6 +114,15 @@ def command() -> Callable[..., subprocess.CompletedProcess[str]]:
         )
 
     return run
+
+
+@pytest.fixture(scope="module")
+def opened() -> Iterator[Any]:
+    """Headless Chromium; a module's, as its event loop is in the way of others."""
+    from viewer import browser
+
+    with browser() as found:
+        yield found
 
 
 @pytest.fixture

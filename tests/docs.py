@@ -96,5 +96,5 @@ def anchors(file: Path) -> set[str]:
 
 def mentioned_files(file: Path) -> Iterator[str]:
     """Paths of the project in `code spans`."""
-    folders = "examples|tests|docs|benchmarks|mjcf|fasbody|identification|viz"
+    folders = "examples|simulator|tests|docs|benchmarks|mjcf|fasbody|identification|viz"
     yield from re.findall(rf"`((?:{folders})/[\w./-]+\.\w+)`", file.read_text(encoding="utf-8"))

@@ -19,7 +19,6 @@ T, PHASE_DEG, HZ, RATE = 1.3, -25.0, 20.0, 1000
 TIME = np.arange(1500) / RATE
 LATE = 3.4e-3
 G = 9.80665
-Sheet = dict[str, np.ndarray]
 
 
 def base(time_s: np.ndarray) -> np.ndarray:
@@ -304,14 +303,6 @@ def test_times_of_xarray_count_nanoseconds_since_a_date(tmp_path: Path) -> None:
             out[name] = values
             out[name].attrs["units"] = "m/s^2"
     right(read(tmp_path / "a.nc"))
-
-
-def test_a_unit_may_be_overruled_and_both_are_said(tmp_path: Path) -> None:
-    head = "time_s,base_m_s2,malleolus_m_s2\n"
-    file = text(tmp_path / "a.csv", head, [TIME, 1e3 * base(TIME), malleolus(TIME)])
-    recording = read(file, '[channels.base]\nunit = "mm/s^2"\n')
-    right(recording)
-    assert recording.warnings == ("a.csv: base is in mm/s^2 as study.toml says, though the file says m_s2.",)
 
 
 def test_refusals_are_sentences(tmp_path: Path) -> None:

@@ -16,7 +16,6 @@ import pytest
 import typer
 from scipy.signal import cont2discrete, lfilter
 
-from benchmarks import pulse
 from fasbody.acquire.bench.foot import BODY_MASS_KG
 from fasbody.acquire.board import Board
 from fasbody.acquire.commands import app
@@ -32,6 +31,7 @@ from fasbody.laboratory.instrument import Instrument
 from fasbody.recording.condition import foot_mass, shank_mass
 from fasbody.recording.recording import Condition
 from fasbody.recording.study import Study
+from simulator import pulse
 
 if lacks := pulse.missing():
     pytest.skip(f"no sound card is tested: {lacks}", allow_module_level=True)

@@ -8,8 +8,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks import simavr
-from benchmarks.simavr import BAUD, SIGNAL_HZ, SimulatedBoard
 from fasbody.acquire import firmware
 from fasbody.acquire.bench.foot import BODY_MASS_KG
 from fasbody.acquire.bench.line import corrupt
@@ -22,6 +20,8 @@ from fasbody.acquire.wire import Block, FrameReader
 from fasbody.exceptions import AcquisitionError, InputFileError
 from fasbody.recording.recording import Condition
 from fasbody.recording.study import Study
+from simulator import simavr
+from simulator.simavr import BAUD, SIGNAL_HZ, SimulatedBoard
 
 Rig = Callable[..., SimulatedBoard]
 pytestmark = pytest.mark.usefixtures("patient")

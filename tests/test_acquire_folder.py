@@ -175,13 +175,6 @@ def test_recovering_into_another_study_overwrites_and_mixes_nothing(tmp_path: Pa
     assert not list(there.glob("recordings/30hz*"))
 
 
-def test_two_captures_of_one_name_are_told_apart_by_their_start(tmp_path: Path) -> None:
-    for began in ("2026-01-01", "2026-01-02"):
-        file = capture_of(tmp_path / began, "20hz", sine_frames(60), started=began)
-        convert([file], tmp_path / "all")
-    assert sorted(f.name for f in (tmp_path / "all" / "recordings").glob("*.csv")) == ["20hz.csv", "20hz_2.csv"]
-
-
 def test_truth_of_another_study_stays(tmp_path: Path) -> None:
     file = tmp_path / "truth.json"
     file.write_text('{"origin": "synthetic", "parameters": {"k_T": 1.0}}')
@@ -196,13 +189,6 @@ def test_truth_of_another_study_stays(tmp_path: Path) -> None:
     plan.check(True)
     with pytest.raises(InputFileError, match="another study"):
         replace(plan, truth={"parameters": {}}).check(True)
-
-
-def test_file_where_the_study_should_be_is_named(tmp_path: Path) -> None:
-    file = tmp_path / "s1.json"
-    file.write_text("{}")
-    told = refusal("record", "--simulate", "--frequency", "20", "--out", str(file))
-    assert told == f"{file}: is a file where the study cannot be written; name a folder."
 
 
 def test_recover_names_the_captures_there_are(tmp_path: Path) -> None:

@@ -6,7 +6,6 @@ import mujoco
 import numpy as np
 import pytest
 from arch_copies import compiled, high_arch
-from symbolic_arch import evaluate, poses
 
 from fasbody.arch import lagrange, tree
 from fasbody.arch.bones import Arch
@@ -15,6 +14,7 @@ from fasbody.arch.load import under_weight
 from fasbody.foot.model import check
 from fasbody.foot.shaker import harmonics
 from fasbody.foot.simulate import simulate
+from simulator.arch import evaluate, poses
 
 
 def engine(model: mujoco.MjModel, arch: Arch, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -8,8 +8,6 @@ import pytest
 from fasbody.arch import lagrange, linear
 from fasbody.arch import ode as arch_ode
 from fasbody.arch.bones import DAMPERS, Arch
-from fasbody.arch.kinematics import rest
-from reproduction import printed
 
 NOMINAL = Arch.nominal()
 
@@ -84,10 +82,3 @@ def test_gravity_settles_at_weight_over_stiffness() -> None:
     assert motion.states[-1, 10] == pytest.approx(
         lagrange.deformations(NOMINAL, motion.q[-1]).e, rel=1e-4
     )  # the dashpot has yielded to the whole elongation
-
-
-def test_the_corrected_equations_rest_and_the_printed_do_not() -> None:
-    start, q = arch_ode.initial_state(NOMINAL), rest(NOMINAL)
-    np.testing.assert_allclose(arch_ode.state_rate(NOMINAL, start, 0.0), 0, atol=1e-7)
-    force = printed.right_hand_side(NOMINAL, q, np.zeros(6), 0.0)[:5]
-    assert np.abs(np.linalg.solve(printed.mass_matrix(NOMINAL, q)[:5, :5], force)).max() > 1

@@ -96,10 +96,6 @@ def test_a_misfit_weakens_the_verdict() -> None:
     assert bad.word == "undecided"
 
 
-def test_without_a_second_branch_nothing_is_decided() -> None:
-    assert judge(["a"], [0.0], 1.0, 1).word == "not compared"
-
-
 def test_a_branch_on_its_bound_is_not_decided_against() -> None:
     """Its likelihood is the bound's: beyond, it would fit better."""
     verdict = judge(NAMES, [100.0, 500.0], 40.0, 50, ["k_F"])

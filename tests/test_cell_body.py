@@ -91,7 +91,7 @@ def test_bundled_bones_have_the_size_of_bones() -> None:
 
 
 def test_obj_and_stl_give_the_same(tmp_path: Path) -> None:
-    surface = trimesh.creation.box((40, 10, 12)).subdivide()
+    surface = trimesh.creation.box((40, 10, 12))
     found = []
     for suffix in ("stl", "obj"):
         surface.export(tmp_path / f"block.{suffix}")
@@ -260,7 +260,7 @@ def test_a_beam_of_twelve_triangles_swings_as_timoshenko_says(tmp_path: Path) ->
 
 
 def test_a_shell_with_a_chamber_has_the_error_that_is_printed(tmp_path: Path) -> None:
-    ball, room = (trimesh.creation.icosphere(4, radius) for radius in (10.0, 6.0))
+    ball, room = (trimesh.creation.icosphere(3, radius) for radius in (10.0, 6.0))
     surface = trimesh.util.concatenate([ball, room])
     found = _surface(tmp_path, surface)
     fine = fill(surface.copy().apply_scale(1e3), default_size(surface.apply_scale(1e3)).coarser(0.7))

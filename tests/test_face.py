@@ -19,7 +19,6 @@ import viz
 from fasbody.exceptions import InputFileError, RecordingError, SettingError
 from fasbody.foot.model import Foot
 from fasbody.presentation import NOTES, ROWS, WIDTH, Presented, Sheet, Tabled, cell, unit_of
-from fasbody.transmissibility.sdof import transmissibility
 
 ROOT = Path(__file__).parent.parent
 FACES = [fb, identification, viz]
@@ -157,14 +156,6 @@ def test_numbers_of_a_result_come_back_from_its_files(tmp_path: Path) -> None:
         Lines(3).plot("curves")
 
 
-def test_keys_of_a_fit_change_a_foot_as_its_symbols_do(foot: Foot) -> None:
-    by_key, by_name = foot.with_values({"k_T_n_per_m": 2e5}), foot.with_values({"k_T": 2e5})
-    assert by_key.values() == by_name.values() and by_key.values()["k_T"] == pytest.approx(2e5)
-    assert "k_T_n_per_m" in foot.parameters and next(iter(foot.parameters)) == "k_T"
-    with pytest.raises(SettingError, match="unknown parameter 'k_t'"):
-        foot.with_values({"k_t": 2e5})
-
-
 def arrays() -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """A mass on a spring and a damper, shaken at 20 Hz: the closed form."""
     t = np.arange(0, 2, 1e-3)
@@ -234,32 +225,6 @@ def test_a_simulation_takes_series(foot: Foot) -> None:
     np.testing.assert_array_equal(one, other)
     row = pd.DataFrame({"k_T_n_per_m": [1e5], "c_11_n_s_per_m": [300.0]}).iloc[0]
     assert foot.with_values(row).values() == foot.with_values({"k_T": 1e5, "c_11": 300.0}).values()
-
-
-def test_a_fit_of_series_is_that_of_arrays(foot: Foot) -> None:
-    recordings = [r for r in fb.bundled().under(0.0) if r.condition.frequency_hz in (20, 30)]
-    settings = identification.Settings(free=("k_T", "k_F", "c_11", "c_21"), starts=1, wide=False)
-    series = []
-    for r in recordings:
-        frame = pd.DataFrame({"base": r.base_m_s2, "malleolus": r.malleolus_m_s2}, index=pd.Index(r.time_s, name="t"))
-        about = {"body_mass_kg": r.condition.body_mass_kg, "name": r.file}
-        series.append(fb.Recording.from_arrays(frame.index, frame["base"], frame["malleolus"], **about))
-    one, other = (identification.fit_foot(data, foot, settings) for data in (recordings, series))
-    assert one.values() == pytest.approx(other.values(), rel=5e-3)  # one states its frequency, the other has it found
-    names = other.to_dataframe().query("branch == @other.best.name").set_index("parameter")["value"]
-    assert foot.with_values(names).values()["k_F"] == other["k_F"].value  # with the delay among them
-    assert foot.with_values(other).values()["k_F"] == other.values()["k_F_n_per_m"]
-    with pytest.raises(SettingError, match=r"one of the recordings is a str; .* Recording\.from_table"):
-        identification.fit_foot(frame, foot)
-
-
-def test_transmissibility_of_arrays_is_the_closed_form() -> None:
-    t, base, malleolus = arrays()
-    table = fb.Transmissibility.of_recordings([fb.Recording.from_arrays(t, base, malleolus)])
-    found = table.to_dataframe()["transmissibility"].to_numpy()
-    assert found == pytest.approx([transmissibility(2 * np.pi * 20, 4.0, 300.0, 1.2e5)], rel=1e-6)
-    assert "MB" in repr(table)
-    assert table.plot()._repr_png_()[:4] == b"\x89PNG"
 
 
 @pytest.mark.parametrize(

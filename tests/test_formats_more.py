@@ -2,13 +2,10 @@
 
 import gzip
 import importlib.util
-import json
-from datetime import datetime, timedelta
 from pathlib import Path
 
 import numpy as np
 import pytest
-from scipy.io import savemat
 
 from fasbody.exceptions import InputFileError, MissingPackageError, SettingError
 from fasbody.recording import files
@@ -30,24 +27,6 @@ def rows() -> list[tuple[float, float, float]]:
     return list(zip(T.tolist(), BASE.tolist(), (1.3 * BASE).tolist(), strict=True))
 
 
-@pytest.mark.parametrize("style", ["plain", "units", "dates"])
-def test_excel(tmp_path: Path, style: str) -> None:
-    openpyxl = pytest.importorskip("openpyxl")
-    book = openpyxl.Workbook()
-    sheet = book.active
-    if style != "plain":
-        sheet.append(["Logger 4711", None, "left foot"])
-    sheet.append(["time" if style != "plain" else "time_s", "Base [g]", "malleolus"])
-    sheet.append(["s", "g", "m/s^2"] if style != "plain" else [])
-    for t, base, malleolus in rows():
-        stamp = datetime(2026, 3, 4, 10) + timedelta(milliseconds=round(1e3 * t)) if style == "dates" else t
-        sheet.append([stamp, base / G, malleolus])
-    book.create_sheet("notes").append(["a word"])
-    book.save(tmp_path / "r.xlsx")
-    told = Layout.from_toml(Path("s"), {"malleolus": {"unit": "m/s^2"}})
-    same(Recording.read(tmp_path / "r.xlsx", layout=told))
-
-
 def test_excel_without_a_header_or_with_words_between_numbers(tmp_path: Path) -> None:
     openpyxl = pytest.importorskip("openpyxl")
     book = openpyxl.Workbook()
@@ -63,97 +42,6 @@ def test_excel_without_a_header_or_with_words_between_numbers(tmp_path: Path) ->
     book.save(tmp_path / "r.xlsx")
     with pytest.raises(InputFileError, match=r"'base_m_s2' is no column of numbers \(row 9\)"):
         Recording.read(tmp_path / "r.xlsx")
-
-
-@pytest.mark.parametrize("ending", ["wav", "flac"])
-def test_sound(tmp_path: Path, ending: str) -> None:
-    soundfile = pytest.importorskip("soundfile")
-    stereo = np.column_stack([BASE, 1.3 * BASE]) / 40
-    soundfile.write(tmp_path / f"r.{ending}", stereo, 1000, subtype="PCM_24")
-    table = {
-        name: {"column": f"channel_{i}", "unit": "m/s^2", "sensitivity": 1 / 40}
-        for i, name in enumerate(("base", "malleolus"), 1)
-    }
-    same(Recording.read(tmp_path / f"r.{ending}", layout=Layout.from_toml(Path("s"), table)), 1e-5)
-    with pytest.raises(InputFileError, match=r"no column 'base_m_s2' \(found: channel_1, channel_2\)"):
-        Recording.read(tmp_path / f"r.{ending}")
-
-
-def test_c3d(tmp_path: Path) -> None:
-    ezc3d = pytest.importorskip("ezc3d")
-    made = ezc3d.c3d()
-    made["parameters"]["POINT"]["RATE"]["value"] = [100.0]
-    made["parameters"]["ANALOG"]["RATE"]["value"] = [1000.0]
-    made["parameters"]["ANALOG"]["LABELS"]["value"] = ["base", "malleolus"]
-    made["parameters"]["ANALOG"]["UNITS"]["value"] = ["g", "m/s^2"]
-    made["data"]["points"] = np.zeros((4, 0, 40))
-    made["data"]["analogs"] = np.array([[BASE / G, 1.3 * BASE]])
-    made.write(str(tmp_path / "r.c3d"))
-    same(Recording.read(tmp_path / "r.c3d"), 1e-4)  # C3D stores single precision
-
-
-LVM = """LabVIEW Measurement\t
-Writer_Version\t2
-Reader_Version\t2
-Separator\tTab
-Decimal_Separator\t,
-Multi_Headings\tYes
-X_Columns\t{x}
-Time_Pref\tRelative
-***End_of_Header***\t
-\t
-Channels\t2\t\t
-Samples\t400\t400\t
-Date\t2026/03/04\t2026/03/04\t
-Y_Unit_Label\tg\tm/s^2\t
-X_Dimension\tTime\tTime\t
-X0\t0,0E+0\t{x0}\t
-Delta_X\t0,001\t0,001\t
-***End_of_Header***\t\t\t
-X_Value\tbase\tmalleolus\tComment
-"""
-
-
-def test_lvm(tmp_path: Path) -> None:
-    """As LabVIEW writes it where decimals have commas; without a time the starts of the channels count."""
-    with_time = [f"{t:.6f}\t{b / G:.12f}\t{m:.12f}" for t, b, m in rows()]
-    text = LVM.format(x="One", x0="0,0E+0") + "\n".join(with_time).replace(".", ",") + "\n"
-    (tmp_path / "r.lvm").write_text(text)
-    same(Recording.read(tmp_path / "r.lvm"))
-    late = 1.3 * 8.95 * np.sin(2 * np.pi * 20 * (T + 2e-3))
-    without = [f"\t{b / G:.12f}\t{m:.12f}" for b, m in zip(BASE, late, strict=True)]
-    text = LVM.format(x="No", x0="2,0E-3") + "\n".join(without).replace(".", ",") + "\n"
-    (tmp_path / "n.lvm").write_text(text)
-    back = Recording.read(tmp_path / "n.lvm")
-    assert back.malleolus_m_s2 == pytest.approx(1.3 * back.base_m_s2, abs=2e-3)
-    (tmp_path / "two.lvm").write_text(text + LVM[LVM.index("Channels") :])
-    with pytest.raises(InputFileError, match="holds 2 segments; save each segment as a file of its own"):
-        Recording.read(tmp_path / "two.lvm")
-
-
-def test_structures_of_matlab(tmp_path: Path) -> None:
-    trial = {"time_s": T, "acc": {"base_m_s2": BASE, "malleolus_m_s2": 1.3 * BASE}, "note": "left"}
-    savemat(tmp_path / "r.mat", {"trial": trial})
-    same(Recording.read(tmp_path / "r.mat"))
-    savemat(tmp_path / "d.mat", {"trial": {"fs": 1000.0, "data": np.column_stack([BASE, 1.3 * BASE])}})
-    told = {n: {"column": f"data_{i}", "unit": "m/s^2"} for i, n in enumerate(("base", "malleolus"), 1)}
-    same(Recording.read(tmp_path / "d.mat", layout=Layout.from_toml(Path("s"), told)))
-
-
-def test_tables_of_bids(tmp_path: Path) -> None:
-    """A physio recording (packed, no header, columns in its JSON) and a motion recording (channels.tsv)."""
-    body = "\n".join(f"{b / G:.12f}\t{m:.12f}" for _, b, m in rows()) + "\n"
-    (tmp_path / "sub-01_physio.tsv.gz").write_bytes(gzip.compress(body.encode()))
-    about = {"SamplingFrequency": 1000, "StartTime": 0, "Columns": ["base", "malleolus"]}
-    about |= {"base": {"Units": "g"}, "malleolus": {"Units": "m/s^2"}}
-    (tmp_path / "sub-01_physio.json").write_text(json.dumps(about))
-    same(Recording.read(tmp_path / "sub-01_physio.tsv.gz"))
-    with pytest.raises(InputFileError, match=r"SamplingFrequency is 1000 Hz, and study\.toml says .* = 500"):
-        Recording.read(tmp_path / "sub-01_physio.tsv.gz", layout=Layout(rate_hz=500))
-    (tmp_path / "sub-01_motion.tsv").write_text(body)
-    (tmp_path / "sub-01_motion.json").write_text('{"SamplingFrequency": 1000}')
-    (tmp_path / "sub-01_channels.tsv").write_text("name\ttype\tunits\nbase\tACCEL\tg\nmalleolus\tACCEL\tm/s^2\n")
-    same(Recording.read(tmp_path / "sub-01_motion.tsv"))
 
 
 def test_logs_without_a_header(tmp_path: Path) -> None:

@@ -74,16 +74,6 @@ def test_citation_is_complete_and_agrees_with_the_package() -> None:
         assert {"type", "title", "authors"} <= set(reference)
 
 
-def test_changelog_has_the_version_and_its_date() -> None:
-    released = yaml.safe_load((ROOT / "CITATION.cff").read_text())["date-released"]
-    assert f"## {PROJECT['version']} ({released})" in (ROOT / "CHANGELOG.md").read_text()
-
-
-def test_example_is_fifteen_lines() -> None:
-    example = README.split("```python\n")[1].split("```")[0]
-    assert len([line for line in example.splitlines() if line.strip()]) <= 15
-
-
 def test_film_shows_the_fit_of_the_page() -> None:
     """docs/film.py keeps what the page said of the fit as the comment of the film."""
     with Image.open(ROOT / "docs" / "figures" / "workbench.gif") as film:

@@ -7,7 +7,6 @@ import in_process
 import numpy as np
 import pytest
 
-from benchmarks.heel import TRUTH, strike
 from fasbody.exceptions import MissingPackageError, RecordingError
 from fasbody.heel.laws import LAWS
 from fasbody.heel.strike import Published, Strike
@@ -17,6 +16,7 @@ from identification.heel.estimate import Paths, fit
 from identification.heel.population import Observed, estimate
 from identification.heel.stiffness import measured, slopes
 from identification.heel.study import Task, judge, pooled
+from simulator.strike import TRUTH, strike
 
 
 def drawn(law: str, theta: tuple[float, ...], subject: str = "1", speed: str = "normal", number: int = 0) -> Strike:

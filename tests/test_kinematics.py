@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-from symbolic_arch import poses
 
 from fasbody.arch import kinematics
 from fasbody.arch.bones import Arch
 from fasbody.exceptions import SimulationError
+from simulator.arch import poses
 
 ARCH = Arch.nominal()
 

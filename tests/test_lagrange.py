@@ -2,11 +2,10 @@
 
 import numpy as np
 import pytest
-from symbolic_arch import evaluate, poses
 
 from fasbody.arch import kinematics, lagrange
 from fasbody.arch.bones import PARAMETERS, Arch
-from reproduction import printed
+from simulator.arch import evaluate, poses
 
 STEP = 1e-30
 
@@ -91,11 +90,3 @@ def test_forces_are_linear_in_the_thirteen_constants() -> None:
     assert tuple(table) == PARAMETERS
     total = sum(getattr(arch, name) * force for name, force in table.items())
     np.testing.assert_allclose(total, lagrange.spring_damper_forces(arch, q, v), rtol=1e-12)
-
-
-def test_right_hand_side_as_printed_differs_and_the_corrected_one_rests() -> None:
-    arch, q = Arch.nominal(), kinematics.rest(Arch.nominal())
-    at_rest = lagrange.right_hand_side(arch, q, np.zeros(6), 0.0)
-    np.testing.assert_allclose(at_rest, 0, atol=1e-10)
-    as_printed = printed.right_hand_side(arch, q, np.zeros(6), 0.0)
-    assert np.abs(as_printed).max() > 0.1  # the spurious static moments of the printed aponeurosis [N m]

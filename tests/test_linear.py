@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from symbolic_arch import evaluate
 
 from fasbody.arch import linear
 from fasbody.arch.bones import Arch
 from fasbody.arch.kinematics import rest
 from fasbody.arch.ode import initial_state, jacobian
+from simulator.arch import evaluate
 
 FREQUENCY = np.geomspace(1, 100, 25)
 

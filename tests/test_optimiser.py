@@ -209,14 +209,13 @@ def test_what_was_found_once_decides_nothing(
     assert built[0].world.exhausted is (hits == 2)
 
 
-@pytest.mark.parametrize("follows", [True, False])
+@pytest.mark.parametrize(("repeats", "follows"), [(0.149, True), (0.151, False)])
 def test_beyond_the_bound_of_repeatability_nothing_is_offered(
-    fitted: steady.Fitted, foot: Foot, follows: bool, monkeypatch: pytest.MonkeyPatch
+    fitted: steady.Fitted, foot: Foot, repeats: float, follows: bool
 ) -> None:
-    """The bound on either side of what a fit found."""
-    ends = [replace(s, problem=s.problem.with_repeatability(0.1)) for s in fitted.solutions]
+    """What a fit found on either side of 15 %."""
+    ends = [replace(s, problem=s.problem.with_repeatability(repeats)) for s in fitted.solutions]
     scattered = replace(fitted, solutions=tuple(ends))
-    monkeypatch.setattr(steady, "FOLLOWS", 0.101 if follows else 0.099)
     data = list(ends[0].problem.variables.recordings)
     built = [steady.branch_of(scattered, end, data, foot) for end in ends]
     words = {e.identifiability for branch in built for e in branch.parameters.values()}

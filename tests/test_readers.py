@@ -167,12 +167,6 @@ def test_decimal_commas_in_a_file_without_time(tmp_path: Path) -> None:
     np.testing.assert_array_equal(whole["malleolus_m_s2"], [0, -2])
 
 
-def test_columns_may_be_named_by_numbers(tmp_path: Path) -> None:
-    told = {"base": {"column": "1", "unit": "g"}, "malleolus": {"column": "2", "unit": "g"}}
-    read = read_csv(write(tmp_path, "1,2\n3,4\n5,6\n"), Layout.from_toml(Path("study.toml"), told, 1000))
-    np.testing.assert_allclose(read["base_m_s2"], [3 * 9.80665, 5 * 9.80665])
-
-
 def test_tables(tmp_path: Path) -> None:
     file = write(tmp_path, "subject, mass_kg\n1, 70\nb,x\n3,\n")
     read = read_table(file, ("subject", "mass_kg"))

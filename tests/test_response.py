@@ -63,6 +63,21 @@ def test_coloured_noise_has_its_own_weight_at_each_harmonic() -> None:
     assert std[2] < 0.3 * std[0]
 
 
+@pytest.mark.parametrize(
+    ("power", "weight"),
+    [(1.4, 1.0), (1.9, np.sqrt(1.9)), (0.75, 1.0), (0.4, np.sqrt(0.4))],
+)
+def test_noise_counts_as_coloured_beyond_what_chance_makes_of_white(power: float, weight: float) -> None:
+    """Power within 8 Hz of the harmonic over its mean: inside 0.6 to 1.6 white noise keeps its exact weight."""
+    f, rng = np.fft.rfftfreq(T.size, T[1]), np.random.default_rng(0)
+    near = np.abs(f - 20) < 8.1
+    share = near.mean()
+    size = np.sqrt(np.where(near, power, (1 - power * share) / (1 - share)))
+    noise = np.fft.irfft(size * np.exp(2j * np.pi * rng.random(f.size)), T.size)
+    found = fit_harmonics(T, signal(20.0, [8.0]) + noise, 20.0, 1)
+    assert found.std[0] / (found.sigma * np.sqrt(2 / T.size)) == pytest.approx(weight, rel=0.05)
+
+
 def test_amplitude_wander_widens_the_standard_deviation() -> None:
     steady = fit_harmonics(T, signal(20.0, [8.0]) + np.random.default_rng(0).normal(0, 0.02, T.size), 20.0, 1)
     beating = signal(20.0, [8.0]) * (1 + 0.2 * np.sin(2 * np.pi * 1.7 * T))

@@ -11,11 +11,7 @@ from scipy.stats import multivariate_normal
 from scipy.stats import t as student_t
 from typer.testing import CliRunner
 
-import identification as idn
 import mjcf
-from benchmarks import worlds
-from benchmarks.departure import Exponential, Following, Maxwell, Mount, Polynomial
-from benchmarks.leg import Departure, Leg, Shaking, harmonics
 from fasbody.exceptions import ModelError, RecordingError, SettingError
 from fasbody.foot.model import load
 from fasbody.foot.two_dof import TwoDof
@@ -32,7 +28,10 @@ from identification.rivals.ladder import LADDER, RungVariables, rungs_of
 from identification.rivals.mjcf import difference, edited_text, write_models
 from identification.rivals.result import DECISIVE, Rival, Rivals, preferred
 from identification.rivals.search import evidence, folds, only
-from identification.rivals.steady import CONSTANTS, INDEX, SERIES, Feet
+from identification.rivals.steady import CONSTANTS, SERIES, Feet
+from simulator import worlds
+from simulator.departure import Exponential, Following, Maxwell, Mount, Polynomial
+from simulator.leg import Departure, Leg, Shaking, harmonics
 
 LEG = Leg(1.5e5, 1.0e5, 430.0, 50.0, 100.0, 500.0, -50.0, 100.0, 3.3, 1.05)
 #: Its dampers bend so little that it is linear.
@@ -428,8 +427,3 @@ def test_bad_input_is_one_sentence(tmp_path: Path) -> None:
         edited_text(bare, "model", "model", dict(zip(CONSTANTS, constants(LEG), strict=True)))
     found = CliRunner().invoke(app, [str(tmp_path / "nothing.csv")])
     assert found.exception is not None and "no such file" in str(found.exception)
-
-
-def test_public_face() -> None:
-    assert idn.compare_rivals is compare_rivals and idn.Rivals is Rivals
-    assert INDEX["delay"] == len(CONSTANTS) - 1

@@ -9,20 +9,14 @@ import numpy as np
 import pytest
 
 import mjcf
-from benchmarks import sensors as second
-from benchmarks import worlds
-from benchmarks.departure import Mount, Rocking
-from benchmarks.leg import Shaking, harmonics
 from fasbody.exceptions import InputFileError, SettingError
 from fasbody.foot.model import Foot, load
 from fasbody.foot.shaker import sine
 from fasbody.foot.simulate import simulate
-from fasbody.foot.two_dof import MASSES, NAMES, TwoDof
-from fasbody.laboratory.foot import make_study
+from fasbody.foot.two_dof import NAMES, TwoDof
 from fasbody.recording.checks import checked
 from fasbody.recording.condition import Condition
 from fasbody.recording.recording import Recording
-from fasbody.recording.study import Study
 from identification import branches
 from identification.derived import derived
 from identification.engines.certified import CertifiedRollouts
@@ -34,6 +28,7 @@ from identification.sensors import chosen
 from identification.setup import Setup
 from identification.space import space_of
 from identification.time_domain import TimeProblem
+from simulator import worlds
 
 Edit = Callable[..., Path]
 BOTH = ("malleolus", "foot")
@@ -201,37 +196,13 @@ def test_a_further_channel_never_stands_in_the_way(linear: Foot, tmp_path: Path)
         Layout.from_toml(study, {"malleolu": {"unit": "g"}})
 
 
-def test_the_laboratory_writes_a_second_sensor(tmp_path: Path) -> None:
-    plain = Study.read(make_study(tmp_path / "one", frequencies_hz=[20.0], seconds=0.5)).recordings[0]
-    both = Study.read(make_study(tmp_path / "two", frequencies_hz=[20.0], seconds=0.5, second=True)).recordings[0]
-    np.testing.assert_array_equal(both.malleolus_m_s2, plain.malleolus_m_s2)
-    assert list(both.others) == ["foot"] and both.calibration["foot"].delay_std_s == 2e-4
-
-
 # what it decides
-
-
-def test_the_judging_simulator_moves_the_foot(linear: Foot) -> None:
-    made = second.member(second.CLEAN, 1)
-    leg, base = replace(made.leg, c_12=0.0, c_13=0.0, c_22=0.0, c_23=0.0), made.shaking.base[0]
-    shaking = Shaking(np.zeros(1), np.array([20.0]), base[None])
-    found = harmonics(leg, (), shaking)[:, 0]
-    p = TwoDof(**{name: getattr(leg, name) for name in (*NAMES, *MASSES)})
-    for h in (1, 2, 3):
-        have = [part[h - 1] / base[h - 1] for part in found]
-        np.testing.assert_allclose(have, linear_motion(p, 20.0 * h), rtol=1e-4)
-    parts = Rocking(0.0, 60.0, 0.1, foot=0.05), Mount(100.0, 0.2, "foot")
-    felt = harmonics(leg, parts, shaking)[1, 0, 0]
-    s, rocks, slips = 2j * np.pi * 20.0, 2 * np.pi * 60.0, 2 * np.pi * 100.0
-    want = found[1][0] + 0.05 * s**2 / (s**2 + 0.2 * rocks * s + rocks**2) * base[0]
-    want *= (slips**2 + 0.4 * slips * s) / (s**2 + 0.4 * slips * s + slips**2)
-    assert felt == pytest.approx(want, rel=1e-5)
 
 
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_sensor_on_the_foot_decides_the_mirror_of_a_nearly_linear_leg(foot: Foot, seed: int) -> None:
     hz = (10.0, 15.0, 20.0, 25.0, 30.0, 40.0, 50.0)
-    made = replace(second.member(second.CLEAN, seed), loads_kg=(0.0,), frequencies_hz=hz)
+    made = replace(worlds.member(worlds.CLEAN, seed), loads_kg=(0.0,), frequencies_hz=hz)
     data = worlds.recordings(made, foot=True)
     result = fit_foot(data, foot)
     name = branches.STIFF_ANKLE if made.leg.stiff_ankle else branches.STIFF_PAD

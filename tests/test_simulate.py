@@ -1,5 +1,8 @@
 """MuJoCo rollouts of the two-mass foot against DOP853, the compiled twin, and the linear transfer function."""
 
+from collections.abc import Callable
+from pathlib import Path
+
 import numpy as np
 import oracle
 import pytest
@@ -7,7 +10,7 @@ import thesis
 
 from fasbody.exceptions import SettingError, SimulationError
 from fasbody.foot import shaker
-from fasbody.foot.model import Foot
+from fasbody.foot.model import Foot, can_be_constrained, load
 from fasbody.foot.simulate import Batch, simulate
 from fasbody.foot.two_dof import NAMES, TwoDof, trajectory
 
@@ -167,3 +170,28 @@ def test_values_that_a_foot_cannot_have_are_refused_as_elsewhere(foot: Foot, val
 def test_a_name_is_no_model() -> None:
     with pytest.raises(SettingError, match=r"load it first: load\('two_dof'\)"):
         simulate("two_dof", shaker.sine(20, 0.1))  # type: ignore[arg-type]
+
+
+def test_skipping_the_constraint_stage_changes_no_bit() -> None:
+    foot, motion = load("two_dof"), shaker.sine(30.0, 0.1)
+    assert not can_be_constrained(foot.model)
+    fast = simulate(foot, motion)
+    foot.model.opt.disableflags = 0
+    np.testing.assert_array_equal(fast.malleolus, simulate(foot, motion).malleolus)
+
+
+@pytest.mark.parametrize(
+    ("old", "new"),
+    [
+        ('<joint name="fat_pad"', '<joint name="fat_pad" range="-0.01 0.01"'),
+        ('<geom name="table"', '<geom name="table" contype="1" conaffinity="1"'),
+        ("<actuator>", '<equality><joint joint1="talocrural" active="false"/></equality><actuator>'),
+    ],
+)
+def test_a_model_that_can_be_constrained_keeps_the_stage(
+    old: str,
+    new: str,
+    edited: Callable[..., Path],
+) -> None:
+    foot = load(edited((old, new)))
+    assert can_be_constrained(foot.model) and not foot.model.opt.disableflags

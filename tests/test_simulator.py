@@ -8,10 +8,10 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from benchmarks import departure as d
-from benchmarks import instrument, worlds
-from benchmarks.leg import STEP_S, Leg, Shaking, harmonics, motion, sample, under
-from benchmarks.worlds import CLEAN, WORLDS, Member, member
+from simulator import departure as d
+from simulator import worlds
+from simulator.leg import STEP_S, Leg, Shaking, harmonics, motion, sample, under
+from simulator.worlds import WORLDS, Member, member
 
 #: Its dampers forget within half a second.
 LEG = Leg(1.4e5, 1.1e5, 900.0, 80.0, 140.0, 1100.0, -110.0, 170.0, 3.3, 1.05)
@@ -172,16 +172,6 @@ def test_small_motion_has_the_response_of_mass_and_stiffness_matrices(world: str
     np.testing.assert_allclose(have, want, rtol=2e-4)
 
 
-@pytest.mark.parametrize(
-    ("world", "most"),
-    [(CLEAN, 1e-6), ("everything at once", 1e-6), ("thigh", 1e-6), ("thixotropy", 1e-4), ("dampers of 0.6", 1e-3)],
-)
-def test_recording_begins_when_the_transient_is_forgotten(world: str, most: float) -> None:
-    made = replace(member(world, 0), frequencies_hz=(15.0, 25.0))
-    early, late = (motion(made.leg, made.departures, made.shaking, STEP_S, 400, patience)[0] for patience in (1.0, 2.0))
-    assert (np.abs(early - late).max(axis=1) < most * np.abs(late).max(axis=1)).all()
-
-
 def test_a_reflex_remembers_between_steps() -> None:
     """An ankle's reflex of a delay that is no whole number of steps, in a leg with linear dampers."""
     leg, reflex = replace(LEG, c_12=0.0, c_13=0.0, c_22=0.0, c_23=0.0), d.Reflex(0.03771, 0.1, 0.3)
@@ -214,136 +204,7 @@ def test_constants_follow_the_load_as_stated() -> None:
     assert shared == pytest.approx(LEG.m_S + 0.75 * loads.load_kg)
 
 
-def test_constants_scatter_by_recording_or_by_load() -> None:
-    loads = Shaking(np.repeat([0.0, 2.3], 500), np.full(1000, 20.0), np.ones((1000, 1)), (4,))
-    p = under(LEG, [d.Scatter(0.03)], loads)
-    drawn = np.log([*(p.k.T / (LEG.k_T, LEG.k_F)).T, *(p.c1.T / (LEG.c_11, LEG.c_21)).T])
-    assert drawn.std(axis=1) == pytest.approx(np.full(4, 0.03), rel=0.1)
-    assert np.abs(np.corrcoef(drawn) - np.eye(4)).max() < 0.1
-    seated = under(LEG, [d.Scatter(0.03, by_load=True)], loads).k[0]
-    assert np.unique(seated).size == 2 and (seated[:500] == seated[0]).all()
-    drifting = under(LEG, [d.Posture(0.1)], loads).c1[0] / LEG.c_11
-    assert drifting[[0, -1]] == pytest.approx([0.95, 1.05])
-
-
 # instruments
 
 
-def quiet(*instruments: instrument.Instrument, **changes: object) -> Member:
-    made = replace(member(CLEAN, 1), leg=LEG, loads_kg=(0.0,), frequencies_hz=(10.0, 20.0))
-    return replace(made, instruments=instruments, **changes)  # type: ignore[arg-type]
-
-
-def test_a_recording_has_the_stated_noise_gain_drift_and_unit() -> None:
-    noise, exact = worlds.recordings(quiet(noise=0.01)), worlds.recordings(quiet(noise=0.0))
-    for noisy, clean in zip(noise, exact, strict=True):
-        for channel in ("base_m_s2", "malleolus_m_s2"):
-            residual = getattr(noisy, channel) - getattr(clean, channel)
-            assert residual.std() == pytest.approx(0.01 * worlds.AMPLITUDE, rel=0.1)
-    odd = worlds.recordings(quiet(instrument.Gain(0.03, 0.02), instrument.Unit(0.1), noise=0.0))
-    for changed, clean, place in zip(odd, exact, (-0.5, 0.5), strict=True):
-        np.testing.assert_allclose(changed.malleolus_m_s2, 0.1 * 1.03 * (1 + 0.02 * place) * clean.malleolus_m_s2)
-        np.testing.assert_allclose(changed.base_m_s2, 0.1 * clean.base_m_s2)
-    share = worlds.recordings(quiet(instrument.Noise(0.005), noise=0.0))
-    residual = share[0].malleolus_m_s2 - exact[0].malleolus_m_s2
-    assert residual.std() == pytest.approx(0.005 * exact[0].malleolus_m_s2.std(), rel=0.1)
-
-
-def test_hum_clipping_and_converter_change_the_malleolus_as_they_should() -> None:
-    (clean, *_), t = worlds.recordings(quiet(noise=0.0)), np.arange(1500) / 1000
-    hum = worlds.recordings(quiet(instrument.Hum(0.2), noise=0.0))[0].malleolus_m_s2 - clean.malleolus_m_s2
-    assert abs(2 * np.mean(hum * np.exp(-2j * np.pi * 50 * t))) == pytest.approx(0.2)
-    assert hum.std() == pytest.approx(0.2 / np.sqrt(2))
-    clipped = worlds.recordings(quiet(instrument.Clipping(0.9), noise=0.0))
-    largest = max(np.abs(r.malleolus_m_s2).max() for r in worlds.recordings(quiet(noise=0.0)))
-    assert max(np.abs(r.malleolus_m_s2).max() for r in clipped) == pytest.approx(0.9 * largest)
-    rough = worlds.recordings(quiet(instrument.Converter(8), noise=0.0))
-    levels = np.unique([r.malleolus_m_s2 for r in rough])
-    assert 50 < levels.size <= 256
-    assert np.abs(rough[0].malleolus_m_s2 - clean.malleolus_m_s2).max() <= 0.501 * np.diff(levels).min()
-
-
-def test_cross_axis_adds_a_resonance_of_the_base() -> None:
-    across = instrument.CrossAxis(0.05, 0.6, 30.0, 0.1)
-    made, t = (worlds.recordings(quiet(*parts, noise=0.0)) for parts in ((across,), ())), np.arange(1500) / 1000
-    for changed, clean in zip(*made, strict=True):
-        hz = clean.condition.frequency_hz
-        assert hz is not None
-        turn, r = np.exp(-2j * np.pi * hz * t), hz / 30  # whole periods
-        more = np.mean((changed.malleolus_m_s2 - clean.malleolus_m_s2) * turn) / np.mean(clean.base_m_s2 * turn)
-        assert more == pytest.approx(0.05 * 0.6 * (1 + 0.2j * r) / (1 - r**2 + 0.2j * r), rel=1e-6)
-
-
-def test_a_clock_that_is_off_writes_another_frequency() -> None:
-    late = worlds.recordings(quiet(clock=1e-3, noise=0.0))[0].base_m_s2
-    t = np.arange(1500) / 1000
-    power = [abs(np.mean(late * np.exp(-2j * np.pi * hz * t))) for hz in np.linspace(9.9, 10.1, 41)]
-    assert np.linspace(9.9, 10.1, 41)[np.argmax(power)] == pytest.approx(10.01, abs=0.006)
-
-
 # what is recorded, and what is true
-
-
-def test_population_holds_what_is_asked_of_it() -> None:
-    legs = [member(world, seed) for world in WORLDS for seed in range(14)]
-    assert len(legs) >= 500 and legs[7] == member(CLEAN, 7)
-    assert 0.4 < np.mean([m.leg.stiff_ankle for m in legs]) < 0.6
-    assert {m.loads_kg for m in legs} == {(0.0,), (0.0, 2.3), (0.0, 2.3, 4.5)}
-    mounts = [part.hz for m in legs if m.world == "sensor on tissue" for part in m.departures]
-    for values, low, high in (([m.noise for m in legs if m.noise], 0.002, 0.01), (mounts, 80, 150)):
-        assert low <= min(values) < low + 0.2 * (high - low) and high - 0.2 * (high - low) < max(values) <= high
-    one_load = {m.world for m in legs if len(m.loads_kg) == 1}
-    assert not one_load & {"stiffer under load", "load share 0.9", "load share 0.75", "thigh", "scatter 3 %"}
-    assert all(m.departures or m.instruments or m.clock for m in legs if m.world not in (CLEAN, "heavier leg")
-               and not m.world.startswith("mass"))  # fmt: skip
-
-
-@pytest.mark.parametrize("world", WORLDS)
-def test_every_world_can_be_recorded(world: str) -> None:
-    made = replace(member(world, 1), frequencies_hz=(20.0, 35.0), seconds=0.2)
-    data = worlds.recordings(made, foot=True)
-    assert [r.condition.added_mass_kg for r in data] == np.repeat(made.loads_kg, 2).tolist()
-    for r in data:
-        assert r.time_s.shape == (200,)
-        assert all(np.isfinite(y).all() and y.std() > 0.05 for y in r.channels.values())
-
-
-def test_a_sensor_on_the_foot_changes_nothing_else() -> None:
-    made = quiet(seconds=0.2)
-    for alone, both in zip(worlds.recordings(made), worlds.recordings(made, foot=True), strict=True):
-        assert (alone.malleolus_m_s2 == both.malleolus_m_s2).all() and (alone.base_m_s2 == both.base_m_s2).all()
-        assert not alone.others and list(both.others) == ["foot"]
-
-
-def test_truth_of_relaxing_springs_is_dynamic_in_the_middle_of_the_band() -> None:
-    made = member("springs relax", 0)
-    (relaxing,) = made.departures
-    assert isinstance(relaxing, d.Maxwell)
-    w, tau = 2 * np.pi * np.prod(worlds.FREQUENCIES_HZ) ** (1 / 9), relaxing.tau_s
-    maxwell = relaxing.ankle * made.leg.k_T
-    k, c = (made.truth[name] for name in ("k_T", "c_11"))
-    assert k == pytest.approx(2 * (made.leg.k_T + maxwell * (w * tau) ** 2 / (1 + (w * tau) ** 2),))
-    assert c == pytest.approx(2 * (made.leg.c_11 + maxwell * tau / (1 + (w * tau) ** 2),))
-
-
-def test_truth_of_other_worlds_is_the_constant_and_of_a_seating_what_lies_between() -> None:
-    for world in (CLEAN, "mass +10 %", "stiffer under load", "load share 0.75", "scatter 3 %", "reflex"):
-        made = member(world, 2)
-        assert all(made.truth[name] == pytest.approx(2 * (getattr(made.leg, name),)) for name in made.truth)
-    made = member("scatter 3 % by load", 2)
-    seated = under(made.leg, made.departures, made.shaking)
-    for name, value in (("k_T", seated.k[0, 0]), ("c_21", seated.c1[1, 0])):
-        assert made.truth[name] == pytest.approx(sorted([getattr(made.leg, name), value]))
-        assert made.truth[name][0] < made.truth[name][1]
-
-
-def test_foot_near_the_axis_is_recorded_as_stated() -> None:
-    data, again, other = worlds.recorded_near_axis(), worlds.recorded_near_axis(108), worlds.recorded_near_axis(109)
-    made = member(worlds.NEAR_AXIS, 108)
-    assert made.leg.k_T / (made.leg.a * made.leg.k_F) == pytest.approx(0.925, abs=0.001) and not made.stiff_ankle
-    assert [(r.condition.added_mass_kg, r.condition.frequency_hz) for r in data] == [
-        (load, hz) for load in (0.0, 2.3) for hz in (10.0, 20.0, 30.0, 40.0, 50.0)
-    ]
-    assert all(r.time_s.size == 1500 and r.condition.body_mass_kg == 76 for r in data)
-    assert (data[0].base_m_s2 == again[0].base_m_s2).all() and (data[0].base_m_s2 != other[0].base_m_s2).any()
-    assert data[3].base_m_s2.std() == pytest.approx(8.95 / np.sqrt(2), rel=0.01)

@@ -188,6 +188,16 @@ def test_who_does_not_belong_is_named_and_kept(tmp_path: Path) -> None:
     assert said.replace("'", "&#39;") in (tmp_path / "report.html").read_text()
 
 
+@pytest.mark.parametrize(("chance", "odd"), [(0.045, ("e",)), (0.055, ())])
+def test_the_limit_is_one_population_of_twenty(chance: float, odd: tuple[str, ...]) -> None:
+    """The fifth person so far off that Student's chance, times five, is just below or above it."""
+    logs, error = np.array([0.0, 0.1, -0.1, 0.05, 0.0]), np.full(5, 1e-4)
+    others = logs[:-1]
+    off = student.isf(chance / 10, 3) * others.std(ddof=1) * np.sqrt(1 + 1 / 4)
+    logs[-1] = others.mean() + off
+    assert tuple(p.subject for p in constant("k_T", NAMES, logs, error).odd) == odd
+
+
 @pytest.mark.parametrize(("persons", "tau", "errors"), [(5, 0.15, 0.05), (5, 0.05, 0.15), (12, 0.3, 0.1)])
 def test_persons_of_one_population_are_rarely_called_odd(persons: int, tau: float, errors: float) -> None:
     """In at most one population of twenty, but for chance (400 draws: a standard error of 1.1 %)."""
@@ -218,15 +228,6 @@ def test_an_error_of_zero_is_no_estimate() -> None:
     assert one.dropped(one.constants[0]) == "2 (k_T has a standard error of zero)"
     with pytest.raises(RecordingError, match="k_T of subject a has a standard error of 0"):
         constant("k_T", NAMES, LOGS, np.array([0.0, 0.1, 0.1, 0.1, 0.1]))
-
-
-def test_the_page_tells_persons_and_population(tmp_path: Path) -> None:
-    report.write(tmp_path, [{**d, "cycles": []} for d in study(6.0)], "five persons", "synthetic")
-    page = (tmp_path / "report.html").read_text()
-    assert '<h2 id="section1">Population</h2>' in page
-    assert "<td>midstance, 0 kg</td><td>stiff ankle (decided)</td><td>k_T [kN/m]</td><td>5</td>" in page
-    assert (tmp_path / "figures" / "persons_midstance.svg").stat().st_size > 1000
-    assert "One set of constants serves all frequencies in 5 of 5 pooled fits." in page
 
 
 def test_persons_of_other_results_join_the_population(tmp_path: Path) -> None:

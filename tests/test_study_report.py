@@ -258,47 +258,6 @@ def test_subject_whom_the_model_follows_is_shown_or_nobody_is() -> None:
     assert "No fit of any subject here follows" in found["transmissibility_per-recording"][1]
 
 
-def test_few_subjects_are_points() -> None:
-    """Three subjects make no median of energies: each cycle is a point, and the remark says so."""
-    rows = summary.cycle_table([d for d in study()[:-1] if d["subject"] in ("1", "2", "3")])
-    figure = figures.energies(rows, "synthetic")
-    whole = figure.axes[0]
-    assert not any(len(c.lines[0].get_ydata()) for c in whole.containers)
-    points = sorted(y for line in whole.lines for y in line.get_ydata())
-    assert points == pytest.approx(sorted(1e3 * (rows["ankle_j"] + rows["fat_pad_j"])))
-    assert "3 subjects" in figure.get_supxlabel() and "no median" in figure.get_supxlabel()
-
-
-def test_one_subject_of_several_and_failed_fits_are_said() -> None:
-    """The transmissibility and the loops are of one subject; a failed fit of any is counted in the caption."""
-    fits = [d for d in study()[:-1] if d["subject"] in ("1", "2", "3")]
-    lost = fits[0] | {"status": "failed", "error": "too short", "result": None, "cycles": []}
-    fits = [lost, *fits[1:]]
-    found = report.pictures(fits, summary.tidy(fits), summary.cycle_table(fits), "synthetic", {})
-    draw, caption = found["transmissibility_per-recording"]
-    subject = report.example(fits, "per-recording", "midstance", {})[0]
-    assert subject != "1" and f"subject {subject}, whose recordings stand for those of 2 more" in caption
-    assert f"of subject {subject}, one of 3." in draw().get_supxlabel() and "not drawn" not in caption
-    assert found["curves_per-recording_midstance"][1].endswith(" 1 failed fit is not drawn.")
-    alone = [d for d in fits if d["subject"] == "1"]
-    draw, caption = report.pictures(alone, summary.tidy(alone), summary.cycle_table(alone), "synthetic", {})[
-        "transmissibility_per-recording"
-    ]
-    assert caption.endswith(" 1 failed fit is not drawn.")
-    assert "of subject 1 (1 fit failed, not drawn)." in draw().get_supxlabel()
-
-
-def test_ticks_and_frequencies_without_an_estimate_are_said() -> None:
-    energy = summary.cycle_table(study())
-    whole = figures.energies(energy, "synthetic").axes[0]
-    labels = [whole.yaxis.get_major_formatter()(y) for y in whole.get_yticks()]
-    assert "10000" in labels and "20000" in labels
-    rows = summary.tidy([d for d in study()[:-1] if d["subject"] in ("1", "2")])
-    assert "none has one" not in figures.curves(rows, "synthetic").get_supxlabel()
-    rows.loc[rows["frequency_hz"] == 20, "std_error"] = np.nan
-    assert "At 20 Hz none has one" in " ".join(figures.curves(rows, "synthetic").get_supxlabel().split())
-
-
 def test_two_subjects_make_no_curve() -> None:
     rows = summary.tidy([d for d in study()[:-1] if d["subject"] in ("1", "2")])
     figure = figures.curves(rows, "synthetic")

@@ -16,7 +16,7 @@ from fasbody.console import to_json
 from fasbody.foot.model import load
 from fasbody.recording.study import StudyFolder
 from identification.estimate import Settings, fit_foot
-from identification.study import cluster, command, job
+from identification.study import cluster, job
 from identification.study.plan import Model, Plan
 
 
@@ -62,14 +62,6 @@ def test_interrupt_within_compiled_code_is_no_failed_fit(study: Path, monkeypatc
     assert found["status"] == "failed" and found["result"] is None and found["cycles"] == []
     assert "SystemError" in found["error"] and "\n" not in found["error"]
     assert "in compiled" in found["traceback"] and found["traceback"].count("\n") > 3
-
-
-def test_nothing_done_is_exit_code_one(tmp_path: Path) -> None:
-    study = small(tmp_path / "study")
-    for file in (study / "recordings").glob("*.csv"):
-        file.unlink()
-    found = fitted(study, tmp_path / "out", "--workers", "1", expect=1)
-    assert (found["computed"], found["done"], found["wanted"]) == (4, 0, 4)
 
 
 def test_failures_are_kept_and_tried_again(tmp_path: Path) -> None:
@@ -144,16 +136,6 @@ def test_interrupted(study: Path, tmp_path: Path, workers: str, presses: int) ->
         assert not [text for text in document["result"]["warnings"] if "Interrupted" in text]
 
 
-def test_interrupted_while_it_is_imported(study: Path, tmp_path: Path) -> None:
-    """A module in the place of a late import presses Ctrl-C: one word, and no traceback."""
-    (tmp_path / "mujoco.py").write_text("import os, signal, time\nos.kill(os.getpid(), signal.SIGINT)\ntime.sleep(9)\n")
-    environment = {**ENVIRONMENT, "PYTHONPATH": f"{tmp_path}{os.pathsep}{ENVIRONMENT['PYTHONPATH']}"}
-    done = subprocess.run(
-        arguments(study, tmp_path / "out"), env=environment, capture_output=True, text=True, check=False
-    )
-    assert (done.returncode, done.stderr) == (130, "interrupted\n")
-
-
 def test_broken_and_foreign_documents_are_computed_again(study: Path, tmp_path: Path) -> None:
     narrow = ("--workers", "1", "--frequency", "20")
     fitted(study, tmp_path, *narrow)
@@ -219,10 +201,6 @@ def test_bad_input_is_one_sentence(study: Path, tmp_path: Path, more: tuple[str,
     assert said in document["said"] and document["said"].count("error:") == 1 and "Traceback" not in document["said"]
 
 
-def test_no_study(tmp_path: Path) -> None:
-    assert "study.toml" in fitted(tmp_path / "nowhere", tmp_path, expect=2)["said"]
-
-
 @pytest.mark.usefixtures("undrawn")
 def test_what_other_settings_left_is_said_and_its_figures_go(study: Path, tmp_path: Path) -> None:
     narrow = ("--workers", "1", "--frequency", "20")
@@ -243,15 +221,3 @@ def test_what_other_settings_left_is_said_and_its_figures_go(study: Path, tmp_pa
     assert "2 per-recording documents in this folder were made with other settings, recordings or program" in again
     assert "2 pooled documents in this folder, a mode that was not asked for, were made" in again
     assert (figures / "mine.png").is_file() and (figures / "loops_pooled.png").is_file()
-
-
-def test_failures_are_said_once_with_their_places() -> None:
-    from made_fits import failed
-
-    same = [failed(str(s), "there are three or more frequencies needed.") for s in range(1, 6)]
-    every = command.failures_said([*same, failed("9", "s9.csv: is dead.")])
-    where = "; ".join(f"subject {s}, midstance, 0 kg, 10 Hz" for s in (1, 2, 3))
-    assert every == [
-        f"{where} and 2 more: there are three or more frequencies needed.",
-        "subject 9, midstance, 0 kg, 10 Hz: s9.csv: is dead.",
-    ]

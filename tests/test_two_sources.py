@@ -136,18 +136,6 @@ def test_the_unit_in_a_mapped_heading_is_used_unless_study_toml_overrules_it(tmp
     assert top(Recording.read(file, layout=same)) == pytest.approx(9.80665)
 
 
-def test_mg(tmp_path: Path) -> None:
-    for heading in ("base_mg", "base [mg]", "Base (mg)"):
-        found = Recording.read(headed(tmp_path / "r.csv", heading))
-        assert top(found) == pytest.approx(9.80665e-3)
-
-
-def test_a_row_of_units_may_not_contradict_its_heading(tmp_path: Path) -> None:
-    (tmp_path / "r.csv").write_text("time_s,base_g,malleolus_g\ns,m/s^2,g\n0,1,2\n0.001,2,3\n")
-    with pytest.raises(InputFileError, match=r"base is in m/s\^2 \(a unit with the column\), and its heading says g"):
-        Recording.read(tmp_path / "r.csv")
-
-
 def hdf5(file: Path, **attributes: object) -> Path:
     with h5py.File(file, "w") as out:
         out.attrs["rate_hz"] = RATE

@@ -5,7 +5,6 @@ import json
 import struct
 import subprocess
 import zipfile
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
@@ -15,7 +14,7 @@ import pytest
 
 pytest.importorskip("meshcat", reason="needs the extra: pip install 'fasbody[view]'")
 
-from viewer import Watched, bone_share, browser, save, served, viewer
+from viewer import Watched, bone_share, save, served, viewer
 
 import mjcf
 from fasbody.recording.study import BUNDLED
@@ -38,12 +37,6 @@ RIVALS = {
     "rows": [["the model", "0"], ["linear dampers", "1.6e+05"]], "notes": ["The recordings prefer the model."],
     "script": "idn.compare_rivals(recordings)",
 }  # fmt: skip
-
-
-@pytest.fixture(scope="module")
-def opened() -> Iterator[Any]:
-    with browser() as found:
-        yield found
 
 
 def test_from_a_dropped_file_to_the_mirror_foot(opened: Any, tmp_path: Path) -> None:

@@ -1,7 +1,6 @@
 """The cell's page in a real browser: what Chromium draws is the result file's."""
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -12,7 +11,7 @@ pytest.importorskip("meshcat", reason="needs the extra: pip install 'fasbody[vie
 
 from made_cell import write
 from typer.testing import CliRunner
-from viewer import Watched, browser, changed_share, served
+from viewer import Watched, changed_share, served
 
 from viz import cell as command
 from viz.modes import SIZE, ModeShapes
@@ -21,12 +20,6 @@ from viz.modes import SIZE, ModeShapes
 @pytest.fixture(scope="module")
 def result(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return write(tmp_path_factory.mktemp("cell"))
-
-
-@pytest.fixture(scope="module")
-def opened() -> Iterator[Any]:
-    with browser() as found:
-        yield found
 
 
 def positions(page: Watched, part: str) -> np.ndarray:

@@ -10,7 +10,7 @@ import pytest
 
 pytest.importorskip("meshcat", reason="needs the extra: pip install 'fasbody[view]'")
 
-from viewer import Watched, browser, save, served
+from viewer import Watched, save, served
 
 import mjcf
 
@@ -32,12 +32,6 @@ BONES = """(() => {
   return box;
 })()"""
 RECTANGLE = "(r => [r.left, r.top, r.right, r.bottom])(document.querySelector('{}').getBoundingClientRect())"
-
-
-@pytest.fixture(scope="module")
-def opened() -> Iterator[Any]:
-    with browser() as found:
-        yield found
 
 
 @pytest.fixture(scope="module")

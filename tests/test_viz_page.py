@@ -2,14 +2,13 @@
 
 import json
 import shutil
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-from viewer import HIDE, Watched, bone_share, browser, changed_share, save, served
+from viewer import HIDE, Watched, bone_share, changed_share, save, served
 
 import mjcf
 from fasbody.foot.model import load
@@ -24,12 +23,6 @@ from viz.settings import Settings
 
 pytest.importorskip("meshcat", reason="needs the extra: pip install 'fasbody[view]'")
 SCALE = 10.0
-
-
-@pytest.fixture(scope="module")
-def opened() -> Iterator[Any]:
-    with browser() as found:
-        yield found
 
 
 def assert_drawn_and_moving(page: Watched) -> None:

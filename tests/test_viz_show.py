@@ -166,11 +166,6 @@ def test_what_was_edited_is_drawn(tmp_path: Path) -> None:
     assert drawn().keys() == plain.keys()
 
 
-def test_only_a_model_with_an_aponeurosis_has_one() -> None:
-    for model, there in (("two_dof", False), ("foot_arch", True)):
-        assert ("aponeurosis" in Show([model]).description()["feet"]["a"]["soft"]) is there
-
-
 def test_another_kind_of_model_is_drawn_anew(tmp_path: Path) -> None:
     file = tmp_path / "mine.xml"
     file.write_text(mjcf.path("foot_arch").read_text())
@@ -201,17 +196,6 @@ def test_broken_model_keeps_the_last_good_one(tmp_path: Path) -> None:
     file.write_text(good)
     show.reload()
     assert not show.description()["error"]
-
-
-@pytest.mark.parametrize(
-    ("value", "sentence"),
-    [("9e9", r"k_T is 9e\+09 N/m, but must be between 10000 and 1e\+07"), ("NaN", "k_T is nan, but must be a finite")],
-)
-def test_result_outside_the_bounds_is_refused(tmp_path: Path, value: str, sentence: str) -> None:
-    file = tmp_path / "result.json"
-    file.write_text(f'{{"parameters": {{"k_T_n_per_m": {{"value": {value}}}}}}}')
-    with pytest.raises(FasError, match=sentence):
-        fitted.read(file, Show(["two_dof"]).feet[MODEL].parameters)
 
 
 def test_page_is_told_what_a_bound_has_stopped() -> None:

@@ -256,10 +256,6 @@ def test_report_that_fails_leaves_a_running_fit(bench: Bench) -> None:
     assert not bench.progress()["running"] and bench._reporting  # which the process does next
 
 
-def test_sentences_of_the_command_line_are_those_of_the_form(bench: Bench) -> None:
-    assert bench.words(f"{bench.folder}/labview.txt: no; give --body-mass.") == "labview.txt: no; give it with “…”."
-
-
 def test_tables_that_cannot_be_read_are_told_what_the_page_can_do(bench: Bench) -> None:
     """Each is refused by the reader itself, and nothing of study.toml or of a command is left in its sentence."""
     numbers = [line.split(",") for line in ONE.read_text().splitlines()[1:]]

@@ -50,7 +50,8 @@ def test_every_file_of_the_packages_is_in_the_wheel(wheel: Path) -> None:
     assert len(here) > 50
     assert here - inside == set()
     assert {name for name in inside if ".dist-info/" not in name} - here == set()
-    assert not any(name.startswith(("tests/", "benchmarks/", "docs/", "reproduction/")) for name in inside)
+    checkout = ("tests/", "benchmarks/", "docs/", "reproduction/", "simulator/")
+    assert not any(name.startswith(checkout) for name in inside)
 
 
 def test_each_command_explains_itself(installed: Path, tmp_path: Path) -> None:

@@ -3,10 +3,10 @@
 from dataclasses import replace
 
 import numpy as np
-from symbolic_arch import poses
 
 from fasbody.arch.bones import DAMPERS, SPRINGS, Arch
 from fasbody.arch.kinematics import rest
+from simulator.arch import poses
 
 ARCH = Arch.draw(np.random.default_rng(0))
 REST = rest(ARCH)

@@ -2,7 +2,7 @@
 
     programs play --> sink "shaker" --> [foot] --> sink "sensors" --> programs record its monitor
 
-`python -m benchmarks.pulse WAY` is the process between: `foot` shakes the virtual foot, `cable` is a loopback cable
+`python -m simulator.pulse WAY` is the process between: `foot` shakes the virtual foot, `cable` is a loopback cable
 with the gains and the couplings of an interface, `calibrator` a hand calibrator under both sensors. `silence-off` and
 `silence-close` play on the card, end that in one of two ways, and say when it is heard no more, and how abruptly.
 The daemon lives in a folder of its own and ends with the bench; it is no user's.
@@ -118,7 +118,7 @@ class PulseBench:
         self._remove()
         with self._log.open("ab") as log:
             self._between = subprocess.Popen(
-                ahead([sys.executable, "-m", "benchmarks.pulse", way]), env=self.environment, stdin=subprocess.PIPE,
+                ahead([sys.executable, "-m", "simulator.pulse", way]), env=self.environment, stdin=subprocess.PIPE,
                 stdout=subprocess.PIPE, stderr=log,
             )  # fmt: skip
         assert self._between.stdout is not None
@@ -145,7 +145,7 @@ class PulseBench:
 
     def silence(self, way: str, latency_s: float) -> dict[str, float]:
         """What `silence` finds, in a program that has this daemon's card."""
-        words = [sys.executable, "-m", "benchmarks.pulse", f"silence-{way}", "--latency", f"{latency_s:g}"]
+        words = [sys.executable, "-m", "simulator.pulse", f"silence-{way}", "--latency", f"{latency_s:g}"]
         done = subprocess.run(ahead(words), env=self.environment, capture_output=True, text=True)
         if done.returncode:
             raise AcquisitionError(f"the card did not play: {done.stderr}")
@@ -310,7 +310,7 @@ def main(way: str, latency: float = 0.5) -> None:
     """Play, as if it were felt, what is recorded from the shaker, until the standard input closes.
 
     Examples:
-      python -m benchmarks.pulse foot
+      python -m simulator.pulse foot
     """
     import select
 

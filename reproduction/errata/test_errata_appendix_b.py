@@ -6,12 +6,12 @@ Exactly the listed entries differ, and each differs as listed.
 import numpy as np
 import pytest
 from errata_arch import ARCH, POSE, REST, UNIT, differing, only
-from symbolic_arch import evaluate
 
 from fasbody.arch import lagrange
 from fasbody.arch.bones import DAMPERS
 from fasbody.arch.kinematics import arms
 from reproduction import printed
+from simulator.arch import evaluate
 
 
 def test_A_55_is_the_only_wrong_entry_of_the_mass_matrix() -> None:

@@ -34,12 +34,12 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks import departure, instrument
-from benchmarks.departure import GRAVITY, Maxwell, Scatter
-from benchmarks.instrument import Instrument, Traces
-from benchmarks.leg import SENSORS, STEP_S, Departure, Leg, Shaking, motion, under
 from fasbody.recording.condition import Condition
 from fasbody.recording.recording import Recording
+from simulator import departure, instrument
+from simulator.departure import GRAVITY, Maxwell, Scatter
+from simulator.instrument import Instrument, Traces
+from simulator.leg import SENSORS, STEP_S, Departure, Leg, Shaking, motion, under
 
 FREQUENCIES_HZ = (10.0, 15.0, 20.0, 25.0, 30.0, 35.0, 40.0, 45.0, 50.0)
 #: Segments' share of the body mass, and what the thesis laid on the knee [kg].

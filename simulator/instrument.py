@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from benchmarks.leg import Shaking
+from simulator.leg import Shaking
 
 
 @dataclass(frozen=True)

@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from benchmarks.leg import SENSORS, Constants, Departure, Instant, Shaking
+from simulator.leg import SENSORS, Constants, Departure, Instant, Shaking
 
 GRAVITY = 9.80665
 

@@ -4,8 +4,10 @@ Energies are written from Figure 4.2 with theta_1 as an unknown function of the 
 from differentiation alone. Deformations in two versions: consistent, and those behind the printed forces.
 """
 
+from collections.abc import Callable
 from dataclasses import asdict, fields
 from functools import cache
+from typing import Any
 
 import numpy as np
 import sympy as sp
@@ -84,7 +86,7 @@ def _rate(expression: sp.Expr) -> sp.Expr:
 
 
 @cache
-def _numeric(name: str, as_printed: bool = False):
+def _numeric(name: str, as_printed: bool = False) -> Callable[..., Any]:
     if name == "mass":
         matrix = sp.hessian(kinetic_energy(), V)
     elif name == "velocity":  # L T = d/dt (dT/dq') - dT/dq with q'' = 0, moved to the right-hand side
@@ -101,15 +103,13 @@ def _numeric(name: str, as_printed: bool = False):
     return sp.lambdify([*Q, *V, *P.values()], matrix, "numpy", cse=True)
 
 
-def evaluate(name: str, arch: Arch, q: np.ndarray, q_dot: np.ndarray | None = None, as_printed: bool = False):
+def evaluate(
+    name: str,
+    arch: Arch,
+    q: np.ndarray,
+    q_dot: np.ndarray | None = None,
+    as_printed: bool = False,
+) -> np.ndarray:
     """One of mass, velocity, spring, damper, stiffness, damping at one pose: shape (6, 6) or (6,)."""
     q_dot = np.zeros(6) if q_dot is None else q_dot
-    return np.squeeze(_numeric(name, as_printed)(*q, *q_dot, *asdict(arch).values()))
-
-
-def poses(arch: Arch, rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Random closed poses within 0.3 rad of rest and rates up to 5 rad/s, each of shape (count, 6)."""
-    low, high = np.array([-0.01, -0.01, -0.3, -0.3, -0.3, -0.002]), np.array([0.01, 0.01, 0.3, 0.3, 0.3, 0.002])
-    q = rng.uniform(low, high, (count, 6))
-    q[:, 2:5] += [arch.theta_20, arch.theta_30, arch.theta_40]
-    return q, rng.uniform(-5, 5, (count, 6))
+    return np.asarray(np.squeeze(_numeric(name, as_printed)(*q, *q_dot, *asdict(arch).values())))

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 from errata_arch import ARCH, REST, differing, only
-from symbolic_arch import evaluate
 
 from fasbody.arch import lagrange
 from fasbody.arch.bones import DAMPERS, SPRINGS, Arch
 from fasbody.arch.kinematics import arms
 from reproduction import printed
+from simulator.arch import evaluate
 
 
 def test_wrong_entries_of_the_linear_damping() -> None:
