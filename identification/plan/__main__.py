@@ -401,8 +401,7 @@ def show(result: "Presented") -> None:
 
 def start() -> None:
     """Run the command that the arguments name; `propose` if none is named."""
-    words = sys.argv[1:]
-    run_app(app, words if words[:1] in (["run"], ["propose"]) else ["propose", *words])
+    run_app(app, name="python -m identification.plan", default="propose")
 
 
 if __name__ == "__main__":
