@@ -3,6 +3,7 @@
 import re
 import runpy
 import sys
+from importlib.util import find_spec
 from itertools import groupby
 from pathlib import Path
 from typing import Annotated
@@ -124,7 +125,20 @@ def run() -> None:
 
 def start() -> None:
     """The entry point of the installed command."""
+    for name, place in hidden().items():
+        console.console.print(
+            f"warning: {place} hides the package {name} of fasbody; install fasbody in an environment of its own.",
+            markup=False, soft_wrap=True,
+        )  # fmt: skip
     command_line(run)
+
+
+def hidden() -> dict[str, str]:
+    """Our top-level packages in whose place another one would be imported, and where that lies."""
+    ours = Path(fasbody.__file__).parent.parent
+    found = {name: find_spec(name) for name in ("identification", "mjcf", "viz")}
+    places = {name: Path(spec.origin).parent for name, spec in found.items() if spec is not None and spec.origin}
+    return {name: str(place) for name, place in places.items() if place.parent.resolve() != ours.resolve()}
 
 
 if __name__ == "__main__":
