@@ -63,3 +63,12 @@ def test_bash_completes_with_the_script() -> None:
     )
     done = subprocess.run(["bash", "-c", asked], cwd=ROOT, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "--body-mass"
+
+
+def test_a_package_that_hides_ours_is_named(tmp_path: Path) -> None:
+    (tmp_path / "viz").mkdir()
+    (tmp_path / "viz" / "__init__.py").write_text("")
+    code = f"import sys; sys.path.append({str(ROOT)!r}); {INSTALLED}"
+    for place, warned in ((tmp_path, True), (ROOT, False)):
+        done = subprocess.run([sys.executable, "-c", code, "--version"], cwd=place, capture_output=True, text=True)
+        assert ("hides the package viz" in done.stderr) == warned
