@@ -5,6 +5,7 @@ import time
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
+from shlex import join
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -13,7 +14,6 @@ from rich.markup import escape
 from fasbody.console import command_line, console, make_folder, print_json, results, run_app
 from fasbody.exceptions import AcquisitionError, SettingError, Stopped, unknown
 from fasbody.foot.shaker import PEAK_TO_PEAK
-from fasbody.presentation import write_figure
 from identification.options import DelayStd, GainStd, MassStd
 
 if TYPE_CHECKING:
@@ -163,10 +163,14 @@ def propose(
     else:
         show(result)
     if out is not None:
-        result.write(out)
-        for kind in result.plots:
-            write_figure(result.plot(kind), out / f"{kind}.svg", out / f"{kind}.png")
-        console.print(f"written to [bold]{out}[/]: protocol.json, plan.json, plan.csv and figures", soft_wrap=True)
+        from identification import page  # its figures take seconds that the table need not wait
+
+        words = sys.argv[2:] if sys.argv[1:2] == ["propose"] else sys.argv[1:]
+        page.write(result, out, join(["fasbody", "plan", *words]))
+        console.print(
+            f"report: [bold]{out}/report.html[/], with protocol.json, plan.json, plan.csv and figures beside it",
+            soft_wrap=True,
+        )
 
 
 @app.command()
