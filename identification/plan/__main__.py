@@ -63,16 +63,16 @@ _Table = Annotated[float, typer.Option(help="moving mass of the shaker in kg, fo
 _Kinds = Annotated[str, typer.Option(help="sine, multisine; separated by commas")]
 _Sensors = Annotated[str, typer.Option(help="accelerometers that are worn, e.g. malleolus,foot")]
 _Seconds = Annotated[float, typer.Option(help="length of a recording in s")]
-_Noise = Annotated[float, typer.Option(help="noise of a sensor, rms of a sample in m/s^2, until recordings tell it")]
+_Noise = Annotated[
+    float, typer.Option(help="noise of a sensor, rms of a sample in m/s^2, until recordings determine it")
+]
 _Repeatability = Annotated[
     float,
-    typer.Option(metavar="SHARE", help="scatter of a harmonic between recordings, until they tell it"),
+    typer.Option(metavar="SHARE", help="relative scatter of a harmonic between recordings, until they determine it"),
 ]
 _Exclude = Annotated[
     str | None,
-    typer.Option(
-        help="what to rule out, as in identification.fit: mount, relaxation, load, share, rocking, drift, or all"
-    ),
+    typer.Option(help="nuisances to exclude, as in a fit: mount, relaxation, load, share, rocking, drift, or all"),
 ]
 _Draws = Annotated[int, typer.Option(help="feet to average over (default 32, after recordings 12)")]
 _Seed = Annotated[int, typer.Option(min=0, help="seed of the drawn feet")]
@@ -118,9 +118,11 @@ def propose(
     protocol: Annotated[
         Path | None, typer.Option(help="write the steps to this file, which python -m fasbody.acquire --plan runs")
     ] = None,
-    out: Annotated[Path | None, typer.Option(help="folder for protocol.json, plan.json, plan.csv and figures")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="folder for report.html, protocol.json, plan.json, plan.csv and figures")
+    ] = None,
 ) -> None:
-    """Plan the recordings worth making: a session that decides the mirror feet and narrows the intervals.
+    """Plan what to record next: a session that decides between the mirror feet and narrows the intervals.
 
     Examples:
       python -m identification.plan --body-mass 80
@@ -211,7 +213,7 @@ def run(
     seed: _Seed = 0,
     json_: _Json = False,
 ) -> None:
-    """Record, fit and plan in turn; say after each recording what it was, what is known now, and what is next.
+    """Record, fit and plan in turn; report each recording, the intervals so far, and the next step.
 
     However it ends, also by Ctrl-C, the result so far is printed and written to session.json in the study folder; the
     same command goes on from the recordings that are there.

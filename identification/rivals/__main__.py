@@ -36,7 +36,9 @@ def main(
     delay_std: DelayStd = None,
     write_model: Annotated[Path | None, typer.Option(help="folder for every fitted rival, as MJCF")] = None,
     json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
-    out: Annotated[Path | None, typer.Option(help="folder for rivals.csv, rivals.json and figures")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="folder for report.html, rivals.csv, rivals.json and figures")
+    ] = None,
 ) -> None:
     """Compare rival models on the same recordings, ranked by BIC and by held-out prediction.
 
