@@ -8,7 +8,7 @@ unexport PYTHONDONTWRITEBYTECODE
 PIP := $(RUN) -m pip install --quiet --disable-pip-version-check --no-compile --constraint constraints.txt
 COMPILED := fasbody/foot/two_dof.py fasbody/foot/damper.py fasbody/foot/engine.py
 
-.PHONY: fit view wheel test lint suite docs bench reproduce clean
+.PHONY: fit view wheel test lint suite docs bench reproduce release clean
 
 fit: $(VENV)/core.stamp  ## fit the bundled synthetic foot; add ARGS="..." for options
 	$(RUN) -m identification.fit $(ARGS)
@@ -65,6 +65,9 @@ $(VENV)/compiled.stamp: $(VENV)/core.stamp $(COMPILED)
 $(VENV)/collected.stamp: $(VENV)/dev.stamp
 	$(RUN) -m pytest --collect-only --quiet -n 0 > /dev/null || true  # what is wrong the tests will say
 	touch $@
+
+release: $(VENV)/dev.stamp  ## check all that a release needs, and say what a person must do then
+	$(RUN) .ci/release
 
 clean:
 	rm -rf $(VENV) build dist site .pytest_cache .mypy_cache .ruff_cache

@@ -16,7 +16,7 @@ def page(markdown: str, meta: dict[str, Any], bibliography: Path) -> str:
 
     Args:
         markdown: the paper without its head, with a heading of the first level each chapter, the last "References".
-        meta: its head. bibliography: the BibTeX file.
+        meta: its head, with the authors of CITATION.cff. bibliography: the BibTeX file.
 
     Raises:
         KeyError: a work is cited that the file does not have.
@@ -28,9 +28,14 @@ def page(markdown: str, meta: dict[str, Any], bibliography: Path) -> str:
     chapters = re.sub(r"^(#+ )", r"#\1", cited, flags=re.MULTILINE)
     used = {key: works[key] for key in CITED.findall(markdown)}
     listed = [_entry(key, work) for key, work in sorted(used.items(), key=lambda item: item[1]["author"])]
-    authors = ", ".join(author["name"] for author in meta["authors"])
+    authors = ", ".join(_named(author) for author in meta["authors"])
     head = f"# {meta['title']}\n\n{authors}, {meta['date']}\n\n"
     return "\n\n".join([head + chapters.strip(), *listed]) + "\n"
+
+
+def _named(author: dict[str, str]) -> str:
+    """An author of CITATION.cff: a person or a group."""
+    return author.get("name") or f"{author['given-names']} {author['family-names']}"
 
 
 def _authors(work: dict[str, str]) -> list[tuple[str, str]]:

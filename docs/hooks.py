@@ -15,6 +15,7 @@ import cells  # beside this file
 import citations  # beside this file
 import reference  # beside this file
 import typer
+import yaml
 from markdown import Markdown
 from markdown.extensions import Extension
 from markdown.extensions.toc import slugify
@@ -43,8 +44,16 @@ PAGES = {file: page for page, file in ELSEWHERE.items()}
 #: Pages of wide tables, and of pictures beside code: no contents beside them.
 WIDE = ("reproduction.md", "benchmarks.md", "examples.md")
 #: Pages that the search puts before others that have the same word, and words that it shall find them by.
-BOOST = {"install.md": 3.0, "mirror.md": 3.0, "tutorial.md": 2.0, "identification.md": 2.0, "cell.md": 3.0}
-WORDS = {"symbols.md": ["k_T", "k_F", "c_T", "c_F", "m_S", "m_T", "m_F", "z_T", "z_F", "L_1", "c_11", "theta_20"]}
+BOOST = {
+    "install.md": 3.0, "mirror.md": 3.0, "tutorial.md": 2.0, "identification.md": 3.0, "cell.md": 3.0, "which.md": 2.0,
+    "transmissibility.md": 2.0, "edit_model.md": 2.0,
+}  # fmt: skip
+WORDS = {
+    "transmissibility.md": ["t-test", "ANOVA", "effect size", "folder"],
+    "identification.md": ["confidence interval", "standard error", "nuisance parameter", "repeatability"],
+    "edit_model.md": ["insole", "shoe", "orthosis"],
+    "symbols.md": ["k_T", "k_F", "c_T", "c_F", "m_S", "m_T", "m_F", "z_T", "z_F", "L_1", "c_11", "theta_20"],
+}
 #: Modules that have a place in the reference.
 REFERENCE = {module for modules in reference.listed().values() for module in modules}
 #: A picture of the gallery, and the example that draws it.
@@ -128,7 +137,8 @@ def on_page_markdown(markdown: str, page: Page, **_: Any) -> str:
         page.meta["search"] = {"boost": BOOST[page.file.src_uri]}
     if page.file.src_uri.startswith("paper/"):
         page.meta["search"] = {"exclude": True}
-        return citations.page(markdown, page.meta, ROOT / "docs/paper/paper.bib")
+        authors = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))["authors"]
+        return citations.page(markdown, {**page.meta, "authors": authors}, ROOT / "docs/paper/paper.bib")
     page.meta |= {"tags": words} if (words := WORDS.get(page.file.src_uri)) else {}
     if page.file.src_uri in WIDE:
         page.meta["hide"] = ["toc"]

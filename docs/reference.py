@@ -26,7 +26,7 @@ TASKS: dict[str, dict[str, tuple[str, ...]]] = {
         "The leg": ("fasbody/leg chain peaks mechanisms amplitude lift_off drop decide virtual figures",),
     },
     "Fit": {
-        "Fit a foot": ("identification estimate result report figures derived contact branches world advice",),
+        "Fit a foot": ("identification estimate result report",),
         "Rival models": ("identification/rivals compare result ladder edited figures",),
         "Many recordings": ("identification/study plan summary population profile validation loops report figures",),
         "Black-box models": (

@@ -3,6 +3,7 @@
 import re
 import runpy
 import sys
+from importlib.util import find_spec
 from itertools import groupby
 from pathlib import Path
 from typing import Annotated
@@ -10,7 +11,9 @@ from typing import Annotated
 import typer
 
 import fasbody
+from fasbody import console
 from fasbody.commands import Command, commands, found
+from fasbody.completion import following, script
 from fasbody.console import command_line, print_json, results, run_app
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
@@ -20,6 +23,9 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 def main(
     json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
     version: Annotated[bool, typer.Option("--version", help="print the version")] = False,
+    completion: Annotated[
+        str | None, typer.Option(metavar="SHELL", help="print what completes fasbody in bash, zsh or fish")
+    ] = None,
 ) -> None:
     """Show what there is: every command of the project, and what it does.
 
@@ -27,9 +33,14 @@ def main(
       python -m fasbody
 
       python -m fasbody fit my_study --out results
+
+      python -m fasbody --completion bash
     """
     if version:
         results.print(fasbody.__version__)
+        return
+    if completion is not None:
+        print(script(completion))
         return
     if json_:
         keys = ("words", "module", "name", "does", "home", "group")
@@ -85,6 +96,7 @@ def page() -> None:
     results.print("Usage: fasbody COMMAND [OPTIONS], or python -m fasbody COMMAND [OPTIONS]\n", markup=False)
     results.print(table)
     results.print("\nEach has --help with examples. fasbody alone shows all in groups; --version, --json.")
+    results.print('Completion in a shell: eval "$(fasbody --completion bash)", or zsh, fish.', highlight=False)
     results.print("\nExamples:\n  fasbody fit my_study --out results\n  fasbody view", highlight=False)
 
 
@@ -94,7 +106,9 @@ def run() -> None:
     known = commands()
     group = [command for command in known if words and command.words.startswith(f"{words[0]} ")]
     alone = bool(group) and not any(command.words == words[0] for command in known)
-    if words in (["--help"], ["-h"], ["help"]):
+    if words[:1] == ["--following"]:  # what a shell asks to complete a line
+        print("\n".join(following(words[1:])))
+    elif words in (["--help"], ["-h"], ["help"]):
         page()
     elif alone and all(word.startswith("-") for word in words[1:]):
         for command in group:
@@ -103,6 +117,7 @@ def run() -> None:
     elif words and not words[0].startswith("-"):
         command, rest = found(words)
         sys.argv[1:] = [command.name, *rest] if command.name else rest
+        console.started = console.Started(f"fasbody {command.words}", command.name) if _installed() else None
         runpy.run_module(command.module, run_name="__main__", alter_sys=True)
     else:
         run_app(app)
@@ -110,7 +125,20 @@ def run() -> None:
 
 def start() -> None:
     """The entry point of the installed command."""
+    for name, place in hidden().items():
+        console.console.print(
+            f"warning: {place} hides the package {name} of fasbody; install fasbody in an environment of its own.",
+            markup=False, soft_wrap=True,
+        )  # fmt: skip
     command_line(run)
+
+
+def hidden() -> dict[str, str]:
+    """Our top-level packages in whose place another one would be imported, and where that lies."""
+    ours = Path(fasbody.__file__).parent.parent
+    found = {name: find_spec(name) for name in ("identification", "mjcf", "viz")}
+    places = {name: Path(spec.origin).parent for name, spec in found.items() if spec is not None and spec.origin}
+    return {name: str(place) for name, place in places.items() if place.parent.resolve() != ours.resolve()}
 
 
 if __name__ == "__main__":

@@ -63,11 +63,11 @@ GROUPS: dict[str, tuple[Command, ...]] = {
         Command("fit", "identification.fit", "", "Estimate the parameters of a foot from recordings of its vibration."),
         Command(
             "plan", "identification.plan", "propose",
-            "Plan the recordings worth making: a session that decides the mirror feet and narrows the intervals.",
+            "Plan what to record next: a session that decides between the mirror feet and narrows the intervals.",
         ),
         Command(
             "plan run", "identification.plan", "run",
-            "Record, fit and plan in turn; say after each recording what it was, what is known now, and what is next.",
+            "Record, fit and plan in turn; report each recording, the intervals so far, and the next step.",
         ),
         Command(
             "rivals", "identification.rivals", "",
@@ -87,7 +87,7 @@ GROUPS: dict[str, tuple[Command, ...]] = {
         ),
         Command(
             "merge", "fasbody.recording", "merge",
-            "Make one recording of two loggers, one on the foot and one on the table, by a knock that both felt.",
+            "Make one recording of two loggers, one on the foot and one on the table, by a knock in both.",
         ),
         Command(
             "study init", "fasbody.recording", "init",

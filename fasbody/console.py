@@ -15,6 +15,7 @@ import threading
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from multiprocessing import resource_tracker
 from pathlib import Path
 from types import FrameType
@@ -112,13 +113,26 @@ console = Console(stderr=True, highlight=False)
 results = Console(highlight=False, width=None if sys.stdout.isatty() else 120)
 
 
-def run_app(app: "Typer", words: list[str] | None = None, name: str | None = None) -> None:
+@dataclass(frozen=True)
+class Started:
+    """How an installed `fasbody` started a command: as `fasbody plan`, the sub-command `propose` of its module."""
+
+    called: str
+    name: str
+
+
+#: None for `python -m`.
+started: Started | None = None
+
+
+def run_app(app: "Typer", words: list[str] | None = None, name: str | None = None, default: str = "") -> None:
     """Run a Typer app to its exit.
 
     Args:
         app: the app.
         words: what follows the name of the command; what was typed unless given.
         name: the command as its help calls it; as it was started unless given.
+        default: its sub-command that runs where none is named.
 
     Raises:
         SettingError: an option or argument does not exist, is missing or has a value that does not fit.
@@ -126,8 +140,21 @@ def run_app(app: "Typer", words: list[str] | None = None, name: str | None = Non
     """
     import typer
 
+    from fasbody.help import readable
+
+    command = readable(typer.main.get_command(app), short=started is not None)
+    words, inner = list(sys.argv[1:] if words is None else words), getattr(command, "commands", {})
+    renamed = ""
+    if default and not (words and words[0] in inner):
+        words, renamed = [default, *words], name or ""
+    if started is not None:
+        name, renamed = started.called, started.called if started.name else ""
+    if renamed:  # click puts the two together again
+        name, _, last = renamed.rpartition(" ")
+        inner[last] = inner.pop(words[0])
+        words[0] = last
     try:
-        code = typer.main.get_command(app).main(words, prog_name=name, standalone_mode=False)
+        code = command.main(words, prog_name=name, standalone_mode=False)
     except typer.Abort:
         console.print("Aborted.", style="red")
         sys.exit(1)

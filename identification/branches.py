@@ -114,7 +114,7 @@ class Had:
         more = [sensor] if self.sensors == 1 else []
         if not self.follow:
             return f"The loads do not tell them apart{f'; {more[0]} may' if more else ''}."
-        ways = " or ".join([*more, "excluding what else may be true (--exclude, [known] in study.toml)"])
+        ways = " or ".join([*more, "excluding nuisance parameters (--exclude, [known] in study.toml)"])
         return f"The loads do not tell them apart if the constants may change with the load; {ways} may."
 
 

@@ -1,6 +1,7 @@
 """The printed figures of a fit, and the rows that each of them draws: one colour a load in all of them."""
 
 from collections.abc import Iterable, Sequence
+from itertools import product
 from typing import Any
 
 import matplotlib
@@ -19,6 +20,8 @@ from identification.result import FitResult, RecordingFit
 _DATA, _OTHER = "#2b2b2b", "#8a8a8a"
 #: The best branch, and its mirror image.
 _LINES = ("-", "--")
+#: Their bands: of the wider interval, and of the narrower one within it.
+_SHADES = (("#dedede", "#9a9a9a"), ("#cfe2f3", "#6fa8dc"))
 _MM, _MJ = 1e3, 1e3
 
 
@@ -204,28 +207,28 @@ def modes(result: FitResult) -> Figure:
     rows, loads = derived(result).modes, _loads(result)
     names = list(dict.fromkeys(row["branch"] for row in rows))
     count = max((row["mode"] for row in rows), default=1)
-    figure, axes = panels(1, 2 * count, 1.9 * 2 * count, 2.6)
+    figure, axes = panels(2, count, 3.4 * count, 4.6, sharex=True)
     kinds = (
         ("natural frequency [Hz]", ("natural_frequency_hz", "lower_hz", "upper_hz")),
         ("damping ratio", ("damping_ratio", "damping_lower", "damping_upper")),
     )
-    for place, ((title, keys), mode) in enumerate((kind, mode) for kind in kinds for mode in range(1, count + 1)):
-        axis, x = axes[0, place], 0.0
-        ticks = []
-        for name in names:
-            for load, (colour, mark) in loads.items():
-                ticks.append((x + 0.12, f"{load:g} kg" + (f"\n{name}" if len(names) > 1 else "")))
-                for number, basis in enumerate(result.intervals):
-                    mine = [r for r in rows if (r["branch"], r["added_mass_kg"], r["mode"], r["basis"])
-                            == (name, load, mode, basis)]  # fmt: skip
-                    face = colour if number == len(result.intervals) - 1 else "white"
-                    label = f"{basis}" if load == min(loads) and name == names[0] else None
-                    at = np.full(len(mine), x + 0.24 * number)
-                    _limits(axis, at, mine, keys, fmt=mark, ms=4.5, mfc=face, color=colour, capsize=3, label=label)
-                x += 1
-        axis.set_xticks([place for place, _ in ticks], [text for _, text in ticks])
-        axis.set_xlim(-0.5, max(x, 1.0) - 0.25)
-        axis.set_title(f"mode {mode}\n{title}")
+    places = [(name, load) for name in names for load in loads]
+    for (row, (title, keys)), mode in product(enumerate(kinds), range(count)):
+        axis = axes[row, mode]
+        for x, (name, load) in enumerate(places):
+            colour, mark = loads[load]
+            for number, basis in enumerate(result.intervals):
+                mine = [r for r in rows if (r["branch"], r["added_mass_kg"], r["mode"], r["basis"])
+                        == (name, load, mode + 1, basis)]  # fmt: skip
+                face = colour if number == len(result.intervals) - 1 else "white"
+                label = f"{basis}" if x == 0 else None
+                at = np.full(len(mine), x + 0.24 * number)
+                _limits(axis, at, mine, keys, fmt=mark, ms=4.5, mfc=face, color=colour, capsize=3, label=label)
+        axis.set_title(f"mode {mode + 1}" if row == 0 else "")
+        axis.set_xlim(-0.5, max(len(places), 1) - 0.25)
+        axis.set_xticks(np.arange(len(places)) + 0.12, [f"{load:g}" for _, load in places])
+        axes[row, 0].set_ylabel(title)
+        axes[1, mode].set_xlabel("added mass [kg]" + (f": {', then '.join(names)}" if len(names) > 1 else ""))
     handles, labels = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=2)
     return figure
@@ -238,7 +241,7 @@ def dampers(result: FitResult) -> Figure:
     joints = list(dict.fromkeys(row["damper"] for row in found.dampers))
     figure, axes = panels(1, max(1, len(joints)), 3.6 * max(1, len(joints)), 3.2)
     for axis, joint in zip(axes[0], joints, strict=False):
-        for branch, line in zip(result.branches, _LINES, strict=False):
+        for branch, line, shades in zip(result.branches, _LINES, _SHADES, strict=False):
             for number, basis in enumerate(result.intervals):
                 mine = [r for r in found.dampers if (r["damper"], r["branch"], r["basis"])
                         == (joint, branch.name, basis)]  # fmt: skip
@@ -248,12 +251,8 @@ def dampers(result: FitResult) -> Figure:
                     np.array([row[key] for row in mine])
                     for key in ("displacement_m", "damping_n_s_per_m", "lower", "upper")
                 )
-                last = number == len(result.intervals) - 1
-                grey, name = (
-                    ("#b5b5b5" if last and number else "#dedede"),
-                    f"{branch.name}, " if len(result.open) > 1 else "",
-                )
-                axis.fill_between(_MM * x, low, high, color=grey, lw=0, alpha=0.8, label=f"{name}{basis}")
+                shade, name = shades[number > 0], f"{branch.name}, " if len(result.open) > 1 else ""
+                axis.fill_between(_MM * x, low, high, color=shade, lw=0, alpha=0.8, label=f"{name}{basis}")
                 if number == 0:
                     axis.plot(_MM * x, c, line, lw=1.2, color=_DATA, zorder=3, label=f"{name}estimate")
         spans = [row for row in found.reached if row["damper"] == joint]
@@ -468,8 +467,8 @@ def contact(result: FitResult) -> Figure:
     """The force of the table on the foot over a cycle, a panel a load; below zero the table would have to pull."""
     loads = sorted({each.added_mass_kg for each in result.contact})
     there = sorted({round(each.frequency_hz, 1) for each in result.contact})
-    figure, axes = panels(1, max(1, len(loads)), 1.0 + 3.0 * max(1, len(loads)), 2.7, sharey=True)
-    lines = {}
+    figure, axes = panels(1, max(1, len(loads)), 1.0 + 3.0 * max(1, len(loads)), 3.2, sharey=True)
+    lines, pulls = {}, None
     for axis, load in zip(axes[0], loads, strict=False):
         rows = sorted((c for c in result.contact if c.added_mass_kg == load), key=lambda c: c.frequency_hz)
         for each in rows:
@@ -478,8 +477,7 @@ def contact(result: FitResult) -> Figure:
             lines[f] = axis.plot(np.linspace(0, 1, closed.size), closed, lw=1.1, color=colour, label=f"{f:g} Hz")[0]
         low = min(min(float(c.force_n.min()) for c in rows), 0.0)
         if low < 0:
-            axis.axhspan(1.08 * low, 0, color="#c8102e", alpha=0.08, lw=0)
-            axis.text(0.02, 1.04 * low, "the table would have to pull", va="bottom", fontsize=7)
+            pulls = axis.axhspan(1.08 * low, 0, color="#c8102e", alpha=0.08, lw=0, label="the table would have to pull")
         axis.axhline(0, color="#444444", lw=0.8)
         rest = axis.axhline(rows[0].static_force_n, color="#444444", lw=0.8, ls="--", label="at rest")
         axis.set_title(f"{load:g} kg added")
@@ -487,7 +485,8 @@ def contact(result: FitResult) -> Figure:
         axis.set_xlim(0, 1)
     axes[0, 0].set_ylabel("force on the table [N]")
     if loads:
-        figure.legend(handles=[rest, *(lines[f] for f in there[:_NAMED])], loc="outside right center")
+        named = [handle for handle in (rest, pulls) if handle is not None]
+        figure.legend(handles=[*named, *(lines[f] for f in there[:_NAMED])], loc="outside lower center", ncols=4)
     return figure
 
 

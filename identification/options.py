@@ -23,12 +23,12 @@ MassStd = Annotated[
     float | None,
     typer.Option(
         metavar="SHARE",
-        help="how far segment masses may be off, as a share (default 0.15 shank, 0.1 foot; 0: exact)",
+        help="standard deviation of the segment masses, as a share (default 0.15 shank, 0.1 foot; 0: exact)",
     ),
 ]
 GainStd = Annotated[
     float | None,
-    typer.Option(metavar="SHARE", help="how far the gain may be off, as a share (default 0.01)"),
+    typer.Option(metavar="SHARE", help="standard deviation of the gain, as a share (default 0.01)"),
 ]
 DelayStd = Annotated[
     float | None,

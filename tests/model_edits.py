@@ -784,7 +784,7 @@ EDITS = (*TWO_DOF, *LEGS, *ARCHES, *MOUNTS)
 
 
 def section() -> str:
-    """The part of docs/edit_model.md that lists them, model by model."""
+    """The part of benchmarks/edits.md that lists them, model by model."""
     lines = []
     for model in OF:
         mine = [edit for edit in EDITS if edit.model == model]

@@ -11,6 +11,7 @@ from feeder import COUNTS, counts_of, hello
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from fasbody.acquire import wire
 from fasbody.acquire.bench.line import corrupt
 from fasbody.acquire.timeline import Timeline
 from fasbody.acquire.wire import (
@@ -54,16 +55,26 @@ def bitwise_crc(data: bytes, polynomial: int, reflected: bool) -> int:
     return crc
 
 
-def unstuff(wire: bytes) -> bytes:
+def unstuff(stuffed: bytes) -> bytes:
     """COBS by its paper: each code byte says how far the next zero is."""
     out, i = bytearray(), 0
-    while i < len(wire):
-        code = wire[i]
-        out += wire[i + 1 : i + code]
+    while i < len(stuffed):
+        code = stuffed[i]
+        out += stuffed[i + 1 : i + code]
         i += code
-        if code < 255 and i < len(wire):
+        if code < 255 and i < len(stuffed):
             out.append(0)
     return bytes(out)
+
+
+@pytest.mark.parametrize("size", [0, 1, 253, 254, 255, 508, 1028])
+def test_stuffing_at_the_ends_of_blocks(size: int) -> None:
+    """Against the decoder above, which is written after the paper; what ends too early is refused."""
+    for data in (b"\1" * size, b"\1" * size + b"\0", b"\0" + b"\1" * size):
+        stuffed = wire.stuff(data)
+        assert b"\0" not in stuffed
+        assert unstuff(stuffed) == wire.unstuff(stuffed) == data
+        assert wire.unstuff(stuffed[:-1]) is None or stuffed[-1] == 1
 
 
 @given(st.binary(max_size=300))

@@ -56,7 +56,7 @@ def test_a_mirror_needs_four_free_parameters() -> None:
         (Had(loads=2), "a sensor on the bones of the foot, beside that on the malleolus, may.", "--exclude"),
         (Had(loads=2, sensors=2), "The loads do not tell them apart.", "second"),
         (Had(loads=2, follow=True), "beside that on the malleolus, or excluding", "second load"),
-        (Had(loads=2, sensors=2, follow=True), "; excluding what else may be true", "second"),
+        (Had(loads=2, sensors=2, follow=True), "; excluding nuisance parameters", "second"),
     ],
 )
 def test_an_undecided_verdict_advises_what_was_not_done(had: Had, said: str, unsaid: str) -> None:

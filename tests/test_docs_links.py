@@ -134,7 +134,10 @@ def pages_have_navigation_and_fit_at_every_width(site: Path, page: Any) -> None:
     heights = "[...document.querySelectorAll('.rows .md-typeset__scrollwrap')].map(t => t.offsetHeight)"
     assert all(height == 0 or height > 40 for height in page.evaluate(heights))  # no frames without rows
     page.goto((site / "index.html").as_uri())
-    for word, first in (("Settings", "Fit a foot"), ("k_T", "Symbols")):
+    for word, first in (
+        ("Settings", "Fit a foot"), ("k_T", "Symbols"), ("insole", "How to edit the model"),
+        ("t-test", "Transmissibility of a folder"), ("confidence interval", "How the fit works"),
+    ):  # fmt: skip
         page.locator(".md-search__input").fill("")
         page.locator(".md-search__input").press_sequentially(word)
         page.wait_for_function(

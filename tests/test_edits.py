@@ -1,4 +1,4 @@
-"""docs/edit_model.md: edit the file and everything follows, or says which element it cannot follow."""
+"""Edit the file and everything follows, or says which element it cannot follow."""
 
 import json
 from pathlib import Path
@@ -67,10 +67,10 @@ def test_no_edit_is_a_silent_nothing() -> None:
 
 
 def test_the_page_lists_them() -> None:
-    page = (Path(__file__).parents[1] / "docs" / "edit_model.md").read_text()
+    page = (Path(__file__).parents[1] / "benchmarks" / "edits.md").read_text()
     for line in section().splitlines():
         assert line in page, (
-            f"python tests/model_edits.py prints the section; this is not in docs/edit_model.md: {line}"
+            f"python tests/model_edits.py prints the section; this is not in benchmarks/edits.md: {line}"
         )
 
 

@@ -1,12 +1,17 @@
 """The front page and the pages of numbers say what the rest of the project says: rows, verdicts, version."""
 
 import re
+import runpy
 import tomllib
 from pathlib import Path
 
 import numpy as np
 import yaml
 from PIL import Image
+
+from fasbody.foot.model import load
+from fasbody.leg.chain import Leg
+from fasbody.leg.peaks import peaks
 
 ROOT = Path(__file__).parent.parent
 README = (ROOT / "README.md").read_text()
@@ -68,10 +73,45 @@ def test_citation_is_complete_and_agrees_with_the_package() -> None:
     assert cited["cff-version"] == "1.2.0"
     assert cited["message"] and cited["title"].startswith(PROJECT["name"]) and cited["authors"]
     assert all(set(author) & {"name", "family-names"} for author in cited["authors"])
-    assert str(cited["version"]) == PROJECT["version"] and cited["license"] == PROJECT["license"]
+    assert cited["license"] == PROJECT["license"]
     assert re.fullmatch(r"\d{4}-\d\d-\d\d", str(cited["date-released"]))
     for reference in cited["references"]:
         assert {"type", "title", "authors"} <= set(reference)
+
+
+def test_changelog_has_the_last_release_and_its_date() -> None:
+    """What is cited was released; between releases the package has the next version."""
+    cited = yaml.safe_load((ROOT / "CITATION.cff").read_text())
+    changes = (ROOT / "CHANGELOG.md").read_text()
+    assert f"## {cited['version']} ({cited['date-released']})" in changes
+    assert ("\n## Unreleased\n" in changes) == PROJECT["version"].endswith(".dev0")
+    assert PROJECT["version"].endswith(".dev0") or str(cited["version"]) == PROJECT["version"]
+
+
+def test_release_says_what_is_missing(tmp_path: Path) -> None:
+    """Of this checkout, and of one in which all is filled in."""
+    problems = runpy.run_path(str(ROOT / ".ci" / "release"))["problems"]
+    for name in ("pyproject.toml", "CITATION.cff", "CHANGELOG.md"):
+        (tmp_path / name).write_text((ROOT / name).read_text())
+    assert len(problems(tmp_path)) >= 4
+    (tmp_path / "pyproject.toml").write_text('[project]\nversion = "9.8.7"\n')
+    (tmp_path / "CITATION.cff").write_text("x: 1\nversion: 9.8.7\ndate-released: 2030-01-02\n")
+    (tmp_path / "CHANGELOG.md").write_text("# Changes\n\n## 9.8.7 (2030-01-02)\n")
+    assert problems(tmp_path) == []
+
+
+def test_numbers_of_the_paper() -> None:
+    """Those that cost little; tests/test_bundled.py has those of the fit."""
+    paper = (ROOT / "docs" / "paper" / "paper.md").read_text()
+    thesis = (ROOT / "docs" / "reproduction.md").read_text().split("\n## Outside data")[0]
+    counts = re.findall(r"^- \*\*(\d+)\*\* ", thesis, re.MULTILINE)
+    verdicts = r"Each of the (\d+) rows of the thesis has a verdict: (\d+) are reproduced, (\d+) corrected, (\d+)"
+    found = re.findall(verdicts, paper)
+    assert found == [(str(sum(map(int, counts))), *counts[:3])]
+    foot = load("leg")
+    result = peaks(Leg.from_model(foot.model, foot.name), foot.name)
+    low, middle, high = (round(result.highest("MB", number)[0]) for number in range(3))
+    assert f"lies at {low}, {middle} and {high} Hz under 0, 2.3 and 4.5 kg" in " ".join(paper.split())
 
 
 def test_film_shows_the_fit_of_the_page() -> None:

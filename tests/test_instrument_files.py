@@ -1,7 +1,7 @@
 """Files as instruments and programs write them, each by an independent writer, of a signal whose answer is known.
 
 Every function writes one file. Most are read at once; some need a study.toml, which stands with them; what is refused
-says why. docs/files.md lists them, and a test keeps list and page equal.
+says why. benchmarks/instrument_files.md lists them, and a test keeps list and page equal.
 """
 
 import csv
@@ -635,7 +635,7 @@ def told(case: Case) -> str:
 
 
 def test_the_page_lists_every_file() -> None:
-    page = (Path(__file__).parents[1] / "docs" / "files.md").read_text()
+    page = (Path(__file__).parents[1] / "benchmarks" / "instrument_files.md").read_text()
     assert [line for line in page.splitlines() if line.startswith("| `")] == [told(case) for case in CASES]
     read = [case for case in CASES if not case.refused]
     alone = sum(not case.toml for case in read)

@@ -23,7 +23,7 @@ SAID = {
     ("fasbody.laboratory", "a", "b", "c"): "unexpected argument 'b c'; beside options it takes the argument 'study'.",
     ("fasbody.recording", "x"): "unknown command 'x' (valid: check, convert, merge, init).",
     ("fasbody.arch",): "name one of sensitivity, reduction, load, validate, crosscheck.",
-    ("fasbody", "--[b]"): "unknown option '--[b]' (valid: --json, --version, --help).",
+    ("fasbody", "--[b]"): "unknown option '--[b]' (valid: --json, --version, --completion, --help).",
     ("identification.fit", "--strats", "3"):
         "unknown option '--strats', did you mean '--starts'? For all options see --help.",
     ("identification.fit", "--?"): "unknown option '--?'; for all options see --help.",

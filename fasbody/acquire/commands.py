@@ -485,5 +485,4 @@ def _frequencies(sweep: str | None, frequency: float | None) -> tuple[float | No
 
 def run() -> None:
     """Run the command that the arguments name; `record` if none is named."""
-    words = sys.argv[1:]
-    run_app(app, words if words[:1] in (["recover"], ["record"], ["calibrate"]) else ["record", *words])
+    run_app(app, name="python -m fasbody.acquire", default="record")

@@ -15,17 +15,11 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 from fasbody.acquire.capture import Capture
 from fasbody.acquire.wire import Decoder
 from fasbody.exceptions import AcquisitionError, MissingPackageError
-
-try:
-    import serial
-    from serial.tools import list_ports
-except ImportError:  # the extra is not installed
-    raise MissingPackageError("pyserial", "acquire") from None
 
 #: Longest wait for bytes [s]: what a kill can cost at most, and how soon the live view hears of silence.
 WAIT_S = 0.02
@@ -42,6 +36,20 @@ HELLO_S = 5.0
 _LISTEN_S, _ASK_S = 1.3, 0.5
 #: What is raised when a port goes away; pyserial's own errors are OSErrors.
 _GONE = (OSError, termios.error)
+
+
+def pyserial() -> Any:
+    """The package with its list of ports, imported when a port is asked for: a plan needs none.
+
+    Raises:
+        MissingPackageError: the extra is not installed.
+    """
+    try:
+        import serial
+        import serial.tools.list_ports
+    except ImportError:
+        raise MissingPackageError("pyserial", "acquire") from None
+    return serial
 
 
 class Unplugged(AcquisitionError):
@@ -82,7 +90,7 @@ class Port:
     def __init__(self, name: str, baud: int) -> None:
         self.name, self.baud = name, baud
         try:
-            self._serial = serial.Serial(name, baud, timeout=WAIT_S, write_timeout=1.0, exclusive=True)
+            self._serial = pyserial().Serial(name, baud, timeout=WAIT_S, write_timeout=1.0, exclusive=True)
             self._serial.reset_input_buffer()
         except (*_GONE, ValueError) as error:
             known = ", ".join(port.device for port in ports()) or "none"
@@ -185,7 +193,8 @@ class PortInfo:
 
 def ports() -> list[PortInfo]:
     """All serial ports of this computer."""
-    return [PortInfo(p.device, p.description or "", p.hwid or "") for p in sorted(list_ports.comports())]
+    found = pyserial().tools.list_ports.comports()
+    return [PortInfo(p.device, p.description or "", p.hwid or "") for p in sorted(found)]
 
 
 @dataclass(frozen=True)

@@ -19,13 +19,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fasbody.exceptions import MissingPackageError
 from fasbody.recording.channels import TIME_UNITS, UNITS
-
-try:
-    from cobs import cobs
-except ImportError:  # the extra is not installed
-    raise MissingPackageError("cobs", "acquire") from None
 
 #: Channel roles; base and malleolus are needed, the others optional.
 ROLES = ("base", "malleolus", "tuberosity", "other")
@@ -34,6 +28,8 @@ LONGEST = 1024
 LONGEST_WIRE = LONGEST + 4 + 6
 LONGEST_LINE = 256
 _LARGEST_BOARD_NAME = 32
+#: Bytes in a full block of the stuffing, after which no zero stands.
+_BLOCK = 254
 _VERSION, _OVER_RANGE = 1, 1
 #: So many channels have a flag of their own.
 _FLAGGED = 7
@@ -229,9 +225,8 @@ class FrameReader(PieceReader):
 
     def read(self, piece: bytes) -> Message | None:
         """One frame; None for data before the first hello."""
-        try:
-            raw = cobs.decode(piece)
-        except cobs.DecodeError:
+        raw = unstuff(piece)
+        if raw is None:
             return Damage("COBS", len(piece))
         payload = raw[:-4]
         if len(payload) < 2 or raw[-4:] != _checks(payload):
@@ -317,7 +312,32 @@ def wrap(payload: bytes) -> bytes:
 
     The first zero keeps a frame readable whose predecessor lost its last one.
     """
-    return b"\0" + cobs.encode(payload + _checks(payload)) + b"\0"
+    return b"\0" + stuff(payload + _checks(payload)) + b"\0"
+
+
+def stuff(data: bytes) -> bytes:
+    """Consistent overhead byte stuffing (Cheshire and Baker, 1999): the same content without a zero byte."""
+    out = bytearray()
+    for run in data.split(b"\0"):
+        full, rest = divmod(len(run), _BLOCK)
+        for start in range(0, full * _BLOCK, _BLOCK):
+            out += b"\xff" + run[start : start + _BLOCK]
+        out += bytes([rest + 1]) + run[full * _BLOCK :]
+    return bytes(out)
+
+
+def unstuff(piece: bytes) -> bytes | None:
+    """What was stuffed; None where a block is longer than what is there, or holds a zero."""
+    out, start = bytearray(), 0
+    while start < len(piece):
+        end = start + piece[start]
+        if piece[start] == 0 or end > len(piece) or 0 in piece[start:end]:
+            return None
+        out += piece[start + 1 : end]
+        if piece[start] <= _BLOCK and end < len(piece):
+            out.append(0)
+        start = end
+    return bytes(out)
 
 
 def _checks(payload: bytes) -> bytes:

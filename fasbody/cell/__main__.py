@@ -19,6 +19,12 @@ if TYPE_CHECKING:
     from fasbody.cell.viscoelastic import StandardLinearSolid
 
 T = TypeVar("T")
+
+
+def _made(folder: Path | None) -> Path | None:
+    return make_folder(folder) if folder else None
+
+
 PresetOption = Annotated[str, typer.Option("--preset", help="as-printed, as-reproduced or si")]
 ShapeOption = Annotated[str, typer.Option("--shape", help=r"base axes, long x short \[um]")]
 SizeOption = Annotated[float, typer.Option("--size", help=r"element size \[um]; finer at nucleus and rim")]
@@ -30,7 +36,7 @@ ModulusOption = Annotated[float | None, typer.Option("--modulus", help="Young's 
 JsonOption = Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")]
 OutOption = Annotated[
     Path | None,
-    typer.Option("--out", help="folder for results and figures", callback=lambda out: out and make_folder(out)),
+    typer.Option("--out", help="folder for results and figures", callback=_made),
 ]
 
 BodyArgument = Annotated[

@@ -28,7 +28,7 @@ from fasbody.cell.viscoelastic import (
     damped_modes,
     force_response,
 )  # fmt: skip
-from fasbody.exceptions import InputFileError, MeshError, SettingError, unknown
+from fasbody.exceptions import InputFileError, MeshError, MissingPackageError, SettingError, unknown
 from fasbody.presentation import Presented, Sheet, Tabled
 
 T = TypeVar("T")
@@ -251,8 +251,10 @@ def read_body(source: str | Path, *, unit: str = "mm", up: str = "y", size: floa
 
 
 def _bone(name: str) -> Any:
-    import trimesh
-
+    try:
+        import trimesh
+    except ImportError as error:
+        raise MissingPackageError("trimesh", "cell") from error
     with np.load(mjcf.asset("anatomy.npz"), allow_pickle=False) as stored:
         vertices, faces = stored[f"{name}.vertices"], stored[f"{name}.faces"]
     return trimesh.Trimesh(GRAIN_UM * vertices.astype(np.float64), faces.astype(np.int64))

@@ -206,9 +206,9 @@ def merge(
     study: _Study = None,
     json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
 ) -> None:
-    """Make one recording of two loggers, one on the foot and one on the table, by a knock that both felt.
+    """Make one recording of two loggers, one on the foot and one on the table, by a knock in both.
 
-    How well the delay is known goes into every phase and fit of the merged recording.
+    The uncertainty of the delay enters every phase and fit of the merged recording.
 
     Examples:
       python -m fasbody.recording merge table.csv knee.csv merged.csv --base z --malleolus z

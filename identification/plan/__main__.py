@@ -5,6 +5,7 @@ import time
 from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
+from shlex import join
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -13,7 +14,6 @@ from rich.markup import escape
 from fasbody.console import command_line, console, make_folder, print_json, results, run_app
 from fasbody.exceptions import AcquisitionError, SettingError, Stopped, unknown
 from fasbody.foot.shaker import PEAK_TO_PEAK
-from fasbody.presentation import write_figure
 from identification.options import DelayStd, GainStd, MassStd
 
 if TYPE_CHECKING:
@@ -63,16 +63,16 @@ _Table = Annotated[float, typer.Option(help="moving mass of the shaker in kg, fo
 _Kinds = Annotated[str, typer.Option(help="sine, multisine; separated by commas")]
 _Sensors = Annotated[str, typer.Option(help="accelerometers that are worn, e.g. malleolus,foot")]
 _Seconds = Annotated[float, typer.Option(help="length of a recording in s")]
-_Noise = Annotated[float, typer.Option(help="noise of a sensor, rms of a sample in m/s^2, until recordings tell it")]
+_Noise = Annotated[
+    float, typer.Option(help="noise of a sensor, rms of a sample in m/s^2, until recordings determine it")
+]
 _Repeatability = Annotated[
     float,
-    typer.Option(metavar="SHARE", help="scatter of a harmonic between recordings, until they tell it"),
+    typer.Option(metavar="SHARE", help="relative scatter of a harmonic between recordings, until they determine it"),
 ]
 _Exclude = Annotated[
     str | None,
-    typer.Option(
-        help="what to rule out, as in identification.fit: mount, relaxation, load, share, rocking, drift, or all"
-    ),
+    typer.Option(help="nuisances to exclude, as in a fit: mount, relaxation, load, share, rocking, drift, or all"),
 ]
 _Draws = Annotated[int, typer.Option(help="feet to average over (default 32, after recordings 12)")]
 _Seed = Annotated[int, typer.Option(min=0, help="seed of the drawn feet")]
@@ -118,9 +118,11 @@ def propose(
     protocol: Annotated[
         Path | None, typer.Option(help="write the steps to this file, which python -m fasbody.acquire --plan runs")
     ] = None,
-    out: Annotated[Path | None, typer.Option(help="folder for protocol.json, plan.json, plan.csv and figures")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="folder for report.html, protocol.json, plan.json, plan.csv and figures")
+    ] = None,
 ) -> None:
-    """Plan the recordings worth making: a session that decides the mirror feet and narrows the intervals.
+    """Plan what to record next: a session that decides between the mirror feet and narrows the intervals.
 
     Examples:
       python -m identification.plan --body-mass 80
@@ -163,10 +165,14 @@ def propose(
     else:
         show(result)
     if out is not None:
-        result.write(out)
-        for kind in result.plots:
-            write_figure(result.plot(kind), out / f"{kind}.svg", out / f"{kind}.png")
-        console.print(f"written to [bold]{out}[/]: protocol.json, plan.json, plan.csv and figures", soft_wrap=True)
+        from identification import page  # its figures take seconds that the table need not wait
+
+        words = sys.argv[2:] if sys.argv[1:2] == ["propose"] else sys.argv[1:]
+        page.write(result, out, join(["fasbody", "plan", *words]))
+        console.print(
+            f"report: [bold]{out}/report.html[/], with protocol.json, plan.json, plan.csv and figures beside it",
+            soft_wrap=True,
+        )
 
 
 @app.command()
@@ -207,7 +213,7 @@ def run(
     seed: _Seed = 0,
     json_: _Json = False,
 ) -> None:
-    """Record, fit and plan in turn; say after each recording what it was, what is known now, and what is next.
+    """Record, fit and plan in turn; report each recording, the intervals so far, and the next step.
 
     However it ends, also by Ctrl-C, the result so far is printed and written to session.json in the study folder; the
     same command goes on from the recordings that are there.
@@ -401,8 +407,7 @@ def show(result: "Presented") -> None:
 
 def start() -> None:
     """Run the command that the arguments name; `propose` if none is named."""
-    words = sys.argv[1:]
-    run_app(app, words if words[:1] in (["run"], ["propose"]) else ["propose", *words])
+    run_app(app, name="python -m identification.plan", default="propose")
 
 
 if __name__ == "__main__":

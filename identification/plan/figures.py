@@ -17,9 +17,10 @@ if TYPE_CHECKING:
     from identification.plan.result import Planned
 
 _LOOKS = {
-    PLANNED: ("planned", COLOURS[0], ""), THESIS: ("thesis, three loads", "#8c8c8c", ""),
-    UNLOADED: ("thesis, unloaded", "#d9d9d9", "//"),
-}  # fmt: skip
+    PLANNED: ("planned", COLOURS[0]),
+    THESIS: ("thesis, three loads", "#8c8c8c"),
+    UNLOADED: ("thesis, unloaded", "#ffffff"),
+}
 #: Room above the highest mark.
 _ROOM = 1.06
 _LABELS = {"k_T": "$k_T$", "k_F": "$k_F$", "c_11": "$c_{11}$", "c_21": "$c_{21}$"}
@@ -89,7 +90,7 @@ def _times(result: "Planned", axis: Axes) -> None:
     """Where and how long both protocols shake."""
     loads = sorted({s.added_mass_kg for e in result.expected.values() for s in e.steps})
     for name, lower in ((THESIS, 0.16), (PLANNED, -0.16)):
-        label, colour, _ = _LOOKS[name]
+        label, colour = _LOOKS[name]
         steps = result.expected[name].steps
         x = [s.frequency_hz for s in steps]
         y = [loads.index(s.added_mass_kg) + lower for s in steps]
@@ -107,13 +108,15 @@ def _widths(result: "Planned", axis: Axes) -> None:
     """Half-widths of the 95 % intervals, with the range over the feet."""
     names = [name for name in (PLANNED, THESIS, UNLOADED) if name in result.expected]
     for number, name in enumerate(names):
-        label, colour, hatch = _LOOKS[name]
+        label, colour = _LOOKS[name]
         e = result.expected[name]
         x = np.arange(len(EXCHANGED)) + 0.27 * (number - 0.5 * (len(names) - 1))
         height = np.array([100 * e.half_width[c] for c in EXCHANGED])
         low, high = (np.array([100 * ends[c] for c in EXCHANGED]) for ends in (e.least, e.most))
-        axis.bar(x, height, 0.25, color=colour, hatch=hatch, edgecolor="#595959", lw=0.4, label=label)
-        axis.errorbar(x, height, [height - low, high - height], fmt="none", ecolor="#2b2b2b", lw=0.8, capsize=1.5)
+        axis.errorbar(
+            x, height, [height - low, high - height], fmt=MARKS[number], ms=5, color="#2b2b2b", mfc=colour, lw=0.8,
+            capsize=1.5, label=label,
+        )  # fmt: skip
     axis.set_yscale("log")
     axis.set_ylim(top=4 * axis.get_ylim()[1])
     axis.yaxis.set_major_formatter(lambda y, _: f"{y:g}")

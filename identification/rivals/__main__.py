@@ -1,13 +1,14 @@
 """`python -m identification.rivals`: the same recordings against a ladder of rival models."""
 
+import sys
 from pathlib import Path
+from shlex import join
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.markup import escape
 
 from fasbody.console import command_line, console, make_folder, print_json, results, stages
-from fasbody.presentation import write_figure
 from fasbody.recording.sources import gather
 from fasbody.recording.study import BUNDLED
 from identification.options import AddedMass, BodyMass, Data, DelayStd, GainStd, Mapping, MassStd
@@ -35,7 +36,9 @@ def main(
     delay_std: DelayStd = None,
     write_model: Annotated[Path | None, typer.Option(help="folder for every fitted rival, as MJCF")] = None,
     json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
-    out: Annotated[Path | None, typer.Option(help="folder for rivals.csv, rivals.json and figures")] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="folder for report.html, rivals.csv, rivals.json and figures")
+    ] = None,
 ) -> None:
     """Compare rival models on the same recordings, ranked by BIC and by held-out prediction.
 
@@ -74,10 +77,12 @@ def main(
         for path, gap in write_models(result, file, write_model).items():
             console.print(f"{path}: MuJoCo moves as fitted to {gap:.1e} of the peak", soft_wrap=True)
     if out is not None:
-        result.write(out)
-        for kind in result.plots:
-            write_figure(result.plot(kind), out / f"{kind}.svg", out / f"{kind}.png")
-        console.print(f"written to [bold]{out}[/]: rivals.csv, rivals.json and figures", soft_wrap=True)
+        from identification import page  # its figures take seconds that the table need not wait
+
+        page.write(result, out, join(["fasbody", "rivals", *sys.argv[1:]]))
+        console.print(
+            f"report: [bold]{out}/report.html[/], with rivals.csv, rivals.json and figures beside it", soft_wrap=True
+        )
 
 
 def show(result: "Rivals") -> None:

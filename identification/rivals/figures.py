@@ -15,6 +15,8 @@ if TYPE_CHECKING:
 #: Colours that the colour-blind tell apart (Okabe and Ito), with marks of their own.
 _COLOURS = (*COLOURS, "#8c6d31", "#7f7f7f", "#000000")
 _MARKS = ("o", "s", "^", "v", "D", "P", "X", "<", ">")
+#: An interval is drawn whole up to this factor from its value; beyond it, it is cut at the frame.
+_CUT = 30.0
 #: Rivals drawn over frequency: more would hide each other.
 _DRAWN = 4
 
@@ -91,13 +93,14 @@ def constants(result: "Rivals") -> Figure:
                 told.append((r.other[name == "k_F"], 0.24, "#D55E00", "white", "other branch, where it stays open"))
             for e, lower, colour, face, label in told:
                 assert e is not None
-                values.append(e.value / 1e3)
+                low, high = max(e.lower, e.value / _CUT), min(e.upper, e.value * _CUT)
+                values += [low / 1e3, e.value / 1e3, high / 1e3]
                 marks[label] = axis.errorbar(
                     [e.value / 1e3], [place - lower], fmt="o", ms=4, color=colour, mfc=face, capsize=2.5, alpha=alpha,
                     xerr=[[max(0, e.value - e.lower) / 1e3], [max(0, e.upper - e.value) / 1e3]], lw=1.1,
                 )  # fmt: skip
         axis.set_xscale("log")
-        axis.set_xlim(min(values) / 1.6, max(values) * 1.6)
+        axis.set_xlim(min(values) / 1.2, max(values) * 1.2)
         axis.set_xlabel(f"${name[0]}_{name[2]}$ [kN/m]")
         axis.xaxis.set_major_locator(LogLocator(subs=(1, 2, 5)))
         axis.xaxis.set_major_formatter(lambda x, _: f"{x:g}")

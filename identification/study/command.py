@@ -41,9 +41,7 @@ def main(
     domain: Annotated[str, typer.Option(help="auto, periodic (steady state) or time")] = "auto",
     free: Annotated[str | None, typer.Option(help="parameters to estimate, e.g. k_T,k_F (default: all)")] = None,
     bounds: Annotated[list[str] | None, typer.Option(help="NAME=LOWER:UPPER in SI units; repeat for several")] = None,
-    prior: Annotated[
-        list[str] | None, typer.Option(help="prior belief about every fit, k_T>k_F or k_F=5e4:2e5; repeat")
-    ] = None,
+    prior: Annotated[list[str] | None, typer.Option(help="prior of every fit, k_T>k_F or k_F=5e4:2e5; repeat")] = None,
     profile: Annotated[str | None, typer.Option(help="parameters to profile, e.g. k_T,k_F")] = None,
     validate: Annotated[
         bool, typer.Option("--validate", help="leave one frequency out; linear against nonlinear damping")

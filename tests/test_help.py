@@ -1,0 +1,74 @@
+"""What `--help` shows, and what completes a command in a shell."""
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from rich.text import Text
+from typer_apps import HOMES, click_command, sub_commands
+
+from fasbody.commands import commands
+from fasbody.completion import SCRIPTS, following, script
+from fasbody.exceptions import SettingError
+
+ROOT = Path(__file__).parent.parent
+#: Runs the entry point of an installed `fasbody`.
+INSTALLED = "import sys; from fasbody.__main__ import start; sys.argv[0] = 'fasbody'; start()"
+
+
+def helped(*arguments: str) -> str:
+    done = subprocess.run([sys.executable, *arguments, "--help"], cwd=ROOT, capture_output=True, text=True, check=True)
+    return done.stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "module"),
+    [("fit", "identification.fit"), ("plan", "identification.plan"), ("plan run", "identification.plan run"),
+     ("check", "fasbody.recording check"), ("recording check", "fasbody.recording check"), ("cell", "fasbody.cell"),
+     ("record", "fasbody.acquire")],
+)  # fmt: skip
+def test_help_calls_a_command_as_it_was_started(words: str, module: str) -> None:
+    short, long = helped("-c", INSTALLED, *words.split()), helped("-m", *module.split())
+    assert f"Usage: fasbody {words} [" in short and "python -m" not in short
+    assert f"Usage: python -m {module} [" in long
+    for text in (short, long):
+        assert not re.search(r"<\w+|\w+\[(Path|str|int|float)\]", text)
+        if "Examples:" in text:
+            assert text.index("Options") < text.index("Examples:")
+
+
+@pytest.mark.parametrize("module", sorted(HOMES))
+def test_no_word_of_a_help_is_taken_for_markup(module: str) -> None:
+    for command in (click_command(module), *sub_commands(module).values()):
+        for text in (command.help or "", *(getattr(parameter, "help", None) or "" for parameter in command.params)):
+            assert Text.from_markup(text).plain == text.replace("\\[", "[")
+
+
+def test_completion_knows_words_and_options() -> None:
+    assert set(following([])) >= {command.words.split()[0] for command in commands() if command.words}
+    assert {"sensitivity", "load"} <= set(following(["arch"]))
+    assert "--model" in following(["fit"]) and "run" in following(["plan"])
+    assert following(["nonsense"]) == []
+    for shell in SCRIPTS:
+        assert "fasbody --following" in script(shell)
+    with pytest.raises(SettingError, match=r"unknown shell .csh."):
+        script("csh")
+
+
+def test_bash_completes_with_the_script() -> None:
+    asked = f'{script("bash")}\nfasbody() {{ {sys.executable} -c "{INSTALLED}" "$@"; }}\n' + (
+        'COMP_WORDS=(fasbody fit --bod); COMP_CWORD=2; _fasbody; echo "${COMPREPLY[@]}"'
+    )
+    done = subprocess.run(["bash", "-c", asked], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == "--body-mass"
+
+
+def test_a_package_that_hides_ours_is_named(tmp_path: Path) -> None:
+    (tmp_path / "viz").mkdir()
+    (tmp_path / "viz" / "__init__.py").write_text("")
+    code = f"import sys; sys.path.append({str(ROOT)!r}); {INSTALLED}"
+    for place, warned in ((tmp_path, True), (ROOT, False)):
+        done = subprocess.run([sys.executable, "-c", code, "--version"], cwd=place, capture_output=True, text=True)
+        assert ("hides the package viz" in done.stderr) == warned
