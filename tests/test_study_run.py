@@ -249,7 +249,7 @@ def test_failures_are_said_once_with_their_places() -> None:
     from made_fits import failed
 
     same = [failed(str(s), "there are three or more frequencies needed.") for s in range(1, 6)]
-    every = command.failures_said([*same, failed("9", "s9.csv: is dead.")])
+    every = command.failures([*same, failed("9", "s9.csv: is dead.")])
     where = "; ".join(f"subject {s}, midstance, 0 kg, 10 Hz" for s in (1, 2, 3))
     assert every == [
         f"{where} and 2 more: there are three or more frequencies needed.",

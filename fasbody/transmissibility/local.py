@@ -36,8 +36,11 @@ def local(
     """Channels over the base at given frequencies.
 
     Args:
-        time_s: (n,) [s], uniform. channels: (n,) each [m/s^2], "base" among them.
-        frequency_hz: (f,) where. band_hz: that the shaker excites. resolution_hz: half width of the windows.
+        time_s: (n,) [s], uniform.
+        channels: (n,) each [m/s^2], "base" among them.
+        frequency_hz: (f,) where.
+        band_hz: that the shaker excites.
+        resolution_hz: half width of the windows.
 
     Raises:
         RecordingError: too short for a window within the band, or no window with enough lines that the base drives.

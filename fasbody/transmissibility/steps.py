@@ -18,7 +18,8 @@ def steps_of(time_s: np.ndarray, base: np.ndarray) -> list[tuple[slice, float]]:
     """Where each step is, settled, and its frequency [Hz]; none if the motion is no row of sines.
 
     Args:
-        time_s: (n,) [s], uniform. base: (n,) [m/s^2], without offset.
+        time_s: (n,) [s], uniform.
+        base: (n,) [m/s^2], without offset.
     """
     from scipy.signal import hilbert
 

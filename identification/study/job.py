@@ -66,8 +66,8 @@ def _done(work: Work, left_out: list[str]) -> Document:
 
 def sampled(work: Work) -> Settings:
     """The settings of a fit: in the time domain MuJoCo runs every twentieth fit throughout, if not told otherwise."""
-    wanted = work.settings.replay
-    return replace(work.settings, replay=int(int(work.job.key, 16) % SAMPLE == 0) if wanted == 0 else wanted)
+    by_key = int(int(work.job.key, 16) % SAMPLE == 0)
+    return replace(work.settings, replay=work.settings.replay or by_key)
 
 
 def _cycles(result: Document, foot: Foot, data: Sequence[Recording]) -> list[Document]:
@@ -76,9 +76,8 @@ def _cycles(result: Document, foot: Foot, data: Sequence[Recording]) -> list[Doc
         return cycles(result, foot, data)
     except SimulationError as problem:
         best = {**result, "branches": result["branches"][:1]}
-        found = cycles(best, foot, data)
         result["warnings"].append(f"Cycles are of the {result['branches'][0]['name']} branch only: {problem}")
-        return found
+        return cycles(best, foot, data)
 
 
 def _usable(recordings: Sequence[Recording], left_out: list[str]) -> tuple[list[Recording], list[Recording]]:

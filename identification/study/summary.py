@@ -147,17 +147,6 @@ def outliers(values: np.ndarray) -> np.ndarray:
     return known & ((values < low - reach) | (values > high + reach))
 
 
-def fit_percents(documents: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
-    """Mode, subject, posture, load, frequency and fit percentage of every recording of every fit."""
-    rows = [
-        {"mode": d["mode"], "subject": d["subject"], "posture": d["posture"], **{k: r[k] for k in _OF_RECORDING}}
-        for d in documents
-        if d["status"] == "done"
-        for r in d["result"]["recordings"]
-    ]
-    return pd.DataFrame(rows, columns=["mode", "subject", "posture", *_OF_RECORDING])
-
-
 def shown_fit(document: Mapping[str, Any], tracked: Mapping[str, str] | None = None) -> float:
     """Fit percentage of the branch that is shown, the mean over its recordings."""
     name, _ = shown(document, tracked)
@@ -191,9 +180,6 @@ def poor_sentence(documents: Sequence[Mapping[str, Any]], tracked: Mapping[str, 
         f"{len(poor)} of {done} fits follow their recordings to less than {POOR_FIT:g} % ({listed}{more}). They are "
         "left out of means, bands, boxes and energies; more --starts or wider --bounds may find better ones."
     )
-
-
-_OF_RECORDING = ("file", "added_mass_kg", "frequency_hz", "fit_percent")
 
 
 def _serving(documents: Iterable[Mapping[str, Any]]) -> tuple[int, int]:
