@@ -4,11 +4,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy import linalg
 
 from fasbody.exceptions import SettingError
 from identification.blackbox.data import Series
-from identification.blackbox.least_squares import project_states, spread
+from identification.blackbox.least_squares import project_states, spread, triangle
 from identification.blackbox.pem import Residuals
 from identification.blackbox.pem import estimate as estimate_polynomial
 from identification.blackbox.polynomial import Orders, PolynomialModel
@@ -159,13 +160,8 @@ def decompose(recordings: Series | Sequence[Series], block_rows: int = BLOCK_ROW
         raise SettingError(
             f"a subspace estimate with {i} block rows needs recordings of more than {6 * i} samples; lower the order."
         )
-    blocks = []
-    for series in pooled:
-        u = np.lib.stride_tricks.sliding_window_view(series.u, 2 * i)
-        y = np.lib.stride_tricks.sliding_window_view(series.y, 2 * i)
-        stacked = np.hstack([u[:, i:], u[:, :i], y[:, :i], y[:, i:]])  # future u, past u, past y, future y
-        blocks.append(linalg.qr(stacked, mode="r", overwrite_a=True, check_finite=False)[0][: 4 * i])
-    r = blocks[0] if len(blocks) == 1 else linalg.qr(np.vstack(blocks), mode="r", check_finite=False)[0][: 4 * i]
+    windows = [[sliding_window_view(x, 2 * i) for x in (series.u, series.y)] for series in pooled]
+    r = triangle(np.hstack([u[:, i:], u[:, :i], y[:, :i], y[:, i:]]) for u, y in windows)  # future u first, past, y
     projected = r[i : 3 * i, 3 * i :].T  # future outputs on the past, future inputs removed
     left, s, _ = linalg.svd(projected / np.sqrt(columns), full_matrices=False)
     return Subspace(pooled, r, i, left, s, columns)
@@ -176,5 +172,5 @@ def estimate(
 ) -> StateSpaceModel:
     """State-space model of `order`, by default the number of singular values above the noise."""
     rows = BLOCK_ROWS if order is None else max(BLOCK_ROWS, order + 1)
-    found = decompose(recordings, rows)
-    return found.model(found.order() if order is None else order, refine=refine)
+    subspace = decompose(recordings, rows)
+    return subspace.model(subspace.order() if order is None else order, refine=refine)

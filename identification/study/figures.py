@@ -120,7 +120,7 @@ def curves(table: pd.DataFrame, origin: str) -> Figure:
         "truth": (known, _TRUTH),
     }
     handles = _load_keys(loads, ls="-", lw=0.6)
-    handles += [_key(label, **style) for label, (there, style) in keys.items() if there]
+    handles += [_key(label, **style) for label, (drawn_at_all, style) in keys.items() if drawn_at_all]
     figure.legend(
         handles=handles, loc="outside upper center", handletextpad=0.4, columnspacing=1.0,
         ncols=len(handles) if len(handles) < 7 else 4,
@@ -425,9 +425,9 @@ def _people_of(
         for q, at, y in zip(c.persons, x, alone, strict=True):
             if q in c.odd:
                 axis.plot(at, y, "o", ms=9, mfc="none", color=MODEL)
-                beside = {"xytext": (7, -2), "textcoords": "offset points", "fontsize": 8}
+                beside: dict[str, Any] = {"xytext": (7, -2), "textcoords": "offset points", "fontsize": 8}
                 axis.annotate(q.subject, (at, y), color=MODEL, **beside)
-        weight = {"elinewidth": 2, "mfc": colour, "alpha": 1.0}
+        weight: dict[str, Any] = {"elinewidth": 2, "mfc": colour, "alpha": 1.0}
         if p.verdict != "decided":
             weight = {"elinewidth": 1, "mfc": "none", "alpha": 0.5}
         ends = [[scale * (c.mean - c.lower)], [scale * (c.upper - c.mean)]]

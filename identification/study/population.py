@@ -97,7 +97,7 @@ class Constant(Tabled):
     left_out: tuple[LeftOut, ...] = ()
 
     @property
-    def spread_said(self) -> tuple[str, str]:
+    def spread_text(self) -> tuple[str, str]:
         """The spread between persons and its 95 % interval, in words where none can be told."""
         if self.spread < _NO_SPREAD:
             return f"cannot be told from {len(self.persons)} persons", f"at most {100 * self.spread_upper:.2g} %"
@@ -136,7 +136,7 @@ class Population(Tabled):
     left_out: tuple[LeftOut, ...]
 
     @property
-    def odds_said(self) -> str:
+    def odds_text(self) -> str:
         """Both odds, in a clause."""
         alone, common = (_to_one(odds) for odds in (self.odds_log, self.common_odds_log))
         return f"{self.branch}: {alone} if each person errs alone, {common} if gain and masses are off alike in all"
@@ -279,7 +279,7 @@ def populations(documents: Sequence[Mapping[str, Any]]) -> list[Population]:
     Args:
         documents: fits; those that are not pooled are passed over.
     """
-    made: list[Population] = []
+    groups: list[Population] = []
     for (posture, load), fits in _groups(documents):
         if _twice(fits):
             continue
@@ -295,13 +295,13 @@ def populations(documents: Sequence[Mapping[str, Any]]) -> list[Population]:
             if constants:
                 word = "decided" if decided else "undecided"
                 odds = (alone, common) if name == STIFF_ANKLE else (-alone, -common)
-                made.append(Population(posture, load, name, word, *odds, constants, (*out, *left_out)))
-    return made
+                groups.append(Population(posture, load, name, word, *odds, constants, (*out, *left_out)))
+    return groups
 
 
 def without(documents: Sequence[Mapping[str, Any]]) -> list[str]:
     """Why several persons in one posture under one load make no population, a sentence each; one person is none."""
-    made = {(p.posture, p.added_mass_kg) for p in populations(documents)}
+    whole = {(p.posture, p.added_mass_kg) for p in populations(documents)}
     sentences = []
     for (posture, load), fits in _groups(documents):
         people = {str(d["subject"]) for d in fits}
@@ -310,7 +310,7 @@ def without(documents: Sequence[Mapping[str, Any]]) -> list[str]:
             sentences.append(
                 f"{where} subject {twice} is there twice; give the two persons different names in subjects.csv."
             )
-        elif len(people) > 1 and (posture, load) not in made:
+        elif len(people) > 1 and (posture, load) not in whole:
             unfit = [f"{d['subject']} ({why})" for d in fits if (why := _unfit(d))]
             out = f"; left out: {', '.join(unfit)}" if unfit else ""
             usable, why = len(people) - len(unfit), "too few persons have an estimate of a constant"
