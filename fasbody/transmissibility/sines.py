@@ -72,7 +72,8 @@ def _common(base: np.ndarray, moved: np.ndarray) -> tuple[np.ndarray, np.ndarray
     differences of the base's amplitude explain most of what a constant ratio leaves, they are taken along.
 
     Args:
-        base: (segments,) complex. moved: (segments, channels).
+        base: (segments,) complex.
+        moved: (segments, channels) complex.
     """
     weight = 1 / float(np.sum(np.abs(base) ** 2))
     ratio = weight * (base.conj() @ moved)

@@ -159,7 +159,8 @@ class Table(Presented):
         """Draw it; the conditions are all that were measured, and the pair MB, unless given.
 
         Args:
-            kind: "means", "spectrum" or "subjects"; by what was measured unless given. options: conditions, pair.
+            kind: "means", "spectrum" or "subjects"; by what was measured unless given.
+            options: conditions, pair.
 
         Raises:
             SettingError: no such plot.

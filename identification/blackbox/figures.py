@@ -86,10 +86,8 @@ def _bode_band(report: Report) -> Figure:
         size = np.abs(seen.value)
         sure = Z95 * seen.std < 0.5 * size
         angle = np.angle(seen.value[sure], deg=True)
-        for chosen in [*_responding(report).values()][
-            :1
-        ]:  # the points turn with the first curve, gaps between them or not
-            r = chosen.response
+        if models := _responding(report):  # the points turn with the first curve, gaps between them or not
+            r = next(iter(models.values())).response
             curve = np.interp(seen.frequency_hz[sure], r.frequency_hz, np.rad2deg(np.unwrap(np.angle(r.value))))
             angle += 360.0 * np.round((curve - angle) / 360.0)
         style: dict[str, Any] = {"fmt": "o", "ms": 2, "color": "0.55", "elinewidth": 0.6, "zorder": 0}

@@ -5,15 +5,13 @@ from dataclasses import dataclass, field, replace
 from typing import Any, Self
 
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 from numpy.typing import ArrayLike
 from scipy import linalg, signal
 
 from fasbody.exceptions import RecordingError, SettingError, unknown
-from identification.blackbox import criteria
+from identification.blackbox import criteria, subspace
 from identification.blackbox.data import SHORTEST, Series, not_finite, split_point
 from identification.blackbox.filters import shifted
-from identification.blackbox.least_squares import triangle
 from identification.blackbox.polynomial import control_package
 from identification.blackbox.selection import BLOCKS, FITTED, Candidate
 
@@ -92,7 +90,11 @@ class MimoModel:
     """x(t+1) = A x + B u + K e, y = C x + D u + e, with m inputs and p outputs.
 
     Attributes:
-        A, B, C, D, K: arrays of shapes (n, n), (n, m), (p, n), (p, m), (n, p).
+        A: (n, n).
+        B: (n, m).
+        C: (p, n).
+        D: (p, m).
+        K: (n, p).
         noise: covariance of e, shape (p, p).
         loss: mean squared one-step error over the outputs, each over its variance.
         samples: rows behind it.
@@ -252,19 +254,10 @@ class _Subspace:
     @classmethod
     def of(cls, recording: Channels, rows: int) -> Self:
         """PO-MOESP: future outputs on the past, future inputs projected out."""
-        signals = (recording.u, recording.y)
-        blocks = [sliding_window_view(x, 2 * rows, axis=0).transpose(0, 2, 1) for x in signals]
-        past_u, future_u, past_y, future_y = (
-            block[:, half].reshape(len(block), -1) for block in blocks for half in (slice(0, rows), slice(rows, None))
-        )  # fmt: skip
-        stacked = np.hstack([future_u, past_u, past_y, future_y])
-        if len(stacked) < stacked.shape[1]:
-            raise SettingError(
-                f"a subspace estimate needs more than {stacked.shape[1] + 2 * rows} samples; record longer."
-            )
-        r = triangle([stacked])
-        begin, end = future_u.shape[1], stacked.shape[1] - future_y.shape[1]
-        left, values, _ = linalg.svd(r[begin:end, end:].T, full_matrices=False)
+        columns = 2 * rows * (recording.u.shape[1] + recording.y.shape[1])
+        if len(recording) - 2 * rows + 1 < columns:
+            raise SettingError(f"a subspace estimate needs more than {columns + 2 * rows} samples; record longer.")
+        left, values = subspace.projected([(recording.u, recording.y)], rows)
         lags = min(LONG, len(recording) // (4 * (recording.u.shape[1] + recording.y.shape[1])))
         long = arx(recording, lags, lags + 1, 0)
         return cls(recording, left, values, long.residuals(recording))
@@ -397,8 +390,8 @@ def _choose(name: str, fitted: Channels, check: Channels) -> tuple[int, ...]:
     if name == "arx":
         trials = [arx(fitted, n, n, nk) for n in range(1, LARGEST + 1) for nk in (0, 1)]
     else:
-        subspace = _space(fitted, LARGEST)
-        trials = [subspace.model(n) for n in range(1, LARGEST + 1)]
+        factors = _space(fitted, LARGEST)
+        trials = [factors.model(n) for n in range(1, LARGEST + 1)]
     candidates = [judge(model, check) for model in trials]
     best = max(candidates, key=lambda c: c.fit_percent)
     near = [c for c in candidates if c is best or c.no_worse_than(best)]

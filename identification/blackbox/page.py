@@ -1,4 +1,4 @@
-"""report.html: what was chosen in every recording, on one self-contained page in the style of the fit's report."""
+"""report.html: the models of every recording, on one self-contained page in the style of the fit's report."""
 
 from collections.abc import Sequence
 from datetime import date

@@ -19,7 +19,11 @@ class StateSpaceModel(Tabled):
     """Innovations form x(t+1) = A x + B u + K e, Eq. (3.9); y = C x + D u + e, Eq. (3.10).
 
     Attributes:
-        A, B, C, D, K: arrays of shapes (n, n), (n,), (n,), scalar, (n,).
+        A: (n, n).
+        B: (n,).
+        C: (n,).
+        D: scalar.
+        K: (n,).
         x0: state at the first sample of the (first) estimation recording, shape (n,), Eq. (3.11).
         loss: mean squared one-step prediction error [output unit squared].
         samples: number of residuals.

@@ -24,11 +24,9 @@ class Subspace:
     """The factor of the block Hankel data from which models of every order follow."""
 
     recordings: Sequence[Series]
-    factor: np.ndarray
     block_rows: int
     left: np.ndarray
     singular_values: np.ndarray
-    columns: int
 
     def order(self) -> int:
         """The number of singular values that stand out of the noise: above three times the median of the last half."""
@@ -146,9 +144,7 @@ def _stable(A: np.ndarray) -> tuple[np.ndarray, list[str]]:
 
 
 def decompose(recordings: Series | Sequence[Series], block_rows: int = BLOCK_ROWS) -> Subspace:
-    """LQ factor of the block Hankel data and the singular values of the past's part in the future outputs.
-
-    The projection removes future inputs; past inputs and outputs serve as instruments (PO-MOESP weighting).
+    """Singular values of the past's part in the future outputs.
 
     Raises:
         SettingError: too few samples for the block rows.
@@ -160,11 +156,29 @@ def decompose(recordings: Series | Sequence[Series], block_rows: int = BLOCK_ROW
         raise SettingError(
             f"a subspace estimate with {i} block rows needs recordings of more than {6 * i} samples; lower the order."
         )
-    windows = [[sliding_window_view(x, 2 * i) for x in (series.u, series.y)] for series in pooled]
-    r = triangle(np.hstack([u[:, i:], u[:, :i], y[:, :i], y[:, i:]]) for u, y in windows)  # future u first, past, y
-    projected = r[i : 3 * i, 3 * i :].T  # future outputs on the past, future inputs removed
-    left, s, _ = linalg.svd(projected / np.sqrt(columns), full_matrices=False)
-    return Subspace(pooled, r, i, left, s, columns)
+    left, s = projected([(series.u[:, None], series.y[:, None]) for series in pooled], i)
+    return Subspace(pooled, i, left, s / np.sqrt(columns))
+
+
+def projected(signals: Sequence[tuple[np.ndarray, np.ndarray]], rows: int) -> tuple[np.ndarray, np.ndarray]:
+    """Left singular vectors and singular values of future outputs on the past, future inputs removed (PO-MOESP).
+
+    Args:
+        signals: inputs (N, m) and outputs (N, p) of each recording.
+        rows: block rows of past and of future.
+    """
+
+    def halves(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        blocks = sliding_window_view(x, 2 * rows, axis=0).transpose(0, 2, 1)
+        return blocks[:, :rows].reshape(len(blocks), -1), blocks[:, rows:].reshape(len(blocks), -1)
+
+    stacked = []
+    for u, y in signals:
+        (past_u, future_u), (past_y, future_y) = halves(u), halves(y)
+        stacked.append(np.hstack([future_u, past_u, past_y, future_y]))
+    begin, end = rows * u.shape[1], rows * (2 * u.shape[1] + y.shape[1])
+    left, values, _ = linalg.svd(triangle(stacked)[begin:end, end:].T, full_matrices=False)
+    return left, values
 
 
 def estimate(

@@ -77,5 +77,4 @@ def _validation(mode: str, settings: Settings, recordings: Sequence[Recording], 
     if mode == "per-recording" or not set(NONLINEAR) & set(free):
         return {"held_out": leave_one_frequency_out(recordings, foot, mode, settings).document(), "damping": None}
     damping = compare_damping(recordings, foot, settings)
-    assert damping.held_out is not None
     return {"held_out": damping.held_out.document(), "damping": damping.document()}

@@ -4,7 +4,6 @@ import functools
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from pathlib import Path
 from typing import Any, Self
 
 import mujoco
@@ -21,7 +20,7 @@ from identification.setup import DOMAINS
 from identification.study.filters import KINDS, MODES
 
 #: What this module imports is part of the key of a job.
-_COMPUTES = "identification.study.job"
+COMPUTES = "identification.study.job"
 
 
 @dataclass(frozen=True)
@@ -183,9 +182,4 @@ def content(study: StudyFolder, trial: Trial) -> str:
 
 def program() -> str:
     """Digest of the sources that compute a result, which is more than a version says: an edited program, new keys."""
-    return runner.program(_COMPUTES)[:12]
-
-
-def sources() -> list[Path]:
-    """The files that compute a result: what job.py imports of ours, and what that imports in turn."""
-    return runner.sources(_COMPUTES)
+    return runner.program(COMPUTES)[:12]

@@ -9,7 +9,7 @@ error and not raise it.
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -84,18 +84,6 @@ class Profile:
         )
 
 
-class Problem(Protocol):
-    """What has a profile: residuals (m,) and their derivatives (m, n) at q (n,), between bounds (n,), (n,)."""
-
-    bounds: tuple[np.ndarray, np.ndarray]
-
-    def residual(self, q: np.ndarray) -> np.ndarray:
-        """(m,) at q (n,)."""
-
-    def jacobian(self, q: np.ndarray) -> np.ndarray:
-        """(m, n) at q (n,)."""
-
-
 @dataclass(frozen=True, eq=False)
 class Place:
     """Where a parameter stands among the search variables, and its value [its unit] of that variable."""
@@ -153,11 +141,11 @@ class Likelihood:
         return last
 
     def residual(self, q: np.ndarray) -> np.ndarray:
-        """See `Problem`."""
+        """Residuals (m,) at q (n,)."""
         return np.asarray(self._evaluated(q).residual[0])
 
     def jacobian(self, q: np.ndarray) -> np.ndarray:
-        """See `Problem`."""
+        """Their derivatives (m, n)."""
         return np.asarray(self._evaluated(q).jacobian[0][:, self._free])
 
 
@@ -178,7 +166,7 @@ def profiles_of(solution: Solution, names: Sequence[str] = ()) -> list[Profile]:
 
 
 def profiles(
-    problem: Problem, places: Sequence[Place], q: np.ndarray, excess: float = 1.0, enough: bool = True
+    problem: Likelihood, places: Sequence[Place], q: np.ndarray, excess: float = 1.0, enough: bool = True
 ) -> list[Profile]:
     """Profiles of parameters where a fit ended.
 
@@ -193,7 +181,7 @@ def profiles(
     return [_profile(problem, place, q, float(std[place.index]), excess, enough) for place in places]
 
 
-def _profile(problem: Problem, place: Place, q: np.ndarray, std: float, excess: float, enough: bool) -> Profile:
+def _profile(problem: Likelihood, place: Place, q: np.ndarray, std: float, excess: float, enough: bool) -> Profile:
     j, item, value = place.index, place.item, place.value
     low, high = (float(limit[j]) for limit in problem.bounds)
     step = min(std, 0.25 * (high - low)) if np.isfinite(std) and std > 0 else 0.05 * (high - low)
@@ -234,7 +222,7 @@ class _Side:
     open: bool
 
 
-def _walk(problem: Problem, end: np.ndarray, j: int, step: float, bound: float, excess: float) -> _Side:
+def _walk(problem: Likelihood, end: np.ndarray, j: int, step: float, bound: float, excess: float) -> _Side:
     points: list[tuple[float, float]] = []
     z, q, rise, least = np.array(end), float(end[j]), 0.0, _cost(problem, end)
     inner, inner_rise, inner_z = q, 0.0, z
@@ -269,12 +257,12 @@ def _walk(problem: Problem, end: np.ndarray, j: int, step: float, bound: float, 
     return _Side(points, q, False)
 
 
-def _cost(problem: Problem, z: np.ndarray) -> float:
+def _cost(problem: Likelihood, z: np.ndarray) -> float:
     r = problem.residual(z)
     return float(r @ r)
 
 
-def _refit(problem: Problem, z: np.ndarray, j: int, q: float) -> np.ndarray:
+def _refit(problem: Likelihood, z: np.ndarray, j: int, q: float) -> np.ndarray:
     """All others at their best with z[j] held at q: from where they are, and from off the bounds that they rest on."""
     others = np.delete(np.arange(z.size), j)
     low, high = (limit[others] for limit in problem.bounds)

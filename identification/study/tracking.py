@@ -1,14 +1,14 @@
-"""Which mirror branch a subject's fits belong to, all together: likelihood, continuity, a prior, a sensor on the foot.
+"""Which mirror branch a subject's fits belong to, all together: likelihood, continuity, a prior.
 
 Each fit alone may not decide between its two branches. Together they can: the constants of one foot change smoothly
 with frequency and load, so that a choice which jumps between branches from one fit to the next is unlikely. The
 probability of every assignment is
 
-    log P = - sum_i D_i(b_i) / 2 - sum_(neighbours i, j) d_ij(b_i, b_j) / 2 + log prior + log P(foot bones)
+    log P = - sum_i D_i(b_i) / 2 - sum_(neighbours i, j) d_ij(b_i, b_j) / 2 + log prior
 
 with the deviances D of the fits and d = sum over curves of (difference of logarithms)^2 / variance. Smoothness cannot
-tell all-of-one-branch from all-of-the-other, as the mirror image of a smooth curve is smooth; likelihood, prior or a
-second sensor must. Marginal odds are exact: a forward-backward pass over frequencies, all fits of one as a state.
+tell all-of-one-branch from all-of-the-other, as the mirror image of a smooth curve is smooth; likelihood or prior must.
+Marginal odds are exact: a forward-backward pass over frequencies, all fits of one as a state.
 """
 
 from collections import Counter
@@ -21,7 +21,6 @@ import numpy as np
 from scipy.special import logsumexp
 
 from fasbody.exceptions import SettingError, unknown
-from fasbody.foot.two_dof import TwoDof
 from fasbody.presentation import readable
 from identification.branches import DECISIVE_ODDS, EXCHANGED, pinned
 from identification.space import limits
@@ -58,14 +57,12 @@ class Fit:
         frequency_hz: None for a pooled one.
         added_mass_kg: load.
         branches: both of them.
-        masses: on it, which a foot-bone channel needs.
         key: of its document.
     """
 
     frequency_hz: float | None
     added_mass_kg: float
     branches: tuple[BranchFit, ...]
-    masses: Mapping[str, float] | None = None
     key: str = ""
 
     @classmethod
@@ -90,7 +87,7 @@ class Fit:
             branches.append(BranchFit(branch["name"], values, errors, least if rests else deviance))
         f = document["frequency_hz"]
         frequency_hz = None if f is None else round(f, 1)
-        return cls(frequency_hz, document["added_mass_kg"], tuple(branches), key=document.get("key", ""))
+        return cls(frequency_hz, document["added_mass_kg"], tuple(branches), document.get("key", ""))
 
 
 def deviances(result: Mapping[str, Any]) -> list[float]:
@@ -151,34 +148,10 @@ class Prior:
         return float(total)
 
 
-@dataclass(frozen=True)
-class FootBone:
-    """A second sensor: foot over base acceleration (complex) at a frequency and a load, and the error of each part."""
-
-    frequency_hz: float
-    added_mass_kg: float
-    response: complex
-    std: float
-
-
-def foot_response(values: Mapping[str, float], masses: Mapping[str, float], frequency_hz: float) -> complex:
-    """Foot over base acceleration of the linear part of the two-mass foot."""
-    A, B, _ = TwoDof.from_values(
-        {**dict.fromkeys(("c_12", "c_13", "c_22", "c_23"), 0.0), **values, **masses}
-    ).state_space()
-    s = 2j * np.pi * frequency_hz
-    return complex(1 + s**2 * np.linalg.solve(s * np.eye(4) - A, B)[1])  # y2'' = y0'' + z2''
-
-
-def log_weight(fit: Fit, branch: BranchFit, prior: Prior, bones: Sequence[FootBone]) -> float:
+def log_weight(fit: Fit, branch: BranchFit, prior: Prior) -> float:
     """Log probability of one branch of one fit, without its neighbours, up to a constant."""
     least = min(b.deviance for b in fit.branches)
-    total = -0.5 * (branch.deviance - least) + prior.log(branch.values)
-    for bone in bones:
-        if (bone.frequency_hz, bone.added_mass_kg) == (fit.frequency_hz, fit.added_mass_kg):
-            error = abs(foot_response(branch.values, fit.masses or {}, bone.frequency_hz) - bone.response)
-            total -= 0.5 * (error / bone.std) ** 2
-    return float(total)
+    return float(-0.5 * (branch.deviance - least) + prior.log(branch.values))
 
 
 @dataclass(frozen=True)
@@ -213,20 +186,19 @@ class Tracking:
         return asdict(self)
 
 
-def track(fits: Sequence[Fit], *, prior: Prior | None = None, bones: Sequence[FootBone] = ()) -> Tracking:
+def track(fits: Sequence[Fit], *, prior: Prior | None = None) -> Tracking:
     """Choose the branches of a subject's fits together.
 
     Args:
         fits: per recording, or pooled (frequency None), of one subject and posture.
         prior: what is believed beforehand.
-        bones: what a second sensor on the foot bones says. A `Recording` has no
-            channel for it, so it is given as measured transfer functions; they count for the fit at their place.
 
     Raises:
-        SettingError: no fit, one without branches, too many at one frequency, or a foot-bone response without its fit.
+        SettingError: no fit, one without branches, or too many at one frequency.
     """
-    _check(fits, bones)
-    alone = [np.array([log_weight(fit, b, prior or Prior(), bones) for b in fit.branches]) for fit in fits]
+    if not fits or any(not fit.branches for fit in fits):
+        raise SettingError("tracking needs a fit, and each fit a branch.")
+    alone = [np.array([log_weight(fit, b, prior or Prior()) for b in fit.branches]) for fit in fits]
     columns: list[list[int]] = []
     for f in sorted({fit.frequency_hz for fit in fits}, key=lambda f: -np.inf if f is None else f):
         at = [i for i, fit in enumerate(fits) if fit.frequency_hz == f]
@@ -252,21 +224,6 @@ def track(fits: Sequence[Fit], *, prior: Prior | None = None, bones: Sequence[Fo
     overall = _overall(fits, alone, columns, links)
     choices = tuple(choice for _, choice in sorted(decided.items()))
     return Tracking(choices, overall, _sentence(choices, overall))
-
-
-def _check(fits: Sequence[Fit], bones: Sequence[FootBone]) -> None:
-    places = [(fit.frequency_hz, fit.added_mass_kg) for fit in fits]
-    if not fits:
-        raise SettingError("tracking needs a fit.")
-    if any(not fit.branches for fit in fits):
-        raise SettingError("a fit without branches cannot be tracked.")
-    for bone in bones:
-        if (bone.frequency_hz, bone.added_mass_kg) not in places:
-            raise SettingError(
-                f"the foot-bone response at {bone.frequency_hz:g} Hz, {bone.added_mass_kg:g} kg has no fit."
-            )
-        if fits[places.index((bone.frequency_hz, bone.added_mass_kg))].masses is None:
-            raise SettingError("a foot-bone response needs the masses of its fit.")
 
 
 def _step(a: Fit, i: int, b: Fit, j: int) -> float:

@@ -231,8 +231,8 @@ class Criteria:
     bic: float
     chi_square: float
     dof: int
-    held_out_percent: float | None
-    held_out_chi_square: float | None
+    held_out_percent: float
+    held_out_chi_square: float
 
 
 @dataclass(frozen=True)
@@ -242,12 +242,12 @@ class DampingComparison:
     Attributes:
         linear: its criteria.
         nonlinear: its criteria.
-        held_out: of the nonlinear law, None where not computed.
+        held_out: of the nonlinear law.
     """
 
     linear: Criteria
     nonlinear: Criteria
-    held_out: Validation | None = None
+    held_out: Validation
 
     def preferred(self, criterion: str) -> str:
         """The law with the lower "aic", "bic" or "held_out_percent"."""
@@ -256,21 +256,17 @@ class DampingComparison:
 
     def document(self) -> dict[str, Any]:
         """As plain data."""
-        criteria = [c for c in ("aic", "bic", "held_out_percent") if getattr(self.linear, c) is not None]
-        return {"linear": asdict(self.linear), "nonlinear": asdict(self.nonlinear),
-                "preferred": {c: self.preferred(c) for c in criteria}}  # fmt: skip
+        preferred = {c: self.preferred(c) for c in ("aic", "bic", "held_out_percent")}
+        return {"linear": asdict(self.linear), "nonlinear": asdict(self.nonlinear), "preferred": preferred}
 
 
-def compare_damping(
-    recordings: Sequence[Recording], foot: Foot, settings: Settings | None = None, *, held_out: bool = True
-) -> DampingComparison:  # fmt: skip
+def compare_damping(recordings: Sequence[Recording], foot: Foot, settings: Settings | None = None) -> DampingComparison:
     """Fit with and without the constants that bend the dampers' law.
 
     Args:
         recordings: of one subject in one posture, which share their constants.
         foot: a model with the dampers of Eq. 4.25.
         settings: of the fits.
-        held_out: leave one frequency out too.
     """
     settings = settings or Settings()
     missing = [name for name in NONLINEAR if name not in foot.parameters]
@@ -280,19 +276,19 @@ def compare_damping(
     straight = replace(settings, free=tuple(n for n in free if n not in NONLINEAR), bounds={
         n: b for n, b in (settings.bounds or {}).items() if n not in NONLINEAR} or None)  # fmt: skip
     flat = foot.with_values(dict.fromkeys(NONLINEAR, 0.0))
-    linear, _ = _criteria("linear", recordings, flat, straight, held_out)
-    return DampingComparison(linear, *_criteria("nonlinear", recordings, foot, settings, held_out))
+    linear, _ = _criteria("linear", recordings, flat, straight)
+    return DampingComparison(linear, *_criteria("nonlinear", recordings, foot, settings))
 
 
 def _criteria(
-    law: str, recordings: Sequence[Recording], foot: Foot, settings: Settings, held_out: bool
-) -> tuple[Criteria, Validation | None]:
+    law: str, recordings: Sequence[Recording], foot: Foot, settings: Settings
+) -> tuple[Criteria, Validation]:
     fit = quick_fit(recordings, foot, settings)
     low, high = fit.problem.bounds()
     count, deviance, numbers = int((high > low).sum()), fit.chi_square, fit.problem.size
-    errors = leave_one_frequency_out(recordings, foot, "pooled", settings) if held_out else None
+    errors = leave_one_frequency_out(recordings, foot, "pooled", settings)
     criteria = Criteria(
         law, count, deviance, deviance + 2 * count, deviance + float(np.log(numbers)) * count, fit.chi_square,
-        max(0, numbers - count), errors.percent if errors else None, errors.chi_square_per_number if errors else None,
+        max(0, numbers - count), errors.percent, errors.chi_square_per_number,
     )  # fmt: skip
     return criteria, errors
