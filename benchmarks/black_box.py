@@ -21,6 +21,7 @@ from benchmarks.table import JsonOption, faster, report
 from fasbody.console import command_line, console
 from identification.blackbox import nonlinear, pem, selection, subspace
 from identification.blackbox.data import Series
+from identification.blackbox.keep import Single
 from identification.blackbox.narx import estimate as estimate_narx
 from identification.blackbox.polynomial import Orders
 from reproduction.check import Check, at_most, told
@@ -37,7 +38,7 @@ def record(base: np.ndarray, seed: int) -> Series:
     return Series(base, foot.linear_output(base) + noise, foot.SAMPLE_TIME)
 
 
-def estimate(structure: str, series: Series) -> selection.Model:
+def estimate(structure: str, series: Series) -> Single:
     """Our estimate of one structure."""
     if structure.startswith("ss"):
         return subspace.estimate(series, 4, refine=structure == "ss refined")

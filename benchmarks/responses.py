@@ -18,13 +18,19 @@ from rich.table import Table
 
 from benchmarks.table import report
 from fasbody.console import command_line, console, results
-from fasbody.recording.harmonics import find_frequency, fit_harmonics
+from fasbody.recording.harmonics import Harmonics, find_frequency, fit_harmonics
 from fasbody.transmissibility.broadband import broadband
-from fasbody.transmissibility.estimate import ratio
 from fasbody.transmissibility.sines import by_segments
 from fasbody.transmissibility.spectra import excited, h1
 from reproduction.check import Check, at_most, told, within
 from simulator.mass import RATE_HZ, SECONDS, WANDERS, Case, recorded, truth
+
+
+def ratio(out: Harmonics, into: Harmonics) -> tuple[complex, float]:
+    """Complex ratio of the fundamentals, and the standard deviation of its real (or imaginary) part."""
+    H = out.amplitudes[0] / into.amplitudes[0]
+    relative = np.hypot(out.std[0] / abs(out.amplitudes[0]), into.std[0] / abs(into.amplitudes[0]))
+    return complex(H), float(abs(H) * relative)
 
 
 def cases() -> list[Case]:

@@ -12,6 +12,7 @@ import numpy as np
 
 from identification.blackbox import excitation, frequency, pem, selection, subspace
 from identification.blackbox.data import Series
+from identification.blackbox.keep import Single
 from identification.blackbox.polynomial import Orders
 
 NOISE = 0.25  # m/s^2
@@ -32,7 +33,7 @@ def recording(frequency_hz: float, seed: int = 0) -> Series:
     return Series(base, foot.linear_output(base) + noise, foot.SAMPLE_TIME, f"{frequency_hz:g} Hz")
 
 
-def worst_error(model: frequency.Rational | selection.Model, at: np.ndarray) -> float:
+def worst_error(model: frequency.Rational | Single, at: np.ndarray) -> float:
     """Largest relative error of the response in percent."""
     return float(100 * np.max(np.abs(model.response(at).value / foot.response(at) - 1)))
 
@@ -44,7 +45,7 @@ def single(seed: int = 0) -> list[tuple[str, float, float, float, str]]:
     rows = []
     for structure, orders in MODELS:
         if structure == "ss":
-            model: selection.Model = subspace.estimate(estimation, orders[0])
+            model: Single = subspace.estimate(estimation, orders[0])
         else:
             model = pem.estimate(structure, estimation, Orders.of(structure, orders))
         fit = selection.judge(model, [validation]).fit_percent

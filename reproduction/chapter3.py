@@ -10,6 +10,7 @@ from fasbody.foot.two_dof import TwoDof
 from fasbody.recording.condition import foot_mass, shank_mass
 from identification.blackbox import criteria, pem, selection, subspace
 from identification.blackbox.data import Series
+from identification.blackbox.keep import Single
 from identification.blackbox.polynomial import STRUCTURES, Orders, PolynomialModel
 from reproduction.check import at_least, at_most, exactly, near
 from reproduction.row import Outcome, Rows
@@ -43,7 +44,7 @@ def record(coloured: bool = False) -> Series:
     return Series(base, lfilter(num, den, base) + (lfilter([1.0], den, 0.01 * e) if coloured else e), RATE)
 
 
-def worst(model: selection.Model) -> float:
+def worst(model: Single) -> float:
     """Largest relative error of the response over 5 to 60 Hz [%]."""
     num, den = plant()
     shift = np.exp(-2j * np.pi * BAND * RATE)

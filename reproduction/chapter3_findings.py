@@ -7,6 +7,7 @@ import numpy as np
 from identification.blackbox import excitation, frequency, nonlinear, pem, selection, subspace
 from identification.blackbox.data import Series
 from identification.blackbox.identify import identify
+from identification.blackbox.keep import Single
 from identification.blackbox.polynomial import STRUCTURES, Orders
 from reproduction import published
 from reproduction.check import at_least, at_most, exactly, near
@@ -28,7 +29,7 @@ def fits_with_printed_orders(hertz: int) -> dict[str, float]:
     fits = {}
     for name in ALL:
         if name == "ss":
-            model: selection.Model = subspace.estimate(estimation, int(line["ss_order"]))
+            model: Single = subspace.estimate(estimation, int(line["ss_order"]))
         else:
             orders = tuple(int(line[f"{name}_{order}"]) for order in STRUCTURES[name])
             model = pem.estimate(name, estimation, Orders.of(name, orders))

@@ -12,6 +12,7 @@ from fasbody.recording.condition import ADDED_MASSES_KG
 from fasbody.transmissibility.statistics import ALPHA
 from identification.study import figures
 from identification.study.summary import measured
+from reproduction.boxes import boxes
 from reproduction.check import Check, at_least, at_most, exactly, within
 from reproduction.fitted import BRANCHES, DRAWN, GROUP, STUDY_COMMAND, documents, fits, mean_at, on_branch, table
 from reproduction.row import Outcome, Rows
@@ -158,11 +159,11 @@ for _number, _symbol, _by_frequency in (
     )
 
 
-def boxes(load: float) -> Outcome:
+def distributions(load: float) -> Outcome:
     """Figures D.1 to D.3: distributions of the eight constants and outliers beyond 1.5 interquartile ranges."""
     rows = table()
     rows = rows[rows["chosen"] & (rows["added_mass_kg"] == load) & (rows["parameter"] != "delay")]
-    picture = figures.save(figures.boxes(rows, "synthetic"), "svg")
+    picture = figures.save(boxes(rows, "synthetic"), "svg")
     return Outcome(
         printed=[
             exactly("constants times frequencies", rows.groupby(["parameter", "frequency_hz"]).ngroups, 72),
@@ -182,7 +183,7 @@ def boxes(load: float) -> Outcome:
 APPENDIX = Rows()
 for _number, _load in enumerate(ADDED_MASSES_KG, 1):
     APPENDIX.add(f"Fig. D.{_number}", f"distribution of the estimated constants, {_load:g} kg",
-                 partial(boxes, _load), STUDY_COMMAND, GROUP)  # fmt: skip
+                 partial(distributions, _load), STUDY_COMMAND, GROUP)  # fmt: skip
 
 
 @ROWS("Finding 4.6, 1", "the fit is 70-90 %, and worse at 10-20 Hz than above", STUDY_COMMAND, GROUP)

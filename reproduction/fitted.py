@@ -19,7 +19,7 @@ from identification.study.loops import cycles
 from identification.study.means import mean_curve
 from identification.study.plan import Model
 from identification.study.plan import Plan as Fits
-from identification.study.summary import cycle_table, fit_percents, measured, outliers, tidy
+from identification.study.summary import cycle_table, measured, outliers, tidy
 from identification.study.truth import Truth
 from reproduction.virtual import SECONDS
 
@@ -90,8 +90,12 @@ def losses(cycles: pd.DataFrame, load_kg: float) -> pd.DataFrame:
 
 @cache
 def fits() -> pd.DataFrame:
-    """Fit percentage of every recording."""
-    return fit_percents(documents()[0])
+    """Mode, subject, posture, load, frequency and fit percentage of every recording of every fit."""
+    of_fit, of_recording = ("mode", "subject", "posture"), ("file", "added_mass_kg", "frequency_hz", "fit_percent")
+    return pd.DataFrame([
+        {k: d[k] for k in of_fit} | {k: r[k] for k in of_recording}
+        for d in documents()[0] if d["status"] == "done" for r in d["result"]["recordings"]
+    ])  # fmt: skip
 
 
 #: The branch that a fit names first, and the other. Where the odds are even the first is so by its name alone, and by

@@ -37,6 +37,20 @@ def test_useless_data_get_one_sentence(u: np.ndarray, y: np.ndarray, sentence: s
     assert str(caught.value).endswith(".")
 
 
+@pytest.mark.parametrize(
+    ("u", "y", "sentence"),
+    [
+        (np.full(200, 5.0), Y, r"input 'volts' is constant \(5 in all 200 samples\)"),
+        (np.full(200, np.nan), Y, "input 'volts' has no finite number in 200 samples"),
+        (U, np.full(200, 3.0), r"output 'speed' is constant \(3 in all 200 samples\)"),
+        (U, np.where(np.arange(200) < 2, np.nan, Y), r"output 'speed' is not .* sample 1 \(2 of 200\)"),
+    ],
+)
+def test_a_refusal_names_the_channel_and_the_cause(u: np.ndarray, y: np.ndarray, sentence: str) -> None:
+    with pytest.raises(RecordingError, match=sentence):
+        Series(u, y, 1e-3, channels=("volts", "speed"))
+
+
 def test_a_record_that_starts_at_rest_does_not_grow_without_bound() -> None:
     for frequency in (5.0, 20.0, 50.0):
         u = foot.sine(frequency, 2000)

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from fasbody.exceptions import SettingError
 from fasbody.recording.harmonics import fit_harmonics
 from fasbody.transmissibility import figures, sdof
 
@@ -46,20 +45,6 @@ def test_contour_line_is_the_inverse() -> None:
     known = np.isfinite(c)
     assert known.sum() > 20
     assert sdof.transmissibility(np.array(w), 4.3, c[known], k[known]) == pytest.approx(np.full(known.sum(), 1.3))
-
-
-def test_region_holds_the_truth_and_shrinks_with_more_frequencies() -> None:
-    f = np.array([10.0, 20.0, 30.0, 40.0])
-    T = sdof.transmissibility(2 * np.pi * f, 4.3, 400.0, 6e4)
-    one = sdof.region(f[1:2], T[1:2], np.array([0.02]))
-    four = sdof.region(f, T, np.full(4, 0.02))
-    i, j = np.argmin(np.abs(four.c - 400)), np.argmin(np.abs(four.k - 6e4))
-    assert one.inside[i, j] and four.inside[i, j]
-    assert 0 < four.inside.sum() < 0.2 * one.inside.sum()
-    assert "N/m" in str(four)
-    assert "no single mass" in str(sdof.region(f, T * [1, 2, 1, 1], np.full(4, 0.001)))
-    with pytest.raises(SettingError):
-        sdof.region(f, T, np.zeros(4))
 
 
 def test_every_number_of_the_single_mass_plane_stands_on_its_line() -> None:

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 import statsmodels.formula.api as smf
 from scipy import stats
-from statsmodels.stats.anova import anova_lm
+from statsmodels.stats.anova import AnovaRM, anova_lm
 from statsmodels.stats.multitest import multipletests
 
 from fasbody.exceptions import RecordingError
@@ -61,13 +61,17 @@ def test_greenhouse_geisser_keeps_the_level_where_sphericity_fails() -> None:
     assert all(1 / 3 <= v.epsilon <= 1 for v in tests)
 
 
-def test_without_gaps_both_repeated_measures_analyses_are_one() -> None:
-    """Statsmodels' AnovaRM against least squares with subjects and levels."""
-    a, b = statistics.repeated_measures(LEVELS), statistics.with_gaps(LEVELS)
-    for name in ("F", "p", "effect", "epsilon", "subjects"):
-        assert getattr(a, name) == pytest.approx(getattr(b, name), rel=1e-9), name
+def test_without_gaps_it_is_the_repeated_measures_analysis_of_statsmodels() -> None:
+    frame = pd.DataFrame(
+        {"y": LEVELS.ravel(), "s": np.repeat(np.arange(20), 3), "level": np.tile(np.arange(3), 20).astype(str)}
+    )
+    F = float(AnovaRM(frame, "y", "s", within=["level"]).fit().anova_table["F Value"].iloc[0])
+    v = statistics.repeated_measures(LEVELS)
+    assert (v.F, v.effect) == (pytest.approx(F, rel=1e-9), pytest.approx(F / (F + 19), rel=1e-9))
+    assert v.p == pytest.approx(stats.f.sf(F, 2 * v.epsilon, 38 * v.epsilon), rel=1e-9)
+    assert (v.subjects, v.test) == (20, "repeated-measures ANOVA")
     unmeasured = np.vstack([LEVELS, np.full((3, 3), np.nan), [[1.2, np.nan, np.nan]]])
-    assert statistics.with_gaps(unmeasured) == b  # a subject that compares nothing changes and counts nothing
+    assert statistics.repeated_measures(unmeasured) == v  # a subject that compares nothing changes and counts nothing
 
 
 def test_with_gaps_is_the_analysis_of_variance_of_statsmodels() -> None:
@@ -76,7 +80,7 @@ def test_with_gaps_is_the_analysis_of_variance_of_statsmodels() -> None:
         {"y": gaps.ravel(), "s": np.repeat(np.arange(20), 3), "level": np.tile(np.arange(3), 20)}
     ).dropna()
     table = anova_lm(smf.ols("y ~ C(s) + C(level)", frame).fit(), typ=2)
-    v = statistics.with_gaps(gaps)
+    v = statistics.repeated_measures(gaps)
     assert pytest.approx(table.loc["C(level)", "F"]) == v.F
     assert table.loc["Residual", "df"] == 58 - 20 - 2
     whole = np.isfinite(gaps).all(axis=1)
@@ -104,7 +108,7 @@ def test_with_gaps_keeps_its_level_without_any_difference(
     for _ in range(2000):
         x = rng.normal(0, 0.3, (subjects, 1)) + rng.normal(0, 0.03, (subjects, 3))
         x += slope * rng.normal(0, 0.1, (subjects, 1)) * np.array([0, 0.5, 1])
-        hits.append(statistics.with_gaps(with_holes(x, *holes)).p < 0.05)
+        hits.append(statistics.repeated_measures(with_holes(x, *holes)).p < 0.05)
     assert least <= np.mean(hits) <= most
 
 
@@ -119,9 +123,9 @@ def test_levels_that_nothing_connects_are_not_compared() -> None:
     apart = np.full((6, 4), np.nan)
     apart[:3, :2], apart[3:, 2:] = LEVELS[:3, :2], LEVELS[3:6, :2]
     with pytest.raises(RecordingError, match="connected by subjects"):
-        statistics.with_gaps(apart)
+        statistics.repeated_measures(apart)
     with pytest.raises(RecordingError, match="at two levels, not 2"):
-        statistics.with_gaps(with_holes(LEVELS[:3], (0, 0), (0, 1)))
+        statistics.repeated_measures(with_holes(LEVELS[:3], (0, 0), (0, 1)))
 
 
 def test_holm_by_hand() -> None:
@@ -131,11 +135,3 @@ def test_holm_by_hand() -> None:
 def test_holm_equals_statsmodels() -> None:
     p = RNG.uniform(0, 0.2, 36)
     np.testing.assert_allclose(statistics.holm(p), multipletests(p, method="holm")[1], rtol=1e-12)
-
-
-def test_two_subjects_are_too_few() -> None:
-    x = LEVELS.copy()
-    x[3:, 1] = np.nan
-    assert len(statistics.complete(x)) == 3
-    with pytest.raises(RecordingError, match="three subjects"):
-        statistics.complete(x[1:])

@@ -66,7 +66,7 @@ def test_the_spread_of_persons_alike_is_bounded_by_their_errors() -> None:
     low, high = spread_interval(logs, np.full(4, 0.1))
     assert low == 0.0
     assert high == pytest.approx(0.1 * np.sqrt(3 / chi2.ppf(0.025, 3) - 1), rel=1e-6)
-    said = constant("k_T", NAMES[:4], logs, np.full(4, 0.1)).spread_said
+    said = constant("k_T", NAMES[:4], logs, np.full(4, 0.1)).spread_text
     assert said == ("cannot be told from 4 persons", "at most 36 %")
     with pytest.raises(RecordingError, match="3 persons make no population"):
         constant("k_T", NAMES[:3], LOGS[:3], np.full(3, 0.1))
@@ -102,7 +102,7 @@ def test_the_branch_is_decided_by_all_persons_together() -> None:
     both = populations(study(1.0))
     assert [p.branch for p in both] == ["stiff ankle", "stiff pad"] and {p.verdict for p in both} == {"undecided"}
     assert both[1].odds_log == pytest.approx(-2.5)
-    assert both[1].odds_said.startswith("stiff pad: 1 to 12.2 if")
+    assert both[1].odds_text.startswith("stiff pad: 1 to 12.2 if")
 
 
 def test_what_all_may_have_in_common_counts_once() -> None:
@@ -110,7 +110,7 @@ def test_what_all_may_have_in_common_counts_once() -> None:
     ankle, pad = populations(study(6.0, paid=6.0))
     assert (ankle.verdict, ankle.odds_log, ankle.common_odds_log) == ("undecided", 15.0, 3.0)
     assert (pad.odds_log, pad.common_odds_log) == (-15.0, -3.0)
-    assert ankle.odds_said == (
+    assert ankle.odds_text == (
         "stiff ankle: over a million to 1 if each person errs alone, 20.1 to 1 if gain and masses are off alike in all"
     )
     (half,) = populations(study(6.0, paid=2.0))  # the misfit alone is 10

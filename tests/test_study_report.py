@@ -15,6 +15,7 @@ from identification.study import figures, report, summary, tables
 from identification.study.findings import gather
 from identification.study.tracking import Prior
 from identification.study.truth import LIMITS, Truth
+from reproduction.boxes import boxes
 
 KEYS = {
     "k_T_n_per_m": 1e5, "c_11_n_s_per_m": 300.0, "c_12_per_m": 50.0, "c_13_per_m": 80.0,
@@ -121,7 +122,7 @@ def test_figures_are_whole_and_the_same_each_time(written: Path, tmp_path: Path)
 def test_boxes_are_drawn_by_the_thesis_quartiles() -> None:
     table = summary.tidy(study())
     rows = table[table["added_mass_kg"] == 0]
-    axis = figures.boxes(rows, "synthetic").axes[0]
+    axis = boxes(rows, "synthetic").axes[0]
     values = rows[rows["chosen"] & (rows["parameter"] == "k_T") & (rows["frequency_hz"] == 20)]["value"].sort_values()
     drawn = next(p.get_path().vertices[:, 1] for p in axis.patches if abs(p.get_path().vertices[:4, 0].mean() - 20) < 3)
     assert drawn.min() == pytest.approx(values.iloc[:3].median() / 1e3)
@@ -206,7 +207,7 @@ def test_boxes_leave_out_what_has_no_standard_error() -> None:
     for d in fits[:12]:  # the first two subjects rest on a bound
         d["result"]["branches"][0]["parameters"]["c_13_per_m"] |= {"value": 0.0, "std_error": None}
     rows = summary.tidy(fits)
-    axis = figures.boxes(rows[rows["added_mass_kg"] == 0], "synthetic").axes[3]
+    axis = boxes(rows[rows["added_mass_kg"] == 0], "synthetic").axes[3]
     assert "15 of 21" in axis.get_title()
     lowest = min(path.get_path().vertices[:, 1].min() for path in axis.patches)
     assert lowest > 60

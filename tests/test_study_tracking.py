@@ -1,12 +1,11 @@
-"""Branches of a subject's fits: exact odds against enumeration, continuity, prior, a sensor on the foot bones."""
+"""Branches of a subject's fits: exact odds against enumeration, continuity, prior."""
 
 from dataclasses import replace
 from itertools import pairwise, product
 
 import numpy as np
-import oracle
 import pytest
-from study_cases import NONLINEAR, power_laws
+from study_cases import power_laws
 
 from fasbody.exceptions import SettingError
 from identification.branches import STIFF_ANKLE, STIFF_PAD, mirrored
@@ -18,13 +17,10 @@ from identification.study.tracking import (
     PER_LOG_FREQUENCY,
     BranchFit,
     Fit,
-    FootBone,
     Prior,
-    foot_response,
     track,
 )  # fmt: skip
 
-MASSES = {"m_S": 3.4, "m_F": 1.0}
 A = 3.4 / 4.4
 SIZES = dict.fromkeys(CURVES, 0.03)
 
@@ -39,7 +35,7 @@ def fits(frequencies=(10.0, 15.0, 20.0, 30.0), loads=(0.0, 4.5), deviance=lambda
                 BranchFit(STIFF_ANKLE, values, SIZES, d[0]),
                 BranchFit(STIFF_PAD, mirrored(values, A), SIZES, d[1]),
             )
-            found.append(Fit(f, m, both if d[0] <= d[1] else both[::-1], MASSES, f"{f:g}-{m:g}"))
+            found.append(Fit(f, m, both if d[0] <= d[1] else both[::-1], f"{f:g}-{m:g}"))
     return found
 
 
@@ -146,26 +142,6 @@ def test_a_prior_decides(prior: Prior, wanted: str) -> None:
     assert max(told.overall, key=lambda n: told.overall[n]) == wanted
 
 
-def test_foot_response_is_that_of_the_dynamic_stiffness() -> None:
-    p = {**power_laws(20.0, 0.0), **MASSES}
-    for f in (10.0, 25.0):
-        w = 2 * np.pi * f
-        T, P = p["k_T"] + 1j * w * p["c_11"], p["k_F"] + 1j * w * p["c_21"]
-        D = np.array([[T - w**2 * p["m_S"], -T], [-T, T + P - w**2 * p["m_F"]]])
-        assert foot_response(p, MASSES, f) == pytest.approx(np.linalg.solve(D, [0, P])[1], rel=1e-9)
-        both = [oracle.linear_response({**v, **MASSES, **dict.fromkeys(NONLINEAR, 0.0)}, f)[0]
-                for v in (p, mirrored(p, A))]  # fmt: skip
-        assert both[0] == pytest.approx(both[1], rel=1e-9)  # the malleolus cannot tell; the foot bones can
-        assert abs(foot_response(p, MASSES, f) - foot_response(mirrored(p, A), MASSES, f)) > 0.01
-
-
-def test_a_sensor_on_the_foot_bones_decides() -> None:
-    bone = FootBone(20.0, 0.0, foot_response(power_laws(20.0, 0.0), MASSES, 20.0), 0.005)
-    told = track(fits(), bones=[bone])
-    assert told.overall[STIFF_ANKLE] > 1000
-    assert next(c for c in told.choices if c.key == "20-0").branch == STIFF_ANKLE
-
-
 def test_documents_are_read() -> None:
     e = {"value": 1e5, "std_error": 1e3, "lower": 0, "upper": 0, "at_bound": False, "identifiability": "identified"}
     branch = {"name": STIFF_ANKLE, "deviance": 20.0, "parameters": {"k_T_n_per_m": e, "delay_s": {**e, "value": 0.0}}}
@@ -184,8 +160,6 @@ def test_what_cannot_be_tracked() -> None:
         track([])
     with pytest.raises(SettingError, match="valid: up to 16"):
         track(fits((20.0,), tuple(np.linspace(0, 4.5, 17))))
-    with pytest.raises(SettingError, match="has no fit"):
-        track(fits(), bones=[FootBone(99.0, 0.0, 1.0, 0.1)])
 
 
 def test_pooled_fits_are_chained_over_the_load() -> None:

@@ -92,14 +92,13 @@ def test_criteria_know_linear_damping_from_nonlinear(foot: Foot) -> None:
     settings = Settings(wide=False, starts=1, threads=1)
     bent = compare_damping(study(constant, F[:4], (0.0,)), foot, settings)
     assert bent.preferred("aic") == bent.preferred("bic") == bent.preferred("held_out_percent") == "nonlinear"
-    assert bent.linear.held_out_chi_square > 10 * bent.nonlinear.held_out_chi_square  # type: ignore[operator]
-    straight = compare_damping(study(linear, F, (0.0,), noise=3.0), foot, settings, held_out=False)
+    assert bent.linear.held_out_chi_square > 10 * bent.nonlinear.held_out_chi_square
+    straight = compare_damping(study(linear, F, (0.0,), noise=3.0), foot, settings)
     assert straight.preferred("bic") == "linear"
     assert straight.nonlinear.count == straight.linear.count + 4
     assert straight.nonlinear.deviance < straight.linear.deviance + 0.5  # it contains the linear law
     gain = straight.linear.deviance - straight.nonlinear.deviance
     assert straight.linear.aic - straight.nonlinear.aic == pytest.approx(gain - 8)
-    assert "BIC linear" in str(straight)
 
 
 def test_quick_fit_is_the_truth(foot: Foot) -> None:

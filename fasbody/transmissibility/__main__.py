@@ -13,7 +13,7 @@ from fasbody.recording.trials import people, posture_remarks
 
 if TYPE_CHECKING:
     from fasbody.transmissibility.findings import Finding
-    from fasbody.transmissibility.table import Condition, Curves, Table
+    from fasbody.transmissibility.table import Condition, Table
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 _ENDINGS = ("svg", "png", "pdf")
@@ -113,27 +113,18 @@ def show(table: "Table") -> None:
             f"{f:g}: {T:.2f} ({p:.0f})"
             for f, T, p in zip(c.frequency_hz[::every], c.mean[::every], c.mean_phase_deg[::every], strict=True)
         ]
+        tested, count = c.resonance.subjects, len(c.subjects)
+        partly = f" ({tested} tested)" if c.resonance.tested and tested < count else ""
         printed.add_row(
-            c.pair,
-            escape(c.posture),
-            f"{c.added_mass_kg:g}",
-            _count(c),
-            str(c.resonance),
-            str(c.shown),
+            c.pair, escape(c.posture), f"{c.added_mass_kg:g}", f"{count}{partly}", str(c.resonance), str(c.shown),
             ", ".join(cells),
-        )
+        )  # fmt: skip
     results.print(printed)
     stated, why = judged(table)
     if stated:
         show_findings(stated, table.origin)
     else:
         results.print(f"The thesis' statements are not judged: {why}.")
-
-
-def _count(c: "Curves") -> str:
-    """Subjects, and how many of them the rules could use."""
-    tested, every = c.resonance.subjects, len(c.subjects)
-    return str(every) if tested == every or not c.resonance.tested else f"{every} ({tested} tested)"
 
 
 def show_findings(stated: list["Finding"], origin: str) -> None:
@@ -153,7 +144,7 @@ def show_findings(stated: list["Finding"], origin: str) -> None:
 
 
 def write(table: "Table", folder: Path, figure_format: str) -> None:
-    """Tables as CSV, curves as NetCDF where xarray is installed, statistics where statsmodels is, and the figures."""
+    """Tables as CSV, curves as NetCDF where xarray is installed, statistics, and the figures."""
     import importlib.util
 
     import pandas as pd
@@ -161,32 +152,33 @@ def write(table: "Table", folder: Path, figure_format: str) -> None:
     from fasbody.transmissibility import comparisons, figures
     from fasbody.transmissibility.findings import judged
 
+    def keep(name: str, frame: pd.DataFrame, **form: str) -> None:
+        write_whole(folder / f"{name}.csv", frame.to_csv(index=False, **form))
+
     write_whole(folder / "transmissibility.csv", table.csv())
-    if table.frame["subject"].nunique() >= 3:
-        write_whole(folder / "resonances.csv", comparisons.resonances(table).to_csv(index=False))
+    several = table.frame["subject"].nunique() >= 3
+    if several:
+        keep("resonances", comparisons.resonances(table))
     stated, _ = judged(table)
     if stated:
-        write_whole(folder / "findings.csv", pd.DataFrame(stated).to_csv(index=False))
+        keep("findings", pd.DataFrame(stated))
     if importlib.util.find_spec("xarray") and importlib.util.find_spec("h5netcdf"):
         write_whole(folder / "transmissibility.nc", table.netcdf())
     else:
-        console.print(f"no NetCDF and no statistics without {pip_install('statistics')}", markup=False)
+        console.print(f"no NetCDF without {pip_install('statistics')}", markup=False)
     sets = comparable(table)
-    if importlib.util.find_spec("statsmodels") and table.frame["subject"].nunique() >= 3:
-        unity = comparisons.against_unity(table)
-        write_whole(folder / "against_unity.csv", unity.to_csv(index=False, float_format="%.6g"))
+    if several:
+        keep("against_unity", comparisons.against_unity(table), float_format="%.6g")
         for name, conditions in sets.items():
             if len(conditions) > 1:
-                compared = comparisons.between(table, conditions)
-                write_whole(folder / f"between_{name}.csv", compared.to_csv(index=False, float_format="%.6g"))
-                which = comparisons.pairwise(table, conditions)
-                write_whole(folder / f"pairs_{name}.csv", which.to_csv(index=False, float_format="%.6g"))
+                keep(f"between_{name}", comparisons.between(table, conditions), float_format="%.6g")
+                keep(f"pairs_{name}", comparisons.pairwise(table, conditions), float_format="%.6g")
     fine = table.frame["frequency_hz"].nunique() > 25
     for name, conditions in sets.items():
-        made = {f"{name}_mean": figures.spectrum(table, conditions) if fine else figures.means(table, conditions)}
+        drawn = {f"{name}_mean": figures.spectrum(table, conditions) if fine else figures.means(table, conditions)}
         if not fine:
-            made |= {f"{name}_{pair}": figures.subjects(table, pair, conditions) for pair in table.pairs}
-        for stem, figure in made.items():
+            drawn |= {f"{name}_{pair}": figures.subjects(table, pair, conditions) for pair in table.pairs}
+        for stem, figure in drawn.items():
             write_whole(folder / f"{stem}.{figure_format}", figures.save(figure, figure_format))
     write_whole(folder / f"single_mass.{figure_format}", figures.save(_single_mass(table), figure_format))
 
@@ -210,22 +202,20 @@ def comparable(table: "Table") -> dict[str, list["Condition"]]:
 def _single_mass(table: "Table"):  # type: ignore[no-untyped-def]
     """Figure 2.10 with the study's own mean MB in it, unloaded or of the first condition."""
     import numpy as np
-    from scipy import stats
 
     from fasbody.transmissibility import figures, sdof
+    from fasbody.transmissibility.statistics import Z95
 
     condition = table.conditions[0]
     c = table.curves("MB", *condition)
-    n = np.isfinite(c.T).sum(axis=0)
-    if n.min() > 1:  # the quantile of so few subjects over the 1.96 that the figure takes
-        std = np.nanstd(c.T, axis=0, ddof=1) / np.sqrt(n) * stats.t.ppf(0.975, n - 1) / 1.96
-    else:
+    std = figures.half_interval(c.T) / Z95  # the figure takes it times that
+    if not np.isfinite(std).all():
         rows = table.frame[table.frame["pair"] == "MB"].groupby("frequency_hz")["transmissibility_std"].mean()
         std = np.maximum(rows.reindex(c.frequency_hz).to_numpy(), 0.01)
-    wanted = [f for f in (10.0, 20.0, 30.0, 40.0) if f in c.frequency_hz] or [float(c.frequency_hz[0])]
-    place = [int(np.flatnonzero(c.frequency_hz == f)[0]) for f in wanted]
-    measured = {f: (float(c.mean[i]), float(std[i])) for f, i in zip(wanted, place, strict=True)}
-    return figures.single_mass(wanted, sdof.MASS_KG + condition[1], measured, f"{table.origin} mean MB, {c.condition}")
+    drawn = [f for f in (10.0, 20.0, 30.0, 40.0) if f in c.frequency_hz] or [float(c.frequency_hz[0])]
+    place = [int(np.flatnonzero(c.frequency_hz == f)[0]) for f in drawn]
+    measured = {f: (float(c.mean[i]), float(std[i])) for f, i in zip(drawn, place, strict=True)}
+    return figures.single_mass(drawn, sdof.MASS_KG + condition[1], measured, f"{table.origin} mean MB, {c.condition}")
 
 
 if __name__ == "__main__":

@@ -21,7 +21,9 @@ def broadband(
     """Channels over the base, over the band that the base excites.
 
     Args:
-        time_s: (n,) [s], uniform. channels: (n,) each [m/s^2], "base" among them. resolution_hz: of the frequencies.
+        time_s: (n,) [s], uniform.
+        channels: (n,) each [m/s^2], "base" among them.
+        resolution_hz: of the frequencies.
         estimate: one of `ESTIMATES`.
 
     Raises:
@@ -51,18 +53,14 @@ def _averaged(
 ) -> Response:
     """By Welch's method; its error by the resolution is told where it differs from the best estimate beyond noise."""
     use = excited(channels["base"], rate_hz, resolution_hz)
-    H, covariance, bias, frequency = {}, {}, {}, np.empty(0)
+    H, bias, frequency = {}, {}, np.empty(0)
     outs = [name for name in channels if name != "base"]
+    covariance = {(a, b): np.zeros(use.sum(), complex) for a in outs for b in outs}
     for name in outs:
-        found = by_welch(channels["base"], channels[name], rate_hz, resolution_hz, use, kind)
-        frequency, H[name] = found.frequency_hz, found.H
-        right = np.interp(frequency, best.frequency_hz, best.H[name].real) + 1j * np.interp(
-            frequency, best.frequency_hz, best.H[name].imag
-        )
-        differ = np.abs(found.H / right) - 1
-        bias[name] = np.where(np.abs(found.H - right) > 2 * found.std, differ, 0.0)
-        covariance[name, name] = 2 * found.std**2 + 0j
-    for a in outs:
-        for b in outs:
-            covariance.setdefault((a, b), np.zeros(frequency.size, complex))
+        welch = by_welch(channels["base"], channels[name], rate_hz, resolution_hz, use, kind)
+        frequency, H[name] = welch.frequency_hz, welch.H
+        right = np.interp(frequency, best.frequency_hz, best.H[name])
+        beyond = np.abs(welch.H - right) > 2 * welch.std
+        bias[name] = np.where(beyond, np.abs(welch.H / right) - 1, 0.0)
+        covariance[name, name] += 2 * welch.std**2
     return Response(f"{kind} by Welch", frequency, H, covariance, {}, bias)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from fasbody.exceptions import RecordingError, SettingError, unknown
+from fasbody.exceptions import MissingPackageError, RecordingError, SettingError, unknown
 from fasbody.transmissibility import statistics
 from fasbody.transmissibility.resonance import Resonance
 from fasbody.transmissibility.table import Condition, Table
@@ -38,17 +38,12 @@ def against_unity(table: Table) -> pd.DataFrame:
 
 
 def between(table: Table, conditions: list[Condition]) -> pd.DataFrame:
-    """Analyses of variance between conditions at each frequency, of transmissibility and phase.
-
-    Raises:
-        SettingError: statsmodels is not installed.
-    """
+    """Analyses of variance between conditions at each frequency, of transmissibility and phase."""
     lines: list[dict[str, Any]] = []
     for pair, quantity, f, levels in _levels(table, conditions):
         try:
             thesis = statistics.one_way(levels)
-            gaps = not np.isfinite(levels).all()
-            right = statistics.with_gaps(levels) if gaps else statistics.repeated_measures(levels)
+            right = statistics.repeated_measures(levels)
         except RecordingError:
             continue
         lines.append(
@@ -81,20 +76,24 @@ def mixed(table: Table, people: pd.DataFrame, terms: str) -> pd.DataFrame:
     """Groups and covariates: a mixed model with an effect a subject, of each pair and quantity at each frequency.
 
     Args:
-        table: of the study. people: one row a subject, with a column "subject" and groups or covariates.
+        table: of the study.
+        people: one row a subject, with a column "subject" and groups or covariates.
         terms: right side of a formula, such as "group * added_mass_kg + age_yr"; posture and added_mass_kg are known.
 
     Returns:
         One row a term, with its estimate, 95 % interval (normal), and p; `verdict` is after Holm over a pair's tests.
 
     Raises:
-        SettingError: statsmodels is not installed, or the formula names what is not known.
+        MissingPackageError: statsmodels is not installed.
+        SettingError: the formula names what is not known.
     """
-    statistics.need("statsmodels")
     import warnings
 
-    import statsmodels.formula.api as formulas
-    from statsmodels.tools.sm_exceptions import ConvergenceWarning
+    try:
+        import statsmodels.formula.api as formulas
+        from statsmodels.tools.sm_exceptions import ConvergenceWarning
+    except ImportError:
+        raise MissingPackageError("statsmodels", "statistics") from None
 
     known = {*people.columns, "posture", "added_mass_kg"} - {"subject"}
     named = set(pd.Series(terms).str.findall(r"[A-Za-z_]\w*")[0]) - {"C"}
@@ -105,17 +104,14 @@ def mixed(table: Table, people: pd.DataFrame, terms: str) -> pd.DataFrame:
     for (pair, f), part in frame.groupby(["pair", "frequency_hz"], sort=True):
         for quantity in QUANTITIES:
             used = part.dropna(subset=[quantity, *named])
-            if quantity == "phase_deg":  # around its mean direction, so that no jump of 360 degrees is in it
-                turn = np.radians(used[quantity].to_numpy())
-                middle = np.angle(np.exp(1j * turn).sum())
-                used = used.assign(phase_deg=np.degrees(np.angle(np.exp(1j * (turn - middle))) + middle))
+            if quantity == "phase_deg":
+                used = used.assign(phase_deg=_without_jumps(used[quantity].to_numpy()))
             if used["subject"].nunique() < 3 or len(used) < used["subject"].nunique() + 2:
                 continue
             try:
                 with warnings.catch_warnings():
-                    warnings.simplefilter("ignore", ConvergenceWarning)
-                    warnings.simplefilter("ignore", UserWarning)
-                    warnings.simplefilter("ignore", RuntimeWarning)
+                    for kind in (ConvergenceWarning, UserWarning, RuntimeWarning):
+                        warnings.simplefilter("ignore", kind)
                     fit = formulas.mixedlm(f"{quantity} ~ {terms}", used, groups=used["subject"]).fit(reml=True)
                 interval = fit.conf_int()
             except (ValueError, np.linalg.LinAlgError):
@@ -131,17 +127,20 @@ def mixed(table: Table, people: pd.DataFrame, terms: str) -> pd.DataFrame:
     return _corrected(lines, "difference", 0.0)
 
 
+def _without_jumps(phase_deg: np.ndarray) -> np.ndarray:
+    """Phases around their mean direction, so that no jump of 360 degrees is among them."""
+    turns = np.exp(1j * np.radians(phase_deg))
+    middle = np.angle(np.nansum(turns))
+    return np.degrees(np.angle(turns * np.exp(-1j * middle)) + middle)
+
+
 def _levels(table: Table, conditions: Sequence[Condition]) -> Iterator[tuple[str, str, float, np.ndarray]]:
     """Pair, quantity, frequency, and (subjects, conditions) values; phases around their mean direction."""
     for pair in table.pairs:
         for f in table.curves(pair, *conditions[0]).frequency_hz:
             for quantity in QUANTITIES:
                 levels = table.levels(pair, conditions, float(f), quantity)
-                if quantity == "phase_deg":
-                    turns = np.exp(1j * np.radians(levels))
-                    middle = np.angle(np.nansum(turns))
-                    levels = np.degrees(np.angle(turns * np.exp(-1j * middle)) + middle)
-                yield pair, quantity, float(f), levels
+                yield pair, quantity, float(f), _without_jumps(levels) if quantity == "phase_deg" else levels
 
 
 def _corrected(lines: list[dict[str, Any]], value: str = "", unity: float = 0.0) -> pd.DataFrame:
@@ -149,12 +148,8 @@ def _corrected(lines: list[dict[str, Any]], value: str = "", unity: float = 0.0)
     for pair in {line["pair"] for line in lines}:
         family = [line for line in lines if line["pair"] == pair]
         for line, p in zip(family, statistics.holm([line["p"] for line in family]), strict=True):
-            sure = p < statistics.ALPHA
-            line["p_holm"] = p
-            if value:
-                line["verdict"] = "equal" if not sure else "above" if line[value] > unity else "below"
-            else:
-                line["verdict"] = "differs" if sure else "equal"
+            differs = "differs" if not value else "above" if line[value] > unity else "below"
+            line |= {"p_holm": p, "verdict": differs if p < statistics.ALPHA else "equal"}
     return pd.DataFrame(lines)
 
 

@@ -11,7 +11,8 @@ from scipy.interpolate import Akima1DInterpolator
 from fasbody.presentation import COLOURS, MARKS, PAGE, picture, printed
 from fasbody.transmissibility import sdof
 from fasbody.transmissibility.labels import label_lines
-from fasbody.transmissibility.table import Condition, Curves, Table
+from fasbody.transmissibility.statistics import Z95
+from fasbody.transmissibility.table import Condition, Table
 
 
 def save(figure: Figure, ending: str) -> bytes:
@@ -57,27 +58,18 @@ def subjects(table: Table, pair: str, conditions: Sequence[Condition]) -> Figure
         top.axhline(1, lw=0.8, ls="--", color="#444444")
         r = c.resonance
         if r.found:
+            ends = (r.low, r.high) if r.high > r.low else (r.low - 1, r.high + 1)
+            hollow: dict[str, Any] = {"fill": False, "ec": colour, "ls": (0, (4, 3)), "lw": 0.9}
+            style = {"color": colour, "alpha": 0.15, "lw": 0} if c.shown.confirms(r) else hollow
             for axis in (top, bottom):
-                if c.shown.confirms(r):
-                    axis.axvspan(*_widened(r.low, r.high), color=colour, alpha=0.15, lw=0)
-                else:
-                    axis.axvspan(*_widened(r.low, r.high), fill=False, ec=colour, ls=(0, (4, 3)), lw=0.9)
-        top.set_title(f"{_name(condition, conditions)}  (n = {len(c.subjects)})\n{_said(c)}")
+                axis.axvspan(*ends, **style)
+        label = "no peak or plateau" if r.kind == "none" else f"{'' if r.tested else 'resonance '}{r}"
+        top.set_title(f"{_name(condition, conditions)}  (n = {len(c.subjects)})\n{label}")
         bottom.set_xlabel("frequency [Hz]")
     axes[0, 0].set_ylabel(f"{pair} transmissibility")
     axes[1, 0].set_ylabel(f"{pair} phase lag [deg]")
     marks = "shaded: resonance range by section 2.3.1 that is shown beyond chance; dashed: not shown beyond chance"
     return _origin(figure, table, f"thin: subjects; heavy: mean; {marks}")
-
-
-def _widened(low: float, high: float) -> tuple[float, float]:
-    return (low, high) if high > low else (low - 1, high + 1)
-
-
-def _said(c: Curves) -> str:
-    if not c.resonance.tested:
-        return f"resonance {c.resonance}"
-    return "no peak or plateau" if c.resonance.kind == "none" else str(c.resonance)
 
 
 @printed
@@ -91,7 +83,7 @@ def means(table: Table, conditions: Sequence[Condition]) -> Figure:
         for i, condition in enumerate(conditions):
             c = table.curves(pair, *condition)
             colour, marker = COLOURS[i % len(COLOURS)], MARKS[i % len(MARKS)]
-            half = _half_interval(c.T)
+            half = half_interval(c.T)
             shift = 0.45 * (i - (len(conditions) - 1) / 2)  # so that the bars do not hide each other
             top.plot(*_smooth(c.frequency_hz, c.mean), lw=1.4, color=colour)
             top.errorbar(
@@ -120,7 +112,7 @@ def means(table: Table, conditions: Sequence[Condition]) -> Figure:
         axes[0, -1].legend(loc="upper right")
     else:
         figure.suptitle(_name(conditions[0], conditions) + f", {conditions[0][1]:g} kg")
-    alone = not any(np.isfinite(_half_interval(c.T)).any() for c in table.each())
+    alone = not any(np.isfinite(half_interval(c.T)).any() for c in table.each())
     bars = "one subject, no intervals" if alone else "bars: 95 % intervals of the mean"
     arrows = (
         "arrows: resonance (peak, middle of a plateau) by section 2.3.1, hollow where it is not shown beyond chance"
@@ -131,7 +123,7 @@ def means(table: Table, conditions: Sequence[Condition]) -> Figure:
 _PAIRS = {"MB": "MB: malleolus / base", "TB": "TB: tuberosity / base", "TM": "TM: tuberosity / malleolus"}
 
 
-def _half_interval(T: np.ndarray) -> np.ndarray:
+def half_interval(T: np.ndarray) -> np.ndarray:
     """Half of the 95 % interval of each mean (f,), NaN where fewer than two subjects were measured."""
     from scipy.stats import t
 
@@ -162,9 +154,8 @@ def spectrum(table: Table, conditions: Sequence[Condition]) -> Figure:
                 else:
                     low, high = np.nanquantile(rows, [0.1, 0.9], axis=0)
                     axis.fill_between(c.frequency_hz, low, high, color=colour, alpha=0.15, lw=0)
-                axis.plot(
-                    c.frequency_hz, np.nanmean(rows, axis=0), lw=1.6, color=colour, label=_name(condition, conditions)
-                )
+                label = _name(condition, conditions)
+                axis.plot(c.frequency_hz, np.nanmean(rows, axis=0), lw=1.6, color=colour, label=label)
         axes[0, column].axhline(1, lw=0.8, ls="--", color="#444444")
         axes[0, column].set_title(_PAIRS[pair])
         axes[1, column].set_xlabel("frequency [Hz]")
@@ -176,15 +167,14 @@ def spectrum(table: Table, conditions: Sequence[Condition]) -> Figure:
 
 @printed
 def single_mass(
-    frequencies_hz: Sequence[float] = (10, 20, 30, 40),
-    m: float = sdof.MASS_KG,
-    measured: dict[float, tuple[float, float]] | None = None,
-    origin: str = "",
-) -> Figure:
+    frequencies_hz: Sequence[float] = (10, 20, 30, 40), m: float = sdof.MASS_KG,
+    measured: dict[float, tuple[float, float]] | None = None, origin: str = "",
+) -> Figure:  # fmt: skip
     """Figure 2.10: contour lines of the single mass' transmissibility over stiffness and damping.
 
     Args:
-        frequencies_hz: one panel each. m: mass [kg].
+        frequencies_hz: one panel each.
+        m: mass [kg].
         measured: frequency -> (transmissibility, standard deviation); where given, the agreeing region is shaded.
         origin: of the measured values, and under which condition, for the caption.
     """
@@ -200,9 +190,9 @@ def single_mass(
         title = f"{f:g} Hz"
         if measured and f in measured:
             value, std = measured[f]
-            inside = np.abs(T - value) <= 1.96 * std
+            inside = np.abs(T - value) <= Z95 * std
             axis.contourf(k / 1e3, c, inside, levels=(0.5, 1.5), colors=[COLOURS[1]], alpha=0.35)
-            title += f": T = {value:.2f} ± {1.96 * std:.2f}"
+            title += f": T = {value:.2f} ± {Z95 * std:.2f}"
         axis.set_title(title)
         axis.grid(False)
     for axis in axes.flat[len(frequencies_hz) :]:

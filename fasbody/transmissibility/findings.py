@@ -37,9 +37,6 @@ class Finding:
         """One of yes, no, not tested."""
         return "not tested" if self.holds is None else "yes" if self.holds else "no"
 
-    def __str__(self) -> str:
-        return f"{self.says}: {self.came_out} ({self.verdict})"
-
 
 def summary(stated: Sequence[Finding]) -> str:
     """How many hold, of those that could be tested."""
@@ -55,13 +52,11 @@ _CONFLICT = "cannot hold with MB above 1 everywhere, TM at 1 to 40 Hz and a peak
 
 def findings(table: Table) -> list[Finding]:
     """Judge every statement that the study has the conditions for."""
-    have = set(table.conditions)
-    made: list[Finding] = []
-    if set(LOADS) <= have:
-        made += _loads(table)
-    if set(POSTURES) <= have:
-        made += _postures(table)
-    return made
+    measured, stated = set(table.conditions), list[Finding]()
+    if set(LOADS) <= measured:
+        stated += _malleolus(table)
+        stated += _tuberosity(table) if "TB" in table.pairs else []
+    return stated + (_postures(table) if set(POSTURES) <= measured else [])
 
 
 def judged(table: Table) -> tuple[list[Finding], str]:
@@ -80,52 +75,40 @@ def judged(table: Table) -> tuple[list[Finding], str]:
     return stated, "" if stated else "neither all three loads nor all three postures were recorded"
 
 
-def _loads(table: Table) -> list[Finding]:
-    made = _malleolus(table)
-    if "TB" in table.pairs:
-        made += _tuberosity(table)
-    return made
-
-
 def _malleolus(table: Table) -> list[Finding]:
     mb = _curves(table, "MB", LOADS)
-    made = []
+    stated = []
     free = _unity(mb[0])
-    made.append(_judge("2.3.1", "MB unloaded above 1 below 40 Hz", free, lambda f, v: f >= 40 or v == "above"))
-    made.append(_judge("2.3.1", "MB unloaded close to 1 at 45 and 50 Hz", free, lambda f, v: f < 45 or v == "equal"))
+    stated.append(_judge("2.3.1", "MB unloaded above 1 below 40 Hz", free, lambda f, v: f >= 40 or v == "above"))
+    stated.append(_judge("2.3.1", "MB unloaded close to 1 at 45 and 50 Hz", free, lambda f, v: f < 45 or v == "equal"))
     for curves in mb[1:]:
         says = f"MB with {curves.added_mass_kg:g} kg above 1 at all frequencies"
-        made.append(_judge("2.3.1", says, _unity(curves), lambda f, v: v == "above"))
+        stated.append(_judge("2.3.1", says, _unity(curves), lambda f, v: v == "above"))
     for curves, (kind, low, high) in zip(mb, _RESONANCES, strict=True):
-        r = curves.resonance
         says = f"MB resonance with {curves.added_mass_kg:g} kg: {low}-{high} Hz ({kind})"
-        made.append(Finding("2.3.1", says, str(r), _is(r, kind, low, high)))
+        stated.append(_resonance("2.3.1", says, curves, kind, low, high))
     slow = mb[0].frequency_hz < 20
     falls = np.concatenate([a.mean[slow] - b.mean[slow] for a, b in pairwise(mb)])
     at_10 = ", ".join(f"{c.mean[0]:.2f}" for c in mb)
-    made.append(Finding("2.4", "MB below 20 Hz falls with load", f"at 10 Hz {at_10}", _all(falls, falls > 0)))
+    stated.append(Finding("2.4", "MB below 20 Hz falls with load", f"at 10 Hz {at_10}", _all(falls, falls > 0)))
+    f = mb[0].frequency_hz
     for curves, (_, from_hz, to_hz) in zip(mb, _RESONANCES, strict=True):
         says = f"MB phase with {curves.added_mass_kg:g} kg steepest within 5 Hz of the resonance"
-        steps = -np.diff(curves.mean_phase_deg)
-        if not np.isfinite(steps).all():
-            made.append(Finding("2.3.1", says, _GAPS, None))
-            continue
+        came, steps = _GAPS, -np.diff(curves.mean_phase_deg)
         at = int(np.argmax(steps))
-        f = curves.frequency_hz
-        came = f"steepest {f[at]:g}-{f[at + 1]:g} Hz ({steps[at]:.1f} degrees in {f[at + 1] - f[at]:g} Hz)"
-        made.append(Finding("2.3.1", says, came, bool(f[at] >= from_hz - 5 and f[at + 1] <= to_hz + 5)))
+        if np.isfinite(steps).all():
+            came = f"steepest {f[at]:g}-{f[at + 1]:g} Hz ({steps[at]:.1f} degrees in {f[at + 1] - f[at]:g} Hz)"
+        near = f[at] >= from_hz - 5 and f[at + 1] <= to_hz + 5
+        stated.append(Finding("2.3.1", says, came, _all(steps, near)))
     for curves in mb[1:]:
         says = f"lag of MB less with {curves.added_mass_kg:g} kg, most at 30-35 Hz"
-        less = curves.mean_phase_deg - mb[0].mean_phase_deg
-        if not np.isfinite(less).all():
-            made.append(Finding("2.3.1", says, _GAPS, None))
-            continue
-        at, f = int(np.argmax(less)), curves.frequency_hz
-        came = (
-            f"most at {f[at]:g} Hz ({less[at]:.0f} degrees; {less[0]:.0f} at {f[0]:g}, {less[-1]:.0f} at {f[-1]:g} Hz)"
-        )
-        made.append(Finding("2.3.1", says, came, bool(25 < f[at] < 40)))
-    return made
+        came, less = _GAPS, curves.mean_phase_deg - mb[0].mean_phase_deg
+        at = int(np.argmax(less))
+        if np.isfinite(less).all():
+            ends = f"{less[0]:.0f} at {f[0]:g}, {less[-1]:.0f} at {f[-1]:g} Hz"
+            came = f"most at {f[at]:g} Hz ({less[at]:.0f} degrees; {ends})"
+        stated.append(Finding("2.3.1", says, came, _all(less, 25 < f[at] < 40)))
+    return stated
 
 
 _RESONANCES = (("plateau", 15, 25), ("peak", 30, 35), ("peak", 35, 40))
@@ -133,41 +116,39 @@ _RESONANCES = (("plateau", 15, 25), ("peak", 30, 35), ("peak", 35, 40))
 
 def _tuberosity(table: Table) -> list[Finding]:
     tb = _curves(table, "TB", LOADS)
-    made = []
+    stated = []
     p = _differ(table, "TB", LOADS, tb[0].frequency_hz[:1])
     came = _GAPS if np.isnan(p[0]) else f"p = {p[0]:.2g}"
-    made.append(Finding("2.3.1", "TB at 10 Hz differs between the loads", came, _all(p, p < statistics.ALPHA)))
-    r = tb[0].resonance
-    made.append(Finding("2.3.1", "TB unloaded without peak or plateau", str(r), _is(r, "none")))
+    stated.append(Finding("2.3.1", "TB at 10 Hz differs between the loads", came, _all(p, p < statistics.ALPHA)))
+    stated.append(_resonance("2.3.1", "TB unloaded without peak or plateau", tb[0], "none"))
     for curves in tb[1:]:
-        r = curves.resonance
         says = f"TB peak with {curves.added_mass_kg:g} kg: 25-30 Hz"
         note = _TENSION if curves.added_mass_kg > 3 else ""
-        made.append(Finding("2.3.1", says, str(r), _is(r, "peak", 25, 30), note))
+        stated.append(_resonance("2.3.1", says, curves, "peak", 25, 30, note))
     f = tb[1].frequency_hz
     p = _differ(table, "TB", LOADS[1:], f)
     middle = (f >= 15) & (f <= 35)
     came = "equal at " + (", ".join(f"{x:g}" for x in f[p >= statistics.ALPHA]) or "no") + " Hz (one-way ANOVA)"
     alike = _all(p[middle], p[middle] >= statistics.ALPHA)
-    made.append(Finding("2.3.1", "TB alike with 2.3 and 4.5 kg at 15-35 Hz", came, alike))
+    stated.append(Finding("2.3.1", "TB alike with 2.3 and 4.5 kg at 15-35 Hz", came, alike))
     for limits, note in (((30, 35, 40), _CONFLICT), ((40, 45, 50), f"{_SECOND}; {_CONFLICT}")):
         for curves, limit in zip(tb, limits, strict=True):
             says = f"TB with {curves.added_mass_kg:g} kg below 1 {'at' if limit == 50 else 'above'} {limit} Hz"
             first = 50 if limit == 50 else limit + 1  # the text says "at 50 Hz", and "above" for the others
-            said = note if curves.added_mass_kg else note.removesuffix(f"; {_CONFLICT}")  # it concerns the loads
-            made.append(_judge("2.3.1", says, _unity(curves), lambda f, v, at=first: f < at or v == "below", said))
+            about = note if curves.added_mass_kg else note.removesuffix(f"; {_CONFLICT}")  # it concerns the loads
+            stated.append(_judge("2.3.1", says, _unity(curves), lambda f, v, at=first: f < at or v == "below", about))
     for c, limit in zip(LOADS, (25, 40, 40), strict=True):
         tm = _curves(table, "TM", [c])[0]
         r = tm.resonance
         says = f"TM with {c[1]:g} kg without a peak"
-        made.append(Finding("2.3.1", says, str(r), r.kind != "peak" if _whole(r) else None))
+        stated.append(Finding("2.3.1", says, str(r), r.kind != "peak" if _whole(r) else None))
         says = f"TM with {c[1]:g} kg below 1 above {limit} Hz"
-        made.append(_judge("2.3.1", says, _unity(tm), lambda f, v, at=limit: f == at or (v == "below") == (f > at)))
-    return made
+        stated.append(_judge("2.3.1", says, _unity(tm), lambda f, v, at=limit: f == at or (v == "below") == (f > at)))
+    return stated
 
 
 def _postures(table: Table) -> list[Finding]:
-    made = []
+    stated = []
     for pair in table.pairs:
         f = _frequencies(table)
         p = _differ(table, pair, POSTURES, f)
@@ -177,12 +158,11 @@ def _postures(table: Table) -> list[Finding]:
         else:
             says = f"{pair} differs between postures at 10 Hz only"
             right = (p < statistics.ALPHA) == (f == 10)
-        made.append(Finding("2.3.2", says, f"differs at {hits} Hz (one-way ANOVA, p < 0.05)", _all(p, right)))
-    plantar, dorsi = (c.resonance for c in _curves(table, "MB", POSTURES[1:]))
-    says = "MB in plantarflexion: plateau 15-25 Hz"
-    made.append(Finding("2.3.2", says, str(plantar), _is(plantar, "plateau", 15, 25)))
-    made.append(Finding("2.3.2", "MB in dorsiflexion without a resonance", str(dorsi), _is(dorsi, "none")))
-    return made
+        stated.append(Finding("2.3.2", says, f"differs at {hits} Hz (one-way ANOVA, p < 0.05)", _all(p, right)))
+    plantar, dorsi = _curves(table, "MB", POSTURES[1:])
+    stated.append(_resonance("2.3.2", "MB in plantarflexion: plateau 15-25 Hz", plantar, "plateau", 15, 25))
+    stated.append(_resonance("2.3.2", "MB in dorsiflexion without a resonance", dorsi, "none"))
+    return stated
 
 
 _GAPS = "not measured at every frequency"
@@ -199,25 +179,27 @@ def _curves(table: Table, pair: str, conditions: Sequence[Condition]) -> list[Cu
 
 def _differ(table: Table, pair: str, conditions: Sequence[Condition], frequency_hz: np.ndarray) -> np.ndarray:
     """p of the one-way analysis of variance at each frequency (f,), NaN where it cannot be made."""
-    found = []
+    p_values = []
     for f in frequency_hz:
         try:
-            found.append(statistics.one_way(table.levels(pair, conditions, float(f))).p)
+            p_values.append(statistics.one_way(table.levels(pair, conditions, float(f))).p)
         except RecordingError:
-            found.append(np.nan)
-    return np.array(found)
+            p_values.append(np.nan)
+    return np.array(p_values)
 
 
-def _all(known: np.ndarray, right: np.ndarray) -> bool | None:
+def _all(known: np.ndarray, right: np.ndarray | bool) -> bool | None:
     """Whether all is right; None if a number is missing for that."""
     return bool(np.all(right)) if np.isfinite(known).all() else None
 
 
-def _is(r: Resonance, kind: str, low: float = np.nan, high: float = np.nan) -> bool | None:
-    """Whether a resonance is of a kind and at a place; None if it was not tested."""
-    if not _whole(r):
-        return None
-    return r.kind == kind and (kind == "none" or (r.low, r.high) == (low, high))
+def _resonance(
+    section: str, says: str, curves: Curves, kind: str, low: float = np.nan, high: float = np.nan, note: str = ""
+) -> Finding:
+    """Whether a resonance is of a kind and at a place [Hz]; None if it was not tested."""
+    r = curves.resonance
+    same = r.kind == kind and (kind == "none" or (r.low, r.high) == (low, high))
+    return Finding(section, says, str(r), same if _whole(r) else None, note)
 
 
 def _whole(r: Resonance) -> bool:
@@ -227,13 +209,13 @@ def _whole(r: Resonance) -> bool:
 
 def _unity(curves: Curves) -> list[tuple[float, str]]:
     """Frequency and verdict against unity."""
-    found = []
+    verdicts = []
     for f, values in zip(curves.frequency_hz, curves.T.T, strict=True):
         try:
-            found.append((float(f), one_sample(values).verdict))
+            verdicts.append((float(f), one_sample(values).verdict))
         except RecordingError:
-            found.append((float(f), "untested"))
-    return found
+            verdicts.append((float(f), "untested"))
+    return verdicts
 
 
 def _judge(

@@ -36,32 +36,35 @@ def local(
     """Channels over the base at given frequencies.
 
     Args:
-        time_s: (n,) [s], uniform. channels: (n,) each [m/s^2], "base" among them.
-        frequency_hz: (f,) where. band_hz: that the shaker excites. resolution_hz: half width of the windows.
+        time_s: (n,) [s], uniform.
+        channels: (n,) each [m/s^2], "base" among them.
+        frequency_hz: (f,) where.
+        band_hz: that the shaker excites.
+        resolution_hz: half width of the windows.
 
     Raises:
         RecordingError: too short for a window within the band, or no window with enough lines that the base drives.
     """
     rate = (time_s.size - 1) / (time_s[-1] - time_s[0])
     half = max(_LEAST, round(resolution_hz * time_s.size / rate))
-    wide = _windows(channels, frequency_hz, band_hz, resolution_hz, half, rate)
-    driven = np.all([np.isfinite(H) for H in wide.H.values()], axis=0)
+    full = _windows(channels, frequency_hz, band_hz, resolution_hz, half, rate)
+    driven = np.all([np.isfinite(H) for H in full.H.values()], axis=0)
     if not driven.any():
         raise RecordingError(
             f"base_m_s2 drives too few lines within {resolution_hz:g} Hz for their response; ask for a coarser "
             "resolution, or record three periods or more."
         )
-    wide = wide.at(driven)
+    full = full.at(driven)
     if half < 2 * _LEAST:
-        return wide
-    narrow = _windows(channels, wide.frequency_hz, band_hz, resolution_hz, half // 2, rate)
-    bias, covariance = {}, dict(wide.covariance)
-    for name, H in wide.H.items():
+        return full
+    narrow = _windows(channels, full.frequency_hz, band_hz, resolution_hz, half // 2, rate)
+    bias, covariance = {}, dict(full.covariance)
+    for name, H in full.H.items():
         nearer = np.where(np.isfinite(narrow.H[name]), narrow.H[name], H)
         beyond = np.abs(H - nearer) > _SURE * narrow.ratio(name)[1]
         bias[name] = np.where(beyond, np.abs(H / nearer) - 1, 0.0)
         covariance[name, name] = covariance[name, name] + 2 * np.where(beyond, np.abs(H - nearer), 0.0) ** 2
-    return replace(wide, covariance=covariance, bias=bias)
+    return replace(full, covariance=covariance, bias=bias)
 
 
 def _windows(
@@ -88,13 +91,13 @@ def _windows(
         first = int(np.clip(round(f / step) - half, usable[0], usable[-1] - 2 * half))
         place = np.arange(first, first + 2 * half + 1)
         r = (place * step - f) / (half * step)
-        found = [_fitted(r, X[place], Y[place, j], noise["base"], noise[name]) for j, name in enumerate(outs)]
+        fits = [_fitted(r, X[place], Y[place, j], noise["base"], noise[name]) for j, name in enumerate(outs)]
         for j, a in enumerate(outs):
-            H[a][i] = found[j][0]
+            H[a][i] = fits[j][0]
             for k, b in enumerate(outs):
                 freedom = place.size - 2 * (_ORDER + 1) - 1
-                scatter = np.sum(found[j][2] * found[k][2].conj()) / freedom
-                spread = np.sqrt(np.abs(found[j][1] * found[k][1]))
+                scatter = np.sum(fits[j][2] * fits[k][2].conj()) / freedom
+                spread = np.sqrt(np.abs(fits[j][1] * fits[k][1]))
                 covariance[a, b][i] = scatter * spread * widening(2 * freedom) ** 2
     return Response("local rational", np.asarray(frequency_hz, float), H, covariance)
 

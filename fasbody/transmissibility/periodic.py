@@ -23,7 +23,9 @@ def period_of(base: np.ndarray, rate_hz: float, band_hz: tuple[float, float]) ->
     """The period [s] after which the base repeats itself, None if it does not within a third of the record.
 
     Args:
-        base: (n,). rate_hz: sampling rate. band_hz: that it excites.
+        base: (n,) acceleration [m/s^2].
+        rate_hz: sampling rate.
+        band_hz: that it excites.
     """
     n = base.size
     size = 1 << (2 * n - 1).bit_length()
@@ -79,8 +81,7 @@ def _blocks(values: np.ndarray, rate_hz: float, period_s: float, highest_hz: flo
     basis = np.empty((n, 2 + 2 * lines))
     basis[:, 0], basis[:, 1] = 1.0, np.linspace(-1, 1, n)
     basis[:, 2::2], basis[:, 3::2] = waves.real, waves.imag
-    each = np.column_stack([values[s : s + n] for s in starts])
-    solved = np.linalg.lstsq(basis, each)[0]
+    solved = np.linalg.lstsq(basis, np.column_stack([values[s : s + n] for s in starts]))[0]
     amplitudes = (solved[2::2] - 1j * solved[3::2]).T
     late = starts - np.arange(starts.size) * samples
     return amplitudes * np.exp(-np.outer(late, turn))
@@ -93,12 +94,15 @@ def by_periods(
     """Channels over the base at the lines that the base drives.
 
     Args:
-        time_s: (n,) [s], uniform. channels: (n,) each [m/s^2], "base" among them. period_s: of the base.
-        band_hz: that it excites. resolution_hz: lines closer than that are thinned to it.
+        time_s: (n,) [s], uniform.
+        channels: (n,) each [m/s^2], "base" among them.
+        period_s: of the base.
+        band_hz: that it excites.
+        resolution_hz: lines closer than that are thinned to it.
     """
     rate = (time_s.size - 1) / (time_s[-1] - time_s[0])
     spectra = {name: _blocks(values, rate, period_s, band_hz[1]) for name, values in channels.items()}
-    spectra = _settled(spectra)
+    spectra = _steady(spectra)
     base = spectra["base"]
     P = len(base)
     frequency = np.arange(1, base.shape[1] + 1) / period_s
@@ -124,16 +128,17 @@ def by_periods(
     chosen = np.flatnonzero(driven)
     chosen = chosen[_thinned(frequency[chosen], resolution_hz)]
     size = np.abs(X[chosen])
-    shown = np.round(frequency[chosen] / resolution_hz) * resolution_hz  # two loggers' clocks make one frequency
-    named = np.where(np.abs(shown - frequency[chosen]) < 0.02 * resolution_hz, shown, np.round(frequency[chosen], 3))
+    near_hz = np.round(frequency[chosen] / resolution_hz) * resolution_hz  # two loggers' clocks make one frequency
+    same = np.abs(near_hz - frequency[chosen]) < 0.02 * resolution_hz
+    nominal = np.where(same, near_hz, np.round(frequency[chosen], 3))
     return Response(
-        f"{P} periods of {period_s:.6g} s", named, {a: H[a][chosen] for a in outs},
+        f"{P} periods of {period_s:.6g} s", nominal, {a: H[a][chosen] for a in outs},
         {pair: c[chosen] / size**2 for pair, c in covariance.items()},
         {a: d[chosen] / size for a, d in distortion.items()},
     )  # fmt: skip
 
 
-def _settled(spectra: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
+def _steady(spectra: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
     """Without the first periods while the foot still settles."""
     while len(spectra["base"]) > _FEWEST:
         worst = 0.0
@@ -170,9 +175,7 @@ def _distorted(
     silent = np.flatnonzero(inside & ~driven)
     if silent.size < 3 or driven.sum() < 3:
         return np.full(frequency.size, np.nan)
-    response = np.interp(frequency[silent], frequency[driven], H[driven].real) + 1j * np.interp(
-        frequency[silent], frequency[driven], H[driven].imag
-    )
+    response = np.interp(frequency[silent], frequency[driven], H[driven])
     left = out[:, silent] - response * base[:, silent]  # what the base itself does there is no distortion of the foot
     P = len(left)
     noise = np.sum(np.abs(left - left.mean(axis=0)) ** 2, axis=0) / (P - 1) / P

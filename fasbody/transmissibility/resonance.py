@@ -28,8 +28,12 @@ class Resonance(Tabled):
 
     Attributes:
         kind: "peak", "plateau", "none", "undecided" (`shown` only) or "not tested".
-        low, high: its range [Hz]; top: its highest mean [Hz] (NaN without peak or plateau). why: it was not tested.
-        subjects: how many were tested. left_out: frequencies that were not, because a subject lacks them [Hz].
+        low: lower end of its range [Hz], NaN without peak or plateau.
+        high: upper end [Hz].
+        top: where its mean is highest [Hz].
+        why: it was not tested.
+        subjects: how many were tested.
+        left_out: frequencies that were not, because a subject lacks them [Hz].
     """
 
     kind: str
@@ -55,11 +59,10 @@ class Resonance(Tabled):
         return self.kind != "not tested"
 
     def __str__(self) -> str:
+        text = f"{self.kind} ({self.why})" if self.why else self.kind
         if self.found:
-            said = f"{self.kind} {self.low:g}{f'-{self.high:g}' if self.high > self.low else ''} Hz"
-        else:
-            said = f"{self.kind} ({self.why})" if self.why else self.kind
-        return said + (f", {len(self.left_out)} frequencies left out" if self.left_out else "")
+            text = f"{self.kind} {self.low:g}{f'-{self.high:g}' if self.high > self.low else ''} Hz"
+        return text + (f", {len(self.left_out)} frequencies left out" if self.left_out else "")
 
 
 def _tested(rule: Callable[..., Resonance]) -> Callable[..., Resonance]:
@@ -98,7 +101,8 @@ def by_thesis(frequency_hz: np.ndarray, T: np.ndarray) -> Resonance:
     differ from it, the next lower frequency differs, and the next higher one is significantly less.
 
     Args:
-        frequency_hz: (f,) ascending. T: (subjects, f) transmissibility.
+        frequency_hz: (f,) ascending.
+        T: (subjects, f) transmissibility.
     """
     f, x = frequency_hz, T
     mean = x.mean(axis=0)
@@ -140,7 +144,9 @@ def shown(frequency_hz: np.ndarray, T: np.ndarray, margin: float = MARGIN) -> Re
     differs and the one after is less, corrected. None: each frequency is shown to be less than the one before.
 
     Args:
-        frequency_hz: (f,) ascending. T: (subjects, f) transmissibility. margin: of equivalence, as a share of the mean.
+        frequency_hz: (f,) ascending.
+        T: (subjects, f) transmissibility.
+        margin: of equivalence, as a share of the mean.
     """
     f, x = frequency_hz, T
     mean, k = x.mean(axis=0), f.size

@@ -6,6 +6,7 @@ import numpy as np
 from scipy import stats
 
 from fasbody.presentation import Tabled
+from fasbody.transmissibility.statistics import Z95
 
 
 @dataclass(frozen=True, eq=False)
@@ -13,7 +14,9 @@ class Response(Tabled):
     """Channels over the base at some frequencies.
 
     Attributes:
-        method: how it was estimated. frequency_hz: (f,). H: channel -> (f,) complex, its motion over the base's.
+        method: how it was estimated.
+        frequency_hz: (f,).
+        H: channel -> (f,) complex, its motion over the base's.
         covariance: (channel, channel) -> (f,) complex covariance of two estimates, widened so that 1.96 standard
             deviations are a 95 % interval for however few segments there were.
         distortion: channel -> (f,) standard deviation by nonlinear distortion, contained in the covariance; nan where
@@ -47,9 +50,10 @@ class Response(Tabled):
         """(f,) standard deviation by nonlinear distortion of a ratio, nan where it cannot be told."""
         H, _ = self.ratio(out, into)
         unknown = np.full(self.frequency_hz.size, np.nan)
-        own = self.distortion.get(out, unknown) / np.abs(self.H[out])
-        other = np.zeros(own.size) if into == "base" else self.distortion.get(into, unknown) / np.abs(self.H[into])
-        return np.abs(H) * np.hypot(own, other)
+        total = self.distortion.get(out, unknown) / np.abs(self.H[out])
+        if into != "base":
+            total = np.hypot(total, self.distortion.get(into, unknown) / np.abs(self.H[into]))
+        return np.abs(H) * total
 
     def biased(self, out: str, into: str = "base") -> np.ndarray:
         """(f,) relative error of a ratio by the resolution, nan where there is none."""
@@ -60,4 +64,4 @@ class Response(Tabled):
 
 def widening(freedom: float | np.ndarray) -> np.ndarray:
     """What a standard deviation of so many degrees of freedom is taken times, so that 1.96 of it hold 95 %."""
-    return stats.t.ppf(0.975, np.maximum(1.0, freedom)) / stats.norm.ppf(0.975)
+    return stats.t.ppf(0.975, np.maximum(1.0, freedom)) / Z95

@@ -25,7 +25,9 @@ def by_segments(time_s: np.ndarray, channels: dict[str, np.ndarray], frequency_h
     """Channels over the base at one frequency.
 
     Args:
-        time_s: (n,) [s]. channels: (n,) each [m/s^2], "base" among them. frequency_hz: of the excitation.
+        time_s: (n,) [s].
+        channels: (n,) each [m/s^2], "base" among them.
+        frequency_hz: of the excitation.
     """
     names = list(channels)
     t = time_s - time_s[0]
@@ -58,8 +60,8 @@ def by_segments(time_s: np.ndarray, channels: dict[str, np.ndarray], frequency_h
                 continue
             i, j, k = names.index(one), names.index(other), names.index("base")
             h, g = H[one][0], H[other][0]
-            each = white[i, j] + h * g.conj() * white[k, k] - h * white[k, j] - g.conj() * white[i, k]
-            covariance[one, other] = np.array([4 * each / t.size * parts * weight])
+            noise_ij = white[i, j] + h * g.conj() * white[k, k] - h * white[k, j] - g.conj() * white[i, k]
+            covariance[one, other] = np.array([4 * noise_ij / t.size * parts * weight])
     return Response("sine, by segments" if parts > 1 else "sine", np.array([frequency_hz]), H, covariance)
 
 
@@ -70,7 +72,8 @@ def _common(base: np.ndarray, moved: np.ndarray) -> tuple[np.ndarray, np.ndarray
     differences of the base's amplitude explain most of what a constant ratio leaves, they are taken along.
 
     Args:
-        base: (segments,) complex. moved: (segments, channels).
+        base: (segments,) complex.
+        moved: (segments, channels) complex.
     """
     weight = 1 / float(np.sum(np.abs(base) ** 2))
     ratio = weight * (base.conj() @ moved)

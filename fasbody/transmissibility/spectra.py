@@ -18,26 +18,25 @@ CUTOFF_HZ = 100.0
 _EDGE_S = 0.05
 
 
-def lowpass(
-    signal: np.ndarray, rate_hz: float, zero_phase: bool = True, cutoff_hz: float = CUTOFF_HZ, order: int = ORDER
-) -> np.ndarray:
-    """Butterworth low-pass filter.
+def lowpass(signal: np.ndarray, rate_hz: float, zero_phase: bool = True) -> np.ndarray:
+    """Butterworth low-pass filter of section 2.2.3.
 
     A single pass shifts by -93 degrees at 50 Hz, harmless only if every channel passes it. Forwards and backwards
     (`zero_phase`) shifts nothing and attenuates twice: -6 dB at the cut-off instead of -3 dB.
 
     Args:
-        signal: (n,) or (n, channels). rate_hz: sampling rate. zero_phase: filter forwards and backwards.
-        cutoff_hz: where a single pass attenuates by 3 dB. order: of a single pass.
+        signal: (n,) or (n, channels).
+        rate_hz: sampling rate.
+        zero_phase: filter forwards and backwards.
 
     Raises:
         SettingError: the cut-off is not below half the sampling rate.
     """
-    if not 0 < cutoff_hz < 0.5 * rate_hz:
-        raise SettingError(f"a filter at {cutoff_hz:g} Hz needs sampling faster than {2 * cutoff_hz:g} Hz.")
-    sections = butter(order, cutoff_hz, fs=rate_hz, output="sos")
+    if rate_hz <= 2 * CUTOFF_HZ:
+        raise SettingError(f"a filter at {CUTOFF_HZ:g} Hz needs sampling faster than {2 * CUTOFF_HZ:g} Hz.")
+    sections = butter(ORDER, CUTOFF_HZ, fs=rate_hz, output="sos")
     if zero_phase:
-        return sosfiltfilt(sections, signal, axis=0, padlen=min(len(signal) - 1, round(3 * rate_hz / cutoff_hz)))
+        return sosfiltfilt(sections, signal, axis=0, padlen=min(len(signal) - 1, round(3 * rate_hz / CUTOFF_HZ)))
     return sosfilt(sections, signal, axis=0)
 
 
@@ -50,9 +49,11 @@ def peak_to_peak(
     (`benchmarks/peak_to_peak.py` measures by how much).
 
     Args:
-        out, into: (n,) accelerations. rate_hz: sampling rate. zero_phase: see `lowpass`; its transients of
-            50 ms at both ends are left out. frequency_hz: if given, the mean range of single periods is taken
-            instead of the range of the whole.
+        out: (n,) acceleration [m/s^2].
+        into: (n,) acceleration [m/s^2].
+        rate_hz: sampling rate.
+        zero_phase: see `lowpass`; its transients of 50 ms at both ends are left out.
+        frequency_hz: if given, the mean range of single periods is taken instead of that of the whole.
     """
     filtered = lowpass(np.column_stack([into, out]), rate_hz, zero_phase)
     edge = min(round(_EDGE_S * rate_hz), len(filtered) // 4)
@@ -82,7 +83,10 @@ def cross_spectrum(x: np.ndarray, y: np.ndarray, rate_hz: float, frequency_hz: f
     by up to 1 / (2 periods) rad; whole periods are taken, and the sum over both signs of the lag makes it exact.
 
     Args:
-        x, y: (n,) input and output. rate_hz: sampling rate. frequency_hz: n omega_0 / (2 pi) of the equation.
+        x: (n,) input.
+        y: (n,) output.
+        rate_hz: sampling rate.
+        frequency_hz: n omega_0 / (2 pi) of the equation.
     """
     periods = int(x.size * frequency_hz / rate_hz)
     if periods < 1:
@@ -98,8 +102,11 @@ class FrequencyResponse(Tabled):
     """Estimate by averaged spectra for broadband excitation.
 
     Attributes:
-        frequency_hz: (n,). H: (n,) complex. coherence: (n,) 0 to 1. std: (n,) standard deviation of |H|, and of its
-            phase times |H|. averages: number of independent segments.
+        frequency_hz: (n,).
+        H: (n,) complex.
+        coherence: (n,) 0 to 1.
+        std: (n,) standard deviation of |H|, and of its phase times |H|.
+        averages: number of independent segments.
     """
 
     frequency_hz: np.ndarray
@@ -107,13 +114,6 @@ class FrequencyResponse(Tabled):
     coherence: np.ndarray
     std: np.ndarray
     averages: float
-
-    def __str__(self) -> str:
-        low, high = self.frequency_hz[0], self.frequency_hz[-1]
-        return (
-            f"{self.H.size} frequencies from {low:.3g} to {high:.3g} Hz, {self.averages:.1f} averages, "
-            f"coherence {self.coherence.min():.3f} to {self.coherence.max():.3f}"
-        )
 
 
 #: Frequencies whose input lies this far below the strongest are not estimated: there is nothing but noise.
@@ -160,7 +160,10 @@ def by_welch(
     their geometric mean, is right where both channels have noise of the same share of their power.
 
     Args:
-        x, y: (n,) input and output. rate_hz: sampling rate. resolution_hz: distance of the frequencies.
+        x: (n,) input.
+        y: (n,) output.
+        rate_hz: sampling rate.
+        resolution_hz: distance of the frequencies.
         use: (f,) where to estimate, from `excited` of the shaker's motion; default where the input itself has power.
         kind: one of `WELCH`.
 

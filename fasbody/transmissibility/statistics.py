@@ -3,8 +3,7 @@
 The thesis compares frequencies by paired t tests, transmissibility with unity by a one-sample t test, and loads and
 postures by a one-way analysis of variance, each at p < 0.05. Loads and postures are measured on the same subjects, so
 the repeated-measures analysis (Greenhouse-Geisser corrected), Holm's correction for many tests, effect sizes and
-confidence intervals are given as well. Arrays are (subjects, levels); subjects with a missing value are left out,
-except by `with_gaps`.
+confidence intervals are given as well. Arrays are (subjects, levels), NaN where nothing was measured.
 """
 
 from collections.abc import Sequence
@@ -13,10 +12,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special, stats
 
-from fasbody.exceptions import MissingPackageError, RecordingError
+from fasbody.exceptions import RecordingError
 from fasbody.presentation import Tabled
 
 ALPHA = 0.05
+#: Standard deviations that a 95 % interval reaches to each side.
+Z95 = float(special.ndtri(0.975))
 
 
 @dataclass(frozen=True)
@@ -34,9 +35,6 @@ class Comparison(Tabled):
     def verdict(self) -> str:
         """One of above, below, equal at p < 0.05."""
         return "equal" if not self.p < ALPHA else "above" if self.difference > 0 else "below"
-
-    def __str__(self) -> str:
-        return f"{self.difference:+.3f} [{self.lower:+.3f}, {self.upper:+.3f}], p = {self.p:.2g}, d = {self.effect:.2f}"
 
 
 def paired(a: np.ndarray, b: np.ndarray) -> Comparison:
@@ -70,8 +68,12 @@ class Variance(Tabled):
     """One analysis of variance.
 
     Attributes:
-        test: its name. F, p: statistic and probability. effect: (partial) eta squared. epsilon: Greenhouse-Geisser's
-            (1 where sphericity is not needed). subjects: how many.
+        test: its name.
+        F: statistic.
+        p: its probability.
+        effect: (partial) eta squared.
+        epsilon: Greenhouse-Geisser's, 1 where sphericity is not needed.
+        subjects: how many.
     """
 
     test: str
@@ -80,9 +82,6 @@ class Variance(Tabled):
     effect: float
     epsilon: float
     subjects: int
-
-    def __str__(self) -> str:
-        return f"{self.test}: F = {self.F:.2f}, p = {self.p:.2g}, eta^2 = {self.effect:.2f}"
 
 
 def one_way(levels: np.ndarray) -> Variance:
@@ -98,36 +97,20 @@ def one_way(levels: np.ndarray) -> Variance:
 
 
 def repeated_measures(levels: np.ndarray) -> Variance:
-    """Repeated-measures analysis of variance of (subjects, levels), p corrected after Greenhouse and Geisser.
+    """Repeated-measures analysis of variance, p corrected after Greenhouse and Geisser.
+
+    Levels are compared within subjects, by least squares with an effect a subject and an effect a
+    level. Its F has (k - 1) and N - n - (k - 1) degrees of freedom for N values of n subjects,
+    exactly where differences between levels are alike in variance; a Wald test of a mixed model,
+    which takes the variance for known, rejects twice too often with five subjects. Subjects with a
+    single value tell nothing of levels and are not counted.
+
+    Args:
+        levels: (subjects, levels), NaN where nothing was measured.
 
     Raises:
-        SettingError: statsmodels is not installed. RecordingError: fewer than three complete subjects.
-    """
-    x = complete(levels)
-    n, k = x.shape
-    need("statsmodels")
-    import pandas as pd
-    from statsmodels.stats.anova import AnovaRM
-
-    frame = pd.DataFrame(
-        {"y": x.ravel(), "subject": np.repeat(np.arange(n), k), "level": np.tile(np.arange(k), n).astype(str)}
-    )
-    F = float(AnovaRM(frame, "y", "subject", within=["level"]).fit().anova_table["F Value"].iloc[0])
-    epsilon = _epsilon(x)
-    p = float(stats.f.sf(F, epsilon * (k - 1), epsilon * (k - 1) * (n - 1)))
-    return Variance("repeated-measures ANOVA", F, p, F / (F + n - 1), epsilon, n)
-
-
-def with_gaps(levels: np.ndarray) -> Variance:
-    """Repeated-measures analysis of variance of (subjects, levels) with gaps (NaN), p corrected as without gaps.
-
-    Levels are compared within subjects, by least squares with an effect a subject and an effect a level. Its F has
-    (k - 1) and N - n - (k - 1) degrees of freedom for N values of n subjects, exactly where differences between levels
-    are alike in variance; a Wald test of a mixed model, which takes the variance for known, rejects twice too often
-    with five subjects. Subjects with a single value tell nothing of levels and are not counted.
-
-    Raises:
-        RecordingError: fewer than three subjects measured at two levels, levels that no subject connects, no scatter.
+        RecordingError: fewer than three subjects measured at two levels, levels that no subject
+            connects, or no scatter.
     """
     x = np.asarray(levels, float)
     x = x[np.isfinite(x).sum(axis=1) > 1]
@@ -146,7 +129,8 @@ def with_gaps(levels: np.ndarray) -> Variance:
     F = (alone - full) / (k - 1) / (full / within)
     epsilon = _epsilon(x)
     p = float(stats.f.sf(F, epsilon * (k - 1), epsilon * within))
-    return Variance("repeated-measures ANOVA with gaps", F, p, 1 - full / alone, epsilon, n)
+    test = "repeated-measures ANOVA" + (" with gaps" if y.size < x.size else "")
+    return Variance(test, F, p, 1 - full / alone, epsilon, n)
 
 
 def _epsilon(x: np.ndarray) -> float:
@@ -161,30 +145,9 @@ def _epsilon(x: np.ndarray) -> float:
 
 def holm(p: Sequence[float] | np.ndarray) -> np.ndarray:
     """Holm's adjusted p values, (n,)."""
-    given = np.asarray(p, float)
-    order = np.argsort(given)
-    stepped = np.maximum.accumulate((given.size - np.arange(given.size)) * given[order])
-    adjusted = np.empty_like(given)
+    p = np.asarray(p, float)
+    order = np.argsort(p)
+    stepped = np.maximum.accumulate((p.size - np.arange(p.size)) * p[order])
+    adjusted = np.empty_like(p)
     adjusted[order] = np.minimum(stepped, 1.0)
     return adjusted
-
-
-def complete(levels: np.ndarray) -> np.ndarray:
-    """Subjects without a gap, (n, levels).
-
-    Raises:
-        RecordingError: fewer than three.
-    """
-    x = np.asarray(levels, float)
-    x = x[np.isfinite(x).all(axis=1)]
-    if len(x) < 3:
-        raise RecordingError(f"statistics need at least three subjects measured at every level, not {len(x)}.")
-    return x
-
-
-def need(library: str) -> None:
-    """Say which extra to install if a library is missing."""
-    import importlib.util
-
-    if importlib.util.find_spec(library) is None:
-        raise MissingPackageError(library, "statistics")

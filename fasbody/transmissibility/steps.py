@@ -18,7 +18,8 @@ def steps_of(time_s: np.ndarray, base: np.ndarray) -> list[tuple[slice, float]]:
     """Where each step is, settled, and its frequency [Hz]; none if the motion is no row of sines.
 
     Args:
-        time_s: (n,) [s], uniform. base: (n,) [m/s^2], without offset.
+        time_s: (n,) [s], uniform.
+        base: (n,) [m/s^2], without offset.
     """
     from scipy.signal import hilbert
 
@@ -32,7 +33,7 @@ def steps_of(time_s: np.ndarray, base: np.ndarray) -> list[tuple[slice, float]]:
     weight = np.abs(turning[1:] * turning[:-1])
     slopes, weight = (np.append(v, v[-1]).reshape(count, window) for v in (slopes, weight))
     f = np.sum(slopes * weight, axis=1) / np.maximum(1e-300, weight.sum(axis=1))
-    found, covered, start = [], 0, 0
+    steps, covered, start = [], 0, 0
     for end in range(1, count + 1):
         tolerance = max(_STEADY_HZ, _STEADY * abs(f[start]))
         if end < count and abs(f[end] - np.median(f[start:end])) < tolerance:
@@ -43,9 +44,9 @@ def steps_of(time_s: np.ndarray, base: np.ndarray) -> list[tuple[slice, float]]:
             skip = round(max(_SETTLING_S, _SETTLING / max(0.1, f[start])) * rate)
             part = slice(start * window + skip, end * window - window // 2)
             if (step := _one(time_s[part], base[part])) is not None:
-                found.append((part, step))
+                steps.append((part, step))
         start = end
-    return found if len(found) > 1 and covered > _COVERED * count else []
+    return steps if len(steps) > 1 and covered > _COVERED * count else []
 
 
 def _one(time_s: np.ndarray, base: np.ndarray) -> float | None:

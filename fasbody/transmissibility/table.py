@@ -21,8 +21,8 @@ from fasbody.runner import run
 from fasbody.transmissibility.estimate import PAIRS, Row, rows, unwrapped
 from fasbody.transmissibility.resonance import Resonance, by_thesis, shown
 
-#: An error by the resolution is told from here on, as a share.
-_TOLD_BIAS = 0.01
+#: An error by the resolution is stated from here on, as a share.
+_NOTABLE_BIAS = 0.01
 Condition = tuple[str, float]  # posture, added mass [kg]
 #: What the standard deviations hold where study.toml says nothing of the sensors.
 NOISE_ONLY = "noise only; gain and delay of the sensors are not in them (study.toml: gain_std, delay_std_s)"
@@ -33,8 +33,13 @@ class Curves(Tabled):
     """One pair under one condition.
 
     Attributes:
-        pair: "MB", "TB" or "TM". posture. added_mass_kg. subjects: names. frequency_hz: (f,) ascending.
-        T, phase_deg: (subjects, f), NaN where nothing was measured; phase unwrapped, negative where the output lags.
+        pair: "MB", "TB" or "TM".
+        posture: of the foot.
+        added_mass_kg: load.
+        subjects: names.
+        frequency_hz: (f,) ascending.
+        T: (subjects, f) transmissibility, NaN where nothing was measured.
+        phase_deg: (subjects, f), unwrapped, negative where the output lags.
     """
 
     pair: str
@@ -90,7 +95,9 @@ class Table(Presented):
     """All rows of a study.
 
     Attributes:
-        frame: with the columns of `Row`. origin: of the data. problems: sentences on unusable recordings.
+        frame: with the columns of `Row`.
+        origin: of the data.
+        problems: sentences on unusable recordings.
         covers: what the standard deviations of the rows hold.
     """
 
@@ -111,22 +118,22 @@ class Table(Presented):
             return cls.of_recordings(study.recordings, resolution_hz, estimate)
         light = StudyFolder(study.name, study.origin, "", (), study.layout)  # what a process needs besides its trial
         jobs = [(light, trial, resolution_hz, estimate) for trial in study.trials]
-        found: dict[int, list[Row] | str] = dict(run(_analyse, jobs, "transmissibility", processes))
-        return cls._made_of([found[i] for i in range(len(jobs))], study.origin, _stated(study.layout))
+        results = sorted(run(_analyse, jobs, "transmissibility", processes), key=lambda result: result[0])
+        return cls._made_of([part for _, part in results], study.origin, _stated(study.layout))
 
     @classmethod
     def of_recordings(
         cls, recordings: Sequence[Recording], resolution_hz: float = 1.0, estimate: str = "best"
     ) -> "Table":
         """Analyse recordings in memory."""
-        found = [_rows_or_problem(recording, resolution_hz, estimate) for recording in recordings]
-        return cls._made_of(found, recordings[0].origin, recordings[0].calibration)
+        parts = [_rows_or_problem(recording, resolution_hz, estimate) for recording in recordings]
+        return cls._made_of(parts, recordings[0].origin, recordings[0].calibration)
 
     @classmethod
-    def _made_of(cls, found: Sequence[list[Row] | str], origin: str, channels: Mapping[str, Channel]) -> "Table":
+    def _made_of(cls, parts: Sequence[list[Row] | str], origin: str, channels: Mapping[str, Channel]) -> "Table":
         """Of the rows of each recording, or the sentence on why it has none."""
-        lines = [row.document() for part in found if not isinstance(part, str) for row in part]
-        problems = tuple(part for part in found if isinstance(part, str))
+        lines = [row.document() for part in parts if not isinstance(part, str) for row in part]
+        problems = tuple(part for part in parts if isinstance(part, str))
         if not lines:
             raise RecordingError(problems[0])
         return cls(_common_band(pd.DataFrame(lines)), origin, problems, covered(channels))
@@ -152,7 +159,8 @@ class Table(Presented):
         """Draw it; the conditions are all that were measured, and the pair MB, unless given.
 
         Args:
-            kind: "means", "spectrum" or "subjects"; by what was measured unless given. options: conditions, pair.
+            kind: "means", "spectrum" or "subjects"; by what was measured unless given.
+            options: conditions, pair.
 
         Raises:
             SettingError: no such plot.
@@ -164,7 +172,7 @@ class Table(Presented):
     @cached_property
     def broadband(self) -> bool:
         """Whether a recording was of many frequencies at once."""
-        return bool(_wide(self.frame).any())
+        return bool(_broadband(self.frame).any())
 
     @property
     def pairs(self) -> list[str]:
@@ -179,14 +187,14 @@ class Table(Presented):
 
     def curves(self, pair: str, posture: str, added_mass_kg: float) -> Curves:
         """Curves of one pair and condition; repeated recordings of a subject are averaged."""
-        found = self._made.get((pair, posture, added_mass_kg))
-        if found is None:
-            found = self._made[pair, posture, added_mass_kg] = self._curves(pair, posture, added_mass_kg)
-        return found
+        key = pair, posture, added_mass_kg
+        if key not in self._known:
+            self._known[key] = self._curves(*key)
+        return self._known[key]
 
     @cached_property
-    def _made(self) -> dict[tuple[str, str, float], Curves]:
-        """Curves that were asked for: tests, figures and tables ask again."""
+    def _known(self) -> dict[tuple[str, str, float], Curves]:
+        """Curves made so far: tests, figures and tables ask again."""
         return {}
 
     def _curves(self, pair: str, posture: str, added_mass_kg: float) -> Curves:
@@ -212,10 +220,10 @@ class Table(Presented):
         self, pair: str, conditions: Sequence[Condition], frequency_hz: float, quantity: str = "transmissibility"
     ) -> np.ndarray:
         """(subjects, conditions) transmissibility or phase_deg at one frequency, NaN where nothing was measured."""
-        wide = self._by_condition[quantity]
-        if (pair, frequency_hz) not in wide.index:
+        values = self._by_condition[quantity]
+        if (pair, frequency_hz) not in values.index:
             return np.empty((0, len(conditions)))
-        part = wide.loc[(pair, frequency_hz)]
+        part = values.loc[(pair, frequency_hz)]
         return part.reindex(columns=pd.MultiIndex.from_tuples(conditions)).to_numpy(float)
 
     @cached_property
@@ -230,7 +238,7 @@ class Table(Presented):
     def resolved(self, resolution_hz: float) -> str:
         """A sentence on what the resolution costs broadband estimates, empty where that does not show."""
         bias = self.frame["resolution_bias"]
-        if not (bias.abs() > _TOLD_BIAS).any():
+        if not (bias.abs() > _NOTABLE_BIAS).any():
             return ""
         worst = self.frame.loc[bias.abs().idxmax()]
         return (
@@ -259,19 +267,19 @@ class Table(Presented):
             return file.read_bytes()
 
 
-def _wide(frame: pd.DataFrame) -> pd.Series:
+def _broadband(frame: pd.DataFrame) -> pd.Series:
     """Which rows are of broadband recordings; steps of sines are none."""
     return ~frame["method"].str.startswith("sine")
 
 
 def _common_band(frame: pd.DataFrame) -> pd.DataFrame:
     """Broadband recordings only over the band that all of them excite: a mean over fewer would not be comparable."""
-    wide = _wide(frame)
-    f = frame[wide].groupby("file")["frequency_hz"]
+    broadband = _broadband(frame)
+    f = frame[broadband].groupby("file")["frequency_hz"]
     low, high = f.min().max(), f.max().min()
     if not low < high:  # no broadband recordings, or none in common
         return frame
-    return frame[~wide | frame["frequency_hz"].between(low, high)].reset_index(drop=True)
+    return frame[~broadband | frame["frequency_hz"].between(low, high)].reset_index(drop=True)
 
 
 def _stated(layout: Layout) -> dict[str, Channel]:
@@ -306,8 +314,8 @@ def _analyse(task: tuple[StudyFolder, Trial, float, str]) -> list[Row] | str:
         recording = study.read(trial)
     except FasError as error:
         return str(error)
-    found = _rows_or_problem(recording, resolution, estimate)
-    return found if isinstance(found, str) else [replace(row, file=trial.file) for row in found]
+    part = _rows_or_problem(recording, resolution, estimate)
+    return part if isinstance(part, str) else [replace(row, file=trial.file) for row in part]
 
 
 def _rows_or_problem(recording: Recording, resolution_hz: float, estimate: str) -> list[Row] | str:

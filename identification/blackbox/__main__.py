@@ -59,12 +59,13 @@ def main(
     from identification.blackbox import data, report
     from identification.blackbox.identify import identify
 
+    chosen = tuple(name.lower() for name in _names(structures))
     if "," in input + output:
         if pool or robust:
             raise SettingError("--pool and --robust are for one input and one output.")
-        _several(files, (input, output), sample_time, structures, orders, split, detrend, json, out)
+        chosen = () if structures == ",".join(DEFAULT) else chosen
+        _several(files, (input, output), sample_time, chosen, orders, split, detrend, json, out)
         return
-    chosen = tuple(name.strip().lower() for name in structures.split(",") if name.strip())
     if not chosen:
         raise SettingError(f"no structure named (valid: {', '.join(ALL)}).")
     for name in chosen:
@@ -72,7 +73,7 @@ def main(
             raise SettingError(unknown("structure", name, ALL) + ".")
     if not 0.0 < split < 1.0:
         raise SettingError(f"split {split:g} is not between 0 and 1.")
-    wanted = parse_orders(orders, chosen)
+    numbers = parse_orders(orders, chosen)
     if out is not None:
         make_folder(out)
     recordings = [
@@ -88,7 +89,7 @@ def main(
             def step(text: str, name: str = name) -> None:
                 progress.update(task, advance=1, description=f"{name}: {text}")
 
-            reports.append(identify(group, chosen, wanted, split, step, detrend=detrend, robust=robust))
+            reports.append(identify(group, chosen, numbers, split, step, detrend=detrend, robust=robust))
     document = report.document(reports)
     if json:
         print_json(document)
@@ -97,34 +98,37 @@ def main(
         _write(out, reports, document)
 
 
+def _names(text: str) -> list[str]:
+    """The names in an option, between commas."""
+    return [name.strip() for name in text.split(",") if name.strip()]
+
+
 def _several(
-    files: list[Path], columns: tuple[str, str], sample_time: float | None, structures: str, orders: str, split: float,
-    detrend: int, json: bool, out: Path | None,
+    files: list[Path], columns: tuple[str, str], sample_time: float | None, structures: tuple[str, ...], orders: str,
+    split: float, detrend: int, json: bool, out: Path | None,
 ) -> None:  # fmt: skip
     """Models of several inputs or outputs of one file."""
     from identification.blackbox import condition, data, keep, mimo
 
     if len(files) != 1:
         raise SettingError("several inputs or outputs are fitted from one file at a time.")
-    inputs, outputs = ([name.strip() for name in text.split(",") if name.strip()] for text in columns)
+    inputs, outputs = map(_names, columns)
     if not inputs or not outputs:
         raise SettingError("several inputs or outputs need both --input and --output.")
-    named = structures != ",".join(DEFAULT)
-    names = tuple(name.strip().lower() for name in structures.split(",") if name.strip())
-    chosen = names if named else mimo.STRUCTURES
-    wanted = parse_orders(orders, chosen)
+    chosen = structures or mimo.STRUCTURES
+    numbers = parse_orders(orders, chosen)
     if out is not None:
         make_folder(out)
     pairs = [[data.read_csv(files[0], input=u, output=y, sample_time=sample_time) for u in inputs] for y in outputs]
     pairs = [[condition.detrend(series, detrend) for series in row] for row in pairs]
-    found = mimo.identify(mimo.Channels.of(pairs), chosen, wanted, split)
-    console.print(str(found), markup=False, soft_wrap=True)
+    report = mimo.identify(mimo.Channels.of(pairs), chosen, numbers, split)
+    console.print(str(report), markup=False, soft_wrap=True)
     if json:
-        print_json(found.document())
+        print_json(report.document())
     if out is not None:
-        write_whole(out / "result.json", to_json(found.document()))
-        for name, one in found.models.items():
-            keep.save(one.model, out / f"{files[0].stem}_{name}.json")  # type: ignore[arg-type]
+        write_whole(out / "result.json", to_json(report.document()))
+        for name, candidate in report.models.items():
+            keep.save(candidate.model, out / f"{files[0].stem}_{name}.json")
         console.print(f"written to {out}", markup=False)
 
 
@@ -136,19 +140,19 @@ def parse_orders(text: str, structures: tuple[str, ...]) -> dict[str, tuple[int,
     """
     if text.strip().lower() == "auto":
         return {}
-    wanted = {}
+    orders = {}
     for entry in text.split(";"):
         name, _, numbers = entry.rpartition("=")
         name = name.strip().lower() or (structures[0] if len(structures) == 1 else "")
         if name not in structures:
             raise SettingError(f"orders {entry.strip()!r}: " + unknown("structure", name, structures) + ".")
         try:
-            wanted[name] = tuple(int(number) for number in numbers.split(","))
+            orders[name] = tuple(int(number) for number in numbers.split(","))
         except ValueError as error:
             raise SettingError(
                 f'orders {entry.strip()!r} are not whole numbers; write them as "oe=4,4,1;ss=4" or "auto".'
             ) from error
-    return wanted
+    return orders
 
 
 def _show(reports: "list[Report]", pool: bool) -> None:
@@ -159,13 +163,12 @@ def _show(reports: "list[Report]", pool: bool) -> None:
         for text in one.notes:
             console.print(f"  [yellow]{text}[/]", soft_wrap=True)
         sentences: dict[str, list[str]] = {}
-        for name, found in one.models.items():
-            for text in found.warnings:
+        for name, chosen in one.models.items():
+            for text in chosen.warnings:
                 sentences.setdefault(text, []).append(name.upper())
         for text, names in sentences.items():
             console.print(f"  [yellow]{', '.join(names)}:[/] {text}", soft_wrap=True)
-        bad_fit = one.rational.warnings if one.rational else ()
-        for extra in (one.rational, *bad_fit, one.left_out, *one.failures):
+        for extra in (one.rational, *(one.rational.warnings if one.rational else ()), one.left_out, *one.failures):
             if extra:
                 console.print(f"  {extra}", soft_wrap=True, markup=False)
     if len(reports) > 1:
@@ -184,8 +187,8 @@ def _write(folder: Path, reports: "list[Report]", document: dict[str, object]) -
         stem = "".join(c if c.isalnum() or c in "-_." else "_" for c in one.name)
         for name, content in figures.all_figures(one).items():
             write_whole(folder / f"{stem}_{name}.png", content)
-        for name, found in one.models.items():
-            keep.save(found.best.model, folder / f"{stem}_{name}.json")  # type: ignore[arg-type]
+        for name, chosen in one.models.items():
+            keep.save(chosen.best.model, folder / f"{stem}_{name}.json")
     console.print(f"written to {folder}", markup=False)
 
 

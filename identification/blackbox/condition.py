@@ -52,15 +52,15 @@ class Condition:
 
     def warnings(self) -> list[str]:
         """Sentences on what was found."""
-        said = []
+        sentences = []
         if self.spikes:
-            shown = ", ".join(str(k + 1) for k in self.spikes[:5]) + (", ..." if len(self.spikes) > 5 else "")
-            said.append(f"{len(self.spikes)} outliers in the output (samples {shown}): --robust mends them")
+            where = ", ".join(str(k + 1) for k in self.spikes[:5]) + (", ..." if len(self.spikes) > 5 else "")
+            sentences.append(f"{len(self.spikes)} outliers in the output (samples {where}): --robust mends them")
         if self.drift:
-            said.append(f"the output drifts by {self.drift:.2g} of its standard deviation: --detrend 1 removes it")
+            sentences.append(f"the output drifts by {self.drift:.2g} of its standard deviation: --detrend 1 removes it")
         if self.by_prediction:
-            said.append(f"{self.by_prediction}: orders are chosen by one-step prediction errors and BIC")
-        return said
+            sentences.append(f"{self.by_prediction}: orders are chosen by one-step prediction errors and BIC")
+        return sentences
 
 
 def examine(series: Series) -> Condition:
@@ -105,7 +105,7 @@ def mend(series: Series) -> tuple[Series, tuple[int, ...]]:
     lags = min(LAGS, len(series) // 20)
     if lags < 3:
         return series, ()
-    y, found = series.y.copy(), set[int]()
+    y, spikes = series.y.copy(), set[int]()
     for _ in range(12):
         phi, out = _regression(replace(series, y=y, part=True), lags)
         weight = np.ones(len(out))
@@ -127,15 +127,11 @@ def mend(series: Series) -> tuple[Series, tuple[int, ...]]:
         if not len(at):
             break
         y[first + at] -= size[at]
-        found |= {int(first + k) for k in at}
-    if not found or len(found) > MOST * len(y) or _heavy(errors, sigma):
+        spikes |= {int(first + k) for k in at}
+    nonlinear = float(np.std(errors)) > 1.5 * sigma  # far from Gaussian without the spikes as well: no wild sensor
+    if not spikes or len(spikes) > MOST * len(y) or nonlinear:
         return series, ()
-    return replace(series, y=y), tuple(sorted(found))
-
-
-def _heavy(errors: np.ndarray, sigma: float) -> bool:
-    """Whether errors are far from Gaussian without the spikes as well: the plant is nonlinear, not the sensor wild."""
-    return float(np.std(errors)) > 1.5 * sigma
+    return replace(series, y=y), tuple(sorted(spikes))
 
 
 def _drift(series: Series, errors: np.ndarray, past: np.ndarray) -> float:
@@ -161,22 +157,22 @@ def _feedback(series: Series, errors: np.ndarray, lags: int) -> bool:
     """
     lead = min(10, lags)
     u = series.u
-    own = np.column_stack([shifted(u, 2 * lags, 1)[2 * lags :], np.ones(len(u) - 2 * lags)])
-    new = u[2 * lags :] - own @ pem.solve([(own, u[2 * lags :])])
+    past = np.column_stack([shifted(u, 2 * lags, 1)[2 * lags :], np.ones(len(u) - 2 * lags)])
+    new = u[2 * lags :] - past @ pem.solve([(past, u[2 * lags :])])
     if np.std(new) < 0.01 * np.std(u):
         return False
     e = errors[len(errors) - len(new) :]
     ahead = np.column_stack([e[k : len(e) - lead + k] for k in range(lead)])  # e(t - lead) ... e(t - 1)
-    explained, p = _gain(new[lead:], own[lead:], ahead)
+    explained, p = _gain(new[lead:], past[lead:], ahead)
     return p < CERTAIN and explained > ANSWER
 
 
 def _gain(y: np.ndarray, phi: np.ndarray, more: np.ndarray) -> tuple[float, float]:
     """Share of what `phi` leaves of y that `more` columns explain, and the p-value of the F test."""
     rest = y - phi @ pem.solve([(phi, y)])
-    both = np.column_stack([phi, more])
-    less = y - both @ pem.solve([(both, y)])
-    freedom = len(y) - both.shape[1]
+    joint = np.column_stack([phi, more])
+    less = y - joint @ pem.solve([(joint, y)])
+    freedom = len(y) - joint.shape[1]
     top, bottom = float(rest @ rest - less @ less), float(less @ less)
     if bottom <= 1e-20 * max(float(y @ y), 1e-300) or freedom < 10:
         return 0.0, 1.0
@@ -197,9 +193,10 @@ def detrend(series: Series, degree: int) -> Series:
     return replace(series, u=u, y=y)
 
 
-def together(found: Sequence[Condition]) -> Condition:
+def together(conditions: Sequence[Condition]) -> Condition:
     """One condition of several recordings: feedback or steps in any count for all."""
     return Condition(
-        tuple(k for one in found for k in one.spikes), max(one.drift for one in found),
-        any(one.feedback for one in found), any(one.steps for one in found), any(one.unstable for one in found),
+        tuple(k for one in conditions for k in one.spikes), max(one.drift for one in conditions),
+        any(one.feedback for one in conditions), any(one.steps for one in conditions),
+        any(one.unstable for one in conditions),
     )  # fmt: skip

@@ -1,6 +1,7 @@
 """Input, output and sample time of one recording, checked: from arrays, any CSV file or a study folder."""
 
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Self
@@ -58,8 +59,10 @@ class Series(Tabled):
             values = np.array(getattr(self, field), dtype=float)
             values.setflags(write=False)
             object.__setattr__(self, field, values)
-        problem = _fault(self.u, self.y, self.sample_time)
-        problem = problem or ("" if self.part else _problem(self.u, self.y))
+        roles = ("input", "output")
+        names = [role if role == name else f"{role} {name!r}" for role, name in zip(roles, self.channels, strict=True)]
+        problem = _fault(self.u, self.y, self.sample_time, names)
+        problem = problem or ("" if self.part else _problem(self.u, self.y, names))
         if problem:
             raise RecordingError(f"{self.name}: {problem}.")
 
@@ -82,12 +85,7 @@ class Series(Tabled):
             SettingError: `fraction` leaves one part shorter than any model needs.
             RecordingError: the input does nothing in the first part, or the output nothing in one of them.
         """
-        middle = round(fraction * len(self))
-        if not SHORTEST <= middle <= len(self) - SHORTEST:
-            raise SettingError(
-                f"split {fraction:g} of {len(self)} samples leaves a part with fewer than {SHORTEST} samples; "
-                "choose a fraction nearer to 0.5 or a longer recording."
-            )
+        middle = split_point(len(self), fraction)
         u_mean, y_mean = self.u[:middle].mean(), self.y[:middle].mean()
         centred = replace(self, u=self.u - u_mean, y=self.y - y_mean)
         parts = centred.cut(0, middle), centred.cut(middle, len(self))
@@ -110,11 +108,37 @@ class Series(Tabled):
         return replace(self, u=self.u - self.u.mean(), y=self.y - self.y.mean())
 
 
+def split_point(samples: int, fraction: float) -> int:
+    """The first sample of the held-out part.
+
+    Raises:
+        SettingError: `fraction` leaves one part shorter than any model needs.
+    """
+    middle = round(fraction * samples)
+    if not SHORTEST <= middle <= samples - SHORTEST:
+        raise SettingError(
+            f"split {fraction:g} of {samples} samples leaves a part with fewer than {SHORTEST} samples; "
+            "choose a fraction nearer to 0.5 or a longer recording."
+        )
+    return middle
+
+
 def _constant(signal: np.ndarray) -> bool:
     return bool(np.ptp(signal) <= 1e-12 * np.abs(signal).max(initial=1e-300))
 
 
-def _fault(u: np.ndarray, y: np.ndarray, sample_time: float) -> str:
+def not_finite(name: str, signal: np.ndarray) -> str:
+    """Where a signal (N,) is no finite number, and what to do, as a clause; empty where all are."""
+    finite = np.isfinite(signal)
+    if finite.all():
+        return ""
+    if not finite.any():
+        return f"{name} has no finite number in {len(signal)} samples; name another column or check the file"
+    first, count = int(np.argmin(finite)) + 1, len(signal) - int(finite.sum())
+    return f"{name} is not a finite number at sample {first} ({count} of {len(signal)}); cut or mend the gap first"
+
+
+def _fault(u: np.ndarray, y: np.ndarray, sample_time: float, names: Sequence[str]) -> str:
     """What makes these arrays (N,) no recording at all, as a clause, or an empty string."""
     if u.ndim != 1 or u.shape != y.shape:
         return f"input and output must be two columns of equal length, not of shapes {u.shape} and {y.shape}"
@@ -122,20 +146,22 @@ def _fault(u: np.ndarray, y: np.ndarray, sample_time: float) -> str:
         return f"the sample time must be a positive number of seconds, not {sample_time}"
     if len(u) < SHORTEST:
         return f"{len(u)} samples are too few; at least {SHORTEST} are needed"
-    for signal, label in ((u, "input"), (y, "output")):
-        if not np.isfinite(signal).all():
-            first = int(np.argmin(np.isfinite(signal)))
-            return f"the {label} is not a finite number at sample {first + 1}; cut or mend the gap first"
-    return ""
+    return not_finite(f"the {names[0]}", u) or not_finite(f"the {names[1]}", y)
 
 
-def _problem(u: np.ndarray, y: np.ndarray) -> str:
+def _problem(u: np.ndarray, y: np.ndarray, names: Sequence[str]) -> str:
     """What makes a sound whole recording (N,) useless for identification, as a clause, or an empty string."""
     if _constant(u):
-        what = "zero throughout: an output without input" if not u.any() else "constant"
-        return f"the input is {what}, so no response to it can be seen; record while the base is shaken"
+        what = f"constant ({u[0]:g} in all {len(u)} samples)" if u.any() else "zero throughout: an output without input"
+        return (
+            f"the {names[0]} is {what}, so no response to it can be seen; name the column of what was moved, or record "
+            "while it moves"
+        )
     if _constant(y):
-        return "the output is constant, so it shows no response; check the sensor and the column"
+        return (
+            f"the {names[1]} is constant ({y[0]:g} in all {len(y)} samples), so it shows no response; check the sensor "
+            "and the column"
+        )
     if np.array_equal(u, y):
         return "input and output are the same signal; name two different columns or sensors"
     if _grows_without_bound(u, y):
@@ -210,9 +236,7 @@ def read_csv(path: Path, *, input: str = "", output: str = "", sample_time: floa
 
 def _never_guess(path: Path, signals: list[str], input: str, output: str) -> None:
     """Refuse a file with more signals than two when the names do not say which is which."""
-    said = {"input": bool(input) or any(n in signals for n in INPUT_NAMES), "output": bool(output)}
-    said["output"] = said["output"] or any(n in signals for n in OUTPUT_NAMES)
-    if all(said.values()):
+    if (input or {*INPUT_NAMES} & {*signals}) and (output or {*OUTPUT_NAMES} & {*signals}):
         return
     u = [name for name in signals if re.fullmatch(r"(?:u|in|input)[\s_]?\d+", name, re.IGNORECASE)]
     y = [name for name in signals if re.fullmatch(r"(?:y|out|output)[\s_]?\d+", name, re.IGNORECASE)]
@@ -250,13 +274,13 @@ def _time_column(
     return names[0], 1.0
 
 
-def _column(path: Path, names: list[str], free: list[str], asked: str, usual: tuple[str, ...], role: str) -> str:
-    if asked:
-        if asked in names:
-            return asked
-        if asked.isdigit() and 1 <= int(asked) <= len(names):
-            return names[int(asked) - 1]
-        raise InputFileError(path, unknown(f"{role} column", asked, names))
+def _column(path: Path, names: list[str], free: list[str], option: str, usual: tuple[str, ...], role: str) -> str:
+    if option:
+        if option in names:
+            return option
+        if option.isdigit() and 1 <= int(option) <= len(names):
+            return names[int(option) - 1]
+        raise InputFileError(path, unknown(f"{role} column", option, names))
     for name in usual:
         if name in free:
             return name

@@ -11,6 +11,7 @@ from identification.blackbox.data import Series
 THRESHOLD = 1e-3  # of the largest singular value: weaker directions drown in sensor noise, whatever eps allows
 LAGS = 200  # the largest excitation order looked for
 LINES = 60  # excited frequencies up to which they count as separate lines
+HARMONICS = 6  # of a sine that are looked for
 SIGNIFICANT = 20.0  # times the median power: noise of a whole record reaches 14 to 17
 
 
@@ -78,10 +79,9 @@ def examine(recordings: Series | Sequence[Series]) -> Excitation:
     band = np.unique(np.concatenate(bands))
     sines = [single_sine(series) for series in pooled]
     first = sines[0][0]
-    alone = all(found[1] and abs(found[0] / first - 1) < 0.01 for found in sines)
-    if not alone:
+    if not all(multiples and abs(f / first - 1) < 0.01 for f, multiples in sines):
         return Excitation(rank, limit, np.nan, (), band)
-    harmonics = tuple(sorted(set().union(*(found[1] for found in sines))))
+    harmonics = tuple(sorted(set().union(*(multiples for _, multiples in sines))))
     return Excitation(min(rank, 2 * len(harmonics)), limit, first, harmonics, band)
 
 
@@ -108,8 +108,8 @@ def _significant_part(series: Series) -> tuple[np.ndarray, np.ndarray]:
     lines[:2] = False
     above = np.where(windowed > SIGNIFICANT * np.median(windowed), windowed, 0.0)
     beside = np.convolve(lines, np.ones(5), mode="same") > 0  # a line's lobe behind a Hann window is two bins wide
-    found = frequency[lines] if above[beside].sum() > 0.9 * above.sum() else broad
-    return np.fft.irfft(np.where(strong, spectrum, 0.0), len(u)), found
+    band = frequency[lines] if above[beside].sum() > 0.9 * above.sum() else broad
+    return np.fft.irfft(np.where(strong, spectrum, 0.0), len(u)), band
 
 
 def _gram(u: np.ndarray, lags: int) -> np.ndarray:
@@ -128,14 +128,14 @@ def _gram(u: np.ndarray, lags: int) -> np.ndarray:
     return np.triu(gram) + np.triu(gram, 1).T
 
 
-def single_sine(series: Series, harmonics: int = 6) -> tuple[float, tuple[int, ...]]:
+def single_sine(series: Series) -> tuple[float, tuple[int, ...]]:
     """Frequency [Hz] and significant harmonics of an input that is one sine; no harmonics when it is not.
 
     A harmonic counts when it has more than a thousandth of the fundamental and five of its standard errors.
     """
     u = series.u - series.u.mean()
     frequency = fundamental(u, series.sample_time)
-    multiples = [h for h in range(1, harmonics + 1) if h * frequency < 0.5 / series.sample_time]
+    multiples = [h for h in range(1, HARMONICS + 1) if h * frequency < 0.5 / series.sample_time]
     if not multiples or frequency * series.sample_time * len(u) < 2:
         return frequency, ()
     amplitude, sigma, rest = sine_fit(u, series.sample_time, frequency, multiples)

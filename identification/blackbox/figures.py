@@ -10,8 +10,8 @@ from matplotlib.lines import Line2D
 
 from fasbody.presentation import COLOURS as SERIES
 from fasbody.presentation import PAGE, picture, printed
+from fasbody.transmissibility.statistics import Z95
 from identification.blackbox.identify import Found, Report
-from identification.blackbox.report import CONFIDENCE
 
 #: One colour for each structure in every figure.
 COLOURS = dict(zip(("arx", "armax", "oe", "bj", "ss", "hw", "narx"), (*SERIES, "#7F4F24"), strict=True))
@@ -37,13 +37,13 @@ def output(report: Report) -> Figure:
     part = _one_cycle(report, len(series))
     whole.plot(time, series.y, color="0.25", lw=1.4, zorder=1)
     cycle.plot(time[part], series.y[part], color="0.25", lw=2.4, label="measured", zorder=1)
-    for name, found in report.models.items():
-        simulated = found.best.model.simulate(series)
+    for name, chosen in report.models.items():
+        simulated = chosen.best.model.simulate(series)
         if not np.isfinite(simulated).all():
             continue
         style: dict[str, Any] = {"color": COLOURS[name], "ls": DASHES[name]}
         whole.plot(time, simulated, lw=0.4, **style)
-        label = f"{found.best.model.label}: {found.best.fit_percent:.1f} %"
+        label = f"{chosen.best.model.label}: {chosen.best.fit_percent:.1f} %"
         cycle.plot(time[part], simulated[part], lw=1.3, label=label, **style)
         error.plot(time[part], (series.y - simulated)[part], lw=1.0, **style)
     whole.set_xlabel("time [s]")
@@ -74,7 +74,7 @@ def bode(report: Report) -> Figure:
 
 
 def _responding(report: Report) -> dict[str, Found]:
-    return {name: found for name, found in report.models.items() if np.isfinite(found.response.value).any()}
+    return {name: chosen for name, chosen in report.models.items() if np.isfinite(chosen.response.value).any()}
 
 
 def _bode_band(report: Report) -> Figure:
@@ -84,24 +84,22 @@ def _bode_band(report: Report) -> Figure:
     if report.nonparametric is not None:
         seen = report.nonparametric
         size = np.abs(seen.value)
-        sure = CONFIDENCE * seen.std < 0.5 * size
+        sure = Z95 * seen.std < 0.5 * size
         angle = np.angle(seen.value[sure], deg=True)
-        for found in [*_responding(report).values()][
-            :1
-        ]:  # the points turn with the first curve, gaps between them or not
-            r = found.response
+        if models := _responding(report):  # the points turn with the first curve, gaps between them or not
+            r = next(iter(models.values())).response
             curve = np.interp(seen.frequency_hz[sure], r.frequency_hz, np.rad2deg(np.unwrap(np.angle(r.value))))
             angle += 360.0 * np.round((curve - angle) / 360.0)
         style: dict[str, Any] = {"fmt": "o", "ms": 2, "color": "0.55", "elinewidth": 0.6, "zorder": 0}
-        shown = seen.frequency_hz[sure]
-        gain.errorbar(shown, size[sure], CONFIDENCE * seen.std[sure], label="no model", **style)
-        phase.errorbar(shown, angle, np.rad2deg(CONFIDENCE * seen.std[sure] / size[sure]), **style)
-    for name, found in _responding(report).items():
-        r = found.response
+        at_hz = seen.frequency_hz[sure]
+        gain.errorbar(at_hz, size[sure], Z95 * seen.std[sure], label="no model", **style)
+        phase.errorbar(at_hz, angle, np.rad2deg(Z95 * seen.std[sure] / size[sure]), **style)
+    for name, chosen in _responding(report).items():
+        r = chosen.response
         size, angle = np.abs(r.value), np.rad2deg(np.unwrap(np.angle(r.value)))
-        gain_band, phase_band = CONFIDENCE * r.gain_std, CONFIDENCE * r.phase_std_deg
+        gain_band, phase_band = Z95 * r.gain_std, Z95 * r.phase_std_deg
         unknown = gain_band >= size
-        label = found.best.model.label + (" (undetermined)" if unknown.all() else "")
+        label = chosen.best.model.label + (" (undetermined)" if unknown.all() else "")
         label += " (no valid band)" if np.isnan(gain_band).all() else ""
         for axes, value, band in ((gain, size, gain_band), (phase, angle, phase_band)):
             value = np.where(unknown, np.nan, value)
@@ -134,21 +132,21 @@ def _points_of_sine(report: Report) -> Figure:
     """Gain and phase at the only frequency that a sine identifies, model by model."""
     figure = Figure(figsize=(PAGE, 4.6), layout="constrained")
     gain, phase = figure.subplots(2, 1, sharex=True)
-    shown = _responding(report)
-    for place, (name, found) in enumerate(shown.items()):
-        r = found.response
+    models = _responding(report)
+    for place, (name, chosen) in enumerate(models.items()):
+        r = chosen.response
         style: dict[str, Any] = {"color": COLOURS[name], "fmt": "o", "ms": 5, "capsize": 4, "lw": 1.3}
-        if CONFIDENCE * r.gain_std[0] >= abs(r.value[0]):
+        if Z95 * r.gain_std[0] >= abs(r.value[0]):
             gain.annotate("undetermined", (place, 0.5), xycoords=("data", "axes fraction"), ha="center")
             continue
-        gain.errorbar(place, abs(r.value[0]), CONFIDENCE * r.gain_std[0], **style)
-        phase.errorbar(place, np.angle(r.value[0], deg=True), CONFIDENCE * r.phase_std_deg[0], **style)
+        gain.errorbar(place, abs(r.value[0]), Z95 * r.gain_std[0], **style)
+        phase.errorbar(place, np.angle(r.value[0], deg=True), Z95 * r.phase_std_deg[0], **style)
     labels = [
-        found.best.model.label.replace(" ", "\n", 1) + ("\nsmall amplitude" if name == "hw" else "")
-        for name, found in shown.items()
+        chosen.best.model.label.replace(" ", "\n", 1) + ("\nsmall amplitude" if name == "hw" else "")
+        for name, chosen in models.items()
     ]
-    phase.set_xticks(range(len(shown)), labels)
-    phase.set_xlim(-0.6, len(shown) - 0.4)
+    phase.set_xticks(range(len(models)), labels)
+    phase.set_xlim(-0.6, len(models) - 0.4)
     for axes, text in ((gain, "gain [output / input]"), (phase, "phase [deg]")):
         axes.set_ylabel(text)
         axes.ticklabel_format(axis="y", useOffset=False)
@@ -165,8 +163,8 @@ def residuals(report: Report) -> Figure:
     count = len(report.models)
     figure = Figure(figsize=(PAGE, 0.8 + 0.95 * count), layout="constrained")
     rows = figure.subplots(count, 2, sharex="col", squeeze=False)
-    for (left, right), (name, found) in zip(rows, report.models.items(), strict=True):
-        test = found.test
+    for (left, right), (name, chosen) in zip(rows, report.models.items(), strict=True):
+        test = chosen.test
         _bars(left, test.lags, test.auto, test.bound, COLOURS[name])
         _bars(right, test.cross_lags, test.cross, test.cross_bound, COLOURS[name])
         left.set_ylabel(name.upper(), rotation=0, ha="right", va="center")
@@ -193,13 +191,13 @@ def poles(report: Report) -> Figure:
     figure = Figure(figsize=(PAGE, 4.2), layout="constrained")
     plane, near = figure.subplots(1, 2)
     angle = np.linspace(0, 2 * np.pi, 721)
-    shown: dict[str, Found] = {name: found for name, found in report.models.items() if len(found.best.model.poles())}
+    models = {name: chosen for name, chosen in report.models.items() if len(chosen.best.model.poles())}
     for axes in (plane, near):
         axes.plot(np.cos(angle), np.sin(angle), color="0.6", lw=0.8)
         axes.axhline(0, color="0.85", lw=0.6, zorder=0)
         axes.axvline(0, color="0.85", lw=0.6, zorder=0)
-        for place, (name, found) in enumerate(shown.items()):
-            p, z = found.best.model.poles(), found.best.model.zeros()
+        for place, (name, chosen) in enumerate(models.items()):
+            p, z = chosen.best.model.poles(), chosen.best.model.zeros()
             size = 8 - 0.8 * place  # smaller on top, so that agreeing models can be seen through one another
             axes.plot(p.real, p.imag, "x", color=COLOURS[name], ms=size, mew=1.2)
             axes.plot(z.real, z.imag, "o", color=COLOURS[name], ms=0.8 * size, mfc="none", mew=0.9)
@@ -214,7 +212,7 @@ def poles(report: Report) -> Figure:
     near.set_ylim(-reach, reach)
     near.set_title("slow modes, enlarged")
     plane.set_title("whole plane (zeros beyond are not shown)")
-    labels = {name: found.best.model.label for name, found in shown.items()}
+    labels = {name: chosen.best.model.label for name, chosen in models.items()}
     marks = [Line2D([], [], color=COLOURS[name], marker="s", ls="", label=label) for name, label in labels.items()]
     marks += [Line2D([], [], color="0.2", marker="x", ls="", label="pole")]
     marks += [Line2D([], [], color="0.2", marker="o", mfc="none", ls="", label="zero")]

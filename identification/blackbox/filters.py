@@ -24,8 +24,8 @@ def stabilise(polynomial: np.ndarray, radius: float = 0.9995) -> np.ndarray:
     roots = np.where(size > 1.0, 1.0 / np.conj(np.where(size > 1.0, roots, 1.0)), roots)
     roots *= np.minimum(1.0, radius / np.maximum(np.abs(roots), 1e-300))
     stable = np.zeros(len(polynomial))
-    made = np.poly(roots).real
-    stable[: len(made)] = made
+    inside = np.poly(roots).real
+    stable[: len(inside)] = inside
     return stable
 
 

@@ -1,6 +1,6 @@
 """Frequency responses: of a model with its uncertainty, at measured points, and a rational function through these."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any, Self
 
@@ -72,10 +72,6 @@ class Points(Tabled):
         keep = np.arange(len(self)) != k
         return replace(self, frequency_hz=self.frequency_hz[keep], value=self.value[keep], std=self.std[keep])
 
-    def __str__(self) -> str:
-        rows = zip(self.frequency_hz, np.abs(self.value), self.std, np.angle(self.value, deg=True), strict=True)
-        return "\n".join(f"{f:8.3f} Hz  gain {g:.4f} +- {s:.2g}  phase {p:8.2f} deg" for f, g, s, p in rows)
-
 
 def points(recordings: Series | Sequence[Series]) -> Points:
     """Response at the lines of the inputs, by least-squares fits of all lines of a recording at once.
@@ -87,31 +83,30 @@ def points(recordings: Series | Sequence[Series]) -> Points:
         SettingError: an input has no separate lines.
     """
     pooled = [recordings] if isinstance(recordings, Series) else list(recordings)
-    found, distortion = [], 0.0
+    measured, distortion = [], 0.0
     for series in map(_steady, pooled):
         lines, extra = _lines(series)
         u, sigma_u, _ = excitation.sine_fit(series.u, series.sample_time, 1.0, [*lines, *extra])
         y, sigma_y, _ = excitation.sine_fit(series.y, series.sample_time, 1.0, [*lines, *extra])
         value = y[: len(lines)] / u[: len(lines)]
         std = np.sqrt(sigma_y**2 + np.abs(value) ** 2 * sigma_u**2) / np.abs(u[: len(lines)])
-        found += list(zip(lines, value, std, strict=True))
+        measured += list(zip(lines, value, std, strict=True))
         more = np.abs(y[len(lines) :]) - 3.0 * np.abs(value).max() * np.abs(u[len(lines) :])  # 3: a resonance there
         certain = more[more > 5.0 * sigma_y]
         distortion = max(distortion, float(certain.max(initial=0.0) / np.abs(y[: len(lines)]).max()))
-    found.sort(key=lambda item: item[0])
     groups: list[list[tuple[float, complex, float]]] = []
-    for item in found:
-        if groups and abs(item[0] / groups[-1][0][0] - 1) < 1e-3:
-            groups[-1].append(item)
+    for point in sorted(measured, key=lambda point: point[0]):
+        if groups and abs(point[0] / groups[-1][0][0] - 1) < 1e-3:
+            groups[-1].append(point)
         else:
-            groups.append([item])
-    frequency, value, std = [], [], []
+            groups.append([point])
+    means = []
     for group in groups:
-        weight = np.array([1.0 / max(s, 1e-15) ** 2 for _, _, s in group])
-        frequency.append(float(np.mean([f for f, _, _ in group])))
-        value.append(complex(np.sum(weight * np.array([g for _, g, _ in group])) / weight.sum()))
-        std.append(float(1.0 / np.sqrt(weight.sum())))
-    return Points(np.array(frequency), np.array(value), np.array(std), distortion)
+        f, G, s = map(np.array, zip(*group, strict=True))
+        weight = 1.0 / np.maximum(s, 1e-15) ** 2
+        means.append((f.mean(), np.sum(weight * G) / weight.sum(), 1.0 / np.sqrt(weight.sum())))
+    frequency, value, std = map(np.array, zip(*means, strict=True))
+    return Points(frequency, value, std, distortion)
 
 
 def local(recordings: Series | Sequence[Series], frequency_hz: ArrayLike, reach: int = 6) -> Points:
@@ -126,13 +121,13 @@ def local(recordings: Series | Sequence[Series], frequency_hz: ArrayLike, reach:
         reach: lines at either side, at least 4.
     """
     pooled = [recordings] if isinstance(recordings, Series) else list(recordings)
-    wanted = np.atleast_1d(np.asarray(frequency_hz, dtype=float))
-    value, weight = np.zeros(len(wanted), dtype=complex), np.zeros(len(wanted))
+    frequency = np.atleast_1d(np.asarray(frequency_hz, dtype=float))
+    value, weight = np.zeros(len(frequency), dtype=complex), np.zeros(len(frequency))
     offset = np.arange(-reach, reach + 1)
     parabola = (offset / reach)[:, None] ** np.arange(3)
     for series in pooled:
         U, Y = np.fft.rfft(series.u), np.fft.rfft(series.y)
-        at = np.rint(wanted * len(series) * series.sample_time).astype(int)
+        at = np.rint(frequency * len(series) * series.sample_time).astype(int)
         at = np.clip(at, reach + 1, len(U) - reach - 2)
         for k, middle in enumerate(at):
             part = middle + offset
@@ -143,7 +138,7 @@ def local(recordings: Series | Sequence[Series], frequency_hz: ArrayLike, reach:
             variance = max(left * float(np.sum(np.abs(inverse[0]) ** 2)) / 2, 1e-300)
             value[k] += theta[0] / variance
             weight[k] += 1.0 / variance
-    return Points(wanted, value / weight, 1.0 / np.sqrt(weight))
+    return Points(frequency, value / weight, 1.0 / np.sqrt(weight))
 
 
 def _steady(series: Series) -> Series:
@@ -204,18 +199,18 @@ class Rational(Tabled):
     @property
     def warnings(self) -> tuple[str, ...]:
         """Sentences for the user."""
-        found = []
+        sentences = []
         if self.freedom > 0 and stats.chi2.sf(self.chi_square, self.freedom) < ALARM:
-            found.append(
+            sentences.append(
                 f"the rational function does not fit the points (chi2 {self.chi_square:.3g} at {self.freedom} degrees "
                 "of freedom): the plant is nonlinear or changed between recordings, or the order is too low"
             )
         if self.distortion:
-            found.append(
+            sentences.append(
                 f"nonlinear distortion: the output has harmonics up to {100 * self.distortion:.2g} % that the input "
                 "lacks, so the response depends on amplitude"
             )
-        return tuple(found)
+        return tuple(sentences)
 
     def response(self, frequency_hz: ArrayLike) -> Response:
         """Response with first-order error propagation."""
@@ -329,30 +324,7 @@ class LeftOut:
         return f"left out one by one: {listed}"
 
 
-def leave_one_out(data: Points, zeros: int = 2, poles: int = 4) -> LeftOut:
+def leave_one_out(data: Points) -> LeftOut:
     """Error of the rational fit at each point when that point is left out."""
-    predicted = [
-        rational(data.without(k), zeros, poles).response(f).value[0] for k, f in enumerate(data.frequency_hz)
-    ]  # fmt: skip
-    return LeftOut(data.frequency_hz, np.abs(np.array(predicted) / data.value - 1))
-
-
-def leave_one_frequency_out(recordings: Sequence[Series], estimate: Callable[[Sequence[Series]], Any]) -> LeftOut:
-    """Error of any model at each recording's frequency when all recordings of that frequency are left out.
-
-    Args:
-        recordings: single sines at two or more frequencies.
-        estimate: makes a model with `response` from recordings.
-
-    Raises:
-        SettingError: fewer than two frequencies.
-    """
-    data = points(recordings)
-    if len(data) < 2:
-        raise SettingError("leaving one frequency out needs recordings at two or more frequencies.")
-    own = np.array([excitation.single_sine(series)[0] for series in recordings])
-    predicted = []
-    for f in data.frequency_hz:
-        kept = [series for series, g in zip(recordings, own, strict=True) if abs(g / f - 1) > 1e-3]
-        predicted.append(estimate(kept).response(f).value[0])
+    predicted = [rational(data.without(k)).response(f).value[0] for k, f in enumerate(data.frequency_hz)]
     return LeftOut(data.frequency_hz, np.abs(np.array(predicted) / data.value - 1))

@@ -25,6 +25,7 @@ from identification.blackbox.condition import Condition
 from identification.blackbox.data import ALL, DEFAULT, Series
 from identification.blackbox.excitation import Excitation
 from identification.blackbox.frequency import Rational, Response
+from identification.blackbox.keep import Single
 from identification.blackbox.polynomial import STRUCTURES, Orders, PolynomialModel
 from identification.blackbox.selection import Candidate, Referee, Selection
 from identification.blackbox.validation import ALARM, ResidualTest, residual_test
@@ -38,7 +39,7 @@ AROUND = np.array([-8.0, -4.0, -2.0, -1.0, -0.5, -0.25, 0.0, 0.25, 0.5, 1.0, 2.0
 LOOKED_AT = 20_000  # samples of a recording that are examined for drift, spikes and feedback
 
 #: Structure -> orders in the sequence of Table 3.2; structures not named are selected automatically.
-Wanted = Mapping[str, tuple[int, ...]]
+GivenOrders = Mapping[str, tuple[int, ...]]
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,22 +96,20 @@ class Report(Tabled):
 
     def sheet(self) -> Sheet:
         """One row per structure, with its fit to data that were held out."""
-        rows = [
-            (name, str(found.best.model.label), f"{found.best.fit_percent:.2f}") for name, found in self.models.items()
-        ]
+        rows = [(name, str(m.best.model.label), f"{m.best.fit_percent:.2f}") for name, m in self.models.items()]
         notes = [str(self.excitation), *self.notes]
-        notes += [f"{name}: {text}" for name, found in self.models.items() for text in found.warnings]
+        notes += [f"{name}: {text}" for name, m in self.models.items() for text in m.warnings]
         return Sheet(self.name, ("structure", "model", "fit to held-out data [%]"), rows, [*notes, *self.failures])
 
     def __str__(self) -> str:
         rows = [f"{self.name}: {self.excitation}", *(f"  {text}" for text in self.notes)]
-        for found in self.models.values():
-            rows += [f"  {found.best}", *(f"    {text}" for text in found.warnings)]
+        for m in self.models.values():
+            rows += [f"  {m.best}", *(f"    {text}" for text in m.warnings)]
         return "\n".join([*rows, *(str(extra) for extra in (self.rational, self.left_out) if extra), *self.failures])
 
 
 def identify(
-    recordings: Series | Sequence[Series], structures: Sequence[str] = DEFAULT, wanted: Wanted | None = None,
+    recordings: Series | Sequence[Series], structures: Sequence[str] = DEFAULT, orders: GivenOrders | None = None,
     split: float = 0.5, step: Callable[[str], Any] = lambda text: None, *, detrend: int = 0, robust: bool = False,
 ) -> Report:  # fmt: skip
     """Estimate, select and judge models of all `structures` from one recording or from several pooled.
@@ -118,7 +117,7 @@ def identify(
     Args:
         recordings: whole recordings; each is split into an estimation and a held-out part, which only judges.
         structures: of "arx", "armax", "oe", "bj", "ss", "hw", "narx".
-        wanted: orders to use instead of selecting them.
+        orders: of structures whose orders are not to be selected.
         split: fraction used for estimation and for the choice of orders.
         step: called with what is about to begin.
         detrend: degree of the polynomials in time that are taken off input and output; 0 for the means.
@@ -147,7 +146,7 @@ def identify(
     ])  # fmt: skip
     notes += state.warnings()
     referee = Referee([first for first, _ in parts], state.by_prediction, poor=seen.rank <= FEW, steps=state.steps)
-    chooser = _Chooser(referee, [second for _, second in parts], wanted or {}, step, state)
+    chooser = _Chooser(referee, [second for _, second in parts], orders or {}, step, state)
     models, failures = {}, []
     for name in structures:
         try:
@@ -158,8 +157,8 @@ def identify(
             failures.append(f"{name}: {error}")
     if not models:
         raise SettingError("; ".join(failures))
-    shown = shown_frequencies(seen, [found.best.model for found in models.values()], pooled[0].sample_time)
-    models = {name: replace(found, response=found.selection.curve(shown)) for name, found in models.items()}
+    places = shown_frequencies(seen, [m.best.model for m in models.values()], pooled[0].sample_time)
+    models = {name: replace(m, response=m.selection.curve(places)) for name, m in models.items()}
     rational, left_out = _through_points(pooled)
     free = None if seen.lines or seen.single_sine else frequency.local(referee.estimation, shown_frequencies(seen))
     title = pooled[0].name if len(pooled) == 1 else f"{len(pooled)} recordings pooled"
@@ -173,10 +172,11 @@ class _Chooser:
     """Selections of all structures on the same data; the later ones build on the orders of ARX and OE."""
 
     def __init__(
-        self, referee: Referee, validation: list[Series], wanted: Wanted, step: Callable[[str], Any], state: Condition
-    ) -> None:
+        self, referee: Referee, validation: list[Series], orders: GivenOrders, step: Callable[[str], Any],
+        state: Condition,
+    ) -> None:  # fmt: skip
         self.referee, self.validation = referee, validation
-        self.wanted, self.step, self.state = wanted, step, state
+        self.orders, self.step, self.state = orders, step, state
         self.done: dict[str, Selection] = {}
 
     def select(self, name: str) -> Selection:
@@ -189,16 +189,16 @@ class _Chooser:
     @cached_property
     def delay(self) -> int:
         """The plant's delay n_k in samples; a controller that answers at once leaves at least one."""
-        found = search.delay(self.referee.estimation, far=not self.referee.poor)
-        return max(found, 1) if self.state.feedback else found
+        delay = search.delay(self.referee.estimation, far=not self.referee.poor)
+        return max(delay, 1) if self.state.feedback else delay
 
     def _model(self, name: str) -> PolynomialModel:
         return self.select(name).best.model  # type: ignore[return-value]  # arx and oe are polynomial
 
     def _select(self, name: str) -> Selection:
         referee = self.referee
-        if name in self.wanted:
-            return Selection((selection.judge(self._given(name, self.wanted[name]), self.validation),), 1, (), ())
+        if name in self.orders:
+            return Selection((selection.judge(self._given(name, self.orders[name]), self.validation),), 1, (), ())
         if name == "arx":
             return search.select_arx(referee, self.delay)
         if name == "oe":
@@ -221,13 +221,13 @@ class _Chooser:
         levels = min(nonlinear.levels(series.u) for series in referee.estimation)
         degrees = [(p, q) for p, q in DEGREES if p < levels]
         models = [nonlinear.estimate(referee.fitted, linear.orders, d, linear) for d in degrees]
-        said = [f"the input has {levels:g} levels: no input polynomial of that degree or more is tried"]
-        chosen = selection.rank([referee.judge(m) for m in models], referee, 0, said * (len(degrees) < len(DEGREES)))
+        fewer = [f"the input has {levels:g} levels: no input polynomial of that degree or more is tried"]
+        chosen = selection.rank([referee.judge(m) for m in models], referee, 0, fewer * (len(degrees) < len(DEGREES)))
         best: nonlinear.HammersteinWiener = chosen.best.model  # type: ignore[assignment]
         whole = nonlinear.estimate(referee.estimation, linear.orders, best.degrees, linear)
         return replace(chosen, candidates=(replace(chosen.best, model=whole), *chosen.candidates[1:]))
 
-    def _given(self, name: str, numbers: tuple[int, ...]) -> selection.Model:
+    def _given(self, name: str, numbers: tuple[int, ...]) -> Single:
         estimation = self.referee.estimation
         if name in STRUCTURES:
             return pem.estimate(name, estimation, Orders.of(name, numbers))
@@ -266,7 +266,7 @@ def _judge(chosen: Selection, chooser: _Chooser, seen: Excitation) -> Found:
     return Found(chosen, test, model.response([]), tuple(warnings) + test.warnings)
 
 
-def _no_intervals(model: selection.Model, test: ResidualTest, chooser: _Chooser) -> str:
+def _no_intervals(model: Single, test: ResidualTest, chooser: _Chooser) -> str:
     """Why the standard errors of a model would mislead, or an empty string."""
     name, state = model.structure.upper(), chooser.state
     errors = [model.residuals(series) for series in chooser.referee.estimation]
@@ -293,7 +293,7 @@ def _without_intervals(model: Any) -> Any:
 
 
 def shown_frequencies(
-    seen: Excitation, models: Sequence[selection.Model] = (), sample_time: float = 1.0, count: int = 60
+    seen: Excitation, models: Sequence[Single] = (), sample_time: float = 1.0, count: int = 60
 ) -> np.ndarray:
     """Frequencies [Hz] at which a response may be shown: the excited ones, and those around the poles of `models`.
 
@@ -306,16 +306,16 @@ def shown_frequencies(
     low, high = seen.band_hz[0], seen.band_hz[-1]
     grid = np.geomspace(low, high, count)
     nearest = np.searchsorted(seen.band_hz, np.sqrt(grid[1:] * grid[:-1]))
-    found = [seen.band_hz[np.unique(np.clip(nearest, 0, len(seen.band_hz) - 1))]]
+    frequencies = [seen.band_hz[np.unique(np.clip(nearest, 0, len(seen.band_hz) - 1))]]
     places: list[complex] = []
     for pole in np.concatenate([[], *(model.poles() for model in models)]):
         s = np.log(complex(pole)) / (2 * np.pi * sample_time) if pole else 0j
         known = any(abs(s - other) < 0.2 * abs(other.real) for other in places)
         if low < s.imag < high and abs(s.real) < 0.3 * s.imag and not known:
             places.append(s)
-            found.append(s.imag + abs(s.real) * AROUND)
-    frequencies = np.unique(np.concatenate(found))
-    return frequencies[(frequencies >= low) & (frequencies <= high)]
+            frequencies.append(s.imag + abs(s.real) * AROUND)
+    every = np.unique(np.concatenate(frequencies))
+    return every[(every >= low) & (every <= high)]
 
 
 def _through_points(pooled: Sequence[Series]) -> tuple[Rational | None, frequency.LeftOut | None]:

@@ -20,7 +20,8 @@ from identification.blackbox.state_space import StateSpaceModel, innovations
 
 FORMAT = "fasbody black-box model 1"
 KINDS = {kind.__name__: kind for kind in (Orders, PolynomialModel, StateSpaceModel, HammersteinWiener, Narx, MimoModel)}
-Model = PolynomialModel | StateSpaceModel | HammersteinWiener | Narx | MimoModel
+Single = PolynomialModel | StateSpaceModel | HammersteinWiener | Narx
+Model = Single | MimoModel
 
 
 def named(model: Model) -> dict[str, dict[str, float]]:
@@ -95,13 +96,13 @@ def load(path: Path) -> Model:
         InputFileError: it cannot be read or is no such model.
     """
     try:
-        found = json.loads(path.read_text())
+        content = json.loads(path.read_text())
     except (OSError, ValueError) as error:
         raise InputFileError(path, "cannot be read as JSON", "name a .json file written by save") from error
-    if not isinstance(found, dict) or found.get("format") != FORMAT:
+    if not isinstance(content, dict) or content.get("format") != FORMAT:
         raise InputFileError(path, "is no saved black-box model", f'its "format" has to be "{FORMAT}"')
     try:
-        model = _made(found.get("model"))
+        model = _made(content.get("model"))
     except (KeyError, TypeError, ValueError, AttributeError) as error:
         raise InputFileError(path, f"holds an incomplete model ({error})", "save it again") from error
     if not isinstance(model, Model):

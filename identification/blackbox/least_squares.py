@@ -120,13 +120,17 @@ def minimise(problem: Problem, start: np.ndarray, *, iterations: int = 60, toler
 
 def reduced(at: Linearisation) -> tuple[np.ndarray, np.ndarray]:
     """Triangular factor (d, d) of the stacked gradient and the errors in its coordinates."""
-    rows = []
-    for gradient, errors in zip(at.gradient, at.errors, strict=True):
-        stacked = np.column_stack([gradient, errors])
-        rows.append(linalg.qr(stacked, mode="r", overwrite_a=True, check_finite=False)[0][: stacked.shape[1]])
-    r = rows[0] if len(rows) == 1 else linalg.qr(np.vstack(rows), mode="r", check_finite=False)[0]
+    r = triangle(np.column_stack(pair) for pair in zip(at.gradient, at.errors, strict=True))
     width = r.shape[1] - 1
     return r[:width, :width], r[:width, width]
+
+
+def triangle(blocks: Iterable[np.ndarray]) -> np.ndarray:
+    """Triangular factor, at most (w, w), of blocks (N_i, w) that stand on one another: all that least squares needs."""
+    factors = [linalg.qr(b, mode="r", overwrite_a=True, check_finite=False)[0][: b.shape[1]] for b in blocks]
+    if len(factors) == 1:
+        return factors[0]
+    return linalg.qr(np.vstack(factors), mode="r", check_finite=False)[0][: factors[0].shape[1]]
 
 
 def spread(at: Linearisation, *, coloured: bool = False) -> np.ndarray:

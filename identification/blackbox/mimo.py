@@ -9,8 +9,8 @@ from numpy.typing import ArrayLike
 from scipy import linalg, signal
 
 from fasbody.exceptions import RecordingError, SettingError, unknown
-from identification.blackbox import criteria
-from identification.blackbox.data import SHORTEST, Series
+from identification.blackbox import criteria, subspace
+from identification.blackbox.data import SHORTEST, Series, not_finite, split_point
 from identification.blackbox.filters import shifted
 from identification.blackbox.polynomial import control_package
 from identification.blackbox.selection import BLOCKS, FITTED, Candidate
@@ -51,12 +51,9 @@ class Channels:
         names = (*self.inputs, *self.outputs)
         if len({*names}) < len(names):
             raise RecordingError(f"{self.name}: a signal is named twice in {', '.join(names)}; name each once.")
-        for label, values in zip((*self.inputs, *self.outputs), (*self.u.T, *self.y.T), strict=True):
-            if not np.isfinite(values).all():
-                first = int(np.argmin(np.isfinite(values))) + 1
-                raise RecordingError(
-                    f"{self.name}: {label} is not a finite number at sample {first}; mend the gap first."
-                )
+        for label, values in zip(names, (*self.u.T, *self.y.T), strict=True):
+            if problem := not_finite(label, values):
+                raise RecordingError(f"{self.name}: {problem}.")
             if np.ptp(values) <= 1e-12 * np.abs(values).max(initial=1e-300):
                 raise RecordingError(f"{self.name}: {label} is constant; leave it out.")
 
@@ -83,12 +80,7 @@ class Channels:
         Raises:
             SettingError: `fraction` leaves one part shorter than any model needs.
         """
-        middle = round(fraction * len(self))
-        if not SHORTEST <= middle <= len(self) - SHORTEST:
-            raise SettingError(
-                f"split {fraction:g} of {len(self)} samples leaves a part with fewer than {SHORTEST} samples; "
-                "choose a fraction nearer to 0.5 or a longer recording."
-            )
+        middle = split_point(len(self), fraction)
         centred = replace(self, u=self.u - self.u[:middle].mean(axis=0), y=self.y - self.y[:middle].mean(axis=0))
         return centred.cut(0, middle), centred.cut(middle, len(self))
 
@@ -98,7 +90,11 @@ class MimoModel:
     """x(t+1) = A x + B u + K e, y = C x + D u + e, with m inputs and p outputs.
 
     Attributes:
-        A, B, C, D, K: arrays of shapes (n, n), (n, m), (p, n), (p, m), (n, p).
+        A: (n, n).
+        B: (n, m).
+        C: (p, n).
+        D: (p, m).
+        K: (n, p).
         noise: covariance of e, shape (p, p).
         loss: mean squared one-step error over the outputs, each over its variance.
         samples: rows behind it.
@@ -258,21 +254,10 @@ class _Subspace:
     @classmethod
     def of(cls, recording: Channels, rows: int) -> Self:
         """PO-MOESP: future outputs on the past, future inputs projected out."""
-        blocks = [
-            np.lib.stride_tricks.sliding_window_view(x, 2 * rows, axis=0).transpose(0, 2, 1)
-            for x in (recording.u, recording.y)
-        ]
-        past_u, future_u, past_y, future_y = (
-            block[:, half].reshape(len(block), -1) for block in blocks for half in (slice(0, rows), slice(rows, None))
-        )  # fmt: skip
-        stacked = np.hstack([future_u, past_u, past_y, future_y])
-        if len(stacked) < stacked.shape[1]:
-            raise SettingError(
-                f"a subspace estimate needs more than {stacked.shape[1] + 2 * rows} samples; record longer."
-            )
-        r = linalg.qr(stacked, mode="r", check_finite=False)[0]
-        begin, end = future_u.shape[1], stacked.shape[1] - future_y.shape[1]
-        left, values, _ = linalg.svd(r[begin:end, end:].T, full_matrices=False)
+        columns = 2 * rows * (recording.u.shape[1] + recording.y.shape[1])
+        if len(recording) - 2 * rows + 1 < columns:
+            raise SettingError(f"a subspace estimate needs more than {columns + 2 * rows} samples; record longer.")
+        left, values = subspace.projected([(recording.u, recording.y)], rows)
         lags = min(LONG, len(recording) // (4 * (recording.u.shape[1] + recording.y.shape[1])))
         long = arx(recording, lags, lags + 1, 0)
         return cls(recording, left, values, long.residuals(recording))
@@ -305,21 +290,9 @@ class _Subspace:
             K = np.zeros_like(K)
         blank = np.zeros((0, 0))
         model = MimoModel(
-            A,
-            B,
-            C,
-            D,
-            K,
-            np.eye(p),
-            np.nan,
-            len(recording),
-            recording.sample_time,
-            "ss",
-            (order,),
-            blank,
-            blank,
+            A, B, C, D, K, np.eye(p), np.nan, len(recording), recording.sample_time, "ss", (order,), blank, blank,
             warnings,
-        )
+        )  # fmt: skip
         errors = model.residuals(recording)
         loss = float(np.mean(errors**2 / recording.y.var(axis=0)))
         return replace(model, noise=errors.T @ errors / len(errors), loss=loss)
@@ -354,10 +327,10 @@ class MimoReport:
 
     def __str__(self) -> str:
         rows = [f"{self.estimation.name}: {', '.join(self.estimation.inputs)} to {', '.join(self.estimation.outputs)}"]
-        for name, found in self.models.items():
+        for name, candidate in self.models.items():
             parts = zip(self.estimation.outputs, self.output_fits[name], strict=True)
-            rows.append(f"  {found.model.label}: " + ", ".join(f"{output} {fit:.2f} %" for output, fit in parts))
-            rows += [f"    {text}" for text in found.model.warnings]
+            rows.append(f"  {candidate.model.label}: " + ", ".join(f"{output} {fit:.2f} %" for output, fit in parts))
+            rows += [f"    {text}" for text in candidate.model.warnings]
         return "\n".join(rows)
 
     def document(self) -> dict[str, Any]:
@@ -367,19 +340,19 @@ class MimoReport:
             "sample_time_s": self.estimation.sample_time,
             "models": [
                 {
-                    "structure": name, "label": found.model.label, "fit_percent": found.fit_percent,
-                    "one_step_percent": found.one_step_percent, "parameters": found.model.parameters,
+                    "structure": name, "label": candidate.model.label, "fit_percent": candidate.fit_percent,
+                    "one_step_percent": candidate.one_step_percent, "parameters": candidate.model.parameters,
                     "output_fit_percent": dict(zip(self.estimation.outputs, self.output_fits[name], strict=True)),
-                    "poles": [[pole.real, pole.imag] for pole in np.asarray(found.model.poles(), dtype=complex)],
-                    "warnings": found.model.warnings,
+                    "poles": [[pole.real, pole.imag] for pole in np.asarray(candidate.model.poles(), dtype=complex)],
+                    "warnings": candidate.model.warnings,
                 }
-                for name, found in self.models.items()
+                for name, candidate in self.models.items()
             ],
         }  # fmt: skip
 
 
 def identify(
-    recording: Channels, structures: Sequence[str] = STRUCTURES, wanted: dict[str, tuple[int, ...]] | None = None,
+    recording: Channels, structures: Sequence[str] = STRUCTURES, orders: dict[str, tuple[int, ...]] | None = None,
     split: float = 0.5,
 ) -> MimoReport:  # fmt: skip
     """Estimate, choose and judge; orders are chosen on the last third of the estimation part, the fit is of fresh data.
@@ -396,15 +369,13 @@ def identify(
     models: dict[str, Candidate] = {}
     fits: dict[str, tuple[float, ...]] = {}
     for name in structures:
-        numbers = (wanted or {}).get(name) or _choose(name, fitted, check)
+        numbers = (orders or {}).get(name) or _choose(name, fitted, check)
         if len(numbers) != (3 if name == "arx" else 1):
             raise SettingError(f"{name} takes {'3 orders (na, nb, nk)' if name == 'arx' else '1 order'}.")
         model = arx(estimation, *numbers) if name == "arx" else _space(estimation, numbers[0]).model(numbers[0])
         models[name] = judge(model, validation)
         simulated = model.simulate(validation)
-        fits[name] = tuple(
-            criteria.fit_percent(y, s) for y, s in zip(validation.y.T, simulated.T, strict=True)
-        )  # fmt: skip
+        fits[name] = tuple(criteria.fit_percent(y, s) for y, s in zip(validation.y.T, simulated.T, strict=True))
     return MimoReport(estimation, validation, models, fits)
 
 
@@ -419,9 +390,9 @@ def _choose(name: str, fitted: Channels, check: Channels) -> tuple[int, ...]:
     if name == "arx":
         trials = [arx(fitted, n, n, nk) for n in range(1, LARGEST + 1) for nk in (0, 1)]
     else:
-        found = _space(fitted, LARGEST)
-        trials = [found.model(n) for n in range(1, LARGEST + 1)]
+        factors = _space(fitted, LARGEST)
+        trials = [factors.model(n) for n in range(1, LARGEST + 1)]
     candidates = [judge(model, check) for model in trials]
     best = max(candidates, key=lambda c: c.fit_percent)
     near = [c for c in candidates if c is best or c.no_worse_than(best)]
-    return min(near, key=lambda c: c.model.parameters).model.numbers  # type: ignore[attr-defined]
+    return min(near, key=lambda c: c.model.parameters).model.numbers  # type: ignore[union-attr]

@@ -1,17 +1,16 @@
 """Polynomial NARX models: terms and coefficients chosen by the error of free simulation."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import combinations_with_replacement
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import linalg
 
 from identification.blackbox import excitation
 from identification.blackbox.data import Series
 from identification.blackbox.frequency import Response
-from identification.blackbox.least_squares import Linearisation, minimise, spread
+from identification.blackbox.least_squares import Linearisation, minimise, spread, triangle
 from identification.blackbox.selection import Candidate, judge
 
 LARGEST_TERMS = 20
@@ -110,10 +109,13 @@ class Narx:
 
     def _run(self, u: np.ndarray, y: np.ndarray) -> np.ndarray:
         """Outputs (N,) from inputs (N,), beginning with the first outputs of `y` (N,)."""
+        from identification.blackbox import narx_recursion  # numba, which takes a moment to load
+
         out = y / self.y_scale
-        table, (lags, step, nk) = _table(self.terms, self.lags), (self.lags, self.step, self.nk)
-        reached = _recursion()(out, u / self.u_scale, table, self.theta, lags, step, nk, self.first, LIMIT)
-        out[reached:] = np.inf
+        place = (self.lags, self.step, self.nk, self.first, LIMIT)
+        table = _table(self.terms, self.lags)
+        no_columns = np.zeros((len(y), 0))
+        out[narx_recursion.simulate(out, u / self.u_scale, table, self.theta, *place, no_columns) :] = np.inf
         return out * self.y_scale
 
     def residuals(self, series: Series) -> np.ndarray:
@@ -159,12 +161,6 @@ def _table(terms: Sequence[tuple[int, ...]], lags: int) -> np.ndarray:
     return np.array([[*term, *[2 * lags + 1] * (degree - len(term))] for term in terms], dtype=np.int64)
 
 
-def _recursion() -> Callable[..., int]:
-    from identification.blackbox import narx_recursion  # numba, which takes a moment to load
-
-    return narx_recursion.simulate
-
-
 @dataclass(frozen=True, eq=False)
 class _Simulation:
     """Simulation errors of given terms and their exact derivatives."""
@@ -184,23 +180,19 @@ class _Simulation:
         m = self.model
         y, u = series.y / m.y_scale, series.u / m.u_scale
         out, table = y.copy(), _table(m.terms, m.lags)
-        columns = np.zeros((len(y), len(theta))) if gradient else np.zeros((0, 0))
-        place = (m.lags, m.step, m.nk, m.first, LIMIT)
-        if gradient:
-            reached = narx_recursion.differentiate(out, u, table, theta, *place, columns)
-        else:
-            reached = narx_recursion.simulate(out, u, table, theta, *place)
+        columns = np.zeros((len(y), len(theta) if gradient else 0))
+        reached = narx_recursion.simulate(out, u, table, theta, m.lags, m.step, m.nk, m.first, LIMIT, columns)
         if reached < len(y):
             return np.full(len(y) - m.first, np.inf), columns[m.first :]
         return (y - out)[m.first :] * m.y_scale, -columns[m.first :] * m.y_scale
 
 
-def refine(model: Narx, recordings: Sequence[Series], iterations: int = 30) -> Narx:
+def refine(model: Narx, recordings: Sequence[Series]) -> Narx:
     """The same terms with coefficients at the least simulation error near those given."""
     problem = _Simulation(recordings, model)
     if not np.isfinite(problem.at(model.theta).loss):
         return replace(model, loss=np.inf, warnings=("free simulation diverges on the estimation data",))
-    minimum = minimise(problem, model.theta, iterations=iterations, tolerance=1e-2)
+    minimum = minimise(problem, model.theta, iterations=30, tolerance=1e-2)
     warnings = () if minimum.converged else ("the iterations ended before the loss stopped falling",)
     return replace(
         model, theta=minimum.theta, loss=minimum.at.loss, samples=minimum.at.samples,
@@ -240,8 +232,7 @@ def estimate(
     terms = [term for d in range(degree + 1) for term in combinations_with_replacement(range(2 * lags + 1), d)]
     pairs = [_variables(series, lags, step, nk, y_scale, u_scale) for series in pooled]
     stacked = [np.column_stack([_products(variables, terms).T, y]) for variables, y in pairs]
-    factors = [linalg.qr(block, mode="r", overwrite_a=True, check_finite=False)[0] for block in stacked]
-    r = linalg.qr(np.vstack(factors), mode="r", check_finite=False)[0]
+    r = triangle(stacked)
     taken = _forward(r[:, :-1], r[:, -1])
     empty = np.full((1, 1), np.nan)
     blank = Narx((), np.zeros(0), lags, step, nk, y_scale, u_scale, np.inf, 1, empty, pooled[0].sample_time)
@@ -272,8 +263,8 @@ def _next_term(model: Narx, terms: Sequence[tuple[int, ...]], recordings: Sequen
     """The term whose coefficient, beside the others, lowers the simulation error most to first order."""
     waiting = [term for term in terms if term not in model.terms]
     longest = [series.cut(0, min(len(series), LOOKED_AT)) for series in recordings]
-    wide = replace(model, terms=(*model.terms, *waiting))
-    at = _Simulation(longest, wide).at(np.append(model.theta, np.zeros(len(waiting))), gradient=True)
+    larger = replace(model, terms=(*model.terms, *waiting))
+    at = _Simulation(longest, larger).at(np.append(model.theta, np.zeros(len(waiting))), gradient=True)
     errors, columns = np.concatenate(at.errors), np.vstack(at.gradient)
     columns = np.where(np.isfinite(columns), columns, 0.0)
     q = np.linalg.qr(columns[:, : len(model.terms)])[0]

@@ -22,24 +22,12 @@ def _fill(variables, y, u, t, lags, step, nk):  # type: ignore[no-untyped-def]
 
 
 @njit(cache=True, nogil=True)
-def simulate(y, u, table, theta, lags, step, nk, first, limit):  # type: ignore[no-untyped-def]
-    """Fill `y` (N,) from sample `first` on; the sample at which it leaves `limit`, N if it does not."""
-    variables = np.empty(2 * lags + 2)
-    for t in range(first, len(y)):
-        _fill(variables, y, u, t, lags, step, nk)
-        total = 0.0
-        for j in range(len(theta)):
-            total += theta[j] * _value(variables, table[j])
-        if not abs(total) < limit:
-            return t
-        y[t] = total
-    return len(y)
+def simulate(y, u, table, theta, lags, step, nk, first, limit, columns):  # type: ignore[no-untyped-def]
+    """Fill `y` (N,) from sample `first` on, and d y / d theta in `columns` (N, d) unless they are none.
 
-
-@njit(cache=True, nogil=True)
-def differentiate(y, u, table, theta, lags, step, nk, first, limit, columns):  # type: ignore[no-untyped-def]
-    """`simulate`, and d y / d theta in `columns` (N, d)."""
-    variables, slope = np.empty(2 * lags + 2), np.empty(lags)
+    Returns the sample at which it leaves `limit`, N if it does not.
+    """
+    variables, slope, count = np.empty(2 * lags + 2), np.empty(lags), columns.shape[1]
     for t in range(first, len(y)):
         _fill(variables, y, u, t, lags, step, nk)
         total = 0.0
@@ -47,11 +35,11 @@ def differentiate(y, u, table, theta, lags, step, nk, first, limit, columns):  #
         for j in range(len(theta)):
             row = table[j]
             product = _value(variables, row)
-            columns[t, j] = product
             total += theta[j] * product
-            if theta[j] == 0.0:
+            if count == 0:
                 continue
-            for place in range(len(row)):
+            columns[t, j] = product
+            for place in range(len(row)) if theta[j] != 0.0 else range(0):
                 if row[place] < lags:
                     others = theta[j]
                     for k in range(len(row)):
@@ -62,6 +50,6 @@ def differentiate(y, u, table, theta, lags, step, nk, first, limit, columns):  #
             return t
         y[t] = total
         for k in range(lags):
-            for j in range(len(theta)):
+            for j in range(count):
                 columns[t, j] += slope[k] * columns[t - (k + 1) * step, j]
     return len(y)

@@ -1,4 +1,4 @@
-"""report.html: what was found in every recording, on one self-contained page in the style of the fit's report."""
+"""report.html: the models of every recording, on one self-contained page in the style of the fit's report."""
 
 from collections.abc import Sequence
 from datetime import date
@@ -11,8 +11,7 @@ from fasbody.presentation import inline, picture
 from identification.blackbox import figures
 from identification.blackbox.data import Series
 from identification.blackbox.identify import Report
-from identification.blackbox.keep import named
-from identification.blackbox.selection import Model
+from identification.blackbox.keep import Single, named
 
 
 def html(reports: Sequence[Report]) -> str:
@@ -44,16 +43,16 @@ def _number(value: float) -> str:
 
 def _answer(report: Report) -> str:
     """The best model in one sentence."""
-    best = max(report.models.values(), key=lambda found: found.best.fit_percent).best
+    best = max(report.models.values(), key=lambda chosen: chosen.best.fit_percent).best
     if not np.isfinite(best.fit_percent):
-        best = max(report.models.values(), key=lambda found: found.best.one_step_percent).best
+        best = max(report.models.values(), key=lambda chosen: chosen.best.one_step_percent).best
         return (
             f"{best.model.label} predicts {best.one_step_percent:.1f} % one step ahead; none can be simulated freely."
         )
     return f"{best.model.label} simulates {best.fit_percent:.1f} % of the held-out output freely."
 
 
-def _slowest(model: Model, sample_time: float) -> str:
+def _slowest(model: Single, sample_time: float) -> str:
     """Frequency and damping of the mode nearest to the unit circle."""
     poles = model.poles()
     if not len(poles) or not np.abs(poles).max() > 0:

@@ -13,7 +13,7 @@ from scipy import linalg
 from fasbody.exceptions import SettingError, unknown
 from identification.blackbox.data import Series
 from identification.blackbox.filters import largest_root, lfilter, pole_warnings, pulse_response, shifted, stabilise
-from identification.blackbox.least_squares import Linearisation, Minimum, minimise, spread
+from identification.blackbox.least_squares import Linearisation, Minimum, minimise, spread, triangle
 from identification.blackbox.polynomial import STRUCTURES, Orders, PolynomialModel, Residuals, pack, unpack
 
 ONE = np.ones(1)
@@ -176,10 +176,6 @@ class Grid:
         """Number of coefficients of each model, shape of `loss`."""
         return np.indices(self.loss.shape)[:2].sum(axis=0) + 2
 
-    def __str__(self) -> str:
-        na, nb, nk = np.unravel_index(int(self.loss.argmin()), self.loss.shape)
-        return f"{self.loss.size} ARX models, least loss {self.loss.min():.5g} at ({na + 1}, {nb + 1}, {nk + 1})"
-
 
 def grid(recordings: Series | Sequence[Series], na_max: int = 15, nb_max: int = 15, nk_max: int = 15) -> Grid:
     """Losses of the whole grid of ARX models.
@@ -198,12 +194,7 @@ def grid(recordings: Series | Sequence[Series], na_max: int = 15, nb_max: int = 
     samples = sum(len(series) - first_row for series in pooled)
     if min(len(series) for series in pooled) <= first_row or samples <= width:
         raise SettingError(f"{samples + first_row} samples are too few for an ARX grid with lags up to {first_row}.")
-    blocks = []
-    for series in pooled:
-        y_past, u_past = shifted(series.y, na_max, 1), shifted(series.u, u_lags, 1)
-        stacked = np.column_stack([y_past, u_past, series.y])[first_row:]
-        blocks.append(linalg.qr(stacked, mode="r", overwrite_a=True, check_finite=False)[0][:width])
-    r = blocks[0] if len(blocks) == 1 else linalg.qr(np.vstack(blocks), mode="r", check_finite=False)[0][:width]
+    r = triangle(np.column_stack([shifted(s.y, na_max, 1), shifted(s.u, u_lags, 1), s.y])[first_row:] for s in pooled)
 
     (geqrf,) = linalg.get_lapack_funcs(("geqrf",), (r,))
     loss = np.empty((na_max, nb_max, nk_max))
@@ -254,11 +245,8 @@ def _plants(recordings: Sequence[Series], orders: Orders) -> list[list[tuple[np.
     Steiglitz and McBride's iteration (least squares on data filtered by the last 1/F), in time and, for inputs that
     excite a part of the band only, on the excited lines of the spectrum, where noise elsewhere cannot pull.
     """
-    in_time, in_frequency = [], []
-    b, f = _arx([(series.u, series.y) for series in recordings], orders)
-    for _ in range(8):
-        b, f = _arx([(lfilter([1.0], f, s.u), lfilter([1.0], f, s.y)) for s in recordings], orders)
-        in_time.append((b, f))
+    in_time = _iterated([(series.u, series.y) for series in recordings], orders)
+    in_frequency = []
     lines = [_excited_lines(series) for series in recordings]
     shift, U, Y = (np.concatenate(column) for column in zip(*lines, strict=True))
     past = -Y[:, None] * shift[:, None] ** np.arange(1, orders.nf + 1)
@@ -270,14 +258,18 @@ def _plants(recordings: Sequence[Series], orders: Orders) -> list[list[tuple[np.
         theta = solve([(rows.real, out.real), (rows.imag, out.imag)])
         b, f = theta[orders.nf :], stabilise(np.concatenate([[1.0], theta[: orders.nf]]))
         in_frequency.append((b, f))
-    noiseless = []
     num, den = _long_plant(recordings, orders)
-    made = [(series.u, lfilter(num, den, series.u)) for series in recordings]
-    b, f = _arx(made, orders)
+    noiseless = _iterated([(series.u, lfilter(num, den, series.u)) for series in recordings], orders)
+    return [in_frequency[3::4], [*in_time, *noiseless, _realised(num, den, orders)]]
+
+
+def _iterated(signals: Sequence[tuple[np.ndarray, np.ndarray]], orders: Orders) -> list[tuple[np.ndarray, np.ndarray]]:
+    """B and F after four and after eight of Steiglitz and McBride's steps on (u, y) pairs."""
+    steps = [_arx(signals, orders)]
     for _ in range(8):
-        b, f = _arx([(lfilter([1.0], f, u), lfilter([1.0], f, y)) for u, y in made], orders)
-        noiseless.append((b, f))
-    return [in_frequency[3::4], [*in_time[3::4], *noiseless[3::4], _realised(num, den, orders)]]
+        _, f = steps[-1]
+        steps.append(_arx([(lfilter([1.0], f, u), lfilter([1.0], f, y)) for u, y in signals], orders))
+    return steps[4::4]
 
 
 def _long_plant(recordings: Sequence[Series], orders: Orders) -> tuple[np.ndarray, np.ndarray]:

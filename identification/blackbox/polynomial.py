@@ -230,11 +230,6 @@ class PolynomialModel(Tabled):
         """Zeros of G in the z plane, shape (n,), without the delay's."""
         return np.roots(np.trim_zeros(self.plant[0], "f"))
 
-    @property
-    def stable(self) -> bool:
-        """Whether free simulation stays bounded."""
-        return bool(np.all(np.abs(self.poles()) < 1.0))
-
     def response(self, frequency_hz: ArrayLike) -> Response:
         """Frequency response of G with first-order error propagation from the parameters' covariance."""
         frequency = np.atleast_1d(np.asarray(frequency_hz, dtype=float))
@@ -281,10 +276,6 @@ class PolynomialModel(Tabled):
         num, den = _same_length(*self.plant)
         lead = int(np.argmax(np.abs(num) > 1e-14 * np.abs(num).max(initial=0.0))) if num.any() else 0
         return signal.TransferFunction(num[lead:], den, dt=self.sample_time)
-
-    def to_zeros_poles(self) -> Any:
-        """G as `scipy.signal.ZerosPolesGain`."""
-        return self.to_transfer_function().to_zpk()
 
     def to_state_space(self) -> Any:
         """G as `scipy.signal.StateSpace`."""

@@ -9,16 +9,15 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
+from fasbody.transmissibility.statistics import Z95
 from identification.blackbox.identify import Found, Report
 from identification.blackbox.polynomial import STRUCTURES
-
-CONFIDENCE = 1.96  # standard deviations of a 95 % interval
 
 
 def document(reports: Sequence[Report]) -> dict[str, Any]:
     """The JSON document of a run; `models` lists the models of all recordings."""
     return {
-        "models": [model(report, found) for report in reports for found in report.models.values()],
+        "models": [model(report, chosen) for report in reports for chosen in report.models.values()],
         "excitation_rank": min(report.excitation.rank for report in reports),
         "recordings": [recording(report) for report in reports],
     }
@@ -67,11 +66,11 @@ def recording(report: Report) -> dict[str, Any]:
     return about
 
 
-def model(report: Report, found: Found) -> dict[str, Any]:
+def model(report: Report, chosen: Found) -> dict[str, Any]:
     """One model as JSON."""
-    best = found.best
+    best = chosen.best
     estimate = best.model
-    response = found.response
+    response = chosen.response
     return {
         "recording": report.name,
         "structure": estimate.structure,
@@ -95,12 +94,12 @@ def model(report: Report, found: Found) -> dict[str, Any]:
             "phase_deg": np.angle(response.value, deg=True),
             "phase_std_deg": response.phase_std_deg,
         },
-        "residual_whiteness_p": found.test.white_p,
-        "residual_input_independence_p": found.test.cross_p,
-        "models_tried": found.selection.tried,
-        "indistinguishable": list(found.selection.alike),
+        "residual_whiteness_p": chosen.test.white_p,
+        "residual_input_independence_p": chosen.test.cross_p,
+        "models_tried": chosen.selection.tried,
+        "indistinguishable": list(chosen.selection.alike),
         "excitation_rank": report.excitation.rank,
-        "warnings": list(found.warnings),
+        "warnings": list(chosen.warnings),
     }
 
 
@@ -111,10 +110,10 @@ def orders(estimate: Any) -> dict[str, int]:
     if estimate.structure == "narx":
         return {"lags": estimate.lags, "nk": estimate.nk, "step": estimate.step, "terms": len(estimate.terms)}
     linear = getattr(estimate, "linear", estimate)
-    found = {name: getattr(linear.orders, name) for name in STRUCTURES[linear.structure]}
+    numbers = {name: getattr(linear.orders, name) for name in STRUCTURES[linear.structure]}
     if estimate.structure == "hw":
-        found |= dict(zip(("input_degree", "output_degree"), estimate.degrees, strict=True))
-    return found
+        numbers |= dict(zip(("input_degree", "output_degree"), estimate.degrees, strict=True))
+    return numbers
 
 
 def coefficients(estimate: Any) -> dict[str, Any]:
@@ -124,10 +123,10 @@ def coefficients(estimate: Any) -> dict[str, Any]:
     if estimate.structure == "narx":
         return {"terms": estimate.names, "theta": estimate.theta, "std_error": estimate.std_error}
     linear = getattr(estimate, "linear", estimate)
-    found = {"theta": linear.theta, "std_error": linear.std_error}
+    values = {"theta": linear.theta, "std_error": linear.std_error}
     if estimate.structure == "hw":
-        found |= {"input_terms": estimate.input_terms, "output_terms": estimate.output_terms}
-    return found
+        values |= {"input_terms": estimate.input_terms, "output_terms": estimate.output_terms}
+    return values
 
 
 def strongest(report: Report) -> int:
@@ -142,7 +141,7 @@ def strongest(report: Report) -> int:
 
 def single_table(report: Report) -> Table:
     """Models of one recording or pool, one a row; the gain, with its 95 % interval, where the input is strongest."""
-    best = max(report.models.values(), key=lambda found: found.best.fit_percent)
+    best = max(report.models.values(), key=lambda chosen: chosen.best.fit_percent)
     place = strongest(report)
     at = f" at {best.response.frequency_hz[place]:.4g} Hz, 95 %"
     series = report.estimation[0]
@@ -150,18 +149,18 @@ def single_table(report: Report) -> Table:
     table = Table(title=f"{escape(f'{report.name}: {what}')}\n{report.excitation}", title_justify="left")
     for heading in ("model", "fit %", "one step %", "AIC", "BIC", f"gain{at}", "alike"):
         table.add_column(heading, justify="left" if heading == "model" else "right", no_wrap=heading != f"gain{at}")
-    for found in report.models.values():
-        c, response = found.best, found.response
+    for chosen in report.models.values():
+        c, response = chosen.best, chosen.response
         fit = f"{c.fit_percent:.2f}" if np.isfinite(c.fit_percent) else "-"
         gain = "-"
         if np.isfinite(response.value[place]):
             gain = f"{abs(response.value[place]):.4g}"
             if np.isfinite(response.gain_std[place]):
-                gain += f" +- {CONFIDENCE * response.gain_std[place]:.1g}"
+                gain += f" +- {Z95 * response.gain_std[place]:.1g}"
         table.add_row(
-            c.model.label, f"[bold]{fit}[/]" if found is best else fit,
+            c.model.label, f"[bold]{fit}[/]" if chosen is best else fit,
             f"{c.one_step_percent:.2f}", f"{c.aic:.3f}", f"{c.bic:.3f}", gain,
-            str(len(found.selection.alike)),
+            str(len(chosen.selection.alike)),
         )  # fmt: skip
     return table
 
@@ -174,14 +173,14 @@ def thesis_table(reports: Sequence[Report]) -> Table:
         table.add_column(heading)
     for report in reports:
         cells = []
-        best = max(found.best.fit_percent for found in report.models.values())
+        best = max(chosen.best.fit_percent for chosen in report.models.values())
         for name in names:
-            found = report.models.get(name)
-            if found is None:
+            chosen = report.models.get(name)
+            if chosen is None:
                 cells.append("-")
                 continue
-            fit = found.best.fit_percent
-            numbers = found.best.model.label.split(" ", 1)[1]
+            fit = chosen.best.fit_percent
+            numbers = chosen.best.model.label.split(" ", 1)[1]
             cells.append(f"{numbers} {'[bold]' if fit == best else ''}{fit:.1f}{'[/]' if fit == best else ''}")
         table.add_row(report.name, str(report.excitation.rank), *cells)
     return table
@@ -197,12 +196,12 @@ def csv_text(reports: Sequence[Report]) -> str:
     ])  # fmt: skip
     for report in reports:
         k = strongest(report)
-        for found in report.models.values():
-            c, r = found.best, found.response
+        for chosen in report.models.values():
+            c, r = chosen.best, chosen.response
             gain, std = abs(complex(r.value[k])), float(r.gain_std[k])
             writer.writerow([
                 report.name, f"{report.excitation.frequency_hz:.6g}", report.excitation.rank, c.model.label,
                 f"{c.fit_percent:.4f}", f"{c.aic:.6f}", f"{c.bic:.6f}", f"{c.fpe:.6g}", c.model.parameters,
-                f"{gain:.6g}", f"{std:.3g}", f"{r.frequency_hz[k]:.6g}", " | ".join(found.warnings),
+                f"{gain:.6g}", f"{std:.3g}", f"{r.frequency_hz[k]:.6g}", " | ".join(chosen.warnings),
             ])  # fmt: skip
     return text.getvalue()

@@ -4,12 +4,12 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy import linalg
 
 from fasbody.exceptions import FasError
 from identification.blackbox import criteria, pem, subspace
 from identification.blackbox.data import Series
 from identification.blackbox.filters import shifted
+from identification.blackbox.least_squares import triangle
 from identification.blackbox.polynomial import Orders, PolynomialModel
 from identification.blackbox.selection import ALIKE, NEARLY, Candidate, Referee, Selection, rank, with_rivals
 
@@ -71,14 +71,14 @@ def climb(
     """From the best of the models begun with to the first neighbour that is preferred, until none is."""
     chosen = rank(list(begun.values()), referee)
     for _ in range(MOVES):
-        here = chosen.best.model.orders  # type: ignore[attr-defined]  # all are polynomial
-        for orders in moves(here):
+        start = chosen.best.model.orders  # type: ignore[union-attr]  # all are polynomial
+        for orders in moves(start):
             model = None if orders in begun else search.at(orders)
             if model is None:
                 continue
             begun[orders] = referee.judge(model)
             chosen = rank(list(begun.values()), referee)
-            if chosen.best.model.orders != here:  # type: ignore[attr-defined]
+            if chosen.best.model.orders != start:  # type: ignore[union-attr]
                 break
         else:
             break
@@ -95,7 +95,7 @@ def plant_moves(o: Orders) -> Iterator[Orders]:
 
 def edge(chosen: Selection, **largest: int) -> Selection:
     """The selection with a sentence when an order of its best model is the largest that may be tried."""
-    orders = chosen.best.model.orders  # type: ignore[attr-defined]
+    orders = chosen.best.model.orders  # type: ignore[union-attr]
     reached = [f"n_{name[1]} = {size}" for name, size in largest.items() if getattr(orders, name) >= size]
     if not reached:
         return chosen
@@ -116,16 +116,12 @@ def select_oe(referee: Referee, nk: int, largest: int = LARGEST) -> Selection:
                 break
             continue
         begun[model.orders] = referee.judge(model)
-        best = rank(list(begun.values()), referee).best.model.orders.nf  # type: ignore[attr-defined]
+        best = rank(list(begun.values()), referee).best.model.orders.nf  # type: ignore[union-attr]
         better = n if best == n or not better else better
         if n - better >= (2 if heavy else PATIENCE):
             break
     chosen = climb(search, referee, begun, plant_moves)
     return edge(with_rivals(_on_the_whole(chosen, referee, search.first_row)), nf=largest)
-
-
-def _score(candidate: Candidate) -> float:
-    return candidate.score
 
 
 def _on_the_whole(chosen: Selection, referee: Referee, first_row: int) -> Selection:
@@ -139,11 +135,11 @@ def _on_the_whole(chosen: Selection, referee: Referee, first_row: int) -> Select
         return _again(chosen, "oe", referee)
     whole = replace(referee, reason="orders that simulate alike are compared by one-step errors")
     search = Search("oe", whole.estimation, first_row)
-    best = sorted(chosen.candidates[1:], key=_score)[:2]
+    best = sorted(chosen.candidates[1:], key=lambda c: c.score)[:2]
     begun: dict[Orders, Candidate] = {}
     best.append(max(chosen.candidates, key=lambda c: c.fit_percent))
     for one in (chosen.best, *(c for c in best if c.missed <= NEARLY * chosen.best.missed)):
-        model = search.at(one.model.orders, one.model)  # type: ignore[attr-defined,arg-type]
+        model = search.at(one.model.orders, one.model)  # type: ignore[union-attr,arg-type]
         if model is not None:
             begun[model.orders] = whole.judge(model)
     again = climb(search, whole, begun, plant_moves)
@@ -246,11 +242,11 @@ def select_bj(referee: Referee, from_oe: PolynomialModel, nk: int) -> Selection:
         if model is not None:
             begun[orders] = whole.judge(model)
 
-    def moves(here: Orders) -> Iterator[Orders]:
+    def moves(o: Orders) -> Iterator[Orders]:
         for c, d in ((-1, 0), (0, -1), (1, 0), (0, 1)):
-            if 0 <= here.nc + c <= NOISE and 0 <= here.nd + d <= NOISE:
-                yield replace(here, nc=here.nc + c, nd=here.nd + d)
-        yield from plant_moves(here)
+            if 0 <= o.nc + c <= NOISE and 0 <= o.nd + d <= NOISE:
+                yield replace(o, nc=o.nc + c, nd=o.nd + d)
+        yield from plant_moves(o)
 
     return edge(with_rivals(climb(search, whole, begun, moves)), nc=NOISE, nd=NOISE)
 
@@ -259,15 +255,15 @@ def select_state_space(referee: Referee, orders: Sequence[int] = tuple(range(1, 
     """State-space models of all orders from one factorisation; the best is refined unless that spoils its fit."""
     shortest = min(len(series) for series in referee.fitted)
     rows = max(min(max(subspace.BLOCK_ROWS, max(orders) + 1), shortest // 7), 3)
-    found = subspace.decompose(referee.fitted, rows)
-    wanted = [n for n in orders if n < found.block_rows]
-    chosen = rank([referee.judge(found.model(n)) for n in wanted], referee)
-    order = chosen.best.model.order  # type: ignore[attr-defined]  # all are state-space models
-    refined = referee.judge(found.model(order, refine=True))
+    fitted = subspace.decompose(referee.fitted, rows)
+    trials = [n for n in orders if n < fitted.block_rows]
+    chosen = rank([referee.judge(fitted.model(n)) for n in trials], referee)
+    order = chosen.best.model.order  # type: ignore[union-attr]  # all are state-space models
+    refined = referee.judge(fitted.model(order, refine=True))
     warnings = list(chosen.warnings)
-    if order == max(wanted):
+    if order == max(trials):
         warnings.append(f"the chosen order {order} is the largest tried")
-    standing_out = found.order()
+    standing_out = fitted.order()
     if standing_out != order:
         warnings.append(f"{standing_out} singular values stand out of the noise, order {order} was chosen")
     better = refined.no_worse_than(chosen.best) if referee.simulates else refined.score <= chosen.best.score
@@ -327,19 +323,17 @@ def _leading_zeros(recordings: Sequence[Series], lags: int = 20) -> int:
         row = max(lags, peak + lags)
         if min(len(series) for series in recordings) < row + 4 * (lags + width):
             return 1
-        blocks = []
-        for series in recordings:
-            past = shifted(series.u, width, first)[:, ::-1]
-            stacked = np.column_stack([shifted(series.y, lags, 1), np.ones(len(series)), past, series.y])[row:]
-            blocks.append(linalg.qr(stacked, mode="r", check_finite=False)[0])
-        r = linalg.qr(np.vstack(blocks), mode="r", check_finite=False)[0]
+        r = triangle(
+            np.column_stack([shifted(s.y, lags, 1), np.ones(len(s)), shifted(s.u, width, first)[:, ::-1], s.y])[row:]
+            for s in recordings
+        )
         squares = r[lags + 1 : lags + width + 2, -1] ** 2  # of each input lag, the nearest last; then what is left
         samples = sum(len(series) - row for series in recordings)
         rest = np.maximum(np.cumsum(squares[::-1])[:-1], 1e-300)  # entry k: with the lags from first + k on
         score = samples * np.log(rest) - np.log(samples) * np.arange(len(rest))
-        found = first + int(np.argmin(score))
-        if found > first or first == 0:
-            return found
+        zeros = first + int(np.argmin(score))
+        if zeros > first or first == 0:
+            return zeros
         first = max(first - 2 * lags, 0)
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,6 +13,9 @@ from identification.blackbox.data import Series
 from identification.blackbox.filters import outlasting
 from identification.blackbox.frequency import Response
 
+if TYPE_CHECKING:
+    from identification.blackbox.keep import Single as Model
+
 ALIKE = 10.0  # difference of N times AIC below which data hardly tell models apart
 NEGLIGIBLE = 2e-3  # of the output's amplitude left unexplained justifies no further parameter
 FITTED = 2 / 3  # of the data to choose on are fitted, the rest simulated
@@ -21,49 +24,6 @@ NOISE_MODELS = ("arx", "armax", "bj")  # whose one-step errors are meant to be w
 NEGLIGIBLE_WEIGHT = 0.01  # Akaike weight below which a rival is left out
 NEARLY = 1.1  # times the least miss in simulation that is as good: errors of a long free motion hang together
 BLOCKS = 20  # of the held-out data, over which two models' squared errors are compared
-
-
-class Model(Protocol):
-    """What every estimated model offers."""
-
-    @property
-    def structure(self) -> str:
-        """Arx, armax, oe, bj, ss, hw or npem."""
-
-    @property
-    def label(self) -> str:
-        """Structure and orders."""
-
-    @property
-    def parameters(self) -> int:
-        """Number of estimated coefficients."""
-
-    @property
-    def loss(self) -> float:
-        """Mean squared residual on the estimation data."""
-
-    @property
-    def samples(self) -> int:
-        """Number of residuals behind it."""
-
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """Sentences for the user."""
-
-    def poles(self) -> np.ndarray:
-        """Poles of the plant in the z plane, shape (n,)."""
-
-    def zeros(self) -> np.ndarray:
-        """Its zeros, shape (n,)."""
-
-    def response(self, frequency_hz: ArrayLike) -> Response:
-        """Frequency response at (M,) frequencies [Hz]."""
-
-    def simulate(self, u: Series | ArrayLike, x0: ArrayLike = 0.0) -> np.ndarray:
-        """Output (N,) in free simulation of a recording, or of an input alone from the state `x0`."""
-
-    def residuals(self, series: Series) -> np.ndarray:
-        """One-step prediction errors, shape (N - first,)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,7 +38,7 @@ class Candidate:
         score: `criteria.whitened_score` on the data fitted; NaN where not asked for.
     """
 
-    model: Model
+    model: "Model"
     fit_percent: float
     block_errors: np.ndarray
     one_step_percent: float
@@ -116,7 +76,7 @@ class Candidate:
         return f"{self.model.label}: fit {self.fit_percent:.2f} %, AIC {self.aic:.4f}, BIC {self.bic:.4f}"
 
 
-def judge(model: Model, validation: Sequence[Series]) -> Candidate:
+def judge(model: "Model", validation: Sequence[Series]) -> Candidate:
     """The model with its fit over all held-out parts together, in free simulation.
 
     The first n_k samples answer inputs before the part, which are fitted with its initial state; so they do not count.
@@ -170,7 +130,7 @@ class Referee:
         """Whether free simulation decides."""
         return not self.reason
 
-    def judge(self, model: Model) -> Candidate:
+    def judge(self, model: "Model") -> Candidate:
         """The model on the data kept for the choice, with its score on those fitted."""
         one_step = model.structure in NOISE_MODELS or not self.simulates
         errors = [model.residuals(s) if one_step else s.y - model.simulate(s) for s in self.fitted]
@@ -198,7 +158,7 @@ class Selection:
     tried: int
     alike: tuple[str, ...]
     warnings: tuple[str, ...]
-    rivals: tuple[tuple[float, Model], ...] = ()
+    rivals: "tuple[tuple[float, Model], ...]" = ()
 
     @property
     def best(self) -> Candidate:
@@ -211,9 +171,6 @@ class Selection:
         apart = [np.sqrt(w) * (other.response(frequency_hz).value - response.value) for w, other in self.rivals]
         more = [np.stack([gap.real, gap.imag], axis=-1)[:, :, None] for gap in apart]
         return replace(response, spread=np.concatenate([response.spread, *more], axis=2))
-
-    def __str__(self) -> str:
-        return "\n".join([f"{self.tried} models tried", *(f"  {c}" for c in self.candidates[:5]), *self.warnings])
 
 
 def with_rivals(selection: Selection) -> Selection:
@@ -233,11 +190,6 @@ def with_rivals(selection: Selection) -> Selection:
     return replace(selection, rivals=tuple((float(w), c.model) for w, c in pairs if w > NEGLIGIBLE_WEIGHT))
 
 
-def demoted(model: Model, shortest: int) -> bool:
-    """Whether the free motion of a model outlasts `shortest` samples: on a sine it proves nothing."""
-    return outlasting(float(np.abs(model.poles()).max(initial=0.0)), shortest)
-
-
 def rank(
     candidates: Sequence[Candidate], referee: Referee, tried: int = 0, warnings: Sequence[str] = (),
 ) -> Selection:  # fmt: skip
@@ -251,14 +203,17 @@ def rank(
     """
     if not candidates:
         raise SettingError("no model could be estimated; record longer or lower the orders.")
-    said = list(warnings)
+    sentences = list(warnings)
     shortest = min(len(series) for series in referee.check)
-    driven = [c for c in candidates if not (referee.poor and demoted(c.model, shortest))] or list(candidates)
+    largest = [float(np.abs(c.model.poles()).max(initial=0.0)) for c in candidates]
+    driven = [
+        c for c, pole in zip(candidates, largest, strict=True) if not (referee.poor and outlasting(pole, shortest))
+    ] or list(candidates)
     ordered = sorted(candidates, key=lambda c: (c not in driven, -c.fit_percent))
     if len(driven) < len(candidates):
         late = [c.model.label for c in ordered if c not in driven]
         more = f" and {len(late) - 3} more" if len(late) > 3 else ""
-        said.append(f"ranked last, as their free motion outlasts the record: {', '.join(late[:3])}{more}")
+        sentences.append(f"ranked last, as their free motion outlasts the record: {', '.join(late[:3])}{more}")
     if referee.simulates:
         least = ordered[0].missed * NEARLY
         near = [c for c in driven if c is ordered[0] or c.missed <= least or c.no_worse_than(ordered[0])]
@@ -271,4 +226,4 @@ def rank(
     ordered = [first, *(c for c in ordered if c is not first)]
     lowest = min(c.aic for c in candidates)
     alike = tuple(c.model.label for c in ordered if (c.aic - lowest) * c.model.samples < ALIKE)
-    return Selection(tuple(ordered), tried or len(ordered), alike, tuple(said))
+    return Selection(tuple(ordered), tried or len(ordered), alike, tuple(sentences))

@@ -19,7 +19,11 @@ class StateSpaceModel(Tabled):
     """Innovations form x(t+1) = A x + B u + K e, Eq. (3.9); y = C x + D u + e, Eq. (3.10).
 
     Attributes:
-        A, B, C, D, K: arrays of shapes (n, n), (n,), (n,), scalar, (n,).
+        A: (n, n).
+        B: (n,).
+        C: (n,).
+        D: scalar.
+        K: (n,).
         x0: state at the first sample of the (first) estimation recording, shape (n,), Eq. (3.11).
         loss: mean squared one-step prediction error [output unit squared].
         samples: number of residuals.
@@ -61,11 +65,6 @@ class StateSpaceModel(Tabled):
         """Zeros of the plant, shape (n,)."""
         return self.transfer.zeros()
 
-    @property
-    def stable(self) -> bool:
-        """Whether free simulation stays bounded."""
-        return bool(np.all(np.abs(self.poles()) < 1.0))
-
     def response(self, frequency_hz: ArrayLike) -> Response:
         """Frequency response; the covariance is that of the output-error form linearised here."""
         frequency = np.atleast_1d(np.asarray(frequency_hz, dtype=float))
@@ -86,13 +85,10 @@ class StateSpaceModel(Tabled):
             values = np.asarray(u, dtype=float)
             start = np.broadcast_to(np.asarray(x0, dtype=float), self.order)
             return self._run(values, start)[0]
-        series = u
-        if not self.stable:
-            return np.full(len(series), np.inf)
-        forced = modal_response(self.A, self.C, self.B[:, None], series.u[:, None]) + self.D * series.u
-        free = free_responses(self.A, self.C, len(series))
-        state, _ = project_states(series.y - forced, free)
-        return forced + free @ state
+        if np.abs(self.poles()).max(initial=0.0) >= 1.0:
+            return np.full(len(u), np.inf)
+        forced = modal_response(self.A, self.C, self.B[:, None], u.u[:, None]) + self.D * u.u
+        return _with_free_motion(self.A, self.C, u.y, forced)
 
     def _run(self, u: np.ndarray, x0: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Outputs (N,) and the last state (n,), sample by sample, whatever the poles."""
@@ -130,9 +126,7 @@ class StateSpaceModel(Tabled):
         observer = self.A - np.outer(self.K, self.C)
         gain = np.column_stack([self.B - self.K * self.D, self.K])
         forced = modal_response(observer, self.C, gain, np.column_stack([series.u, series.y])) + self.D * series.u
-        free = free_responses(observer, self.C, len(series))
-        state, _ = project_states(series.y - forced, free)
-        return forced + free @ state
+        return _with_free_motion(observer, self.C, series.y, forced)
 
     def residuals(self, series: Series) -> np.ndarray:
         """One-step prediction errors, shape (N,)."""
@@ -145,10 +139,6 @@ class StateSpaceModel(Tabled):
     def to_transfer_function(self) -> Any:
         """The plant as `scipy.signal.TransferFunction`."""
         return self.transfer.to_transfer_function()
-
-    def to_zeros_poles(self) -> Any:
-        """The plant as `scipy.signal.ZerosPolesGain`."""
-        return self.transfer.to_zeros_poles()
 
     def to_control(self, part: str = "plant") -> Any:
         """The plant, or with "noise" the way from e to y, as a python-control `StateSpace`."""
@@ -192,6 +182,12 @@ def modal_response(A: np.ndarray, C: np.ndarray, B: np.ndarray, inputs: np.ndarr
         [(c * signal.lfilter([0.0, 1.0], [1.0, -p], drive[:, k])).real
          for k, (p, c) in enumerate(zip(values, seen, strict=True))], axis=0,
     )  # fmt: skip
+
+
+def _with_free_motion(A: np.ndarray, C: np.ndarray, y: np.ndarray, forced: np.ndarray) -> np.ndarray:
+    """A forced motion (N,) with the initial state and level that fit `y` (N,) best."""
+    free = free_responses(A, C, len(y))
+    return forced + free @ project_states(y - forced, free)[0]
 
 
 def free_responses(A: np.ndarray, C: np.ndarray, length: int) -> np.ndarray:

@@ -4,11 +4,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.lib.stride_tricks import sliding_window_view
 from scipy import linalg
 
 from fasbody.exceptions import SettingError
 from identification.blackbox.data import Series
-from identification.blackbox.least_squares import project_states, spread
+from identification.blackbox.least_squares import project_states, spread, triangle
 from identification.blackbox.pem import Residuals
 from identification.blackbox.pem import estimate as estimate_polynomial
 from identification.blackbox.polynomial import Orders, PolynomialModel
@@ -23,11 +24,9 @@ class Subspace:
     """The factor of the block Hankel data from which models of every order follow."""
 
     recordings: Sequence[Series]
-    factor: np.ndarray
     block_rows: int
     left: np.ndarray
     singular_values: np.ndarray
-    columns: int
 
     def order(self) -> int:
         """The number of singular values that stand out of the noise: above three times the median of the last half."""
@@ -145,9 +144,7 @@ def _stable(A: np.ndarray) -> tuple[np.ndarray, list[str]]:
 
 
 def decompose(recordings: Series | Sequence[Series], block_rows: int = BLOCK_ROWS) -> Subspace:
-    """LQ factor of the block Hankel data and the singular values of the past's part in the future outputs.
-
-    The projection removes future inputs; past inputs and outputs serve as instruments (PO-MOESP weighting).
+    """Singular values of the past's part in the future outputs.
 
     Raises:
         SettingError: too few samples for the block rows.
@@ -159,16 +156,29 @@ def decompose(recordings: Series | Sequence[Series], block_rows: int = BLOCK_ROW
         raise SettingError(
             f"a subspace estimate with {i} block rows needs recordings of more than {6 * i} samples; lower the order."
         )
-    blocks = []
-    for series in pooled:
-        u = np.lib.stride_tricks.sliding_window_view(series.u, 2 * i)
-        y = np.lib.stride_tricks.sliding_window_view(series.y, 2 * i)
-        stacked = np.hstack([u[:, i:], u[:, :i], y[:, :i], y[:, i:]])  # future u, past u, past y, future y
-        blocks.append(linalg.qr(stacked, mode="r", overwrite_a=True, check_finite=False)[0][: 4 * i])
-    r = blocks[0] if len(blocks) == 1 else linalg.qr(np.vstack(blocks), mode="r", check_finite=False)[0][: 4 * i]
-    projected = r[i : 3 * i, 3 * i :].T  # future outputs on the past, future inputs removed
-    left, s, _ = linalg.svd(projected / np.sqrt(columns), full_matrices=False)
-    return Subspace(pooled, r, i, left, s, columns)
+    left, s = projected([(series.u[:, None], series.y[:, None]) for series in pooled], i)
+    return Subspace(pooled, i, left, s / np.sqrt(columns))
+
+
+def projected(signals: Sequence[tuple[np.ndarray, np.ndarray]], rows: int) -> tuple[np.ndarray, np.ndarray]:
+    """Left singular vectors and singular values of future outputs on the past, future inputs removed (PO-MOESP).
+
+    Args:
+        signals: inputs (N, m) and outputs (N, p) of each recording.
+        rows: block rows of past and of future.
+    """
+
+    def halves(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        blocks = sliding_window_view(x, 2 * rows, axis=0).transpose(0, 2, 1)
+        return blocks[:, :rows].reshape(len(blocks), -1), blocks[:, rows:].reshape(len(blocks), -1)
+
+    stacked = []
+    for u, y in signals:
+        (past_u, future_u), (past_y, future_y) = halves(u), halves(y)
+        stacked.append(np.hstack([future_u, past_u, past_y, future_y]))
+    begin, end = rows * u.shape[1], rows * (2 * u.shape[1] + y.shape[1])
+    left, values, _ = linalg.svd(triangle(stacked)[begin:end, end:].T, full_matrices=False)
+    return left, values
 
 
 def estimate(
@@ -176,5 +186,5 @@ def estimate(
 ) -> StateSpaceModel:
     """State-space model of `order`, by default the number of singular values above the noise."""
     rows = BLOCK_ROWS if order is None else max(BLOCK_ROWS, order + 1)
-    found = decompose(recordings, rows)
-    return found.model(found.order() if order is None else order, refine=refine)
+    subspace = decompose(recordings, rows)
+    return subspace.model(subspace.order() if order is None else order, refine=refine)

@@ -8,6 +8,7 @@ from scipy import linalg, stats
 from identification.blackbox.data import Series
 from identification.blackbox.filters import shifted
 
+LAGS = 25  # largest lag m
 ALARM = 1e-3  # p-value below which a test is reported: several recordings and structures are tested at once
 
 
@@ -38,31 +39,27 @@ class ResidualTest:
     @property
     def warnings(self) -> tuple[str, ...]:
         """Sentences for the user; the second matters more: it says the plant is incomplete."""
-        found = []
+        sentences = []
         if self.white_p < ALARM:
-            found.append(f"residuals are not white (Ljung-Box p {self.white_p:.1g}): the noise model is incomplete")
+            sentences.append(f"residuals are not white (Ljung-Box p {self.white_p:.1g}): the noise model is incomplete")
         if self.cross_p < ALARM:
-            found.append(f"residuals depend on past inputs (p {self.cross_p:.1g}): plant incomplete or nonlinear")
-        return tuple(found)
-
-    def __str__(self) -> str:
-        return f"Ljung-Box p {self.white_p:.3g}, dependence on past inputs p {self.cross_p:.3g}"
+            sentences.append(f"residuals depend on past inputs (p {self.cross_p:.1g}): plant incomplete or nonlinear")
+        return tuple(sentences)
 
 
-def residual_test(errors: np.ndarray, series: Series, parameters: int = 0, lags: int = 25) -> ResidualTest:
+def residual_test(errors: np.ndarray, series: Series, parameters: int = 0) -> ResidualTest:
     """Whiteness and cross-correlation of `errors` (the last samples of `series`).
 
     Args:
         errors: one-step prediction errors, shape (M,), M at most N.
         series: the recording they belong to.
         parameters: number of noise-model coefficients, taken off the degrees of freedom.
-        lags: largest lag m.
     """
     e = errors - errors.mean()
     u = series.u[len(series) - len(e) :]
     u = u - u.mean()
     n = len(e)
-    lags = min(lags, n // 4)
+    lags = min(LAGS, n // 4)
     scale_e, scale_u = np.sqrt(e @ e), np.sqrt(u @ u)
     scale_u = scale_u or 1.0  # an impulse before these samples leaves no input to correlate with
     if scale_e <= 1e-12 * np.linalg.norm(series.y):  # an exact model leaves rounding, which tests mean nothing for

@@ -44,9 +44,12 @@ class Steadiness:
     """How the base's and the malleolus' fundamental behave through one recording.
 
     Attributes:
-        file: which. onset: relative difference of the first tenth from the rest: a transient. drift: relative change
-        of the amplitude from end to end, along a straight line. beating: relative amplitude of the strongest slow
-        modulation, and beat_hz its frequency. noise: the relative amplitude that noise alone gives each of them.
+        file: of the recording.
+        onset: relative difference of the first tenth from the rest, a transient.
+        drift: relative change of the amplitude from end to end, along a straight line.
+        beating: relative amplitude of the strongest slow modulation.
+        beat_hz: its frequency.
+        noise: the relative amplitude that noise alone gives each of them.
     """
 
     file: str
@@ -60,14 +63,12 @@ class Steadiness:
     def reasons(self) -> tuple[str, ...]:
         """What departs from a steady sine, in words with numbers."""
         limit = max(_NOTABLE, 4 * self.noise)
-        found = []
-        if self.onset > limit:
-            found.append(f"a transient: its first part differs by {100 * self.onset:.1f} %")
-        if abs(self.drift) > limit:
-            found.append(f"drift: its amplitude changes by {100 * self.drift:.1f} % from end to end")
-        if self.beating > limit:
-            found.append(f"beating: its amplitude swings by {100 * self.beating:.1f} % at {self.beat_hz:.2g} Hz")
-        return tuple(found)
+        reasons = (
+            (self.onset, f"a transient: its first part differs by {100 * self.onset:.1f} %"),
+            (abs(self.drift), f"drift: its amplitude changes by {100 * self.drift:.1f} % from end to end"),
+            (self.beating, f"beating: its amplitude swings by {100 * self.beating:.1f} % at {self.beat_hz:.2g} Hz"),
+        )
+        return tuple(text for size, text in reasons if size > limit)
 
 
 @dataclass(frozen=True)
@@ -75,8 +76,11 @@ class Agreement:
     """Both routes on the same recordings.
 
     Attributes:
-        branch: which was compared. differences: one a parameter. steadiness: one a recording. same_branch: both routes
-            find the same branch likelier. sentence: for people.
+        branch: which was compared.
+        differences: one a parameter.
+        steadiness: one a recording.
+        same_branch: both routes find the same branch likelier.
+        sentence: for people.
     """
 
     branch: str
@@ -100,9 +104,6 @@ class Agreement:
             "sentence": self.sentence,
         }  # fmt: skip
 
-    def __str__(self) -> str:
-        return self.sentence
-
 
 def steadiness(recording: Recording) -> Steadiness:
     """Follow the fundamental of both channels through a checked recording; the worse channel counts.
@@ -113,9 +114,9 @@ def steadiness(recording: Recording) -> Steadiness:
     line = Line.of(recording)
     t = recording.time_s - recording.time_s[0]
     frequency = line.base.frequency_hz
-    found = [_followed(t, c, frequency) for c in (recording.base_m_s2, recording.malleolus_m_s2)]
-    onset, drift, beating, noise = (max((f[i] for f in found), key=abs) for i in (0, 1, 2, 4))
-    beat = max(found, key=lambda f: f[2])[3]
+    channels = [_followed(t, c, frequency) for c in (recording.base_m_s2, recording.malleolus_m_s2)]
+    onset, drift, beating, noise = (max((f[i] for f in channels), key=abs) for i in (0, 1, 2, 4))
+    beat = max(channels, key=lambda f: f[2])[3]
     return Steadiness(recording.file, float(onset), float(drift), float(beating), float(beat), float(noise))
 
 
@@ -156,16 +157,16 @@ def agreement(
     the lenient one, and a difference beyond it is real.
 
     Args:
-        recordings: with known excitation frequencies. foot: the model. settings: of both fits; its domain is ignored.
+        recordings: with known excitation frequencies.
+        foot: the model.
+        settings: of both fits; its domain is ignored.
         results: (steady state, time domain) where they are known already.
     """
     settings = settings or Settings()
-    if results is None:
-        results = (
-            fit_foot(recordings, foot, replace(settings, domain="periodic"), interruptible=False),
-            fit_foot(recordings, foot, replace(settings, domain="time"), interruptible=False),
-        )
-    steady, timed = results
+    steady, timed = results or (
+        fit_foot(recordings, foot, replace(settings, domain=domain), interruptible=False)
+        for domain in ("periodic", "time")
+    )
     name = steady.best.name
     other = next((b for b in timed.branches if b.name == name), timed.best)
     differences = []

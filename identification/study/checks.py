@@ -26,7 +26,10 @@ def ensure(mode: str, settings: Settings, foot: Foot, profile: Sequence[str]) ->
     """The space of a study's fits, if its checks can be meant.
 
     Args:
-        mode: of the fits. settings: of the fits. foot: the model. profile: parameters.
+        mode: of the fits.
+        settings: of the fits.
+        foot: the model.
+        profile: parameters.
 
     Raises:
         SettingError: a parameter that is not estimated, or a bound that is none.
@@ -73,6 +76,5 @@ def _validation(mode: str, settings: Settings, recordings: Sequence[Recording], 
     free = space_of(foot, settings.free, settings.bounds, delay=False).names
     if mode == "per-recording" or not set(NONLINEAR) & set(free):
         return {"held_out": leave_one_frequency_out(recordings, foot, mode, settings).document(), "damping": None}
-    both = compare_damping(recordings, foot, settings)
-    assert both.held_out is not None
-    return {"held_out": both.held_out.document(), "damping": both.document()}
+    damping = compare_damping(recordings, foot, settings)
+    return {"held_out": damping.held_out.document(), "damping": damping.document()}

@@ -36,13 +36,8 @@ _PLAIN = {"distributed.nanny.pre-spawn-environ.NUMBA_NUM_THREADS": 1, "distribut
 @contextlib.contextmanager
 def here() -> Iterator[Crew]:
     """One after another in this process; Ctrl-C ends the job that it meets, whose document is not given."""
-
-    def do(works: Iterable[Work]) -> Iterator[Document]:
-        for _, document in runner.here(job.run, works):
-            yield document
-
     with once():
-        yield do
+        yield lambda works: (document for _, document in runner.here(job.run, works))
 
 
 @contextlib.contextmanager
@@ -126,15 +121,11 @@ def _ensure(address: str) -> None:
 
 def _same_program(client: Any, address: str) -> None:
     try:
-        theirs = set(client.run(_program_there).values())
+        theirs = set(client.run(plan.program).values())
     except Exception as error:
         raise SettingError(f"the workers of {address} cannot import this program ({error}).") from None
     if theirs != {plan.program()}:
         raise SettingError(f"the workers of {address} have another version of this program; install the same one.")
-
-
-def _program_there() -> str:
-    return plan.program()
 
 
 def _there(work: Work, program: str) -> Document:
@@ -166,8 +157,8 @@ def _sent(client: Any, works: Iterable[Work]) -> Iterator[Document]:
     ready = as_completed()
 
     def refill() -> None:
-        wanted = _AHEAD * max(1, sum(client.nthreads().values()))
-        while len(sent) < wanted and (work := next(waiting, None)) is not None:
+        most = _AHEAD * max(1, sum(client.nthreads().values()))
+        while len(sent) < most and (work := next(waiting, None)) is not None:
             # the key is new in each run, as a shared scheduler may still hold an old result
             future = client.submit(_there, work, program, key=f"fit-{work.job.key}-{run}", pure=False)
             sent[future.key] = work
@@ -179,14 +170,14 @@ def _sent(client: Any, works: Iterable[Work]) -> Iterator[Document]:
         if future.status == "finished":
             yield future.result()
         elif future.status == "error":
-            yield _lost(work, future.exception())
+            yield _failed(work, future.exception())
         else:
             raise FasError(_GONE)
         future.release()
         refill()
 
 
-def _lost(work: Work, error: BaseException) -> Document:
+def _failed(work: Work, error: BaseException) -> Document:
     """What is written of a job whose worker ended, each time it was tried."""
     died = type(error).__name__ == "KilledWorker"
     why = "the worker doing it ended, several times over; memory may be short" if died else " ".join(str(error).split())

@@ -99,7 +99,7 @@ def main(
     profiled = tuple(dict.fromkeys(names(profile) or ()))
     space = ensure(mode, settings, foot, profiled)
     plan = Plan(folder, filters.choose(folder.trials), settings, Model.of(foot))
-    others = [d for each in persons or () for d in joining(each)]
+    others = [d for results_of in persons or () for d in joining(results_of)]
     out = out or Path("results") / f"{study.resolve().name}_study"
     if out.is_file():
         raise InputFileError(out, "is a file", "name a folder")
@@ -112,9 +112,9 @@ def main(
     try:
         computed = complete(plan.work, jobs, fits, scheduler, workers)
         kept = fits.documents(job.key for job in jobs)  # read and verified once: a study has hundreds
-        found = {job.trials: kept.get(job.key) for job in jobs}
-        checking = [job for job in checking if job.kind == "validation" or _done(found[job.trials])]
-        checked = complete(lambda job: plan.work(job, found.get(job.trials)), checking, checks, scheduler, workers)
+        basis = {job.trials: kept.get(job.key) for job in jobs}
+        checking = [job for job in checking if job.kind == "validation" or _done(basis[job.trials])]
+        checked = complete(lambda job: plan.work(job, basis.get(job.trials)), checking, checks, scheduler, workers)
     except KeyboardInterrupt:
         count = len(fits.documents(job.key for job in jobs)) + len(checks.documents(job.key for job in checking))
         raise Stopped(
@@ -122,14 +122,14 @@ def main(
             "from there."
         ) from None
     seconds = time.perf_counter() - began
-    modes = [kept if each == mode else fits.documents(job.key for job in plan.jobs(each)) for each in MODES]
-    documents = [d for each in modes for d in each.values()]
-    every = [(kind, "") for kind in KINDS[2:]] + [("profile", item.name) for item in space.free]
-    keys = (job.key for each in MODES for what in every for job in plan.jobs(each, *what))
-    made = list(checks.documents(keys).values())
-    unshown = fits.others(d["key"] for d in documents) + checks.others(d["key"] for d in made)
-    found_of_all = gather(documents, made, believed, ", ".join(prior or ()), others)
-    findings = replace(found_of_all, unshown=unshown, asked=mode)
+    modes = [kept if m == mode else fits.documents(job.key for job in plan.jobs(m)) for m in MODES]
+    documents = [d for fits_of_mode in modes for d in fits_of_mode.values()]
+    kinds = [(kind, "") for kind in KINDS[2:]] + [("profile", item.name) for item in space.free]
+    keys = (job.key for m in MODES for kind in kinds for job in plan.jobs(m, *kind))
+    done_checks = list(checks.documents(keys).values())
+    unshown = fits.others(d["key"] for d in documents) + checks.others(d["key"] for d in done_checks)
+    findings = gather(documents, done_checks, believed, ", ".join(prior or ()), others)
+    findings = replace(findings, unshown=unshown, requested=mode)
     if page:
         report.write(out, documents, folder.name, folder.origin, Truth.read(study), findings)
     done = sum(map(_done, kept.values()))
@@ -151,17 +151,21 @@ def complete(
     """Do what is missing or failed before; returns how many jobs that were.
 
     Args:
-        work, jobs: what is to be done. store: of the documents. scheduler, workers: who does it.
+        work: a job with its recordings read.
+        jobs: what is to be done.
+        store: of the documents.
+        scheduler: address of a cluster.
+        workers: processes otherwise.
 
     Raises:
         SettingError: no scheduler or worker where one is named. InputFileError: the folder cannot be written.
     """
     missing = []
     for job in jobs:
-        found, problem = store.read(job.key)
+        kept, problem = store.read(job.key)
         if problem:
             console.print(problem, markup=False, soft_wrap=True)
-        if found is None or found["status"] == "failed":
+        if kept is None or kept["status"] == "failed":
             missing.append(job)
     if not missing:
         return 0
@@ -194,8 +198,8 @@ def crew(count: int, scheduler: str | None, workers: int) -> "Iterator[Crew]":
             yield do
 
 
-def failures_said(failed: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Each sentence once, with the places that it was said of."""
+def failures(failed: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Each sentence once, with the places that it is about."""
     from identification.study.summary import place
 
     places: dict[str, list[str]] = {}
@@ -214,10 +218,10 @@ def show(documents: "Sequence[Document]", findings: "Findings", run: Mapping[str
     failed = [d for d in (*documents, *findings.checks) if d["status"] == "failed"]
     counted = counts(documents, findings.tracked).to_dict("records")
     if as_json:
-        failures = [{name: d[name] for name in ("mode", "kind", "parameter", "files", "error")} for d in failed]
-        poor = [{**{name: d[name] for name in ("mode", "files")}, "fit_percent": fit}
+        errors = [{name: d[name] for name in ("mode", "kind", "parameter", "files", "error")} for d in failed]
+        poor = [{"mode": d["mode"], "files": d["files"], "fit_percent": fit}
                 for d, fit in poor_fits(documents, findings.tracked)]  # fmt: skip
-        print_json({**run, "modes": counted, "failed": failures, "poor": poor, **findings.document()})
+        print_json({**run, "modes": counted, "failed": errors, "poor": poor, **findings.document()})
     else:
         what = f"{run['computed']} fits and {run['checked']} checks" if run["checked"] else f"{run['computed']} fits"
         title = f"{what} computed in {run['seconds']:.0f} s; {run['done']} of {run['wanted']} fits done"
@@ -231,16 +235,13 @@ def show(documents: "Sequence[Document]", findings: "Findings", run: Mapping[str
             table.add_row(*(f"{v:.4g}" if isinstance(v, float) else str(v) for v in (row[n] for n in names)))
         results.print(table)
         for subject in findings.subjects:
-            results.print(f"subject {subject.subject}, {subject.posture}, {subject.mode}: {subject.said}",
+            results.print(f"subject {subject.subject}, {subject.posture}, {subject.mode}: {subject.sentence}",
                           markup=False, soft_wrap=True)  # fmt: skip
-    if said := first(documents, findings.tracked):
-        console.print(said, style="yellow", markup=False, soft_wrap=True)
-    for sentence in (*findings.no_population, *(text for p in findings.populations for text in p.odd())):
-        console.print(sentence, style="yellow", markup=False, soft_wrap=True)
-    if findings.elsewhere:
-        console.print(findings.elsewhere, style="yellow", markup=False, soft_wrap=True)
-    for sentence in failures_said(failed):
+    odd = (text for p in findings.populations for text in p.odd())
+    for sentence in (first(documents, findings.tracked), *findings.no_population, *odd, findings.elsewhere):
+        if sentence:
+            console.print(sentence, style="yellow", markup=False, soft_wrap=True)
+    for sentence in failures(failed):
         console.print(f"failed: {sentence}", markup=False, soft_wrap=True)
-    for document in documents:
-        for sentence in document["left_out"] if document["status"] == "done" else ():
-            console.print(f"left out: {sentence}", markup=False, soft_wrap=True)
+    for sentence in (text for d in documents if d["status"] == "done" for text in d["left_out"]):
+        console.print(f"left out: {sentence}", markup=False, soft_wrap=True)

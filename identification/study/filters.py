@@ -27,19 +27,20 @@ class Filters:
         Raises:
             SettingError: a value that no recording has, or nothing passes.
         """
-        wanted = (
-            ("subject", "subject", self.subjects), ("posture", "posture", self.postures),
-            ("added mass", "added_mass_kg", self.added_masses_kg), ("frequency", "frequency_hz", self.frequencies_hz),
-        )  # fmt: skip
+        filters = {
+            "subject": self.subjects, "posture": self.postures, "added_mass_kg": self.added_masses_kg,
+            "frequency_hz": self.frequencies_hz,
+        }  # fmt: skip
         chosen = list(trials)
-        for kind, field, values in wanted:
-            there = list(dict.fromkeys(_text(getattr(trial.condition, field)) for trial in trials))
-            for value in values:
-                if _text(value) not in there:
-                    raise SettingError(f"{unknown(kind, _text(value), there)} in this study.")
-            if values:
-                asked = {_text(value) for value in values}
-                chosen = [trial for trial in chosen if _text(getattr(trial.condition, field)) in asked]
+        for field, values in filters.items():
+            of = {trial: _text(getattr(trial.condition, field)) for trial in trials}
+            texts = [_text(value) for value in values]
+            for text in texts:
+                if text not in of.values():
+                    kind = field.removesuffix("_kg").removesuffix("_hz").replace("_", " ")
+                    raise SettingError(f"{unknown(kind, text, list(dict.fromkeys(of.values())))} in this study.")
+            if texts:
+                chosen = [trial for trial in chosen if of[trial] in texts]
         if not chosen:
             raise SettingError("no recording of the study passes all the filters together.")
         return chosen

@@ -5,6 +5,7 @@ from dataclasses import asdict, dataclass, field
 from typing import Any
 
 from fasbody.exceptions import SettingError
+from fasbody.presentation import counted
 from identification.study.population import Population, populations, without
 from identification.study.tracking import Fit, Prior, Tracking, track
 
@@ -20,7 +21,13 @@ class Subject:
     subject: str
     posture: str
     tracking: Tracking | None
-    said: str
+    sentence: str
+
+    def document(self) -> dict[str, Any]:
+        """As plain data."""
+        plain = {**asdict(self), "tracking": self.tracking and self.tracking.document()}
+        plain["said"] = plain.pop("sentence")
+        return plain
 
 
 @dataclass(frozen=True)
@@ -28,33 +35,35 @@ class Findings:
     """All of it.
 
     Attributes:
-        subjects: tracked ones. checks: documents of the checks that are done. prior: that the tracking had, in words.
-        populations: of the pooled fits. no_population: why some persons make none.
-        unshown: how many documents of each mode in the folder are of other settings or recordings. asked: the mode that
-        the command was asked for.
+        subjects: tracked ones.
+        checks: documents of the checks that are done.
+        prior: that the tracking had, in words.
+        unshown: how many documents of each mode in the folder are of other settings or recordings.
+        requested: the mode of the command.
+        populations: of the pooled fits.
+        no_population: why some persons make none.
     """
 
     subjects: Sequence[Subject] = ()
     checks: Sequence[Document] = ()
     prior: str = ""
     unshown: Mapping[str, int] = field(default_factory=dict)
-    asked: str = ""
+    requested: str = ""
     populations: Sequence[Population] = ()
     no_population: Sequence[str] = ()
 
     @property
     def elsewhere(self) -> str:
         """What is in the folder and not shown, in a sentence; empty where nothing is."""
-        said = []
+        sentences = []
         for mode, count in sorted(self.unshown.items()):
-            one = count == 1
-            asked = "" if mode == self.asked else ", a mode that was not asked for"
-            said.append(
-                f"{count} {mode} document{'' if one else 's'} in this folder{asked}, "
-                f"{'was' if one else 'were'} made with other settings, recordings or program, and "
-                f"{'is' if one else 'are'} not shown."
+            other = "" if mode == self.requested else ", a mode that was not asked for,"
+            was, is_ = ("was", "is") if count == 1 else ("were", "are")
+            sentences.append(
+                f"{counted(count, f'{mode} document')} in this folder{other} {was} made with other settings, "
+                f"recordings or program, and {is_} not shown."
             )
-        return " ".join(said).replace("folder, w", "folder w")
+        return " ".join(sentences)
 
     @property
     def tracked(self) -> dict[str, str]:
@@ -77,7 +86,7 @@ class Findings:
             return [{**{n: d[n] for n in ("mode", "subject", "posture", "files")}, **r} for d, r in self.of(kind)]
 
         return {
-            "tracking": [{**asdict(s), "tracking": s.tracking and s.tracking.document()} for s in self.subjects],
+            "tracking": [s.document() for s in self.subjects],
             "prior": self.prior, "profiles": listed("profile"), "validation": listed("validation"),
             "agreement": listed("agreement"), "unshown": sum(self.unshown.values()),
             "unshown_by_mode": dict(self.unshown),
@@ -87,23 +96,26 @@ class Findings:
 
 
 def gather(
-    documents: Sequence[Document], checks: Sequence[Document] = (), prior: Prior | None = None, said: str = "",
+    documents: Sequence[Document], checks: Sequence[Document] = (), prior: Prior | None = None, prior_text: str = "",
     others: Sequence[Document] = (),
 ) -> Findings:  # fmt: skip
     """Track the branches of every subject's fits, and take the checks along.
 
     Args:
-        documents: the fits. checks: their checks. prior: of the branches. said: the prior in words.
+        documents: the fits.
+        checks: their checks.
+        prior: of the branches.
+        prior_text: the prior in words.
         others: fits of persons of other studies, who join the population alone.
     """
     subjects: dict[tuple[str, str, str], list[Document]] = {}
     for d in documents:
         if d["status"] == "done" and d["mode"] in _TRACKED_MODES:
             subjects.setdefault((d["mode"], d["subject"], d["posture"]), []).append(d)
-    tracked = [_tracked(*who, mine, prior) for who, mine in subjects.items()]
+    tracked = [_tracked(*who, fits, prior) for who, fits in subjects.items()]
     keys = {d["key"] for d in documents}  # of the recordings, too: nobody counts twice
     everyone = [*documents, *(d for d in others if d["key"] not in keys)]
-    return Findings(tracked, checks, said, populations=populations(everyone), no_population=without(everyone))
+    return Findings(tracked, checks, prior_text, populations=populations(everyone), no_population=without(everyone))
 
 
 def _tracked(mode: str, subject: str, posture: str, documents: Sequence[Document], prior: Prior | None) -> Subject:
@@ -113,7 +125,7 @@ def _tracked(mode: str, subject: str, posture: str, documents: Sequence[Document
     if not two:
         return Subject(mode, subject, posture, None, "Fits without a frequency or a mirror solution are not tracked.")
     try:
-        found = track([Fit.from_document(d) for d in two], prior=prior)
+        tracking = track([Fit.from_document(d) for d in two], prior=prior)
     except SettingError as problem:
         return Subject(mode, subject, posture, None, f"Subject {subject}, {mode}: {problem}")
-    return Subject(mode, subject, posture, found, found.sentence)
+    return Subject(mode, subject, posture, tracking, tracking.sentence)

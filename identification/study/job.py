@@ -25,29 +25,29 @@ def run(work: Work) -> Document:
     """Do a job: its document, with status "done", or "failed" and a sentence."""
     began = time.perf_counter()
     left_out = list(work.unread)
-    found: Document = {"status": "failed"}
+    outcome: Document = {"status": "failed"}
     try:
         if not work.recordings:
             raise RecordingError(" ".join(left_out) or f"{work.job}: there is no recording.")
-        found = {"status": "done", **_done(work, left_out)}
+        outcome = {"status": "done", **_done(work, left_out)}
     except FasError as problem:
-        found["error"] = str(problem)
+        outcome["error"] = str(problem)
     except Exception as bug:  # a bug met by one recording must not stop a study of hundreds
         short = " ".join(str(bug).split())[:200]
-        found["error"] = f"{work.job}: an unexpected {type(bug).__name__} ({short}); its document has the traceback."
-        found["traceback"] = traceback.format_exc()
-    return document(work.job, found, time.perf_counter() - began, left_out)
+        outcome["error"] = f"{work.job}: an unexpected {type(bug).__name__} ({short}); its document has the traceback."
+        outcome["traceback"] = traceback.format_exc()
+    return document(work.job, outcome, time.perf_counter() - began, left_out)
 
 
-def document(job: Job, found: Document, seconds: float = 0.0, left_out: Sequence[str] = ()) -> Document:
+def document(job: Job, outcome: Document, seconds: float = 0.0, left_out: Sequence[str] = ()) -> Document:
     """What every document says of its job, and what was found: its status, and result and cycles or the error."""
     return {
         "key": job.key, "kind": job.kind, "parameter": job.parameter,
         "mode": job.mode, "subject": job.subject, "posture": job.posture,
         "added_mass_kg": job.added_mass_kg, "frequency_hz": job.frequency_hz, "files": job.files, "origin": job.origin,
-        "status": found["status"], "error": found.get("error"), "traceback": found.get("traceback"),
+        "status": outcome["status"], "error": outcome.get("error"), "traceback": outcome.get("traceback"),
         "left_out": list(left_out), "seconds": seconds,
-        "result": found.get("result"), "cycles": found.get("cycles", []),
+        "result": outcome.get("result"), "cycles": outcome.get("cycles", []),
     }  # fmt: skip
 
 
@@ -66,8 +66,8 @@ def _done(work: Work, left_out: list[str]) -> Document:
 
 def sampled(work: Work) -> Settings:
     """The settings of a fit: in the time domain MuJoCo runs every twentieth fit throughout, if not told otherwise."""
-    wanted = work.settings.replay
-    return replace(work.settings, replay=int(int(work.job.key, 16) % SAMPLE == 0) if wanted == 0 else wanted)
+    by_key = int(int(work.job.key, 16) % SAMPLE == 0)
+    return replace(work.settings, replay=work.settings.replay or by_key)
 
 
 def _cycles(result: Document, foot: Foot, data: Sequence[Recording]) -> list[Document]:
@@ -76,9 +76,8 @@ def _cycles(result: Document, foot: Foot, data: Sequence[Recording]) -> list[Doc
         return cycles(result, foot, data)
     except SimulationError as problem:
         best = {**result, "branches": result["branches"][:1]}
-        found = cycles(best, foot, data)
         result["warnings"].append(f"Cycles are of the {result['branches'][0]['name']} branch only: {problem}")
-        return found
+        return cycles(best, foot, data)
 
 
 def _usable(recordings: Sequence[Recording], left_out: list[str]) -> tuple[list[Recording], list[Recording]]:

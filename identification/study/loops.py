@@ -64,8 +64,11 @@ class Cycle:
     """One closed cycle.
 
     Attributes:
-        ankle, fat_pad: their loops. dissipated_j: by the whole model, which may have other dampers.
-        shaker_work_j: by the base on the foot. malleolus_m_s2: fundamental of its acceleration.
+        ankle: its loop.
+        fat_pad: its loop.
+        dissipated_j: by the whole model, which may have other dampers.
+        shaker_work_j: by the base on the foot.
+        malleolus_m_s2: fundamental of its acceleration.
     """
 
     ankle: Loop
@@ -79,12 +82,6 @@ class Cycle:
         """Share of the shaker's work that the dampers do not account for."""
         return (self.shaker_work_j - self.dissipated_j) / self.shaker_work_j
 
-    def __str__(self) -> str:
-        return (
-            f"ankle {1e3 * self.ankle.dissipated_j:.3g} mJ, fat pad {1e3 * self.fat_pad.dissipated_j:.3g} mJ a cycle, "
-            f"imbalance {100 * self.imbalance:.2g} %"
-        )
-
 
 def _short(values: np.ndarray) -> list[float]:
     """As a list of numbers of six digits: a thousandth of a line's width, and half the file."""
@@ -97,8 +94,11 @@ def cycle(
     """The cycle of a foot on a periodic base.
 
     Args:
-        foot: the model. frequency_hz: fundamental. base: (h,) complex harmonics of its acceleration [m/s^2].
-        values: parameters and masses by name. two_mass: the model is the two-mass foot.
+        foot: the model.
+        frequency_hz: fundamental.
+        base: (h,) complex harmonics of its acceleration [m/s^2].
+        values: parameters and masses by name.
+        two_mass: the model is the two-mass foot.
 
     Raises:
         SimulationError: no periodic motion. ModelError: the model has no ankle or no fat pad by these names.
@@ -106,10 +106,20 @@ def cycle(
     A = np.asarray(base, complex)
     if not two_mass:
         return _of_model(foot, frequency_hz, A, values)
-    found = resolved(parameters(values)[None], np.array([2 * np.pi * frequency_hz]), A[None])
-    if not found.converged.all():
+    return of_orbits(periodic_motion(foot, frequency_hz, A, values), A[None])[0]
+
+
+def periodic_motion(foot: Foot, frequency_hz: float, base: np.ndarray, values: Mapping[str, float]) -> Orbits:
+    """The motion of the two-mass foot on a base of harmonics (h,) [m/s^2].
+
+    Raises:
+        SimulationError: there is none with these values.
+    """
+    omega = np.array([2 * np.pi * frequency_hz])
+    orbits = resolved(parameters(values)[None], omega, base[None])
+    if not orbits.converged.all():
         raise SimulationError(f"{foot.name}: no periodic motion at {frequency_hz:g} Hz with these values.")
-    return of_orbits(found, A[None])[0]
+    return orbits
 
 
 def of_orbits(orbits: Orbits, base: np.ndarray) -> list[Cycle]:
@@ -151,9 +161,9 @@ def _of_model(foot: Foot, frequency_hz: float, base: np.ndarray, values: Mapping
         x, power = _forces(balance, motion, parts)
     loops = {}
     for part, row in parts.items():
-        own = [x[part, i] for i in range(len(row))]
-        work = sum(np.mean(F * x_dot) for _, x_dot, F in own) / frequency_hz
-        loops[part] = Loop(np.mean([z for z, _, _ in own], axis=0), np.sum([F for *_, F in own], axis=0), float(work))
+        z, rate, force = np.stack([x[part, i] for i in range(len(row))], axis=1)
+        work = np.mean(force * rate, axis=1).sum() / frequency_hz
+        loops[part] = Loop(z.mean(axis=0), force.sum(axis=0), float(work))
     reaction = orbit.table_force_n * motion[1, :, balance.base]
     energies = float(np.mean(power) / frequency_hz), float(np.mean(reaction) / frequency_hz)
     return Cycle(loops["ankle"], loops["fat_pad"], *energies, complex(orbit.harmonics()[0]))
@@ -165,7 +175,8 @@ def _forces(
     """Displacement, its rate and force (3, N) of each element of each part, and the power (N,) that the foot takes up.
 
     Args:
-        balance: of the model, its values set. motion: (3, N, c) positions from rest, velocities and accelerations.
+        balance: of the model, its values set.
+        motion: (3, N, c) positions from rest, velocities and accelerations.
         parts: elements by kind and number.
     """
     model, data = balance.model, mujoco.MjData(balance.model)
@@ -177,11 +188,11 @@ def _forces(
     x = {key: np.empty((3, motion.shape[1])) for key in alone}
     power = np.empty(motion.shape[1])
     for k, (position, velocity, acceleration) in enumerate(motion.swapaxes(0, 1)):
-        for each in (data, *alone.values()):
-            each.qpos[:], each.act[:] = model.qpos0 + position[: model.nv], position[model.nv :]
-            each.qvel[:], each.qacc[:] = velocity[: model.nv], acceleration[: model.nv]
-            mujoco.mj_inverse(each.model, each)
-            mujoco.mj_fwdActuation(each.model, each)
+        for state in (data, *alone.values()):
+            state.qpos[:], state.act[:] = model.qpos0 + position[: model.nv], position[model.nv :]
+            state.qvel[:], state.qacc[:] = velocity[: model.nv], acceleration[: model.nv]
+            mujoco.mj_inverse(state.model, state)
+            mujoco.mj_fwdActuation(state.model, state)
         force = data.qfrc_passive + data.qfrc_actuator + data.qfrc_constraint
         power[k] = -np.delete(force * data.qvel, balance.base).sum()
         for (part, i), silent in alone.items():
@@ -191,12 +202,12 @@ def _forces(
 
 def _elements(foot: Foot, part: str) -> list[tuple[str, int]]:
     """Kind and number of the joints or tendons that are this part."""
-    for wanted in PARTS[part]:
+    for elements in PARTS[part]:
         for kind in ("joint", "tendon"):
-            found = names(foot.model, kind)
-            if set(wanted) <= set(found):
-                return [(kind, found.index(name)) for name in wanted]
-    valid = " or ".join(" and ".join(each) for each in PARTS[part])
+            declared = names(foot.model, kind)
+            if set(elements) <= set(declared):
+                return [(kind, declared.index(name)) for name in elements]
+    valid = " or ".join(map(" and ".join, PARTS[part]))
     raise ModelError(f"{foot.name}: no joint or tendon is called {valid}, so it has no {part.replace('_', ' ')} loop.")
 
 
@@ -208,8 +219,8 @@ def _silenced(model: mujoco.MjModel, kind: str, number: int) -> mujoco.MjModel:
         keep["dof"] = int(model.jnt_dofadr[number])
     for field in (*_PASSIVE, "jnt_user", "tendon_user"):
         rows = getattr(silent, field)
-        mine = keep.get(field.partition("_")[0])
-        rows[[i for i in range(len(rows)) if i != mine]] = 0.0
+        kept = keep.get(field.partition("_")[0])
+        rows[[i for i in range(len(rows)) if i != kept]] = 0.0
     return silent
 
 
@@ -231,44 +242,41 @@ def _driven(data: mujoco.MjData, kind: str, number: int) -> float:
     """Force [N] of the actuators on a part: the pad law 4.22 has a memory, so it is one."""
     model = data.model
     through = mujoco.mjtTrn.mjTRN_JOINT if kind == "joint" else mujoco.mjtTrn.mjTRN_TENDON
-    mine = (model.actuator_trntype == through) & (model.actuator_trnid[:, 0] == number)
-    outputs = model.actuator_outadr[np.flatnonzero(mine)]
+    on_part = (model.actuator_trntype == through) & (model.actuator_trnid[:, 0] == number)
+    outputs = model.actuator_outadr[np.flatnonzero(on_part)]
     return float(np.sum(data.actuator_force[outputs] * model.actuator_gear[outputs, 0]))
 
 
-def cycles(
-    result: Mapping[str, Any], foot: Foot, recordings: Sequence[Recording | Line], two_mass: bool | None = None
-) -> list[dict[str, Any]]:
+def cycles(result: Mapping[str, Any], foot: Foot, recordings: Sequence[Recording | Line]) -> list[dict[str, Any]]:
     """The cycles of a fit as plain data: one entry a recording and branch.
 
     Loops are of both branches, as all fits of a subject together may decide for the other one later.
 
     Args:
         result: `FitResult.document()`.
-        foot: the model. recordings: those of the fit, checked, or their harmonics. two_mass: whether the model is
-            the two-mass foot, where that is known already.
+        foot: the model.
+        recordings: those of the fit, checked, or their harmonics.
 
     Returns:
         Entries with file, frequency_hz, added_mass_kg, branch, chosen, ankle, fat_pad, dissipated_j, shaker_work_j,
         imbalance and transmissibility (measured, model). Recordings that are not periodic have no entry.
     """
-    two_mass = twin_applies(foot) if two_mass is None else two_mass
-    entries = []
-    for given in recordings:
-        if isinstance(given, Recording) and given.condition.frequency_hz is None:
+    two_mass, entries = twin_applies(foot), []
+    for recording in recordings:
+        if isinstance(recording, Recording) and recording.condition.frequency_hz is None:
             continue
-        line = given if isinstance(given, Line) else Line.of(given)
+        line = recording if isinstance(recording, Line) else Line.of(recording)
         condition = line.recording.condition
         for number, branch in enumerate(result["branches"]):
             values = values_of(branch, foot)
             moving = {**foot.values(), **values, **condition.masses}
-            found = cycle(foot, line.base.frequency_hz, line.base.amplitudes, moving, two_mass)
+            c = cycle(foot, line.base.frequency_hz, line.base.amplitudes, moving, two_mass)
             entries.append({
                 "file": line.recording.file, "frequency_hz": line.base.frequency_hz,
                 "added_mass_kg": condition.added_mass_kg, "branch": branch["name"], "chosen": number == 0,
-                "ankle": found.ankle.document(), "fat_pad": found.fat_pad.document(),
-                "dissipated_j": found.dissipated_j, "shaker_work_j": found.shaker_work_j, "imbalance": found.imbalance,
-                "transmissibility": _transmissibility(line, found, values.get(DELAY.name, 0.0)),
+                "ankle": c.ankle.document(), "fat_pad": c.fat_pad.document(),
+                "dissipated_j": c.dissipated_j, "shaker_work_j": c.shaker_work_j, "imbalance": c.imbalance,
+                "transmissibility": _transmissibility(line, c, values.get(DELAY.name, 0.0)),
             })  # fmt: skip
     return entries
 
@@ -276,13 +284,12 @@ def cycles(
 def values_of(branch: Mapping[str, Any], foot: Foot) -> dict[str, float]:
     """The branch's parameter values by name, those of the exact model: with them it moves as recorded."""
     name_of = {item.key: name for name, item in {**foot.parameters, DELAY.name: DELAY}.items()}
-    told = {key: e.get("if_model_true") or e for key, e in branch["parameters"].items()}
-    return {name_of[key]: e["value"] for key, e in told.items()}
+    return {name_of[key]: (e.get("if_model_true") or e)["value"] for key, e in branch["parameters"].items()}
 
 
-def _transmissibility(line: Line, found: Cycle, delay: float) -> dict[str, list[float]]:
+def _transmissibility(line: Line, c: Cycle, delay: float) -> dict[str, list[float]]:
     """Malleolus over base at the excitation, measured and modelled, as real and imaginary part."""
-    Y = found.malleolus_m_s2 * np.exp(-2j * np.pi * line.base.frequency_hz * delay)
+    Y = c.malleolus_m_s2 * np.exp(-2j * np.pi * line.base.frequency_hz * delay)
     base = line.base.amplitudes[0]
-    each = {"measured": line.malleolus.amplitudes[0] / base, "model": Y / base}
-    return {name: _short(np.array([H.real, H.imag])) for name, H in each.items()}
+    ratios = {"measured": line.malleolus.amplitudes[0] / base, "model": Y / base}
+    return {name: _short(np.array([H.real, H.imag])) for name, H in ratios.items()}

@@ -22,9 +22,11 @@ class MeanCurve:
     """Mean over subjects of one parameter under one condition; the geometric mean of what cannot be negative.
 
     Attributes:
-        frequency_hz: (n,). mean: (n,) spline through the estimates.
-        lower, upper: (n,) its 95 % limits by the scatter between subjects; NaN where fewer than four are, or where
-            one subject carries the curve.
+        frequency_hz: (n,).
+        mean: (n,) spline through the estimates.
+        lower: (n,) its 95 % limit by the scatter between subjects; NaN where fewer than four are, or where one subject
+            carries the curve.
+        upper: (n,) the other limit.
     """
 
     frequency_hz: np.ndarray

@@ -18,7 +18,7 @@ def joining(results: Path) -> list[dict[str, Any]]:
     folder = results / "fits"
     if not folder.is_dir():
         raise InputFileError(results, "is no folder of results", "name the --out of another study")
-    store, found = Store(folder), {}
+    store, fits = Store(folder), {}
     for file in sorted(folder.glob("*.json")):
         document, problem = store.read(file.stem)
         if document is None:
@@ -26,15 +26,15 @@ def joining(results: Path) -> list[dict[str, Any]]:
         if document["mode"] != "pooled":
             continue
         who = document["subject"], document["posture"], document["added_mass_kg"]
-        if who in found:
+        if who in fits:
             raise InputFileError(
                 results,
                 f"holds two fits of subject {who[0]}, {who[1]}, {who[2]:g} kg, of other settings or recordings",
                 "run its study with one --out for each",
             )
-        found[who] = document
-    if not found:
+        fits[who] = document
+    if not fits:
         raise InputFileError(
             results, "holds no pooled fits", "run python -m identification.study STUDY --mode pooled --out there first"
         )
-    return [{**d, "subject": f"{d['subject']} of {results.resolve().name}"} for d in found.values()]
+    return [{**d, "subject": f"{d['subject']} of {results.resolve().name}"} for d in fits.values()]

@@ -2,9 +2,8 @@
 
 import functools
 import hashlib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
-from pathlib import Path
 from typing import Any, Self
 
 import mujoco
@@ -13,7 +12,6 @@ import numpy as np
 from fasbody import runner
 from fasbody.exceptions import FasError, SettingError, unknown
 from fasbody.foot.model import Foot, check
-from fasbody.recording.condition import Condition
 from fasbody.recording.recording import Recording
 from fasbody.recording.study import StudyFolder
 from fasbody.recording.trials import Trial
@@ -22,7 +20,7 @@ from identification.setup import DOMAINS
 from identification.study.filters import KINDS, MODES
 
 #: What this module imports is part of the key of a job.
-_COMPUTES = "identification.study.job"
+COMPUTES = "identification.study.job"
 
 
 @dataclass(frozen=True)
@@ -79,8 +77,12 @@ class Work:
     """Everything that a job needs, so that who does it sees no file of the study.
 
     Attributes:
-        job: what it is. recordings: as read. model: packed. settings: of the fit.
-        unread: one sentence for each trial that could not be read. basis: the fit's document, for a check of it.
+        job: what it is.
+        recordings: as read.
+        model: packed.
+        settings: of the fit.
+        unread: one sentence for each trial that could not be read.
+        basis: the fit's document, for a check of it.
     """
 
     job: Job
@@ -95,7 +97,10 @@ class Plan:
     """The fits of a study in the order of its table.
 
     Args:
-        study: opened. trials: those of its recordings to fit. settings: of each fit. model: what is fitted.
+        study: opened.
+        trials: those of its recordings to fit.
+        settings: of each fit.
+        model: what is fitted.
 
     Raises:
         SettingError: a domain or number of starts that cannot be meant.
@@ -113,18 +118,26 @@ class Plan:
         """One job a group of recordings that a mode takes together; a validation takes all frequencies of a load.
 
         Args:
-            mode: see MODES. kind: see KINDS. parameter: whose profile.
+            mode: see MODES.
+            kind: see KINDS.
+            parameter: whose profile.
 
         Raises:
             SettingError: no such mode.
         """
         if mode not in MODES:
             raise SettingError(f"{unknown('mode', mode, MODES)}.")
-        words = [mode, kind, parameter, _written(self._settings(mode, kind)), program()]
+        settings = {n: v for n, v in asdict(self._settings(mode, kind)).items() if n != "threads"}  # changes nothing
+        words = [mode, kind, parameter, repr(sorted(settings.items())), program()]
         how = hashlib.sha256("\n".join(words).encode() + self.model.binary)
         together = "pooled" if kind == "validation" and mode == "per-recording" else mode
-        found: dict[str, Job] = {}
-        for group in _groups(self.trials, together):
+        jobs: dict[str, Job] = {}
+        groups: dict[object, list[Trial]] = {}
+        for number, trial in enumerate(self.trials):
+            c = trial.condition
+            shared = number if together == "per-recording" else (c.subject, c.posture, c.added_mass_kg)
+            groups.setdefault(shared, []).append(trial)
+        for group in groups.values():
             contents = [self._contents[trial] for trial in group]
             key = hashlib.sha256("\n".join([how.hexdigest(), *contents]).encode()).hexdigest()[:24]
             condition = group[0].condition
@@ -134,8 +147,8 @@ class Plan:
                 frequency_hz=condition.frequency_hz if together == "per-recording" else None,
                 origin=self.study.origin, trials=tuple(group), kind=kind, parameter=parameter,
             )  # fmt: skip
-            found.setdefault(key, job)  # a recording listed twice is fitted once
-        return list(found.values())
+            jobs.setdefault(key, job)  # a recording listed twice is fitted once
+        return list(jobs.values())
 
     def work(self, job: Job, basis: Mapping[str, Any] | None = None) -> Work:
         """A job with its recordings read; those that cannot be are named in it."""
@@ -153,15 +166,6 @@ class Plan:
         return replace(self.settings, wide=self.settings.wide and mode == "pooled" and kind == KINDS[0])
 
 
-def _groups(trials: Iterable[Trial], mode: str) -> Iterator[list[Trial]]:
-    groups: dict[object, list[Trial]] = {}
-    for number, trial in enumerate(trials):
-        c: Condition = trial.condition
-        together = number if mode == "per-recording" else (c.subject, c.posture, c.added_mass_kg)
-        groups.setdefault(together, []).append(trial)
-    yield from groups.values()
-
-
 def content(study: StudyFolder, trial: Trial) -> str:
     """Digest of what a recording says and how it is read; neither its name nor its date counts.
 
@@ -176,17 +180,6 @@ def content(study: StudyFolder, trial: Trial) -> str:
     return digest.hexdigest()
 
 
-def _written(settings: Settings) -> str:
-    """What of the settings changes a result; the number of threads does not."""
-    fields = {name: value for name, value in asdict(settings).items() if name != "threads"}
-    return repr(sorted(fields.items()))
-
-
 def program() -> str:
     """Digest of the sources that compute a result, which is more than a version says: an edited program, new keys."""
-    return runner.program(_COMPUTES)[:12]
-
-
-def sources() -> list[Path]:
-    """The files that compute a result: what job.py imports of ours, and what that imports in turn."""
-    return runner.sources(_COMPUTES)
+    return runner.program(COMPUTES)[:12]

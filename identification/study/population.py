@@ -18,7 +18,7 @@ depart alike). The branch is decided where both say so, and go on saying so whic
 recordings were mixed up must not decide for the others.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
@@ -75,8 +75,14 @@ class Constant(Tabled):
     """One constant of a population.
 
     Attributes:
-        name: thesis symbol. mean, lower, upper: geometric mean over persons and its 95 % interval. spread,
-        spread_lower, spread_upper: standard deviation of the logarithm between persons, with interval. persons: each.
+        name: thesis symbol.
+        mean: geometric mean over persons, in the constant's unit.
+        lower: end of its 95 % interval.
+        upper: the other end.
+        spread: standard deviation of the logarithm between persons.
+        spread_lower: end of its 95 % interval.
+        spread_upper: the other end.
+        persons: one a person.
         left_out: persons whose fit has no estimate of it.
     """
 
@@ -91,7 +97,7 @@ class Constant(Tabled):
     left_out: tuple[LeftOut, ...] = ()
 
     @property
-    def spread_said(self) -> tuple[str, str]:
+    def spread_text(self) -> tuple[str, str]:
         """The spread between persons and its 95 % interval, in words where none can be told."""
         if self.spread < _NO_SPREAD:
             return f"cannot be told from {len(self.persons)} persons", f"at most {100 * self.spread_upper:.2g} %"
@@ -109,11 +115,15 @@ class Population(Tabled):
     """The persons of a study in one posture under one load, all on one branch.
 
     Attributes:
-        posture, added_mass_kg: what they share. branch: which. verdict: "decided" where all persons' fits together
-        speak for it by more than 1000 to 1, by both odds and without any one of them, else "undecided".
-        odds_log: natural logarithm of the odds if each person errs alone. common_odds_log: if what they depart from
-        the stated gain, masses and so on is common to all. constants: by name. left_out: persons without a fit that
-        counts.
+        posture: what they share.
+        added_mass_kg: what they share.
+        branch: which.
+        verdict: "decided" where all persons' fits together speak for it by more than 1000 to 1, by both odds and
+            without any one of them, else "undecided".
+        odds_log: natural logarithm of the odds if each person errs alone.
+        common_odds_log: if what they depart from the stated gain, masses and so on is common to all.
+        constants: by name.
+        left_out: persons without a fit that counts.
     """
 
     posture: str
@@ -126,17 +136,17 @@ class Population(Tabled):
     left_out: tuple[LeftOut, ...]
 
     @property
-    def odds_said(self) -> str:
+    def odds_text(self) -> str:
         """Both odds, in a clause."""
         alone, common = (_to_one(odds) for odds in (self.odds_log, self.common_odds_log))
         return f"{self.branch}: {alone} if each person errs alone, {common} if gain and masses are off alike in all"
 
     def dropped(self, constant: Constant | None = None) -> str:
         """Who is left out and why, of one constant or of all, in a clause; empty where nobody is."""
-        own = [constant] if constant else self.constants
+        constants = [constant] if constant else self.constants
         reasons: dict[str, list[str]] = {}
-        for each in (*self.left_out, *(x for c in own for x in c.left_out)):
-            reasons.setdefault(each.why, []).append(each.subject)
+        for one in (*self.left_out, *(x for c in constants for x in c.left_out)):
+            reasons.setdefault(one.why, []).append(one.subject)
         return ", ".join(f"{' and '.join(who)} ({why})" for why, who in reasons.items())
 
     def odd(self) -> list[str]:
@@ -160,20 +170,20 @@ def _to_one(odds_log: float) -> str:
     """Odds in words."""
     if abs(odds_log) < _EVEN:
         return "even odds"
-    if odds_log < 0:
-        return (
-            f"1 to {readable(float(np.exp(min(-odds_log, 50.0))))}"
-            if odds_log > -np.log(1e6)
-            else "less than 1 to a million"
-        )
-    return f"{readable(float(np.exp(odds_log)))} to 1" if odds_log < np.log(1e6) else "over a million to 1"
+    if abs(odds_log) >= np.log(1e6):
+        return "less than 1 to a million" if odds_log < 0 else "over a million to 1"
+    odds = readable(float(np.exp(abs(odds_log))))
+    return f"1 to {odds}" if odds_log < 0 else f"{odds} to 1"
 
 
 def constant(name: str, subjects: Sequence[str], logs: np.ndarray, errors: np.ndarray) -> Constant:
     """The population of one constant.
 
     Args:
-        name: of it. subjects: (n,) names. logs: (n,) logarithms of its values. errors: (n,) their standard errors.
+        name: of it.
+        subjects: (n,) names.
+        logs: (n,) logarithms of its values.
+        errors: (n,) their standard errors.
 
     Raises:
         RecordingError: fewer than four persons, one of them twice, or an error that is not a positive number.
@@ -186,10 +196,10 @@ def constant(name: str, subjects: Sequence[str], logs: np.ndarray, errors: np.nd
             raise RecordingError(
                 f"{name} of subject {who} has a standard error of {s:g}; it must be a positive number."
             )
-    given = zip(subjects, logs, errors, strict=True)
-    found = estimate((name,), [Observed(who, "", np.array([y]), np.array([[s**2]])) for who, y, s in given])
-    mu, tau = float(found.mu[0, 0]), float(np.sqrt(found.between[0, 0]))
-    mean, low, high = found.interval("", name)
+    rows = zip(subjects, logs, errors, strict=True)
+    fit = estimate((name,), [Observed(who, "", np.array([y]), np.array([[s**2]])) for who, y, s in rows])
+    mu, tau = float(fit.mu[0, 0]), float(np.sqrt(fit.between[0, 0]))
+    mean, low, high = fit.interval("", name)
     least, most = spread_interval(logs, errors)
     ends = min(least, tau), max(most, tau)  # where the values scatter less than their errors say, Q is no judge
     share = tau**2 / (tau**2 + errors**2)
@@ -199,13 +209,11 @@ def constant(name: str, subjects: Sequence[str], logs: np.ndarray, errors: np.nd
     rests, variance = (1 - share) ** 2, errors**2 + tau**2
     doubt = 2 / (logs.size - 3) * rests / np.mean(1 / variance) / variance * (logs - mu) ** 2
     normal, few = (float(student.ppf(0.5 + 0.5 * _LEVEL, dof)) for dof in (np.inf, len(subjects) - 1))
-    width = np.sqrt(normal**2 * share * errors**2 + few**2 * (rests * found.covariance[0, 0] + doubt))
-    people = tuple(
-        Person(
-            who, float(np.exp(y)), float(s), float(np.exp(z)), float(np.exp(z - w)), float(np.exp(z + w)), float(odd)
-        )
-        for who, y, s, z, w, odd in zip(subjects, logs, errors, shrunk, width, chances(logs, errors), strict=True)
-    )
+    width = np.sqrt(normal**2 * share * errors**2 + few**2 * (rests * fit.covariance[0, 0] + doubt))
+    columns = np.column_stack([
+        np.exp(logs), errors, np.exp(shrunk), np.exp(shrunk - width), np.exp(shrunk + width), chances(logs, errors)
+    ])  # fmt: skip
+    people = tuple(Person(who, *row) for who, row in zip(subjects, columns.tolist(), strict=True))
     return Constant(name, mean, low, high, tau, *ends, people)
 
 
@@ -216,28 +224,34 @@ def chances(logs: np.ndarray, errors: np.ndarray) -> np.ndarray:
     value with the variance tau^2 + s_i^2 + that of their mean, and Student's t with the others less one.
 
     Args:
-        logs: (n,) logarithms. errors: (n,) their standard errors.
+        logs: (n,) logarithms.
+        errors: (n,) their standard errors.
     """
-    found = []
+    chance = []
     for i in range(logs.size):
         y, s = np.delete(logs, i), np.delete(errors, i)
         tau = _spread(y, s, y.size - 1.0)
         w = 1 / (tau**2 + s**2)
         off = (logs[i] - w @ y / w.sum()) / np.sqrt(tau**2 + errors[i] ** 2 + 1 / w.sum())
-        found.append(2 * student.sf(abs(off), y.size - 1))
-    return np.minimum(1.0, logs.size * np.array(found))
+        chance.append(2 * student.sf(abs(off), y.size - 1))
+    return np.minimum(1.0, logs.size * np.array(chance))
 
 
-def _spread(logs: np.ndarray, errors: np.ndarray, wanted: float) -> float:
-    """The spread at which Cochran's Q has a value, between 0 and the largest that is looked for."""
+def _spread(logs: np.ndarray, errors: np.ndarray, value: float) -> float:
+    """The spread at which Cochran's Q has a value."""
 
     def Q(tau: float) -> float:
         w = 1 / (tau**2 + errors**2)
         return float(w @ (logs - w @ logs / w.sum()) ** 2)
 
-    if Q(0.0) <= wanted:
+    return _falls_to(Q, value)
+
+
+def _falls_to(Q: Callable[[float], float], value: float) -> float:
+    """Where a falling function of the spread has a value, between 0 and the largest that is looked for."""
+    if Q(0.0) <= value:
         return 0.0
-    return _MOST if Q(_MOST) >= wanted else float(brentq(lambda tau: Q(tau) - wanted, 0.0, _MOST))
+    return _MOST if Q(_MOST) >= value else float(brentq(lambda tau: Q(tau) - value, 0.0, _MOST))
 
 
 def spread_interval(logs: np.ndarray, errors: np.ndarray) -> tuple[float, float]:
@@ -247,18 +261,16 @@ def spread_interval(logs: np.ndarray, errors: np.ndarray) -> tuple[float, float]
     what persons without any spread have on average (a power-constrained limit: Cowan and others 2011).
 
     Args:
-        logs: (n,) logarithms. errors: (n,) their standard errors.
+        logs: (n,) logarithms.
+        errors: (n,) their standard errors.
     """
-    chi = (float(chdtri(logs.size - 1, chance)) for chance in (0.5 - 0.5 * _LEVEL, 0.5 + 0.5 * _LEVEL))
-    low, high = (_spread(logs, errors, wanted) for wanted in chi)
+    most, least = (float(chdtri(logs.size - 1, chance)) for chance in (0.5 - 0.5 * _LEVEL, 0.5 + 0.5 * _LEVEL))
 
     def without(tau: float) -> float:  # what Q is on average at tau where the persons scatter by their errors alone
         w = 1 / (tau**2 + errors**2)
         return float(w @ errors**2 - w**2 @ errors**2 / w.sum())
 
-    wanted = float(chdtri(logs.size - 1, 0.5 + 0.5 * _LEVEL))
-    told = _MOST if without(_MOST) >= wanted else float(brentq(lambda tau: without(tau) - wanted, 0.0, _MOST))
-    return low, max(high, told)
+    return _spread(logs, errors, most), max(_spread(logs, errors, least), _falls_to(without, least))
 
 
 def populations(documents: Sequence[Mapping[str, Any]]) -> list[Population]:
@@ -267,7 +279,7 @@ def populations(documents: Sequence[Mapping[str, Any]]) -> list[Population]:
     Args:
         documents: fits; those that are not pooled are passed over.
     """
-    found: list[Population] = []
+    groups: list[Population] = []
     for (posture, load), fits in _groups(documents):
         if _twice(fits):
             continue
@@ -283,34 +295,29 @@ def populations(documents: Sequence[Mapping[str, Any]]) -> list[Population]:
             if constants:
                 word = "decided" if decided else "undecided"
                 odds = (alone, common) if name == STIFF_ANKLE else (-alone, -common)
-                found.append(Population(posture, load, name, word, *odds, constants, (*out, *left_out)))
-    return found
+                groups.append(Population(posture, load, name, word, *odds, constants, (*out, *left_out)))
+    return groups
 
 
 def without(documents: Sequence[Mapping[str, Any]]) -> list[str]:
     """Why several persons in one posture under one load make no population, a sentence each; one person is none."""
-    made = {(p.posture, p.added_mass_kg) for p in populations(documents)}
-    said = []
+    whole = {(p.posture, p.added_mass_kg) for p in populations(documents)}
+    sentences = []
     for (posture, load), fits in _groups(documents):
-        people, where = (
-            list(dict.fromkeys(str(d["subject"]) for d in fits)),
-            f"{posture}, {load:g} kg: no population, as",
-        )
+        people = {str(d["subject"]) for d in fits}
+        where = f"{posture}, {load:g} kg: no population, as"
         if twice := _twice(fits):
-            said.append(
+            sentences.append(
                 f"{where} subject {twice} is there twice; give the two persons different names in subjects.csv."
             )
-        elif len(people) > 1 and (posture, load) not in made:
+        elif len(people) > 1 and (posture, load) not in whole:
             unfit = [f"{d['subject']} ({why})" for d in fits if (why := _unfit(d))]
             out = f"; left out: {', '.join(unfit)}" if unfit else ""
-            few = len(people) - len(unfit) < FEWEST
-            why = (
-                f"only {len(people) - len(unfit)} of {len(people)} persons can be used"
-                if few
-                else "too few persons have an estimate of a constant"
-            )
-            said.append(f"{where} {why} and at least {FEWEST} are needed{out}.")
-    return said
+            usable, why = len(people) - len(unfit), "too few persons have an estimate of a constant"
+            if usable < FEWEST:
+                why = f"only {usable} of {len(people)} persons can be used"
+            sentences.append(f"{where} {why} and at least {FEWEST} are needed{out}.")
+    return sentences
 
 
 def _groups(documents: Sequence[Mapping[str, Any]]) -> list[tuple[tuple[str, float], list[Mapping[str, Any]]]]:
@@ -360,7 +367,7 @@ def _odds(fits: Sequence[Mapping[str, Any]]) -> tuple[float, float]:
 
 def _constants(fits: Sequence[Mapping[str, Any]], name: str) -> tuple[tuple[Constant, ...], tuple[LeftOut, ...]]:
     """The constants on one branch, of which enough persons have an estimate, and who is left out altogether."""
-    told: dict[str, list[tuple[str, float, float]]] = {symbol: [] for symbol in EXCHANGED}
+    known: dict[str, list[tuple[str, float, float]]] = {symbol: [] for symbol in EXCHANGED}
     unknown: dict[str, list[LeftOut]] = {symbol: [] for symbol in EXCHANGED}
     left_out = []
     for d in fits:
@@ -371,7 +378,7 @@ def _constants(fits: Sequence[Mapping[str, Any]], name: str) -> tuple[tuple[Cons
             continue
         for key, e in branch["parameters"].items():
             symbol = key.split("_n_")[0]
-            if symbol not in told:
+            if symbol not in known:
                 continue
             error = e["std_error"]
             if e["at_bound"] or error is None or not np.isfinite(error) or error <= 0:
@@ -379,11 +386,11 @@ def _constants(fits: Sequence[Mapping[str, Any]], name: str) -> tuple[tuple[Cons
                 why = f"{symbol} {'rests on a bound' if e['at_bound'] else none}"
                 unknown[symbol].append(LeftOut(who, why))
             else:
-                told[symbol].append((who, float(np.log(e["value"])), float(error / e["value"])))
-    made = []
-    for symbol, rows in told.items():
+                known[symbol].append((who, float(np.log(e["value"])), float(error / e["value"])))
+    constants = []
+    for symbol, rows in known.items():
         if len(rows) >= FEWEST:
             people, logs, errors = zip(*rows, strict=True)
             one = constant(symbol, people, np.array(logs), np.array(errors))
-            made.append(replace(one, left_out=tuple(unknown[symbol])))
-    return tuple(made), tuple(left_out)
+            constants.append(replace(one, left_out=tuple(unknown[symbol])))
+    return tuple(constants), tuple(left_out)

@@ -9,7 +9,7 @@ error and not raise it.
 
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from scipy.optimize import least_squares
@@ -17,6 +17,7 @@ from scipy.stats import chi2
 
 from fasbody.exceptions import SettingError, unknown
 from fasbody.foot.parameters import Parameter
+from fasbody.transmissibility.statistics import Z95
 from identification.estimates import identifiability
 from identification.intervals import Solution, inverse_of_gram, size_that_matters
 from identification.residual import Evaluation
@@ -24,7 +25,6 @@ from identification.space import delay_of
 
 #: Rise of the deviance at the 95 % limits.
 RISE = float(chi2.ppf(0.95, 1))
-_Z95 = 1.959963984540054
 #: First step in Wald standard errors, its growth, and steps a side at most.
 _FIRST, _GROWTH, _STEPS = 0.5, 1.3, 40
 #: Shares of the range by which parameters are moved off their bounds before the others are fitted again.
@@ -42,11 +42,18 @@ class Profile:
     """The profile of one parameter.
 
     Attributes:
-        key: parameter with unit. value: its estimate. values: where it was held, in order, the estimate among them.
-        rises: deviance there above the least, over the reduced chi-square where the model misfits. lower, upper: 95 %
-        limits. open_below, open_above: the deviance does not rise enough before the bound. wald: the Wald interval.
-        departs: the limits miss the Wald interval's by more than 10 % of its width. verdict: identified / weak / not
-        identifiable, the worse of profile and standard error; the last where there are no more numbers than parameters.
+        key: parameter with unit.
+        value: its estimate.
+        values: where it was held, in order, the estimate among them.
+        rises: deviance there above the least, over the reduced chi-square where the model misfits.
+        lower: 95 % limit.
+        upper: 95 % limit.
+        open_below: the deviance does not rise enough before the lower bound.
+        open_above: nor before the upper one.
+        wald: the Wald interval.
+        departs: the limits miss the Wald interval's by more than 10 % of its width.
+        verdict: identified / weak / not identifiable, the worse of profile and standard error; the last where there are
+            no more numbers than parameters.
         better: a lower deviance was met, so the estimate was not the best.
     """
 
@@ -77,18 +84,6 @@ class Profile:
         )
 
 
-class Problem(Protocol):
-    """What has a profile: residuals (m,) and their derivatives (m, n) at q (n,), between bounds (n,), (n,)."""
-
-    bounds: tuple[np.ndarray, np.ndarray]
-
-    def residual(self, q: np.ndarray) -> np.ndarray:
-        """(m,) at q (n,)."""
-
-    def jacobian(self, q: np.ndarray) -> np.ndarray:
-        """(m, n) at q (n,)."""
-
-
 @dataclass(frozen=True, eq=False)
 class Place:
     """Where a parameter stands among the search variables, and its value [its unit] of that variable."""
@@ -102,7 +97,10 @@ class Likelihood:
     """A fit's residual over its free variables, each constant one of them.
 
     Attributes:
-        q: (n,) where the fit ended. bounds: of q. places: of the constants and the delay. solution: the fit.
+        q: (n,) where the fit ended.
+        bounds: of q.
+        places: of the constants and the delay.
+        solution: the fit.
     """
 
     def __init__(self, solution: Solution) -> None:
@@ -143,11 +141,11 @@ class Likelihood:
         return last
 
     def residual(self, q: np.ndarray) -> np.ndarray:
-        """See `Problem`."""
+        """Residuals (m,) at q (n,)."""
         return np.asarray(self._evaluated(q).residual[0])
 
     def jacobian(self, q: np.ndarray) -> np.ndarray:
-        """See `Problem`."""
+        """Their derivatives (m, n)."""
         return np.asarray(self._evaluated(q).jacobian[0][:, self._free])
 
 
@@ -163,24 +161,27 @@ def profiles_of(solution: Solution, names: Sequence[str] = ()) -> list[Profile]:
         if name not in free:
             raise SettingError(f"{unknown('parameter to profile', name, free)}.")
     enough = solution.problem.size > len(free)
-    wanted = [place for place in likelihood.places if place.item.name in (names or free)]
-    return profiles(likelihood, wanted, likelihood.q, solution.excess, enough)
+    places = [place for place in likelihood.places if place.item.name in (names or free)]
+    return profiles(likelihood, places, likelihood.q, solution.excess, enough)
 
 
 def profiles(
-    problem: Problem, places: Sequence[Place], q: np.ndarray, excess: float = 1.0, enough: bool = True
+    problem: Likelihood, places: Sequence[Place], q: np.ndarray, excess: float = 1.0, enough: bool = True
 ) -> list[Profile]:
     """Profiles of parameters where a fit ended.
 
     Args:
-        problem: with the weights of the estimate, which are kept. places: of the parameters. q: (n,) the end.
-        excess: chi-square per degree of freedom, at least 1. enough: there are more numbers than parameters.
+        problem: with the weights of the estimate, which are kept.
+        places: of the parameters.
+        q: (n,) the end.
+        excess: chi-square per degree of freedom, at least 1.
+        enough: there are more numbers than parameters.
     """
     std = np.sqrt(np.diag(inverse_of_gram(problem.jacobian(q))) * excess)
     return [_profile(problem, place, q, float(std[place.index]), excess, enough) for place in places]
 
 
-def _profile(problem: Problem, place: Place, q: np.ndarray, std: float, excess: float, enough: bool) -> Profile:
+def _profile(problem: Likelihood, place: Place, q: np.ndarray, std: float, excess: float, enough: bool) -> Profile:
     j, item, value = place.index, place.item, place.value
     low, high = (float(limit[j]) for limit in problem.bounds)
     step = min(std, 0.25 * (high - low)) if np.isfinite(std) and std > 0 else 0.05 * (high - low)
@@ -188,16 +189,16 @@ def _profile(problem: Problem, place: Place, q: np.ndarray, std: float, excess: 
     sides = [_walk(problem, q, j, sign * _FIRST * step, limit, excess) for sign, limit in ((-1, low), (1, high))]
     points = sorted([*sides[0].points, (best, 0.0), *sides[1].points])
     lower, upper = sides[0].limit, sides[1].limit
-    half = _Z95 * std if np.isfinite(std) else np.inf
+    half = Z95 * std if np.isfinite(std) else np.inf
     wald = (max(best - half, low), min(best + half, high))
     width = max(wald[1] - wald[0], 1e-300)
     open_below, open_above = sides[0].open, sides[1].open
     departs = open_below or open_above or max(abs(lower - wald[0]), abs(upper - wald[1])) > DEPARTURE * width
     size = size_that_matters(item)
-    as_std = (value(upper) - value(lower)) / (2 * _Z95)
+    as_std = (value(upper) - value(lower)) / (2 * Z95)
     if item.logarithmic and (open_below or open_above):
         as_std = np.inf
-    by_wald = (value(wald[1]) - value(wald[0])) / (2 * _Z95) if np.isfinite(std) else np.inf
+    by_wald = (value(wald[1]) - value(wald[0])) / (2 * Z95) if np.isfinite(std) else np.inf
     words = (
         identifiability(value(best), as_std, size, at_bound=open_below and open_above),
         identifiability(value(best), by_wald, size, at_bound=False),
@@ -221,7 +222,7 @@ class _Side:
     open: bool
 
 
-def _walk(problem: Problem, end: np.ndarray, j: int, step: float, bound: float, excess: float) -> _Side:
+def _walk(problem: Likelihood, end: np.ndarray, j: int, step: float, bound: float, excess: float) -> _Side:
     points: list[tuple[float, float]] = []
     z, q, rise, least = np.array(end), float(end[j]), 0.0, _cost(problem, end)
     inner, inner_rise, inner_z = q, 0.0, z
@@ -256,12 +257,12 @@ def _walk(problem: Problem, end: np.ndarray, j: int, step: float, bound: float, 
     return _Side(points, q, False)
 
 
-def _cost(problem: Problem, z: np.ndarray) -> float:
+def _cost(problem: Likelihood, z: np.ndarray) -> float:
     r = problem.residual(z)
     return float(r @ r)
 
 
-def _refit(problem: Problem, z: np.ndarray, j: int, q: float) -> np.ndarray:
+def _refit(problem: Likelihood, z: np.ndarray, j: int, q: float) -> np.ndarray:
     """All others at their best with z[j] held at q: from where they are, and from off the bounds that they rest on."""
     others = np.delete(np.arange(z.size), j)
     low, high = (limit[others] for limit in problem.bounds)
@@ -276,11 +277,11 @@ def _refit(problem: Problem, z: np.ndarray, j: int, q: float) -> np.ndarray:
     starts = [np.clip(z[others], low + off * (high - low), high - off * (high - low)) for off in _OFF_BOUND]
     if np.abs(starts[1] - starts[0]).max() == 0.0:
         starts.pop()
-    found = [
+    ends = [
         least_squares(
             lambda part: problem.residual(whole(part)), start, lambda part: problem.jacobian(whole(part))[:, others],
             bounds=(low, high), method="trf", x_scale="jac", ftol=1e-9, xtol=1e-9, gtol=1e-9, max_nfev=60,
         )
         for start in starts
     ]  # fmt: skip
-    return whole(min(found, key=lambda each: float(each.cost)).x)
+    return whole(min(ends, key=lambda end: float(end.cost)).x)

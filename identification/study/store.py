@@ -19,12 +19,12 @@ _KEY = re.compile("[0-9a-f]{24}")
 
 def _digest(document: dict[str, Any]) -> str:
     """What a plain document's digest must be: of all that it says besides, but for the time that it took."""
-    said = {**document, "result": _timeless(document["result"] or {})}
-    return runner.key(json.dumps(_timeless(said), sort_keys=True))
+    content = {**document, "result": _timeless(document["result"] or {})}
+    return runner.key(json.dumps(_timeless(content), sort_keys=True))
 
 
-def _timeless(said: dict[str, Any]) -> dict[str, Any]:
-    return {name: value for name, value in said.items() if name not in ("digest", "seconds")}
+def _timeless(content: dict[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in content.items() if name not in ("digest", "seconds")}
 
 
 class Store(runner.Store):
@@ -32,35 +32,35 @@ class Store(runner.Store):
 
     def write(self, document: dict[str, Any]) -> None:
         """Keep a document under its key, a line for each thing that it says."""
-        said = plain(document)
-        told = ",\n".join(f"{json.dumps(k)}: {json.dumps(v)}" for k, v in {**said, "digest": _digest(said)}.items())
-        self.save(f"{document['key']}.json", f"{{\n{told}\n}}\n")
+        content = plain(document)
+        content["digest"] = _digest(content)
+        lines = ",\n".join(f"{json.dumps(k)}: {json.dumps(v)}" for k, v in content.items())
+        self.save(f"{document['key']}.json", f"{{\n{lines}\n}}\n")
 
     def read(self, key: str) -> tuple[dict[str, Any] | None, str]:
         """The document of a key, None if there is none; and a sentence if a file is there that is not it."""
         file = self.folder / f"{key}.json"
-        found, problem = self.load(file.name, json.loads)
+        document, problem = self.load(file.name, json.loads)
         if problem or not file.exists():
             return None, problem
-        if not isinstance(found, dict) or not found.keys() >= _NEEDED or found["key"] != key:
+        if not isinstance(document, dict) or not document.keys() >= _NEEDED or document["key"] != key:
             return None, f"{file}: is not the fit that its name says{AGAIN}"
-        kind = dict if found["status"] == "done" else type(None)
-        if found["status"] not in ("done", "failed") or not isinstance(found["result"], kind):
+        kind = dict if document["status"] == "done" else type(None)
+        if document["status"] not in ("done", "failed") or not isinstance(document["result"], kind):
             return None, f"{file}: has no result{AGAIN}"
-        if found["digest"] != _digest(found):
+        if document["digest"] != _digest(document):
             return None, f"{file}: was changed after it was written{AGAIN}"
-        return found, ""
+        return document, ""
 
     def others(self, keys: Iterable[str]) -> Counter[str]:
         """Modes of the documents that are not of these keys, made with other settings, recordings or program."""
-        known, found = set(keys), Counter[str]()
+        known, modes = set(keys), Counter[str]()
         for file in sorted(self.folder.glob("*.json")):
             if _KEY.fullmatch(file.stem) and file.stem not in known:
-                said = self.load(file.name, json.loads)[0]
-                found[str(said.get("mode")) if isinstance(said, dict) else "unknown"] += 1
-        return found
+                document = self.load(file.name, json.loads)[0]
+                modes[str(document.get("mode")) if isinstance(document, dict) else "unknown"] += 1
+        return modes
 
     def documents(self, keys: Iterable[str]) -> dict[str, dict[str, Any]]:
         """The documents of those keys that are there, by key."""
-        found = {key: self.read(key)[0] for key in keys}
-        return {key: document for key, document in found.items() if document is not None}
+        return {key: document for key in keys if (document := self.read(key)[0]) is not None}

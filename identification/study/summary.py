@@ -36,7 +36,8 @@ def shown(document: Mapping[str, Any], tracked: Mapping[str, str] | None = None)
     """The branch of a fit that every table and figure shows, and what chose it.
 
     Args:
-        document: a fit that is done. tracked: key of a fit -> its branch among all of the subject, or "undecided".
+        document: a fit that is done.
+        tracked: key of a fit -> its branch among all of the subject, or "undecided".
 
     Returns:
         Its name, and "tracking" where all fits of the subject together decide; else the fit's own likelier branch, and
@@ -44,10 +45,10 @@ def shown(document: Mapping[str, Any], tracked: Mapping[str, str] | None = None)
         (out of bounds, unstable), "no mirror" where the model has none that is known.
     """
     names = [branch["name"] for branch in document["result"]["branches"]]
-    told = (tracked or {}).get(document["key"], "")
-    if told in names:
-        return told, "tracking"
-    verdict = told or document["result"]["verdict"]
+    together = (tracked or {}).get(document["key"], "")
+    if together in names:
+        return together, "tracking"
+    verdict = together or document["result"]["verdict"]
     if verdict == "not compared" and names[0] not in (STIFF_ANKLE, STIFF_PAD):
         verdict = "no mirror"
     return names[0], "likelihood" if verdict == "decided" else verdict
@@ -62,25 +63,25 @@ def measured(rows: pd.DataFrame) -> pd.Series:
 
 
 def tidy(
-    documents: Iterable[Mapping[str, Any]],
-    truth: Truth | None = None,
-    tracked: Mapping[str, str] | None = None,
+    documents: Iterable[Mapping[str, Any]], truth: Truth | None = None, tracked: Mapping[str, str] | None = None,
     profiles: Mapping[tuple[str, str], Mapping[str, Any]] | None = None,
-) -> pd.DataFrame:
+) -> pd.DataFrame:  # fmt: skip
     """The table of summary.csv; failed fits have no row.
 
     Args:
-        documents: fits as `OUT/fits` has them. truth: of a synthetic study. tracked: see `shown`. profiles: (key of a
-            fit, parameter's key) -> profile of its chosen branch, whose verdict replaces that of the standard error,
-            and whose open sides are empty.
+        documents: fits as `OUT/fits` has them.
+        truth: of a synthetic study.
+        tracked: see `shown`.
+        profiles: (key of a fit, parameter's key) -> profile of its chosen branch, whose verdict replaces that of the
+            standard error, and whose open sides are empty.
     """
     rows = []
     for document in documents:
         if document["status"] == "done":
             name, by = shown(document, tracked)
-            told = {"tracked": (tracked or {}).get(document["key"], ""), "decided_by": by}
-            each = _rows(document, truth, profiles or {})
-            rows += [{**row, **told, "shown": row["branch"] == name} for row in each]
+            choice = {"tracked": (tracked or {}).get(document["key"], ""), "decided_by": by}
+            of_fit = _rows(document, truth, profiles or {})
+            rows += [{**row, **choice, "shown": row["branch"] == name} for row in of_fit]
     table = pd.DataFrame(rows, columns=[c for c in COLUMNS if c != "outlier"])
     numbers = ["added_mass_kg", "frequency_hz", "value", "std_error", "lower", "upper", "truth"]
     numbers += ["profile_lower", "profile_upper", "fit_percent"]
@@ -116,14 +117,13 @@ def _rows(
             }  # fmt: skip
 
 
-def word(mode: str, branch: Mapping[str, Any], own: str, profile: str | None) -> str:
-    """What may be said of an estimate, by its own verdict and that of its profile: the worse of both.
+def word(mode: str, branch: Mapping[str, Any], verdict: str, profile: str | None) -> str:
+    """The verdict of an estimate in the study, by that of its fit and that of its profile: the worse of both.
 
     One frequency identifies nothing (`truth.LIMITS`), however small its standard error; neither does a fit that
     assumes the model exact, and one of several that does not follow them knows nothing.
     """
-    told = [each.partition(",")[0] for each in (own, profile) if each]
-    worst = max(told, key=VERDICTS.index)
+    worst = max((v.partition(",")[0] for v in (verdict, profile) if v), key=VERDICTS.index)
     if mode == _POOLED and not follows(branch["fit_percent"]):
         return VERDICTS[-1]
     sure = mode == _POOLED and branch.get("world") is not None
@@ -145,17 +145,6 @@ def outliers(values: np.ndarray) -> np.ndarray:
     low, high = quartiles(values[known])
     reach = _WHISKER * (high - low)
     return known & ((values < low - reach) | (values > high + reach))
-
-
-def fit_percents(documents: Iterable[Mapping[str, Any]]) -> pd.DataFrame:
-    """Mode, subject, posture, load, frequency and fit percentage of every recording of every fit."""
-    rows = [
-        {"mode": d["mode"], "subject": d["subject"], "posture": d["posture"], **{k: r[k] for k in _OF_RECORDING}}
-        for d in documents
-        if d["status"] == "done"
-        for r in d["result"]["recordings"]
-    ]
-    return pd.DataFrame(rows, columns=["mode", "subject", "posture", *_OF_RECORDING])
 
 
 def shown_fit(document: Mapping[str, Any], tracked: Mapping[str, str] | None = None) -> float:
@@ -193,9 +182,6 @@ def poor_sentence(documents: Sequence[Mapping[str, Any]], tracked: Mapping[str, 
     )
 
 
-_OF_RECORDING = ("file", "added_mass_kg", "frequency_hz", "fit_percent")
-
-
 def _serving(documents: Iterable[Mapping[str, Any]]) -> tuple[int, int]:
     """In how many pooled fits one set of constants serves all frequencies, and of how many."""
     fits = [d for d in documents if d["mode"] == _POOLED and d["status"] == "done" and d["frequency_hz"] is None]
@@ -206,11 +192,11 @@ def _serving(documents: Iterable[Mapping[str, Any]]) -> tuple[int, int]:
 def one_set(documents: Iterable[Mapping[str, Any]]) -> str:
     """Whether one set of constants serves all frequencies, by the pooled fits; empty where there are none."""
     serves, count = _serving(documents)
-    said = f"One set of constants serves all frequencies in {serves} of {count} pooled fits"
+    text = f"One set of constants serves all frequencies in {serves} of {count} pooled fits"
     if serves == count:
-        return f"{said}." if count else ""
+        return f"{text}." if count else ""
     return (
-        f"{said}: in the others the constants change with frequency, or the model is another one, and such a fit says "
+        f"{text}: in the others the constants change with frequency, or the model is another one, and such a fit says "
         "nothing of the foot but that."
     )
 
@@ -230,7 +216,7 @@ def cycle_table(documents: Sequence[Mapping[str, Any]], tracked: Mapping[str, st
 
     Cycles may be of a foot that is no branch of the fit, such as the one a synthetic recording was made from.
     """
-    told = {d["key"]: shown(d, tracked) for d in documents if d["status"] == "done"}
+    choice = {d["key"]: shown(d, tracked) for d in documents if d["status"] == "done"}
     rows = [
         {
             **{name: d[name] for name in ("mode", "subject", "posture", "key")},
@@ -238,7 +224,7 @@ def cycle_table(documents: Sequence[Mapping[str, Any]], tracked: Mapping[str, st
             "frequency_hz": nominal(c["frequency_hz"]),
             "ankle_j": c["ankle"]["dissipated_j"], "fat_pad_j": c["fat_pad"]["dissipated_j"],
             "fit_percent": {b["name"]: b["fit_percent"] for b in d["result"]["branches"]}.get(c["branch"], np.nan),
-            "shown": c["branch"] == told[d["key"]][0], "decided_by": told[d["key"]][1],
+            "shown": c["branch"] == choice[d["key"]][0], "decided_by": choice[d["key"]][1],
         }
         for d in documents
         for c in d.get("cycles") or []
@@ -267,18 +253,18 @@ def counts(documents: Sequence[Mapping[str, Any]], tracked: Mapping[str, str] | 
     """
     rows = []
     for mode in dict.fromkeys(d["mode"] for d in documents):
-        mine = [d for d in documents if d["mode"] == mode]
-        done = [d["result"] for d in mine if d["status"] == "done"]
+        of_mode = [d for d in documents if d["mode"] == mode]
+        done = [d["result"] for d in of_mode if d["status"] == "done"]
         verdicts = [r.get("verdict", "") for r in done]
-        fits = [shown_fit(d, tracked) for d in mine if d["status"] == "done"]
+        fits = [shown_fit(d, tracked) for d in of_mode if d["status"] == "done"]
         started = [r["starts"] for r in done if len(r.get("starts") or ()) > 1]
         rows.append({
-            "mode": mode, "fits": len(mine), "done": len(done), "failed": len(mine) - len(done),
+            "mode": mode, "fits": len(of_mode), "done": len(done), "failed": len(of_mode) - len(done),
             "recordings": sum(len(r["recordings"]) for r in done),
             "fit_percent": float(np.mean(fits)) if fits else None,
             "decided": verdicts.count("decided"), "undecided": verdicts.count("undecided"),
             "again": sum(map(_met_again, started)), "again_of": len(started),
-            "seconds": sum(d.get("seconds") or 0.0 for d in mine),
+            "seconds": sum(d.get("seconds") or 0.0 for d in of_mode),
         })  # fmt: skip
     return pd.DataFrame(rows)
 

@@ -23,30 +23,30 @@ _ANSWER = {False: "no", True: "yes", None: "nothing to compare"}
 
 
 def short(
-    documents: Sequence[Mapping[str, Any]], table: pd.DataFrame, energy: pd.DataFrame, found: pd.DataFrame,
+    documents: Sequence[Mapping[str, Any]], table: pd.DataFrame, energy: pd.DataFrame, recovered: pd.DataFrame,
     tracked: Mapping[str, str] | None = None,
 ) -> list[str]:  # fmt: skip
     """The study in a few sentences."""
     totals = summary.counts(documents, tracked)
     done, failed = int(totals["done"].sum()), int(totals["failed"].sum())
     sentences = [f"{done} of {done + failed} fits done{f', {failed} failed' if failed else ''}."]
-    sentences += [said] if (said := summary.first(documents, tracked)) else []
+    sentences += [first] if (first := summary.first(documents, tracked)) else []
     rows = table[table["shown"]]
     for row in totals.to_dict("records"):
         if row["done"]:
-            own = rows[rows["mode"] == row["mode"]]
-            known = (own["verdict"] == "identified").mean()
+            of_mode = rows[rows["mode"] == row["mode"]]
+            known = (of_mode["verdict"] == "identified").mean()
             sentence = (
                 f"{row['mode'].capitalize()}: mean fit {row['fit_percent']:.1f} %, {_percent(known)} of estimates "
                 f"identified, mirror decided in {row['decided']} of {row['done']} alone."
             )
-            sentence += f" {drawn(own)}" if len(own) else ""
-            truth = found[(found["parameter"] == "all") & (found["mode"] == row["mode"])] if len(found) else found
-            for r in truth.to_dict("records"):
-                sentence += (
-                    f" Truth within two standard errors: {_of(r, 'chosen')} on each fit's own branch, "
-                    f"{_of(r, 'tracked')} on the branch shown, {_of(r, 'either')} on the nearer one."
-                )
+            sentence += f" {drawn(of_mode)}" if len(of_mode) else ""
+            for r in recovered.to_dict("records"):
+                if (r["parameter"], r["mode"]) == ("all", row["mode"]):
+                    sentence += (
+                        f" Truth within two standard errors: {_of(r, 'chosen')} on each fit's own branch, "
+                        f"{_of(r, 'tracked')} on the branch shown, {_of(r, 'either')} on the nearer one."
+                    )
             sentences.append(sentence)
     return [*sentences, *([balance(energy)] if len(energy) else [])]
 
@@ -65,8 +65,8 @@ def drawn(rows: pd.DataFrame) -> str:
         "not compared": "with one branch only",
         "no mirror": "of a model without a known mirror",
     }
-    said = ", ".join(f"{number[word]} {text}" for word, text in parts.items() if number[word])
-    return f"Of {len(fits)} fits shown: {said}."
+    listed = ", ".join(f"{number[word]} {text}" for word, text in parts.items() if number[word])
+    return f"Of {len(fits)} fits shown: {listed}."
 
 
 def _percent(share: float) -> str:
@@ -93,33 +93,33 @@ def balance(energy: pd.DataFrame) -> str:
 
 def counts(documents: Sequence[Mapping[str, Any]], tracked: Mapping[str, str] | None = None) -> pd.DataFrame:
     """What was fitted, done and failed, a row a mode."""
-    found = summary.counts(documents, tracked)
-    fit = [f"{f:.2f}" if done else "–" for f, done in zip(found["fit_percent"], found["done"], strict=True)]
-    made = found[["mode", "fits", "done", "failed", "recordings"]]
-    again = [f"{_of(row, 'again')}" for row in found.to_dict("records")]
-    more = {"mean fit [%]": fit, "best end met by a second start": again}
-    return made.assign(**more, **{"computing time [s]": found["seconds"].map("{:.0f}".format)})
+    totals = summary.counts(documents, tracked)
+    rows = totals.to_dict("records")
+    return totals[["mode", "fits", "done", "failed", "recordings"]].assign(**{
+        "mean fit [%]": [f"{row['fit_percent']:.2f}" if row["done"] else "–" for row in rows],
+        "best end met by a second start": [_of(row, "again") for row in rows],
+        "computing time [s]": [f"{row['seconds']:.0f}" for row in rows],
+    })  # fmt: skip
 
 
 def verdicts(table: pd.DataFrame) -> pd.DataFrame:
     """Shares of verdicts on the branch shown, a row a parameter, a column a mode."""
 
     def shares(verdict: pd.Series) -> str:
-        each = [(verdict == word).mean() for word in summary.VERDICTS]
-        return " / ".join(f"{100 * share:.0f}" for share in each) + " %"
+        return " / ".join(f"{100 * (verdict == word).mean():.0f}" for word in summary.VERDICTS) + " %"
 
-    made = _crossed(table[table["shown"]], "parameter", "mode", "verdict", shares, table["mode"].unique())
-    return made.rename_axis("identified / weak / not").reset_index()
+    crossed = _crossed(table[table["shown"]], "parameter", "mode", "verdict", shares, table["mode"].unique())
+    return crossed.rename_axis("identified / weak / not").reset_index()
 
 
 def outliers(table: pd.DataFrame) -> pd.DataFrame:
     """Outliers among the estimates with a standard error, a row a mode and load, a column a parameter."""
     rows = table[table["shown"] & summary.measured(table)]
     rows = rows.assign(at=[f"{m}, {load:g} kg" for m, load in zip(rows["mode"], rows["added_mass_kg"], strict=True)])
-    said = _crossed(
+    crossed = _crossed(
         rows, "at", "parameter", "outlier", lambda o: f"{int(o.sum())} of {len(o)}", table["parameter"].unique()
     )
-    return said.rename_axis("outliers").reset_index()
+    return crossed.rename_axis("outliers").reset_index()
 
 
 def branches(documents: Sequence[Mapping[str, Any]], table: pd.DataFrame) -> pd.DataFrame:
@@ -132,14 +132,14 @@ def branches(documents: Sequence[Mapping[str, Any]], table: pd.DataFrame) -> pd.
     header = ["mode", "fits", "decided alone", "shown as tracking decides", "shown as it decides alone, not tracked"]
     header += [*summary.DECIDED_BY[2:], f"shown: {STIFF_ANKLE}", f"shown: {STIFF_PAD}"]
     rows = [
-        [mode, len(own), alone[mode], *((own["decided_by"] == word).sum() for word in summary.DECIDED_BY),
-         *((own["branch"] == name).sum() for name in (STIFF_ANKLE, STIFF_PAD))]
-        for mode, own in fits.groupby("mode", sort=False)
+        [mode, len(rows), alone[mode], *((rows["decided_by"] == word).sum() for word in summary.DECIDED_BY),
+         *((rows["branch"] == name).sum() for name in (STIFF_ANKLE, STIFF_PAD))]
+        for mode, rows in fits.groupby("mode", sort=False)
     ]  # fmt: skip
     return pd.DataFrame(rows, columns=header)
 
 
-def recovery(found: pd.DataFrame) -> pd.DataFrame:
+def recovery(recovered: pd.DataFrame) -> pd.DataFrame:
     """`truth.recovery` for people."""
     ways = ("chosen", "tracked", "either")
     header = [
@@ -158,7 +158,7 @@ def recovery(found: pd.DataFrame) -> pd.DataFrame:
             *(share(r, way) for way in ways), *(_percent(r[f"{way}_error"]) for way in ways), _percent(r["std_error"]),
             share(r, "identified"),
         ]
-        for r in found.to_dict("records")
+        for r in recovered.to_dict("records")
     ]  # fmt: skip
     return pd.DataFrame(rows, columns=header)
 
@@ -167,24 +167,23 @@ def energies(energy: pd.DataFrame) -> pd.DataFrame:
     """Median energies of the branch shown, a row a condition."""
     header = ["mode", "posture", "added mass [kg]", "frequency [Hz]", "cycles", "median ankle [mJ]",
               "median fat pad [mJ]", "median shaker [mJ]"]  # fmt: skip
-    shown = energy[energy["shown"] & follows(energy["fit_percent"])]
+    cycles = energy[energy["shown"] & follows(energy["fit_percent"])]
     rows = [
         [mode, posture, f"{load:g}", f"{f:g}", len(g),
          *(f"{1e3 * g[column].median():.3g}" for column in ("ankle_j", "fat_pad_j", "shaker_work_j"))]
-        for (mode, posture, load, f), g in shown.groupby(["mode", "posture", "added_mass_kg", "frequency_hz"])
+        for (mode, posture, load, f), g in cycles.groupby(["mode", "posture", "added_mass_kg", "frequency_hz"])
     ]  # fmt: skip
     return pd.DataFrame(rows, columns=header)
 
 
 def sections(findings: Findings) -> dict[str, pd.DataFrame]:
     """Title -> table of what the checks found, where there is any."""
-    made = {
-        "Population": population(findings),
-        "Branches over a subject": tracking(findings), "Profile likelihood": profiles(findings),
-        "Leave one frequency out": held_out(findings), "Linear or nonlinear damping": damping(findings),
-        "Steady state and time domain": agreement(findings),
+    of = {
+        "Population": population, "Branches over a subject": tracking, "Profile likelihood": profiles,
+        "Leave one frequency out": held_out, "Linear or nonlinear damping": damping,
+        "Steady state and time domain": agreement,
     }  # fmt: skip
-    return {title: table for title, table in made.items() if len(table)}
+    return {title: table for title, make in of.items() if len(table := make(findings))}
 
 
 def population(findings: Findings) -> pd.DataFrame:
@@ -194,11 +193,11 @@ def population(findings: Findings) -> pd.DataFrame:
         for c in p.constants:
             scale, unit = (1e-3, "kN/m") if c.name.startswith("k_") else (1.0, "N s/m")
             where = f"{p.posture}, {p.added_mass_kg:g} kg"
-            own, shrunk = (np.log([getattr(q, n) for q in c.persons]) for n in ("value", "shrunk"))
+            alone, shrunk = (np.log([getattr(q, n) for q in c.persons]) for n in ("value", "shrunk"))
             rows.append([
                 where, f"{p.branch} ({p.verdict})", f"{c.name} [{unit}]", len(c.persons),
-                f"{scale * c.mean:.3g}", f"{scale * c.lower:.3g} to {scale * c.upper:.3g}", *c.spread_said,
-                f"{_percent(float(np.std(own, ddof=1)))} to {_percent(float(np.std(shrunk, ddof=1)))}",
+                f"{scale * c.mean:.3g}", f"{scale * c.lower:.3g} to {scale * c.upper:.3g}", *c.spread_text,
+                f"{_percent(float(np.std(alone, ddof=1)))} to {_percent(float(np.std(shrunk, ddof=1)))}",
                 p.dropped(c) or "nobody", " and ".join(q.subject for q in c.odd) or "nobody",
             ])  # fmt: skip
     header = ["condition", "branch", "constant", "persons", "mean", "95 % of the mean", "spread between persons",
@@ -209,8 +208,8 @@ def population(findings: Findings) -> pd.DataFrame:
 
 def left_out(populations: Sequence[Population]) -> str:
     """Who is in none or not in all of the estimates of some populations, and why, in a sentence."""
-    said = [f"{p.added_mass_kg:g} kg, {p.branch}: {who}" for p in populations if (who := p.dropped())]
-    return f"Persons left out: {'. '.join(said)}." if said else "No person is left out."
+    listed = [f"{p.added_mass_kg:g} kg, {p.branch}: {who}" for p in populations if (who := p.dropped())]
+    return f"Persons left out: {'. '.join(listed)}." if listed else "No person is left out."
 
 
 def circled(populations: Sequence[Population]) -> str:
@@ -222,8 +221,8 @@ def circled(populations: Sequence[Population]) -> str:
 def odds(populations: Sequence[Population]) -> list[str]:
     """How far all persons together speak for a branch, a sentence a condition; then who does not belong."""
     first = {(p.posture, p.added_mass_kg): p for p in reversed(populations)}
-    said = [f"{posture}, {load:g} kg: {p.odds_said}." for (posture, load), p in sorted(first.items())]
-    return [*said, *(sentence for p in populations for sentence in p.odd())]
+    both_odds = [f"{posture}, {load:g} kg: {p.odds_text}." for (posture, load), p in sorted(first.items())]
+    return [*both_odds, *(sentence for p in populations for sentence in p.odd())]
 
 
 def tracking(findings: Findings) -> pd.DataFrame:
@@ -232,10 +231,10 @@ def tracking(findings: Findings) -> pd.DataFrame:
     for s in findings.subjects:
         names = [c.branch for c in s.tracking.choices] if s.tracking else []
         name, odds = max(s.tracking.overall.items(), key=lambda i: i[1], default=("", 0.0)) if s.tracking else ("", 0)
-        said = "–" if not odds else "over a million to 1" if odds > 1e6 else f"{readable(odds)} to 1"
-        said = "even" if 1 <= odds < 1.05 else said
+        text = "–" if not odds else "over a million to 1" if odds > 1e6 else f"{readable(odds)} to 1"
+        text = "even" if 1 <= odds < 1.05 else text
         cells = [names.count(n) for n in (STIFF_ANKLE, STIFF_PAD, "undecided")]
-        rows.append([f"{s.mode}, {s.posture}", s.subject, *cells, name, said])
+        rows.append([f"{s.mode}, {s.posture}", s.subject, *cells, name, text])
     header = ["mode", "subject", STIFF_ANKLE, STIFF_PAD, "undecided", "if one branch for all"]
     return pd.DataFrame(rows, columns=[*header, "its odds over the other for all"])
 
@@ -257,15 +256,16 @@ def profiles(findings: Findings) -> pd.DataFrame:
 
 def held_out(findings: Findings) -> pd.DataFrame:
     """Medians of the errors at frequencies that were left out, a row a mode."""
-    found = [(d["mode"], r["held_out"]) for d, r in findings.of("validation")]
+    by_mode: dict[str, list[Mapping[str, Any]]] = {}
+    for d, r in findings.of("validation"):
+        by_mode.setdefault(d["mode"], []).append(r["held_out"])
     rows = []
-    for mode in dict.fromkeys(mode for mode, _ in found):
-        mine = [r for m, r in found if m == mode]
-        inside, ends = ([row for r in mine for row in r["rows"] if row["edge"] == edge] for edge in (False, True))
+    for mode, groups in by_mode.items():
+        inside, ends = ([row for r in groups for row in r["rows"] if row["edge"] == edge] for edge in (False, True))
         rows.append([
-            mode, len(mine), len(inside), _median(row["percent"] for row in inside),
+            mode, len(groups), len(inside), _median(row["percent"] for row in inside),
             _median(row["chi_square"] / row["numbers"] for row in inside), _median(row["percent"] for row in ends),
-            sum(len(r["failed"]) for r in mine),
+            sum(len(r["failed"]) for r in groups),
         ])  # fmt: skip
     header = ["mode", "groups of recordings", "recordings predicted between others", "their error [%]",
               "their chi-square per number", "error of the lowest and highest frequency [%]"]  # fmt: skip
@@ -298,13 +298,13 @@ def agreement(findings: Findings) -> pd.DataFrame:
 
 
 def _crossed(
-    rows: pd.DataFrame, index: str, columns: str, values: str, said: Callable[[pd.Series], str], header: Iterable[str]
+    rows: pd.DataFrame, index: str, columns: str, values: str, text: Callable[[pd.Series], str], header: Iterable[str]
 ) -> pd.DataFrame:
-    """What is said of each group of values, a row each in the order in which they come, a column each of the header."""
-    made = rows.groupby([index, columns], sort=False)[values].agg(said).unstack(columns)
-    return made.reindex(index=rows[index].unique(), columns=header).astype(object).fillna("–")
+    """A text on each group of values, a row each in the order in which they come, a column each of the header."""
+    table = rows.groupby([index, columns], sort=False)[values].agg(text).unstack(columns)
+    return table.reindex(index=rows[index].unique(), columns=header).astype(object).fillna("–")
 
 
 def _median(values: Iterable[float]) -> str:
-    found = list(values)
-    return f"{np.median(found):.3g}" if found else "–"
+    numbers = list(values)
+    return f"{np.median(numbers):.3g}" if numbers else "–"

@@ -1,16 +1,17 @@
-"""Which mirror branch a subject's fits belong to, all together: likelihood, continuity, a prior, a sensor on the foot.
+"""Which mirror branch a subject's fits belong to, all together: likelihood, continuity, a prior.
 
 Each fit alone may not decide between its two branches. Together they can: the constants of one foot change smoothly
 with frequency and load, so that a choice which jumps between branches from one fit to the next is unlikely. The
 probability of every assignment is
 
-    log P = - sum_i D_i(b_i) / 2 - sum_(neighbours i, j) d_ij(b_i, b_j) / 2 + log prior + log P(foot bones)
+    log P = - sum_i D_i(b_i) / 2 - sum_(neighbours i, j) d_ij(b_i, b_j) / 2 + log prior
 
 with the deviances D of the fits and d = sum over curves of (difference of logarithms)^2 / variance. Smoothness cannot
-tell all-of-one-branch from all-of-the-other, as the mirror image of a smooth curve is smooth; likelihood, prior or a
-second sensor must. Marginal odds are exact: a forward-backward pass over frequencies, all fits of one as a state.
+tell all-of-one-branch from all-of-the-other, as the mirror image of a smooth curve is smooth; likelihood or prior must.
+Marginal odds are exact: a forward-backward pass over frequencies, all fits of one as a state.
 """
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from itertools import pairwise
@@ -20,7 +21,6 @@ import numpy as np
 from scipy.special import logsumexp
 
 from fasbody.exceptions import SettingError, unknown
-from fasbody.foot.two_dof import TwoDof
 from fasbody.presentation import readable
 from identification.branches import DECISIVE_ODDS, EXCHANGED, pinned
 from identification.space import limits
@@ -54,18 +54,19 @@ class Fit:
     """One fit of a subject.
 
     Attributes:
-        frequency_hz: None for a pooled one. added_mass_kg: load. branches: both of them. masses: on it, which a
-            foot-bone channel needs. key: of its document.
+        frequency_hz: None for a pooled one.
+        added_mass_kg: load.
+        branches: both of them.
+        key: of its document.
     """
 
     frequency_hz: float | None
     added_mass_kg: float
     branches: tuple[BranchFit, ...]
-    masses: Mapping[str, float] | None = None
     key: str = ""
 
     @classmethod
-    def from_document(cls, document: Mapping[str, Any], masses: Mapping[str, float] | None = None) -> Self:
+    def from_document(cls, document: Mapping[str, Any]) -> Self:
         """From a fit's JSON document with `result`, as a study stores it.
 
         Where the model misfits, the deviances of a model assumed exact are scaled by the reduced chi-square as in
@@ -74,7 +75,7 @@ class Fit:
         """
         result = document["result"]
         weighed = deviances(result)
-        found, least = [], min(weighed)
+        branches, least = [], min(weighed)
         for branch, deviance in zip(result["branches"], weighed, strict=True):
             values, errors = {}, {}
             for key, e in branch["parameters"].items():
@@ -83,10 +84,10 @@ class Fit:
                 if e["std_error"] is not None and np.isfinite(e["std_error"]) and e["value"]:
                     errors[name] = abs(e["std_error"] / e["value"])
             rests = pinned({key: bool(e["at_bound"]) for key, e in branch["parameters"].items()})
-            found.append(BranchFit(branch["name"], values, errors, least if rests else deviance))
+            branches.append(BranchFit(branch["name"], values, errors, least if rests else deviance))
         f = document["frequency_hz"]
-        place = None if f is None else round(f, 1), document["added_mass_kg"]
-        return cls(*place, tuple(found), masses, document.get("key", ""))
+        frequency_hz = None if f is None else round(f, 1)
+        return cls(frequency_hz, document["added_mass_kg"], tuple(branches), document.get("key", ""))
 
 
 def deviances(result: Mapping[str, Any]) -> list[float]:
@@ -107,8 +108,8 @@ class Prior:
     """What is believed beforehand.
 
     Attributes:
-        ranges: name -> (lower, upper) that the constant is believed to lie in. stiff_ankle_odds: of k_T above k_F over
-            the contrary, 1 for none.
+        ranges: name -> (lower, upper) that the constant is believed to lie in.
+        stiff_ankle_odds: of k_T above k_F over the contrary, 1 for none.
     """
 
     ranges: Mapping[str, tuple[float, float]] | None = None
@@ -147,34 +148,10 @@ class Prior:
         return float(total)
 
 
-@dataclass(frozen=True)
-class FootBone:
-    """A second sensor: foot over base acceleration (complex) at a frequency and a load, and the error of each part."""
-
-    frequency_hz: float
-    added_mass_kg: float
-    response: complex
-    std: float
-
-
-def foot_response(values: Mapping[str, float], masses: Mapping[str, float], frequency_hz: float) -> complex:
-    """Foot over base acceleration of the linear part of the two-mass foot."""
-    A, B, _ = TwoDof.from_values(
-        {**dict.fromkeys(("c_12", "c_13", "c_22", "c_23"), 0.0), **values, **masses}
-    ).state_space()
-    s = 2j * np.pi * frequency_hz
-    return complex(1 + s**2 * np.linalg.solve(s * np.eye(4) - A, B)[1])  # y2'' = y0'' + z2''
-
-
-def log_weight(fit: Fit, branch: BranchFit, prior: Prior, bones: Sequence[FootBone]) -> float:
+def log_weight(fit: Fit, branch: BranchFit, prior: Prior) -> float:
     """Log probability of one branch of one fit, without its neighbours, up to a constant."""
     least = min(b.deviance for b in fit.branches)
-    total = -0.5 * (branch.deviance - least) + prior.log(branch.values)
-    for bone in bones:
-        if (bone.frequency_hz, bone.added_mass_kg) == (fit.frequency_hz, fit.added_mass_kg):
-            error = abs(foot_response(branch.values, fit.masses or {}, bone.frequency_hz) - bone.response)
-            total -= 0.5 * (error / bone.std) ** 2
-    return float(total)
+    return float(-0.5 * (branch.deviance - least) + prior.log(branch.values))
 
 
 @dataclass(frozen=True)
@@ -194,8 +171,10 @@ class Tracking:
     """What all fits say together.
 
     Attributes:
-        choices: one a fit. overall: odds of each branch for all fits, over the other one for all; of assignments
-            that mix branches it says nothing. sentence: for people.
+        choices: one a fit.
+        overall: odds of each branch for all fits, over the other one for all; of assignments that mix branches it says
+            nothing.
+        sentence: for people.
     """
 
     choices: tuple[Choice, ...]
@@ -204,25 +183,22 @@ class Tracking:
 
     def document(self) -> dict[str, Any]:
         """As plain data."""
-        return {"choices": [asdict(c) for c in self.choices], "overall": dict(self.overall), "sentence": self.sentence}
-
-    def __str__(self) -> str:
-        return self.sentence
+        return asdict(self)
 
 
-def track(fits: Sequence[Fit], *, prior: Prior | None = None, bones: Sequence[FootBone] = ()) -> Tracking:
+def track(fits: Sequence[Fit], *, prior: Prior | None = None) -> Tracking:
     """Choose the branches of a subject's fits together.
 
     Args:
         fits: per recording, or pooled (frequency None), of one subject and posture.
-        prior: what is believed beforehand. bones: what a second sensor on the foot bones says. A `Recording` has no
-            channel for it, so it is given as measured transfer functions; they count for the fit at their place.
+        prior: what is believed beforehand.
 
     Raises:
-        SettingError: no fit, one without branches, too many at one frequency, or a foot-bone response without its fit.
+        SettingError: no fit, one without branches, or too many at one frequency.
     """
-    _check(fits, bones)
-    alone = [np.array([log_weight(fit, b, prior or Prior(), bones) for b in fit.branches]) for fit in fits]
+    if not fits or any(not fit.branches for fit in fits):
+        raise SettingError("tracking needs a fit, and each fit a branch.")
+    alone = [np.array([log_weight(fit, b, prior or Prior()) for b in fit.branches]) for fit in fits]
     columns: list[list[int]] = []
     for f in sorted({fit.frequency_hz for fit in fits}, key=lambda f: -np.inf if f is None else f):
         at = [i for i, fit in enumerate(fits) if fit.frequency_hz == f]
@@ -234,34 +210,20 @@ def track(fits: Sequence[Fit], *, prior: Prior | None = None, bones: Sequence[Fo
     inside = [_inside(fits, alone, column) for column in columns]
     links = [_links(fits, left, right) for left, right in pairwise(columns)]
     forward = [inside[0]]
-    for own, link in zip(inside[1:], links, strict=True):
-        forward.append(own + _carry(forward[-1], link, own.ndim))
+    for weight, link in zip(inside[1:], links, strict=True):
+        forward.append(weight + _carry(forward[-1], link, weight.ndim))
     backward = [np.zeros_like(inside[-1])]
-    for before, own, link in zip(inside[-2::-1], inside[:0:-1], links[::-1], strict=True):
+    for before, weight, link in zip(inside[-2::-1], inside[:0:-1], links[::-1], strict=True):
         back = {(n, m): table.T for (m, n), table in link.items()}
-        backward.insert(0, _carry(own + backward[0], back, before.ndim) + np.zeros_like(before))
-    choices: list[Choice | None] = [None] * len(fits)
+        backward.insert(0, _carry(weight + backward[0], back, before.ndim) + np.zeros_like(before))
+    decided: dict[int, Choice] = {}
     for column, a, b in zip(columns, forward, backward, strict=True):
         for place, i in enumerate(column):
             others = tuple(axis for axis in range(len(column)) if axis != place)
-            choices[i] = _decide(fits[i], logsumexp(a + b, axis=others))
+            decided[i] = _decide(fits[i], logsumexp(a + b, axis=others))
     overall = _overall(fits, alone, columns, links)
-    return Tracking(tuple(c for c in choices if c is not None), overall, _sentence(choices, overall))
-
-
-def _check(fits: Sequence[Fit], bones: Sequence[FootBone]) -> None:
-    places = [(fit.frequency_hz, fit.added_mass_kg) for fit in fits]
-    if not fits:
-        raise SettingError("tracking needs a fit.")
-    if any(not fit.branches for fit in fits):
-        raise SettingError("a fit without branches cannot be tracked.")
-    for bone in bones:
-        if (bone.frequency_hz, bone.added_mass_kg) not in places:
-            raise SettingError(
-                f"the foot-bone response at {bone.frequency_hz:g} Hz, {bone.added_mass_kg:g} kg has no fit."
-            )
-        if fits[places.index((bone.frequency_hz, bone.added_mass_kg))].masses is None:
-            raise SettingError("a foot-bone response needs the masses of its fit.")
+    choices = tuple(choice for _, choice in sorted(decided.items()))
+    return Tracking(choices, overall, _sentence(choices, overall))
 
 
 def _step(a: Fit, i: int, b: Fit, j: int) -> float:
@@ -353,11 +315,11 @@ def _overall(
 
     Assignments that mix branches, which may be likelier than both, are not in it.
     """
-    found = [[b.name for b in fit.branches] for fit in fits]
-    names = [n for n in found[0] if all(n in own for own in found)]
+    branches = [[b.name for b in fit.branches] for fit in fits]
+    names = [n for n in branches[0] if all(n in of_fit for of_fit in branches)]
     weights = []
     for name in names:
-        k = [own.index(name) for own in found]
+        k = [of_fit.index(name) for of_fit in branches]
         total = sum(float(alone[i][k[i]]) for i in range(len(fits)))
         for column in columns:
             total += sum(_step(fits[i], k[i], fits[j], k[j]) for i, j in pairwise(column))
@@ -371,19 +333,17 @@ def _overall(
     return odds
 
 
-def _sentence(choices: Sequence[Choice | None], overall: Mapping[str, float]) -> str:
-    known = [c for c in choices if c is not None]
-    decided = [c for c in known if c.branch != "undecided"]
-    count = {name: sum(c.branch == name for c in decided) for name in dict.fromkeys(c.branch for c in decided)}
+def _sentence(choices: Sequence[Choice], overall: Mapping[str, float]) -> str:
+    count = Counter(c.branch for c in choices if c.branch != "undecided")
     parts = ", ".join(f"{n} {name}" for name, n in count.items()) or "none"
-    text = f"Of {len(known)} fits together {len(decided)} are decided ({parts})."
+    text = f"Of {len(choices)} fits together {count.total()} are decided ({parts})."
     if overall:
         name, odds = max(overall.items(), key=lambda item: item[1])
         if odds <= DECISIVE_ODDS:
-            told = "the odds are even" if odds < 1.05 else f"odds {readable(odds)} to 1 for the {name}"
-            text += f" If it is one branch throughout, {told}, which is undecided: "
+            even = "the odds are even" if odds < 1.05 else f"odds {readable(odds)} to 1 for the {name}"
+            text += f" If it is one branch throughout, {even}, which is undecided: "
             text += "a second load, a prior or a sensor on the foot bones must tell."
         else:
-            shown = "more than a million" if odds > 1e6 else readable(odds)
-            text += f" If it is one branch throughout: {name}, odds {shown} to 1."
+            size = "more than a million" if odds > 1e6 else readable(odds)
+            text += f" If it is one branch throughout: {name}, odds {size} to 1."
     return text

@@ -39,7 +39,8 @@ class Truth:
     """The constants a synthetic study was made from.
 
     Attributes:
-        constants: file of a recording -> name -> value. same: name -> value where all recordings share it.
+        constants: file of a recording -> name -> value.
+        same: name -> value where all recordings share it.
     """
 
     constants: Mapping[str, Mapping[str, float]]
@@ -114,19 +115,19 @@ def _nearer(known: pd.DataFrame) -> pd.Series:
     unit = known.groupby(UNIT, dropna=False).ngroup()
     positive = (known["truth"] > 0) & (known["value"] > 0)
     distance = np.log((known["value"] / known["truth"]).where(positive)).abs()
-    each = distance.groupby([unit, known["branch"]]).transform("mean").fillna(np.inf)
-    return each <= each.groupby(unit).transform("min")
+    of_branch = distance.groupby([unit, known["branch"]]).transform("mean").fillna(np.inf)
+    return of_branch <= of_branch.groupby(unit).transform("min")
 
 
 def _counts(group: pd.DataFrame) -> dict[str, float]:
-    found: dict[str, float] = {"estimates": int(group["shown"].sum())}
+    counts: dict[str, float] = {"estimates": int(group["shown"].sum())}
     for name, column in (("chosen", "chosen"), ("tracked", "shown"), ("either", "nearer")):
         rows = group[group[column]]
-        found |= {name: int(rows["right"].sum()), f"{name}_of": int(rows["has_error"].sum())}
-        found[f"{name}_error"] = float((rows["value"] / rows["truth"].where(rows["truth"] != 0) - 1).abs().median())
+        counts |= {name: int(rows["right"].sum()), f"{name}_of": int(rows["has_error"].sum())}
+        counts[f"{name}_error"] = float((rows["value"] / rows["truth"].where(rows["truth"] != 0) - 1).abs().median())
     rows = group[group["shown"] & group["has_error"]]
     sure = rows[rows["verdict"] == "identified"]
-    found |= {"identified": int(sure["right"].sum()), "identified_of": len(sure)}
+    counts |= {"identified": int(sure["right"].sum()), "identified_of": len(sure)}
     with np.errstate(divide="ignore", invalid="ignore"):
-        found["std_error"] = float((rows["std_error"] / rows["value"].abs()).median())
-    return found
+        counts["std_error"] = float((rows["std_error"] / rows["value"].abs()).median())
+    return counts

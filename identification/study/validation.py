@@ -14,7 +14,6 @@ import numpy as np
 from fasbody.exceptions import SettingError, SimulationError, unknown
 from fasbody.foot.model import Foot
 from fasbody.foot.steady_state import Balance
-from fasbody.foot.two_mass import parameters, resolved
 from fasbody.recording.checks import checked
 from fasbody.recording.recording import Recording
 from identification import optimiser
@@ -27,6 +26,7 @@ from identification.setup import Setup
 from identification.space import DELAY, MASSES, space_of
 from identification.steady import SIDES
 from identification.study.filters import MODES
+from identification.study.loops import periodic_motion
 
 #: Constants that bend the dampers' law; without them it is linear.
 NONLINEAR = ("c_12", "c_13", "c_22", "c_23")
@@ -37,8 +37,12 @@ class HeldOut:
     """The error of one prediction.
 
     Attributes:
-        file, frequency_hz, added_mass_kg: which recording. edge: its frequency was outside those used.
-        chi_square: squared error over the noise of the measurement alone. numbers: harmonics count as two each.
+        file: of the recording.
+        frequency_hz: its excitation.
+        added_mass_kg: its load.
+        edge: its frequency was outside those used.
+        chi_square: squared error over the noise of the measurement alone.
+        numbers: harmonics count as two each.
         percent: norm of the error over that of the harmonics.
     """
 
@@ -59,10 +63,7 @@ def predicted(line: Line, foot: Foot, values: Mapping[str, float], two_mass: boo
     """
     f, base, moving = line.base.frequency_hz, line.base.amplitudes, {**values, **line.recording.condition.masses}
     if two_mass:
-        orbits = resolved(parameters(moving)[None], np.array([2 * np.pi * f]), base[None])
-        if not orbits.converged.all():
-            raise SimulationError(f"{foot.name}: no periodic motion at {f:g} Hz with these values.")
-        Y = orbits.shank[0]
+        Y = periodic_motion(foot, f, base, moving).shank[0]
     else:
         declared = {name: value for name, value in moving.items() if name in foot.parameters}
         Y = Balance(foot).orbit(f, base, declared).harmonics()
@@ -78,14 +79,11 @@ def compare(line: Line, Y: np.ndarray, edge: bool = False) -> HeldOut:
     error = np.concatenate([(Y - measured).real, (Y - measured).imag])
     condition = line.recording.condition
     return HeldOut(
-        file=line.recording.file,
-        frequency_hz=float(condition.frequency_hz or np.nan),
-        added_mass_kg=condition.added_mass_kg,
-        edge=edge,
+        file=line.recording.file, frequency_hz=float(condition.frequency_hz or np.nan),
+        added_mass_kg=condition.added_mass_kg, edge=edge, numbers=error.size,
         chi_square=float(np.sum((error / np.tile(std, 2)) ** 2)),
-        numbers=error.size,
         percent=float(100 * np.linalg.norm(error) / np.linalg.norm(measured)),
-    )
+    )  # fmt: skip
 
 
 def interpolated(at: float, frequencies_hz: Sequence[float], values: Sequence[np.ndarray]) -> np.ndarray:
@@ -100,7 +98,9 @@ class Validation:
     """Held-out errors of one mode.
 
     Attributes:
-        mode: see MODES. rows: one a recording. failed: files whose prediction had no stable motion.
+        mode: see MODES.
+        rows: one a recording.
+        failed: files whose prediction had no stable motion.
     """
 
     mode: str
@@ -128,13 +128,10 @@ class Validation:
             "rows": [asdict(row) for row in self.rows], "failed": list(self.failed),
         }  # fmt: skip
 
-    def __str__(self) -> str:
-        return f"{self.mode}: held-out error {self.percent:.2g} % (median), {len(self.rows)} recordings"
 
-
-def held(question: Setup) -> Problem:
+def held(setup: Setup) -> Problem:
     """The problem of recordings with the model assumed exact: only constants and delays are free."""
-    problem = question.problem()
+    problem = setup.problem()
     variables = problem.variables
     return problem.with_held(variables.held([item.kind for item in variables.nuisances if item.kind != "delay"]))
 
@@ -172,12 +169,15 @@ def leave_one_frequency_out(
     """Predict each frequency from the others.
 
     Args:
-        recordings: of one subject in one posture. foot: the model. mode: see MODES. settings: of the fits.
+        recordings: of one subject in one posture.
+        foot: the model.
+        mode: see MODES.
+        settings: of the fits.
         estimates: per-recording only: named values of each recording, such as a study has them; None fits here.
 
     Raises:
-        SettingError: no such mode, or fewer than three frequencies under some load. SimulationError: no prediction was
-            stable.
+        SettingError: no such mode, or fewer than three frequencies under some load.
+        SimulationError: no prediction was stable.
     """
     settings = settings or Settings()
     data = [checked(recording) for recording in recordings]
@@ -206,8 +206,7 @@ def leave_one_frequency_out(
         for i in range(len(data)):
             others = (loads == loads[i]) & (f != f[i])
             predict(i, space.values(space.to_theta(interpolated(f[i], list(f[others]), list(q[others])))), f[others])
-        return _validation(mode, rows, failed)
-    for m, at in sorted(set(zip(loads, f, strict=True))):
+    for m, at in sorted(set(zip(loads, f, strict=True))) if mode == "pooled" else ():
         used, out = np.flatnonzero((loads == m) & (f != at)), np.flatnonzero((loads == m) & (f == at))
         try:
             values = values_of(quick_fit([recordings[int(i)] for i in used], foot, settings))
@@ -216,10 +215,6 @@ def leave_one_frequency_out(
             continue
         for place in out:
             predict(int(place), values, f[used])
-    return _validation(mode, rows, failed)
-
-
-def _validation(mode: str, rows: Sequence[HeldOut], failed: Sequence[str]) -> Validation:
     if not rows:
         raise SimulationError(f"none of the {len(failed)} recordings left out had a stable prediction.")
     return Validation(mode, tuple(rows), tuple(failed))
@@ -236,8 +231,8 @@ class Criteria:
     bic: float
     chi_square: float
     dof: int
-    held_out_percent: float | None
-    held_out_chi_square: float | None
+    held_out_percent: float
+    held_out_chi_square: float
 
 
 @dataclass(frozen=True)
@@ -245,12 +240,14 @@ class DampingComparison:
     """Linear against nonlinear damping.
 
     Attributes:
-        linear, nonlinear: their criteria. held_out: of the nonlinear law, None where not wanted.
+        linear: its criteria.
+        nonlinear: its criteria.
+        held_out: of the nonlinear law.
     """
 
     linear: Criteria
     nonlinear: Criteria
-    held_out: Validation | None = None
+    held_out: Validation
 
     def preferred(self, criterion: str) -> str:
         """The law with the lower "aic", "bic" or "held_out_percent"."""
@@ -259,28 +256,17 @@ class DampingComparison:
 
     def document(self) -> dict[str, Any]:
         """As plain data."""
-        criteria = [c for c in ("aic", "bic", "held_out_percent") if getattr(self.linear, c) is not None]
-        return {"linear": asdict(self.linear), "nonlinear": asdict(self.nonlinear),
-                "preferred": {c: self.preferred(c) for c in criteria}}  # fmt: skip
-
-    def __str__(self) -> str:
-        held = self.linear.held_out_percent, self.nonlinear.held_out_percent
-        tail = "" if None in held else f"; held-out error {held[0]:.3g} % linear, {held[1]:.3g} % nonlinear"
-        return (
-            f"AIC prefers {self.preferred('aic')} damping (difference "
-            f"{self.linear.aic - self.nonlinear.aic:.4g}), BIC {self.preferred('bic')} "
-            f"({self.linear.bic - self.nonlinear.bic:.4g}){tail}."
-        )
+        preferred = {c: self.preferred(c) for c in ("aic", "bic", "held_out_percent")}
+        return {"linear": asdict(self.linear), "nonlinear": asdict(self.nonlinear), "preferred": preferred}
 
 
-def compare_damping(
-    recordings: Sequence[Recording], foot: Foot, settings: Settings | None = None, *, held_out: bool = True
-) -> DampingComparison:  # fmt: skip
+def compare_damping(recordings: Sequence[Recording], foot: Foot, settings: Settings | None = None) -> DampingComparison:
     """Fit with and without the constants that bend the dampers' law.
 
     Args:
-        recordings: of one subject in one posture, which share their constants. foot: a model with the dampers of
-            Eq. 4.25. settings: of the fits. held_out: leave one frequency out too.
+        recordings: of one subject in one posture, which share their constants.
+        foot: a model with the dampers of Eq. 4.25.
+        settings: of the fits.
     """
     settings = settings or Settings()
     missing = [name for name in NONLINEAR if name not in foot.parameters]
@@ -290,23 +276,17 @@ def compare_damping(
     straight = replace(settings, free=tuple(n for n in free if n not in NONLINEAR), bounds={
         n: b for n, b in (settings.bounds or {}).items() if n not in NONLINEAR} or None)  # fmt: skip
     flat = foot.with_values(dict.fromkeys(NONLINEAR, 0.0))
-    found = [
-        _criteria(law, recordings, model, s, held_out)
-        for law, model, s in (("linear", flat, straight), ("nonlinear", foot, settings))
-    ]
-    (linear, _), (nonlinear, errors) = found
-    return DampingComparison(linear, nonlinear, errors)
+    linear, _ = _criteria("linear", recordings, flat, straight)
+    return DampingComparison(linear, *_criteria("nonlinear", recordings, foot, settings))
 
 
-def _criteria(
-    law: str, recordings: Sequence[Recording], foot: Foot, settings: Settings, held_out: bool
-) -> tuple[Criteria, Validation | None]:
+def _criteria(law: str, recordings: Sequence[Recording], foot: Foot, settings: Settings) -> tuple[Criteria, Validation]:
     fit = quick_fit(recordings, foot, settings)
     low, high = fit.problem.bounds()
     count, deviance, numbers = int((high > low).sum()), fit.chi_square, fit.problem.size
-    errors = leave_one_frequency_out(recordings, foot, "pooled", settings) if held_out else None
+    errors = leave_one_frequency_out(recordings, foot, "pooled", settings)
     criteria = Criteria(
         law, count, deviance, deviance + 2 * count, deviance + float(np.log(numbers)) * count, fit.chi_square,
-        max(0, numbers - count), errors.percent if errors else None, errors.chi_square_per_number if errors else None,
+        max(0, numbers - count), errors.percent, errors.chi_square_per_number,
     )  # fmt: skip
     return criteria, errors
