@@ -20,12 +20,12 @@ from fasbody import runner
 from fasbody.console import command_line
 from fasbody.exceptions import RecordingError
 from fasbody.foot import damper
+from fasbody.heel.analysis import analyse
+from fasbody.heel.estimate import LEVEL, fit
 from fasbody.heel.laws import LAWS, TAU_S, THICKNESS_M, HeelLaw
 from fasbody.heel.plate import Plate
 from fasbody.heel.strike import Strike, Trial, heel_strike
 from fasbody.heel.study import HeelStudy
-from identification.heel.analysis import analyse
-from identification.heel.estimate import LEVEL, fit
 from reproduction.check import Check, at_most, told, within
 
 #: Noise of each channel of the plate [V] and its step [V], and noise of a marker's coordinate [m], as in the study.

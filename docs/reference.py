@@ -33,7 +33,7 @@ TASKS: dict[str, dict[str, tuple[str, ...]]] = {
             "identification/blackbox identify data polynomial state_space frequency mimo nonlinear narx pem subspace",
             "identification/blackbox selection validation criteria excitation condition keep report figures",
         ),
-        "Heel strikes": ("fasbody/heel strike plate laws study pad figures", "identification/heel study population"),
+        "Heel strikes": ("fasbody/heel strike plate laws study pad estimate population analysis figures",),
     },
     "Transmissibility": {
         "Transmissibility": (
@@ -67,7 +67,6 @@ INTERNALS: dict[str, str] = {
     "Internals: director": "identification/plan",
     "Internals: black-box models": "identification/blackbox",
     "Internals: many recordings": "identification/study",
-    "Internals: laws of the heel": "identification/heel",
     "Internals: cell": "fasbody/cell",
     "Internals: viewer": "viz",
     "Internals: anatomy": "viz/anatomy",

@@ -108,7 +108,7 @@ GROUPS: dict[str, tuple[Command, ...]] = {
         ),
         Command(
             "heel", "identification.heel", "", "Compare laws of the heel pad with measured heel strikes of people.",
-            "identification.heel.command",
+            "fasbody.heel.command",
         ),
         Command("laboratory", "fasbody.laboratory", "", "Make a synthetic study with known truth."),
         Command(

@@ -71,6 +71,7 @@ ENTRANCES = (
     "__main__",
     "commands",
     "load_effect",
+    "heel",
     "crosscheck",
     "reduction",
     "sensitivity",

@@ -19,9 +19,9 @@ from fasbody.heel import shank
 from fasbody.heel.laws import LAWS, TAU_S, THICKNESS_M, law
 from fasbody.heel.pad import CARRIED, pad, write_model
 from fasbody.heel.plate import Plate
+from fasbody.heel.stiffness import slopes
 from fasbody.heel.strike import STEPS, contact_and_peak
 from fasbody.heel.study import BUNDLED, HeelStudy, Person, is_heel_study, read_csv
-from identification.heel.stiffness import slopes
 
 #: Means of the normal strikes by a second program: the authors' scripts, translated line by line and run on their own
 #: files. Compression at the peak [mm], work to it [J], speed of contact [m/s], time to the peak [ms], deepest [mm].
