@@ -23,11 +23,11 @@ TASKS: dict[str, dict[str, tuple[str, ...]]] = {
             "fasbody/arch bones kinematics lagrange linear ode sensitivity reduction load motion",
             "fasbody/arch mounted tissue validate",
         ),
-        "The leg": ("fasbody/leg chain peaks mechanisms amplitude lift_off drop decide virtual figures",),
+        "The leg": ("fasbody/leg chain peaks statements crosscheck figures",),
     },
     "Fit": {
         "Fit a foot": ("identification estimate result report figures derived contact branches world advice",),
-        "Rival models": ("identification/rivals compare result ladder edited figures",),
+        "Rival models": ("identification/rivals compare result ladder naming mechanisms figures",),
         "Many recordings": ("identification/study plan summary population profile validation loops report figures",),
         "Black-box models": (
             "identification/blackbox identify data polynomial state_space frequency mimo nonlinear narx pem subspace",

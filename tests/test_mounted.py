@@ -43,7 +43,7 @@ from fasbody.arch.tissue import Tissue
 from fasbody.arch.validate import Prediction, fit, ship, validate
 from fasbody.foot.model import load
 from fasbody.leg.chain import Leg
-from fasbody.leg.drop import drop as stepped
+from reproduction.load_effect.drop import drop as stepped
 
 ARCH = Arch.nominal()
 LEG = Mounted(

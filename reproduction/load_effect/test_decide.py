@@ -6,24 +6,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from fasbody.leg import balance, decide
-from fasbody.leg.decide import (
-    ALL,
-    PLANS,
-    RIVALS,
-    THESIS,
-    Analysis,
-    Confusion,
-    Plan,
-    Verdict,
-    measured,
-    named,
-    one,
-    predict,
-)
-from fasbody.leg.lift_off import TABLE_M_S2, steady
-from fasbody.leg.mechanisms import BODY_KG
-from fasbody.leg.virtual import Subject
+from identification.rivals import mechanism_fit as fit
+from identification.rivals import pad_balance as balance
+from identification.rivals.mechanism_fit import Analysis, Confusion, Plan, Verdict, predict
+from identification.rivals.mechanisms import BODY_KG, MECHANISMS
+from identification.rivals.pad_balance import TABLE_M_S2
+from identification.rivals.virtual import THESIS, Subject, measured
+from reproduction.load_effect import decide
+from reproduction.load_effect.decide import ALL, PLANS, RIVALS
+from reproduction.load_effect.decide import judged as one
+from reproduction.load_effect.lift_off import steady
 
 BOTH = {
     "m_F": 1.0, "m_S": 3.2, "rest": 30.0, "k": 2e5, "exponent": 1.9, "c": 500.0, "k_T": 1.6e4, "c_T": 400.0,
@@ -41,7 +33,7 @@ def exact(rival: str, values: dict[str, float]) -> Subject:
 def test_what_is_fitted_is_what_an_independent_simulator_steps(rival: str, values: dict[str, float]) -> None:
     some = ALL.only(np.isin(ALL.frequency_hz, (7, 10, 30)) & (ALL.added_kg < 4))
     true = exact(rival, values).shaken(some.frequency_hz, some.added_kg, some.table)
-    told = predict(named(rival), {k: np.array([v]) for k, v in values.items()}, some)
+    told = predict(MECHANISMS[rival], {k: np.array([v]) for k, v in values.items()}, some)
     assert true.repeats.all()
     assert true.air.any() == (rival == "both")
     for name in ("MB", "TB", "second"):
@@ -74,10 +66,10 @@ def test_balance_meets_the_stepped_mass_where_its_motion_repeats() -> None:
 def test_one_step_nearby_is_right_to_first_order() -> None:
     some = ALL.only(ALL.table < TABLE_M_S2)
     at = {k: np.array([v]) for k, v in BOTH.items()}
-    told = predict(named("both"), at, some)
+    told = predict(MECHANISMS["both"], at, some)
     near = {k: np.array([v, v * (1 + 1e-4 * (k == "k_T"))]) for k, v in BOTH.items()}
-    quick = predict(named("both"), near, some, told.x, nearby=True).MB[1] - told.MB[0]
-    slow = predict(named("both"), {k: v[1:] for k, v in near.items()}, some).MB[0] - told.MB[0]
+    quick = predict(MECHANISMS["both"], near, some, told.x, nearby=True).MB[1] - told.MB[0]
+    slow = predict(MECHANISMS["both"], {k: v[1:] for k, v in near.items()}, some).MB[0] - told.MB[0]
     np.testing.assert_allclose(quick, slow, atol=0.02 * np.abs(slow).max())
 
 
@@ -90,7 +82,7 @@ def analysis() -> Analysis:
 def test_a_subject_is_called_what_it_is(analysis: Analysis, rival: str) -> None:
     verdict = one(rival, 1, [analysis])[ALL.name]
     assert verdict.named == rival
-    assert verdict.per_dof < decide.FITS
+    assert verdict.per_dof < fit.FITS
     assert verdict.margin > 100
 
 
@@ -102,7 +94,7 @@ def test_a_motion_that_no_rival_makes_is_none_of_these_and_one_that_does_not_rep
     odd = np.where(ALL.frequency_hz > 25, 2.0, 0.5)
     quick = Analysis(ALL, ("stiffening", "second mode"), bank=300)
     wrong = type(true)(true.MB * odd, true.TB / odd, true.second, true.air, true.repeats)
-    assert quick.verdict(wrong).named == decide.NONE
+    assert quick.verdict(wrong).named == fit.NONE
     lost = true.repeats.copy()
     lost[:2] = False
     verdict = quick.verdict(type(true)(true.MB, true.TB, true.second, true.air, lost))
@@ -129,7 +121,7 @@ def test_confusion_counts() -> None:
         "p", {"second mode": [says("second mode", far), says("both", near)], "both": [says("both", near)]}
     )
     assert (found.subjects, found.right, found.wrong) == (3, 2, 1)
-    assert found.told_apart("second mode", "both") == pytest.approx(1 / 3)  # 3 is less than odds of 1000 to 1
+    assert found.separated("second mode", "both") == pytest.approx(1 / 3)  # 3 is less than odds of 1000 to 1
     assert found.record()["named"]["second mode"] == dict.fromkeys([*RIVALS, "undecided", "none of these"], 0) | {
         "second mode": 1, "both": 1,
     }  # fmt: skip
@@ -148,7 +140,7 @@ def test_a_stopped_study_goes_on(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
         return {a.plan.name: Verdict(rival, rival, 20.0, 1.0, criteria, 0) for a in analyses}
 
     monkeypatch.setattr(decide, "Analysis", Quick)
-    monkeypatch.setattr(decide, "one", quick)
+    monkeypatch.setattr(decide, "judged", quick)
     *_, last = decide.study([THESIS], 1, tmp_path)
     assert (last[0].right, len(asked)) == (5, 5)
     (tmp_path / "both-0.json").write_text("{")
@@ -174,12 +166,12 @@ def test_any_load_is_foreseen(rival: str, values: dict[str, float]) -> None:
     f = np.array([10.0, 10.0, 30.0])
     plan = Plan("other loads", f, np.array([1.0, 3.7, 3.7]), np.full(3, TABLE_M_S2))
     true = exact(rival, values).shaken(plan.frequency_hz, plan.added_kg, plan.table)
-    told = predict(named(rival), {k: np.array([v]) for k, v in values.items()}, plan)
+    told = predict(MECHANISMS[rival], {k: np.array([v]) for k, v in values.items()}, plan)
     np.testing.assert_allclose(told.MB[0], true.MB, rtol=5e-3)
 
 
 def test_segments_grow_with_the_body_and_nothing_else_does() -> None:
-    light, heavy = named("both"), named("both").of(2 * BODY_KG)
+    light, heavy = MECHANISMS["both"], MECHANISMS["both"].of(2 * BODY_KG)
     for each, other in zip(light.constants, heavy.constants, strict=True):
         times = 2.0 if each.name in ("m_F", "m_S", "m_H") else 1.0
         assert (other.lower, other.upper) == pytest.approx((times * each.lower, times * each.upper))

@@ -1,13 +1,14 @@
 """Steady motion of any linear structure on a pad that cannot pull, by harmonic balance.
 
-Only the pad is nonlinear (`lift_off.force`), so its compression d(t) is all that is unknown. What stands on the pad
-answers harmonic k of the table with a dynamic mass M_k, force over acceleration at the pad. With the static force W and
-the table's acceleration a cos(w t), every harmonic of the pad's force P(d, d') must be
+Only the pad is nonlinear, P = max(0, A d^n + c(d) d') for a compression d > 0, else 0; its damper
+goes with the tangent stiffness. So d(t) is all that is unknown. What stands on the pad answers
+harmonic k of the table with a dynamic mass M_k, force over acceleration at the pad. With the static
+force W and the table's acceleration a cos(w t), every harmonic of the pad's force must be
 
     P_0 = W,    P_k = M_k (a delta_k1 + (k w)^2 d_k)
 
-which `fasbody.foot.harmonic_balance` solves for d_0 .. d_H. It finds motions that repeat after one period of the table,
-stable or not.
+which `fasbody.foot.harmonic_balance` solves for d_0 .. d_H. It gives motions that repeat after one
+period of the table, stable or not.
 """
 
 from dataclasses import dataclass, replace
@@ -16,9 +17,14 @@ from functools import cached_property
 import numpy as np
 
 from fasbody.foot.harmonic_balance import Fourier, newton
-from fasbody.leg.lift_off import REFERENCE_N
 
 Array = np.ndarray
+#: Gravity [m/s^2].
+G = 9.81
+#: Force at which a pad's stiffness is named [N].
+REFERENCE_N = 43.0
+#: Acceleration of the table in Chapter 2 [m/s^2].
+TABLE_M_S2 = 8.95
 #: Harmonics that are balanced, and samples of a period.
 HARMONICS, SAMPLES = 8, 40
 #: Shares of the table's amplitude on the way to the whole.
@@ -32,11 +38,15 @@ _K = np.arange(1, HARMONICS + 1)
 
 @dataclass(frozen=True)
 class Pressed:
-    """Many systems, each under one sine of the table; `harmonic_balance.Equations` of their pads' compression.
+    """Many systems under a sine of the table: `harmonic_balance.Equations` of the compressions.
 
     Attributes:
-        omega: of the table [rad/s], (n,). mass: dynamic mass at each harmonic [kg], complex, (n, HARMONICS).
-        static: W [N], (n,). stiffness, exponent, damping: of the pad at `REFERENCE_N`, (n,).
+        omega: of the table [rad/s], (n,).
+        mass: dynamic mass at each harmonic [kg], complex, (n, HARMONICS).
+        static: W [N], (n,).
+        stiffness: of the pad at `REFERENCE_N` [N/m], (n,).
+        exponent: n of the pad, (n,).
+        damping: of the pad at `REFERENCE_N` [N s/m], (n,).
         table: amplitude [m/s^2], (n,).
     """
 
@@ -63,7 +73,7 @@ class Pressed:
         return (self.static / self.factor) ** (1 / self.exponent)
 
     def force(self, x: Array) -> tuple[Array, Array]:
-        """Force of the pad (n, SAMPLES) [N], and its slopes (2, n, SAMPLES) in d and d', for unknowns x (n, u)."""
+        """Force of the pad (n, SAMPLES) [N] and slopes (2, n, SAMPLES) in d and d', at x (n, u)."""
         n, A = self.exponent[:, None], self.factor[:, None]
         d, v, _ = SERIES.at(x)
         held = np.maximum(d, 1e-6 * self.still[:, None])
@@ -76,7 +86,9 @@ class Pressed:
     def residual(self, x: Array, rows: Array) -> Array:
         """What is not balanced [N], (n, u), in some of the systems."""
         some = self[rows]
-        return SERIES.project(some.force(x)[0]) - SERIES.real(some.mass * some.acceleration(x), some.static)
+        return SERIES.project(some.force(x)[0]) - SERIES.real(
+            some.mass * some.acceleration(x), some.static
+        )
 
     def jacobian(self, x: Array, rows: Array) -> Array:
         """Its derivative, (n, u, u)."""
@@ -106,19 +118,27 @@ def solve(systems: Pressed, start: Array | None = None) -> tuple[Array, Array]:
     """Unknowns (n, u) of the balanced motion, and which systems are balanced, (n,).
 
     Args:
-        systems: what is shaken. start: unknowns to begin at; default the static state, the table's amplitude rising.
+        systems: what is shaken.
+        start: unknowns to begin at; default the static state, the table's amplitude rising.
     """
     rising = RAMP if start is None else (1.0,)
-    x = SERIES.real(np.zeros((systems.omega.size, 0)), systems.still) if start is None else start
+    rest = np.zeros((systems.omega.size, 0))
+    x = SERIES.real(rest, systems.still) if start is None else start
     for share in rising:
-        x, _, balanced = newton(replace(systems, table=share * systems.table), x, tight=BALANCED, longest=1.0)
+        louder = replace(systems, table=share * systems.table)
+        x, _, balanced = newton(louder, x, tight=BALANCED, longest=1.0)
     return x, balanced
 
 
 def begin(systems: Pressed, first: Array, second: Array | float = 0.0) -> Array:
-    """Unknowns (n, u) to begin at, from the first two harmonics of the acceleration above the pad, complex, (n,).
+    """Unknowns (n, u) to begin at, from harmonics of the acceleration above the pad.
 
     The mean compression is the one that carries the static force.
+
+    Args:
+        systems: what is shaken.
+        first: harmonic, complex, (n,).
+        second: harmonic, complex, (n,).
     """
     d = np.stack([first - systems.table, np.broadcast_to(second, first.shape) / 4], axis=1)
     x = SERIES.real(d / systems.omega[:, None] ** 2)

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fasbody.leg.lift_off import NONE, NOT_SETTLED, TABLE_M_S2, G, steady
 from fasbody.leg.statements import ADDED_KG
+from identification.rivals.pad_balance import TABLE_M_S2, G
+from reproduction.load_effect.lift_off import NONE, NOT_SETTLED, steady
 
 #: What is said of motions without a period.
 WORDS = {NONE: "none", NOT_SETTLED: "not settled"}
@@ -41,12 +42,12 @@ def halved(values: Mapping[str, float]) -> list[Row]:
     rows = []
     for table in (TABLE_M_S2, TABLE_M_S2 / 2):
         k, exponent, c = (ones * values[name] for name in ("k", "exponent", "c"))
-        found = steady(_FINE_HZ, mass, values["rest"] + G * added, k, exponent, c, table)
+        motion = steady(_FINE_HZ, mass, values["rest"] + G * added, k, exponent, c, table)
         for load, kg in enumerate(ADDED_KG):
-            at = int(np.abs(found.response[load]).argmax())
-            periods = sorted({int(p) for p in found.period[load]}, key=lambda p: (p <= 0, abs(p)))
+            at = int(np.abs(motion.response[load]).argmax())
+            periods = sorted({int(p) for p in motion.period[load]}, key=lambda p: (p <= 0, abs(p)))
             repeats = ", ".join(WORDS.get(p, str(p)) for p in periods)
-            MB = float(abs(found.response[load, at]))
-            rows.append(Row(table, kg, float(_FINE_HZ[at]), MB, float(found.second[load, at]),
-                            float(found.air[load, at]), repeats))  # fmt: skip
+            MB = float(abs(motion.response[load, at]))
+            rows.append(Row(table, kg, float(_FINE_HZ[at]), MB, float(motion.second[load, at]),
+                            float(motion.air[load, at]), repeats))  # fmt: skip
     return rows

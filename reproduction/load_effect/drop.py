@@ -12,8 +12,8 @@ from fasbody.arch.drop import MASS_KG, MEASURED, SPEED_M_S, absorbed
 from fasbody.exceptions import SettingError, SimulationError
 from fasbody.foot import damper
 from fasbody.foot.engine import callbacks
-from fasbody.leg.lift_off import REFERENCE_N, G
 from fasbody.presentation import Tabled
+from identification.rivals.pad_balance import REFERENCE_N, G
 
 #: Laws 2 and 1 fitted to the three numbers of the drop (three constants each), so no evidence for either.
 DROPPED = "2 4884.3 281.74 2.0158 0 -1"
@@ -54,7 +54,9 @@ class Drop(Tabled):
     @property
     def met(self) -> dict[str, bool]:
         """Which measured ranges hold it."""
-        return {name: low <= getattr(self, name) <= high for name, (low, _, high) in MEASURED.items()}
+        return {
+            name: low <= getattr(self, name) <= high for name, (low, _, high) in MEASURED.items()
+        }
 
 
 def drop(user: str = DROPPED, stiffness: float | str = 0.0, damping: float = 0.0, mass_kg: float = MASS_KG,
@@ -108,16 +110,23 @@ def checked(law: str) -> str:
     except ValueError:
         numbers = []
     one = next((each for each in laws if numbers and each.code == numbers[0]), None)
-    good = one is not None and len(numbers) == len(one.parameters) + 1 and np.isfinite(numbers).all()
+    good = (
+        one is not None and len(numbers) == len(one.parameters) + 1 and np.isfinite(numbers).all()
+    )
     if not (good and min(numbers[1:-3]) > 0 and numbers[-3] >= 0 and numbers[-2:] == [0, -1]):
         valid = "; ".join(f"{each.equation} {' '.join(each.parameters[:-2])} 0 -1" for each in laws)
-        raise SettingError(f"the law of a dropped pad is {law!r}, but must be one of: {valid}, all positive.")
+        raise SettingError(
+            f"the law of a dropped pad is {law!r}, but must be one of: {valid}, all positive."
+        )
     return law
 
 
 def drops() -> dict[str, Drop]:
     """The drop on every pad of docs/load.md: by what it was fitted to."""
-    found = {"exponential, fitted to the drop": drop(DROPPED), "power, fitted to the drop": drop(DROPPED_POWER)}
+    found = {
+        "exponential, fitted to the drop": drop(DROPPED),
+        "power, fitted to the drop": drop(DROPPED_POWER),
+    }
     found |= {f"power of {who}": drop(walked(*law)) for who, law in WALKED.items()}
     return found | {
         "power, for the vibration (lift-off)": drop("1 200000 43 1.9 0.3 0 -1"),

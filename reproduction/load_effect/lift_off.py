@@ -18,9 +18,9 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit, prange
 
+from identification.rivals.pad_balance import REFERENCE_N, TABLE_M_S2
+
 Array = np.ndarray
-#: Gravity [m/s^2], the force at which a pad's stiffness is named [N], and the table's acceleration [m/s^2].
-G, REFERENCE_N, TABLE_M_S2 = 9.81, 43.0, 8.95
 #: Longest step [s]; the fewest steps a period; periods in which the table's amplitude grows to its whole.
 LONGEST, FEWEST, GROWING = 2e-4, 120, 4
 #: Periods after which shooting is tried; periods read of a motion that repeats, and of one that does not.
@@ -156,7 +156,9 @@ def _gap(ends, last, periods, size, omega):  # type: ignore[no-untyped-def]
     """How far the states of the last `READ_ALL` periods up to `last` are from those so many periods before."""
     far = 0.0
     for j in range(max(periods, last + 1 - READ_ALL), last + 1):
-        one = abs(ends[j, 0] - ends[j - periods, 0]) + abs(ends[j, 1] - ends[j - periods, 1]) / omega
+        one = (
+            abs(ends[j, 0] - ends[j - periods, 0]) + abs(ends[j, 1] - ends[j - periods, 1]) / omega
+        )
         far = max(far, one / size)
     return far
 
@@ -210,7 +212,16 @@ def _steady(frequency, mass, static, stiffness, exponent, damping, table):  # ty
         n = exponent[s]
         A = (stiffness[s] / (n * REFERENCE_N ** (1 - 1 / n))) ** n
         count = max(float(FEWEST), np.ceil(1 / (frequency[f] * LONGEST)))
-        system = (mass[s], static[s], stiffness[s], n, damping[s], A, 2 * np.pi * frequency[f], count)
+        system = (
+            mass[s],
+            static[s],
+            stiffness[s],
+            n,
+            damping[s],
+            A,
+            2 * np.pi * frequency[f],
+            count,
+        )
         d, v, period, multiplier = _settle(system, table)
         read = np.array([0.0, 0.0, 0.0, 0.0, 0.0, 1e9, -1e9])
         periods = READ if period > 0 else READ_ALL

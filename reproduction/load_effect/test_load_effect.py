@@ -10,14 +10,16 @@ from typer.testing import CliRunner
 from fasbody.foot.model import load
 from fasbody.foot.two_dof import TwoDof
 from fasbody.leg import __main__ as leg_command
-from fasbody.leg import mechanisms
-from fasbody.leg.amplitude import halved
 from fasbody.leg.chain import Leg
-from fasbody.leg.lift_off import TABLE_M_S2, force, steady
-from fasbody.leg.mechanisms import MECHANISMS, search, second_mode, two_masses
 from fasbody.leg.peaks import peaks
 from fasbody.leg.statements import ADDED_KG, RANGES_HZ, STATEMENTS, Curves, judge
 from fasbody.load_effect import app
+from identification.rivals.mechanisms import second_mode, two_masses
+from identification.rivals.pad_balance import TABLE_M_S2
+from reproduction.load_effect import search as searching
+from reproduction.load_effect.amplitude import halved
+from reproduction.load_effect.lift_off import force, steady
+from reproduction.load_effect.search import EXPLANATIONS, search
 
 F = np.array([10.0, 22.0, 37.0, 50.0])
 
@@ -26,21 +28,21 @@ def test_folded_chain_is_the_chain_of_the_model() -> None:
     foot = load("leg")
     v = {k: np.array([x]) for k, x in foot.values().items()}
     v |= {"m_S": v["m_M"] + v["m_K"], "share": v["m_M"] / (v["m_M"] + v["m_K"])}
-    MB, TM = second_mode(F, v)
+    MB, TM = second_mode(F, v, np.array(ADDED_KG)[:, None])
     for i, added in enumerate(ADDED_KG):
         leg = Leg.from_model(foot.model).with_added(added)
-        np.testing.assert_allclose(MB[0, i], leg.at("malleolus", F), rtol=1e-12)
-        np.testing.assert_allclose((MB * TM)[0, i], leg.at("tuberosity", F), rtol=1e-12)
+        np.testing.assert_allclose(MB[i], leg.at("malleolus", F), rtol=1e-12)
+        np.testing.assert_allclose((MB * TM)[i], leg.at("tuberosity", F), rtol=1e-12)
 
 
 def test_two_masses_are_the_linear_foot_of_chapter_4() -> None:
     v = {"m_F": 1.0, "m_S": 3.3, "k_F": 1e5, "c_F": 400.0, "k_T": 2e5, "c_T": 500.0}
-    MB, _ = two_masses(F, {k: np.array([x]) for k, x in v.items()})
+    MB, _ = two_masses(F, v, np.array(2.3))
     two = TwoDof(k_T=2e5, k_F=1e5, c_11=500.0, c_12=0, c_13=0, c_21=400.0, c_22=0, c_23=0, m_S=3.3 + 2.3, m_F=1.0)
     A, b, c = two.state_space()
     s = 2j * np.pi * F
     want = [c @ np.linalg.solve(x * np.eye(4) - A, b) for x in s]
-    np.testing.assert_allclose(MB[0, 1], want, rtol=1e-10)
+    np.testing.assert_allclose(MB, want, rtol=1e-10)
 
 
 def one(k: float, n: float, c: float, static: float, table: float, f: np.ndarray):  # type: ignore[no-untyped-def]
@@ -148,18 +150,18 @@ def test_statements_tell_a_curve_made_to_order_from_a_flat_one() -> None:
 
 
 def test_search_orders_the_linear_mechanisms() -> None:
-    found = {m.name: search(m, 2000, rounds=15) for m in MECHANISMS if "rest" not in {c.name for c in m.constants}}
+    found = {name: search(name, 2000, rounds=15) for name, (m, _) in EXPLANATIONS.items() if m.response}
     assert found["constant, any ankle"].best_judged.ranges[0] < 2
     assert found["second mode"].best_judged.ranges[0] == 3
     assert found["second mode"].best_judged.count[0] > found["constant"].best_judged.count[0]
 
 
 def test_commands(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(mechanisms, "FINE_HZ", np.arange(10.0, 51.0, 10.0))
-    monkeypatch.setattr(mechanisms, "search", lambda m, draws, seed, *_: search(m, draws, seed, rounds=2))
+    monkeypatch.setattr(searching, "FINE_HZ", np.arange(10.0, 51.0, 10.0))
+    monkeypatch.setattr(searching, "search", lambda m, draws, seed, *_: search(m, draws, seed, rounds=2))
     run = CliRunner().invoke(leg_command.app, ["peaks", "--json"])
     assert run.exit_code == 0
     assert sum(s["holds"] for s in json.loads(run.stdout)["statements"]) == 25
     run = CliRunner().invoke(app, ["--draws", "20", "--lift-off-draws", "20", "--json"])
     assert run.exit_code == 0
-    assert [m["name"] for m in json.loads(run.stdout)["mechanisms"]] == [m.name for m in MECHANISMS]
+    assert [m["name"] for m in json.loads(run.stdout)["mechanisms"]] == list(EXPLANATIONS)
