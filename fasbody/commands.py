@@ -159,6 +159,7 @@ GROUPS: dict[str, tuple[Command, ...]] = {
         Command(
             "arch validate", "fasbody.arch", "validate",
             "Predict each published number of feet from the others, and show which numbers no arch can meet.",
+            needs="reproduction",
         ),
         Command(
             "leg peaks", "fasbody.leg", "peaks",

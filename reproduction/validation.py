@@ -10,16 +10,16 @@ from functools import cache
 import numpy as np
 
 from fasbody.arch.bones import Arch
-from fasbody.arch.drop import MASS_KG
-from fasbody.arch.evidence import NUMBERS, Number
 from fasbody.arch.linear import linearise, response, transmissibility
 from fasbody.arch.load import ARANGIO_CUT, ARANGIO_SAG, HEEL, MEASURED_HZ, LoadStudy, SagStudy, load_study, sag_study
-from fasbody.arch.proofs import drop, proofs
-from fasbody.arch.validate import ship, validate
 from fasbody.heel.comparison import Task, judge
 from fasbody.heel.stiffness import measured, of_model
 from fasbody.heel.study import HeelStudy
 from fasbody.laboratory.subject import constants
+from reproduction.arch_validation.drop import MASS_KG
+from reproduction.arch_validation.evidence import NUMBERS, Number
+from reproduction.arch_validation.proofs import drop, proofs
+from reproduction.arch_validation.validate import ship, validate
 from reproduction.check import Check, at_least, at_most, near, within
 from reproduction.row import Outcome, Rows
 

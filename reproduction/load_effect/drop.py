@@ -8,12 +8,12 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
-from fasbody.arch.drop import MASS_KG, MEASURED, SPEED_M_S, absorbed
 from fasbody.exceptions import SettingError, SimulationError
 from fasbody.foot import damper
 from fasbody.foot.engine import callbacks
 from fasbody.presentation import Tabled
 from identification.rivals.pad_balance import REFERENCE_N, G
+from reproduction.arch_validation.drop import MASS_KG, MEASURED, SPEED_M_S, absorbed
 
 #: Laws 2 and 1 fitted to the three numbers of the drop (three constants each), so no evidence for either.
 DROPPED = "2 4884.3 281.74 2.0158 0 -1"

@@ -9,11 +9,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from fasbody.arch.bones import Arch
-from fasbody.arch.drop import MASS_KG, MEASURED, RANGE, SPEED_M_S, fall
-from fasbody.arch.evidence import ARANGIO_ELONGATION, HEEL_N, HEEL_SLOPES, KER_CUT, KER_ELONGATION
 from fasbody.arch.kinematics import Array
 from fasbody.arch.load import ARANGIO_LOAD, ARANGIO_SAG
 from fasbody.arch.mounted import pad
+from reproduction.arch_validation.drop import MASS_KG, MEASURED, RANGE, SPEED_M_S, fall
+from reproduction.arch_validation.evidence import ARANGIO_ELONGATION, HEEL_N, HEEL_SLOPES, KER_CUT, KER_ELONGATION
 
 #: How well Ker's curves can be read off the figure [N].
 READING_N = 20.0
@@ -150,7 +150,7 @@ def drop(k: Array, zeta: Array, mass: float = MASS_KG, speed: float = SPEED_M_S)
 
     Returns:
         Peak force [weights], depth [m] and share of the energy at the deepest place that does not come back, each (n,):
-        until the mass leaves the pad, turns down again or creeps to rest, as in `fasbody.arch.drop`.
+        until the mass leaves the pad, turns down again or creeps to rest, as in `reproduction.arch_validation.drop`.
     """
     g = 9.81
     w = np.sqrt(k / mass)

@@ -13,10 +13,10 @@ from typing import Any, ClassVar
 import numpy as np
 
 from fasbody.arch.bones import Arch
-from fasbody.arch.evidence import BOUNDS, NUMBERS, Feet, Number, Statics, of
 from fasbody.arch.kinematics import Array
 from fasbody.arch.mounted import SHIPPED
 from fasbody.presentation import Presented, Sheet
+from reproduction.arch_validation.evidence import BOUNDS, NUMBERS, Feet, Number, Statics, of
 
 #: Legs of each fit, their moves, and the draws within the bounds from which they start.
 WALKERS, STEPS, DRAWS = 64, 2400, 20000
@@ -75,7 +75,7 @@ class Validation(Presented):
     predictions: tuple[Prediction, ...]
     legs: int
 
-    figures: ClassVar[str] = "fasbody.arch.figures"
+    figures: ClassVar[str] = "reproduction.arch_validation.figures"
     plots: ClassVar[tuple[str, ...]] = ("validation",)
 
     def records(self) -> list[dict[str, Any]]:

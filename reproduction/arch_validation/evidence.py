@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from fasbody.arch.bones import Arch
-from fasbody.arch.drop import LOW, LOW_M_S, MEASURED, SPEED_M_S, falls
 from fasbody.arch.kinematics import Array, arms, deformations, gradients
 from fasbody.arch.load import ARANGIO_CUT, ARANGIO_LOAD, ARANGIO_SAG, MEASURED_HZ, G, poses, tangent
 from fasbody.arch.mounted import PAD_POWER, SEATED_N, STANDING_N, Mounted, Stance, pad, stance
 from fasbody.arch.tissue import Tissue
+from reproduction.arch_validation.drop import LOW, LOW_M_S, MEASURED, SPEED_M_S, falls
 
 
 def _stiffness_at(tension: float) -> float:
