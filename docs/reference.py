@@ -44,7 +44,7 @@ TASKS: dict[str, dict[str, tuple[str, ...]]] = {
     "Plan": {"The experiment director": ("identification/plan director session protocol shaker prior result figures",)},
     "View": {"Viewer": ("viz notebook feet motion settings excitation exported bench modes",)},
     "The cell": {
-        "Cell": ("fasbody/cell analysis dome materials mesh meshfile modal modeshape sweep viscoelastic body figures",)
+        "Cell": ("fasbody/cell analysis dome materials mesh meshfile modal modeshape viscoelastic body figures",)
     },
     "Errors": {"Exceptions": ("fasbody exceptions",)},
 }

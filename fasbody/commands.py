@@ -205,11 +205,13 @@ GROUPS: dict[str, tuple[Command, ...]] = {
         Command(
             "cell sweep", "fasbody.cell", "sweep",
             "Figures 5.9 (four shapes), 5.10 (seven moduli) and 5.11 (power law with both ways of fitting).",
+            needs="reproduction",
         ),
         Command(
             "cell verify", "fasbody.cell", "verify",
             "Known bodies: free sphere, beams, plates, scaling laws; and the cell's mesh convergence. "
             "Takes about a minute.",
+            needs="reproduction",
         ),
         Command(
             "cell shake", "fasbody.cell", "shake",

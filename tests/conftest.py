@@ -38,7 +38,7 @@ LONGEST = (
     "acquire_audio", "docs_blocks", "viz_bench_page", "acquire_session", "docs_links", "acquire", "study_cluster",
     "viz_page", "viz_layout", "viz_command", "examples", "viz_workbench", "wheel", "study_run", "leg_naming",
     "acquire_generator", "acquire_firmware", "rivals", "laboratory", "transmissibility", "viz_film", "edits",
-    "arch_fit", "bundled", "cell_verification", "director", "blackbox_identify", "cell_command",
+    "arch_fit", "bundled", "director", "blackbox_identify", "cell_command",
 )  # fmt: skip
 
 

@@ -29,7 +29,7 @@ DOORS = {
 
 
 #: Import whatever they need, are imported by no package, and are not in the wheel.
-ABOVE = ("benchmarks", "reproduction")
+ABOVE = ("benchmarks", "reproduction", "simulator")
 
 
 def sources(packages: tuple[str, ...] = PACKAGES) -> list[Path]:

@@ -35,7 +35,7 @@ NOT_RUN = {
     r"-m reproduction\b(?!.*--only \"?(Eq|Table))|-m identification\.study chapter4": "takes minutes",
     r"-m identification\.study .*--(mode|scheduler)": "takes minutes or a scheduler; tests/test_study_*.py do it",
     r"cell modes calcaneus": "takes as long as any bone's modes; those of the smallest one are computed",
-    r"cell verify": "takes a minute; tests/test_cell_verification.py does it",
+    r"cell verify": "takes a minute; reproduction/cell/test_cell_verification.py does it",
 }
 SHORTER = {
     r"acquire --simulate": ["--sweep", "20:30:10", "--seconds", "0.5", "--out", "virtual_bench"],

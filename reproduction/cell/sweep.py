@@ -46,7 +46,9 @@ class Sweep(Tabled):
 
     def document(self) -> list[dict[str, Any]]:
         """One entry a point, ready for JSON."""
-        return [a.document() | m.document() for a, m in zip(self.analyses, self.matches, strict=True)]
+        return [
+            a.document() | m.document() for a, m in zip(self.analyses, self.matches, strict=True)
+        ]
 
     def __str__(self) -> str:
         return "\n".join(str(a) for a in self.analyses)
@@ -94,7 +96,11 @@ class Summary:
         """Ready for JSON."""
         laws = [vars(law) | {"extrapolated_hz": law(YEAST_PA)} for law in self.laws]
         modes = {"mode_means_hz": self.mean_hz, "mode_stds_hz": self.std_hz}
-        return modes | {"power_laws": laws, "direct_hz": self.direct_hz, "extrapolated_modulus_pa": YEAST_PA}
+        return modes | {
+            "power_laws": laws,
+            "direct_hz": self.direct_hz,
+            "extrapolated_modulus_pa": YEAST_PA,
+        }
 
     def __str__(self) -> str:
         pairs = enumerate(zip(self.mean_hz, self.std_hz, strict=True), start=1)
@@ -113,7 +119,9 @@ def summarise(by_shape: Sweep, by_modulus: Sweep) -> Summary:
     f = by_shape.frequencies_hz
     first = by_modulus.frequencies_hz[:, 0]
     E = np.array([a.model.materials[0].E for a in by_modulus.analyses])
-    return Summary(f.mean(axis=0), f.std(axis=0, ddof=1), power_laws(E[:-1], first[:-1]), float(first[-1]))
+    return Summary(
+        f.mean(axis=0), f.std(axis=0, ddof=1), power_laws(E[:-1], first[:-1]), float(first[-1])
+    )
 
 
 def sweep_shapes(
@@ -142,7 +150,9 @@ def sweep_moduli(
     return _sweep(analyses)
 
 
-def power_laws(moduli_pa: NDArray[np.float64], first_hz: NDArray[np.float64]) -> tuple[PowerLaw, PowerLaw]:
+def power_laws(
+    moduli_pa: NDArray[np.float64], first_hz: NDArray[np.float64]
+) -> tuple[PowerLaw, PowerLaw]:
     """Both ways of fitting Figure 5.11, moduli [Pa] to frequencies [Hz]: by logarithms and by least squares in Hz.
 
     Raises:

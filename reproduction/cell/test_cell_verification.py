@@ -2,7 +2,6 @@
 
 import numpy as np
 import pytest
-from cell_cases import CACHE, cell
 from scipy.linalg import eigh
 
 from fasbody.cell.analysis import analyse, assemblies
@@ -10,7 +9,7 @@ from fasbody.cell.dome import Dome
 from fasbody.cell.materials import preset
 from fasbody.cell.mesh import MeshSize
 from fasbody.cell.modal import CellModel, solve
-from fasbody.cell.verification import (
+from reproduction.cell.verification import (
     CANTILEVER_PLATE,
     FREE_PLATE,
     Check,
@@ -19,10 +18,8 @@ from fasbody.cell.verification import (
     check_plates,
     check_scaling,
     check_sphere,
-    lamb_spheroidal,
-    lamb_torsional,
-    timoshenko,
 )  # fmt: skip
+from simulator.bodies import CACHE, cell, lamb_spheroidal, lamb_torsional, timoshenko
 
 
 def test_lamb_roots_are_the_published_ones() -> None:
@@ -39,14 +36,21 @@ def test_slender_beam_is_euler_and_bernoulli(held: bool, root: float) -> None:
     assert timoshenko(E, rho, length, side, held=held) == pytest.approx(slender, rel=1e-4)
 
 
-@pytest.mark.parametrize(("clamped", "known", "skip"), [(0, FREE_PLATE, 3), (2, CANTILEVER_PLATE, 0)])
-def test_plates_by_ritz(clamped: int, known: tuple[float, ...], skip: int, nu: float = 0.3, n: int = 12) -> None:
+@pytest.mark.parametrize(
+    ("clamped", "known", "skip"), [(0, FREE_PLATE, 3), (2, CANTILEVER_PLATE, 0)]
+)
+def test_plates_by_ritz(
+    clamped: int, known: tuple[float, ...], skip: int, nu: float = 0.3, n: int = 12
+) -> None:
     """Thin square plates by Legendre's polynomials, times (1 + x)^2 where the edge x = -1 is clamped."""
     x, weights = np.polynomial.legendre.leggauss(30)
 
     def derivatives(power: int) -> list[np.ndarray]:
         wall = np.polynomial.Polynomial([1, 1]) ** power
-        shapes = [wall * np.polynomial.Legendre.basis(i).convert(kind=np.polynomial.Polynomial) for i in range(n)]
+        shapes = [
+            wall * np.polynomial.Legendre.basis(i).convert(kind=np.polynomial.Polynomial)
+            for i in range(n)
+        ]
         return [np.array([shape.deriv(d)(x) for shape in shapes]) for d in range(3)]
 
     X, Y = derivatives(clamped), derivatives(0)
@@ -75,7 +79,9 @@ def test_a_wrong_number_fails_its_check() -> None:
 
 def test_convergence_recovers_order_and_limit() -> None:
     h = np.array([4.0, 3.0, 2.0, 1.0])
-    study = Convergence.fit(h, np.array([1, 2, 3, 4]), np.outer(h**3.5, [1e-4, 3e-4]) + np.array([10.0, 20.0]))
+    study = Convergence.fit(
+        h, np.array([1, 2, 3, 4]), np.outer(h**3.5, [1e-4, 3e-4]) + np.array([10.0, 20.0])
+    )
     assert study.order == pytest.approx(3.5, abs=1e-3)
     assert study.limit_hz == pytest.approx([10.0, 20.0], rel=1e-7)
 
@@ -83,7 +89,9 @@ def test_convergence_recovers_order_and_limit() -> None:
 def test_error_estimate_is_of_the_size_of_the_error() -> None:
     chosen = preset("si")
     rough = analyse(*assemblies(Dome(), MeshSize.of(6.0), CACHE), chosen, count=5, dome=Dome())
-    fine = solve(CellModel(cell(size=4.0), chosen.materials, chosen.metres_per_um), 5).frequencies_hz
+    fine = solve(
+        CellModel(cell(size=4.0), chosen.materials, chosen.metres_per_um), 5
+    ).frequencies_hz
     assert rough.errors is not None
     true = np.abs(rough.frequencies_hz / fine - 1)
     assert (rough.errors > 0.5 * true).all()

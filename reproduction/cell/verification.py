@@ -7,16 +7,15 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import expm
-from scipy.optimize import brentq, minimize_scalar
-from scipy.special import spherical_jn
+from scipy.optimize import minimize_scalar
 
 from fasbody.cell.analysis import assemblies
 from fasbody.cell.assembly import FREE, assemble
 from fasbody.cell.dome import Dome
 from fasbody.cell.materials import Material, Preset
-from fasbody.cell.mesh import MeshSize, TetMesh, ball_mesh, dome_mesh
+from fasbody.cell.mesh import MeshSize, ball_mesh, dome_mesh
 from fasbody.cell.modal import CellModel, solve
+from simulator.bodies import box, lamb_spheroidal, lamb_torsional, timoshenko
 
 
 @dataclass(frozen=True)
@@ -57,78 +56,6 @@ class Check:
         )
 
 
-def lamb_torsional(n: int) -> float:
-    """Lowest x = omega R / c_s of the torsional modes of degree n >= 2 of a free sphere (Lamb 1881)."""
-    return _first_root(lambda x: (n - 1) * spherical_jn(n, x) - x * spherical_jn(n + 1, x))
-
-
-def lamb_spheroidal(n: int, nu: float) -> float:
-    """Lowest x = omega R / c_s of the spheroidal modes of degree n >= 2 of a free sphere (Lamb 1881)."""
-    slow = np.sqrt((1 - 2 * nu) / (2 * (1 - nu)))  # c_s / c_p
-
-    def determinant(x: float) -> float:
-        y = slow * x
-        j_x, j_y, k_x, k_y = (spherical_jn(m, z) for m in (n, n + 1) for z in (x, y))
-        t_11 = (n**2 - n - x**2 / 2) * j_y + 2 * y * k_y
-        t_13 = n * (n + 1) * ((n - 1) * j_x - x * k_x)
-        t_41 = (n - 1) * j_y - y * k_y
-        t_43 = (n**2 - 1 - x**2 / 2) * j_x + x * k_x
-        return float(t_11 * t_43 - t_13 * t_41)
-
-    return _first_root(determinant)
-
-
-def timoshenko(E: float, rho: float, length: float, side: float, *, held: bool) -> float:
-    """Lowest bending frequency [Hz] of a square beam with nu = 0 (shear coefficient 5/6), lengths in m.
-
-    Args:
-        E: Young's modulus [Pa]. rho: density [kg/m^3]. length: of the beam. side: of its section.
-        held: one end is clamped, the other free; otherwise both are free.
-    """
-    A, inertia, shear = side**2, side**4 / 12, 5 / 6 * E / 2
-
-    def far_end(omega: float) -> float:
-        # along the beam: deflection, rotation, moment, shear force
-        along = np.array(
-            [
-                [0, 1, 0, 1 / (shear * A)],
-                [0, 0, 1 / (E * inertia), 0],
-                [0, -rho * inertia * omega**2, 0, -1],
-                [-rho * A * omega**2, 0, 0, 0],
-            ]
-        )
-        near = slice(2, 4) if held else slice(0, 2)
-        return float(np.linalg.det(expm(along * length)[2:, near]))
-
-    # Euler and Bernoulli: an upper bound
-    slender = (1.8751 if held else 4.7300) ** 2 * np.sqrt(E * inertia / (rho * A)) / length**2
-    return brentq(far_end, 0.5 * slender, 1.05 * slender) / (2 * np.pi)
-
-
-def two_part_rod(materials: tuple[Material, Material], lengths: tuple[float, float]) -> float:
-    """Lowest axial frequency [Hz] of a rod held at the end of its first part, nu = 0, lengths in m.
-
-    tan(k1 l1) tan(k2 l2) = Z1 / Z2 with the wave numbers k = omega / c and the impedances Z = sqrt(E rho).
-    """
-    l1, l2 = lengths
-    c1, c2 = (np.sqrt(m.E / m.rho) for m in materials)
-    Z1, Z2 = (np.sqrt(m.E * m.rho) for m in materials)
-    ends = min(np.pi / 2 * c1 / l1, np.pi / 2 * c2 / l2)  # where one of the tangents is infinite
-    root = brentq(lambda w: np.tan(w * l1 / c1) * np.tan(w * l2 / c2) - Z1 / Z2, 1e-9 * ends, (1 - 1e-9) * ends)
-    return float(root / (2 * np.pi))
-
-
-def box(*grids: NDArray[np.float64], up: int = 1) -> TetMesh:
-    """A cuboid in straight tetrahedra with these coordinates of the corners along x, y, z [um]."""
-    from skfem import MeshTet
-
-    mesh = MeshTet.init_tensor(*grids)
-    points, tets = mesh.p.T.copy(), mesh.t.T.astype(np.int64)
-    inverted = np.linalg.det(np.diff(points[tets], axis=1)) < 0
-    tets[inverted] = tets[inverted][:, [1, 0, 2, 3]]
-    return TetMesh(points, tets, np.zeros(len(tets), dtype=np.int64), up).check()
-
-
 def check_sphere(size: float = 0.3, nu: float = 0.37) -> list[Check]:
     """A free ball: six rigid-body modes, then five torsional and five spheroidal modes of degree 2."""
     model = CellModel(assemble(ball_mesh(1.0, size), held=FREE), (Material(1.0, nu, 1.0),) * 2, 1.0)
@@ -138,9 +65,19 @@ def check_sphere(size: float = 0.3, nu: float = 0.37) -> list[Check]:
     f, dof = modes.frequencies_hz, model.assembly.dof
     lowest = 1 + modes.rigid_hz.max() / f[0]
     return [
-        Check("free sphere, torsional modes of degree 2, mean of 5 [Hz]", f[:5].mean(), f_t, dof, 1e-3),
-        Check("free sphere, spheroidal modes of degree 2, mean of 5 [Hz]", f[5:].mean(), f_s, dof, 1e-3),
-        Check("free sphere, 1 + largest rigid-body frequency / first elastic", lowest, 1.0, dof, 1e-4),
+        Check(
+            "free sphere, torsional modes of degree 2, mean of 5 [Hz]", f[:5].mean(), f_t, dof, 1e-3
+        ),
+        Check(
+            "free sphere, spheroidal modes of degree 2, mean of 5 [Hz]",
+            f[5:].mean(),
+            f_s,
+            dof,
+            1e-3,
+        ),
+        Check(
+            "free sphere, 1 + largest rigid-body frequency / first elastic", lowest, 1.0, dof, 1e-4
+        ),
     ]
 
 
@@ -159,12 +96,14 @@ def check_beams(length: float = 10.0, parts: int = 20) -> list[Check]:
         along = np.einsum("ij,ij->j", modes.vectors[1::3], (model.M @ modes.vectors)[1::3])
         axial = float(f[np.flatnonzero(along > 0.99)[0]])
         quarter = np.sqrt(E / rho) / (length * 1e-6) / (4 if held is None else 2)
-        checks.append(Check(f"{name} square beam, first axial mode [Hz]", axial, quarter, dof, 1e-4))
+        checks.append(
+            Check(f"{name} square beam, first axial mode [Hz]", axial, quarter, dof, 1e-4)
+        )
     return checks
 
 
 #: omega a^2 sqrt(rho h / D) of thin square plates with nu = 0.3, all edges free and one edge clamped: by the method of
-#: Ritz with Legendre's polynomials (tests/test_cell_verification.py), as Leissa tables them (NASA SP-160, 1969).
+#: Ritz with Legendre's polynomials (test_cell_verification.py), as Leissa tables them (NASA SP-160, 1969).
 FREE_PLATE, CANTILEVER_PLATE = (13.468, 19.596, 24.270), (3.471, 8.507, 21.285, 27.199, 30.956)
 
 
@@ -183,7 +122,9 @@ def check_plates(thickness: float = 0.02, parts: int = 14) -> list[Check]:
     return checks
 
 
-def check_scaling(preset: Preset, dome: Dome, size: MeshSize, cache: Path | None = None) -> list[Check]:
+def check_scaling(
+    preset: Preset, dome: Dome, size: MeshSize, cache: Path | None = None
+) -> list[Check]:
     """Scaling f ~ 1 / L, sqrt(E), 1 / sqrt(rho): exact on any mesh, so any slip of units in the code would show."""
     assembly = assemblies(dome, size, cache)[1]
 
@@ -198,7 +139,10 @@ def check_scaling(preset: Preset, dome: Dome, size: MeshSize, cache: Path | None
         ("sqrt(E)", first(16, 1, 1), 4.0),
         ("1 / sqrt(rho)", first(1, 4, 1), 0.5),
     )
-    return [Check(f"f1 ~ {law}, ratio", value / f, expected, assembly.dof, 1e-9) for law, value, expected in cases]
+    return [
+        Check(f"f1 ~ {law}, ratio", value / f, expected, assembly.dof, 1e-9)
+        for law, value, expected in cases
+    ]
 
 
 @dataclass(frozen=True)
@@ -221,7 +165,10 @@ class Convergence:
 
     @classmethod
     def fit(
-        cls, sizes_um: NDArray[np.float64], dof: NDArray[np.int64], frequencies_hz: NDArray[np.float64]
+        cls,
+        sizes_um: NDArray[np.float64],
+        dof: NDArray[np.int64],
+        frequencies_hz: NDArray[np.float64],
     ) -> "Convergence":
         """Observe order and limit [Hz] on three meshes or more, by least squares in relative frequency."""
         relative = frequencies_hz / frequencies_hz[-1]
@@ -229,7 +176,9 @@ class Convergence:
         def fitted(p: float) -> tuple[NDArray[np.float64], float]:
             columns = np.stack([np.ones(len(dof)), (sizes_um / sizes_um[-1]) ** p], axis=1)
             solution, *_ = np.linalg.lstsq(columns, relative, rcond=None)
-            return solution[0] * frequencies_hz[-1], float(((columns @ solution - relative) ** 2).sum())
+            return solution[0] * frequencies_hz[-1], float(
+                ((columns @ solution - relative) ** 2).sum()
+            )
 
         best = minimize_scalar(lambda p: fitted(p)[1], bounds=(0.2, 8.0), method="bounded")
         return cls(sizes_um, dof, frequencies_hz, float(best.x), fitted(best.x)[0])
@@ -269,13 +218,8 @@ def convergence(
     for size in sizes:
         assembly = assemble(dome_mesh(dome, MeshSize.of(size), cache=cache))
         dof.append(assembly.dof)
-        rows.append(solve(CellModel(assembly, preset.materials, preset.metres_per_um), count).frequencies_hz)
+        rows.append(
+            solve(CellModel(assembly, preset.materials, preset.metres_per_um), count).frequencies_hz
+        )
         advance()
     return Convergence.fit(np.array(sizes), np.array(dof), np.array(rows))
-
-
-def _first_root(f: Callable[[float], float], start: float = 0.5, stop: float = 30.0, steps: int = 3000) -> float:
-    x = np.linspace(start, stop, steps)
-    y = np.array([f(value) for value in x])
-    first = int(np.flatnonzero(y[:-1] * y[1:] < 0)[0])
-    return float(brentq(f, x[first], x[first + 1], xtol=1e-14))

@@ -2,14 +2,22 @@
 
 import numpy as np
 import pytest
-from cell_cases import CACHE, cell
 
 from fasbody.cell.dome import SHAPES, Dome
 from fasbody.cell.materials import MODULI_PA, preset
 from fasbody.cell.mesh import MeshSize
 from fasbody.cell.modal import CellModel, solve
-from fasbody.cell.sweep import YEAST_PA, PowerLaw, Sweep, power_laws, summarise, sweep_moduli, sweep_shapes
 from fasbody.exceptions import SettingError
+from reproduction.cell.sweep import (
+    YEAST_PA,
+    PowerLaw,
+    Sweep,
+    power_laws,
+    summarise,
+    sweep_moduli,
+    sweep_shapes,
+)
+from simulator.bodies import CACHE, cell
 
 SIZE = MeshSize.of(7.0)
 
@@ -21,7 +29,14 @@ def shapes() -> Sweep:
 
 @pytest.fixture(scope="module")
 def moduli() -> Sweep:
-    return sweep_moduli(preset("as-reproduced"), Dome(), moduli=(*MODULI_PA, YEAST_PA), size=SIZE, count=3, cache=CACHE)
+    return sweep_moduli(
+        preset("as-reproduced"),
+        Dome(),
+        moduli=(*MODULI_PA, YEAST_PA),
+        size=SIZE,
+        count=3,
+        cache=CACHE,
+    )
 
 
 def test_first_frequencies_over_the_shapes_are_the_printed_ones(shapes: Sweep) -> None:
@@ -29,7 +44,9 @@ def test_first_frequencies_over_the_shapes_are_the_printed_ones(shapes: Sweep) -
     mean = shapes.frequencies_hz.mean(axis=0)
     assert mean[0] == pytest.approx(18.07, rel=0.006)
     assert mean[1] == pytest.approx(18.15, rel=0.006)
-    assert np.ptp(shapes.frequencies_hz[:, 0]) / mean[0] < 0.015  # "does not depend on the cell shape"
+    assert (
+        np.ptp(shapes.frequencies_hz[:, 0]) / mean[0] < 0.015
+    )  # "does not depend on the cell shape"
 
 
 def test_narrower_is_lower_holds_for_twist_but_not_for_the_first_modes(shapes: Sweep) -> None:
@@ -50,7 +67,9 @@ def test_presets_scale_as_they_must() -> None:
     names = ("as-reproduced", "si", "as-printed")
     first = {}
     for chosen in map(preset, names):
-        model = CellModel(cell(height=chosen.height_um, size=SIZE.size), chosen.materials, chosen.metres_per_um)
+        model = CellModel(
+            cell(height=chosen.height_um, size=SIZE.size), chosen.materials, chosen.metres_per_um
+        )
         first[chosen.name] = float(solve(model, 1).frequencies_hz[0])
     assert first["si"] == pytest.approx(6400.0, rel=0.006)
     assert first["as-printed"] == pytest.approx(16.34, rel=0.012)
