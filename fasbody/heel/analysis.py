@@ -12,11 +12,11 @@ import numpy as np
 from fasbody import runner
 from fasbody.console import make_folder, to_json, write_whole
 from fasbody.exceptions import RecordingError, Stopped
-from fasbody.heel import population, stiffness
+from fasbody.heel import stiffness
 from fasbody.heel.comparison import Document, Task, judge, persons
 from fasbody.heel.estimate import WINDOWS
 from fasbody.heel.laws import LAWS
-from fasbody.heel.population import Population
+from fasbody.heel.population import Observed, Population, estimate, of_documents
 from fasbody.heel.study import HeelStudy
 from fasbody.presentation import Tabled
 
@@ -82,10 +82,10 @@ class Analysis(Tabled):
                     )
         return out
 
-    def observed(self) -> tuple[list[population.Observed], int]:
+    def observed(self) -> tuple[list[Observed], int]:
         """Estimates of the population's law that rest on no bound, and how many do."""
         chosen = (d for d in self.laws if (d["law"], d["window"]) == (self.law, self.window))
-        return population.of_documents(next(chosen))
+        return of_documents(next(chosen))
 
     def document(self) -> dict[str, Any]:
         """Everything as plain data."""
@@ -156,13 +156,13 @@ def analyse(
     try:
         chosen = [d for d in documents if (d["law"], d["window"]) == (law, window)]
         if chosen:
-            observed, bound = population.of_documents(chosen[0])
+            observed, bound = of_documents(chosen[0])
             if bound:
                 remarks.append(
                     f"{bound} estimates of the {LAWS[law].name} rest on a bound and are not in the "
                     "population."
                 )
-            people = population.estimate([item.name for item in LAWS[law].parameters], observed)
+            people = estimate([item.name for item in LAWS[law].parameters], observed)
         slopes = stiffness.measured(groups)
     except RecordingError as error:
         remarks.append(str(error))

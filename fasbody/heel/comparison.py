@@ -91,8 +91,8 @@ def _other_speed(
 def _other_person(law: HeelLaw, task: Task) -> list[Document]:
     """Errors on a person's strikes of the law fitted to all other people's, speeds together."""
     strikes: dict[str, list[Strike]] = {}
-    for (subject, _), group in sorted(task.groups.items(), key=lambda item: item[0][0]):
-        strikes.setdefault(subject, []).extend(group)
+    for (subject, _), some in sorted(task.groups.items(), key=lambda item: item[0][0]):
+        strikes.setdefault(subject, []).extend(some)
     if len(strikes) < 3:
         return []
     theta = pooled(law, [s for group in strikes.values() for s in group], task.window)

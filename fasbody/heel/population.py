@@ -182,7 +182,7 @@ class Hierarchy:
             total += 2 * np.log(np.diagonal(root, axis1=-2, axis2=-1)).sum(-1) + (Y**2).sum(
                 (-2, -1)
             )
-            information[(..., *np.ix_(place, place))] += X.swapaxes(-1, -2) @ X
+            information[..., place[:, None], place] += X.swapaxes(-1, -2) @ X
             right[..., place, :] += X.swapaxes(-1, -2) @ Y
         covariance = np.linalg.inv(information)
         mean = covariance @ right

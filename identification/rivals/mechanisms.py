@@ -165,9 +165,9 @@ def pressed(
         return np.ascontiguousarray(np.broadcast_to(value, mass.shape[:-1])).ravel()
 
     static = flat(values["rest"] + G * added_kg)  # the load's weight presses, moving or not
-    pad = (flat(values[name]) for name in ("k", "exponent", "c"))
+    k, exponent, c = (flat(values[name]) for name in ("k", "exponent", "c"))
     masses = mass.reshape(-1, mass.shape[-1])
-    return Pressed(flat(2 * np.pi * frequency_hz), masses, static, *pad, flat(table))
+    return Pressed(flat(2 * np.pi * frequency_hz), masses, static, k, exponent, c, flat(table))
 
 
 _FAT_PAD = "fat pad: tangent of Kinoshita's drop 19 kN/m, in vivo about 150 kN/m"

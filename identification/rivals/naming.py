@@ -123,7 +123,8 @@ def _read(subject: str, posture: str, recordings: Sequence[Recording]) -> Sines:
         for kind, names in ((float, _REAL), (complex, _COMPLEX), (bool, ("repeats",)))
         for name in names
     }
-    plan = Plan("these recordings", *(columns[name] for name in _REAL), tuberosity, harmonics)
+    hz, added, table = (columns[name] for name in _REAL)
+    plan = Plan("these recordings", hz, added, table, tuberosity, harmonics)
     MB, TB, second = (columns[name] for name in _COMPLEX)
     air = np.full(len(rows), np.nan)
     made = Recordings(MB, TB if tuberosity else MB, second, air, columns["repeats"])

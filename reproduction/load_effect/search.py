@@ -52,10 +52,9 @@ def lift_off(frequency_hz: Array, values: dict[str, Array]) -> tuple[Array, Arra
     share = values.get("share", np.zeros_like(values["m"]))
     static = values["rest"][:, None] + G * np.array(ADDED_KG)  # its weight presses in either case
     mass = values["m"][:, None] + share[:, None] * ADDED_KG
-    pad = (
-        np.broadcast_to(values[n][:, None], static.shape).ravel() for n in ("k", "exponent", "c")
-    )
-    MB = steady(frequency_hz, mass.ravel(), static.ravel(), *pad).response
+    pads = [np.broadcast_to(values[n][:, None], static.shape) for n in ("k", "exponent", "c")]
+    k, exponent, c = (pad.ravel() for pad in pads)
+    MB = steady(frequency_hz, mass.ravel(), static.ravel(), k, exponent, c).response
     MB = MB.reshape(*static.shape, -1)
     return MB, np.full_like(MB, np.nan)
 
