@@ -243,6 +243,9 @@ def _load_table(study: LoadStudy, name: str) -> Table:
     return table
 
 
+app.command("validate")(command("reproduction.arch_validation.command:validate"))
+
+
 @app.command("crosscheck")
 def print_crosscheck(
     model: ModelOption = "foot_arch",
@@ -302,8 +305,6 @@ def _called(model: str) -> str:
     """What tables and figures call a model."""
     return "nominal" if model == "foot_arch" else Path(model).name
 
-
-app.command("validate")(command("reproduction.arch_validation.command:validate"))
 
 if __name__ == "__main__":
     command_line(app)

@@ -221,6 +221,10 @@ def shake_a_body(
     report(result.document(), str(result), as_json)
 
 
+app.command("sweep")(command("reproduction.cell.command:sweep"))
+app.command("verify")(command("reproduction.cell.command:verify"))
+
+
 @app.command("shake")
 def shake(
     preset_name: PresetOption = "si",
@@ -376,9 +380,6 @@ def _write(out: Path, analysis: "Analysis") -> None:
     figures.save(figures.mesh_views(analysis), out / "mesh.png")
     console.print(f"written: {out}")
 
-
-app.command("sweep")(command("reproduction.cell.command:sweep"))
-app.command("verify")(command("reproduction.cell.command:verify"))
 
 if __name__ == "__main__":
     command_line(app)

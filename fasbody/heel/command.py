@@ -41,9 +41,7 @@ def main(
     load_n: Annotated[
         float, typer.Option(min=1.0, help="load under which the pad rests [N]")
     ] = 43.0,
-    sample: Annotated[
-        bool, typer.Option("--sample", help="sample the population, too; half a minute")
-    ] = False,
+    sample: Annotated[bool, typer.Option("--sample", help="sample the population, too")] = False,
     workers: Annotated[
         int, typer.Option(min=0, help="processes; 0 for one per core, 1 for this one")
     ] = 0,
