@@ -38,7 +38,7 @@ bench: $(VENV)/dev.stamp  ## every speed and accuracy ratio the documentation st
 
 reproduce: $(VENV)/dev.stamp  ## every equation, table, figure and statement of the thesis -> docs/reproduction.md; goes on where it stopped
 	$(RUN) -m reproduction $(ARGS)
-	$(RUN) -m pytest -n 0 --quiet reproduction/errata
+	$(RUN) -m pytest -n 0 --quiet reproduction/errata reproduction/load_effect reproduction/arch_validation reproduction/cell
 
 $(VENV)/python.stamp:
 	$(PYTHON) -m venv $(VENV)

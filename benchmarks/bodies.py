@@ -22,9 +22,9 @@ from fasbody.cell.dome import Dome
 from fasbody.cell.materials import Material
 from fasbody.cell.mesh import MeshSize, default_size, dome_mesh, fill
 from fasbody.cell.modal import CellModel, solve
-from fasbody.cell.verification import box, lamb_torsional
 from fasbody.console import command_line
 from reproduction.check import Check, told
+from simulator.bodies import box, lamb_torsional
 
 MATERIAL = Material(2e9, 0.3, 1000.0)
 #: Length, height and width [mm], which end stands still, and the parts of the structured mesh.

@@ -16,10 +16,10 @@ import typer
 from benchmarks.table import JsonOption, report
 from fasbody import runner
 from fasbody.console import command_line
+from fasbody.heel.analysis import analyse
+from fasbody.heel.estimate import LEVEL, fit
 from fasbody.heel.laws import LAWS
 from fasbody.heel.study import HeelStudy
-from identification.heel.analysis import analyse
-from identification.heel.estimate import LEVEL, fit
 from reproduction.check import Check, at_most, told, within
 from simulator.strike import TRUTH, strike
 

@@ -21,19 +21,19 @@ TASKS: dict[str, dict[str, tuple[str, ...]]] = {
         "Motion": ("fasbody/foot shaker simulate two_dof damper figures",),
         "The five-body arch": (
             "fasbody/arch bones kinematics lagrange linear ode sensitivity reduction load motion",
-            "fasbody/arch mounted tissue validate",
+            "fasbody/arch mounted tissue",
         ),
-        "The leg": ("fasbody/leg chain peaks mechanisms amplitude lift_off drop decide virtual figures",),
+        "The leg": ("fasbody/leg chain peaks statements crosscheck figures",),
     },
     "Fit": {
         "Fit a foot": ("identification estimate result report",),
-        "Rival models": ("identification/rivals compare result ladder edited figures",),
+        "Rival models": ("identification/rivals compare result ladder edited naming mechanisms figures",),
         "Many recordings": ("identification/study plan summary population profile validation loops report figures",),
         "Black-box models": (
             "identification/blackbox identify data polynomial state_space frequency mimo nonlinear narx pem subspace",
             "identification/blackbox selection validation criteria excitation condition keep report figures",
         ),
-        "Heel strikes": ("fasbody/heel strike plate laws study pad figures", "identification/heel study population"),
+        "Heel strikes": ("fasbody/heel strike plate laws study pad estimate population analysis figures",),
     },
     "Transmissibility": {
         "Transmissibility": (
@@ -44,7 +44,7 @@ TASKS: dict[str, dict[str, tuple[str, ...]]] = {
     "Plan": {"The experiment director": ("identification/plan director session protocol shaker prior result figures",)},
     "View": {"Viewer": ("viz notebook feet motion settings excitation exported bench modes",)},
     "The cell": {
-        "Cell": ("fasbody/cell analysis dome materials mesh meshfile modal modeshape sweep viscoelastic body figures",)
+        "Cell": ("fasbody/cell analysis dome materials mesh meshfile modal modeshape viscoelastic body figures",)
     },
     "Errors": {"Exceptions": ("fasbody exceptions",)},
 }
@@ -67,7 +67,6 @@ INTERNALS: dict[str, str] = {
     "Internals: director": "identification/plan",
     "Internals: black-box models": "identification/blackbox",
     "Internals: many recordings": "identification/study",
-    "Internals: laws of the heel": "identification/heel",
     "Internals: cell": "fasbody/cell",
     "Internals: viewer": "viz",
     "Internals: anatomy": "viz/anatomy",

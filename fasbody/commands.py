@@ -20,6 +20,7 @@ class Command:
         words: what follows `fasbody`, "" for the map itself.
         module: what `python -m` runs. name: its sub-command, "" for none. does: the first line of its help.
         at: the module that holds its Typer app, where that is not the one that runs.
+        needs: a room above that does the work, where it is not the one that runs.
     """
 
     words: str
@@ -27,6 +28,7 @@ class Command:
     name: str
     does: str
     at: str = ""
+    needs: str = ""
 
     @property
     def call(self) -> str:
@@ -42,6 +44,8 @@ class Command:
     def installed(self) -> bool:
         """Whether it is there; those of a checkout only are not, once the packages are installed."""
         place = _folder(self.module)
+        if self.needs and not _folder(self.needs).is_dir():
+            return False
         return (place / "__main__.py").is_file() or place.with_suffix(".py").is_file()
 
     @property
@@ -108,7 +112,7 @@ GROUPS: dict[str, tuple[Command, ...]] = {
         ),
         Command(
             "heel", "identification.heel", "", "Compare laws of the heel pad with measured heel strikes of people.",
-            "identification.heel.command",
+            "fasbody.heel.command",
         ),
         Command("laboratory", "fasbody.laboratory", "", "Make a synthetic study with known truth."),
         Command(
@@ -155,6 +159,7 @@ GROUPS: dict[str, tuple[Command, ...]] = {
         Command(
             "arch validate", "fasbody.arch", "validate",
             "Predict each published number of feet from the others, and show which numbers no arch can meet.",
+            needs="reproduction",
         ),
         Command(
             "leg peaks", "fasbody.leg", "peaks",
@@ -167,10 +172,12 @@ GROUPS: dict[str, tuple[Command, ...]] = {
         Command(
             "leg drop", "fasbody.leg", "drop",
             "Kinoshita's drop, 5 kg at 0.93 m/s on a heel pad, stepped by MuJoCo with gravity.",
+            needs="reproduction",
         ),
         Command(
             "leg decide", "fasbody.leg", "decide",
             "Which mechanism made a recording: how often an analysis of virtual subjects names the right one.",
+            needs="reproduction",
         ),
         Command(
             "leg name", "fasbody.leg", "name",
@@ -181,6 +188,7 @@ GROUPS: dict[str, tuple[Command, ...]] = {
             "load effect", "fasbody.load_effect", "",
             "Find which mechanisms can raise the resonance with the load, and for what share of the values in the "
             "literature.",
+            needs="reproduction",
         ),
         Command(
             "arch crosscheck", "fasbody.arch", "crosscheck",
@@ -197,11 +205,13 @@ GROUPS: dict[str, tuple[Command, ...]] = {
         Command(
             "cell sweep", "fasbody.cell", "sweep",
             "Figures 5.9 (four shapes), 5.10 (seven moduli) and 5.11 (power law with both ways of fitting).",
+            needs="reproduction",
         ),
         Command(
             "cell verify", "fasbody.cell", "verify",
             "Known bodies: free sphere, beams, plates, scaling laws; and the cell's mesh convergence. "
             "Takes about a minute.",
+            needs="reproduction",
         ),
         Command(
             "cell shake", "fasbody.cell", "shake",

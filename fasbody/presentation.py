@@ -13,8 +13,8 @@ from pathlib import Path
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any, ClassVar, ParamSpec, TypeVar, cast
 
-from fasbody.console import to_json, write_whole
-from fasbody.exceptions import SettingError, shown, unknown
+from fasbody.console import make_folder, to_json, write_whole
+from fasbody.exceptions import InputFileError, SettingError, shown, unknown
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -134,6 +134,13 @@ def inline(content: bytes) -> str:
     """An SVG file's content without its declaration, to be put into a page."""
     text = content.decode()
     return text[text.index("<svg") :]
+
+
+def ready(figure: Path) -> None:
+    """Make the folder of a figure before the work that it shows; refuse a folder in its place."""
+    make_folder(figure.parent)
+    if figure.is_dir():
+        raise InputFileError(figure, "is a folder", "name an SVG or PNG file")
 
 
 def write_figure(figure: "Figure", *files: Path) -> list[Path]:

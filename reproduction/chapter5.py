@@ -9,9 +9,9 @@ import numpy as np
 from fasbody.cell.analysis import Analysis, analyse, assemblies
 from fasbody.cell.dome import SHAPES, Dome, Nucleus
 from fasbody.cell.materials import MODULI_PA, PRESETS
-from fasbody.cell.sweep import YEAST_PA, Summary, Sweep, summarise, sweep_moduli, sweep_shapes
-from fasbody.cell.verification import check_beams, check_sphere
 from fasbody.cell.viscoelastic import ReducedCell, StandardLinearSolid, base_response, damped_modes
+from reproduction.cell.sweep import YEAST_PA, Summary, Sweep, summarise, sweep_moduli, sweep_shapes
+from reproduction.cell.verification import check_beams, check_sphere
 from reproduction.check import at_least, at_most, exactly, near, within
 from reproduction.row import TRANSCRIBED, Outcome, Rows
 

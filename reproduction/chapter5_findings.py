@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from fasbody.cell.sweep import YEAST_PA, Sweep
 from fasbody.cell.viscoelastic import ReducedCell, StandardLinearSolid, base_response, damped_modes
+from reproduction.cell.sweep import YEAST_PA, Sweep
 from reproduction.chapter5 import GROUP, SWEEP, at_real_size, by_modulus, by_shape, summary, viscoelastic
 from reproduction.check import at_least, at_most, exactly, near, within
 from reproduction.row import Outcome, Rows

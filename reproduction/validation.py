@@ -10,17 +10,16 @@ from functools import cache
 import numpy as np
 
 from fasbody.arch.bones import Arch
-from fasbody.arch.drop import MASS_KG
-from fasbody.arch.evidence import NUMBERS, Number
 from fasbody.arch.linear import linearise, response, transmissibility
 from fasbody.arch.load import ARANGIO_CUT, ARANGIO_SAG, HEEL, MEASURED_HZ, LoadStudy, SagStudy, load_study, sag_study
-from fasbody.arch.proofs import drop, proofs
-from fasbody.arch.validate import ship, validate
+from fasbody.heel.comparison import Task, judge
+from fasbody.heel.stiffness import measured, of_model
 from fasbody.heel.study import HeelStudy
 from fasbody.laboratory.subject import constants
-from identification.heel.shaker import beside
-from identification.heel.stiffness import measured
-from identification.heel.study import Task, judge
+from reproduction.arch_validation.drop import MASS_KG
+from reproduction.arch_validation.evidence import NUMBERS, Number
+from reproduction.arch_validation.proofs import drop, proofs
+from reproduction.arch_validation.validate import ship, validate
 from reproduction.check import Check, at_least, at_most, near, within
 from reproduction.row import Outcome, Rows
 
@@ -204,7 +203,7 @@ def heel_strikes() -> Outcome:
     for law in ("qlv", "nonlinear", "strain_damper", "power"):
         found = judge(Task(law, "loading", groups, study.digest))
         error[law] = 100 * float(np.mean([item["error"] for item in found["other_speed"]]))
-    nominal, checks, limits = beside()["nominal_n_per_m"], [], []
+    nominal, checks, limits = of_model()["nominal_n_per_m"], [], []
     for slope in measured(groups):
         (load,) = slope.names
         low, high = slope.predictive("normal", load)

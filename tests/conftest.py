@@ -37,8 +37,8 @@ settings.load_profile("untimed")
 LONGEST = (
     "docs_blocks", "study_run", "study_cluster", "acquire_audio", "docs_links", "viz_bench_page", "rivals",
     "examples", "leg_naming", "acquire_session", "director", "viz_command", "cell_body", "acquire", "wheel",
-    "study_checks", "edits", "acquire_generator", "transmissibility", "viz_page", "cell_sweep", "optimiser",
-    "viz_workbench", "load_effect", "cell_verification", "bundled", "viz_layout", "acquire_firmware",
+    "study_checks", "edits", "acquire_generator", "transmissibility", "viz_page", "optimiser",
+    "viz_workbench", "bundled", "viz_layout", "acquire_firmware",
     "sensitivity", "nuisances", "docs_notebooks",
 )  # fmt: skip
 

@@ -72,6 +72,7 @@ ENTRANCES = (
     "__main__",
     "commands",
     "load_effect",
+    "heel",
     "crosscheck",
     "reduction",
     "sensitivity",

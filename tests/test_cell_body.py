@@ -9,7 +9,6 @@ import numpy as np
 import pytest
 import scipy.sparse.linalg as spla
 import trimesh
-from cell_cases import block, cell
 from typer.testing import CliRunner
 
 from fasbody.cell.__main__ import app
@@ -19,9 +18,9 @@ from fasbody.cell.companion import pair, refined
 from fasbody.cell.materials import Material
 from fasbody.cell.mesh import default_size, fill
 from fasbody.cell.modal import CellModel, solve
-from fasbody.cell.verification import box, timoshenko, two_part_rod
 from fasbody.cell.viscoelastic import ReducedCell, StandardLinearSolid, damped_modes, force_response, point_load
 from fasbody.exceptions import FasError, InputFileError, SettingError
+from simulator.bodies import block, box, cell, timoshenko, two_part_rod
 
 SOFT, STIFF = Material(2e6, 0.0, 200.0), Material(3e7, 0.0, 1200.0)
 BONE = Material(7.3e9, 0.3, 1500.0)

@@ -8,11 +8,11 @@ from pathlib import Path
 import in_process
 import numpy as np
 import pytest
-from cell_cases import CACHE
 from typer.testing import CliRunner
 
 from fasbody.cell.__main__ import app
 from fasbody.exceptions import InputFileError, SettingError
+from simulator.bodies import CACHE
 
 
 @pytest.fixture(autouse=True)

@@ -2,13 +2,13 @@
 
 import numpy as np
 import pytest
-from cell_cases import cell
 
 from fasbody.cell.assembly import FREE, assemble
 from fasbody.cell.cytoskeleton import Tensegrity, cytoskeleton_stiffness, expanded_octahedron, place
 from fasbody.cell.materials import preset
 from fasbody.cell.modal import CellModel, solve
 from fasbody.exceptions import SettingError
+from simulator.bodies import cell
 
 
 def test_six_struts_and_twenty_four_cables_meet_in_twelve_nodes() -> None:

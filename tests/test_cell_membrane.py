@@ -2,12 +2,12 @@
 
 import numpy as np
 import pytest
-from cell_cases import cell
 
 from fasbody.cell.assembly import FREE, assemble
 from fasbody.cell.membrane import Membrane, membrane_stiffness
 from fasbody.cell.mesh import ball_mesh
 from fasbody.exceptions import SettingError
+from simulator.bodies import cell
 
 MEMBRANE = Membrane(E=2e3, nu=0.3, thickness_nm=10.0)
 

@@ -5,7 +5,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import trimesh
-from cell_cases import CACHE, block, cell
 
 import mjcf
 from fasbody.cell.assembly import assemble
@@ -26,6 +25,7 @@ from fasbody.cell.mesh import (
 )
 from fasbody.cell.meshfile import upward
 from fasbody.exceptions import MeshError, SettingError
+from simulator.bodies import CACHE, block, cell
 
 
 @pytest.mark.parametrize("profile", ["ellipsoid", "cap"])

@@ -8,7 +8,6 @@ import meshio
 import numpy as np
 import pytest
 import trimesh
-from cell_cases import block, cell
 
 from fasbody.cell.analysis import Analysis, analyse
 from fasbody.cell.assembly import assemble
@@ -16,6 +15,7 @@ from fasbody.cell.materials import preset
 from fasbody.cell.mesh import MeshSize, TetMesh
 from fasbody.cell.meshfile import read_mesh, write_browser, write_vtu
 from fasbody.exceptions import InputFileError, SettingError
+from simulator.bodies import block, cell
 
 SI = preset("si")
 

@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 import scipy.linalg
 import scipy.sparse.linalg as spla
-from cell_cases import block, cell
 from skfem import Basis, BilinearForm, ElementTetP2, ElementVector
 from skfem.models.elasticity import lame_parameters, linear_elasticity
 
@@ -12,6 +11,7 @@ from fasbody.cell.assembly import FREE, assemble
 from fasbody.cell.materials import Material, preset
 from fasbody.cell.modal import WAYS, CellModel, direct, inverse, solve
 from fasbody.exceptions import SettingError, SimulationError
+from simulator.bodies import block, cell
 
 SI = preset("si")
 

@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from cell_cases import block, cell
 
 from fasbody.cell.assembly import FREE, Assembly, assemble
 from fasbody.cell.materials import Preset, preset
 from fasbody.cell.modal import CellModel, Modes, solve
 from fasbody.cell.modeshape import LOST, Match, describe, mac, track, track_along
+from simulator.bodies import block, cell
 
 PRESET = preset("as-reproduced")
 

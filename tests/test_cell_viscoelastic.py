@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 import scipy.linalg
 import scipy.sparse.linalg as spla
-from cell_cases import block
 
 from fasbody.cell.assembly import assemble
 from fasbody.cell.materials import preset
@@ -14,6 +13,7 @@ from fasbody.cell.membrane import Membrane
 from fasbody.cell.modal import CellModel, solve
 from fasbody.cell.viscoelastic import DampedModes, ReducedCell, StandardLinearSolid, base_response, damped_modes
 from fasbody.exceptions import SettingError
+from simulator.bodies import block
 
 
 @pytest.fixture(scope="module")

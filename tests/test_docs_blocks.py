@@ -35,7 +35,7 @@ NOT_RUN = {
     r"-m reproduction\b(?!.*--only \"?(Eq|Table))|-m identification\.study chapter4": "takes minutes",
     r"-m identification\.study .*--(mode|scheduler)": "takes minutes or a scheduler; tests/test_study_*.py do it",
     r"fasbody\.cell (modes|response)": "takes long; tests/test_cell_body.py runs both on a rod",
-    r"fasbody\.cell (verify|sweep)": "takes a minute; tests/test_cell_verification.py and test_cell_sweep.py do it",
+    r"fasbody\.cell (verify|sweep)": "takes a minute; reproduction/cell does it",
     r"fasbody\.cell shake": "runs once, as its output is shown (PRINTED)",
 }
 SHORTER = {

@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from fasbody.arch.evidence import HEEL_M_S, HEEL_N
 from fasbody.exceptions import FasError, InputFileError, RecordingError, SettingError
 from fasbody.foot import damper
 from fasbody.foot.model import load
@@ -19,9 +18,9 @@ from fasbody.heel import shank
 from fasbody.heel.laws import LAWS, TAU_S, THICKNESS_M, law
 from fasbody.heel.pad import CARRIED, pad, write_model
 from fasbody.heel.plate import Plate
+from fasbody.heel.stiffness import slopes
 from fasbody.heel.strike import STEPS, contact_and_peak
 from fasbody.heel.study import BUNDLED, HeelStudy, Person, is_heel_study, read_csv
-from identification.heel.stiffness import slopes
 
 #: Means of the normal strikes by a second program: the authors' scripts, translated line by line and run on their own
 #: files. Compression at the peak [mm], work to it [J], speed of contact [m/s], time to the peak [ms], deepest [mm].
@@ -57,17 +56,6 @@ def test_study_is_measured_and_says_whose_it_is(study: HeelStudy) -> None:
     assert str(study) == "heel strikes of twelve walkers: 216 measured heel strikes of 11 people"
     assert len(study.problems) == 3 and all(problem.endswith(".") for problem in study.problems)
     assert any("subject 11: 19 trials have no markers" in problem for problem in study.problems)
-
-
-def test_heels_are_pressed_at_one_rate_where_their_slopes_are_read(study: HeelStudy) -> None:
-    """What the arch's evidence takes as the rate of Baines' slopes."""
-    persons = []
-    for (_, speed), strikes in study.groups().items():
-        if speed == "normal":
-            at = [[s.rate_m_s[int(np.argmax(s.force_n > load))] for load in HEEL_N] for s in strikes]
-            persons.append(np.mean(at, axis=0))
-    assert len(persons) == 11
-    np.testing.assert_allclose(np.mean(persons, axis=0), HEEL_M_S, atol=0.006)
 
 
 def test_heels_are_stiffer_at_a_higher_rate_at_the_largest_load_only(study: HeelStudy) -> None:

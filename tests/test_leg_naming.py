@@ -11,10 +11,10 @@ from typer.testing import CliRunner
 
 from fasbody.exceptions import RecordingError
 from fasbody.leg.__main__ import app
-from fasbody.leg.decide import DEPARTURE, Confusion
-from fasbody.leg.naming import Naming, name, read
 from fasbody.recording.condition import Condition
 from fasbody.recording.recording import Recording
+from identification.rivals.mechanism_fit import DEPARTURE, Confusion
+from identification.rivals.naming import Naming, name, read
 
 RATE_HZ, SECONDS = 1000.0, 1.6
 #: Frequency [Hz], load [kg] and amplitude [m/s^2] of each sine; the loads are not those of the thesis.

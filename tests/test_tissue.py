@@ -1,14 +1,11 @@
 """The tissue arch against energy, one joint on paper, many at once against one by one, and Ker's curves."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 from scipy.integrate import quad
 from scipy.optimize import minimize
 
 from fasbody.arch.bones import Arch
-from fasbody.arch.evidence import KER_CUT, KER_ELONGATION, KER_WHOLE, elongation
 from fasbody.arch.kinematics import deformations, rest
 from fasbody.arch.load import equilibrium, load_study, poses
 from fasbody.arch.tissue import Linear, Tissue
@@ -103,21 +100,3 @@ def test_refused_sizes() -> None:
         Tissue(arm=0.0, slack=0.0)
     with pytest.raises(ModelError, match="slack"):
         Tissue(arm=0.03, slack=-1e-3)
-
-
-def test_kers_cut_foot_follows_from_the_whole_one() -> None:
-    """Arm and slack by least squares on the whole foot alone; the fascia is Natali's, its size D'Hondt's."""
-
-    def misfit(x: np.ndarray) -> float:
-        found = elongation(ARCH, KER_WHOLE, Tissue(arm=x[0] / 1e2, slack=abs(x[1]) / 1e3))
-        return float((((found - KER_ELONGATION) / (3e-4 + 0.05 * KER_ELONGATION)) ** 2).sum())
-
-    x = minimize(misfit, [3.5, 2.0], method="Nelder-Mead", options={"xatol": 1e-2, "fatol": 1e-2}).x
-    tissue = Tissue(arm=x[0] / 1e2, slack=abs(x[1]) / 1e3)
-    cut = elongation(ARCH, KER_CUT, tissue.cut())
-    np.testing.assert_allclose(cut[3:], KER_ELONGATION[3:], rtol=0.1)
-    assert np.abs(cut - KER_ELONGATION).max() < 0.9e-3
-    with_fascia = elongation(ARCH, KER_CUT, tissue)
-    assert (with_fascia[4:] < 0.95 * KER_ELONGATION[4:]).all()  # the cut is seen
-    whole = elongation(ARCH, KER_CUT, replace(tissue, slack=0.0))
-    assert (whole[4:] < 0.9 * KER_ELONGATION[4:]).all()  # and so is the slack

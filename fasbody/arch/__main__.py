@@ -1,13 +1,11 @@
 """Command line of the five-body arch: sensitivity, reduction, load, validate, crosscheck; see each one's --help."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import numpy as np
 import typer
-from rich.box import SIMPLE_HEAD
-from rich.markup import escape
 from rich.table import Table
 
 from fasbody.arch.bones import PARAMETERS, Arch
@@ -25,13 +23,12 @@ from fasbody.arch.load import (
 from fasbody.arch.reduction import Reduction, reduce
 from fasbody.console import command_line, console, make_folder, print_json, progress_bar
 from fasbody.exceptions import InputFileError, SettingError
+from fasbody.lazy import command
 from fasbody.presentation import write_figure
 
 if TYPE_CHECKING:
     from fasbody.arch.crosscheck import Crosscheck, Dynamics
-    from fasbody.arch.proofs import Proof
     from fasbody.arch.sensitivity import Study
-    from fasbody.arch.validate import Validation
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
@@ -246,84 +243,7 @@ def _load_table(study: LoadStudy, name: str) -> Table:
     return table
 
 
-@app.command("validate")
-def print_validation(
-    steps: Annotated[int, typer.Option(help="steps of each Markov chain", min=20)] = 2400,
-    walkers: Annotated[int, typer.Option(help="Markov chains that run at once in each fit", min=8)] = 64,
-    seed: SeedOption = 0,
-    figure: Annotated[Path | None, typer.Option(help="SVG or PNG to write")] = None,
-    json: JsonOption = False,
-) -> None:
-    """Predict each published number of feet from the others, and show which numbers no arch can meet.
-
-    Takes two minutes or more.
-
-    Examples:
-      python -m fasbody.arch validate --figure docs/figures/validation.svg
-
-      python -m fasbody.arch validate --steps 200 --json
-    """
-    if figure is not None:
-        make_folder(figure.parent)
-        if figure.is_dir():
-            raise InputFileError(figure, "is a folder", "name an SVG or PNG file")
-    from fasbody.arch.proofs import proofs
-    from fasbody.arch.validate import validate
-
-    bounds = proofs()
-    with progress_bar() as progress:
-        task = progress.add_task("legs", total=steps)
-        result = validate(walkers=walkers, steps=steps, seed=seed, tick=lambda: progress.advance(task))
-    console.print(_validation_table(result))
-    for note in result.sheet().notes:
-        console.print(note)
-    console.print(_proof_table(bounds))
-    if figure is not None:
-        from fasbody.arch import figures
-
-        console.print(f"written: {write_figure(figures.validation(result), figure)[0]}")
-    if json:
-        print_json(
-            {
-                "seed": seed,
-                "numbers": result.records(),
-                "proofs": [vars(proof) | {"excluded": proof.excluded} for proof in bounds],
-            }
-        )
-
-
-def _validation_table(result: "Validation") -> Table:
-    """A line for each published value, within 80 columns."""
-    caption = "shipped: the set in foot_arch.xml; * fitted to it; ! outside the published range"
-    table = Table(title=result.sheet().title, caption=caption, box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    table.add_column("number")
-    for column in ("published", "predicted", "95 %"):
-        table.add_column(column, justify="right", no_wrap=True)
-    table.add_column("verdict", no_wrap=True)
-    table.add_column("shipped", justify="right", no_wrap=True)
-    for p in result.predictions:
-        n, mark = p.number, "*" * p.number.fitted + "!" * (not p.shipped_meets)
-        name = f"{n.source.split(',')[0]}: {n.name}" + (f" [{n.unit}]" if n.unit else "")
-        lines = (
-            [f"{low:.3g}\u2013{high:.3g}" for low, high in zip(n.low, n.high, strict=True)],
-            [f"{value:.3g}" for value in p.middle],
-            [f"{low:.3g}\u2013{high:.3g}" for low, high in zip(p.low, p.high, strict=True)],
-            [p.verdict],
-            [f"{value:.3g}{mark}" for value in p.shipped],
-        )
-        table.add_row(escape(name), *("\n".join(cell) for cell in lines))
-    return table
-
-
-def _proof_table(bounds: Sequence["Proof"]) -> Table:
-    table = Table(title="What rigid bones cannot do, whatever the springs", box=SIMPLE_HEAD, padding=(0, 1, 0, 0))
-    for column in ("number", "bound", "needed", "excluded by", "for", "proved"):
-        table.add_column(column, justify="right" if column == "needed" else "left", overflow="fold")
-    for proof in bounds:
-        sign = "\u2265" if proof.above else "\u2264"
-        table.add_row(proof.number, f"{sign} {proof.bound:.3g} {proof.unit}", f"{proof.needed:.3g}", proof.against,
-                      proof.holds, "yes" if proof.excluded else "no")  # fmt: skip
-    return table
+app.command("validate")(command("reproduction.arch_validation.command:validate"))
 
 
 @app.command("crosscheck")

@@ -1,7 +1,6 @@
 """Command line of the cell and of other bodies: ``python -m fasbody.cell --help``."""
 
-from collections.abc import Callable, Iterable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
@@ -9,36 +8,30 @@ from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 import typer
 
 from fasbody.cell.dome import Dome, Nucleus, shape
-from fasbody.cell.materials import MODULI_PA, Material, Preset, preset
-from fasbody.console import command_line, console, make_folder, print_json, progress_bar, to_json, write_whole
+from fasbody.cell.materials import Material, Preset, preset
+from fasbody.cell.options import (
+    JsonOption,
+    ModesOption,
+    ModulusOption,
+    OutOption,
+    PresetOption,
+    ShapeOption,
+    SizeOption,
+    SolverOption,
+    check_count,
+    mesh_size,
+    named,
+    report,
+)
+from fasbody.console import command_line, console, to_json, write_whole
 from fasbody.exceptions import SettingError
+from fasbody.lazy import command
 
 if TYPE_CHECKING:
     from fasbody.cell.analysis import Analysis
-    from fasbody.cell.mesh import MeshSize
     from fasbody.cell.viscoelastic import StandardLinearSolid
 
 T = TypeVar("T")
-
-
-def _made(folder: Path | None) -> Path | None:
-    return make_folder(folder) if folder else None
-
-
-PresetOption = Annotated[str, typer.Option("--preset", help="as-printed, as-reproduced or si")]
-ShapeOption = Annotated[str, typer.Option("--shape", help=r"base axes, long x short \[um]")]
-SizeOption = Annotated[float, typer.Option("--size", help=r"element size \[um]; finer at nucleus and rim")]
-ModesOption = Annotated[int, typer.Option("--modes", help="number of modes")]
-SolverOption = Annotated[
-    str | None, typer.Option("--solver", help="pardiso, superlu or multigrid; default: the fastest")
-]
-ModulusOption = Annotated[float | None, typer.Option("--modulus", help="Young's modulus of the cytoplasm [Pa]")]
-JsonOption = Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")]
-OutOption = Annotated[
-    Path | None,
-    typer.Option("--out", help="folder for results and figures", callback=_made),
-]
-
 BodyArgument = Annotated[
     str, typer.Argument(help="a .stl, .obj, .vtu or .msh file, or a bundled bone such as calcaneus")
 ]
@@ -137,7 +130,7 @@ def analyse_cell(
             analysis = analyse(*assemblies(dome, mesh_size(size)), chosen, dome=dome, **options)
     if out is not None:
         _write(out, analysis)
-    _report(analysis.document(), str(analysis), as_json)
+    report(analysis.document(), str(analysis), as_json)
 
 
 @app.command("modes")
@@ -183,7 +176,7 @@ def modes_of_a_body(
         write_browser(out / "body.npz", result, inner=None)
         figures.save(figures.mode_shapes(result), out / "modes.png")
         console.print(f"written: {out}")
-    _report(result.document(), str(result), as_json)
+    report(result.document(), str(result), as_json)
 
 
 @app.command("response")
@@ -225,76 +218,11 @@ def shake_a_body(
         write_whole(out / "shake.json", to_json(result.document()))
         figures.save(figures.response(result.response), out / "shake.png")
         console.print(f"written: {out}")
-    _report(result.document(), str(result), as_json)
+    report(result.document(), str(result), as_json)
 
 
-@app.command("sweep")
-def sweep(
-    preset_name: PresetOption = "as-reproduced",
-    shape_text: ShapeOption = "100x40",
-    modes: ModesOption = 10,
-    size: SizeOption = 3.5,
-    as_json: JsonOption = False,
-    out: OutOption = None,
-) -> None:
-    """Figures 5.9 (four shapes), 5.10 (seven moduli) and 5.11 (power law with both ways of fitting).
-
-    Examples:
-      python -m fasbody.cell sweep --preset as-printed --out results/cell
-    """
-    chosen = preset(preset_name)
-    dome = Dome(*shape(shape_text), chosen.height_um)
-    check_count(modes)
-    from fasbody.cell.dome import SHAPES
-    from fasbody.cell.sweep import YEAST_PA, summarise, sweep_moduli, sweep_shapes
-
-    with progress_bar() as progress:
-        task = progress.add_task("cells", total=len(SHAPES) + len(MODULI_PA) + 1)
-
-        def advance() -> None:
-            progress.advance(task)
-
-        by_shape = sweep_shapes(chosen, size=mesh_size(size), count=modes, advance=advance)
-        by_modulus = sweep_moduli(
-            chosen, dome, moduli=(*MODULI_PA, YEAST_PA), size=mesh_size(size), count=modes, advance=advance
-        )
-    summary = summarise(by_shape, by_modulus)
-    printed, direct = by_modulus.without_last(), by_modulus.analyses[-1]
-    document = {"summary": summary.document(), "shapes": by_shape.document(), "moduli": by_modulus.document()}
-    if out is not None:
-        from fasbody.cell import figures
-
-        write_whole(out / "sweep.json", to_json(document))
-        for name, figure in (
-            ("figure_5_9", figures.shapes(by_shape)),
-            ("figure_5_10", figures.moduli(printed)),
-            ("figure_5_11", figures.power_law(printed, summary.laws, summary.direct_hz)),
-        ):
-            figures.save(figure, out / f"{name}.png")
-        for number, analysis in enumerate(by_shape.analyses, start=5):
-            figures.save(figures.mode_shapes(analysis, 5), out / f"figure_5_{number}.png")
-        console.print(f"written: {out}")
-    _report(document, f"{by_shape}\n{printed}\n{summary}, {direct.descriptions[0]}", as_json)
-
-
-@app.command("verify")
-def verify(preset_name: PresetOption = "as-reproduced", as_json: JsonOption = False) -> None:
-    """Known bodies: free sphere, beams, plates, scaling laws; and the cell's mesh convergence. Takes about a minute.
-
-    Examples:
-      python -m fasbody.cell verify
-    """
-    from fasbody.cell.verification import check_beams, check_plates, check_scaling, check_sphere, convergence
-
-    chosen = preset(preset_name)
-    dome = Dome(height=chosen.height_um)
-    with console.status("solving known bodies"):
-        checks = [*check_sphere(), *check_beams(), *check_plates(), *check_scaling(chosen, dome, mesh_size(6.0))]
-        study = convergence(chosen, dome)
-    document = {"checks": [check.document() for check in checks], "convergence": study.document()}
-    _report(document, "\n".join([*map(str, checks), str(study)]), as_json)
-    if not all(check.passed for check in checks):
-        raise SystemExit(1)
+app.command("sweep")(command("reproduction.cell.command:sweep"))
+app.command("verify")(command("reproduction.cell.command:verify"))
 
 
 @app.command("shake")
@@ -345,7 +273,7 @@ def shake(
         write_whole(out / "shake.json", to_json(document))
         figures.save(figures.response(response), out / "shake.png")
         console.print(f"written: {out}")
-    _report(document, f"{damped}\n{response}", as_json)
+    report(document, f"{damped}\n{response}", as_json)
 
 
 def chosen_preset(name: str, modulus: float | None) -> Preset:
@@ -415,21 +343,6 @@ def check_held(held: str | None, support: str) -> None:
         raise SettingError(f"--held {held} goes with --support region, and the support is {support}.")
 
 
-def check_count(modes: int) -> None:
-    """Refuse a number of modes below one."""
-    if modes < 1:
-        raise SettingError(f"--modes: the number of modes must be 1 or more, not {modes}.")
-
-
-@contextmanager
-def named(option: str) -> Iterator[None]:
-    """Put the option before the sentence on its value."""
-    try:
-        yield
-    except SettingError as error:
-        raise SettingError(f"{option}: {error}") from error
-
-
 def check_together(context: typer.Context, mesh: Path | None) -> None:
     """Refuse options that have no meaning beside the others given, or before a sub-command.
 
@@ -456,14 +369,6 @@ def check_together(context: typer.Context, mesh: Path | None) -> None:
             refuse(OF_STL, f"serves an .stl surface; {mesh} brings its own tetrahedra: leave it out")
 
 
-def mesh_size(size: float) -> "MeshSize":
-    """Element sizes from the one of the command line [um]."""
-    from fasbody.cell.mesh import MeshSize
-
-    with named("--size"):
-        return MeshSize.of(size)
-
-
 def _write(out: Path, analysis: "Analysis") -> None:
     from fasbody.cell import figures
     from fasbody.cell.meshfile import write_browser, write_vtu
@@ -474,13 +379,6 @@ def _write(out: Path, analysis: "Analysis") -> None:
     figures.save(figures.mode_shapes(analysis), out / "modes.png")
     figures.save(figures.mesh_views(analysis), out / "mesh.png")
     console.print(f"written: {out}")
-
-
-def _report(document: dict[str, Any], text: str, as_json: bool) -> None:
-    if as_json:
-        print_json(document)
-    else:
-        print(text)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,5 @@
-"""Figures 5.3 to 5.11 anew, and those of what lies beyond the thesis."""
+"""Modes, meshes and responses of a cell or another body, as Figures 5.4 to 5.8."""
 
-from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +12,6 @@ from matplotlib.figure import Figure
 
 from fasbody.cell.mesh import NUCLEUS, TetMesh
 from fasbody.cell.meshfile import displacements, upright
-from fasbody.cell.sweep import YEAST_PA, PowerLaw, Sweep
 from fasbody.presentation import COLOURS, COLUMN, LINES, PAGE, printed, write_figure
 
 if TYPE_CHECKING:
@@ -22,7 +20,6 @@ if TYPE_CHECKING:
     from fasbody.cell.viscoelastic import BaseResponse, ForceResponse
 
 SWELL = 0.12  # largest drawn displacement, of the cell's length
-MARKERS = "osD^v<>pPX*hdH"
 #: Colours of motion one way and the other.
 PHASES = "RdBu_r"
 #: Angle between faces from which their edge is drawn [rad].
@@ -105,50 +102,6 @@ def mesh_views(analysis: "Analysis") -> Figure:
     return figure
 
 
-@printed
-def shapes(sweep: Sweep) -> Figure:
-    """Figure 5.9: frequencies over the mode number for each base shape."""
-    figure, axes = _axes()
-    numbers = np.arange(1, sweep.frequencies_hz.shape[1] + 1)
-    for i, (a, f) in enumerate(zip(sweep.analyses, sweep.frequencies_hz, strict=True)):
-        label = f"{a.dome.length:g} × {a.dome.width:g} µm" if a.dome else "own mesh"
-        axes.plot(numbers, f, marker=MARKERS[i], label=label)
-    axes.set(xlabel="mode number", ylabel="natural frequency [Hz]", xticks=numbers)
-    axes.legend(title=f"base axes ({sweep.analyses[0].preset.name})")
-    return figure
-
-
-@printed
-def moduli(sweep: Sweep) -> Figure:
-    """Figure 5.10: frequencies over the mode number for each modulus of the cytoplasm."""
-    figure, axes = _axes()
-    numbers = np.arange(1, sweep.frequencies_hz.shape[1] + 1)
-    for i, (a, f) in enumerate(zip(sweep.analyses, sweep.frequencies_hz, strict=True)):
-        axes.semilogy(numbers, f, marker=MARKERS[i], label=f"{a.model.materials[0].E:g} Pa")
-    axes.set(xlabel="mode number", ylabel="natural frequency [Hz]", xticks=numbers)
-    handles, labels = axes.get_legend_handles_labels()
-    figure.legend(handles[::-1], labels[::-1], title="Young's modulus", loc="outside right center")
-    return figure
-
-
-@printed
-def power_law(sweep: Sweep, laws: Sequence[PowerLaw], direct_hz: float) -> Figure:
-    """Figure 5.11: first frequency over the modulus, both fits, and what the model itself gives at their far end."""
-    figure, axes = _axes()
-    E = np.array([a.model.materials[0].E for a in sweep.analyses])
-    fine = np.geomspace(E.min(), YEAST_PA, 100)
-    for law, style in zip(laws, ("-", "--"), strict=True):
-        text = f"$f_1 = {law.a:.3g}\\,E^{{{law.b:.3f}}}$ ({law.way}): {law(YEAST_PA):.0f} Hz at {YEAST_PA / 1e6:g} MPa"
-        axes.loglog(fine, law.a * fine**law.b, style, color="0.4", label=text)
-    axes.loglog(E, sweep.frequencies_hz[:, 0], "o", label="model, nucleus 400 Pa")
-    axes.loglog(
-        [YEAST_PA], [direct_hz], "s", color=COLOURS[1], label=f"model at {YEAST_PA / 1e6:g} MPa: {direct_hz:.0f} Hz"
-    )
-    axes.set(xlabel="Young's modulus of the cytoplasm [Pa]", ylabel="first natural frequency [Hz]")
-    figure.legend(loc="outside upper center")
-    return figure
-
-
 def response(response: "BaseResponse | ForceResponse") -> Figure:
     """What a shaken base or a force does to a body."""
     from fasbody.cell.viscoelastic import BaseResponse
@@ -159,7 +112,7 @@ def response(response: "BaseResponse | ForceResponse") -> Figure:
 @printed
 def force_response(response: "ForceResponse") -> Figure:
     """Acceleration of the highest point per force over the frequency, per direction."""
-    figure, axes = _axes()
+    figure, axes = single()
     for i, axis in enumerate("xyz"):
         size = np.abs(response.accelerance[i])
         axes.loglog(response.frequencies_hz, size, color=COLOURS[i], ls=LINES[i], label=f"along {axis}")
@@ -196,7 +149,8 @@ def save(figure: Figure, file: Path) -> Path:
     return write_figure(figure, file)[0]
 
 
-def _axes() -> tuple[Figure, Any]:
+def single() -> tuple[Figure, Any]:
+    """A figure of one panel."""
     figure = Figure(figsize=(1.3 * COLUMN, 3.2), layout="constrained")
     return figure, figure.subplots()
 

@@ -1,15 +1,17 @@
 """The printed figures of a comparison: what rivals predict over frequency, and what they say of the springs."""
 
+from itertools import product
 from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator
 
-from fasbody.presentation import COLOURS, printed
+from fasbody.presentation import COLOURS, MARKS, PAGE, printed
 from identification.figures import panels
 
 if TYPE_CHECKING:
+    from identification.rivals.naming import Naming
     from identification.rivals.result import Rivals
 
 #: Colours that the colour-blind tell apart (Okabe and Ito), with marks of their own.
@@ -123,4 +125,38 @@ def constants(result: "Rivals") -> Figure:
     figure.legend(
         list(marks.values()), list(marks), loc="outside lower center", ncols=3
     )  # fmt: skip
+    return figure
+
+
+@printed
+def naming(result: "Naming") -> Figure:
+    """|MB| and |TB| as recorded (marks, hollow at a smaller amplitude) and of the best fit (lines)."""
+    seen, best = result.seen, result.fits[0]
+    kept = seen.recordings.repeats
+    plan = seen.plan.only(kept)
+    pairs = ("MB", "TB") if plan.tuberosity else ("MB",)
+    width = min(PAGE, 3.35 * len(pairs) + 0.4)
+    figure = Figure(figsize=(width, 2.8), layout="constrained")
+    panels = figure.subplots(1, len(pairs), squeeze=False)[0]
+    smaller = plan.partner >= 0
+    for ax, pair in zip(panels, pairs, strict=True):
+        read, fitted = np.abs(getattr(seen.recordings, pair)[kept]), np.abs(getattr(best, pair))
+        groups = product(np.unique(plan.added_kg), (False, True))
+        for number, (added, hollow) in enumerate(groups):
+            colour, mark = (some[number // 2 % len(some)] for some in (COLOURS, MARKS))
+            some = (plan.added_kg == added) & (smaller == hollow)
+            if not some.any():
+                continue
+            at = np.flatnonzero(some)[np.argsort(plan.frequency_hz[some])]
+            label = f"{added:g} kg added" + (", smaller amplitude" if hollow else "")
+            face, f = "none" if hollow else colour, plan.frequency_hz[at]
+            ax.plot(f, read[at], mark, color=colour, mfc=face, ms=4.5, label=label)
+            ax.plot(f, fitted[at], color=colour, lw=1, ls=":" if hollow else "-")
+        ax.set_title(f"{pair}: recorded (marks), {best.rival} (lines)", loc="left")
+        ax.set_xlabel("frequency [Hz]")
+        ax.set_ylim(0, 1.1 * max(1.0, read.max(), fitted.max()))
+        ax.axhline(1, color="0.6", lw=0.8, zorder=0)
+    panels[0].set_ylabel("transmissibility")
+    handles, labels = panels[-1].get_legend_handles_labels()
+    figure.legend(handles, labels, loc="outside lower center", ncols=min(3, len(labels)))
     return figure

@@ -187,8 +187,8 @@ def test_5_2_moduli_in_text_and_table_differ() -> None:
 
 def place(file: str) -> Path:
     """Where a test of the page lies: here, or among those of the project."""
-    here = Path(__file__).with_name(file)
-    return here if here.exists() else ROOT / "tests" / file
+    rooms = [ROOT / "tests", *(ROOT / "reproduction").iterdir()]
+    return next((room / file for room in rooms if (room / file).exists()), ROOT / "tests" / file)
 
 
 def test_every_row_of_the_page_names_an_existing_test() -> None:
