@@ -18,6 +18,7 @@ from fasbody.arch import mount
 from fasbody.arch.bones import Arch
 from fasbody.arch.linear import transmissibility
 from fasbody.arch.mounted import SHANK_KG, SHIPPED
+from fasbody.foot.linear import Linear
 from fasbody.foot.model import load
 from fasbody.foot.shaker import harmonics
 from fasbody.foot.simulate import simulate
@@ -29,7 +30,7 @@ from identification.engines.twin import SHANK as ON_SHANK
 from identification.engines.twin import carriers
 from identification.study.loops import cycle
 from viz.load import load_foot
-from viz.motion import discretise, periodic_motion
+from viz.motion import periodic_motion
 from viz.settings import Settings
 
 Array = np.ndarray
@@ -151,8 +152,8 @@ def swings(file: Path) -> dict[str, complex]:
 
 
 def drawn(file: Path) -> dict[str, complex]:
-    """The curve of the viewer, from one linear step."""
-    return {"T": complex(discretise(load_foot(str(file))).transmissibility(np.array([HZ]))[0])}
+    """The curve of the viewer, of small motion."""
+    return {"T": complex(Linear(load_foot(str(file))).transmissibility(np.array([HZ]))[0])}
 
 
 def shown(file: Path) -> dict[str, complex]:
