@@ -186,6 +186,8 @@ def _settled(foot: Foot, f: float, amplitudes: Array, count: int) -> Motion:
         q[foot.base], v[foot.base] = out.qpos[0, 0, foot.base], out.qvel[0, 0, foot.base]  # the base must not drift
     else:
         raise _Unsettled(f"{foot.name}: the motion at {f:g} Hz does not settle within {PERIODS} periods; add damping.")
+    halved = harmonics(f, amplitudes, 1 / f).controls(changed.step / 2, 2 * count)[None]
+    batch.checked(out, batch.run(halved, changed.step / 2, q, v, a), changed.step)
     motion = _stepped(changed, out, np.arange(0, count, count // FRAMES), 1 / f)
     w = 2 / count * np.exp(-2j * np.pi * np.arange(count) / count)
     moves = np.any(amplitudes)
@@ -208,8 +210,7 @@ def transient_motion(
 def _from_rest(foot: Foot, base: BaseMotion, shown: tuple[float, float], count: int) -> Motion:
     """The transient with `count` steps. Slow motion is taken out of the table and of what moves on it alike."""
     changed = foot.with_values({}, step=base.duration / count)
-    controls = base.controls(changed.step, count)[None]
-    out = Batch(changed, 1, threads=1).run(controls, changed.step, standing(changed))
+    out = Batch(changed, 1, threads=1).run_checked([base], changed.step, standing(changed))
     stride = max(1, int(1 / (RATE * changed.step)))
     pick = np.arange(0, count, stride)
     whole = _stepped(changed, out, pick, base.duration)

@@ -234,7 +234,7 @@ def check(model: mujoco.MjModel, name: str) -> Foot:
     for element in REQUIRED["sensor"]:
         if element not in sensors:
             raise ModelError(f"{name}: sensor {element!r} reads no acceleration; make it a framelinacc at a site.")
-    _check_sensors(model, name)
+    _check_sensors(model, name, sensors)
     base = int(model.jnt_qposadr[model.joint("base").id])
     if not can_be_constrained(model):  # MuJoCo then need not look for contacts: a fifth of a step
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
@@ -282,26 +282,26 @@ def _check_shaker(model: mujoco.MjModel, name: str, first: int) -> None:
             raise ModelError(f"{name}: actuator {called!r} has a range, and the table must move as asked; remove it.")
 
 
-def _check_sensors(model: mujoco.MjModel, name: str) -> None:
-    """Base and malleolus are sensed where they are, and by a velocity where the acceleration comes late."""
+def _check_sensors(model: mujoco.MjModel, name: str, sensors: Mapping[str, Sensor]) -> None:
+    """Base and malleolus are sensed where they are, and all by a velocity where the acceleration comes early."""
     wanted = {"base": model.body_weldid[model.jnt_bodyid[model.joint("base").id]]}
     wanted["malleolus"] = model.body_weldid[model.site_bodyid[model.site("malleolus").id]]
-    late = model.opt.integrator != mujoco.mjtIntegrator.mjINT_RK4
-    if late and "malleolus_velocity" not in names(model, "sensor"):
-        raise ModelError(
-            f"{name}: with another integrator than RK4 accelerations are sensed half a step early; add the sensor "
-            "'malleolus_velocity', a framelinvel at the site malleolus."
-        )
     for sensor, body in wanted.items():
         on = body_of(model, model.sensor(sensor).id)
         if model.body_weldid[on] != body:
             place = "the table" if sensor == "base" else "the body of the site 'malleolus'"
             raise ModelError(f"{name}: sensor {sensor!r} sits on {model.body(on).name!r}; it belongs on {place}.")
-    known = names(model, "sensor")
-    for sensor in known if late else ():
+    if model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4:
+        return
+    for sensor in sensors:
         velocity = f"{sensor}_velocity"
-        if velocity not in known or sensor == "base":
+        if sensor == "base":
             continue
+        if velocity not in names(model, "sensor"):
+            raise ModelError(
+                f"{name}: with another integrator than RK4 accelerations are sensed half a step early; beside "
+                f"{sensor!r} add the sensor {velocity!r}, a framelinvel at the same site."
+            )
         one, other = model.sensor(sensor).id, model.sensor(velocity).id
         if model.sensor_type[other] != mujoco.mjtSensor.mjSENS_FRAMELINVEL:
             raise ModelError(
@@ -348,22 +348,12 @@ def _check_places(model: mujoco.MjModel, parameters: Parameters, name: str) -> N
     for symbol, parameter in parameters.items():
         value = parameter.read(model)
         for place in parameter.places[1:]:
-            if _is_share(model, place.field, place.index):
-                continue
             other = place.read(model)
             if abs(other - value) > 1e-6 * max(abs(value), abs(other)):
                 raise ModelError(
                     f"{name}: parameter {symbol!r} is {value:g} {parameter.unit} at the first place that its <text> "
                     f"names and {other:g} at another; edit every place alike, or the shares in the <text>."
                 )
-
-
-def _is_share(model: mujoco.MjModel, field: str, index: int) -> bool:
-    """Whether a number is the native share of a damper of law 4.25, which decides accuracy and no physics."""
-    user = {"dof_damping": model.jnt_user, "tendon_damping": model.tendon_user}.get(field)
-    if user is None or user.shape[1] < 1:
-        return False
-    return bool(user[model.dof_jntid[index] if field == "dof_damping" else index, 0] == damper.DAMPER)
 
 
 def accelerometers(model: mujoco.MjModel, up: tuple[float, float, float]) -> dict[str, Sensor]:
@@ -491,6 +481,7 @@ def _check_laws(model: mujoco.MjModel, name: str) -> None:
         for element, row in zip(names(model, kind), user, strict=False):
             if row.any():
                 _check_law(row, algebraic, f"{name}: the user field of {kind} {element!r}")
+    _check_dampers(model, name)
     for actuator in range(model.nactuator):
         row = model.actuator_biasprm[actuator]
         if row[0] in damper.MEMORY:
@@ -498,6 +489,21 @@ def _check_laws(model: mujoco.MjModel, name: str) -> None:
             _check_law(row[: damper.USER_SIZE], memory, here)
             if model.actuator_actnum[actuator] != damper.MEMORY[row[0]]:
                 raise ModelError(f'{here} names the law {row[0]:g}, which needs actdim="{damper.MEMORY[row[0]]}".')
+
+
+def _check_dampers(model: mujoco.MjModel, name: str) -> None:
+    """A damper that stands in the law 4.25 and in `damping`, for MuJoCo alone, must be the same in both."""
+    kinds = (
+        ("joint", model.jnt_user, model.dof_damping[model.jnt_dofadr]),
+        ("tendon", model.tendon_user, model.tendon_damping),
+    )
+    for kind, laws, native in kinds:
+        for i in np.flatnonzero(laws[:, :1] == damper.DAMPER):
+            if native[i] and abs(native[i] - laws[i, 1]) > 1e-6 * laws[i, 1]:
+                raise ModelError(
+                    f"{name}: {kind} {getattr(model, kind)(i).name!r} has damping={native[i]:g} beside "
+                    f"c_1 = {laws[i, 1]:g} of its law 4.25; write the same number in both, or no damping."
+                )
 
 
 def _check_law(row: np.ndarray, laws: list[damper.Law], here: str) -> None:
