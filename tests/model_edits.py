@@ -255,6 +255,19 @@ TWO_DOF = (
     _edit("two_dof", "a shoe, fixed to the foot",
           ('<body name="shank">', '<body name="shoe"><inertial pos="0 0 0" mass="0.4" diaginertia="1e-3 1e-3 1e-3"/>'
            '</body><body name="shank">'), truth=chain(replace(FOOT, mass=1.452265), SHANK, at=1)),
+    _edit("two_dof", "a shoe of a geom",
+          ('<body name="shank">', '<body name="shoe"><geom name="shoe" size="0.05" mass="0.4"/></body><body name="shank">'),
+          truth=chain(replace(FOOT, mass=1.452265), SHANK, at=1)),
+    _edit("two_dof", "a shoe of a dense geom in a class without mass",
+          ('<body name="shank">', '<body name="shoe"><geom name="shoe" size="0.05" density="600"/></body><body name="shank">'),
+          load="geom 'shoe' has the density 600, which counts for nothing, as its mass is written"),
+    _edit("two_dof", "a density beside an inertial", ('<geom name="foot" ', '<geom name="foot" density="600" '),
+          load="geom 'foot' has the density 600, which counts for nothing, as body 'foot' has an <inertial>"),
+    _edit("two_dof", "masses by the geoms", ('angle="radian"', 'angle="radian" inertiafromgeom="true"'),
+          ('<geom name="foot" ', '<geom name="foot" mass="1.6" '), truth=chain(replace(FOOT, mass=1.6), SHANK, at=1)),
+    _edit("two_dof", "a total of all masses", ('angle="radian"', 'angle="radian" settotalmass="7"'), load="settotalmass"),
+    _edit("two_dof", "a pad of cubic stiffness", (FAT_PAD, FAT_PAD.replace("1.0e5", "1.0e5 0 1e12")),
+          truth=chain(FOOT, SHANK, at=1), leg="joint 'fat_pad' has a polynomial law"),
     _edit("two_dof", "an insole, a body of its own",
           (IN_FOOT, BODY.format("insole", 9e4, 70, 0.3) + IN_FOOT), ("  </worldbody>", "</body>  </worldbody>"),
           truth=chain(Link(0.3, -1, 9e4, 70), replace(FOOT, on=0), replace(SHANK, on=1), at=2, pad=1)),
@@ -766,9 +779,7 @@ MOUNTS = (
         ),
         truth=mounted((0, 0.5)),
     ),
-    _edit(
-        "mounted_arch", "added mass in the place of the thigh", ("body load mass", "body thigh mass"), load="added_mass"
-    ),
+    _edit("mounted_arch", "gravity beside its weight", HEAVY, load="the actuator 'weight' stands for it"),
     _edit(
         "mounted_arch",
         "malleolus sensed on the shank",

@@ -19,6 +19,7 @@ from fasbody.exceptions import SimulationError
 #: Coordinates of `matrices`, in order.
 COORDINATES = ("z_F", "z_T", "theta_2", "theta_3", "theta_4", "z_H", "z_A")
 _STEP = 1e-30
+GRAVITY = 9.81
 _JOINTS = ("spring_ligament", "short_plantar_ligament", "long_plantar_ligament")
 
 
@@ -89,12 +90,16 @@ def _ligaments(mounted: Mounted, arch: Arch, q: Array) -> list[tuple[float, floa
     return found
 
 
-def mjcf(mounted: Mounted = SHIPPED, arch: Arch | None = None, weight: float = SEATED_N) -> str:
+def mjcf(
+    mounted: Mounted = SHIPPED, arch: Arch | None = None, weight: float | None = None, added_kg: float = 0.0
+) -> str:
     """The model as MJCF.
 
     Args:
-        mounted: the leg. arch: the bones, None for `Arch.nominal()`. weight: on the arch [N].
+        mounted: the leg. arch: the bones, None for `Arch.nominal()`. added_kg: on the knee.
+        weight: on the arch [N]; None for a seated leg with what is added.
     """
+    weight = SEATED_N + GRAVITY * added_kg if weight is None else weight
     arch = arch or Arch.nominal()
     q = pose(mounted, arch, weight)
     a, theta_1, flesh = arms(arch, q), float(closing_angle(arch, q)), FOOT_KG - arch.m_F
@@ -119,7 +124,7 @@ def mjcf(mounted: Mounted = SHIPPED, arch: Arch | None = None, weight: float = S
             middle=-L / 2, m=m, I=I, L=-L, pad=" " * (2 * i), more=f"@{i + 1}" if i < 4 else _HEADS.format(L=-L),
         ))  # fmt: skip
     values = {
-        "weight": weight, "k_F": float(pad(mounted.k_F, weight)), "c_F": mounted.c_F,
+        "weight": weight, "added": added_kg, "k_F": float(pad(mounted.k_F, weight)), "c_F": mounted.c_F,
         "k_T": mounted.k_T, "c_T": mounted.c_T,
         "k_H": mounted.k_H, "c_H": mounted.c_H, "k_A": mounted.k_A, "c_A": mounted.c_A,
         "sole": flesh * (1 - mounted.up), "apex": flesh * mounted.up + SHANK_KG * mounted.share,
@@ -162,7 +167,7 @@ _BONES = """<mujoco model="mounted_arch">
     <text name="k_A" data="N/m | 1e3 | 1e6 | joint tissue stiffness | fitted"/>
     <text name="c_A" data="N s/m | 1 | 3e3 | joint tissue user 1 | fitted"/>
     <text name="m_K" data="kg | 0.3 | 10 | body shank mass | as leg.xml"/>
-    <text name="added_mass" data="kg | 0 | 50 | body load mass | section 2.2.2: 0, 2.3, 4.5 on the knee"/>
+    <!-- No added_mass: a load moves the pose, and with it pad and ligaments. README.md says how to make that model. -->
   </custom>
 
   <default>
@@ -215,7 +220,7 @@ _BONES = """<mujoco model="mounted_arch">
               <inertial pos="0 0.5 0" mass="#tissue#" diaginertia="1e-3 1e-3 1e-3"/>
               <body name="load">
                 <!-- no joint: it moves with the tissue -->
-                <inertial pos="0 0.55 0" mass="0" diaginertia="0 0 0"/>
+                <inertial pos="0 0.55 0" mass="#added#" diaginertia="0 0 0"/>
                 <geom name="load" type="box" size="0.05 0.02 0.05" pos="0 0.55 0" rgba="0.3 0.3 0.35 1"/>
               </body>
             </body>
@@ -250,7 +255,7 @@ _BONES = """<mujoco model="mounted_arch">
     <general name="shaker_a1" class="column" joint="base"/>
     <general name="shaker_a2" class="column" joint="base"/>
     <general name="shaker_a3" class="column" joint="base"/>
-    <!-- static load on the apex -->
+    <!-- static load on the apex, in place of gravity -->
     <general name="weight" joint="apex" gainprm="0" biastype="affine" biasprm="-#weight# 0 0"/>
   </actuator>
 

@@ -26,6 +26,10 @@ HEAVY, CLOSED = 1e6, 1e-6
 #: Improvement at which the solver of constraints stops, and its iterations. MuJoCo divides it by all
 #: inertia, of which the table has nearly all: at the usual 1e-8 a foot's constraint is not seen.
 _IMPROVEMENT, _ITERATIONS = 1e-30, 100
+#: Density of a geom that names none [kg/m^3].
+_WATER = 1000.0
+#: The actuator that is the static load of a model without gravity.
+WEIGHT = "weight"
 #: Parts of the physics that no model may switch off.
 _NEEDED = ("spring", "damper", "gravity", "equality", "actuation", "sensor")
 
@@ -170,13 +174,13 @@ def _checked(read: Callable[[], mujoco.MjSpec], place: str | Path, name: str = "
     try:
         with quiet():  # what MuJoCo has to warn of is refused below, in a sentence
             spec = read()
+            _check_masses(spec, name or spec.modelname)
             compiled = spec.compile()
             xml = "" if spec.meshes or spec.hfields or spec.textures else spec.to_xml()
     except ValueError as error:
         clause, line = compiler_complaint(str(error))
         raise InputFileError(place, f"MuJoCo cannot compile it ({clause})", line=line) from None
     name = name or _called(compiled)
-    _check_masses(spec, name)
     return replace(check(compiled, name), xml=xml)
 
 
@@ -186,14 +190,26 @@ def _called(model: mujoco.MjModel) -> str:
 
 
 def _check_masses(spec: mujoco.MjSpec, name: str) -> None:
-    """Refuse the mass of a geom that MuJoCo passes over without a word, as its body has an inertial."""
+    """Refuse masses that MuJoCo passes over without a word, or spreads over the table, too."""
+    if spec.compiler.settotalmass > 0:
+        raise ModelError(
+            f'{name}: <compiler settotalmass="{spec.compiler.settotalmass:g}"/> scales all masses until they come to '
+            "that with the table's; write the masses of the bodies."
+        )
+    by_geoms = spec.compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
     for body in spec.bodies:
-        for geom in body.geoms if body.explicitinertial else ():
-            if geom.mass > 0:
-                raise ModelError(
-                    f"{name}: geom {geom.name!r} has the mass {geom.mass:g}, which counts for nothing, as body "
-                    f"{body.name!r} has an <inertial>; write the mass there."
-                )
+        for geom in body.geoms:
+            dense = f"density {geom.density:g}" if geom.density != _WATER else ""
+            if body.explicitinertial and not by_geoms and (geom.mass > 0 or dense):
+                given, ruled = dense or f"mass {geom.mass:g}", f"body {body.name!r} has an <inertial>"
+            elif geom.mass == 0 and dense:
+                given, ruled = dense, 'its mass is written, too: mass="0", maybe of a default class'
+            else:
+                continue
+            raise ModelError(
+                f"{name}: geom {geom.name!r} has the {given}, which counts for nothing, as {ruled}; write the mass "
+                "there."
+            )
 
 
 def check(model: mujoco.MjModel, name: str) -> Foot:
@@ -262,6 +278,11 @@ def _check_options(model: mujoco.MjModel, name: str) -> None:
                 f'{name}: <flag {flag}="disable"/> switches off what the model is made of; remove it, and change the '
                 "numbers of the elements instead."
             )
+    if WEIGHT in names(model, "actuator") and model.opt.gravity.any():
+        raise ModelError(
+            f"{name}: <option> has gravity, and the actuator {WEIGHT!r} stands for it, so that the weight would count "
+            "twice; remove one of both."
+        )
     if model.opt.noslip_iterations:
         raise ModelError(f"{name}: <option> has noslip_iterations, which no periodic motion knows; remove it.")
 
