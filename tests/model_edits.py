@@ -458,6 +458,11 @@ LEGS = (
     _edit("leg", "a shaker with an armature", ('name="shaker" joint', 'name="shaker" armature="1e-9" joint'),
           load="actuator 'shaker' .* 'armature'"),
     _edit("leg", "a table of little force", (TABLE, TABLE + ' actuatorfrcrange="-1 1"'), load="joint 'base' .* 'actuatorfrcrange'"),
+    _edit("leg", "a table tied to the world", (TENDONS, '<equality><joint name="tie" joint1="base"/></equality>' + TENDONS),
+          load="equality 'tie' holds the table"),
+    _edit("leg", "a table on a strap of its own weight", ("<worldbody>", '<worldbody><site name="floor" pos="0 -1 0"/>'),
+          (TENDONS, '<tendon><spatial name="strap" stiffness="1e13"><site site="floor"/><site site="base"/></spatial></tendon>' + TENDONS),
+          load="tendon 'strap' holds the table"),
     _edit("leg", "a table on a spring", (TABLE, TABLE + ' stiffness="1e14"'), load="joint 'base' .* 'stiffness'"),
     _edit("leg", "a table with a servo", (ACTUATORS, '<general name="servo" joint="base" gainprm="0" biastype="affine" '
           'biasprm="0 -1e13 0"/>' + ACTUATORS), load="actuator 'servo' acts on the joint 'base'"),

@@ -26,6 +26,8 @@ HEAVY, CLOSED = 1e6, 1e-6
 #: Improvement at which the solver of constraints stops, and its iterations. MuJoCo divides it by all
 #: inertia, of which the table has nearly all: at the usual 1e-8 a foot's constraint is not seen.
 _IMPROVEMENT, _ITERATIONS = 1e-30, 100
+#: A table that is moved by so much [m] may change its acceleration by so much [m/s^2].
+_MOVED, _HELD = 1e-3, 1e-3
 #: Density of a geom that names none [kg/m^3].
 _WATER = 1000.0
 #: The actuator that is the static load of a model without gravity.
@@ -245,6 +247,7 @@ def check(model: mujoco.MjModel, name: str) -> Foot:
     _check_shaker(model, name, first)
     check_fields(model, name)
     up = _check_base(model, name, shaker)
+    _check_held(model, name)
     _check_pads(model, name)
     sensors = accelerometers(model, up)
     for element in REQUIRED["sensor"]:
@@ -444,6 +447,28 @@ def _check_base(model: mujoco.MjModel, name: str, shaker: int) -> tuple[float, f
             )
     x, y, z = (float(part) for part in axis)
     return x, y, z
+
+
+def _check_held(model: mujoco.MjModel, name: str) -> None:
+    """Nothing that is tied to the table is a match for its weight, as a spring or an equality in the world could be."""
+    dof, data, found = int(model.jnt_dofadr[model.joint("base").id]), mujoco.MjData(model), []
+    for place in (0.0, _MOVED):
+        data.qpos[model.jnt_qposadr[model.joint("base").id]] = place
+        mujoco.mj_forward(model, data)
+        found.append(float(data.qacc[dof]))
+    if abs(found[1] - found[0]) < _HELD:
+        return
+    rows = data.efc_J.reshape(-1, model.nv)[:, dof] != 0 if data.nefc else np.zeros(0, bool)
+    equal = data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY
+    holders = [f"equality {model.equality(int(e)).name!r}" for e in dict.fromkeys(data.efc_id[equal & rows])]
+    pull, J = np.zeros((model.ntendon, model.nv)), (data.ten_J.ravel(), model.ten_J_rownnz, model.ten_J_rowadr)
+    mujoco.mju_sparse2dense(pull, *J, model.ten_J_colind.ravel())
+    strongest = int(np.argmax(model.tendon_stiffness * pull[:, dof] ** 2)) if model.ntendon else 0
+    holders += [f"tendon {model.tendon(strongest).name!r}"] if model.ntendon and not holders else []
+    raise ModelError(
+        f"{name}: {' and '.join(holders) or 'something'} holds the table, which moves as it is asked to; tie it to the "
+        "foot, or remove it."
+    )
 
 
 def _check_pads(model: mujoco.MjModel, name: str) -> None:
