@@ -12,6 +12,7 @@ from fasbody.foot.model import Foot, load
 from fasbody.foot.simulate import Batch, simulate
 from fasbody.foot.steady_state import Balance
 from fasbody.foot.two_dof import NAMES, TwoDof, trajectory
+from fasbody.recording.recording import Recording
 
 SECONDS = 0.3
 ALL = list(oracle.FEET.values())
@@ -195,6 +196,16 @@ def test_the_error_of_the_step_is_stated(integrator: str, frequency: float) -> N
     assert error > 1e-3
     assert run.step_error == pytest.approx(error, rel=0.3)
     assert f"step error {run.step_error:.1e}" in str(run)
+
+
+def test_a_simulation_is_called_as_a_recording(foot: Foot) -> None:
+    """One becomes the other by name, whole."""
+    run = simulate(foot, shaker.sine(20.0, 1.0))
+    names = ("time_s", "base_m_s2", "malleolus_m_s2")
+    recording = Recording(*(getattr(run, name)[0] for name in names))
+    for name, short in zip(names, ("time", "base", "malleolus"), strict=True):
+        np.testing.assert_array_equal(getattr(recording, name), getattr(run, short)[0])
+    assert {"time_s", "base_m_s2", "malleolus_m_s2"} <= set(run.records()[0])
 
 
 def test_a_step_that_is_too_long_is_refused() -> None:

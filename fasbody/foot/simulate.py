@@ -29,8 +29,10 @@ class Simulation(Presented):
     """Result of one batched rollout of `nsim` simulations and `n` steps.
 
     Attributes:
-        time: (nsim, n) start of each step [s].
-        base: (nsim, n) realised base acceleration [m/s^2]; malleolus: (nsim, n) output of Eq. (4.31) [m/s^2].
+        time_s: (nsim, n) start of each step [s].
+        base_m_s2: (nsim, n) realised base acceleration.
+        malleolus_m_s2: (nsim, n) output of Eq. (4.31). All three as a recording calls them; `time`, `base` and
+            `malleolus` are short for them.
         qpos: (nsim, n + 1, nq) positions, relative ones for slides [m]; qvel: (nsim, n + 1, nv) velocities [m/s].
         act: (nsim, n + 1, na) activations.
         base_error: largest difference between realised and prescribed base acceleration, as a share of its peak.
@@ -39,9 +41,9 @@ class Simulation(Presented):
         sensors: name -> (nsim, n) of every accelerometer but the base's, the malleolus among them [m/s^2].
     """
 
-    time: np.ndarray
-    base: np.ndarray
-    malleolus: np.ndarray
+    time_s: np.ndarray
+    base_m_s2: np.ndarray
+    malleolus_m_s2: np.ndarray
     qpos: np.ndarray
     qvel: np.ndarray
     act: np.ndarray
@@ -51,6 +53,21 @@ class Simulation(Presented):
 
     figures: ClassVar[str] = "fasbody.foot.figures"
     plots: ClassVar[tuple[str, ...]] = ("motion",)
+
+    @property
+    def time(self) -> np.ndarray:
+        """Short for `time_s`."""
+        return self.time_s
+
+    @property
+    def base(self) -> np.ndarray:
+        """Short for `base_m_s2`."""
+        return self.base_m_s2
+
+    @property
+    def malleolus(self) -> np.ndarray:
+        """Short for `malleolus_m_s2`."""
+        return self.malleolus_m_s2
 
     def __str__(self) -> str:
         nsim, n = self.base.shape
@@ -170,9 +187,9 @@ class Batch:
         wanted = controls[..., 1]
         peak = np.abs(wanted).max() or 1.0
         return Simulation(
-            time=np.broadcast_to(controls[..., 0], base.shape),
-            base=base,
-            malleolus=sensors["malleolus"],
+            time_s=np.broadcast_to(controls[..., 0], base.shape),
+            base_m_s2=base,
+            malleolus_m_s2=sensors["malleolus"],
             qpos=qpos_all, qvel=qvel_all, act=act_all,
             base_error=float(np.abs(base - wanted).max() / peak),
             sensors=sensors,
