@@ -1,5 +1,6 @@
 """Why the resonance rises with the load: `python -m fasbody.load_effect --help`."""
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -37,15 +38,16 @@ def print_load_effect(
     if figures is not None:
         make_folder(figures)
     from fasbody.leg.amplitude import halved
-    from fasbody.leg.mechanisms import MECHANISMS, both, lift_off, search
+    from fasbody.leg.mechanisms import MECHANISMS, both, feet, lift_off, search
 
     found = []
     with progress_bar() as progress:
-        task = progress.add_task("mechanisms", total=len(MECHANISMS))
-        for mechanism in MECHANISMS:
+        for number, mechanism in enumerate(MECHANISMS, 1):
             stepped = mechanism.response in (lift_off, both)
-            found.append(search(mechanism, lift_off_draws if stepped else draws, seed, 6 if stepped else 20))
-            progress.advance(task)
+            count, rounds = (lift_off_draws, 6) if stepped else (draws, 20)
+            name = f"{number}/{len(MECHANISMS)} {mechanism.name}"
+            task = progress.add_task(name, total=feet(count, rounds))
+            found.append(search(mechanism, count, seed, rounds, partial(progress.advance, task)))
     console.print(_table(found))
     for each in found:
         constants = ", ".join(f"{name} {value:.3g}" for name, value in each.best.items())

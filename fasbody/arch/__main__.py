@@ -270,8 +270,10 @@ def print_validation(
     from fasbody.arch.proofs import proofs
     from fasbody.arch.validate import validate
 
-    bounds = proofs()
     with progress_bar() as progress:
+        proving = progress.add_task("bounds", total=None)
+        bounds = proofs()
+        progress.remove_task(proving)
         task = progress.add_task("legs", total=steps)
         result = validate(walkers=walkers, steps=steps, seed=seed, tick=lambda: progress.advance(task))
     console.print(_validation_table(result))

@@ -24,6 +24,8 @@ TISSUE_KG = 0.2
 #: Grid on which the highest MB is sought [Hz].
 FINE_HZ = np.arange(10.0, 51.0, 1.0)
 _F = np.array(FREQUENCIES_HZ)
+#: Feet that are judged between two ticks of a progress bar.
+_AT_ONCE = 20
 
 
 @dataclass(frozen=True)
@@ -285,7 +287,14 @@ class Searched:
         return float((self.judged.ranges >= ranges).mean())
 
 
-def search(mechanism: Mechanism, draws: int, seed: int = 0, rounds: int = 20) -> Searched:
+def feet(draws: int, rounds: int) -> int:
+    """How many feet `search` judges."""
+    return draws + rounds * max(20, draws // 10)
+
+
+def search(
+    mechanism: Mechanism, draws: int, seed: int = 0, rounds: int = 20, tick: Callable[[int], object] = lambda _: None
+) -> Searched:
     """Draw a mechanism's space evenly, then look for its best set: most ranges, then most statements.
 
     Args:
@@ -293,15 +302,24 @@ def search(mechanism: Mechanism, draws: int, seed: int = 0, rounds: int = 20) ->
         draws: even draws; each later round has a tenth of them.
         seed: of the random numbers.
         rounds: of normal steps about the best so far, half as wide where one brings nothing.
+        tick: is told how many feet were judged since.
     """
+
+    def in_parts(shares: Array) -> Judged:
+        found = []
+        for part in np.split(shares, range(_AT_ONCE, len(shares), _AT_ONCE)):
+            found.append(mechanism.judged(part))
+            tick(len(part))
+        return Judged(*(np.concatenate([getattr(each, name) for each in found]) for name in ("held", "peak_hz")))
+
     rng, n = np.random.default_rng(seed), len(mechanism.constants)
     shares = rng.random((draws, n))
-    judged = mechanism.judged(shares)
+    judged = in_parts(shares)
     best, spread = _best(judged), 0.2
     top, held = shares[best], Judged(judged.held[best : best + 1], judged.peak_hz[best : best + 1])
     for _ in range(rounds):
         near = np.clip(top + spread * rng.standard_normal((max(20, draws // 10), n)), 0, 1)
-        tried = mechanism.judged(near)
+        tried = in_parts(near)
         at = _best(tried)
         if _score(tried)[at] > _score(held)[0]:
             top, held = near[at], Judged(tried.held[at : at + 1], tried.peak_hz[at : at + 1])
