@@ -9,6 +9,7 @@ from arch_copies import compiled, edited
 from model_edits import EDITS, FOLLOWED, FOOT, LEG, OF, READERS, SHANK, Edit, arch, chain, mounted, section
 from typer.testing import CliRunner
 
+import mjcf
 from fasbody.arch.__main__ import app
 from fasbody.arch.bones import Arch
 from fasbody.arch.linear import transmissibility
@@ -25,9 +26,9 @@ COMMANDS = {
     "load": [],
     "crosscheck": ["--samples", "2"],
 }
-#: Relative agreement with the truth: stepping errs by 1e-3 (arch, of first order), the viewer settles to 1e-3. Harmonic
-#: balance has neither error; a law that bends and the closures' give leave 1e-5.
-CLOSE, BALANCED = 5e-3, 3e-5
+#: Relative agreement with the truth: stepping errs by 1e-3. Nothing else has a step; a law that bends and the closures'
+#: give leave 1e-5, the spectrum of a pad that relaxes 1e-4.
+CLOSE, BALANCED = 1e-3, 1e-4
 
 
 @pytest.mark.parametrize("edit", EDITS, ids=lambda edit: f"{edit.model}: {edit.says}")
@@ -52,7 +53,7 @@ def test_followed_or_refused_by_its_name(tmp_path: Path, edit: Edit) -> None:
             if callable(truth):  # natural frequencies
                 assert max((truth(s) for s in found if s.imag > 0), default=0.0) < 1e-2, reader
             else:
-                assert abs(found / truth - 1) < (BALANCED if reader == "balance" else CLOSE), (reader, what)
+                assert abs(found / truth - 1) < (CLOSE if reader == "simulate" else BALANCED), (reader, what)
 
 
 def test_no_edit_is_a_silent_nothing() -> None:
@@ -62,7 +63,7 @@ def test_no_edit_is_a_silent_nothing() -> None:
     same = [e.says for e in EDITS if e.truth and abs(e.truth.T / shipped[e.model] - 1) < 1e-6]
     assert sum(e.truth is not None for e in EDITS) - len(same) >= 25
     assert len(EDITS) - sum(e.truth is not None for e in EDITS) >= 25
-    assert all(e.refused.get("leg") or "gravity" in e.says or "native" in e.says or "in place of" in e.says
+    assert all(e.refused.get("leg") or "gravity" in e.says or "alone" in e.says or "in place of" in e.says
                for e in EDITS if e.says in same and e.model != "foot_arch")  # fmt: skip
 
 
@@ -123,6 +124,13 @@ def test_an_open_arch_is_refused_by_its_name(tmp_path: Path, command: str) -> No
         load_foot(str(file))
 
 
+def test_a_damper_without_a_law_is_its_damping() -> None:
+    """What is written goes where it acts, and what would bend a law that is gone is no parameter."""
+    foot = load(mjcf.path("two_dof").read_text().replace(' user="4.25 800 -50 100"', ""))
+    assert foot.values()["c_21"] == 800 and not {"c_22", "c_23"} & set(foot.parameters)
+    assert foot.with_values({"c_21": 500.0}).model.joint("fat_pad").damping[0] == 500
+
+
 def test_the_draws_of_the_thesis_keep_only_the_bones(tmp_path: Path) -> None:
     documents = []
     for text in (edited(), STIFFER):
@@ -134,7 +142,7 @@ def test_the_draws_of_the_thesis_keep_only_the_bones(tmp_path: Path) -> None:
 
 #: Both pads by Eq. 4.24, in place of spring and damper; their declarations go, since the numbers do.
 STRAIN_PADS = (
-    ('stiffness="5e4" damping="750" user="4.25 1500 0 0"', 'user="4.24 2000 80 0.02 0.3"'),
+    ('stiffness="5e4" damping="1500" user="4.25 1500 0 0"', 'user="4.24 2000 80 0.02 0.3"'),
     *((line + "\n", "") for line in edited().splitlines() if '<text name="k_F"' in line or '<text name="c_F"' in line),
 )
 

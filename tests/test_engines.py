@@ -72,18 +72,20 @@ Edit = Callable[..., Path]
 
 def test_twin_stands_for_the_stock_model_and_harmless_edits(foot: Foot, edited: Edit) -> None:
     assert twin_applies(foot)
-    edits = [("4.25 800 -50 100", "4.25 500 20 30"), ('stiffness="1.5e5"', 'stiffness="6e4"')]
+    softer = ('damping="800" user="4.25 800 -50 100"', 'damping="500" user="4.25 500 20 30"')
+    edits = [softer, ('stiffness="1.5e5"', 'stiffness="6e4"')]
     assert twin_applies(load(edited(*edits, ('mass="1.052265"', 'mass="0.9"'))))
 
 
 @pytest.mark.parametrize(
     "edits",
     [
-        [('user="4.25 800 -50 100"', 'user="4.24 1800 60 0.02 0.1"')],
+        [('damping="800" user="4.25 800 -50 100"', 'user="4.24 1800 60 0.02 0.1"')],
         [("<actuator>", '<tendon><fixed stiffness="2e4"><joint joint="fat_pad" coef="1"/><joint joint="talocrural" '
           'coef="1"/></fixed></tendon>\n<actuator>')],
         [('integrator="RK4"', 'integrator="implicitfast"'),
-         ("</sensor>", '<framelinvel name="malleolus_velocity" objtype="site" objname="malleolus"/></sensor>')],
+         ("</sensor>", '<framelinvel name="malleolus_velocity" objtype="site" objname="malleolus"/>'
+          '<framelinvel name="foot_velocity" objtype="site" objname="foot"/></sensor>')],
         [('gravity="0 0 0"', 'gravity="0 -9.81 0"')],
         [('name="fat_pad" stiffness="1.0e5"', 'name="fat_pad" stiffness="1.0e5" springref="0.001"')],
         [('name="fat_pad" stiffness="1.0e5"', 'name="fat_pad" stiffness="1.0e5" armature="0.1"')],

@@ -85,7 +85,7 @@ def test_a_single_20_hz_recording_tells_little_and_says_so(foot: Foot, trial: Tr
     assert result.fit_percent > 98  # and yet the fit percentage is splendid
 
 
-PAD = '<joint name="fat_pad" stiffness="1.0e5" user="4.25 800 -50 100"/>'
+PAD = '<joint name="fat_pad" stiffness="1.0e5" damping="800" user="4.25 800 -50 100"/>'
 
 
 def test_a_model_without_twin_is_fitted_in_mujoco_alone(edited: Callable[..., Path], trial: Trial) -> None:

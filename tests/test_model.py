@@ -17,7 +17,7 @@ from fasbody.foot import shaker
 from fasbody.foot.model import Foot, load
 from fasbody.foot.simulate import simulate
 
-PAD_JOINT = '<joint name="fat_pad" stiffness="1.0e5" user="4.25 800 -50 100"/>'
+PAD_JOINT = '<joint name="fat_pad" stiffness="1.0e5" damping="800" user="4.25 800 -50 100"/>'
 BARE_PAD = '<joint name="fat_pad"/>'
 NO_PAD_PARAMETERS = [
     (line, "") for line in re.findall(r'    <text name="(?:k_F|c_21|c_22|c_23)".*\n', mjcf.path("two_dof").read_text())
@@ -121,15 +121,15 @@ def test_laws_on_tendons_equal_laws_on_joints(edited: Edit) -> None:
     )
     size = ('<size nuser_jnt="8"/>', '<size nuser_jnt="8" nuser_tendon="8"/>')
     want = shaken(load(edited()))[1]
-    for native in (0, 300):
+    for native in (0, 800):
         file = edited(size, (PAD_JOINT, BARE_PAD), *NO_PAD_PARAMETERS, ("<actuator>", tendon.format(native)))
         have = shaken(load(file))[1]
         assert np.abs(have - want).max() < 1e-9 * np.abs(want).max()
 
 
-def test_a_native_share_of_the_damper_changes_nothing(edited: Edit) -> None:
+def test_a_damper_for_mujoco_alone_changes_nothing(edited: Edit) -> None:
     want = shaken(load("two_dof"))[1]
-    file = edited(('user="4.25 800 -50 100"', 'damping="400" user="4.25 800 -50 100"'))
+    file = edited(('damping="800" ', ""))
     assert np.abs(shaken(load(file))[1] - want).max() < 1e-9 * np.abs(want).max()
 
 
@@ -148,11 +148,12 @@ def test_an_edited_model_that_keeps_the_named_elements_works(edited: Edit) -> No
 def test_an_insole_between_table_and_foot_gives(edited: Edit) -> None:
     """As mjcf/README.md tells: against the same foot with both springs in series, without mass between them."""
     insole = (
-        '<body name="insole"><joint name="insole" stiffness="1e5" user="4.25 800 0 0"/>'
+        '<body name="insole"><joint name="insole" stiffness="1e5" damping="800" user="4.25 800 0 0"/>'
         '<inertial pos="0 0 0" mass="1e-3" diaginertia="1e-9 1e-9 1e-9"/><body name="foot"'
     )
     linear = ("4.25 800 -50 100", "4.25 800 0 0")
-    soft = edited(linear, ('stiffness="1.0e5"', 'stiffness="5e4"'), ("4.25 800 0 0", "4.25 400 0 0"))
+    soft = edited(linear, ('stiffness="1.0e5"', 'stiffness="5e4"'),
+                  ('damping="800" user="4.25 800 0 0"', 'user="4.25 400 0 0"'))  # fmt: skip
     want = simulate(load(soft), shaker.sine(20.0, 0.05), step=1e-5).malleolus
     file = edited(
         linear, ('<body name="foot"', insole), ("    </body>\n  </worldbody>", "    </body></body>\n  </worldbody>")
@@ -185,8 +186,8 @@ def test_a_missing_name_lists_what_is_needed_and_found(edited: Edit, kind: str, 
 @pytest.mark.parametrize(
     ("edits", "sentence"),
     [
-        ([("4.25 800", "4.52 800")], r"names the law 4\.52 .*valid: 4\.23 .*4\.25 c1"),
-        ([("4.25 800", "4.22 800")], r"names the law 4\.22"),
+        ([('damping="800" user="4.25 800', 'user="4.52 800')], r"names the law 4\.52 .*valid: 4\.23 .*4\.25 c1"),
+        ([('damping="800" user="4.25 800', 'user="4.22 800')], r"names the law 4\.22"),
         ([('nuser_jnt="8"', 'nuser_jnt="9"')], r'user fields have 9 numbers; laws need <size nuser_jnt="8"/>'),
         ([('biasprm="1"', 'biasprm="2"')], r'needs biastype="user" biasprm="1"'),
         ([('    <general name="shaker_a3" class="column" joint="base"/>\n', "")], "four more actuators"),
@@ -200,7 +201,7 @@ def test_a_missing_name_lists_what_is_needed_and_found(edited: Edit, kind: str, 
             [('stiffness="1.0e5"', 'stiffness="-1"')],
             "joint 'fat_pad' has the stiffness -1; it must be a number of zero or more",
         ),
-        ([("4.25 800", "4.25 -800")], "joint 'fat_pad' has the damping -800"),
+        ([('damping="800" user="4.25 800', 'user="4.25 -800')], "joint 'fat_pad' has the damping -800"),
         ([('user="4.25 800 -50 100"', 'user="4.25"')], r"'fat_pad' names the law 4\.25 with c1 = 0, no damper"),
         (
             [

@@ -8,11 +8,14 @@ import oracle
 import pytest
 import thesis
 
+import mjcf
 from fasbody.exceptions import SettingError, SimulationError
 from fasbody.foot import shaker
 from fasbody.foot.model import Foot, can_be_constrained, load
 from fasbody.foot.simulate import Batch, simulate
+from fasbody.foot.steady_state import Balance
 from fasbody.foot.two_dof import NAMES, TwoDof, trajectory
+from fasbody.recording.recording import Recording
 
 SECONDS = 0.3
 ALL = list(oracle.FEET.values())
@@ -195,3 +198,70 @@ def test_a_model_that_can_be_constrained_keeps_the_stage(
 ) -> None:
     foot = load(edited((old, new)))
     assert can_be_constrained(foot.model) and not foot.model.opt.disableflags
+
+
+def implicit(integrator: str, step: str = "5e-4") -> Foot:
+    """two_dof on another integrator, its bends and laws gone, so that nothing but the step falsifies it."""
+    text = mjcf.path("two_dof").read_text().replace(' user="4.25 800 -50 100"', "").replace("50 100", "0 0")
+    velocities = "".join(
+        f'<framelinvel name="{name}_velocity" objtype="site" objname="{name}"/>' for name in ("malleolus", "foot")
+    )
+    text = text.replace("</sensor>", velocities + "</sensor>").replace('timestep="5e-4"', f'timestep="{step}"')
+    return load(text.replace("RK4", integrator))
+
+
+@pytest.mark.parametrize(("integrator", "frequency"), [("implicitfast", 45.0), ("Euler", 20.0), ("implicit", 20.0)])
+def test_the_error_of_the_step_is_stated(integrator: str, frequency: float) -> None:
+    """Against the transfer function, as the coarse run's own second run estimates it."""
+    foot, seconds = implicit(integrator), 20 / frequency
+    run = simulate(foot, shaker.sine(frequency, seconds), accept=None)
+    values = foot.values() | dict.fromkeys(("c_12", "c_13", "c_22", "c_23"), 0.0)
+    T = TwoDof.from_values(values).transmissibility(np.array([frequency]))[0]
+    t = run.time[0]
+    late = t > 10 / frequency
+    true = (T * -1j * 0.5 * shaker.PEAK_TO_PEAK * np.exp(2j * np.pi * frequency * t)).real[late]
+    error = np.sqrt(np.mean((run.malleolus[0, late] - true) ** 2) / np.mean(true**2))
+    assert error > 1e-3
+    assert run.step_error == pytest.approx(error, rel=0.3)
+    assert f"step error {run.step_error:.1e}" in str(run)
+
+
+def test_a_simulation_is_called_as_a_recording(foot: Foot) -> None:
+    """One becomes the other by name, whole."""
+    run = simulate(foot, shaker.sine(20.0, 1.0))
+    names = ("time_s", "base_m_s2", "malleolus_m_s2")
+    recording = Recording(*(getattr(run, name)[0] for name in names))
+    for name, short in zip(names, ("time", "base", "malleolus"), strict=True):
+        np.testing.assert_array_equal(getattr(recording, name), getattr(run, short)[0])
+    assert {"time_s", "base_m_s2", "malleolus_m_s2"} <= set(run.records()[0])
+
+
+def test_a_step_that_is_too_long_is_refused() -> None:
+    foot, motion = implicit("implicitfast"), shaker.sine(45.0, 0.2)
+    error = simulate(foot, motion, accept=None).step_error
+    assert simulate(foot, motion, accept=1.01 * error).step_error == error
+    with pytest.raises(SimulationError, match=r"steps of 0.0005 s put sensor 'foot' off by .*IMPLICITFAST"):
+        simulate(foot, motion, accept=0.99 * error)
+
+
+def test_the_step_of_runge_kutta_is_fine(foot: Foot) -> None:
+    run = simulate(foot, shaker.sine(45.0, 0.2))
+    assert run.step_error < 1e-3
+    fine = simulate(foot, shaker.sine(45.0, 0.2), step=foot.step / 8).outputs
+    errors = [
+        np.sqrt(np.mean((values - fine[name][:, ::8]) ** 2) / np.mean(fine[name] ** 2))
+        for name, values in run.outputs.items()
+    ]
+    assert run.step_error == pytest.approx(max(errors), rel=0.1)
+
+
+def test_dampers_of_the_law_are_of_second_order() -> None:
+    """Half of them is taken at the end of a step: the arch errs by less than 1e-3 at its own step."""
+    foot = load("mounted_arch")
+    orbit = Balance(foot).orbit(45.0, [1.0])
+    count = round(1 / 45 / foot.step)
+    step = 1 / 45 / count
+    controls = shaker.harmonics(45.0, [1.0], 8 / 45).controls(step, 8 * count)[None]
+    run = Batch(foot, 1).run(controls, step, *orbit.initial_state())
+    last = run.malleolus[0, -count:] @ np.exp(-2j * np.pi * np.arange(count) / count) * 2 / count
+    assert abs(last / orbit.harmonics()[0] - 1) < 1e-3

@@ -73,7 +73,7 @@ def test_a_law_on_a_joint_and_on_a_tendon_moves_as_an_independent_ode() -> None:
 
 def swapped(tmp_path: Path, user: str) -> Path:
     text = mjcf.path("two_dof").read_text()
-    old = 'stiffness="1.0e5" user="4.25 800 -50 100"'
+    old = 'stiffness="1.0e5" damping="800" user="4.25 800 -50 100"'
     assert old in text
     file = tmp_path / "swapped.xml"
     file.write_text(text.replace(old, f'stiffness="0" user="{user}"'))

@@ -118,7 +118,7 @@ def test_arch_balances_with_its_tendons_and_closed_loop() -> None:
 def test_a_pad_with_a_memory_balances(edited: Callable[..., Path]) -> None:
     """The pad law 4.22 is an actuator with activations: its force is part of the loop."""
     parameters = re.findall(r'    <text name="(?:k_F|c_21|c_22|c_23)".*\n', mjcf.path("two_dof").read_text())
-    joint = '<joint name="fat_pad" stiffness="1.0e5" user="4.25 800 -50 100"/>'
+    joint = '<joint name="fat_pad" stiffness="1.0e5" damping="800" user="4.25 800 -50 100"/>'
     actuator = (
         '    <general name="pad" joint="fat_pad" dyntype="user" actdim="8" gainprm="0" biastype="user" '
         'biasprm="4.22 150 6 0.9 0.002 1 0.02 0.2"/>\n  </actuator>'

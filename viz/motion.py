@@ -1,26 +1,30 @@
 """What the viewer shows of one foot: a periodic motion under a sine, or a transient under any base motion.
 
-Works for every MJCF that the commands accept. The linear model of one step gives the transmissibility and the start of
-the periodic motion; MuJoCo then runs whole periods until the motion repeats itself. Beside the poses stand the loops,
-force over extension of fat pad, ankle and fascia.
+Works for every MJCF that the commands accept. Harmonic balance gives the periodic motion and small motion the curve of
+the transmissibility, so that neither has a time step; MuJoCo steps what is not smooth and what does not repeat. Beside
+the poses stand the loops, force over extension of fat pad, ankle and fascia.
 """
 
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from fasbody.exceptions import SimulationError
+from fasbody.exceptions import PeriodicMotionError, SimulationError
 from fasbody.foot.damper import algebraic_force
-from fasbody.foot.engine import SHAKER_CONTROLS, callbacks
+from fasbody.foot.engine import callbacks
+from fasbody.foot.harmonic_balance import Fourier
+from fasbody.foot.linear import Linear
 from fasbody.foot.model import Foot
 from fasbody.foot.parameters import names
 from fasbody.foot.rest import standing
-from fasbody.foot.shaker import CLOCK, BaseMotion, harmonics
+from fasbody.foot.shaker import BaseMotion, harmonics
 from fasbody.foot.simulate import Batch, Simulation
+from fasbody.foot.steady_state import Balance, Orbit
 from viz.anatomy.rest import frames as rest_frames
 from viz.settings import Settings
 
@@ -57,7 +61,7 @@ class Motion:
         names: bodies of the model.
         base: (n,) base acceleration; malleolus: (n,) its acceleration [m/s^2].
         loops: what -> (2, n) extension [m] and force [N], both positive in extension.
-        transmissibility: complex malleolus over base of the linear model at `CURVE`.
+        transmissibility: complex malleolus over base of small motion at `CURVE`.
         ratio: |T| of the shown motion at its frequency, None for a transient or a table at rest. phase: of it [deg].
         gap: change of the joints over the last period, as a share of their travel.
         periodic: whether it repeats.
@@ -81,77 +85,11 @@ class Motion:
         return f"{len(self.time)} frames over {self.duration:.4g} s{ratio}"
 
 
-@dataclass(frozen=True, eq=False)
-class Discrete:
-    """x_(k+1) = A x_k + B c_k of one step about rest: x = (q, q', act), c = (a_0, ..., a_3) of the base acceleration.
-
-    `malleolus` (states,) gives the vertical velocity of the malleolus, `rest` (nq,) is the pose that q counts from,
-    `exact` whether velocities and positions are of one moment: the implicit integrators' are half a step apart.
-    """
-
-    step: float
-    A: Array
-    B: Array
-    malleolus: Array
-    rest: Array
-    exact: bool
-
-    def controls(self, frequency_hz: Array) -> Array:
-        """(n, 4) coefficients c of a base acceleration exp(i w t) at t = 0, as `BaseMotion.controls` makes them."""
-        w = 2j * np.pi * np.asarray(frequency_hz, float)
-        a, b = np.ones_like(w), np.exp(w * self.step)
-        rise, j, k = (b - a) / self.step, w * a, w * b
-        found = np.stack([a, j, (3 * rise - 2 * j - k) / self.step, (j + k - 2 * rise) / self.step**2], -1)
-        return found * CLOCK ** np.arange(4)
-
-    def states(self, frequency_hz: Array) -> Array:
-        """(n, states) complex steady states at t = 0 under a base acceleration exp(i w t)."""
-        z = np.exp(2j * np.pi * np.asarray(frequency_hz, float) * self.step)
-        force = self.controls(frequency_hz) @ self.B.T
-        return np.linalg.solve(z[:, None, None] * np.eye(len(self.A)) - self.A, force[..., None])[..., 0]
-
-    def transmissibility(self, frequency_hz: Array) -> Array:
-        """(n,) complex malleolus over base acceleration."""
-        s = 2j * np.pi * np.asarray(frequency_hz)
-        rate = s if self.exact else (np.exp(s * self.step) - 1) / self.step  # as `simulate` takes it from velocities
-        return rate * (self.states(frequency_hz) @ self.malleolus)
-
-
-def discretise(foot: Foot) -> Discrete:
-    """The linear model of one step, by central differences of one batched step.
-
-    Raises:
-        SimulationError: it rests in no pose.
-    """
-    foot = foot.with_values({})
-    model = foot.model
-    model.opt.tolerance = 0.0  # the solver of constraints would stop before it has seen a small motion
-    n, n_act = model.nv, model.na
-    # Large enough for MuJoCo's constraint solver, which stops at an absolute gain and would see nothing in small ones.
-    size = np.concatenate([np.full(n, 1e-4), np.full(n, 1e-2), np.full(n_act, 1.0), [1.0, 0.1, 0.01, 1e-3]])
-    states, count = 2 * n + n_act, len(size)
-    push = np.concatenate([np.diag(size), -np.diag(size)])
-    controls = np.zeros((2 * count, 1, SHAKER_CONTROLS))
-    controls[:, 0, 1:] = push[:, states:]
-    rest = standing(foot)
-    start = np.concatenate([rest, np.zeros(n + n_act)]) + push[:, :states]
-    out = Batch(foot, 2 * count, threads=1).run(controls, foot.step, *np.split(start, [n, 2 * n], axis=1))
-    after = np.concatenate([out.qpos[:, -1], out.qvel[:, -1], out.act[:, -1]], axis=1)
-    slope = (after[:count] - after[count:]) / (2 * size[:, None])
-    data, jacobian = mujoco.MjData(model), np.zeros((3, n))
-    data.qpos[:] = rest
-    mujoco.mj_kinematics(model, data)
-    mujoco.mj_comPos(model, data)
-    mujoco.mj_jacSite(model, data, jacobian, None, model.site("malleolus").id)
-    row = np.concatenate([np.zeros(n), foot.up @ jacobian, np.zeros(n_act)])
-    exact = model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4
-    return Discrete(foot.step, slope[:states].T, slope[states:].T, row, rest, exact)
-
-
 def periodic_motion(foot: Foot, settings: Settings, amplitudes: Array | None = None) -> Motion:
     """The motion under a sine, or under several harmonics, as it repeats itself once everything has settled.
 
-    A foot too stiff for its model's time step is tried with smaller ones.
+    Harmonic balance finds it without a time step. Where something touches, stops or slips, or what balance finds would
+    not last, MuJoCo runs whole periods until they repeat, with half the step where a foot is too stiff for its own.
 
     Args:
         foot: the model. settings: of the sliders. amplitudes: (H,) complex of the base acceleration at the multiples
@@ -164,8 +102,36 @@ def periodic_motion(foot: Foot, settings: Settings, amplitudes: Array | None = N
     if amplitudes is None:  # the base moves as sin(w t)
         amplitudes = np.array([-0.5j * settings.peak_to_peak])
     f, U = settings.frequency, amplitudes
+    if np.any(U):
+        try:
+            orbit = Balance(changed).orbit(f, U)
+        except PeriodicMotionError:
+            pass
+        else:
+            if orbit.stable:
+                return _balanced(changed, orbit)
     count = FRAMES * int(np.ceil(1 / (f * changed.step * FRAMES)))
     return _stable(foot, changed, count, lambda steps: _settled(changed, f, U, steps))
+
+
+def _balanced(foot: Foot, orbit: Orbit) -> Motion:
+    """What is shown of an orbit."""
+    shaken, series = orbit.shaken, Fourier(orbit.series.harmonics, FRAMES)
+    position, velocity, acceleration = shaken.motion(series, orbit.solution.x)
+    n, f = foot.model.nv, shaken.frequency_hz
+    harmonics = orbit.harmonics()
+    motion = _shown(
+        foot, States(foot.model.qpos0 + position[:, :n], velocity[:, :n], position[:, n:]),
+        np.arange(FRAMES) / (f * FRAMES), 1 / f, acceleration[:, foot.base], series.at(series.real(harmonics))[0],
+    )  # fmt: skip
+    return _repeats(motion, harmonics[0], shaken.base[0])
+
+
+def _repeats(motion: Motion, malleolus: complex, base: complex, gap: float = 0.0) -> Motion:
+    """A motion that repeats, with the ratio of the fundamentals (complex) where the table moves with it."""
+    ratio = malleolus / base if base else None
+    phase = None if ratio is None else float(np.degrees(np.angle(ratio)))
+    return replace(motion, gap=gap, periodic=True, ratio=None if ratio is None else abs(ratio), phase=phase)
 
 
 class _Unsettled(SimulationError):
@@ -204,13 +170,9 @@ def _advice(foot: Foot, changed: Foot) -> str:
 def _settled(foot: Foot, f: float, amplitudes: Array, count: int) -> Motion:
     """The periodic motion at `f` [Hz] under (H,) harmonics with `count` steps a period, a multiple of `FRAMES`."""
     changed = foot.with_values({}, step=1 / (f * count))
-    linear = discretise(changed)
-    start = (amplitudes @ linear.states(f * np.arange(1, amplitudes.size + 1))).real
-    n = changed.model.nv
+    q, v, a = Linear(changed).start(f, amplitudes)
     batch = Batch(changed, 1, threads=1)
     controls = harmonics(f, amplitudes, 1 / f).controls(changed.step, count)[None]
-    q, v, a = np.split(start, [n, 2 * n])
-    q = q + linear.rest
     began = time.process_time()
     for _ in range(PERIODS):
         if time.process_time() - began > PATIENCE:
@@ -224,13 +186,12 @@ def _settled(foot: Foot, f: float, amplitudes: Array, count: int) -> Motion:
         q[foot.base], v[foot.base] = out.qpos[0, 0, foot.base], out.qvel[0, 0, foot.base]  # the base must not drift
     else:
         raise _Unsettled(f"{foot.name}: the motion at {f:g} Hz does not settle within {PERIODS} periods; add damping.")
-    w = np.exp(-2j * np.pi * np.arange(count) / count)
-    pick = np.arange(0, count, count // FRAMES)
-    shown = _shown(changed, out, pick, 1 / f, linear.transmissibility(CURVE))
-    if not np.any(amplitudes):
-        return replace(shown, gap=gap, periodic=True)
-    ratio = complex(out.malleolus[0] @ w / (out.base[0] @ w))
-    return replace(shown, gap=gap, periodic=True, ratio=abs(ratio), phase=float(np.degrees(np.angle(ratio))))
+    halved = harmonics(f, amplitudes, 1 / f).controls(changed.step / 2, 2 * count)[None]
+    batch.checked(out, batch.run(halved, changed.step / 2, q, v, a), changed.step)
+    motion = _stepped(changed, out, np.arange(0, count, count // FRAMES), 1 / f)
+    w = 2 / count * np.exp(-2j * np.pi * np.arange(count) / count)
+    moves = np.any(amplitudes)
+    return _repeats(motion, complex(out.malleolus[0] @ w), complex(out.base[0] @ w) if moves else 0.0, gap)
 
 
 def transient_motion(
@@ -249,11 +210,10 @@ def transient_motion(
 def _from_rest(foot: Foot, base: BaseMotion, shown: tuple[float, float], count: int) -> Motion:
     """The transient with `count` steps. Slow motion is taken out of the table and of what moves on it alike."""
     changed = foot.with_values({}, step=base.duration / count)
-    controls = base.controls(changed.step, count)[None]
-    out = Batch(changed, 1, threads=1).run(controls, changed.step, standing(changed))
+    out = Batch(changed, 1, threads=1).run_checked([base], changed.step, standing(changed))
     stride = max(1, int(1 / (RATE * changed.step)))
     pick = np.arange(0, count, stride)
-    whole = _shown(changed, out, pick, base.duration, discretise(changed).transmissibility(CURVE))
+    whole = _stepped(changed, out, pick, base.duration)
     step = base.duration / len(pick)
     up = np.array(foot.up)
     relative = whole.bodies.copy()
@@ -323,29 +283,44 @@ def _polynomial(first: float, more: Array, x: float) -> float:
     return float(x * (first + sum(factor * x**power for power, factor in enumerate(more, 1))))
 
 
-def _shown(foot: Foot, out: Simulation, pick: Array, duration: float, curve: Array) -> Motion:
-    """Poses and forces of the picked steps, as a transient."""
+class States(NamedTuple):
+    """Positions (n, nq), velocities (n, nv) and activations (n, na) that are shown."""
+
+    qpos: Array
+    qvel: Array
+    act: Array
+
+
+def _stepped(foot: Foot, out: Simulation, pick: Array, duration: float) -> Motion:
+    """What is shown of the picked steps."""
+    states = States(out.qpos[0, pick], out.qvel[0, pick], out.act[0, pick])
+    time = out.time[0, pick] - out.time[0, 0]
+    return _shown(foot, states, time, duration, out.base[0, pick], out.malleolus[0, pick])
+
+
+def _shown(foot: Foot, states: States, time: Array, duration: float, base: Array, malleolus: Array) -> Motion:
+    """Poses and forces of states at times (n,), as a transient; beside them the curve of small motion."""
     model, data = foot.model, mujoco.MjData(foot.model)
     rest = rest_frames(model)
     bodies = list(rest)[1:]  # without the world
     index = np.arange(1, model.nbody)
-    position, quaternion = np.empty((len(pick), len(bodies), 3)), np.empty((len(pick), len(bodies), 4))
+    position, quaternion = np.empty((len(time), len(bodies), 3)), np.empty((len(time), len(bodies), 4))
     found = watched(model)
-    loops = {label: np.empty((2, len(pick))) for label in found}
+    loops = {label: np.empty((2, len(time))) for label in found}
     with callbacks():
-        for row, k in enumerate(pick):
-            data.qpos[:], data.qvel[:], data.act[:] = out.qpos[0, k], out.qvel[0, k], out.act[0, k]
+        for row, (qpos, qvel, act) in enumerate(zip(*states, strict=True)):
+            data.qpos[:], data.qvel[:], data.act[:] = qpos, qvel, act
             mujoco.mj_forward(model, data)
             position[row], quaternion[row] = data.xpos[index], data.xquat[index]
             for label, elements in found.items():
                 rows = [loop_point(model, data, kind, i) for kind, i in elements]
                 loops[label][:, row] = np.mean([x for x, _ in rows]), np.sum([force for _, force in rows])
-    still = np.tile([rest[name].quaternion for name in bodies], (len(pick), 1))
+    still = np.tile([rest[name].quaternion for name in bodies], (len(time), 1))
     turned = Rotation.from_quat(quaternion.reshape(-1, 4), scalar_first=True)  # about the world's axes
     turn = (turned * Rotation.from_quat(still, scalar_first=True).inv()).as_rotvec().reshape(position.shape)
     shift = position - np.array([rest[name].position for name in bodies])
     return Motion(
-        time=(out.time[0, pick] - out.time[0, 0]), duration=duration, bodies=np.concatenate([shift, turn], -1),
-        names=bodies, base=out.base[0, pick], malleolus=out.malleolus[0, pick], loops=loops, transmissibility=curve,
+        time=time, duration=duration, bodies=np.concatenate([shift, turn], -1), names=bodies, base=base,
+        malleolus=malleolus, loops=loops, transmissibility=Linear(foot).transmissibility(CURVE),
         ratio=None, phase=None, gap=0.0, periodic=False,
     )  # fmt: skip

@@ -18,10 +18,8 @@ from fasbody.exceptions import SimulationError
 from fasbody.foot.damper import DAMPER
 from fasbody.foot.model import Foot
 from fasbody.foot.shaker import BaseMotion
-from fasbody.foot.simulate import simulate
+from fasbody.foot.simulate import HINGE_SHARE, Batch
 
-#: Share of a hinge's damping that MuJoCo integrates: 0.55 is accurate, 1 is stable for the stiffest hinges.
-HINGE_SHARE, PAD_SHARE = 0.55, 0.5
 #: How often the step may be halved.
 HALVINGS = 4
 #: Share of a signal that may alternate from sample to sample; a 100 Hz sine at 1e-4 s has 1e-3.
@@ -87,9 +85,8 @@ def move(foot: Foot, motion: BaseMotion, step: float | None = None, accurate: bo
 
 
 def _run(foot: Foot, motion: BaseMotion, step: float, hinge_share: float) -> ArchMotion:
-    model = copy.copy(foot.model)
-    _share(model, hinge_share)
-    result = simulate(replace(foot, model=model), motion, step=step, threads=1)
+    controls = motion.controls(step, round(motion.duration / step))[None]
+    result = Batch(foot, 1, threads=1, hinge_share=hinge_share).run(controls, step)
     malleolus = result.malleolus[0]
     if np.abs(np.diff(malleolus, 2)).mean() > 4 * RINGING * np.abs(malleolus).mean():
         raise SimulationError(f"{foot.name}: the output rings at the step's own frequency.")
@@ -98,14 +95,6 @@ def _run(foot: Foot, motion: BaseMotion, step: float, hinge_share: float) -> Arc
 
 def _dof(model: mujoco.MjModel, joint: str) -> int:
     return int(model.jnt_dofadr[model.joint(joint).id])
-
-
-def _share(model: mujoco.MjModel, hinge_share: float) -> None:
-    """Set the native share of the hinges' dampers."""
-    for symbol, joint in SPRUNG.items():
-        law = model.jnt_user[model.joint(joint).id]
-        if symbol != "T" and law[0] == DAMPER:
-            model.dof_damping[_dof(model, joint)] = hinge_share * law[1]
 
 
 def with_constants(foot: Foot, arch: Arch) -> Foot:
@@ -119,11 +108,11 @@ def with_constants(foot: Foot, arch: Arch) -> Foot:
     for symbol, joint in SPRUNG.items():
         j, c = model.joint(joint).id, getattr(arch, f"c_{symbol}")
         model.jnt_stiffness[j] = getattr(arch, f"k_{symbol}")
-        model.dof_damping[_dof(model, joint)] = (PAD_SHARE if symbol == "T" else HINGE_SHARE) * c
+        model.dof_damping[_dof(model, joint)] = c
         model.jnt_user[j, :4] = (DAMPER, c, 0, 0)
     for pad in PADS:
         t = model.tendon(pad).id
-        model.tendon_stiffness[t], model.tendon_damping[t] = arch.k_F / 2, PAD_SHARE * arch.c_F / 2
+        model.tendon_stiffness[t], model.tendon_damping[t] = arch.k_F / 2, arch.c_F / 2
         model.tendon_user[t, :4] = (DAMPER, arch.c_F / 2, 0, 0)
     model.tendon_stiffness[model.tendon(FASCIA).id] = arch.k_11
     branch = model.actuator(BRANCH).id

@@ -19,6 +19,7 @@ from fasbody.exceptions import SimulationError
 #: Coordinates of `matrices`, in order.
 COORDINATES = ("z_F", "z_T", "theta_2", "theta_3", "theta_4", "z_H", "z_A")
 _STEP = 1e-30
+GRAVITY = 9.81
 _JOINTS = ("spring_ligament", "short_plantar_ligament", "long_plantar_ligament")
 
 
@@ -89,12 +90,16 @@ def _ligaments(mounted: Mounted, arch: Arch, q: Array) -> list[tuple[float, floa
     return found
 
 
-def mjcf(mounted: Mounted = SHIPPED, arch: Arch | None = None, weight: float = SEATED_N) -> str:
+def mjcf(
+    mounted: Mounted = SHIPPED, arch: Arch | None = None, weight: float | None = None, added_kg: float = 0.0
+) -> str:
     """The model as MJCF.
 
     Args:
-        mounted: the leg. arch: the bones, None for `Arch.nominal()`. weight: on the arch [N].
+        mounted: the leg. arch: the bones, None for `Arch.nominal()`. added_kg: on the knee.
+        weight: on the arch [N]; None for a seated leg with what is added.
     """
+    weight = SEATED_N + GRAVITY * added_kg if weight is None else weight
     arch = arch or Arch.nominal()
     q = pose(mounted, arch, weight)
     a, theta_1, flesh = arms(arch, q), float(closing_angle(arch, q)), FOOT_KG - arch.m_F
@@ -119,7 +124,7 @@ def mjcf(mounted: Mounted = SHIPPED, arch: Arch | None = None, weight: float = S
             middle=-L / 2, m=m, I=I, L=-L, pad=" " * (2 * i), more=f"@{i + 1}" if i < 4 else _HEADS.format(L=-L),
         ))  # fmt: skip
     values = {
-        "weight": weight, "k_F": float(pad(mounted.k_F, weight)), "c_F": mounted.c_F,
+        "weight": weight, "added": added_kg, "k_F": float(pad(mounted.k_F, weight)), "c_F": mounted.c_F,
         "k_T": mounted.k_T, "c_T": mounted.c_T,
         "k_H": mounted.k_H, "c_H": mounted.c_H, "k_A": mounted.k_A, "c_A": mounted.c_A,
         "sole": flesh * (1 - mounted.up), "apex": flesh * mounted.up + SHANK_KG * mounted.share,
@@ -145,23 +150,24 @@ _BONES = """<mujoco model="mounted_arch">
        no evidence for them), bones of Table 4.1. Another leg or load: fasbody.arch.mount.mjcf. The sole stands on the
        fat pad; two equalities keep heel and heads on it. The actuator weight is the static load on the apex, and
        each ligament's springref lets it carry that, so that the load's geometry counts. At small loads the aponeurosis
-       is slack and is left out. Angles in rad, SI units. Of first order in the step, as foot_arch.xml. -->
+       is slack and is left out. Angles in rad, SI units. Each damper stands twice, as in foot_arch.xml. -->
   <compiler angle="radian" autolimits="true"/>
   <option timestep="1e-4" integrator="implicitfast" gravity="0 0 0" tolerance="1e-10" iterations="20"/>
   <statistic center="0 0.2 0" extent="0.8" meansize="0.05"/>
+  <size nuser_jnt="8"/>
 
   <custom>
     <!-- unit | lower | upper | where the number stands | its source. -->
     <text name="k_F" data="N/m | 3e3 | 1e6 | joint fat_pad stiffness | fitted; Baines 2018, Kinoshita 1993"/>
-    <text name="c_F" data="N s/m | 1 | 6e3 | joint fat_pad damping | fitted"/>
+    <text name="c_F" data="N s/m | 1 | 6e3 | joint fat_pad user 1 | fitted"/>
     <text name="k_T" data="N/m | 3e3 | 1e6 | joint talocrural stiffness | fitted; Aruin 1.49e4 +- 0.35e4"/>
-    <text name="c_T" data="N s/m | 1 | 3e3 | joint talocrural damping | fitted; Aruin 430 +- 36"/>
+    <text name="c_T" data="N s/m | 1 | 3e3 | joint talocrural user 1 | fitted; Aruin 430 +- 36"/>
     <text name="k_H" data="N/m | 1e3 | 1e6 | joint thigh stiffness | fitted"/>
-    <text name="c_H" data="N s/m | 1 | 3e3 | joint thigh damping | fitted"/>
+    <text name="c_H" data="N s/m | 1 | 3e3 | joint thigh user 1 | fitted"/>
     <text name="k_A" data="N/m | 1e3 | 1e6 | joint tissue stiffness | fitted"/>
-    <text name="c_A" data="N s/m | 1 | 3e3 | joint tissue damping | fitted"/>
+    <text name="c_A" data="N s/m | 1 | 3e3 | joint tissue user 1 | fitted"/>
     <text name="m_K" data="kg | 0.3 | 10 | body shank mass | as leg.xml"/>
-    <text name="added_mass" data="kg | 0 | 50 | body load mass | section 2.2.2: 0, 2.3, 4.5 on the knee"/>
+    <!-- No added_mass: a load moves the pose, and with it pad and ligaments. README.md says how to make that model. -->
   </custom>
 
   <default>
@@ -189,7 +195,7 @@ _BONES = """<mujoco model="mounted_arch">
       <site name="base"/>
       <body name="sole">
         <!-- what of the foot moves with heel and heads -->
-        <joint name="fat_pad" stiffness="#k_F#" damping="#c_F#"/>
+        <joint name="fat_pad" stiffness="#k_F#" damping="#c_F#" user="4.25 #c_F# 0 0"/>
         <inertial pos="0 0 0" mass="#sole#" diaginertia="1e-3 1e-3 1e-3"/>
         <!-- one kilometre below heel and heads, so that both tendons stay vertical to 1e-9 -->
         <site name="heel_ground" pos="#behind# -1000 0"/>
@@ -200,21 +206,21 @@ _BONES = """<mujoco model="mounted_arch">
           <inertial pos="0 0.03 0" mass="#apex#" diaginertia="1e-3 1e-3 1e-3"/>
           <site name="malleolus" pos="0 0.05 0.03" size="0.008" rgba="0.8 0.1 0.1 1"/>
           <body name="shank">
-            <joint name="talocrural" stiffness="#k_T#" damping="#c_T#"/>
+            <joint name="talocrural" stiffness="#k_T#" damping="#c_T#" user="4.25 #c_T# 0 0"/>
             <inertial pos="0 0.2 0" mass="#shank#" diaginertia="1e-2 1e-2 1e-2"/>
             <geom name="shank" class="bone" fromto="0 0.06 0 0 0.37 0" size="0.02"/>
             <site name="tuberosity" pos="0.03 0.34 0" size="0.008" rgba="0.8 0.1 0.1 1"/>
             <body name="thigh">
-              <joint name="thigh" stiffness="#k_H#" damping="#c_H#"/>
+              <joint name="thigh" stiffness="#k_H#" damping="#c_H#" user="4.25 #c_H# 0 0"/>
               <inertial pos="-0.2 0.45 0" mass="#thigh#" diaginertia="1e-2 1e-2 1e-2"/>
               <geom name="thigh" type="capsule" fromto="-0.4 0.45 0 -0.02 0.45 0" size="0.05" rgba="0.85 0.6 0.5 0.5"/>
             </body>
             <body name="tissue">
-              <joint name="tissue" stiffness="#k_A#" damping="#c_A#"/>
+              <joint name="tissue" stiffness="#k_A#" damping="#c_A#" user="4.25 #c_A# 0 0"/>
               <inertial pos="0 0.5 0" mass="#tissue#" diaginertia="1e-3 1e-3 1e-3"/>
               <body name="load">
                 <!-- no joint: it moves with the tissue -->
-                <inertial pos="0 0.55 0" mass="0" diaginertia="0 0 0"/>
+                <inertial pos="0 0.55 0" mass="#added#" diaginertia="0 0 0"/>
                 <geom name="load" type="box" size="0.05 0.02 0.05" pos="0 0.55 0" rgba="0.3 0.3 0.35 1"/>
               </body>
             </body>
@@ -249,7 +255,7 @@ _BONES = """<mujoco model="mounted_arch">
     <general name="shaker_a1" class="column" joint="base"/>
     <general name="shaker_a2" class="column" joint="base"/>
     <general name="shaker_a3" class="column" joint="base"/>
-    <!-- static load on the apex -->
+    <!-- static load on the apex, in place of gravity -->
     <general name="weight" joint="apex" gainprm="0" biastype="affine" biasprm="-#weight# 0 0"/>
   </actuator>
 

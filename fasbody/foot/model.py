@@ -23,6 +23,15 @@ REQUIRED = {"joint": ("base",), "actuator": ("shaker",), "sensor": ("base", "mal
 _IN_WORLD, _IN_SITE = mujoco.mjtSensor.mjSENS_FRAMELINACC, mujoco.mjtSensor.mjSENS_ACCELEROMETER
 #: Armature from which a joint is the shaker's table [kg], and how far two tied pads may differ at rest [m].
 HEAVY, CLOSED = 1e6, 1e-6
+#: Improvement at which the solver of constraints stops, and its iterations. MuJoCo divides it by all
+#: inertia, of which the table has nearly all: at the usual 1e-8 a foot's constraint is not seen.
+_IMPROVEMENT, _ITERATIONS = 1e-30, 100
+#: A table that is moved by so much [m] may change its acceleration by so much [m/s^2].
+_MOVED, _HELD = 1e-3, 1e-3
+#: Density of a geom that names none [kg/m^3].
+_WATER = 1000.0
+#: The actuator that is the static load of a model without gravity.
+WEIGHT = "weight"
 #: Parts of the physics that no model may switch off.
 _NEEDED = ("spring", "damper", "gravity", "equality", "actuation", "sensor")
 
@@ -167,13 +176,13 @@ def _checked(read: Callable[[], mujoco.MjSpec], place: str | Path, name: str = "
     try:
         with quiet():  # what MuJoCo has to warn of is refused below, in a sentence
             spec = read()
+            _check_masses(spec, name or spec.modelname)
             compiled = spec.compile()
             xml = "" if spec.meshes or spec.hfields or spec.textures else spec.to_xml()
     except ValueError as error:
         clause, line = compiler_complaint(str(error))
         raise InputFileError(place, f"MuJoCo cannot compile it ({clause})", line=line) from None
     name = name or _called(compiled)
-    _check_masses(spec, name)
     return replace(check(compiled, name), xml=xml)
 
 
@@ -183,14 +192,26 @@ def _called(model: mujoco.MjModel) -> str:
 
 
 def _check_masses(spec: mujoco.MjSpec, name: str) -> None:
-    """Refuse the mass of a geom that MuJoCo passes over without a word, as its body has an inertial."""
+    """Refuse masses that MuJoCo passes over without a word, or spreads over the table, too."""
+    if spec.compiler.settotalmass > 0:
+        raise ModelError(
+            f'{name}: <compiler settotalmass="{spec.compiler.settotalmass:g}"/> scales all masses until they come to '
+            "that with the table's; write the masses of the bodies."
+        )
+    by_geoms = spec.compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
     for body in spec.bodies:
-        for geom in body.geoms if body.explicitinertial else ():
-            if geom.mass > 0:
-                raise ModelError(
-                    f"{name}: geom {geom.name!r} has the mass {geom.mass:g}, which counts for nothing, as body "
-                    f"{body.name!r} has an <inertial>; write the mass there."
-                )
+        for geom in body.geoms:
+            dense = f"density {geom.density:g}" if geom.density != _WATER else ""
+            if body.explicitinertial and not by_geoms and (geom.mass > 0 or dense):
+                given, ruled = dense or f"mass {geom.mass:g}", f"body {body.name!r} has an <inertial>"
+            elif geom.mass == 0 and dense:
+                given, ruled = dense, 'its mass is written, too: mass="0", maybe of a default class'
+            else:
+                continue
+            raise ModelError(
+                f"{name}: geom {geom.name!r} has the {given}, which counts for nothing, as {ruled}; write the mass "
+                "there."
+            )
 
 
 def check(model: mujoco.MjModel, name: str) -> Foot:
@@ -215,6 +236,7 @@ def check(model: mujoco.MjModel, name: str) -> Foot:
     check_constants(model, name)
     _check_laws(model, name)
     _check_options(model, name)
+    solve_exactly(model)
     shaker = model.actuator("shaker").id
     first = int(model.actuator_ctrladr[shaker])
     if model.actuator_biasprm[shaker, 0] != SHAKER or model.nu < first + SHAKER_CONTROLS:
@@ -225,12 +247,13 @@ def check(model: mujoco.MjModel, name: str) -> Foot:
     _check_shaker(model, name, first)
     check_fields(model, name)
     up = _check_base(model, name, shaker)
+    _check_held(model, name)
     _check_pads(model, name)
     sensors = accelerometers(model, up)
     for element in REQUIRED["sensor"]:
         if element not in sensors:
             raise ModelError(f"{name}: sensor {element!r} reads no acceleration; make it a framelinacc at a site.")
-    _check_sensors(model, name)
+    _check_sensors(model, name, sensors)
     base = int(model.jnt_qposadr[model.joint("base").id])
     if not can_be_constrained(model):  # MuJoCo then need not look for contacts: a fifth of a step
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
@@ -238,6 +261,13 @@ def check(model: mujoco.MjModel, name: str) -> Foot:
     _check_added_mass(model, parameters, name)
     _check_places(model, parameters, name)
     return Foot(name, model, parameters, base, first, up, sensors)
+
+
+def solve_exactly(model: mujoco.MjModel) -> None:
+    """Let the solver of constraints go on until nothing improves, whichever the file asks for: the solution is one."""
+    model.opt.solver = mujoco.mjtSolver.mjSOL_NEWTON
+    model.opt.tolerance = min(model.opt.tolerance, _IMPROVEMENT)
+    model.opt.iterations = max(model.opt.iterations, _ITERATIONS)
 
 
 def _check_options(model: mujoco.MjModel, name: str) -> None:
@@ -251,6 +281,13 @@ def _check_options(model: mujoco.MjModel, name: str) -> None:
                 f'{name}: <flag {flag}="disable"/> switches off what the model is made of; remove it, and change the '
                 "numbers of the elements instead."
             )
+    if WEIGHT in names(model, "actuator") and model.opt.gravity.any():
+        raise ModelError(
+            f"{name}: <option> has gravity, and the actuator {WEIGHT!r} stands for it, so that the weight would count "
+            "twice; remove one of both."
+        )
+    if model.opt.noslip_iterations:
+        raise ModelError(f"{name}: <option> has noslip_iterations, which no periodic motion knows; remove it.")
 
 
 def _check_shaker(model: mujoco.MjModel, name: str, first: int) -> None:
@@ -269,26 +306,26 @@ def _check_shaker(model: mujoco.MjModel, name: str, first: int) -> None:
             raise ModelError(f"{name}: actuator {called!r} has a range, and the table must move as asked; remove it.")
 
 
-def _check_sensors(model: mujoco.MjModel, name: str) -> None:
-    """Base and malleolus are sensed where they are, and by a velocity where the acceleration comes late."""
+def _check_sensors(model: mujoco.MjModel, name: str, sensors: Mapping[str, Sensor]) -> None:
+    """Base and malleolus are sensed where they are, and all by a velocity where the acceleration comes early."""
     wanted = {"base": model.body_weldid[model.jnt_bodyid[model.joint("base").id]]}
     wanted["malleolus"] = model.body_weldid[model.site_bodyid[model.site("malleolus").id]]
-    late = model.opt.integrator != mujoco.mjtIntegrator.mjINT_RK4
-    if late and "malleolus_velocity" not in names(model, "sensor"):
-        raise ModelError(
-            f"{name}: with another integrator than RK4 accelerations are sensed half a step early; add the sensor "
-            "'malleolus_velocity', a framelinvel at the site malleolus."
-        )
     for sensor, body in wanted.items():
         on = body_of(model, model.sensor(sensor).id)
         if model.body_weldid[on] != body:
             place = "the table" if sensor == "base" else "the body of the site 'malleolus'"
             raise ModelError(f"{name}: sensor {sensor!r} sits on {model.body(on).name!r}; it belongs on {place}.")
-    known = names(model, "sensor")
-    for sensor in known if late else ():
+    if model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4:
+        return
+    for sensor in sensors:
         velocity = f"{sensor}_velocity"
-        if velocity not in known or sensor == "base":
+        if sensor == "base":
             continue
+        if velocity not in names(model, "sensor"):
+            raise ModelError(
+                f"{name}: with another integrator than RK4 accelerations are sensed half a step early; beside "
+                f"{sensor!r} add the sensor {velocity!r}, a framelinvel at the same site."
+            )
         one, other = model.sensor(sensor).id, model.sensor(velocity).id
         if model.sensor_type[other] != mujoco.mjtSensor.mjSENS_FRAMELINVEL:
             raise ModelError(
@@ -335,22 +372,12 @@ def _check_places(model: mujoco.MjModel, parameters: Parameters, name: str) -> N
     for symbol, parameter in parameters.items():
         value = parameter.read(model)
         for place in parameter.places[1:]:
-            if _is_share(model, place.field, place.index):
-                continue
             other = place.read(model)
             if abs(other - value) > 1e-6 * max(abs(value), abs(other)):
                 raise ModelError(
                     f"{name}: parameter {symbol!r} is {value:g} {parameter.unit} at the first place that its <text> "
                     f"names and {other:g} at another; edit every place alike, or the shares in the <text>."
                 )
-
-
-def _is_share(model: mujoco.MjModel, field: str, index: int) -> bool:
-    """Whether a number is the native share of a damper of law 4.25, which decides accuracy and no physics."""
-    user = {"dof_damping": model.jnt_user, "tendon_damping": model.tendon_user}.get(field)
-    if user is None or user.shape[1] < 1:
-        return False
-    return bool(user[model.dof_jntid[index] if field == "dof_damping" else index, 0] == damper.DAMPER)
 
 
 def accelerometers(model: mujoco.MjModel, up: tuple[float, float, float]) -> dict[str, Sensor]:
@@ -422,6 +449,28 @@ def _check_base(model: mujoco.MjModel, name: str, shaker: int) -> tuple[float, f
     return x, y, z
 
 
+def _check_held(model: mujoco.MjModel, name: str) -> None:
+    """Nothing that is tied to the table is a match for its weight, as a spring or an equality in the world could be."""
+    dof, data, found = int(model.jnt_dofadr[model.joint("base").id]), mujoco.MjData(model), []
+    for place in (0.0, _MOVED):
+        data.qpos[model.jnt_qposadr[model.joint("base").id]] = place
+        mujoco.mj_forward(model, data)
+        found.append(float(data.qacc[dof]))
+    if abs(found[1] - found[0]) < _HELD:
+        return
+    rows = data.efc_J.reshape(-1, model.nv)[:, dof] != 0 if data.nefc else np.zeros(0, bool)
+    equal = data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY
+    holders = [f"equality {model.equality(int(e)).name!r}" for e in dict.fromkeys(data.efc_id[equal & rows])]
+    pull, J = np.zeros((model.ntendon, model.nv)), (data.ten_J.ravel(), model.ten_J_rownnz, model.ten_J_rowadr)
+    mujoco.mju_sparse2dense(pull, *J, model.ten_J_colind.ravel())
+    strongest = int(np.argmax(model.tendon_stiffness * pull[:, dof] ** 2)) if model.ntendon else 0
+    holders += [f"tendon {model.tendon(strongest).name!r}"] if model.ntendon and not holders else []
+    raise ModelError(
+        f"{name}: {' and '.join(holders) or 'something'} holds the table, which moves as it is asked to; tie it to the "
+        "foot, or remove it."
+    )
+
+
 def _check_pads(model: mujoco.MjModel, name: str) -> None:
     """Tendons that an equality keeps equally long must begin so: the engine would keep the gap that it finds."""
     for e in np.flatnonzero((model.eq_type == mujoco.mjtEq.mjEQ_TENDON) & model.eq_active0):
@@ -478,6 +527,7 @@ def _check_laws(model: mujoco.MjModel, name: str) -> None:
         for element, row in zip(names(model, kind), user, strict=False):
             if row.any():
                 _check_law(row, algebraic, f"{name}: the user field of {kind} {element!r}")
+    _check_dampers(model, name)
     for actuator in range(model.nactuator):
         row = model.actuator_biasprm[actuator]
         if row[0] in damper.MEMORY:
@@ -485,6 +535,21 @@ def _check_laws(model: mujoco.MjModel, name: str) -> None:
             _check_law(row[: damper.USER_SIZE], memory, here)
             if model.actuator_actnum[actuator] != damper.MEMORY[row[0]]:
                 raise ModelError(f'{here} names the law {row[0]:g}, which needs actdim="{damper.MEMORY[row[0]]}".')
+
+
+def _check_dampers(model: mujoco.MjModel, name: str) -> None:
+    """A damper that stands in the law 4.25 and in `damping`, for MuJoCo alone, must be the same in both."""
+    kinds = (
+        ("joint", model.jnt_user, model.dof_damping[model.jnt_dofadr]),
+        ("tendon", model.tendon_user, model.tendon_damping),
+    )
+    for kind, laws, native in kinds:
+        for i in np.flatnonzero(laws[:, :1] == damper.DAMPER):
+            if native[i] and abs(native[i] - laws[i, 1]) > 1e-6 * laws[i, 1]:
+                raise ModelError(
+                    f"{name}: {kind} {getattr(model, kind)(i).name!r} has damping={native[i]:g} beside "
+                    f"c_1 = {laws[i, 1]:g} of its law 4.25; write the same number in both, or no damping."
+                )
 
 
 def _check_law(row: np.ndarray, laws: list[damper.Law], here: str) -> None:

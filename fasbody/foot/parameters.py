@@ -13,7 +13,7 @@ a product of two columns of one field, is written
 """
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -241,7 +241,28 @@ def declared(model: "mujoco.MjModel", name: str) -> Parameters:
         data = model.text_data[start : start + model.text_size[number]].decode().rstrip("\0")
         if "|" in data:  # other custom texts are none of ours
             items.append(_parse(model, symbol, data, name))
-    return Parameters(_follow_laws(model, items), name)
+    return Parameters(_follow_laws(model, _without_laws(model, items)), name)
+
+
+def _without_laws(model: "mujoco.MjModel", items: list[Parameter]) -> list[Parameter]:
+    """Where an element has no law, c_1 of the law 4.25 is its `damping`, and what bends it is dropped."""
+    moved: dict[tuple[str, int], tuple[str, int] | None] = {}
+    for user, damping, address in (
+        ("jnt_user", "dof_damping", model.jnt_dofadr),
+        ("tendon_user", "tendon_damping", range(model.ntendon)),
+    ):
+        laws = getattr(model, user)
+        for number, law in enumerate(laws):
+            if law.size and not law.any():
+                first = number * law.size
+                moved |= dict.fromkeys((user, first + column) for column in range(law.size))
+                moved[user, first + 1] = damping, int(address[number])
+    kept = []
+    for item in items:
+        to = [(place, moved.get(at := (place.field, place.index), at)) for place in item.places]
+        places = tuple(replace(place, field=at[0], index=at[1]) for place, at in to if at)
+        kept += [replace(item, places=places)] if places else []
+    return kept
 
 
 def _follow_laws(model: "mujoco.MjModel", items: list[Parameter]) -> list[Parameter]:

@@ -1,0 +1,65 @@
+"""Small motion of any foot model about the pose in which it stands: its matrices, without a time step.
+
+linear = Linear(foot)
+linear.transmissibility(np.array([10.0, 20.0]))             # complex (2,)
+linear.start(20.0, [8.95])                                  # qpos, qvel and act of a rollout
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from fasbody.foot.engine import callbacks
+from fasbody.foot.model import Foot
+from fasbody.foot.rest import standing
+from fasbody.foot.steady_state import Balance
+
+Array = np.ndarray
+
+
+class Linear:
+    """K + s C + s^2 M of what the engine computes, by differences of its inverse dynamics at rest.
+
+    Args:
+        foot: the model.
+
+    Raises:
+        SimulationError: it rests in no pose.
+    """
+
+    def __init__(self, foot: Foot) -> None:
+        self._balance, self._rest = Balance(foot), standing(foot)
+        engine = self._balance.engine
+        motion = np.zeros((3, 1, engine.size))
+        motion[0, 0, : foot.model.nv] = self._rest - foot.model.qpos0
+        with callbacks():
+            self._slopes = engine.slopes(motion)[:, 0]
+
+    def transmissibility(self, frequency_hz: Array, sensor: str = "malleolus") -> Array:
+        """Complex (n,) reading of a sensor over the acceleration of the base."""
+        s = 2j * np.pi * np.asarray(frequency_hz, float)
+        read = self._balance.reading(sensor) @ self._dynamic(s)
+        found: Array = np.einsum("nc,nc->n", read, self._motion(s))
+        return found
+
+    def start(self, frequency_hz: float, base: Sequence[complex] | Array) -> tuple[Array, Array, Array]:
+        """qpos, qvel and act at time zero of the steady motion under harmonics (h,) of the base [m/s^2]."""
+        U = np.asarray(base, complex)
+        s = 2j * np.pi * frequency_hz * np.arange(1, U.size + 1)
+        x, nv = U[:, None] * self._motion(s), self._rest.size
+        return self._rest + x[:, :nv].real.sum(0), (s @ x[:, :nv]).real, x[:, nv:].real.sum(0)
+
+    def _dynamic(self, s: Array) -> Array:
+        """Dynamic stiffness (n, r, c) at complex frequencies (n,) [1/s]."""
+        powers = s[:, None] ** np.arange(3)
+        stiffness: Array = np.einsum("np,prc->nrc", powers, self._slopes)
+        return stiffness
+
+    def _motion(self, s: Array) -> Array:
+        """Coordinates and activations (n, c) under an acceleration exp(s t) of the base."""
+        free, base = self._balance.free, self._balance.base
+        D = self._dynamic(s)
+        x = np.zeros(D.shape[::2], complex)
+        x[:, base] = 1 / s**2
+        x[:, free] = -np.linalg.solve(D[:, free][:, :, free], D[:, free, base, None] * x[:, base, None, None])[..., 0]
+        return x

@@ -1,0 +1,148 @@
+"""Equalities, stops and contacts at every amplitude, against ODEs with the constraint's force in closed form.
+
+One constraint of a two-mass foot has one unknown force, so MuJoCo's convex problem (computation, "solver") has a closed
+solution: f = (a_ref - a_free) / (A + R), on one side alone where it can let go. The table of 1e9 kg is not in it.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import mjcf
+from fasbody.exceptions import ModelError, NotSmoothError
+from fasbody.foot.model import Foot, load
+from fasbody.foot.shaker import harmonics
+from fasbody.foot.simulate import simulate
+from fasbody.foot.steady_state import Balance
+
+HZ, PERIODS, STEP = 20.0, 30, 1e-4
+W = 2 * np.pi * HZ
+AMPLITUDES = (0.02, 1.0, 9.0)
+#: Masses of foot and shank [kg], springs [N/m] and dampers [N s/m] of pad and ankle.
+M_F, M_S, K, C = 1.052265, 3.374505, np.array([1e5, 1.5e5]), np.array([800.0, 430.0])
+#: Mass matrix in the joints z_2 (pad), z_1 (ankle), and what the base's acceleration pushes.
+M, PUSH = np.array([[M_F + M_S, M_S], [M_S, M_S]]), np.array([M_F + M_S, M_S])
+INVERSE = np.linalg.inv(M)
+LINEAR = mjcf.path("two_dof").read_text().replace("-50 100", "0 0").replace("50 100", "0 0")
+
+
+@dataclass(frozen=True)
+class Constraint:
+    """One constraint.
+
+    Attributes:
+        mjcf: what is put before the actuators. joint: what is put into the joint of the pad.
+        J: (2,) its Jacobian. weight: MuJoCo's estimate of J M^-1 J'. gap: at rest [m], None where it holds both ways.
+        rigid: by how much it does not give.
+    """
+
+    mjcf: str
+    J: np.ndarray
+    weight: float
+    joint: str = ""
+    gap: float | None = None
+    rigid: bool = False
+
+    def foot(self) -> Foot:
+        text = LINEAR.replace("  <actuator>", self.mjcf + "  <actuator>", 1)
+        return load(text.replace('name="fat_pad"', f'name="fat_pad" {self.joint}', 1))
+
+    def force(self, z: np.ndarray, v: np.ndarray, free: np.ndarray) -> float:
+        """By the defaults solref="0.02 1" solimp="0.9 0.95 0.001 0.5 2"."""
+        r = self.J @ z + (self.gap or 0.0)
+        if self.gap is not None and r >= 0:
+            return 0.0
+        x = min(1.0, abs(r) / 1e-3)
+        d = 0.9 + 0.05 * (2 * x**2 if x < 0.5 else 1 - 2 * (1 - x) ** 2)
+        k, b = 1 / (0.95 * 0.02) ** 2, 2 / (0.95 * 0.02)
+        f = (-b * (self.J @ v) - k * d * r - self.J @ free) / (self.J @ INVERSE @ self.J + (1 - d) / d * self.weight)
+        return f if self.gap is None else max(0.0, f)
+
+
+TIED = '<equality><joint joint1="talocrural" joint2="fat_pad" {0}/></equality>'
+HARD = 'solref="-1e7 -1e4" solimp="0.9999 0.9999 0.001"'
+TENDON = ('<tendon><fixed name="both"><joint joint="fat_pad" coef="1"/><joint joint="talocrural" coef="-1"/></fixed>'
+          '</tendon><equality><tendon tendon1="both" {0}/></equality>')  # fmt: skip
+DIFFERENCE, PAD = np.array([-1.0, 1.0]), np.array([1.0, 0.0])
+CONSTRAINTS = {
+    "a joint equality": Constraint(TIED.format(""), DIFFERENCE, INVERSE[0, 0] + INVERSE[1, 1]),
+    "a hard joint equality": Constraint(TIED.format(HARD), DIFFERENCE, 0.0, rigid=True),
+    "a tendon equality": Constraint(TENDON.format(""), -DIFFERENCE, DIFFERENCE @ INVERSE @ DIFFERENCE),
+    "a hard tendon equality": Constraint(TENDON.format(HARD), DIFFERENCE, 0.0, rigid=True),
+    "a connect": Constraint(
+        f'<equality><connect body1="shank" body2="foot" anchor="0 0 0" {HARD}/></equality>', np.array([0.0, 1.0]), 0.0,
+        rigid=True),
+    "a stop": Constraint("", PAD, INVERSE[0, 0], 'range="0 1"', gap=0.0),
+    "a stop at a distance": Constraint("", PAD, INVERSE[0, 0], 'range="-1e-4 1"', gap=1e-4),
+    "a contact": Constraint('<contact><pair geom1="sole" geom2="table" condim="1"/></contact>', PAD,
+                            INVERSE[0, 0] / 3, gap=1e-5),
+}  # fmt: skip
+#: The sole as a ball above the top of the table, which lies at -0.02.
+SOLE = '<geom name="sole" size="0.01" pos="0.03 -0.00999 0"/><geom name="foot"'
+
+
+def truth(of: Constraint, peak: float) -> complex:
+    """Malleolus over table at `HZ` by the ODE, or in closed form where the constraint is rigid."""
+    if of.rigid:
+        both = np.array([[of.J[1]], [-of.J[0]]])  # the one way in which both joints may move
+        z = np.linalg.solve(both.T @ (np.diag(K + 1j * W * C) - W**2 * M) @ both, -both.T @ PUSH)
+        return complex(1 - W**2 * (both @ z).sum())
+
+    def rates(t: float, x: np.ndarray) -> np.ndarray:
+        z, v = x[:2], x[2:]
+        free = INVERSE @ (-K * z - C * v - PUSH * peak * np.cos(W * t))
+        return np.concatenate([v, free + INVERSE @ of.J * of.force(z, v, free)])
+
+    t = (PERIODS - 2 + 2 * np.arange(512) / 512) / HZ
+    run = solve_ivp(rates, (0, PERIODS / HZ), np.zeros(4), "DOP853", t_eval=t, rtol=1e-9, atol=1e-13, max_step=1e-3)
+    z = 2 / 512 * (run.y[0] + run.y[1]) @ np.exp(-1j * W * t)
+    return complex(1 - W**2 * z / peak)
+
+
+@pytest.mark.parametrize("peak", AMPLITUDES)
+@pytest.mark.parametrize("name", CONSTRAINTS)
+def test_a_constraint_acts_at_every_amplitude(name: str, peak: float) -> None:
+    of = CONSTRAINTS[name]
+    foot = load(LINEAR_CONTACT) if name == "a contact" else of.foot()
+    run = simulate(foot, harmonics(HZ, [peak], PERIODS / HZ), step=STEP)
+    n = round(2 / HZ / STEP)
+    late = run.qpos[0, -n - 1 : -1, 1:].sum(axis=1) @ np.exp(-1j * W * run.time[0, -n:]) * 2 / n
+    expected = truth(of, peak)
+    assert abs((1 - W**2 * late / peak) / expected - 1) < 5e-4
+    assert run.base_error < 1e-7
+    free = np.linalg.solve(np.diag(K + 1j * W * C) - W**2 * M, -PUSH)
+    acts = (of.gap or 0.0) < 5e-5 * peak
+    assert (abs(expected / (1 - W**2 * free.sum()) - 1) > 1e-3) == acts
+
+
+LINEAR_CONTACT = LINEAR.replace('<geom name="foot"', SOLE, 1).replace(
+    "  <actuator>", CONSTRAINTS["a contact"].mjcf + "  <actuator>", 1
+)
+
+
+@pytest.mark.parametrize("option", ['iterations="1"', 'tolerance="1e-3"', 'solver="PGS"'])
+def test_settings_of_the_solver_change_nothing(option: str) -> None:
+    plain = CONSTRAINTS["a joint equality"].foot()
+    text = LINEAR.replace("  <actuator>", TIED.format("") + "  <actuator>", 1)
+    other = load(text.replace("<option ", f"<option {option} ", 1))
+    one, two = (simulate(foot, harmonics(HZ, [1.0], 0.1)).malleolus for foot in (plain, other))
+    np.testing.assert_allclose(two, one, rtol=1e-9, atol=1e-12)
+
+
+def test_noslip_is_refused() -> None:
+    with pytest.raises(ModelError, match="noslip_iterations"):
+        load(LINEAR.replace("<option ", '<option noslip_iterations="3" ', 1))
+
+
+@pytest.mark.parametrize("name", ["a joint equality", "a tendon equality", "a connect"])
+def test_harmonic_balance_finds_the_same(name: str) -> None:
+    of = CONSTRAINTS[name]
+    found = Balance(of.foot()).orbit(HZ, [1.0]).harmonics()[0]
+    assert abs(found / truth(of, 1.0) - 1) < 1e-4
+
+
+def test_harmonic_balance_refuses_a_stop_that_acts() -> None:
+    with pytest.raises(NotSmoothError):
+        Balance(CONSTRAINTS["a stop at a distance"].foot()).orbit(HZ, [9.0])
