@@ -116,7 +116,8 @@ def test_table_is_filled_many_at_once_and_kept_as_a_study(opened: Any, tmp_path:
         page.page.get_by_label("fit 20hz_0kg.csv").click()
         page.page.get_by_label("fit 25hz_2.3kg.csv").click(modifiers=["Shift"])
         assert page("ticked()") == [1, 2]
-        page.page.get_by_label("fit 10hz_0kg.csv").click()
+        page.page.get_by_role("button", name="tick all", exact=True).click()
+        assert page("ticked()") == [0, 1, 2]
 
         # a study folder in one file; dropped again it says everything itself
         with page.page.expect_download() as saved:
@@ -193,7 +194,7 @@ def test_bar_is_in_sight_and_nothing_is_small(opened: Any, tmp_path: Path) -> No
                 page("d => receiveFit(d)", fit)
                 assert page("byId('next').textContent") == "Fit 98.7 %; no branch is decided."
                 page("showRecordings({ session: bench.session, rows: bench.rows, shown: 0, stale: 'Out of date.' })")
-                assert page("byId('next').textContent").endswith("Out of date.")
+                assert page("byId('next').textContent").endswith("Out of date; fit again.")
             for size in SIZES:
                 page.resize(*size)
                 page("scrollTo(0, 1e5), document.querySelector('aside').scrollTo(0, 1e5)")

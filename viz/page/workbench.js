@@ -120,7 +120,7 @@ function advise() {
   const verdict = fit && { decided: `the data decide for the ${fit.branches[0].name}`, undecided: "no branch is decided", "not compared": "one branch" }[fit.verdict];
   const parts = !bench.rows.length && !fit ? ["Drop recordings anywhere on this page, or try the example."] : [
     fit ? `Fit ${(+fit.fit_percent).toFixed(1)} %${verdict ? `; ${verdict}` : ""}.` : `${count} of ${bench.rows.length} recordings ticked.`,
-    byId("stale").hidden ? "" : byId("stale").textContent,
+    byId("stale").hidden ? "" : "Out of date; fit again.",
     doubtful ? `${doubtful} in doubt: say the unit in the table.` : "",
     bare ? `${bare} without body mass: type it in the table, once for all.` : "",
     slow && !fit ? `This model has ${free} constants${2 * count < free ? ", which so few recordings leave unknown" : ""}; its fit takes a minute or more.` : ""];
@@ -147,10 +147,12 @@ function drawTable() {
   const scopes = [["ticked", bench.chosen.size], ["in doubt", doubtful], ["all", bench.rows.length]].filter(([, n]) => n);
   scope.replaceChildren(...scopes.map(([name, n]) => element("option", `${name} (${n})`, { value: name })));
   scope.value = scopes.some(([name]) => name === chosen) ? chosen : scopes.length ? scopes[0][0] : "";
+  byId("tick_all").textContent = allTicked() ? "untick all" : "tick all";
   byId("tab_recordings").hidden = !bench.rows.length;
   byId("tabs").hidden = !bench.rows.length && byId("tab_fit").hidden && byId("tab_rivals").hidden;
 }
 function focusCell(id, key) { const cell = byId("recordings").querySelector(`input[data-id="${id}"][data-key="${key}"]`); if (cell) cell.focus(); }
+const allTicked = () => bench.rows.every(row => bench.chosen.has(row.id) || !sound(row));
 const inScope = () => bench.rows.filter(row => ({ ticked: bench.chosen.has(row.id), "in doubt": row.doubt, all: true })[byId("scope").value]);
 
 let lastTick = -1;
@@ -226,7 +228,11 @@ if (!window.EXPORTED) {
     fill(inScope().map(row => [row.id, input.value]), input.dataset.key, input);
     if (!input.classList.contains("refused")) input.value = "";
   };
-  byId("tick_none").onclick = () => { const off = bench.chosen.size > 0; for (const row of bench.rows) if (off) bench.chosen.delete(row.id); else if (sound(row)) bench.chosen.add(row.id); ticksChanged(); };
+  byId("tick_all").onclick = () => {
+    const off = allTicked();
+    for (const row of bench.rows) if (off) bench.chosen.delete(row.id); else if (sound(row)) bench.chosen.add(row.id);
+    ticksChanged();
+  };
   byId("keep_study").onclick = () => tellServer("keep_study", { numbers: ticked() }, "writing the study");
 }
 
