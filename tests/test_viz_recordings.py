@@ -115,7 +115,11 @@ def test_table_is_filled_many_at_once_and_kept_as_a_study(opened: Any, tmp_path:
         assert page("[ticked(), byId('start_fit').disabled]") == [[], True]
         page.page.get_by_label("fit 20hz_0kg.csv").click()
         page.page.get_by_label("fit 25hz_2.3kg.csv").click(modifiers=["Shift"])
-        assert page("ticked()") == [1, 2]
+        assert page("[ticked(), byId('scope').value]") == [[1, 2], "ticked"]
+        typed(page, "load of these [kg]", "4.5")
+        page.until("bench.rows.map(row => row.added_mass_kg).join() === '0,4.5,4.5'")
+        page(paste, ["load [kg] of 20hz_0kg.csv", "0\n2.3"])
+        page.until("bench.rows.map(row => row.added_mass_kg).join() === '0,0,2.3'")
         page.page.get_by_role("button", name="tick all", exact=True).click()
         assert page("ticked()") == [0, 1, 2]
 

@@ -27,7 +27,13 @@ def _sensitivity(value: Any) -> float | str:
 
 
 #: What the form may say of a channel.
-_SAID = {"column": str, "unit": str, "sign": float, "sensitivity": _sensitivity, "delay_s": float}
+_SAID: Mapping[str, Callable[[Any], Any]] = {
+    "column": str,
+    "unit": str,
+    "sign": float,
+    "sensitivity": _sensitivity,
+    "delay_s": float,
+}
 #: Channels that the form has.
 CHANNELS = ("time", *NAMES)
 
@@ -132,7 +138,7 @@ class Source:
             for name in NAMES:
                 kept = {key: v for key, v in channels.get(name, {}).items() if key not in ("unit", "sensitivity")}
                 channels[name] = kept | given
-        numbers = {
+        numbers: dict[str, Any] = {
             key: None if said[key] in ("", None) else _said(key, said[key], float)
             for key in ("rate_hz", "body_mass_kg", "added_mass_kg")
             if key in said

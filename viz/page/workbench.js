@@ -221,7 +221,12 @@ function fill(texts, key, input) {
   if (changes.length) correct(changes);
 }
 function correct(changes) { tellServer("correct", { changes }, changes.length > 1 ? `reading ${changes.length} recordings` : "reading"); }
-function ticksChanged() { drawTable(); advise(); keepState(); }
+function ticksChanged() {
+  drawTable();
+  if (bench.chosen.size) byId("scope").value = "ticked";  // who ticks means these
+  advise();
+  keepState();
+}
 if (!window.EXPORTED) {
   for (const input of byId("all").querySelectorAll("input")) input.onchange = () => {
     if (!input.value.trim()) return;
