@@ -87,7 +87,7 @@ def test_curve_is_that_of_the_steps() -> None:
     n = 2 * round(1 / hz / foot.step)
     turn = np.exp(-2j * np.pi * hz * foot.step * np.arange(n))
     malleolus, base = (x[0, -n:] @ turn for x in (run.malleolus, run.base))
-    curve = discretise(foot).transmissibility(np.array([hz]))[0]
+    curve = Linear(foot).transmissibility(np.array([hz]))[0]
     assert curve == pytest.approx(malleolus / base, rel=1e-3)
 
 

@@ -262,7 +262,8 @@ def test_exported_recording_keeps_its_ring(opened: Any, tmp_path: Path) -> None:
         ]}
         for name, k_T in (("stiff ankle", 1.3e5), ("stiff pad", 7e4))
     ]  # fmt: skip
-    fit = {"sentence": "It is so.", "reason": "Both.", "warnings": [], "odds": "2 to 1", "branches": sides}
+    fit = {"sentence": "It is so.", "reason": "Both.", "warnings": [], "verdict": "undecided", "fit_percent": 99}
+    fit |= {"branches": sides}
     show = Show(["two_dof"], Excitation.recorded(BUNDLED / "recordings" / "20hz_0kg.csv"), fit=fit)
     file.write_text(html(show))
     page = Watched(opened, file.as_uri())

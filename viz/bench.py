@@ -6,13 +6,11 @@ Everything here is what a script could do: files are read by `fasbody`, judged b
 
 import hashlib
 import importlib
-import io
 import math
 import re
 import secrets
 import tempfile
 import unicodedata
-import zipfile
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from functools import cache
@@ -31,6 +29,7 @@ from fasbody.recording.formats import READ, ending
 from fasbody.recording.recording import Recording
 from fasbody.recording.study import BUNDLED
 from identification.engines.twin import twin_applies
+from viz.archive import packed, study, unpacked
 from viz.excitation import Excitation
 from viz.feet import MODEL, Show
 from viz.fitted import fitted
@@ -42,7 +41,7 @@ from viz.worker import Told, Worker
 
 Document = dict[str, Any]
 #: Documents for the page that asked alone; all others are for every page.
-PRIVATE = {"columns", "checked", "saved", "taken"}
+PRIVATE = {"columns", "checked", "saved", "taken", "kept"}
 #: Largest dropped file [bytes], and how much and how many files a session may hold.
 LARGEST, MOST, FILES = 64_000_000, 512_000_000, 500
 #: Parts of a dropped file's name: folders, and the file.
@@ -54,8 +53,8 @@ _LONGEST, _REFUSED = 200, re.compile(r'[<>:"|?*]')
 #: What sentences say of options and of study.toml, as patterns, and what the page's form calls it.
 _FORM = tuple((re.compile(said), words) for said, words in (
     (r"leave --model out and give this file as --rival", "choose two_dof"),
-    (r"give --body-mass", "give it with “…”"),
-    (r"--body-mass narrows it", "the body mass, given with “…”, narrows it"), (r"--body-mass", "the body mass"),
+    (r"give --body-mass", "type it in the table"), (r"--body-mass", "the body mass in the table"),
+    (r"python -m identification\.rivals", "the button Rivals"), (r"as study\.toml says", "as was said here"),
     (r"--mass-std", "mass_std in Python"), (r"--added-mass", "the mass on the knee"),
     (r", or --columns \S+ \(study\.toml: columns\) must name its columns", "; write it above the numbers"),
     (r"use --domain time", "fit it in Python with domain='time'"),
@@ -127,11 +126,21 @@ class Bench:
         """What `FitResult.write` writes, in one file; empty where nothing is written."""
         files = [self.results / name for name in ("report.html", "result.json", "parameters.csv")]
         files = [file for file in (*files, *sorted((self.results / "figures").glob("*.*"))) if file.is_file()]
-        memory = io.BytesIO()
-        with zipfile.ZipFile(memory, "w", zipfile.ZIP_DEFLATED) as packed:
-            for file in files:
-                packed.write(file, Path("results") / file.relative_to(self.results))
-        return memory.getvalue() if files else b""
+        inside = {f"results/{file.relative_to(self.results).as_posix()}": file.read_bytes() for file in files}
+        return packed(inside) if inside else b""
+
+    def keep_study(self, numbers: list[int]) -> list[Document]:
+        """Write the chosen recordings as a study folder, in one file.
+
+        Raises:
+            SettingError: nothing is chosen, or one has no body mass.
+        """
+        recordings = [self._source(number).read() for number in numbers]
+        if not recordings:
+            raise SettingError("tick the recordings that the study is to hold.")
+        files = study("recordings of a session", recordings, self.folder)
+        write_whole(self.folder / ".study.zip", packed({f"study/{name}": text for name, text in files.items()}))
+        return [{"type": "kept"}]
 
     def close(self) -> None:
         """End the fitting process and delete the session's files."""
@@ -170,13 +179,14 @@ class Bench:
         text, name, digest = (str(message.get(key, "")) for key in ("text", "name", "digest"))
         said = message.get("said")
         said = said if isinstance(said, dict) else {}
-        several = message.get("numbers", []) if kind in ("fit", "rivals", "remove") else []
+        several = message.get("numbers", []) if kind in ("fit", "rivals", "remove", "keep_study") else []
         chosen = [n for n in several if isinstance(n, int)]
         actions: dict[Any, Callable[[], list[Document]]] = {
             "open": lambda: self.open([str(n) for n in message.get("names", [])]), "bundled": self.bundled,
             "use": lambda: self.use(number), "sine": self.sine, "columns": lambda: self.columns(number),
-            "correct": lambda: self.correct(number, said), "fit": lambda: self.fit(chosen, said), "stop": self.stop,
-            "rivals": lambda: self.rivals(chosen, said), "remove": lambda: self.remove(chosen),
+            "correct": lambda: self.correct(_changes(message.get("changes"))),
+            "fit": lambda: self.fit(chosen, said), "stop": self.stop, "rivals": lambda: self.rivals(chosen, said),
+            "remove": lambda: self.remove(chosen), "keep_study": lambda: self.keep_study(chosen),
             "report": self.report, "choose": lambda: self.choose(name), "check": lambda: self.check(text),
             "save": lambda: self.save(text, digest), "take": lambda: self.take(said),
         }  # fmt: skip
@@ -185,19 +195,25 @@ class Bench:
         return actions[kind]()
 
     # ---- files -------------------------------------------------------------------------------------------------------
-    def keep(self, name: str, content: bytes) -> str:
-        """Keep a dropped file for this session; the name that it is kept under.
+    def keep(self, name: str, content: bytes) -> list[str]:
+        """Keep a dropped file for this session, or what a zip file holds; the names that are kept.
 
         Raises:
-            SettingError: no name of a file, of no format that is read, or too large.
+            SettingError: no name of a file, of no format that is read, or too large. InputFileError: no zip file.
         """
+        if Path(name).suffix.lower() != ".zip":
+            return [self._keep(name, content)]
+        inside = unpacked(name[:80], content, LARGEST, MOST, FILES)
+        return [self._keep(f"{Path(name).stem}/{file}", text) for file, text in inside if _is_read(Path(file))]
+
+    def _keep(self, name: str, content: bytes) -> str:
         kept = _kept(name)
         if not kept:
             raise SettingError(f"{name[:80]!r} is no name for a file; use printable characters, with no dot in front.")
         file = PurePosixPath(kept)
-        end = ending(Path(kept))
-        if end not in (*TEXTS, *READ) and file.name not in _BESIDE and end not in (".json", ".toml"):
-            raise SettingError(f"{file.name}: no format has the ending {end!r}; valid: {', '.join((*TEXTS, *READ))}.")
+        if not _is_read(Path(kept)):
+            valid = ", ".join((*TEXTS, *READ, ".zip"))
+            raise SettingError(f"{file.name}: no format has the ending {ending(Path(kept))!r}; valid: {valid}.")
         if len(content) > LARGEST:
             raise SettingError(f"{file.name} is larger than {LARGEST // 1_000_000} MB; split it into recordings.")
         others = [f for f in self.folder.rglob("*") if f.is_file() and f != self.folder / kept]
@@ -216,7 +232,7 @@ class Bench:
             fresh += [Source(file, str(inside)) for file in study_files(inside)]
         if not tables:
             wanted = [n for n in kept if PurePosixPath(n).name not in _BESIDE and ending(Path(n)) in (*TEXTS, *READ)]
-            fresh = [Source(name, str(self.folder)) for name in wanted]
+            fresh = [Source.bare(name, str(self.folder)) for name in wanted]
         return self._add(fresh)
 
     def bundled(self) -> list[Document]:
@@ -234,18 +250,22 @@ class Bench:
             # dropped again: the same recording, with what was said of it
             self.sources[number] = self.sources.get(number, source)
             self._rows[number] = row = self._row(number)
-            if not shown and not row["unread"] and not row["problem"]:
+            if not shown and _sound(row):
                 documents, shown = self.use(number), True
                 if len(fresh) == 1:
                     return documents
                 for document in documents:  # the foot moves while the others are read
                     self.told(document)
+        doubtful = [number for number, row in self._rows.items() if row["doubt"]]
+        if not shown and self.shown < 0 and doubtful:
+            return self.use(doubtful[0])  # at rest, with the sentence why
         return [self.document()]
 
     def _row(self, number: int) -> Document:
         """What was understood of a file: the checks' sentences, and what the form needs."""
         source = self.sources[number]
-        row: Document = {"id": number, "file": source.file, "unread": "", "problem": "", "warnings": [], "columns": []}
+        row: Document = {"id": number, "file": source.file, "unread": "", "problem": "", "doubt": "", "warnings": []}
+        row |= {"unit": source.unit, "body_mass_kg": source.body_mass_kg, "added_mass_kg": source.added_mass_kg}
         try:
             recording = source.read()
             self._latest = source, recording
@@ -257,10 +277,12 @@ class Bench:
             row |= {
                 key: found.get(key) for key in ("problem", "warnings", "frequency_hz", "samples", "rate_hz", "seconds")
             }
+            row["doubt"] = "" if source.unit else self.words(unit_in_doubt([found["warnings"]]))
             row["problem"] = self.words(row["problem"])
             row["warnings"] = [self.words(text) for text in row["warnings"]]
             row |= {"label": recording.file, "origin": recording.origin, "subject": condition.subject}
-            row |= {"body_mass_kg": condition.body_mass_kg, "added_mass_kg": condition.added_mass_kg}
+            row |= {"unit": source.unit or _unit_of(recording), "body_mass_kg": condition.body_mass_kg}
+            row["added_mass_kg"] = condition.added_mass_kg
         return row
 
     def words(self, sentence: str) -> str:
@@ -270,13 +292,28 @@ class Bench:
             sentence = said.sub(words, sentence)
         return sentence
 
-    def correct(self, number: int, said: Mapping[str, Any]) -> list[Document]:
-        """Read a recording again with what the form says of it."""
-        self.sources[number] = self._source(number).corrected(said)
-        self._rows[number] = row = self._row(number)
-        if not row["unread"] and not row["problem"]:
-            return self.use(number)
-        return [self.document()] if number != self.shown else self.sine()
+    def correct(self, changes: Mapping[int, Mapping[str, Any]]) -> list[Document]:
+        """Read recordings again with what the page says of each; where one of them cannot be meant, none is changed."""
+        changed = {number: self._corrected(number, said) for number, said in changes.items()}
+        for number, source in changed.items():
+            before, row = self.sources[number], self._rows[number]
+            masses = {key: getattr(source, key) for key in ("body_mass_kg", "added_mass_kg")}
+            self.sources[number] = source
+            if source.weighed and not row["unread"] and replace(before, **masses) == source:
+                self._rows[number] = row | masses
+            else:
+                self._rows[number] = self._row(number)
+        if self.shown in changed:
+            return self.use(self.shown) if not self._rows[self.shown]["unread"] else self.sine()
+        good = [number for number in changed if _sound(self._rows[number])]
+        alone = len(changed) == 1 or self.shown < 0
+        return self.use(good[0]) if good and alone else [self.document()]
+
+    def _corrected(self, number: int, said: Mapping[str, Any]) -> Source:
+        """A source with what is said of it; masses that its study stated stay when its channels are corrected."""
+        source, row = self._source(number), self._rows[number]
+        masses = {key: row[key] for key in ("body_mass_kg", "added_mass_kg") if row.get("subject")}
+        return source.corrected(masses | dict(said))
 
     def remove(self, numbers: list[int]) -> list[Document]:
         """Forget recordings; their files go where no fit needs them for its report."""
@@ -302,7 +339,7 @@ class Bench:
             if not (np.isfinite(values).all() and np.ptp(values) > 0):
                 channel = name.removesuffix("_m_s2")
                 raise SettingError(f"{recording.file}: the channel {channel} does not move; name its column with “…”.")
-        self.show.drive(Excitation.recorded(recording))
+        self.show.drive(replace(Excitation.recorded(recording), doubt=self._rows[number]["doubt"]))
         self.shown = number
         return [self.document(), self.show.description() | {"adopt": True}]
 
@@ -485,7 +522,8 @@ class Bench:
         else:
             parameters = (self.show.feet[MODEL] if here else load_foot(question.model)).parameters
             fit = fitted(document["document"], parameters, document["sentence"], question.values)
-            fit |= {"reason": self.words(fit["reason"]), "warnings": [self.words(text) for text in fit["warnings"]]}
+            fit |= {key: self.words(fit[key]) for key in ("sentence", "reason")}
+            fit |= {"warnings": [self.words(text) for text in fit["warnings"]]}
             found = {key: document[key] for key in ("data", "curves", "chi_square", "traces", "seconds")}
             self._fits += 1
             found |= {"type": "fitted", "number": self._fits, "fit": fit, "script": question.script}
@@ -613,6 +651,35 @@ class Bench:
         except FasError as error:
             return [saved | {"text": f"saved, but the last good model is shown: {error}"}, self.models()]
         return [saved, models, description | {"same": True}, *found]
+
+
+def _is_read(file: Path) -> bool:
+    """Whether a file is a recording by its ending, or belongs to one."""
+    return ending(file) in (*TEXTS, *READ, ".json", ".toml") or file.name in _BESIDE
+
+
+def _sound(row: Mapping[str, Any]) -> bool:
+    """Whether a recording can be fitted, and is in the unit that it seems to be in."""
+    return not (row["unread"] or row["problem"] or row["doubt"])
+
+
+def _unit_of(recording: Recording) -> str:
+    """The unit of the base in its file, as what the recording was made of says it."""
+    made = next((text for text in recording.used if text.startswith("base:")), "")
+    return made.partition(", its times")[0].rpartition(" in ")[2].replace("_s2", "/s^2")
+
+
+def _changes(asked: Any) -> dict[int, Mapping[str, Any]]:
+    """What a page says of recordings, by their ids.
+
+    Raises:
+        SettingError: it is no list of pairs of an id and a table.
+    """
+    pairs = asked if isinstance(asked, list) else []
+    good = [isinstance(pair, list) and list(map(type, pair)) == [int, dict] for pair in pairs]
+    if not good or not all(good):
+        raise SettingError("the page's corrections cannot be read; reload it.")
+    return dict(pairs)
 
 
 def _kept(name: str) -> str:

@@ -86,12 +86,14 @@ class Excitation(Tabled):
     Attributes:
         base: motion of a sweep, or of a recording that is not steady. recording: what was measured.
         steady: its periodic part, if it has one. shown: first and last second of `base` that are shown.
+        doubt: why no motion is to be made of it, in a sentence.
     """
 
     base: BaseMotion | None = None
     recording: Recording | None = None
     steady: Steady | None = None
     shown: tuple[float, float] = field(default=(0.0, np.inf))
+    doubt: str = ""
 
     @property
     def periodic(self) -> bool:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from fasbody.exceptions import FasError, SimulationError
+from fasbody.exceptions import FasError, SettingError, SimulationError
 from fasbody.foot.model import Foot
 from fasbody.recording.checks import judged, unit_in_doubt
 from identification.blackbox.criteria import fit_percent
@@ -310,6 +310,8 @@ class Show:
 
     def answer(self, settings: Settings) -> dict[str, Any]:
         """The motions as one document for the page; `held` are parameters that a bound has stopped."""
+        if self.excitation.doubt:
+            raise SettingError(self.excitation.doubt)
         wanted, settings = settings, settings.held(self.feet[MODEL])
         motions = self.motions(settings)
         document = {name: _document(motion) for name, motion in motions.items()}

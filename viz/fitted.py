@@ -12,13 +12,10 @@ from typing import Any
 
 from fasbody.exceptions import InputFileError, SettingError
 from fasbody.foot.parameters import Parameter, symbol_and_unit
-from fasbody.presentation import readable
 from identification.estimates import Estimate
 from viz.settings import within
 
 _VALID = "give the result.json of python -m identification.fit"
-#: Log of the odds above which the page writes no number.
-_SURE = math.log(1e6)
 
 
 def fitted(
@@ -48,7 +45,6 @@ def fitted(
         "verdict": str(document.get("verdict", "")),
         "reason": _named(str(document.get("verdict_reason", "")), parameters),
         "warnings": [_named(str(text), parameters) for text in document.get("warnings", [])],
-        "odds": _odds(document),
         "branches": [_branch(branch, parameters, dict(held or {})) for branch in branches],
         "recordings": [
             {name: r.get(name) for name in ("file", "frequency_hz", "added_mass_kg", "fit_percent")}
@@ -61,15 +57,6 @@ def _named(sentence: str, parameters: Mapping[str, Parameter]) -> str:
     """A sentence that calls parameters as the table beside it does: c_13 and not c_13_per_m."""
     names = {p.key: name for name, p in parameters.items()}
     return re.sub(r"\w+", lambda word: names.get(word[0], word[0]), sentence)
-
-
-def _odds(document: Mapping[str, Any]) -> str:
-    """The odds between the branches, as the verdict rounds them; empty where a fit offers none."""
-    branches = document.get("branches") or []
-    if len(branches) < 2 or all(each.get("lower", 0.0) is None for each in branches[0]["parameters"].values()):
-        return ""
-    ratio = float(document.get("log_likelihood_ratio") or 0.0)
-    return "more than a million to 1" if ratio > _SURE else f"{readable(math.exp(ratio))} to 1"
 
 
 def _branch(

@@ -36,7 +36,7 @@ from viz.shown import Shown, file_of, files, markup, said
 
 ADDRESS = "127.0.0.1"
 #: What is made here: the report of a fit, all its results, and the page to take away.
-MADE = ("report", "results", "take")
+MADE = ("report", "results", "take", "study")
 #: Largest message a page may send, the text of a model among them, and body of a request that is no file [bytes].
 LARGEST, BODY = 1_000_000, 64_000
 #: Seconds after which a silent or slow browser is let go.
@@ -312,12 +312,12 @@ class Upload(Guarded):
             raise tornado.web.HTTPError(403)
         assert self.server.bench is not None
         try:
-            name = self.server.bench.keep(self.get_query_argument("name", ""), b"".join(self._parts))
+            names = self.server.bench.keep(self.get_query_argument("name", ""), b"".join(self._parts))
         except FasError as error:
             self.set_status(400)
             self.write({"text": str(error)})
         else:
-            self.write({"text": "", "name": name})
+            self.write({"text": "", "names": names})
 
 
 class Made(Guarded):
@@ -335,12 +335,13 @@ class Made(Guarded):
         elif self.name == "results":
             content = bench.zipped()
         else:
-            file = bench.results / "report.html" if self.name == "report" else bench.folder / "foot.html"
+            made = {"report": bench.results / "report.html", "study": bench.folder / ".study.zip"}
+            file = made.get(self.name, bench.folder / "foot.html")
             content = file.read_bytes() if file.is_file() else b""
         if not content:
             raise tornado.web.HTTPError(404)
-        saved = {"results": "results.zip", "take": self.server.show.page}.get(self.name)
-        self.set_header("Content-Type", "application/zip" if self.name == "results" else "text/html; charset=utf-8")
+        saved = {"results": "results.zip", "study": "study.zip", "take": self.server.show.page}.get(self.name, "")
+        self.set_header("Content-Type", "application/zip" if saved.endswith(".zip") else "text/html; charset=utf-8")
         self.set_header("Content-Security-Policy", "default-src 'none'; style-src 'unsafe-inline'; img-src data:")
         self.set_header("X-Content-Type-Options", "nosniff")
         if saved:

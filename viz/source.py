@@ -3,22 +3,39 @@
 The page corrects it, the worker fits it, and its line of Python reads it in a script.
 """
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from fasbody.exceptions import InputFileError, SettingError
-from fasbody.recording.channels import Layout
+from fasbody.recording.channels import NAMES, VOLTAGES, Layout, heading
 from fasbody.recording.condition import plausible
 from fasbody.recording.files import columns_of
+from fasbody.recording.proposal import body_mass_in_name, load_in_name
 from fasbody.recording.recording import Recording, with_masses
 from fasbody.recording.study import BUNDLED, read_file
+from fasbody.recording.trials import is_listed
+
+
+def _sensitivity(value: Any) -> float | str:
+    """A number, or a data sheet's text, which the reader judges."""
+    try:
+        return float(value)
+    except (TypeError, ValueError):
+        return str(value)
+
 
 #: What the form may say of a channel.
-_SAID = {"column": str, "unit": str, "sign": float, "sensitivity": float, "delay_s": float}
+_SAID: Mapping[str, Callable[[Any], Any]] = {
+    "column": str,
+    "unit": str,
+    "sign": float,
+    "sensitivity": _sensitivity,
+    "delay_s": float,
+}
 #: Channels that the form has.
-CHANNELS = ("time", "base", "malleolus", "tuberosity")
+CHANNELS = ("time", *NAMES)
 
 
 @dataclass(frozen=True)
@@ -42,6 +59,25 @@ class Source:
         """Where it lies."""
         return Path(self.folder) / self.file
 
+    @classmethod
+    def bare(cls, file: str, folder: str) -> "Source":
+        """A dropped file, with the masses that its name states where no study beside it does."""
+        source, name = cls(file, folder), Path(file).name
+        if any(is_listed(source.path, around) for around in source.path.resolve().parents[:2]):
+            return source
+        return replace(source, body_mass_kg=body_mass_in_name(name), added_mass_kg=load_in_name(name))
+
+    @property
+    def weighed(self) -> bool:
+        """Whether both masses were stated here, so that the file need not be read for them."""
+        return self.body_mass_kg is not None and self.added_mass_kg is not None
+
+    @property
+    def unit(self) -> str:
+        """The unit that was given in the table, or the sensitivity in its place; empty where none was."""
+        base = self.channels.get("base", {})
+        return str(base.get("sensitivity") or base.get("unit", ""))
+
     def read(self) -> Recording:
         """The recording, corrected as was said.
 
@@ -49,11 +85,13 @@ class Source:
             InputFileError: it cannot be read so. RecordingError: a mass is not a plausible number.
         """
         if self.channels or self.rate_hz is not None:
-            layout = Layout.from_toml(Path(self.file), self.channels, self.rate_hz)
-            recording = Recording.read(self.path, label=self.file, layout=layout)
+            recording = Recording.read(self.path, label=self.file, layout=self._layout())
         else:
             recording = read_file(self.path)
         return with_masses(recording, self.body_mass_kg, self.added_mass_kg)
+
+    def _layout(self) -> Layout:
+        return Layout.from_toml(Path(self.file), self.channels, self.rate_hz)
 
     def line(self) -> str:
         """The Python expression that reads it."""
@@ -78,12 +116,14 @@ class Source:
         return [{"name": name, "unit": unit} for name, unit in zip(columns.names, columns.units, strict=True)]
 
     def corrected(self, said: Mapping[str, Any]) -> "Source":
-        """The same with what the page's form says.
+        """The same with what the page says of it: tables of channels, ``unit`` of all its accelerations, ``rate_hz``,
+        masses. What is not mentioned stays, and what is empty is left to the file.
 
         Raises:
             SettingError: it says what cannot be. RecordingError: a mass is not a plausible number.
+            InputFileError: there is no such unit, or sensitivity.
         """
-        channels: dict[str, dict[str, Any]] = {}
+        channels = {name: dict(table) for name, table in self.channels.items()}
         for name, table in dict(said.get("channels") or {}).items():
             if name not in CHANNELS or not isinstance(table, dict):
                 raise SettingError(f"the form describes the channel {name!r}; valid: {', '.join(CHANNELS)}.")
@@ -92,17 +132,33 @@ class Source:
                 for key, kind in _SAID.items()
                 if (value := table.get(key)) not in ("", None)
             }
-            if told:
-                channels[name] = told
-        numbers = {key: _said(key, said[key], float) for key in ("rate_hz", "body_mass_kg", "added_mass_kg")
-                   if said.get(key) not in ("", None)}  # fmt: skip
+            channels[name] = told
+        if "unit" in said:
+            given = self._unit(str(said["unit"]).strip())
+            for name in NAMES:
+                kept = {key: v for key, v in channels.get(name, {}).items() if key not in ("unit", "sensitivity")}
+                channels[name] = kept | given
+        numbers: dict[str, Any] = {
+            key: None if said[key] in ("", None) else _said(key, said[key], float)
+            for key in ("rate_hz", "body_mass_kg", "added_mass_kg")
+            if key in said
+        }
         for name in ("body", "added"):
-            if f"{name}_mass_kg" in numbers:
-                plausible(numbers[f"{name}_mass_kg"], name, self.file)
-        return Source(self.file, self.folder, channels, **numbers)
+            if (mass := numbers.get(f"{name}_mass_kg")) is not None:
+                plausible(mass, name, self.file)
+        found = replace(self, channels={name: table for name, table in channels.items() if table}, **numbers)
+        found._layout()
+        return found
+
+    def _unit(self, text: str) -> dict[str, str]:
+        """Keys of a channel whose unit was given, or a data sheet's sensitivity: "100 mV/g" is of numbers in volts."""
+        if not text[:1].isdigit():
+            return {"unit": text} if text else {}
+        in_volts = any((c["unit"] or heading(c["name"])[1]).lower() in VOLTAGES for c in self.columns())
+        return {"sensitivity": text} | ({} if in_volts else {"unit": "V"})
 
 
-def _said(key: str, value: Any, kind: type) -> Any:
+def _said(key: str, value: Any, kind: Callable[[Any], Any]) -> Any:
     try:
         found = kind(value)
     except (TypeError, ValueError, OverflowError):

@@ -56,8 +56,19 @@ def load_in_name(name: str) -> float | None:
 
     A name with several says nothing, and neither does one above what a knee carries: that is a body mass.
     """
-    loads = {float(match.group(1).replace(",", ".").replace("p", ".")) for match in dict(_SIGNS)["load"].finditer(name)}
-    return loads.pop() if len(loads) == 1 and max(loads) <= _MOST_LOAD_KG else None
+    mass = _mass_in_name(name)
+    return mass if mass is not None and mass <= _MOST_LOAD_KG else None
+
+
+def body_mass_in_name(name: str) -> float | None:
+    """The body mass [kg] that a file's name states, "anna_61kg.csv" for example; None where it states none."""
+    mass = _mass_in_name(name)
+    return mass if mass is not None and mass > _MOST_LOAD_KG else None
+
+
+def _mass_in_name(name: str) -> float | None:
+    masses = {float(_plain(match.group(1).lower())) for match in dict(_SIGNS)["load"].finditer(name)}
+    return masses.pop() if len(masses) == 1 else None
 
 
 @dataclass(frozen=True)

@@ -61,7 +61,7 @@ class Plot {
 
   make() {
     if (this.plot) this.plot.destroy();
-    const axis = (label, size) => ({ stroke: INK, grid: { stroke: GRID, width: 1 }, ticks: { show: false }, font: "11px system-ui", labelFont: "11px system-ui",
+    const axis = (label, size) => ({ stroke: INK, grid: { stroke: GRID, width: 1 }, ticks: { show: false }, font: "12px system-ui", labelFont: "12px system-ui",
       label: label || undefined, labelSize: label ? 15 : 0, labelGap: 0, gap: 3, size, space: size > 30 ? 22 : 30, values: (u, marks) => distinct(marks) });
     const extent = () => {
       if (this.range) return this.range;

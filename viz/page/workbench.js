@@ -6,6 +6,7 @@ const bench = {
   session: "", rows: [], shown: -1, lost: false,
   // Ids that are ticked, those whose tick was taken away before a reload, and of each whether it could be fitted.
   chosen: new Set(), unticked: new Set(), fittable: new Map(),
+  count: 0, running: false,  // recordings listed before, and whether a fit runs
   corrected: -1,  // id of the recording whose form was sent
   // The fit: its words and branches as the report has them, the server's document with its curves, and its number.
   fit: null, found: null, fitNumber: 0, branch: 0, plots: null,
@@ -36,7 +37,7 @@ async function upload(files) {
     const answer = await fetch(`/upload?name=${encodeURIComponent(name)}`, { method: "POST", headers: { "X-Key": KEY }, body: file }).catch(() => null);
     const known = answer && (answer.headers.get("Content-Type") || "").startsWith("application/json");
     const said = known ? await answer.json() : { text: answer && answer.status === 403 ? OTHER_SESSION : `${name} could not be sent; it may be larger than 64 MB.` };
-    if (said.text) complain([complaints, said.text].filter(Boolean).join("\n")); else names.push(said.name);
+    if (said.text) complain([complaints, said.text].filter(Boolean).join("\n")); else names.push(...said.names);
   }
   if (names.length) tellServer("open", { names }); else busyWith("");
 }
@@ -87,63 +88,157 @@ function showRecordings(document_) {
   }
   Object.assign(bench, { session, rows: listed, shown });
   for (const row of listed) {  // ticked as soon as it can be fitted, and not any longer than that
-    const good = !row.unread && !row.problem, before = bench.fittable.get(row.id);
+    const good = sound(row), before = bench.fittable.get(row.id);
     if (good && !before && !bench.unticked.delete(row.id)) bench.chosen.add(row.id);
-    if (!good) bench.chosen.delete(row.id);
+    if (!good && (before || !readable(row))) bench.chosen.delete(row.id);
     bench.fittable.set(row.id, good);
   }
   const here = new Set(listed.map(row => row.id));
   for (const id of [...bench.fittable.keys()]) if (!here.has(id)) { bench.fittable.delete(id); bench.chosen.delete(id); }
   busyWith("");
-  const list = byId("recordings"), held = document.activeElement, forms = [...list.querySelectorAll("form")];
-  list.replaceChildren(...listed.map(recordingItem));
-  for (const box of forms) {  // half filled in, it stays
-    const id = +box.dataset.id, at = listed.findIndex(row => row.id === id);
-    if (at >= 0 && !(id === bench.corrected && bench.fittable.get(id))) list.children[at].append(box);
-  }
+  drawTable();
   bench.corrected = -1;
-  if (held && held.isConnected) held.focus();
   drawMatrix();
-  advise();
+  if (!window.EXPORTED && listed.length !== bench.count) tab(listed.length ? "recordings" : "motion");
+  bench.count = listed.length;
   byId("stale").hidden = !stale;
   byId("stale").textContent = stale;
-  byId("fit").hidden = !(listed.length || bench.fit);
+  advise();
   byId("clear").hidden = !listed.length;
   byId("sine").hidden = bench.shown < 0;
   keepState();
 }
 
-// What the arch, and any other model with many constants, asks for, before it is fitted.
+const readable = row => !row.unread && !row.problem, sound = row => readable(row) && !row.doubt;
+
+// What to do next, in a sentence beside the buttons that do it; a fit says its verdict here.
 function advise() {
   if (!model || window.EXPORTED) return;
-  const free = model.parameters.filter(p => !MASSES.has(p.name) && bench.free[p.name] !== false).length, few = 2 * bench.chosen.size < free;
-  byId("advice").hidden = model.quick || !few || !bench.rows.length;
-  byId("advice_text").textContent = `This model has ${free} constants, which so few recordings leave unknown, and its fit takes a minute or more.`;
+  const free = model.parameters.filter(p => !MASSES.has(p.name) && bench.free[p.name] !== false).length, count = bench.chosen.size;
+  const slow = !model.quick && bench.rows.length > 0, bare = bench.rows.filter(row => bench.chosen.has(row.id) && !row.body_mass_kg).length;
+  const doubtful = bench.rows.filter(row => row.doubt && !bench.chosen.has(row.id)).length, fit = bench.fit && bench.fit.verdict ? bench.fit : null;
+  const verdict = fit && { decided: `the data decide for the ${fit.branches[0].name}`, undecided: "no branch is decided", "not compared": "one branch" }[fit.verdict];
+  const parts = !bench.rows.length && !fit ? ["Drop recordings anywhere on this page, or try the example."] : [
+    fit ? `Fit ${(+fit.fit_percent).toFixed(1)} %${verdict ? `; ${verdict}` : ""}.` : `${count} of ${bench.rows.length} recordings ticked.`,
+    byId("stale").hidden ? "" : "Out of date; fit again.",
+    doubtful ? `${doubtful} in doubt: say the unit in the table.` : "",
+    bare ? `${bare} without body mass: type it in the table, once for all.` : "",
+    slow && !fit ? `This model has ${free} constants${2 * count < free ? ", which so few recordings leave unknown" : ""}; its fit takes a minute or more.` : ""];
+  byId("next").textContent = parts.filter(Boolean).join(" ");
+  byId("two_masses").hidden = !slow;
+  byId("bundled").hidden = bench.rows.length > 0;
+  for (const id of ["start_fit", "start_rivals"]) byId(id).disabled = bench.running || !count;
 }
 
-function recordingItem(row) {
-  const { id } = row, li = element("li"), shown = id === bench.shown, wrong = row.unread || row.problem;
-  li.className = wrong ? "wrong" : row.warnings.length ? "warned" : "";
-  const pick = element("input", "", { type: "checkbox", checked: bench.chosen.has(id), disabled: Boolean(wrong), title: "fit this one" });
+// ---- the table of recordings: each cell is a field, and what is typed above it goes to several ------------------------
+const CELLS = { added_mass_kg: "load [kg]", body_mass_kg: "body mass [kg]", unit: "unit" };
+function drawTable() {
+  const table = byId("recordings"), held = document.activeElement, place = held && held.dataset.key && table.contains(held) ? [held.dataset.id, held.dataset.key] : null;
+  const forms = new Map([...table.querySelectorAll("form")].map(box => [+box.dataset.id, box])), head = element("tr");
+  head.append(...["", "file", "Hz", ...Object.values(CELLS), "status", ""].map(text => element("th", text, { scope: "col" })));
+  table.replaceChildren(head);
+  for (const row of bench.rows) {
+    table.append(recordingRow(row));
+    const box = forms.get(row.id);  // half filled in, it stays
+    if (box && !(row.id === bench.corrected && readable(row))) unfold(row.id, box);
+  }
+  if (place) focusCell(...place); else if (held && held.isConnected) held.focus();
+  const scope = byId("scope"), chosen = scope.value, doubtful = bench.rows.filter(row => row.doubt).length;
+  const scopes = [["ticked", bench.chosen.size], ["in doubt", doubtful], ["all", bench.rows.length]].filter(([, n]) => n);
+  scope.replaceChildren(...scopes.map(([name, n]) => element("option", `${name} (${n})`, { value: name })));
+  scope.value = scopes.some(([name]) => name === chosen) ? chosen : scopes.length ? scopes[0][0] : "";
+  byId("tick_all").textContent = allTicked() ? "untick all" : "tick all";
+  byId("tab_recordings").hidden = !bench.rows.length;
+  byId("tabs").hidden = !bench.rows.length && byId("tab_fit").hidden && byId("tab_rivals").hidden;
+}
+function focusCell(id, key) { const cell = byId("recordings").querySelector(`input[data-id="${id}"][data-key="${key}"]`); if (cell) cell.focus(); }
+const allTicked = () => bench.rows.every(row => bench.chosen.has(row.id) || !sound(row));
+const inScope = () => bench.rows.filter(row => ({ ticked: bench.chosen.has(row.id), "in doubt": row.doubt, all: true })[byId("scope").value]);
+
+let lastTick = -1;
+function recordingRow(row) {
+  const { id } = row, tr = element("tr", "", { className: row.unread || row.problem ? "wrong" : row.doubt || row.warnings.length ? "warned" : "" }), shown = id === bench.shown;
+  tr.dataset.id = id;
+  const pick = element("input", "", { type: "checkbox", checked: bench.chosen.has(id), disabled: !readable(row), title: "fit this one; with Shift all between" });
   pick.setAttribute("aria-label", `fit ${row.file}`);
-  pick.onchange = () => { if (pick.checked) bench.chosen.add(id); else bench.chosen.delete(id); advise(); keepState(); };
-  const at = row.frequency_hz ? `${number(row.frequency_hz)} Hz` : wrong ? "" : "broadband";
-  const name = element("button", row.file.split("/").pop(), { title: row.file });
-  name.title = [row.file, row.subject ? `subject ${row.subject}` : "", row.body_mass_kg ? `body mass ${number(row.body_mass_kg)} kg` : "body mass unknown", row.samples ? `${row.samples} samples at ${number(row.rate_hz)} Hz` : ""].filter(Boolean).join("; ");
+  pick.onclick = event => {
+    const order = bench.rows.map(r => r.id), from = event.shiftKey && order.includes(lastTick) ? order.indexOf(lastTick) : order.indexOf(id), to = order.indexOf(id);
+    for (const r of bench.rows.slice(Math.min(from, to), Math.max(from, to) + 1)) if (readable(r)) bench.chosen[pick.checked ? "add" : "delete"](r.id);
+    lastTick = id;
+    ticksChanged();
+  };
+  const name = element("button", row.file.split("/").pop(), { title: [row.file, row.subject ? `subject ${row.subject}` : "", row.samples ? `${row.samples} samples at ${number(row.rate_hz)} Hz` : ""].filter(Boolean).join("; ") });
   name.setAttribute("aria-pressed", shown);
   name.onclick = () => showRecording(row);
-  const about = [at, row.added_mass_kg ? `+ ${number(row.added_mass_kg)} kg` : "", wrong || row.body_mass_kg ? "" : "mass unknown"];
-  const small = element("small", about.filter(Boolean).join(" · "));
-  if (!wrong && row.warnings.length) small.append(about.some(Boolean) ? " · " : "", element("span", `⚠ ${row.warnings.length} warning${row.warnings.length > 1 ? "s" : ""}`, { title: row.warnings[0], className: "mark" }));
-  const more = element("button", "…", { title: `channels, units and masses of ${row.file}`, className: "more" });
-  more.setAttribute("aria-label", more.title);
-  more.onclick = () => { const open = li.querySelector("form"); if (open) open.remove(); else tellServer("columns", { number: id }); };
-  const away = element("button", "×", { title: `remove ${row.file}`, className: "more" });
-  away.setAttribute("aria-label", away.title);
-  away.onclick = () => tellServer("remove", { numbers: [id] });
-  li.append(pick, name, small, more, away);
-  for (const text of [row.unread, row.problem, ...(shown ? row.warnings : [])].filter(Boolean)) li.append(element("p", text));
-  return li;
+  const cells = Object.entries(CELLS).map(([key, label]) => cellField(row, key, label));
+  const status = element("td", "", { className: "status" });
+  const text = row.unread || row.problem || row.doubt || (shown ? row.warnings.join(" ") : "");
+  if (readable(row) && row.warnings.length) status.append(element("span", row.doubt ? "⚠ in doubt: " : `⚠ ${row.warnings.length} warning${row.warnings.length > 1 ? "s" : ""} `, { title: row.warnings[0], className: "mark" }));
+  status.append(text || (row.warnings.length ? "" : "sound"));
+  if (row.doubt) status.append(" ", titled(element("button", "it is right"), `the numbers of ${row.file} are in ${row.unit}`, () => correct([[id, { unit: row.unit }]])));
+  const more = titled(element("button", "…", { className: "more" }), `channels, units and masses of ${row.file}`, () => { const open_ = formOf(id); if (open_) open_.closest("tr").remove(); else tellServer("columns", { number: id }); });
+  const away = titled(element("button", "×", { className: "more" }), `remove ${row.file}`, () => tellServer("remove", { numbers: [id] }));
+  const at = row.frequency_hz ? number(row.frequency_hz) : readable(row) ? "broadband" : "";
+  for (const content of [pick, name, at, ...cells]) tr.insertCell().append(content);
+  tr.append(status);
+  tr.insertCell().append(more, " ", away);
+  return tr;
+}
+function titled(b, title, action) { Object.assign(b, { title, onclick: action }); b.setAttribute("aria-label", title); return b; }
+
+// A field of the table. Enter goes down; a pasted column of a spreadsheet fills what is below.
+function cellField(row, key, label) {
+  const { id } = row, is = row[key] === null || row[key] === undefined ? "" : String(row[key]), input = element("input", "", { type: "text", value: is, placeholder: key === "added_mass_kg" ? "0" : key === "unit" ? "" : "?" });
+  Object.assign(input.dataset, { id, key });
+  input.setAttribute("aria-label", `${label} of ${row.file}`);
+  if (key === "unit") input.setAttribute("list", "units"); else input.inputMode = "decimal";
+  const take = () => { if (input.value.trim() !== is) fill([[id, input.value]], key, input); };
+  input.onchange = take;
+  input.onkeydown = event => {
+    if (event.key === "Escape") input.value = is;
+    if (event.key !== "Enter") return;
+    const next = bench.rows[bench.rows.findIndex(r => r.id === id) + 1];
+    if (next) focusCell(next.id, key); else input.blur();
+  };
+  input.onpaste = event => {
+    const lines = event.clipboardData.getData("text").trimEnd().split(/\r?\n/);
+    if (lines.length < 2) return;
+    event.preventDefault();
+    fill(bench.rows.slice(bench.rows.findIndex(r => r.id === id)).map((r, k) => [r.id, lines[k]]).filter(([, text]) => text !== undefined), key, input);
+  };
+  return input;
+}
+
+// Texts for one column, each checked before any is sent.
+function fill(texts, key, input) {
+  const changes = [];
+  for (const [id, text] of texts) {
+    const v = key === "unit" || !text.trim() ? text.trim() : typedNumber(text);
+    if (key !== "unit" && typeof v === "string" && v) { input.classList.add("refused"); complain(v); return; }
+    changes.push([id, { [key]: v }]);
+  }
+  input.classList.remove("refused");
+  if (changes.length) correct(changes);
+}
+function correct(changes) { tellServer("correct", { changes }, changes.length > 1 ? `reading ${changes.length} recordings` : "reading"); }
+function ticksChanged() {
+  drawTable();
+  if (bench.chosen.size) byId("scope").value = "ticked";  // who ticks means these
+  advise();
+  keepState();
+}
+if (!window.EXPORTED) {
+  for (const input of byId("all").querySelectorAll("input")) input.onchange = () => {
+    if (!input.value.trim()) return;
+    fill(inScope().map(row => [row.id, input.value]), input.dataset.key, input);
+    if (!input.classList.contains("refused")) input.value = "";
+  };
+  byId("tick_all").onclick = () => {
+    const off = allTicked();
+    for (const row of bench.rows) if (off) bench.chosen.delete(row.id); else if (sound(row)) bench.chosen.add(row.id);
+    ticksChanged();
+  };
+  byId("keep_study").onclick = () => tellServer("keep_study", { numbers: ticked() }, "writing the study");
 }
 
 function showRecording(row) { tellServer("use", { number: row.id }, `reading ${row.file}`); }
@@ -195,8 +290,6 @@ function drawMatrix() {
 function correctionForm({ number: id, columns, said }) {
   const at = bench.rows.findIndex(row => row.id === id), row = bench.rows[at], box = element("form"), numbers = [];
   if (!row) return;
-  const li = byId("recordings").children[at], old = li.querySelector("form");
-  if (old) old.remove();
   box.dataset.id = id;
   const field = (label, name, value, list) => {
     const wrap = element("label", label), input = element(list ? "select" : "input", "", { name });
@@ -215,13 +308,14 @@ function correctionForm({ number: id, columns, said }) {
   for (const channel of ["time", "base", "malleolus"]) {
     const told = (said.channels || {})[channel] || {}, set = element("fieldset");
     set.append(element("legend", channel), field("column", `${channel}.column`, told.column, names), field("unit", `${channel}.unit`, told.unit));
-    if (channel !== "time") set.append(field("sign", `${channel}.sign`, told.sign, [["", "+"], ["-1", "−"]]), numberField("per m/s²", `${channel}.sensitivity`, told.sensitivity));
+    if (channel !== "time") set.append(field("sign", `${channel}.sign`, told.sign, [["", "+"], ["-1", "−"]]), field("per m/s², or 100 mV/g", `${channel}.sensitivity`, told.sensitivity));
     box.append(set);
   }
   const last = element("fieldset");
-  last.append(element("legend", "recording"), numberField("rate [Hz], without time", "rate_hz", said.rate_hz), numberField("body mass [kg]", "body_mass_kg", row.body_mass_kg), numberField("on the knee [kg]", "added_mass_kg", row.added_mass_kg));
-  const apply = element("button", "Read it so", { type: "submit" });
+  last.append(element("legend", "recording"), numberField("rate [Hz], without time", "rate_hz", said.rate_hz));
+  const apply = element("button", "Read it so", { type: "submit" }), alike = bench.rows.filter(r => r.unread).map(r => r.id), others = alike.filter(n => n !== id).length;
   box.append(last, apply);
+  if (row.unread && others) box.append(" ", element("button", `and the ${others} others that cannot be read`, { type: "submit", value: "all" }));
   box.remark = remarkIn(box, apply);
   box.addEventListener("input", () => box.remark(""));
   box.onsubmit = event => {
@@ -233,15 +327,23 @@ function correctionForm({ number: id, columns, said }) {
       return problem;
     });
     if (wrong.length) { wrong[0].input.focus(); return; }
-    const told = { channels: {} };
+    const told = { channels: { time: {}, base: {}, malleolus: {} } };
     for (const [name, value] of new FormData(box)) {
       const [channel, key] = name.split(".");
-      if (key) { if (value.trim()) (told.channels[channel] = told.channels[channel] || {})[key] = value.trim(); } else told[name] = value.trim();
+      if (key) { if (value.trim()) told.channels[channel][key] = value.trim(); } else told[name] = value.trim();
     }
     bench.corrected = id;
-    tellServer("correct", { number: id, said: told }, `reading ${row.file}`);
+    correct((event.submitter && event.submitter.value === "all" ? alike : [id]).map(n => [n, told]));
   };
-  li.append(box);
+  unfold(id, box);
+}
+const formOf = id => byId("recordings").querySelector(`form[data-id="${id}"]`);
+function unfold(id, box) {
+  const old = formOf(id), tr = element("tr");
+  if (old) old.closest("tr").remove();
+  tr.append(Object.assign(element("td"), { colSpan: 8 }));
+  tr.firstChild.append(box);
+  byId("recordings").querySelector(`tr[data-id="${id}"]`).after(tr);
 }
 
 // ---- the fit --------------------------------------------------------------------------------------------------------
@@ -266,7 +368,8 @@ const ticked = () => [...bench.chosen].sort((a, b) => a - b);
 const MASSES = new Set(["m_S", "m_F", "m_T", "added_mass"]);
 
 function showProgress({ running, what, done, total }) {
-  for (const id of ["start_fit", "start_rivals"]) byId(id).disabled = running;
+  bench.running = running;
+  advise();
   byId("stop_fit").hidden = !running;
   const bar = byId("fit_progress");
   bar.hidden = !running;
@@ -309,8 +412,9 @@ function showFit(fit) {
     b.onclick = () => showBranch(k);
     return b;
   }));
-  byId("odds").textContent = fit.odds ? `odds ${fit.odds} for ${fit.branches[0].name}` : "";
+  byId("verdict").className = fit.verdict;
   bands();
+  advise();
 }
 
 // What both branches say of each constant; what is known of it is of the branch that is shown, whose name is lit.
@@ -332,9 +436,10 @@ function drawEstimates() {
 function forgetFit() {
   Object.assign(bench, { fit: null, found: null, fitNumber: 0, branch: 0 });
   byId("script_box").hidden = byId("tab_fit").hidden = true;
-  byId("tabs").hidden = byId("tab_rivals").hidden;
+  byId("tabs").hidden = byId("tab_rivals").hidden && !bench.rows.length;
   if (!byId("fit_plots").hidden) tab("motion");
   drawMatrix();
+  advise();
 }
 
 function bands() {
@@ -460,7 +565,7 @@ function showRivals({ columns, rows, notes, adequate, script }) {
   tab("rivals");
 }
 
-const TABS = ["motion", "fit", "rivals"];
+const TABS = ["recordings", "motion", "fit", "rivals"];
 function tab(name) {
   for (const id of TABS) { byId(`${id}_plots`).hidden = id !== name; byId(`tab_${id}`).setAttribute("aria-pressed", id === name); }
 }
@@ -498,7 +603,7 @@ function saveOfflinePage() {
 // A sentence in place of what was asked for; nothing waits for that any longer.
 function receiveComplaint({ text, of }) {
   if (of === "report" || !of) { bench.wantedPath = ""; byId("fit_state").textContent = ""; }
-  const open_ = of === "correct" && byId("recordings").querySelector(`form[data-id="${bench.corrected}"]`);
+  const open_ = of === "correct" && formOf(bench.corrected);
   if (of === "correct") bench.corrected = -1;
   if (open_) { complain(""); open_.remark(text); return; }
   if (of === "save") byId("editor_state").textContent = "not saved";
@@ -526,7 +631,7 @@ function recall() {
 function workbenchReceives(document_) {
   const kinds = {
     data: showRecordings, columns: correctionForm, progress: showProgress, fitted: receiveFit, rivals: showRivals,
-    reported: receiveReport, taken: saveOfflinePage, complaint: receiveComplaint,
+    reported: receiveReport, kept: () => { busyWith(""); save("/study", "study.zip"); }, taken: saveOfflinePage, complaint: receiveComplaint,
     // an exported page has no editor
     saved: d => showSaved(d), models: d => listModels(d), checked: d => showCheck(d),
   };

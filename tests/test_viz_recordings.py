@@ -1,0 +1,316 @@
+"""The table of recordings: many at once, what names say, units in doubt, a study to keep; and the bar above all."""
+
+import io
+import json
+import zipfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+pytest.importorskip("meshcat", reason="needs the extra: pip install 'fasbody[view]'")
+
+from viewer import Watched, browser, served
+
+from fasbody.exceptions import FasError
+from fasbody.recording.proposal import body_mass_in_name, load_in_name
+from fasbody.recording.study import BUNDLED, Study
+from viz.archive import packed
+from viz.bench import Bench
+from viz.feet import Show
+
+NAMES = ("10hz_0kg.csv", "20hz_0kg.csv", "25hz_2.3kg.csv")
+FILES = {file: (BUNDLED / "recordings" / file).read_text() for file in NAMES}
+DROP = """files => {
+  const data = new DataTransfer();
+  for (const [name, bytes] of Object.entries(files)) data.items.add(new File([new Uint8Array(bytes)], name));
+  const about = { dataTransfer: data, bubbles: true, cancelable: true };
+  for (const type of ["dragover", "drop"]) document.body.dispatchEvent(new DragEvent(type, about));
+}"""
+#: Rows of the table as a person reads them: tick, file, frequency, the three fields, status.
+TABLE = """[...byId('recordings').querySelectorAll('tr[data-id]')].map(tr => [tr.querySelector('input').checked,
+  ...[...tr.cells].slice(1, -1).map(td => td.querySelector('input')?.value ?? td.textContent.trim())])"""
+RECTANGLE = "(r => [r.left, r.top, r.right, r.bottom])({}.getBoundingClientRect())"
+SIZES = ((1440, 900), (800, 600), (390, 844))
+#: Controls that are seen and smaller than 24 px, and texts below 12 px.
+SMALL = """[...document.querySelectorAll('button, select, input, [role=button], summary')]
+  .filter(e => e.getClientRects().length).map(e => [e, e.getBoundingClientRect()])
+  .filter(([, r]) => r.width < 23.9 || r.height < 23.9)
+  .map(([e, r]) => [e.id || e.className || e.textContent, r.width, r.height])"""
+FINE = """[...document.querySelectorAll('body *')]
+  .filter(e => e.getClientRects().length && parseFloat(getComputedStyle(e).fontSize) < 12)
+  .filter(e => [...e.childNodes].some(n => n.nodeType === 3 && n.textContent.trim()))
+  .map(e => [e.tagName, e.id, e.className])"""
+
+
+@pytest.fixture(scope="module")
+def opened() -> Iterator[Any]:
+    with browser() as found:
+        yield found
+
+
+@pytest.fixture
+def bench() -> Iterator[Bench]:
+    made = Bench(Show(["two_dof"]))
+    made._ready = lambda: None  # type: ignore[method-assign]  # no process to fit, which takes seconds to start
+    yield made
+    made.close()
+
+
+def scaled(text: str, factor: float, head: str = "") -> str:
+    """A recording with other numbers, and another heading."""
+    first, *rows = text.splitlines()
+    numbers = [[float(x) for x in row.split(",")] for row in rows]
+    return "\n".join([head or first, *(f"{t!r},{a * factor!r},{b * factor!r}" for t, a, b in numbers)])
+
+
+def drop(page: Watched, files: dict[str, bytes], count: int) -> None:
+    page(DROP, {name: list(content) for name, content in files.items()})
+    page.until(f"bench.rows.length === {count} && byId('data_state').textContent === '' || complaints")
+
+
+def typed(page: Watched, label: str, text: str) -> None:
+    field = page.page.get_by_label(label, exact=True)
+    field.fill(text)
+    field.press("Enter")
+
+
+def test_table_is_filled_many_at_once_and_kept_as_a_study(opened: Any, tmp_path: Path) -> None:
+    with served("--model", "two_dof", folder=tmp_path) as url:
+        page = Watched(opened, url, (1440, 900))
+        assert page("byId('next').textContent").startswith("Drop recordings anywhere")
+        assert page("[byId('bundled').hidden, byId('start_fit').disabled]") == [False, True]
+        drop(page, {name: text.encode() for name, text in FILES.items()}, 3)
+        assert page(TABLE) == [  # loads are those of the names
+            [True, "10hz_0kg.csv", "10", "0", "", "m/s^2", "sound"],
+            [True, "20hz_0kg.csv", "20", "0", "", "m/s^2", "sound"],
+            [True, "25hz_2.3kg.csv", "25", "2.3", "", "m/s^2", "sound"],
+        ]
+        assert "3 without body mass" in page("byId('next').textContent")
+
+        # one number for all that are ticked; a column from a spreadsheet; and none of it where a number is none
+        typed(page, "body mass of these [kg]", "72,57")
+        page.until("bench.rows.every(row => row.body_mass_kg === 72.57)")
+        assert "body mass" not in page("byId('next').textContent")
+        paste = """([label, text]) => {
+          const field = document.querySelector(`input[aria-label="${label}"]`), data = new DataTransfer();
+          data.setData("text", text);
+          field.dispatchEvent(new ClipboardEvent("paste", { clipboardData: data, bubbles: true, cancelable: true }));
+        }"""
+        page(paste, ["load [kg] of 20hz_0kg.csv", "1.5\r\nx\r\n"])
+        assert page("complaints") == '"x" is not a number.'
+        page(paste, ["load [kg] of 20hz_0kg.csv", "1.5\r\n4.5\r\n9\r\n"])  # more than there are rows
+        page.until("bench.rows.map(row => row.added_mass_kg).join() === '0,1.5,4.5'")
+        typed(page, "load [kg] of 20hz_0kg.csv", "0")
+        page.until("bench.rows[1].added_mass_kg === 0")
+        page.until("document.activeElement.ariaLabel === 'load [kg] of 25hz_2.3kg.csv'")  # Enter goes down
+        typed(page, "load [kg] of 25hz_2.3kg.csv", "")  # what was typed is taken back
+        page.until("bench.rows[2].added_mass_kg === 0")
+        typed(page, "load [kg] of 25hz_2.3kg.csv", "2.3")
+        page.until("bench.rows[2].added_mass_kg === 2.3")
+
+        # ticks: all off, two by Shift; only those are meant by what is typed above the table
+        page.page.get_by_role("button", name="untick all").click()
+        assert page("[ticked(), byId('start_fit').disabled]") == [[], True]
+        page.page.get_by_label("fit 20hz_0kg.csv").click()
+        page.page.get_by_label("fit 25hz_2.3kg.csv").click(modifiers=["Shift"])
+        assert page("[ticked(), byId('scope').value]") == [[1, 2], "ticked"]
+        typed(page, "load of these [kg]", "4.5")
+        page.until("bench.rows.map(row => row.added_mass_kg).join() === '0,4.5,4.5'")
+        page(paste, ["load [kg] of 20hz_0kg.csv", "0\n2.3"])
+        page.until("bench.rows.map(row => row.added_mass_kg).join() === '0,0,2.3'")
+        page.page.get_by_role("button", name="tick all", exact=True).click()
+        assert page("ticked()") == [0, 1, 2]
+
+        # a study folder in one file; dropped again it says everything itself
+        with page.page.expect_download() as saved:
+            page.page.get_by_role("button", name="save as a study").click()
+        content = Path(saved.value.path()).read_bytes()
+        zipfile.ZipFile(io.BytesIO(content)).extractall(tmp_path / "kept")
+        study = Study.read(tmp_path / "kept" / "study")
+        conditions = [(r.condition.body_mass_kg, r.condition.added_mass_kg) for r in study]
+        assert conditions == [(72.57, 0), (72.57, 0), (72.57, 2.3)] and not study.check().problems
+        page.page.get_by_role("button", name="clear").click()
+        page.until("bench.rows.length === 0")
+        drop(page, {"study.zip": content}, 3)
+        assert [row[2:6] for row in page(TABLE)] == [
+            ["10", "0", "72.57", "m/s^2"], ["20", "0", "72.57", "m/s^2"], ["25", "2.3", "72.57", "m/s^2"]
+        ]  # fmt: skip
+        assert page.complaints == []
+
+
+def test_unit_in_doubt_is_unticked_the_foot_rests_and_a_unit_mends_it(opened: Any, tmp_path: Path) -> None:
+    volts = 0.1 / 9.80665
+    files = {
+        "mm_10hz.csv": scaled(FILES["10hz_0kg.csv"], 1e3),
+        "mm_20hz.csv": scaled(FILES["20hz_0kg.csv"], 1e3),
+        "volts.csv": scaled(FILES["25hz_2.3kg.csv"], volts, "time_s,base [V],malleolus [V]"),
+    }
+    with served("--model", "two_dof", folder=tmp_path) as url:
+        page = Watched(opened, url, (1440, 900))
+        drop(page, {name: text.encode() for name, text in files.items()}, 3)
+        page.until("byId('state').textContent.endsWith('no motion to show')")
+        rows = page(TABLE)
+        assert [row[0] for row in rows] == [False, False, False]
+        assert all("in doubt: " in row[-1] and "check its unit." in row[-1] for row in rows[:2])
+        assert "2 in doubt" in page("byId('next').textContent") and "check its unit" in page(
+            "byId('error').textContent"
+        )
+        assert page("Object.values(plots).map(p => p.series.length)") == [0, 0, 0, 0]
+
+        page.page.get_by_label("which recordings").select_option("in doubt")
+        typed(page, "unit of these", "furlong")
+        page.until("complaints.includes('furlong')")
+        typed(page, "unit of these", "mm/s^2")
+        page.until("ticked().length === 2 && motion && !busy && model.recorded")
+        assert [row[5] for row in page(TABLE)[:2]] == ["mm/s^2"] * 2
+        assert page("motion.feet.measured.ratio") == pytest.approx(1.312, abs=2e-3)  # as recorded in m/s^2
+        assert page("byId('error').hidden")
+
+        typed(page, "unit of volts.csv", "100 mV/g")
+        page.until("bench.rows[2].frequency_hz && ticked().length === 3")
+        assert page("bench.rows[2].doubt") == ""
+
+        # numbers that only seem to be in another unit are believed at a click
+        drop(page, {"weak.csv": scaled(FILES["20hz_0kg.csv"], 0.1).encode()}, 4)
+        assert "is it in g?" in page(TABLE)[3][-1] and page("ticked().length") == 3
+        page.page.get_by_role("button", name="the numbers of weak.csv are in m/s^2").click()
+        page.until("ticked().length === 4 && !bench.rows[3].doubt")
+        assert page.complaints == []
+
+
+def test_bar_is_in_sight_and_nothing_is_small(opened: Any, tmp_path: Path) -> None:
+    fit = {
+        "type": "fitted", "number": 1, "script": "x", "data": [], "curves": [], "chi_square": [], "traces": [],
+        "fit": {"sentence": "Both.", "reason": "Open.", "warnings": ["A note."] * 20, "verdict": "undecided",
+                "fit_percent": 98.7, "recordings": [], "branches": [
+                    {"name": name, "fit_percent": 98, "values": {}, "delay_s": 0, "rows": []} for name in ("a", "b")]},
+    }  # fmt: skip
+    with served("--model", "foot_arch", folder=tmp_path) as url:
+        page = Watched(opened, url, SIZES[0])
+        for step in ("nothing", "recordings", "fit"):
+            if step == "recordings":
+                page.page.locator("#bundled").click()
+                page.until("bench.rows.length === 12 && !busy && motion")
+                assert "takes a minute" in page("byId('next').textContent")
+            if step == "fit":
+                page("d => receiveFit(d)", fit)
+                assert page("byId('next').textContent") == "Fit 98.7 %; no branch is decided."
+                page("showRecordings({ session: bench.session, rows: bench.rows, shown: 0, stale: 'Out of date.' })")
+                assert page("byId('next').textContent").endswith("Out of date; fit again.")
+            for size in SIZES:
+                page.resize(*size)
+                page("scrollTo(0, 1e5), document.querySelector('aside').scrollTo(0, 1e5)")
+                page.settle()
+                for name in ("next", "start_fit", "start_rivals"):
+                    left, top, right, bottom = page(RECTANGLE.format(name))
+                    assert 0 <= left < right <= size[0] and 0 <= top < bottom <= size[1], (step, size, name)
+                    x, y = (left + right) / 2, (top + bottom) / 2
+                    assert page(f"document.elementFromPoint({x}, {y}).closest('#bar') !== null"), (step, size, name)
+                assert page("document.documentElement.scrollWidth") <= size[0]
+                assert page(SMALL) == [] and page(FINE) == [], (step, size)
+                if step == "recordings":
+                    page("scrollTo(0, 0), tab('recordings')")
+                    page.settle()
+                    top, bottom = page("(r => [r.top, r.bottom])(byId('recordings').getBoundingClientRect())")
+                    seen = page("(r => r.bottom)(byId('recordings_plots').getBoundingClientRect())")
+                    assert min(bottom, seen, size[1]) - top > 50, size  # more than its heading
+        page.page.locator("#two_masses").click()
+        page.until("model.name === 'two_dof' && motion && !busy")
+        assert page("byId('two_masses').hidden") and page.complaints == []
+
+
+@pytest.mark.parametrize(
+    ("name", "body", "load"),
+    [("20hz_2.3kg.csv", None, 2.3), ("20hz_25kg.csv", None, 25), ("anna_26kg.csv", 26, None),
+     ("p61,5 kg.csv", 61.5, None),     ("61kg_2.3kg.csv", None, None), ("20hz.csv", None, None)],
+)  # fmt: skip
+def test_masses_that_a_name_states(bench: Bench, name: str, body: float | None, load: float | None) -> None:
+    assert (body_mass_in_name(name), load_in_name(name)) == (body, load)
+    bench.keep(name, FILES["20hz_0kg.csv"].encode())
+    bench.open([name])
+    source = bench.sources[0]
+    assert (source.body_mass_kg, source.added_mass_kg) == (body, load)
+
+
+def test_a_correction_that_cannot_be_meant_changes_none(bench: Bench) -> None:
+    for name, text in FILES.items():
+        bench.keep(name, text.encode())
+    bench.open(list(FILES))
+    before = bench.document()["rows"]
+    with pytest.raises(FasError, match="body mass is 7000 kg"):
+        bench.correct({0: {"body_mass_kg": 60}, 1: {"body_mass_kg": 7000}})
+    for changes in (None, [], {}, [[0]], [["0", {}]], [[0, []]], [[0, {}], 1]):
+        with pytest.raises(FasError, match="corrections cannot be read"):
+            bench.act({"type": "correct", "changes": changes})
+    assert bench.document()["rows"] == before
+    with pytest.raises(FasError, match=r"10hz_0kg\.csv and 2 more has no body mass"):
+        bench.keep_study([0, 1, 2])
+
+
+def test_unit_of_a_study_is_corrected_and_its_masses_stay(bench: Bench) -> None:
+    bench.bundled()
+    row = bench._rows[0]
+    bench.correct({0: {"unit": "mm/s^2"}})
+    assert bench._rows[0]["body_mass_kg"] == row["body_mass_kg"] == 72.57
+    first = bench.sources[0].read().base_m_s2.std()
+    bench.correct({0: {"unit": ""}})
+    assert bench.sources[0].read().base_m_s2.std() == pytest.approx(1e3 * first)
+
+
+def test_kept_study_holds_what_is_known_of_its_channels(bench: Bench, tmp_path: Path) -> None:
+    bench.bundled()
+    bench.correct({0: {"body_mass_kg": 60}})
+    assert bench.keep_study(list(range(12)))[0]["type"] == "kept"
+    zipfile.ZipFile(bench.folder / ".study.zip").extractall(tmp_path)
+    kept, given = Study.read(tmp_path / "study"), Study.read(BUNDLED)
+    assert [r.condition.body_mass_kg for r in kept] == [60] + [72.57] * 11
+    for a, b in zip(kept, given, strict=True):
+        assert a.origin == "synthetic" and a.condition.added_mass_kg == b.condition.added_mass_kg
+        assert a.calibration["malleolus"].delay_std_s == b.calibration["malleolus"].delay_std_s == 2e-4
+        assert a.malleolus_m_s2 == pytest.approx(b.malleolus_m_s2, abs=1e-6)
+
+
+def test_zip_files_are_opened_within_limits(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    good = {"a/20hz_0kg.csv": FILES["20hz_0kg.csv"].encode(), "a/notes.pdf": b"x", "a/.hidden.csv": b"x"}
+    assert bench.keep("some.zip", packed(good)) == ["some/a/20hz_0kg.csv"]
+    (listed, *_) = bench.open(["some/a/20hz_0kg.csv"])
+    assert listed["rows"][0]["frequency_hz"] == pytest.approx(20, abs=1e-3)
+    for name in ("../../evil.csv", "b/../../../evil.csv", "b/c/d/e/f.csv", "b\\..\\evil.csv"):
+        with pytest.raises(FasError, match="is no name for a file"):
+            bench.keep("some.zip", packed({name: b"x"}))
+    assert not list(bench.folder.rglob("evil*")) and not (bench.folder.parent / "evil.csv").exists()
+    assert bench.keep("some.zip", packed({"/etc/passwd.csv": b"x"})) == [
+        "some/etc/passwd.csv"
+    ]  # in the session's folder
+    with pytest.raises(FasError, match="is no zip file"):
+        bench.keep("some.zip", b"PK\x03\x04 and no more")
+    broken = packed(good).replace(FILES["20hz_0kg.csv"].encode()[:10], b"0123456789")
+    broken = broken[:60] + bytes(40) + broken[100:]
+    with pytest.raises(FasError, match="cannot be unpacked"):
+        bench.keep("some.zip", broken)
+    bomb = packed({"zeros.csv": bytes(2_000_000)})  # a few kB that unfold to a thousandfold
+    monkeypatch.setattr("viz.bench.LARGEST", 1_000_000)
+    with pytest.raises(FasError, match="holds more than a session does"):
+        bench.keep("bomb.zip", bomb)
+    monkeypatch.setattr("viz.bench.LARGEST", 64_000_000)
+    liar = bomb.replace((2_000_000).to_bytes(4, "little"), (10).to_bytes(4, "little"))
+    with pytest.raises(FasError, match="cannot be unpacked"):
+        bench.keep("liar.zip", liar)
+    monkeypatch.setattr("viz.bench.FILES", 2)
+    with pytest.raises(FasError, match="holds more than a session does"):
+        bench.keep("many.zip", packed({f"{k}.csv": b"" for k in range(3)}))
+
+
+def test_no_odds_beside_an_open_verdict(bench: Bench) -> None:
+    from viz.fitted import fitted
+
+    side = {"k_T_n_per_m": {"value": 1e5, "identifiability": ""}}
+    document = {
+        "branches": [{"name": name, "parameters": side} for name in ("stiff ankle", "stiff pad")],
+        "verdict": "undecided", "verdict_reason": "No branch is decided.", "log_likelihood_ratio": 80.0,
+    }  # fmt: skip
+    assert "million" not in json.dumps(fitted(document, bench.show.feet["a"].parameters))
+    advised = bench.words("check units, then compare rivals (python -m identification.rivals).")
+    assert advised == "check units, then compare rivals (the button Rivals)."
