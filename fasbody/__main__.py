@@ -118,7 +118,10 @@ def run() -> None:
         command, rest = found(words)
         sys.argv[1:] = [command.name, *rest] if command.name else rest
         console.started = console.Started(f"fasbody {command.words}", command.name) if _installed() else None
-        runpy.run_module(command.module, run_name="__main__", alter_sys=True)
+        try:
+            runpy.run_module(command.module, run_name="__main__", alter_sys=True)
+        finally:
+            console.started = None
     else:
         run_app(app)
 
