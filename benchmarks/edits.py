@@ -41,7 +41,7 @@ def table_at(hz: float) -> ModuleType:
 
 def readings(edits: ModuleType, file: Path, peak: float) -> dict[str, complex]:
     """T by every way of `READ` that does not refuse; a motion that is not smooth has no balance."""
-    edits.PEAK = peak
+    edits.__dict__["PEAK"] = peak
     found = {}
     for reader in READ:
         with contextlib.suppress(SimulationError, ModelError):

@@ -137,6 +137,7 @@ class Setup:
         told = {name: getattr(settings, name) for name in ("mass_std", "gain_std", "delay_std_s", "exclude")}
         known = Known.of_all([recording.known for recording in recordings]).told(**told)
         apart(recordings)
+        _loaded(recordings, foot)
         data = [_calibrated(checked(recording), known) for recording in recordings]
         warnings = gathered([text for recording in data for text in recording.warnings])
         people = list(dict.fromkeys(r.condition.subject for r in data))
@@ -163,6 +164,24 @@ class Setup:
         on = [self.carriers.get(sensor) == FOOT for sensor in self.sensors] if self.two_mass else None
         space = self.space if self.name == "periodic" else without_delay(self.space)
         return steady.problem_of(self.recordings, self.foot, space, self.known, self.sensors, on, self.delay)
+
+
+#: Parameters to which a load on the knee adds.
+_CARRY = ("m_S", "m_T", "added_mass")
+
+
+def _loaded(recordings: Sequence[Recording], foot: Foot) -> None:
+    """Refuse a load that the model has no place for: it would be left out in silence.
+
+    Raises:
+        RecordingError: one was recorded under a load, and no parameter of the model carries it.
+    """
+    loaded = next((r for r in recordings if r.condition.added_mass_kg > 0), None)
+    if loaded is not None and not set(_CARRY) & set(foot.parameters):
+        raise RecordingError(
+            f"{loaded.file}: was recorded under {loaded.condition.added_mass_kg:g} kg, and no parameter of {foot.name} "
+            f"carries a load ({', '.join(_CARRY)}); use a model made for that load, and 0 kg in study.toml."
+        )
 
 
 def _calibrated(recording: Recording, known: Known) -> Recording:

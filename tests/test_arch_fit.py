@@ -4,8 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from steady_cases import BENT, session
 
 from fasbody.arch.bones import Arch
+from fasbody.exceptions import RecordingError
 from fasbody.foot import shaker
 from fasbody.foot.model import load
 from fasbody.foot.simulate import simulate
@@ -22,6 +24,13 @@ def recording(foot_values: dict[str, float], frequency: float, rng: np.random.Ge
     base, malleolus = out.base[0, kept], out.malleolus[0, kept]
     noisy = (values + rng.normal(0, 0.05, values.size) for values in (base, malleolus))
     return Recording(np.arange(base.size) / 1000, *noisy, condition=Condition(body_mass_kg=72.57))
+
+
+def test_a_load_that_no_parameter_carries_is_refused() -> None:
+    """The mounted arch is made for its load; a fit under another would leave it out in silence."""
+    data = session(BENT, (20.0, 30.0), (2.3,))
+    with pytest.raises(RecordingError, match=r"20hz_2.3kg.csv: was recorded under 2.3 kg"):
+        fit_foot(data, load("mounted_arch"), starts=1)
 
 
 def test_fit_of_named_arch_parameters_recovers_them() -> None:

@@ -216,11 +216,11 @@ class Batch:
         count = round(motions[0].duration / step)
         if count < 1:
             raise SettingError(f"a motion of {motions[0].duration:g} s is shorter than one step of {step:g} s.")
-        runs = [
+        run, finer = (
             self.run(np.stack([motion.controls(h, n) for motion in motions]), h, qpos, qvel)
             for h, n in ((step, count), (step / 2, 2 * count))
-        ]
-        return self.checked(*runs, step, accept)
+        )
+        return self.checked(run, finer, step, accept)
 
     def checked(self, run: Simulation, finer: Simulation, step: float, accept: float | None = ACCEPTED) -> Simulation:
         """A run with the error of its step [s], by one that is as long and has half of it.
