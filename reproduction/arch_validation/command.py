@@ -38,8 +38,10 @@ def validate(
     from reproduction.arch_validation import validate as validation
     from reproduction.arch_validation.proofs import proofs
 
-    bounds = proofs()
     with progress_bar() as progress:
+        proving = progress.add_task("bounds", total=None)
+        bounds = proofs()
+        progress.remove_task(proving)
         task = progress.add_task("legs", total=steps)
         tick = lambda: progress.advance(task)  # noqa: E731
         result = validation.validate(walkers=walkers, steps=steps, seed=seed, tick=tick)

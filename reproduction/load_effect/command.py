@@ -1,5 +1,6 @@
 """Commands of the load effect, which the leg's command line hands on: load_effect, drop, decide."""
 
+from functools import partial
 from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -40,15 +41,14 @@ def load_effect(
     if figures is not None:
         make_folder(figures)
     from reproduction.load_effect.amplitude import halved
-    from reproduction.load_effect.search import EXPLANATIONS, search
+    from reproduction.load_effect.search import EXPLANATIONS, feet, search
 
     searched = []
     with progress_bar() as progress:
-        task = progress.add_task("mechanisms", total=len(EXPLANATIONS))
-        for name, (mechanism, _) in EXPLANATIONS.items():
-            few = mechanism.response is None
-            searched.append(search(name, lift_off_draws if few else draws, seed, 6 if few else 20))
-            progress.advance(task)
+        for number, (name, (mechanism, _)) in enumerate(EXPLANATIONS.items(), 1):
+            count, rounds = (lift_off_draws, 6) if mechanism.response is None else (draws, 20)
+            task = progress.add_task(f"{number}/{len(EXPLANATIONS)} {name}", total=feet(count, rounds))
+            searched.append(search(name, count, seed, rounds, partial(progress.advance, task)))
     console.print(_table(searched))
     for result in searched:
         constants = ", ".join(f"{name} {value:.3g}" for name, value in result.best.items())

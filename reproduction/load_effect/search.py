@@ -32,6 +32,8 @@ Response = Callable[[Array, dict[str, Array]], tuple[Array, Array]]
 FINE_HZ = np.arange(10.0, 51.0, 1.0)
 _F = np.array(FREQUENCIES_HZ)
 _LOADS = np.array(ADDED_KG)[:, None]
+#: Feet that are judged between two steps of a progress bar.
+_AT_ONCE = 20
 
 
 def linear(mechanism: Mechanism) -> Response:
@@ -158,7 +160,18 @@ class Searched:
         return float((self.judged.ranges >= ranges).mean())
 
 
-def search(name: str, draws: int, seed: int = 0, rounds: int = 20) -> Searched:
+def feet(draws: int, rounds: int) -> int:
+    """How many feet `search` judges."""
+    return draws + rounds * max(20, draws // 10)
+
+
+def search(
+    name: str,
+    draws: int,
+    seed: int = 0,
+    rounds: int = 20,
+    advance: Callable[[int], object] = lambda feet: None,
+) -> Searched:
     """Draw a mechanism's space evenly, then look for its best set: ranges first, then statements.
 
     Args:
@@ -166,10 +179,18 @@ def search(name: str, draws: int, seed: int = 0, rounds: int = 20) -> Searched:
         draws: even draws; each later round has a tenth of them.
         seed: of the random numbers.
         rounds: of normal steps about the best so far, half as wide where one brings nothing.
+        advance: called with how many feet were judged since.
     """
     mechanism, response = EXPLANATIONS[name]
 
     def judged(shares: Array) -> Judged:
+        parts = []
+        for part in np.split(shares, range(_AT_ONCE, len(shares), _AT_ONCE)):
+            parts.append(judged_at_once(part))
+            advance(len(part))
+        return Judged(*(np.concatenate([getattr(p, key) for p in parts]) for key in ("held", "peak_hz")))
+
+    def judged_at_once(shares: Array) -> Judged:
         MB, TM = response(np.concatenate([_F, FINE_HZ]), mechanism.values(shares))
         held = judge(Curves(MB[..., : _F.size], TM[..., : _F.size]))
         return Judged(held, FINE_HZ[np.nan_to_num(np.abs(MB[..., _F.size :])).argmax(axis=-1)])
