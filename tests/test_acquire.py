@@ -27,7 +27,12 @@ def command(*words: str) -> list[str]:
 
 def test_commands_refuse_in_one_sentence(tmp_path: Path) -> None:
     hidden = "import sys, runpy; sys.modules['serial'] = None; runpy.run_module('fasbody.acquire', run_name='__main__')"
-    done = subprocess.run([sys.executable, "-c", hidden], env=ENVIRONMENT, capture_output=True, text=True)
+    done = subprocess.run(
+        [sys.executable, "-c", hidden, "--out", "x", "--port", "p", "--frequency", "20", "--body-mass", "70"],
+        env=ENVIRONMENT,
+        capture_output=True,
+        text=True,
+    )
     assert done.returncode == 2 and "pip install 'fasbody[acquire]'" in done.stderr and "Traceback" not in done.stderr
     for words, text in (
         ([], "--out STUDY"),

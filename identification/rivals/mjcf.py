@@ -82,6 +82,7 @@ def edited_text(file: Path, name: str, title: str, values: Mapping[str, float], 
     for joint, (element, c1, c2, c3) in _JOINTS.items():
         at = _joint(bodies[joint], element)
         at.set("user", f"4.25 {v[c1]:.9g} {v[c2]:.9g} {v[c3]:.9g}")
+        at.set("damping", f"{v[c1]:.9g}")  # for MuJoCo alone
         bent = [v[f"k_{joint}"] * v[f"{letter}_{joint}"] for letter in ("p", "d")]
         at.set("stiffness", " ".join(f"{x:.12g}" for x in (v[f"k_{joint}"], *(bent if any(bent) else ()))))
     _mass(bodies["T"], v["m_S"])
