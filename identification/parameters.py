@@ -6,7 +6,7 @@ even in c_13 and c_23, whose squares are the variables. A relaxing spring is sea
 reference frequency, the geometric mean of the recorded ones, which is what recordings know best.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -70,12 +70,14 @@ class Variables:
         """Where a nuisance stands among the variables."""
         return len(self.constants) + self.nuisances.index(nuisance)
 
+    @cached_property
+    def _places(self) -> dict[tuple[str, str, str], int]:
+        p = len(self.constants)
+        return {(item.kind, item.constant, item.sensor): i for i, item in enumerate(self.nuisances, p)}
+
     def of_kind(self, kind: str, constant: str = "", sensor: str = "") -> int | None:
         """Where the nuisance of a kind stands that belongs to a constant or to a sensor; None where it is held."""
-        for i, item in enumerate(self.nuisances):
-            if (item.kind, item.constant, item.sensor) == (kind, constant, sensor):
-                return len(self.constants) + i
-        return None
+        return self._places.get((kind, constant, sensor))
 
     @cached_property
     def _squared(self) -> frozenset[str]:
@@ -227,7 +229,9 @@ class Variables:
             x = 2 * np.pi * self.reference_hz * tau
             stiffer = x * x / (1 + x * x)
             for name in PARAMETERS[:8]:
-                values[name] = self._constant(Q, name)[..., None] * np.exp(self._followed(Q, name))
+                values[name] = self._constant(Q, name)[..., None]
+                if name in EXCHANGED:
+                    values[name] = values[name] * np.exp(Q @ self._follows[name])
             for k, r in (("k_T", "r_T"), ("k_F", "r_F")):
                 values[k] = values[k] / (1 + shares[k] * stiffer)[..., None]
                 values[r] = np.broadcast_to(shares[k][..., None], (*Q.shape[:-1], R))
@@ -238,31 +242,42 @@ class Variables:
         values |= self._weights(Q)
         return np.stack([np.broadcast_to(values[name], (*Q.shape[:-1], R)) for name in self.motion_names], -1)
 
-    def _followed(self, Q: np.ndarray, name: str) -> np.ndarray:
-        """(..., R) logarithm of what the load makes of a constant."""
-        total = np.zeros((*Q.shape[:-1], len(self.recordings)))
-        if name in EXCHANGED:
-            for item in self.nuisances:
-                if item.load_kg is not None and item.constant == name:
-                    total = total + self.value(Q, self.place(item))[..., None] * self._acts(item)
-        return total
+    def _in_recordings(self, chosen: Callable[[Nuisance], bool]) -> np.ndarray:
+        """(n, R) by how much a unit of each variable, if it is a chosen nuisance, moves what it acts on."""
+        rows = np.zeros((self.size, len(self.recordings)))
+        for i, item in enumerate(self.nuisances, len(self.constants)):
+            if chosen(item):
+                rows[i] = self.scale[i] * self._acts(item)
+        return rows
+
+    @cached_property
+    def _follows(self) -> dict[str, np.ndarray]:
+        """(n, R) logarithm of what the load makes of a constant."""
+        return {
+            name: self._in_recordings(lambda item, name=name: item.load_kg is not None and item.constant == name)
+            for name in EXCHANGED
+        }
+
+    @cached_property
+    def _weighs(self) -> dict[str, np.ndarray]:
+        """(n, R) logarithm of what the masses' errors make of the shank and of the foot."""
+        return {
+            kind: self._in_recordings(lambda item, kind=kind: item.group == "masses" and item.kind == kind)
+            for kind in ("shank mass", "foot mass")
+        }
+
+    @cached_property
+    def _carries(self) -> np.ndarray:
+        """(n, R) share of the load that the leg carries."""
+        return self._in_recordings(lambda item: item.group == "share")
 
     def _weights(self, Q: np.ndarray) -> dict[str, np.ndarray]:
         """(..., R) masses [kg] with the load that the leg carries."""
-        none = np.zeros((*Q.shape[:-1], len(self.recordings)))
-        factor = {"shank mass": none, "foot mass": none}
-        share = np.ones((*Q.shape[:-1], len(self.recordings)))
-        for item in self.nuisances:
-            if item.group not in ("masses", "share"):
-                continue
-            x = self.value(Q, self.place(item))[..., None]
-            if item.group == "masses":
-                factor[item.kind] = factor[item.kind] + x * self._acts(item)
-            else:
-                share = np.where(self._acts(item), x, share)
+        share = np.where(self._carries.any(0), Q @ self._carries, 1.0)
+        factor = {kind: np.exp(Q @ by) for kind, by in self._weighs.items()}
         weights = {}
         for name, kg in self.stated.items():
-            grown = kg * np.exp(factor["foot mass" if name == "m_F" else "shank mass"])
+            grown = kg * factor["foot mass" if name == "m_F" else "shank mass"]
             weights[name] = grown + share * self.loads if name in _SHANK else grown
         if "added_mass" in self.own:
             weights["added_mass"] = share * self.loads

@@ -313,11 +313,7 @@ def _newton(system: _System, Z: np.ndarray, tolerance: float, passes: int) -> Or
             F, z, G, e = system.forces(Z)
             K = system.by_stretch(e)
             J = system.jacobian(K)
-            right = _real(system.balance(Z, F))[..., None]
-            if system.slopes:
-                D = system.by_parameter(Z, F, z, G, e)
-                right = np.concatenate([right, _real(system.by_parameter_of_balance(F, D))], -1)
-            X = -_solve(J, right)
+            X = -_solve(J, _real(system.balance(Z, F))[..., None])
             step = _complex(X[..., 0])
             size = np.abs(Z).max((1, 2))
             length = np.abs(step).max((1, 2))
@@ -327,7 +323,10 @@ def _newton(system: _System, Z: np.ndarray, tolerance: float, passes: int) -> Or
             share = np.minimum(1.0, _FAR / np.maximum(length, 1e-300))
             step = np.where(np.isfinite(length)[:, None, None], step, 0.0)
             Z = Z + share[:, None, None] * step
-        return _orbits_of(system, Z, step, F, K, J, X, D if system.slopes else None, done)
+        D = system.by_parameter(Z, F, z, G, e) if system.slopes else None
+        if D is not None:
+            X = np.concatenate([X, -_solve(J, _real(system.by_parameter_of_balance(F, D)))], -1)
+        return _orbits_of(system, Z, step, F, K, J, X, D, done)
 
 
 def _solve(J: np.ndarray, right: np.ndarray) -> np.ndarray:
