@@ -9,11 +9,11 @@ stands for.
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from fasbody.exceptions import SimulationError
 from fasbody.foot.model import Foot
 from fasbody.recording.recording import Recording, gain_and_delay
+from identification.delay import delayed
 from identification.engines.certified import CertifiedRollouts
 from identification.engines.engine import Engine, Whole
 from identification.engines.twin import Twin
@@ -123,12 +123,12 @@ class TimeProblem:
         y, _ = self.engine.run(number, values, (), self.states(z, number))
         if not np.isfinite(y).all():
             raise SimulationError(f"{recording.file}: the model became unstable.")
-        n, t, found = recording.time_s.size, recording.time_s - recording.time_s[0], []
+        n, found = recording.time_s.size, []
         for name, sigma in zip(self.sensors[number], self.sigma[number], strict=True):
             place = self.engine.sensors.index(name)
             out = y[place * n : (place + 1) * n]
             if self.space.has_delay:
-                out = CubicSpline(t, out)(t - values.get(delay_of(name).name, 0.0))
+                out = delayed(out, recording.rate_hz * values.get(delay_of(name).name, 0.0))
             found.append((out - recording.sensors[name]) / sigma)
         return np.concatenate(found)
 
@@ -138,11 +138,9 @@ class TimeProblem:
         """Output (n,) of one sensor as late as its channel, and its derivatives (n, p + states)."""
         columns = [D[:, self._states :], D[:, : self._states] * self.engine.state_scale]
         if self.space.has_delay:
-            t = recording.time_s - recording.time_s[0]
-            spline = CubicSpline(t, np.column_stack([y, *columns]))
-            at = t - values.get(delay, 0.0)
-            late = spline(at)
-            y, slope, width = late[:, 0], -spline(at, 1)[:, 0], columns[0].shape[1]
+            samples = recording.rate_hz * values.get(delay, 0.0)
+            late, slope = delayed(np.column_stack([y, *columns]), samples), recording.rate_hz * delayed(y, samples, 1)
+            y, width = late[:, 0], columns[0].shape[1]
             slopes = np.column_stack([slope if kind == delay else 0.0 * slope for kind in self.space.delays])
             columns = [late[:, 1 : 1 + width], slopes, late[:, 1 + width :]]
         return y, np.hstack(columns)

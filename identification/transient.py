@@ -20,12 +20,16 @@ from identification.result import Branch
 from identification.search import ZERO, Descent
 from identification.setup import Setup, is_steady
 from identification.space import Space
+from identification.time_domain import TimeProblem
 
 #: Ends of a branch whose mirror images are entered, and by which share of the cost they must differ.
 _IMAGES, _APART = 4, 1e-2
+#: One of so many random places is descended from.
+_SCREENED = 3
 _PASSED_OVER = "The best end of the {name} branch was passed over: its motion does not last in MuJoCo."
 
 Advance = Callable[[str, int, int], None]
+Place = tuple[str, np.ndarray]
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,19 +127,37 @@ def _on_harmonics(
 def _on_samples(
     setup: Setup, domain: TimeDomain, ratio: float | None, starts: int, seed: int, advance: Advance
 ) -> Explored:
-    """Descents from the model's own values, their mirror image, and random places."""
-    space, values = setup.space, setup.foot.values()
+    """Descents from the model's values, their mirror image, and the random places that begin lowest on each side."""
+    space, values, problem = setup.space, setup.foot.values(), domain.problem()
     rng = np.random.default_rng(seed)
     places = [("model", space.to_q(space.theta(values)))]
     if ratio is not None:
         places.append(("mirror of the model", space.to_q(space.theta(branches.mirrored(values, ratio)))))
-    places += [(f"random {i + 1}", space.random(rng)) for i in range(starts)]
-    counter = iter(range(1, starts + 1))
-    return search.explore(domain.problem(), places[:starts], lambda: advance("exploring starts", next(counter), starts))
+    random = [(f"random {i + 1}", space.random(rng)) for i in range(starts - len(places))]
+    places += _lowest(problem, random, lambda q: _side_of(space, ratio, space.to_theta(q)))
+    counter = iter(range(1, len(places) + 1))
+    return search.explore(problem, places[:starts], lambda: advance("exploring starts", next(counter), len(places)))
+
+
+def _lowest(problem: TimeProblem, places: Sequence[Place], side: Callable[[np.ndarray], str]) -> list[Place]:
+    """Of each side, the share of the places whose sum of squares is least."""
+    sides: dict[str, list[tuple[float, Place]]] = {}
+    for place in places:
+        r = problem.residual(problem.start(place[1]))
+        sides.setdefault(side(place[1]), []).append((float(r @ r), place))
+    kept = []
+    for rows in sides.values():
+        rows.sort(key=lambda row: row[0])
+        kept += [place for _, place in rows[: -(-len(rows) // _SCREENED)]]
+    return kept
+
+
+def _side_of(space: Space, ratio: float | None, theta: np.ndarray) -> str:
+    return "best" if ratio is None else branches.side(space.values(theta), ratio)
 
 
 def _side(space: Space, ratio: float | None, descent: Descent) -> str:
-    return "best" if ratio is None else branches.side(space.values(descent.theta), ratio)
+    return _side_of(space, ratio, descent.theta)
 
 
 def _of_each_branch(
