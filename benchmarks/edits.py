@@ -94,7 +94,11 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 def main(
     pairs: Annotated[int, typer.Option(help="pairs of edits, drawn at random")] = 30, json_: JsonOption = False
 ) -> None:
-    """Edits of the models at three amplitudes and frequencies, and in pairs."""
+    """Edits of the models at three amplitudes and frequencies, and in pairs.
+
+    Examples:
+      python -m benchmarks.edits --pairs 5
+    """
     with progress_bar() as progress:
         single, both = list(rows(progress)), list(paired(pairs, progress))
     checks: list[Check] = []

@@ -257,7 +257,10 @@ GROUPS: dict[str, tuple[Command, ...]] = {
             "bench coverage", "benchmarks.coverage", "",
             "Coverage of the confidence intervals, distribution of chi-square, and verdicts.",
         ),
-        Command("bench edits", "benchmarks.edits", "", "Each followed edit of a model, at three levels."),
+        Command(
+            "bench edits", "benchmarks.edits", "",
+            "Edits of the models at three amplitudes and frequencies, and in pairs.",
+        ),
         Command("bench findings-by-seed", "benchmarks.findings_by_seed", "", "Print how often each finding holds."),
         Command("bench fitting", "benchmarks.fitting", "", "Compare fits with those of scipy, which take minutes."),
         Command(
