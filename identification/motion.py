@@ -182,6 +182,10 @@ class Orbiting:
         return Orbiting(np.where(where[:, None], other.orbits, self.orbits))
 
 
+#: Candidates whose motions are kept.
+_RECENT = 8
+
+
 class EngineMotion:
     """Motions of any MJCF foot, by harmonic balance on MuJoCo's own inverse dynamics.
 
@@ -193,23 +197,26 @@ class EngineMotion:
         self._balance, self._names = Balance(foot, measured.sensors), tuple(names)
         self._sensors, self._count = measured.sensors, measured.base.shape[1]
         self.base, self._frequency = _drives(measured), omega / (2 * np.pi)
-        self._last: tuple[bytes, list[Orbit]] = b"", []
+        self._recent: dict[tuple[int, bytes], Orbit] = {}
         self._foot, self.carrier = foot, carrier(foot)
 
     def weight_kg(self, theta: np.ndarray) -> float:
         """See `Motion`."""
         return mass_on_table(self._foot.with_values(dict(zip(self._names, map(float, theta), strict=True))))
 
-    def _orbit(self, r: int, theta: np.ndarray, near: Orbit | None) -> Orbit:
-        values = dict(zip(self._names, map(float, theta), strict=True))
-        return self._balance.orbit(float(self._frequency[r]), self.base[r], values, near)
+    def _orbit(self, r: int, theta: np.ndarray, near: Orbit | None = None) -> Orbit:
+        """The motion of one recording at parameters (P,); recent ones are kept, with their derivatives."""
+        key = r, theta.tobytes()
+        if key not in self._recent:
+            values = dict(zip(self._names, map(float, theta), strict=True))
+            self._recent[key] = self._balance.orbit(float(self._frequency[r]), self.base[r], values, near)
+            if len(self._recent) > _RECENT * len(self._frequency):
+                del self._recent[next(iter(self._recent))]
+        return self._recent[key]
 
     def _all(self, theta: np.ndarray) -> list[Orbit]:
-        """The motion of one candidate (R, P) in each recording; the last one is kept."""
-        key = theta.tobytes()
-        if self._last[0] != key:
-            self._last = key, [self._orbit(r, row, None) for r, row in enumerate(theta)]
-        return self._last[1]
+        """The motion of one candidate (R, P) in each recording."""
+        return [self._orbit(r, row) for r, row in enumerate(theta)]
 
     def _read(self, orbit: Orbit) -> np.ndarray:
         """(S, H) of the sensors."""

@@ -6,7 +6,7 @@ even in c_13 and c_23, whose squares are the variables. A relaxing spring is sea
 reference frequency, the geometric mean of the recorded ones, which is what recordings know best.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -242,34 +242,32 @@ class Variables:
         values |= self._weights(Q)
         return np.stack([np.broadcast_to(values[name], (*Q.shape[:-1], R)) for name in self.motion_names], -1)
 
-    def _in_recordings(self, chosen: Callable[[Nuisance], bool]) -> np.ndarray:
-        """(n, R) by how much a unit of each variable, if it is a chosen nuisance, moves what it acts on."""
+    def _in_recordings(self, items: Sequence[Nuisance]) -> np.ndarray:
+        """(n, R) by how much a unit of each variable, if it is one of these, moves what it acts on."""
         rows = np.zeros((self.size, len(self.recordings)))
-        for i, item in enumerate(self.nuisances, len(self.constants)):
-            if chosen(item):
-                rows[i] = self.scale[i] * self._acts(item)
+        for item in items:
+            i = self.place(item)
+            rows[i] = self.scale[i] * self._acts(item)
         return rows
 
     @cached_property
     def _follows(self) -> dict[str, np.ndarray]:
         """(n, R) logarithm of what the load makes of a constant."""
-        return {
-            name: self._in_recordings(lambda item, name=name: item.load_kg is not None and item.constant == name)
-            for name in EXCHANGED
-        }
+        following = [item for item in self.nuisances if item.load_kg is not None]
+        return {name: self._in_recordings([i for i in following if i.constant == name]) for name in EXCHANGED}
 
     @cached_property
     def _weighs(self) -> dict[str, np.ndarray]:
         """(n, R) logarithm of what the masses' errors make of the shank and of the foot."""
+        masses = [item for item in self.nuisances if item.group == "masses"]
         return {
-            kind: self._in_recordings(lambda item, kind=kind: item.group == "masses" and item.kind == kind)
-            for kind in ("shank mass", "foot mass")
+            kind: self._in_recordings([i for i in masses if i.kind == kind]) for kind in ("shank mass", "foot mass")
         }
 
     @cached_property
     def _carries(self) -> np.ndarray:
         """(n, R) share of the load that the leg carries."""
-        return self._in_recordings(lambda item: item.group == "share")
+        return self._in_recordings([item for item in self.nuisances if item.group == "share"])
 
     def _weights(self, Q: np.ndarray) -> dict[str, np.ndarray]:
         """(..., R) masses [kg] with the load that the leg carries."""

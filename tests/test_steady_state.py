@@ -148,8 +148,9 @@ def differences(orbit: Orbit, name: str, share: float) -> dict[str, Array]:
     size = share * (at if item.logarithmic else max(abs(item.lower), abs(item.upper)))
 
     def slope(step: float) -> Array:
-        ends = [shaken.balance.orbit(shaken.frequency_hz, BASE, {**shaken.values, name: at + s * step}, orbit)
-                for s in (1, -1)]  # fmt: skip
+        ends = [
+            shaken.balance.orbit(shaken.frequency_hz, BASE, {**shaken.values, name: at + s * step}) for s in (1, -1)
+        ]
         one, other = (np.array([end.harmonics(sensor) for sensor in shaken.balance.sensors]) for end in ends)
         return (one - other) / (2 * step)
 

@@ -26,9 +26,9 @@ HARMONICS, MOST_HARMONICS = 6, 48
 #: Largest share of the acceleration in either of the two highest harmonics; symmetry may lack one.
 SMALL = 1e-6
 #: Jacobians of one solution, and steps with each.
-PASSES, CHORDS = 12, 12
+PASSES, CHORDS = 12, 40
 #: Contraction from which on a step with an old Jacobian is worth less than a new one.
-SLOW = 0.25
+SLOW = 0.5
 #: Size of a step over the motion that ends the search. Below the second one a step that is not
 #: shortened is rounding, if the Jacobian is new or has shortened steps to the third.
 TIGHT, ROUNDING, PROVEN = 1e-12, 1e-6, 1e-3

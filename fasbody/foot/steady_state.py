@@ -31,8 +31,8 @@ from fasbody.foot.parameters import Fitted
 Array = np.ndarray
 #: Step of the engine [s]: the rate of a DC motor is a difference over it.
 STEP = 1e-9
-#: Differences in coordinates [m or rad] and rates, and in what forces are linear in.
-POSITION, RATE, ACTIVATION, ACCELERATION = 1e-6, 1e-4, 1.0, 1.0
+#: Differences in coordinates [m or rad] and rates [m/s or rad/s].
+POSITION, RATE = 1e-6, 1e-4
 #: Difference in a parameter as a share of its size, and in harmonics of the base [m/s^2].
 PARAMETER, BASE = 3e-4, 1.0
 
@@ -104,15 +104,25 @@ class Engine:
         np.concatenate(self._outputs, out=row)
 
     def _differences(self, state: Sequence[Array], out: Array) -> None:
-        """Differences about one state into out (3, c, raw), costly stages as seldom as can be."""
+        """Differences about one state into out (3, c, raw), costly stages as seldom as can be.
+
+        Forces are linear in accelerations and activations, whose differences are one-sided.
+        """
         (qpos, qvel, qacc, act), nv = self._state, self.model.nv
-        row = np.empty(self._raw)
-        self._read(state, row)
+        here = np.empty(self._raw)
+        self._read(state, here)
         self._central(qpos, POSITION, 0, out[0, :nv])
-        self._read(state, row)
-        self._central(act, ACTIVATION, 2, out[0, nv:])
-        self._central(qacc, ACCELERATION, 2, out[2, :nv])
+        self._read(state, here)
+        self._linear(act, here, out[0, nv:])
+        self._linear(qacc, here, out[2, :nv])
         self._central(qvel, RATE, 1, out[1, :nv])
+
+    def _linear(self, values: Array, here: Array, out: Array) -> None:
+        for value, row, j in zip(values.tolist(), out, range(values.size), strict=True):
+            values[j] = value + 1.0
+            self._compute(2, row)
+            values[j] = value
+            row -= here
 
     def _central(self, values: Array, size: float, done: int, out: Array) -> None:
         other = np.empty(self._raw)
@@ -241,6 +251,18 @@ class Orbit:
             return self.shaken.slopes(self.series, self.solution.x)
 
     @cached_property
+    def inverse(self) -> Array:
+        """Inverse (m, m) of the Jacobian at the orbit."""
+        residuals = self.slopes[:, :, : len(self.solution.x)]
+        return np.asarray(np.linalg.inv(self.shaken.assembled(self.series, residuals)))
+
+    @property
+    def start(self) -> Solution:
+        """From where a motion nearby is searched, with the Jacobian here if derivatives were taken."""
+        taken = "slopes" in vars(self)
+        return replace(self.solution, inverse=self.inverse) if taken else self.solution
+
+    @cached_property
     def multipliers(self) -> Array:
         """Floquet multipliers, the largest first: how small departures grow over a period."""
         residuals = self.slopes[:, :, : len(self.solution.x)]
@@ -345,7 +367,7 @@ class Balance:
             self.foot.parameters[name].check(value)
         shaken = Shaken(self, float(frequency_hz), base, named)
         with callbacks():
-            solution = periodic(shaken, start.solution if start else None, base.size)
+            solution = periodic(shaken, start.start if start else None, base.size)
             return Orbit(shaken, solution, shaken.rows(solution.series, solution.x))
 
     def derivatives(self, orbit: Orbit, names: Sequence[str]) -> dict[str, Array]:
@@ -382,8 +404,7 @@ class Balance:
         with callbacks():
             changes = [(a.rows(series, x) - b.rows(series, x)) / apart for a, b, apart in pairs]
         change = series.project(np.moveaxis(np.array(changes), 1, -1))  # (p, r, 2 H + 1), the motion held
-        J = orbit.shaken.assembled(series, slopes[:, :, : len(x)])
-        moved = np.linalg.solve(J, -change[:, self.free].reshape(len(pairs), -1).T)
+        moved = -orbit.inverse @ change[:, self.free].reshape(len(pairs), -1).T
         out = {}
         for name in self.sensors:
             weights = self.reading(name)
