@@ -148,9 +148,8 @@ def differences(orbit: Orbit, name: str, share: float) -> dict[str, Array]:
     size = share * (at if item.logarithmic else max(abs(item.lower), abs(item.upper)))
 
     def slope(step: float) -> Array:
-        ends = [
-            shaken.balance.orbit(shaken.frequency_hz, BASE, {**shaken.values, name: at + s * step}) for s in (1, -1)
-        ]
+        ends = [shaken.balance.orbit(shaken.frequency_hz, BASE, {**shaken.values, name: at + s * step}, orbit)
+                for s in (1, -1)]  # fmt: skip
         one, other = (np.array([end.harmonics(sensor) for sensor in shaken.balance.sensors]) for end in ends)
         return (one - other) / (2 * step)
 
@@ -173,12 +172,15 @@ def test_derivatives_of_the_two_masses() -> None:
     ("leg", 1e-3, ("k_F", "c_T", "m_K", "added_mass")),
 ])  # fmt: skip
 def test_derivatives_of_other_models(name: str, share: float, parameters: tuple[str, ...]) -> None:
-    """Springs, dampers, a DC motor's resistance and inductance, a mass that has its place in an equality's give."""
+    """Springs, dampers, a DC motor's resistance and inductance, a mass that has its place in an equality's give.
+
+    An orbit rests within 1e-9 of the motion, which is 4e-5 of the least of these differences.
+    """
     orbit = balance(name).orbit(20.0, BASE, {"added_mass": 2.3} if name == "leg" else {})
     have = orbit.shaken.balance.derivatives(orbit, parameters)["malleolus"]
     for column, parameter in enumerate(parameters):
         want = differences(orbit, parameter, share)["malleolus"]
-        np.testing.assert_allclose(have[:, column], want, rtol=0, atol=1e-5 * np.abs(want).max(), err_msg=parameter)
+        np.testing.assert_allclose(have[:, column], want, rtol=0, atol=5e-5 * np.abs(want).max(), err_msg=parameter)
 
 
 def test_derivatives_to_the_base() -> None:
