@@ -18,7 +18,9 @@ class Command:
 
     Attributes:
         words: what follows `fasbody`, "" for the map itself.
-        module: what `python -m` runs. name: its sub-command, "" for none. does: the first line of its help.
+        module: what `python -m` runs.
+        name: its sub-command, "" for none.
+        does: the first line of its help.
         at: the module that holds its Typer app, where that is not the one that runs.
         needs: a room above that does the work, where it is not the one that runs.
     """

@@ -54,7 +54,8 @@ class MissingPackageError(FasError):
         package: the package that is missing or does not load.
         extra: the extra of fasbody that brings it.
         reason: why it does not load, if it is there but broken.
-        remedy: what to install then. otherwise: what can be done without it.
+        remedy: what to install then.
+        otherwise: what can be done without it.
     """
 
     def __init__(self, package: str, extra: str, reason: str = "", remedy: str = "", otherwise: str = "") -> None:
@@ -108,7 +109,8 @@ class PeriodicMotionError(SimulationError):
     """No periodic motion was computed.
 
     Args:
-        model: its name. frequency_hz: of the excitation.
+        model: its name.
+        frequency_hz: of the excitation.
         share: of the excitation up to which there is one.
     """
 
@@ -122,7 +124,9 @@ class NotSmoothError(PeriodicMotionError):
     """A periodic motion is not smooth enough for a Fourier series: something touches, stops or slips.
 
     Args:
-        model: its name. frequency_hz: of the excitation. harmonics: that were balanced.
+        model: its name.
+        frequency_hz: of the excitation.
+        harmonics: that were balanced.
         left: share of the acceleration in the highest of them.
         changes: instants of a period between which a constraint opens or closes.
     """

@@ -111,7 +111,10 @@ def named_lines(axis: Any, x: Any, curves: Sequence[Any], names: Sequence[str], 
     """Write each curve's name on it, all where flat pieces of the curves are farthest apart.
 
     Args:
-        axis: with its limits set. x: (n,), evenly spaced. curves: (n,) each. names, colours: of each.
+        axis: with its limits set.
+        x: (n,), evenly spaced.
+        curves: (n,) each.
+        names, colours: of each.
     """
     import numpy as np
 
@@ -159,7 +162,9 @@ class Sheet:
     """A table that a screen holds.
 
     Attributes:
-        title: one line. columns: headings. rows: cells as text, as many a row as there are headings.
+        title: one line.
+        columns: headings.
+        rows: cells as text, as many a row as there are headings.
         notes: sentences below; the first is the result.
     """
 

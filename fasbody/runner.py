@@ -47,7 +47,9 @@ def run(
     """Yield (index, result) of each task as it ends; results are not kept. Ctrl-C ends the processes at once.
 
     Args:
-        function: importable, of one argument. tasks: its arguments. description: for the progress bar.
+        function: importable, of one argument.
+        tasks: its arguments.
+        description: for the progress bar.
         processes: 0 for all cores; 1, or few tasks, stay in this process.
 
     Raises:

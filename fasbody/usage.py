@@ -43,7 +43,8 @@ def named(refusal: str, words: Sequence[str]) -> str:
     Settings are checked where they are used, also from Python, where nobody types options.
 
     Args:
-        refusal: the sentence. words: of the command line.
+        refusal: the sentence.
+        words: of the command line.
     """
     if "--" in refusal:
         return refusal

@@ -40,8 +40,12 @@ def advice(
     """Sentences on a fit's best branch.
 
     Args:
-        best: the branch. space: what was free. rank: of the excitation. data: the recordings.
-        fits: of each recording [%]. base_error: of the base that MuJoCo realised.
+        best: the branch.
+        space: what was free.
+        rank: of the excitation.
+        data: the recordings.
+        fits: of each recording [%].
+        base_error: of the base that MuJoCo realised.
         others: the other branches that the data leave open.
     """
     texts = []
@@ -129,8 +133,9 @@ def departures(world: World, others: Sequence[World] = (), loads: int = 1) -> li
     A fit that does not follow them says nothing of that, and neither does one of two open branches alone.
 
     Args:
-        world: of the likelier branch. others: those of the other branches that the data leave open. loads: how many
-            were on the knee.
+        world: of the likelier branch.
+        others: those of the other branches that the data leave open.
+        loads: how many were on the knee.
     """
     if not world.follows:
         return _culprits(world)

@@ -55,7 +55,8 @@ def has_mirror(free: Sequence[str], declared: Container[str]) -> str:
     """Why a fit cannot go to the mirror image, or nothing if it can.
 
     Args:
-        free: estimated parameters. declared: all that the model declares.
+        free: estimated parameters.
+        declared: all that the model declares.
     """
     if not all(name in declared for name in (*NAMES, "m_S", "m_F")):
         return "This model has no mirror solution that is known in closed form; one solution is reported."
@@ -71,7 +72,8 @@ def pinned(at_bound: Mapping[str, bool], values: Mapping[str, float] | None = No
     A damper that does next to nothing beside its spring rests on zero, beyond which nothing lies.
 
     Args:
-        at_bound: parameter's key ("k_F_n_per_m") -> whether it does. values: of the same, None where nothing is known.
+        at_bound: parameter's key ("k_F_n_per_m") -> whether it does.
+        values: of the same, None where nothing is known.
     """
     found = [name for name in EXCHANGED if any(rests for key, rests in at_bound.items() if key.startswith(name))]
     return [name for name in found if not _nothing(name, values or {})]
@@ -92,7 +94,9 @@ class Had:
     """What a fit had to tell mirror images apart.
 
     Attributes:
-        loads, sensors: how many. follow: the constants may change with the load. enough: the sines hold numbers enough
+        loads, sensors: how many.
+        follow: the constants may change with the load.
+        enough: the sines hold numbers enough
         for an interval; if not, odds say nothing either.
     """
 
@@ -154,10 +158,12 @@ def judge(
     Args:
         names: of the branches, best first.
         deviances: -2 log likelihood of each.
-        chi_square: misfit of the best, for dof degrees of freedom: where the model does not fit to the noise, the
-            difference is scaled down by the reduced chi-square.
-        dof: see chi_square. rests: stiffness and damping of the second branch that rest on their bounds (`pinned`). It
-            would fit better beyond, so that the bounds and not the data may speak against it: nothing is decided.
+        chi_square: misfit of the best, for dof degrees of freedom: where the model does not fit to
+            the noise, the difference is scaled down by the reduced chi-square.
+        dof: see chi_square.
+        rests: stiffness and damping of the second branch that rest on their bounds (`pinned`). It
+            would fit better beyond, so that the bounds and not the data may speak against it:
+            nothing is decided.
         had: what was recorded, so that no advice is given that was followed.
     """
     had = had or Had()

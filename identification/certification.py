@@ -37,9 +37,12 @@ class Replay:
     """Model traces of all recordings.
 
     Attributes:
-        traces: malleolus acceleration (n,) of each recording at its samples, delayed like the measurement [m/s^2].
-        fits: fit percentage of each, Eq. (3.20). base_error: largest relative error of the realised base acceleration.
-        twin_difference: largest difference between twin and MuJoCo over the peak, None where no twin exists.
+        traces: malleolus acceleration (n,) of each recording at its samples, delayed like the
+            measurement [m/s^2].
+        fits: fit percentage of each, Eq. (3.20).
+        base_error: largest relative error of the realised base acceleration.
+        twin_difference: largest difference between twin and MuJoCo over the peak, None where no
+            twin exists.
         others: the same traces of further sensors by name, of each recording.
     """
 
@@ -193,11 +196,15 @@ def replay(
     """Run every recording from its initial states [m, m/s], driven by the spline through its base channel.
 
     Args:
-        foot: the model. recordings: checked. values: parameters by name, with the delay.
-            starts: initial states of each (`Coordinates.unpack`). twin: compare with the compiled twin.
-            threads: 0 for all cores. sensors: that are fitted, where a recording has them.
-            throughout: how many recordings MuJoCo runs from end to end, None for all; of the others, which are steady
-            and have a twin, it runs the first period.
+        foot: the model.
+        recordings: checked.
+        values: parameters by name, with the delay.
+        starts: initial states of each (`Coordinates.unpack`).
+        twin: compare with the compiled twin.
+        threads: 0 for all cores.
+        sensors: that are fitted, where a recording has them.
+        throughout: how many recordings MuJoCo runs from end to end, None for all; of the others,
+            which are steady and have a twin, it runs the first period.
     """
     coordinates = Coordinates(foot)
     traces: list[np.ndarray] = [np.empty(0)] * len(recordings)

@@ -25,11 +25,13 @@ class Contact:
     """The force of the table on the foot over one cycle of a recording, positive where it presses.
 
     Attributes:
-        file, frequency_hz, added_mass_kg: of the recording. element: what carries the force in the model.
-        static_force_n: that rests on the table without vibration. stated: it stands in study.toml, else it is the
-            weight of the model's masses and the load.
-        time_s, force_n: (n,) over one cycle. added: harmonics above the first that lifting would add at the malleolus,
-            and found: what the recording has beyond the model's, both over the first; None where nothing is known.
+        file, frequency_hz, added_mass_kg: of the recording.
+        element: what carries the force in the model.
+        static_force_n: that rests on the table without vibration.
+        stated: it stands in study.toml, else it is the weight of the model's masses and the load.
+        time_s, force_n: (n,) over one cycle.
+        added: harmonics above the first that lifting would add at the malleolus, and found: what
+            the recording has beyond the model's, both over the first; None where nothing is known.
     """
 
     file: str

@@ -56,8 +56,10 @@ class View:
     """A branch's foot with what is uncertain of it.
 
     Attributes:
-        branch: its name. basis: what its intervals include.
-        q: (n,) search variable. quantile: standard errors to each side of a 95 % interval.
+        branch: its name.
+        basis: what its intervals include.
+        q: (n,) search variable.
+        quantile: standard errors to each side of a 95 % interval.
         foot: constants and masses by name under the conditions of a recording, of its number and q.
         slopes: (m, n) derivatives of a function (m,) of q.
         spread: (m,) standard errors of what has such derivatives.
@@ -109,13 +111,16 @@ class Derived:
     """Rows of each table, empty where a fit cannot fill it; a row's keys are the columns of its CSV file.
 
     Attributes:
-        data: measured transmissibility and phase lag at the excited frequencies, with 95 % limits of noise and
-            repeatability.
-        curves: the same of each branch over frequency. modes: natural frequencies and damping ratios, of small motion.
-        dampers: laws over the displacement that was reached. reached: from where to where, by load. energies:
-            dissipated a cycle.
+        data: measured transmissibility and phase lag at the excited frequencies, with 95 % limits
+            of noise and repeatability.
+        curves: the same of each branch over frequency.
+        modes: natural frequencies and damping ratios, of small motion.
+        dampers: laws over the displacement that was reached.
+        reached: from where to where, by load.
+        energies: dissipated a cycle.
         chi_square: parts by recording and harmonic, which add up to the total.
-        scale: what of each constant's interval is the leg's mass, common to all, and what is left per kilogram of leg.
+        scale: what of each constant's interval is the leg's mass, common to all, and what is left
+            per kilogram of leg.
     """
 
     data: list[Row]

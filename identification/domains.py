@@ -29,9 +29,14 @@ class TimeDomain:
     """Every sample of whole recordings; what they share is in the covariance alone.
 
     Attributes:
-        foot: the model, with the time step to simulate with. recordings: checked. space: what is searched.
-        twin: the compiled twin stands for this model. threads: 0 for all. sensors: what is fitted, the malleolus first.
-        replayed: steady recordings that MuJoCo runs from end to end where it has a twin, None for all.
+        foot: the model, with the time step to simulate with.
+        recordings: checked.
+        space: what is searched.
+        twin: the compiled twin stands for this model.
+        threads: 0 for all.
+        sensors: what is fitted, the malleolus first.
+        replayed: steady recordings that MuJoCo runs from end to end where it has a twin, None for
+            all.
     """
 
     foot: Foot

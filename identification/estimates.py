@@ -33,7 +33,8 @@ def identifiability(value: float, std_error: float, size: float, at_bound: bool)
     """identified / weak / not identifiable.
 
     Args:
-        value, std_error: of the estimate. size: a size that matters for a parameter that may be zero, else 0.
+        value, std_error: of the estimate.
+        size: a size that matters for a parameter that may be zero, else 0.
         at_bound: it rests on a bound.
     """
     relative = std_error / max(abs(value), size, 1e-300)
@@ -90,7 +91,8 @@ class Estimate(Tabled):
         """A number of this parameter's kind with two digits of its uncertainty; a dash if there is none.
 
         Args:
-            x: the number. places: after the point, where those are more.
+            x: the number.
+            places: after the point, where those are more.
         """
         half = 0.5 * (self.upper - self.lower)
         if not np.isfinite(x):
@@ -113,12 +115,15 @@ class Mass(Tabled):
     """A segment's mass without the load [kg]: as stated, and as the recordings weigh it.
 
     Attributes:
-        name: thesis symbol. stated: [kg]. prior_std: its relative standard deviation. value, lower, upper: estimate and
-            95 % interval [kg]. learned: by which share the recordings made the standard deviation smaller.
+        name: thesis symbol.
+        stated: [kg].
+        prior_std: its relative standard deviation.
+        value, lower, upper: estimate and 95 % interval [kg].
+        learned: by which share the recordings made the standard deviation smaller.
         assumed: no body mass was stated, so `stated` is the model's own.
-        weighed: the recordings say more of it than what was stated: they learned it, by several loads, in a fit that
-            follows them and has come to rest. Under one load all constants scale with the mass, whatever was learned
-            of the ratio of two masses.
+        weighed: the recordings say more of it than what was stated: they learned it, by several
+            loads, in a fit that follows them and has come to rest. Under one load all constants
+            scale with the mass, whatever was learned of the ratio of two masses.
     """
 
     name: str
@@ -147,10 +152,14 @@ class Allowance(Tabled):
     """Something else that may be true, and what the recordings say of it.
 
     Attributes:
-        name, group: what it is, and what is excluded together. does: to the recordings. unit: "" for a share.
-        prior, prior_lower, prior_upper: what was held possible. value, lower, upper: estimate with 95 % interval.
-        off: how many standard deviations of the prior it lies from where it was expected. seen: how many standard
-            errors. source: where the prior comes from.
+        name, group: what it is, and what is excluded together.
+        does: to the recordings.
+        unit: "" for a share.
+        prior, prior_lower, prior_upper: what was held possible.
+        value, lower, upper: estimate with 95 % interval.
+        off: how many standard deviations of the prior it lies from where it was expected.
+        seen: how many standard errors.
+        source: where the prior comes from.
     """
 
     name: str

@@ -18,11 +18,15 @@ class Evidence:
     """The fits behind a result.
 
     Attributes:
-        foot: the model. recordings: as fitted. two_mass: the model is the two-mass foot.
+        foot: the model.
+        recordings: as fitted.
+        two_mass: the model is the two-mass foot.
         solutions: of steady recordings, the headline, best first; none in the time domain.
-        exact: the same branches by name with the model assumed exact; none where the headline is that.
+        exact: the same branches by name with the model assumed exact; none where the headline is
+            that.
         replays: of the headline's ends in MuJoCo, by name.
-        space: of the time domain. certified: its branches.
+        space: of the time domain.
+        certified: its branches.
     """
 
     foot: "Foot"

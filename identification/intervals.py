@@ -41,7 +41,9 @@ class Solution:
     """An optimum of a problem, with what is uncertain of it.
 
     Attributes:
-        branch: name of its side. problem: with its weights. optimum: where it is.
+        branch: name of its side.
+        problem: with its weights.
+        optimum: where it is.
     """
 
     branch: str

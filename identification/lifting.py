@@ -15,7 +15,8 @@ def contacts(solution: Solution, recordings: Sequence[Recording]) -> tuple[Conta
     """The contact in each recording at the end of a steady fit.
 
     Args:
-        solution: the branch. recordings: as fitted.
+        solution: the branch.
+        recordings: as fitted.
     """
     problem, variables = solution.problem, solution.problem.variables
     theta = variables.theta(solution.q)
@@ -43,7 +44,10 @@ def lifting(values: Mapping[str, float], frequency_hz: float, missing: np.ndarra
     """Harmonics (count,) of the malleolus [m/s^2] under a force on the foot's mass over a period (n,) [N], linearly.
 
     Args:
-        values: of the two-mass model. frequency_hz: fundamental. missing: the force. count: how many harmonics.
+        values: of the two-mass model.
+        frequency_hz: fundamental.
+        missing: the force.
+        count: how many harmonics.
     """
     h = np.arange(1, count + 1)
     F = 2 / missing.size * np.fft.rfft(missing)[h]

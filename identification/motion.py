@@ -90,7 +90,9 @@ class TwoMassMotion:
     """Motions of the two-mass foot, in closed harmonic balance.
 
     Args:
-        measured: what moves the base. omega: (R,) [rad/s]. on_foot: (S,) whether a sensor sits on the foot's mass.
+        measured: what moves the base.
+        omega: (R,) [rad/s].
+        on_foot: (S,) whether a sensor sits on the foot's mass.
         harmonics: of the motion, at least those measured.
     """
 
@@ -190,7 +192,10 @@ class EngineMotion:
     """Motions of any MJCF foot, by harmonic balance on MuJoCo's own inverse dynamics.
 
     Args:
-        foot: the model. measured: what moves the base. omega: (R,) [rad/s]. names: of a motion's parameters.
+        foot: the model.
+        measured: what moves the base.
+        omega: (R,) [rad/s].
+        names: of a motion's parameters.
     """
 
     def __init__(self, foot: Foot, measured: Measured, omega: np.ndarray, names: Sequence[str]) -> None:

@@ -90,7 +90,10 @@ def descend(
     """Damped Gauss-Newton steps of many candidates at once, between bounds.
 
     Args:
-        problem: whose sum of squares falls. Q: (C, n) starts. signs: (C,) side of each. steps: at most.
+        problem: whose sum of squares falls.
+        Q: (C, n) starts.
+        signs: (C,) side of each.
+        steps: at most.
         promised: decrease of the sum of squares that is worth no further step.
     """
     low, high = (np.stack(limit) for limit in zip(*(problem.bounds(s) for s in signs), strict=True))
@@ -229,7 +232,8 @@ class Searched:
     """What a search found.
 
     Attributes:
-        problem: with the weights that were settled on. optima: the best end of each side, best first.
+        problem: with the weights that were settled on.
+        optima: the best end of each side, best first.
     """
 
     problem: Problem
@@ -320,7 +324,8 @@ def _annealed(problem: Problem, groups: Mapping[float, Population], last: float 
     """Starts followed down to a scatter, each group from its own, to the distinct ends there.
 
     Args:
-        problem: what to minimise. groups: starts by the scatter at which they begin.
+        problem: what to minimise.
+        groups: starts by the scatter at which they begin.
         last: scatter at which they end; None where it is what the best of them leaves over.
     """
     rest = sorted(groups.items(), key=lambda item: -item[0])
@@ -377,7 +382,8 @@ def repeatability(problem: Problem, q: np.ndarray) -> float:
     once in twenty times.
 
     Args:
-        problem: with the weights at which q was found. q: (n,) the best end.
+        problem: with the weights at which q was found.
+        q: (n,) the best end.
     """
     from scipy.optimize import brentq
     from scipy.special import chdtri

@@ -16,7 +16,9 @@ def write(result: Presented, folder: Path, command: str) -> list[Path]:
     """Write the numbers of a result, each figure as SVG and PNG, and report.html into a folder.
 
     Args:
-        result: what is presented. folder: to write into. command: that made it, as it was typed.
+        result: what is presented.
+        folder: to write into.
+        command: that made it, as it was typed.
     """
     files, shown = result.write(folder), []
     for kind in result.plots:

@@ -31,7 +31,8 @@ def html(result: FitResult, drawn: dict[str, str] | None = None, folder: Path | 
     """The page as text; no outside address is needed to read it.
 
     Args:
-        result: the fit. drawn: its figures as SVG, by name, where they are drawn already.
+        result: the fit.
+        drawn: its figures as SVG, by name, where they are drawn already.
         folder: that the page lies in, as a command would call it; None for this one.
     """
     environment = Environment(
@@ -67,7 +68,9 @@ def write(result: FitResult, folder: Path, called: Path | None = None) -> list[P
     Each figure is there as SVG with a CSV file of what it draws, and those that a paper prints as PNG, too.
 
     Args:
-        result: the fit. folder: to write into. called: how the report calls the folder, if it will lie elsewhere.
+        result: the fit.
+        folder: to write into.
+        called: how the report calls the folder, if it will lie elsewhere.
     """
     pictures = {name: getattr(figures, name)(result) for name in captions(result)}
     drawn = {name: figures.save(figure, "svg") for name, figure in pictures.items()}

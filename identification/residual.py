@@ -54,7 +54,9 @@ class Problem:
     """Whitened residual of all recordings and priors, for candidates (C, n) of the search variable.
 
     Attributes:
-        measured: the data. variables: what is searched. motion: what moves.
+        measured: the data.
+        variables: what is searched.
+        motion: what moves.
         repeatability: relative standard deviation of a harmonic from recording to recording.
         held: (n,) variables that stay at the mean of their priors.
         noise: (R, 2 S H, 2 S H) covariance of the sensors' and the base's noise.

@@ -49,18 +49,23 @@ class World(Tabled):
     """A branch fitted with everything else that may be true.
 
     Attributes:
-        chi_square: of the recordings, for dof degrees of freedom. objective: that and the squares of the prior's rows.
-        dof: see chi_square. follows: it describes the recordings; if not, no constant is offered.
-        masses, nuisances: what was estimated beside the constants. constant: the objective where no constant follows
-            the load; None where that is not compared. exponents: thesis symbol -> the power of the weight on the pad
-            that it follows, and its 95 % interval.
-        repeatability: relative standard deviation of a harmonic from recording to recording, as estimated.
+        chi_square: of the recordings, for dof degrees of freedom.
+        objective: that and the squares of the prior's rows.
+        dof: see chi_square.
+        follows: it describes the recordings; if not, no constant is offered.
+        masses, nuisances: what was estimated beside the constants.
+        constant: the objective where no constant follows the load; None where that is not compared.
+        exponents: thesis symbol -> the power of the weight on the pad that it follows, and its 95 %
+            interval.
+        repeatability: relative standard deviation of a harmonic from recording to recording, as
+            estimated.
         reference_frequency_hz: at which dynamic stiffness and damping are reported.
-        scale_std: standard error of the logarithm of the leg's mass, a factor that all constants share.
+        scale_std: standard error of the logarithm of the leg's mass, a factor that all constants
+            share.
         exhausted: the search found its end more than once.
         misfit: where in the recordings chi-square comes from.
-        repeats_by_itself: `repeatability` as recordings of one condition show it, without a model; None where no
-            condition was recorded twice.
+        repeats_by_itself: `repeatability` as recordings of one condition show it, without a model;
+            None where no condition was recorded twice.
     """
 
     chi_square: float
@@ -96,11 +101,15 @@ class Branch(Presented):
     """One of the two mirror solutions.
 
     Attributes:
-        name: "stiff ankle", "stiff pad", or "best" where no mirror exists. cost: weighted sum of squares.
-        deviance: -2 log likelihood up to a constant. fit_percent: mean over recordings, Eq. (3.20).
-        parameters: key with unit -> estimate. correlation: (p, p) of the search variables, in the order of parameters.
-        chi_square, dof, p_value: goodness of fit of the model alone (steady state; in the time domain chi_square is
-            only a ratio). world: the fit with errors of model and sensors, None where none was made.
+        name: "stiff ankle", "stiff pad", or "best" where no mirror exists.
+        cost: weighted sum of squares.
+        deviance: -2 log likelihood up to a constant.
+        fit_percent: mean over recordings, Eq. (3.20).
+        parameters: key with unit -> estimate.
+        correlation: (p, p) of the search variables, in the order of parameters.
+        chi_square, dof, p_value: goodness of fit of the model alone (steady state; in the time
+            domain chi_square is only a ratio).
+        world: the fit with errors of model and sensors, None where none was made.
     """
 
     name: str

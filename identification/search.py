@@ -31,8 +31,12 @@ class Descent:
     """One descent.
 
     Attributes:
-        label: which start. theta0, theta: parameters at start and end. z: full search variable at the end.
-        cost: weighted sum of squares at the end. evaluations: of residual and Jacobian. converged: by its tolerances.
+        label: which start.
+        theta0, theta: parameters at start and end.
+        z: full search variable at the end.
+        cost: weighted sum of squares at the end.
+        evaluations: of residual and Jacobian.
+        converged: by its tolerances.
         unstable: it never left the parameter sets whose motion is unstable.
     """
 
@@ -52,7 +56,10 @@ def descend(
     """Minimise the cost, Eqs. (4.35) to (4.41), from one start.
 
     Args:
-        problem: residual and Jacobian. q0: start (p,). label: its name. z0: full search variable to start from instead.
+        problem: residual and Jacobian.
+        q0: start (p,).
+        label: its name.
+        z0: full search variable to start from instead.
         tight: converge well below the standard errors, for a result to report.
     """
     p = problem.space.lower.size
@@ -108,7 +115,9 @@ def explore(
     """Descend from every start; Ctrl-C keeps what is done.
 
     Args:
-        problem: what to minimise. starts: (label, q0). advance: called after each, for a progress bar.
+        problem: what to minimise.
+        starts: (label, q0).
+        advance: called after each, for a progress bar.
 
     Returns:
         The descents, best first, and whether they were interrupted.

@@ -25,7 +25,9 @@ def chosen(
     A column of a recording belongs to the accelerometer of its name in the model.
 
     Args:
-        recordings: checked. foot: the model. wanted: names that were asked for, None for all that match.
+        recordings: checked.
+        foot: the model.
+        wanted: names that were asked for, None for all that match.
 
     Raises:
         SettingError: a sensor that the model, or no recording, has; or the malleolus is left out.
@@ -53,7 +55,9 @@ class HarmonicFit:
     """One harmonic of one sensor, measured and modelled.
 
     Attributes:
-        number: 1 for the fundamental. frequency_hz: its frequency. measured, model: complex amplitudes [m/s^2].
+        number: 1 for the fundamental.
+        frequency_hz: its frequency.
+        measured, model: complex amplitudes [m/s^2].
         std: noise of a real or imaginary part of the measured one [m/s^2].
     """
 
@@ -82,8 +86,11 @@ class SensorFit:
     """One sensor in one recording, and how well the model follows it.
 
     Attributes:
-        name: of the sensor. fit_percent: Eq. (3.20). residual_m_s2: root mean square of what the model leaves.
-        measured, model: (n,) at the samples [m/s^2]. harmonics: of a steady state, else none.
+        name: of the sensor.
+        fit_percent: Eq. (3.20).
+        residual_m_s2: root mean square of what the model leaves.
+        measured, model: (n,) at the samples [m/s^2].
+        harmonics: of a steady state, else none.
     """
 
     name: str

@@ -22,7 +22,10 @@ class Settled:
     """Where a descent ended.
 
     Attributes:
-        q: (n,). objective: sum of squares there. evaluations: of the residual. converged: no step promises more.
+        q: (n,).
+        objective: sum of squares there.
+        evaluations: of the residual.
+        converged: no step promises more.
         left: what a last step promised.
     """
 

@@ -102,11 +102,16 @@ class Setup:
     """Recordings, model and free constants of a fit, before anything is fitted.
 
     Attributes:
-        foot: the model. recordings: checked. sensors: that are fitted, the malleolus first.
+        foot: the model.
+        recordings: checked.
+        sensors: that are fitted, the malleolus first.
         carriers: which mass each sensor of the two-mass foot reads, nothing for other models.
-        name: of the domain, "periodic" or "time". space: the free constants; in the time domain the delay is one.
-        delay: whether a delay is estimated. why_not: why there is no mirror image, or nothing.
-        known: of what else may be true. warnings: so far.
+        name: of the domain, "periodic" or "time".
+        space: the free constants; in the time domain the delay is one.
+        delay: whether a delay is estimated.
+        why_not: why there is no mirror image, or nothing.
+        known: of what else may be true.
+        warnings: so far.
     """
 
     foot: Foot

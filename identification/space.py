@@ -68,7 +68,9 @@ class Space:
     multiple of its range for the others, so that all steps are alike in size.
 
     Attributes:
-        free: the free parameters. lower, upper: their bounds in their units. fixed: values of all others by name.
+        free: the free parameters.
+        lower, upper: their bounds in their units.
+        fixed: values of all others by name.
     """
 
     free: tuple[Parameter, ...]
@@ -171,8 +173,11 @@ def space_of(
     """The search space of a model.
 
     Args:
-        foot: the model. free: names to estimate, default all declared but the masses. bounds: name -> (lower, upper) in
-            place of the declared ones. delay: estimate the delay of each channel, too. sensors: what the channels are.
+        foot: the model.
+        free: names to estimate, default all declared but the masses.
+        bounds: name -> (lower, upper) in place of the declared ones.
+        delay: estimate the delay of each channel, too.
+        sensors: what the channels are.
 
     Raises:
         SettingError: an unknown name, or a bound that is not one.

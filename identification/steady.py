@@ -81,8 +81,11 @@ def motion_of(
     """What moves: the two-mass foot in closed form, or the model itself.
 
     Args:
-        foot: the model. measured: what drives it. variables: what is searched.
-        carriers: of each sensor, whether it sits on the foot's mass. harmonics: of a motion at least.
+        foot: the model.
+        measured: what drives it.
+        variables: what is searched.
+        carriers: of each sensor, whether it sits on the foot's mass.
+        harmonics: of a motion at least.
     """
     if variables.two_mass:
         return TwoMassMotion(measured, variables.omega, carriers, harmonics)
@@ -101,9 +104,14 @@ def problem_of(
     """The one problem of steady recordings.
 
     Args:
-        recordings: checked. foot: the model. space: its free constants. known: of what may be true beside it.
-        sensors: that are fitted. delay: whether the recordings tell a delay from damping.
-        carriers: of each sensor, whether it sits on the foot's mass; None for a model that is not the two-mass foot.
+        recordings: checked.
+        foot: the model.
+        space: its free constants.
+        known: of what may be true beside it.
+        sensors: that are fitted.
+        delay: whether the recordings tell a delay from damping.
+        carriers: of each sensor, whether it sits on the foot's mass; None for a model that is not
+            the two-mass foot.
     """
     own = foot.values()
     masses = [name for name in own if name in MASSES]
@@ -122,8 +130,11 @@ def fit(
     """Search, hold, and replay.
 
     Args:
-        problem: as `problem_of` makes it. foot: the model. starts: of a side in a round of the search.
-        seed: of the starts. allow: for what may be true beside the model; else the nuisances are held.
+        problem: as `problem_of` makes it.
+        foot: the model.
+        starts: of a side in a round of the search.
+        seed: of the starts.
+        allow: for what may be true beside the model; else the nuisances are held.
         advance: called with what is done, how many of how many.
 
     Raises:

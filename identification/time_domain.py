@@ -30,7 +30,9 @@ class TimeProblem:
     """Residual and Jacobian of all recordings in the time domain, initial states included in the search variable.
 
     Args:
-        recordings: checked recordings. engine: runs them. space: the free parameters.
+        recordings: checked recordings.
+        engine: runs them.
+        space: the free parameters.
     """
 
     def __init__(self, recordings: Sequence[Recording], engine: Engine, space: Space) -> None:
@@ -153,7 +155,8 @@ class TimeProblem:
         the uncertain gain and delay of the channels too, which all samples of all recordings share.
 
         Args:
-            z: full search variable. active: (p,) which parameters vary; the others rest on a bound and get NaN.
+            z: full search variable.
+            active: (p,) which parameters vary; the others rest on a bound and get NaN.
         """
         p, total = self.space.lower.size, z.size
         varied = np.concatenate([active, np.ones(total - p, bool)])

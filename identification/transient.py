@@ -37,8 +37,10 @@ class Found:
     """A fit in the time domain.
 
     Attributes:
-        branches: converged in MuJoCo, likeliest first. left_out: names of those that do not last.
-        starts: a row for each descent. warnings: so far.
+        branches: converged in MuJoCo, likeliest first.
+        left_out: names of those that do not last.
+        starts: a row for each descent.
+        warnings: so far.
     """
 
     branches: tuple[Certified, ...]
@@ -59,8 +61,12 @@ def fit(
     """Fit every sample.
 
     Args:
-        setup: recordings and model. starts: how many. seed: of the random ones. threads: 0 for all cores.
-        replay: as `estimate.Settings`. advance: called with what is done, how many of how many.
+        setup: recordings and model.
+        starts: how many.
+        seed: of the random ones.
+        threads: 0 for all cores.
+        replay: as `estimate.Settings`.
+        advance: called with what is done, how many of how many.
         interruptible: Ctrl-C ends the exploration only, and the result rests on the starts done.
 
     Raises:

@@ -34,7 +34,10 @@ def unpacked(name: str, content: bytes, largest: int, most: int, count: int) -> 
     """The files of a dropped archive, one at a time, behind its own name; hidden ones are passed over.
 
     Args:
-        name: of the archive. content: of it. largest, most: bytes of a file, and of all. count: of files.
+        name: of the archive.
+        content: of it.
+        largest, most: bytes of a file, and of all.
+        count: of files.
 
     Raises:
         InputFileError: it is no zip file, or holds more than it may.
@@ -62,7 +65,9 @@ def study(name: str, recordings: Sequence[Recording], folder: Path) -> dict[str,
     """A study folder of recordings as they were read, in m/s^2, by the names of its files.
 
     Args:
-        name: of the study. recordings: to keep. folder: for what is being written.
+        name: of the study.
+        recordings: to keep.
+        folder: for what is being written.
 
     Raises:
         SettingError: one of them has no body mass.

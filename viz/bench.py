@@ -82,7 +82,8 @@ class Bench:
     """What the page can do with a show: other data, other models, a fit.
 
     Args:
-        show: what is shown. told: gets documents that come later, from the fitting process; in a thread of its own.
+        show: what is shown.
+        told: gets documents that come later, from the fitting process; in a thread of its own.
         results: folder of the fit that is shown from the start, with its report.
     """
 
@@ -628,7 +629,9 @@ class Bench:
         """Write the model's text: to its own file, or, of a shipped one, to a copy in this folder.
 
         Args:
-            text: the MJCF. digest: of what was opened in the editor; a file that is another by now is not written over.
+            text: the MJCF.
+            digest: of what was opened in the editor; a file that is another by now is not written
+                over.
 
         Raises:
             SettingError: it was handed over in Python. ModelError: a copy of a shipped model is not sound.

@@ -37,7 +37,9 @@ class Steady:
     """The periodic part of a recording, signal = sum over h of Re(amplitude_h exp(i 2 pi h f t)), t from its start.
 
     Attributes:
-        frequency_hz: of the sine. base, malleolus: (H,) complex amplitudes [m/s^2]. periods: how many were averaged.
+        frequency_hz: of the sine.
+        base, malleolus: (H,) complex amplitudes [m/s^2].
+        periods: how many were averaged.
         noise: share of the malleolus' standard deviation that is not periodic.
     """
 
@@ -71,8 +73,10 @@ class Steady:
         """(count,) values of a period of one channel; `order` -2 is its displacement [m], 0 its acceleration [m/s^2].
 
         Args:
-            amplitudes: (H,) complex [m/s^2]. count: of the values. order: of the derivative. delay_s: how late the
-                channel is [s].
+            amplitudes: (H,) complex [m/s^2].
+            count: of the values.
+            order: of the derivative.
+            delay_s: how late the channel is [s].
         """
         rate = 2j * np.pi * self.frequency_hz * np.arange(1, amplitudes.size + 1)
         turns = np.exp(2j * np.pi * np.outer(np.arange(count) / count, np.arange(1, amplitudes.size + 1)))
@@ -84,8 +88,10 @@ class Excitation(Tabled):
     """What drives the base: a sine (neither base nor steady), a motion of its own, or a recording.
 
     Attributes:
-        base: motion of a sweep, or of a recording that is not steady. recording: what was measured.
-        steady: its periodic part, if it has one. shown: first and last second of `base` that are shown.
+        base: motion of a sweep, or of a recording that is not steady.
+        recording: what was measured.
+        steady: its periodic part, if it has one.
+        shown: first and last second of `base` that are shown.
         doubt: why no motion is to be made of it, in a sentence.
     """
 
@@ -117,7 +123,8 @@ class Excitation(Tabled):
         """A recording, by file or as read: its mean period, or a piece of it.
 
         Args:
-            file: the recording. seconds: how much of it counts; None for all of a steady one and a second of others.
+            file: the recording.
+            seconds: how much of it counts; None for all of a steady one and a second of others.
             study: study.toml that says what its columns are.
 
         Raises:

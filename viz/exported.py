@@ -52,8 +52,11 @@ class Film:
     """What is drawn.
 
     Attributes:
-        frames: of the one period, or of the whole transient. rate: frames a second. size: over a picture's.
-        most: frames of a transient that are not too many. repeats: how often the motion is in the file.
+        frames: of the one period, or of the whole transient.
+        rate: frames a second.
+        size: over a picture's.
+        most: frames of a transient that are not too many.
+        repeats: how often the motion is in the file.
     """
 
     frames: int
@@ -219,7 +222,9 @@ def _browser(show: Shown, documents: Mapping[str, Any], size: float = 1.0) -> It
     """A headless browser with the exported page, which shows the canvas alone and draws only when it is told to.
 
     Args:
-        show: what is drawn. documents: the exported ones. size: pixels of the canvas over those of the window.
+        show: what is drawn.
+        documents: the exported ones.
+        size: pixels of the canvas over those of the window.
     """
     path = chromium()
     if path is None:

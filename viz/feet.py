@@ -37,8 +37,11 @@ class Show:
 
     Args:
         models: one model, or two to compare, by name or file, or loaded.
-        excitation: of the base. settings: at the start. look: `slow` and `amplify`, times; `amplify` None for as much
-            as shows the deformation and keeps the foot in the picture. fit: what a fit found (`viz.fitted`).
+        excitation: of the base.
+        settings: at the start.
+        look: `slow` and `amplify`, times; `amplify` None for as much as shows the deformation and
+            keeps the foot in the picture.
+        fit: what a fit found (`viz.fitted`).
     """
 
     page = "foot.html"

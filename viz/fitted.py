@@ -25,7 +25,8 @@ def fitted(
     """A result's document as the page shows it.
 
     Args:
-        document: `FitResult.document()`, or what was read from its file. parameters: of the model.
+        document: `FitResult.document()`, or what was read from its file.
+        parameters: of the model.
         sentence: the result in one sentence, where it is at hand.
         held: constants that the fit had at other values than the model's, and did not change.
 

@@ -31,8 +31,12 @@ class ModeShapes:
     """What the page draws.
 
     Args:
-        file: where it was read. vertices_um: (v, 3), y up. faces: (f, 3) of the outer surface.
-        nucleus_faces: (g, 3). modes: (c, v, 3), largest displacement 1. frequencies_hz: (c,).
+        file: where it was read.
+        vertices_um: (v, 3), y up.
+        faces: (f, 3) of the outer surface.
+        nucleus_faces: (g, 3).
+        modes: (c, v, 3), largest displacement 1.
+        frequencies_hz: (c,).
         document: of ``python -m fasbody.cell --json``.
     """
 
@@ -135,7 +139,8 @@ class ModeShow:
     """The cell or body of one viewer: its scene and the description that its pages get.
 
     Args:
-        result: folder or file of the result. mode: shown first, from 1.
+        result: folder or file of the result.
+        mode: shown first, from 1.
 
     Raises:
         InputFileError: no such result. SettingError: no such mode.

@@ -57,12 +57,15 @@ class Motion:
     Attributes:
         time: (n,) [s]; a periodic motion starts again after `duration`.
         duration: [s].
-        bodies: (n, bodies, 6) displacement [m] and rotation vector [rad] of each body from rest, in order of `names`.
+        bodies: (n, bodies, 6) displacement [m] and rotation vector [rad] of each body from rest, in
+            order of `names`.
         names: bodies of the model.
-        base: (n,) base acceleration; malleolus: (n,) its acceleration [m/s^2].
+        base: (n,) base acceleration;
+        malleolus: (n,) its acceleration [m/s^2].
         loops: what -> (2, n) extension [m] and force [N], both positive in extension.
         transmissibility: complex malleolus over base of small motion at `CURVE`.
-        ratio: |T| of the shown motion at its frequency, None for a transient or a table at rest. phase: of it [deg].
+        ratio: |T| of the shown motion at its frequency, None for a transient or a table at rest.
+        phase: of it [deg].
         gap: change of the joints over the last period, as a share of their travel.
         periodic: whether it repeats.
     """
@@ -92,8 +95,10 @@ def periodic_motion(foot: Foot, settings: Settings, amplitudes: Array | None = N
     not last, MuJoCo runs whole periods until they repeat, with half the step where a foot is too stiff for its own.
 
     Args:
-        foot: the model. settings: of the sliders. amplitudes: (H,) complex of the base acceleration at the multiples
-            of the settings' frequency [m/s^2]; None for the settings' sine.
+        foot: the model.
+        settings: of the sliders.
+        amplitudes: (H,) complex of the base acceleration at the multiples of the settings'
+            frequency [m/s^2]; None for the settings' sine.
 
     Raises:
         SettingError: settings outside their bounds. SimulationError: unstable, or it does not settle.
@@ -200,7 +205,10 @@ def transient_motion(
     """The motion from rest under any base motion: a sweep, a recording.
 
     Args:
-        foot: the model. settings: of the sliders. base: what drives it. shown: first and last second that are shown.
+        foot: the model.
+        settings: of the sliders.
+        base: what drives it.
+        shown: first and last second that are shown.
     """
     changed = settings.apply(foot)
     count = round(base.duration / changed.step)
@@ -232,7 +240,9 @@ def without_drift(values: Array, step: float, twice: bool = False, lowest_hz: fl
     """Values (n, ...) without what is slower than `lowest_hz`, so that the picture stays.
 
     Args:
-        values: one row a time step [any unit]. step: [s]. twice: integrate twice, an acceleration to a displacement.
+        values: one row a time step [any unit].
+        step: [s].
+        twice: integrate twice, an acceleration to a displacement.
         lowest_hz: half of the amplitude at this frequency is left.
     """
     padded = 2 * len(values)

@@ -26,7 +26,8 @@ class Viewer:
     """A page that is served until `close`, or until Python ends.
 
     Args:
-        show: what it shows. port: of this machine, 0 takes a free one.
+        show: what it shows.
+        port: of this machine, 0 takes a free one.
     """
 
     def __init__(self, show: Show, port: int = 0) -> None:
@@ -104,12 +105,16 @@ def show(
     """Watch a foot in the browser.
 
     Args:
-        foot: a model, by name or file, or loaded; or a recording, which shakes the two masses. result: a fit whose
-            parameters it gets.
-        compare: a second model, shown as a ghost. excitation: of the base, a sine unless given.
-        frequency: of the sine [Hz]. added_mass: on the knee [kg].
-        browser: open it. port: of this machine, 0 takes a free one.
-        wait: until Ctrl-C; unless given, only where Python would end otherwise, which is in no notebook and no prompt.
+        foot: a model, by name or file, or loaded; or a recording, which shakes the two masses.
+        result: a fit whose parameters it gets.
+        compare: a second model, shown as a ghost.
+        excitation: of the base, a sine unless given.
+        frequency: of the sine [Hz].
+        added_mass: on the knee [kg].
+        browser: open it.
+        port: of this machine, 0 takes a free one.
+        wait: until Ctrl-C; unless given, only where Python would end otherwise, which is in no
+            notebook and no prompt.
 
     Raises:
         SettingError: a parameter is unknown or outside the bounds that the model declares.

@@ -18,8 +18,12 @@ class Question:
     """What was asked.
 
     Attributes:
-        sources: the recordings, by their ids. model: by name or file. text: digest of its MJCF with what it includes.
-        values: in place of the model's own. settings: of `fit_foot`. rivals: whether rivals are compared.
+        sources: the recordings, by their ids.
+        model: by name or file.
+        text: digest of its MJCF with what it includes.
+        values: in place of the model's own.
+        settings: of `fit_foot`.
+        rivals: whether rivals are compared.
     """
 
     sources: Mapping[int, Source]

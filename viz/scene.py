@@ -186,9 +186,13 @@ def add_foot(
     """Put one dressed foot into the scene under `name`: one mesh a segment, and the soft parts with their weights.
 
     Args:
-        hub: takes the messages. visualizer: on the hub. name: of this foot, such as ``a``.
-        parts: the meshes. frames: bind pose of each segment; a segment's mesh is sent in its own frame.
-        ghost: bluish and translucent, to be compared with another foot. tints: segment -> RGB (3,) in place of bone.
+        hub: takes the messages.
+        visualizer: on the hub.
+        name: of this foot, such as ``a``.
+        parts: the meshes.
+        frames: bind pose of each segment; a segment's mesh is sent in its own frame.
+        ghost: bluish and translucent, to be compared with another foot.
+        tints: segment -> RGB (3,) in place of bone.
     """
     root = visualizer["foot"][name]
     for segment in SEGMENTS[:-1]:
@@ -265,7 +269,10 @@ def add_geoms(visualizer: meshcat.Visualizer, name: str, model: mujoco.MjModel, 
     """Put geoms of an MJCF into the scene as they are, each into the node of its body.
 
     Args:
-        visualizer: on the hub. name: of the foot. model: compiled. geoms: number of a geom -> node.
+        visualizer: on the hub.
+        name: of the foot.
+        model: compiled.
+        geoms: number of a geom -> node.
     """
     kinds = mujoco.mjtGeom
     for i, node in geoms.items():
@@ -327,7 +334,11 @@ def add_ring(visualizer: meshcat.Visualizer, name: str, centre: Array, radius: f
     """A ring about the vertical through `centre` (3,) [m], in the frame of its node ``ring``: where a malleolus is.
 
     Args:
-        visualizer: on the hub. name: of the foot. centre, radius: of the ring [m]. code: its colour. thick: [m].
+        visualizer: on the hub.
+        name: of the foot.
+        centre, radius: of the ring [m].
+        code: its colour.
+        thick: [m].
     """
     around, over = 48, 12
     u, v = np.meshgrid(np.arange(around) * 2 * np.pi / around, np.arange(over) * 2 * np.pi / over, indexing="ij")
@@ -355,8 +366,11 @@ def add_cell(
     """Put a cell or a body into the scene, each part with its mode shapes as attributes `mode1`, `mode2`, ...
 
     Args:
-        hub: takes the messages. visualizer: on the hub. parts: vertices (p, 3), triangles and modes (c, p, 3) by name;
-            the page computes normals and colours, which change with mode and time. dish: it stands on one.
+        hub: takes the messages.
+        visualizer: on the hub.
+        parts: vertices (p, 3), triangles and modes (c, p, 3) by name; the page computes normals and
+            colours, which change with mode and time.
+        dish: it stands on one.
     """
     root = visualizer["cell"]
     for name, (vertices, faces, modes) in parts.items():

@@ -81,7 +81,9 @@ class Server:
     """Serves one page until it is told to stop.
 
     Args:
-        show: what is shown. port: 0 takes a free one. bench: what a page may do beyond moving sliders.
+        show: what is shown.
+        port: 0 takes a free one.
+        bench: what a page may do beyond moving sliders.
     """
 
     def __init__(self, show: Shown, port: int = 0, bench: Bench | None = None) -> None:

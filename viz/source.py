@@ -43,8 +43,11 @@ class Source:
     """A file and what was said of it.
 
     Attributes:
-        file: as it is called. folder: that it lies in. channels: as in study.toml, by name; empty where the file or its
-            study says it. rate_hz: of a file without time. body_mass_kg, added_mass_kg: None for what the study says.
+        file: as it is called.
+        folder: that it lies in.
+        channels: as in study.toml, by name; empty where the file or its study says it.
+        rate_hz: of a file without time.
+        body_mass_kg, added_mass_kg: None for what the study says.
     """
 
     file: str

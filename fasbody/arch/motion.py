@@ -34,7 +34,8 @@ class ArchMotion:
         time: start of each step asked for [s], shape (n,).
         malleolus: its acceleration there [m/s^2], shape (n,).
         qpos: joint positions, base first, shape (n, 7).
-        step: the step that was stable [s]; hinge_share: native share of the hinges' damping.
+        step: the step that was stable [s].
+        hinge_share: native share of the hinges' damping.
         note: what had to be changed to get there; empty if nothing.
     """
 

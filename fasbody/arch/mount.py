@@ -44,7 +44,10 @@ def matrices(
     takes `lag` times the whole stiffness, the load's geometry among it.
 
     Args:
-        mounted: the leg. arch: the bones, None for `Arch.nominal()`. weight: on the arch [N]. added_kg: on the knee.
+        mounted: the leg.
+        arch: the bones, None for `Arch.nominal()`.
+        weight: on the arch [N].
+        added_kg: on the knee.
     """
     arch = arch or Arch.nominal()
     q = pose(mounted, arch, weight)
@@ -96,7 +99,9 @@ def mjcf(
     """The model as MJCF.
 
     Args:
-        mounted: the leg. arch: the bones, None for `Arch.nominal()`. added_kg: on the knee.
+        mounted: the leg.
+        arch: the bones, None for `Arch.nominal()`.
+        added_kg: on the knee.
         weight: on the arch [N]; None for a seated leg with what is added.
     """
     weight = SEATED_N + GRAVITY * added_kg if weight is None else weight

@@ -81,12 +81,15 @@ class Mounted:
     Attributes:
         arm, slack: of the tissue, see `Tissue`.
         k_F, c_F: fat pad under 43 N [N/m], [N s/m]; the stiffness grows with the load's power 0.61.
-        k_T, c_T: ankle. k_H, c_H: thigh on the seat. k_A, c_A: soft tissue under the added mass.
+        k_T, c_T: ankle.
+        k_H, c_H: thigh on the seat.
+        k_A, c_A: soft tissue under the added mass.
         lag: damping over stiffness of the joints of the arch [s].
         share: part of the shank that moves with the malleolus.
-        up: part of the foot beyond its bones that moves with the apex; the rest moves with heel and heads.
-        eta: Hunt and Crossley's damping of the fat pad where it is pressed by centimetres, in heel strikes and drops
-            [s/m]. The vibration has `c_F` in its place.
+        up: part of the foot beyond its bones that moves with the apex; the rest moves with heel and
+            heads.
+        eta: Hunt and Crossley's damping of the fat pad where it is pressed by centimetres, in heel
+            strikes and drops [s/m]. The vibration has `c_F` in its place.
     """
 
     arm: Any
@@ -149,7 +152,8 @@ class Response(NamedTuple):
     """Complex accelerations over the table's.
 
     Attributes:
-        malleolus, tuberosity: shape (d, f). midfoot: joints behind and before the cuneiforms, shape (d, f, 2).
+        malleolus, tuberosity: shape (d, f).
+        midfoot: joints behind and before the cuneiforms, shape (d, f, 2).
     """
 
     malleolus: Array

@@ -129,9 +129,10 @@ def algebraic_force(user: np.ndarray, x: float, x_dot: float, native_damping: fl
 
     Args:
         user: (8,) law code and parameters.
-        x: extension from rest [m]; x_dot: its rate [m/s].
-        native_damping: the element's own MJCF damping [N s/m]. It is the share of the same damper that the engine
-            integrates implicitly, so Eq. (4.25) returns the rest.
+        x: extension from rest [m].
+        x_dot: its rate [m/s].
+        native_damping: the element's own MJCF damping [N s/m]. It is the share of the same damper
+            that the engine integrates implicitly, so Eq. (4.25) returns the rest.
 
     Raises nothing: an unknown code gives zero force (loading the model has refused it).
     """
@@ -185,7 +186,9 @@ def viscoelastic_force(p: np.ndarray, h: np.ndarray, x: float) -> float:
     """Force [N] along +x of the quasi-linear viscoelastic pad, Eq. (4.22), about its relaxed static state.
 
     Args:
-        p: (8,) law code and parameters. h: (BRANCHES,) internal stresses of the exponentials [N]. x: extension [m].
+        p: (8,) law code and parameters.
+        h: (BRANCHES,) internal stresses of the exponentials [N].
+        x: extension [m].
     """
     A, B, c, tau_1, tau_2 = p[1], p[2], p[3], p[4], p[5]
     e = p[7] - x / p[6]

@@ -41,7 +41,9 @@ class Sensor(Tabled):
     """Where a sensor stands in sensordata, and which way is up in its axes.
 
     Attributes:
-        name: of the sensor. first: of its three numbers. axis: (3,) along which it is read, positive up.
+        name: of the sensor.
+        first: of its three numbers.
+        axis: (3,) along which it is read, positive up.
         offset: what it reads at rest because of gravity [m/s^2].
     """
 
@@ -387,7 +389,8 @@ def accelerometers(model: mujoco.MjModel, up: tuple[float, float, float]) -> dic
     that is nearest to the vertical: a sensor that leans reads what leans with it. What gravity adds is taken out.
 
     Args:
-        model: the compiled model. up: (3,) the vertical.
+        model: the compiled model.
+        up: (3,) the vertical.
     """
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)

@@ -18,7 +18,10 @@ class Field(NamedTuple):
     """A field that must have its default.
 
     Attributes:
-        name: of mjModel. default: of every entry. attribute: as MJCF calls it. why: what it would do.
+        name: of mjModel.
+        default: of every entry.
+        attribute: as MJCF calls it.
+        why: what it would do.
     """
 
     name: str

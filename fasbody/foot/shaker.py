@@ -85,7 +85,10 @@ def harmonics(
     """Periodic motion, sum over h of Re(U_h exp(i 2 pi h f t)).
 
     Args:
-        frequency: fundamental [Hz]. amplitudes: complex U_1, U_2, ... [m/s^2]. duration: [s]. name: for messages.
+        frequency: fundamental [Hz].
+        amplitudes: complex U_1, U_2, ... [m/s^2].
+        duration: [s].
+        name: for messages.
     """
     U = np.asarray(amplitudes, complex)
     omega = 2j * np.pi * frequency * np.arange(1, U.size + 1)
@@ -175,8 +178,10 @@ def samples(time_s: ArrayLike, acceleration: ArrayLike, name: str = "recording")
     this matters, it goes through the band-limited curve instead (but for their ends, where that is not known).
 
     Args:
-        time_s: (n,) sample times [s], datetimes or time differences; the motion begins with the first of them.
-        acceleration: (n,) [m/s^2], offset removed. Of a pandas Series the index is not looked at. name: for messages.
+        time_s: (n,) sample times [s], datetimes or time differences; the motion begins with the
+            first of them.
+        acceleration: (n,) [m/s^2], offset removed. Of a pandas Series the index is not looked at.
+        name: for messages.
     """
     from scipy.interpolate import CubicSpline
 
@@ -196,7 +201,9 @@ def _band_limited(
     """Finer times and values of the curve with no frequency above half the sampling rate; None where it is the spline.
 
     Args:
-        t: (n,) times [s]. values: (n,). spline: through them.
+        t: (n,) times [s].
+        values: (n,).
+        spline: through them.
     """
     from scipy.signal import firwin, resample_poly
 

@@ -31,14 +31,17 @@ class Simulation(Presented):
     Attributes:
         time_s: (nsim, n) start of each step [s].
         base_m_s2: (nsim, n) realised base acceleration.
-        malleolus_m_s2: (nsim, n) output of Eq. (4.31). All three as a recording calls them; `time`, `base` and
-            `malleolus` are short for them.
-        qpos: (nsim, n + 1, nq) positions, relative ones for slides [m]; qvel: (nsim, n + 1, nv) velocities [m/s].
+        malleolus_m_s2: (nsim, n) output of Eq. (4.31). All three as a recording calls them; `time`,
+            `base` and `malleolus` are short for them.
+        qpos: (nsim, n + 1, nq) positions, relative ones for slides [m].
+        qvel: (nsim, n + 1, nv) velocities [m/s].
         act: (nsim, n + 1, na) activations.
-        base_error: largest difference between realised and prescribed base acceleration, as a share of its peak.
-        step_error: by how much the time step falsifies the accelerometer that it falsifies most, as a share of its
-            root mean square; from a second run with half the step, NaN without one.
-        sensors: name -> (nsim, n) of every accelerometer but the base's, the malleolus among them [m/s^2].
+        base_error: largest difference between realised and prescribed base acceleration, as a share
+            of its peak.
+        step_error: by how much the time step falsifies the accelerometer that it falsifies most, as
+            a share of its root mean square; from a second run with half the step, NaN without one.
+        sensors: name -> (nsim, n) of every accelerometer but the base's, the malleolus among them
+            [m/s^2].
     """
 
     time_s: np.ndarray
@@ -147,7 +150,8 @@ class Batch:
         Args:
             controls: (nsim or 1, n, 5) shaker controls of each step (`BaseMotion.controls`).
             steps: time step [s], one or (nsim,).
-            qpos: initial positions, (nsim, nq) or (nq,); default the rest position. qvel: likewise, default zero.
+            qpos: initial positions, (nsim, nq) or (nq,); default the rest position.
+            qvel: likewise, default zero.
             act: initial activations, (nsim, na), default zero.
 
         Raises:
@@ -207,8 +211,10 @@ class Batch:
 
         Args:
             motions: of the base, one or one a simulation; all of the first one's duration.
-            step: time step [s]. qpos, qvel: as in `run`.
-            accept: largest error of the step, `Simulation.step_error`, that is no reason to refuse; None for any.
+            step: time step [s].
+            qpos, qvel: as in `run`.
+            accept: largest error of the step, `Simulation.step_error`, that is no reason to refuse;
+                None for any.
 
         Raises:
             SimulationError: unstable, or the error is larger.
@@ -263,7 +269,9 @@ class _Shares:
     a damper is not so stiff that it rings: that of a light bone on its hinge.
 
     Attributes:
-        damping: (nsim, ...) of the engine. laws: (nsim, n, 8). to, at: places (m,) in both.
+        damping: (nsim, ...) of the engine.
+        laws: (nsim, n, 8).
+        to, at: places (m,) in both.
         share: (m,) of c_1.
     """
 
@@ -333,10 +341,13 @@ def simulate(
         foot: the model.
         motions: one motion, or one a simulation; all of the first one's duration.
         step: time step [s], default the model's.
-        values: what a fit returns, or parameters by name (`Foot.with_values`), one value or (nsim,) of each.
-        qpos: initial positions (nq,) or (nsim, nq); qvel: initial velocities.
+        values: what a fit returns, or parameters by name (`Foot.with_values`), one value or (nsim,)
+            of each.
+        qpos: initial positions (nq,) or (nsim, nq);
+        qvel: initial velocities.
         threads: 0 for all cores.
-        accept: largest error of the time step (`Simulation.step_error`) that is no reason to refuse; None for any.
+        accept: largest error of the time step (`Simulation.step_error`) that is no reason to
+            refuse; None for any.
 
     Raises:
         SettingError: an unknown parameter or value, or sizes that do not fit.

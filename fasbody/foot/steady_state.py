@@ -284,7 +284,8 @@ class Balance:
     One thread at a time: it holds one state of the engine. Threads take one each.
 
     Args:
-        foot: the model. sensors: accelerometers whose derivatives are wanted.
+        foot: the model.
+        sensors: accelerometers whose derivatives are wanted.
 
     Raises:
         SettingError: a sensor that the model does not have.
@@ -374,7 +375,8 @@ class Balance:
         """Derivatives of the sensors' harmonics to parameters: sensor -> complex (H, p).
 
         Args:
-            orbit: where. names: of the parameters.
+            orbit: where.
+            names: of the parameters.
         """
         shaken, pairs = orbit.shaken, []
         for item in (self.foot.parameters[name] for name in names):
@@ -398,7 +400,8 @@ class Balance:
         """How readings change with the system; the motion follows (implicit function theorem).
 
         Args:
-            orbit: the motion. pairs: systems on either side of it, and how far both are apart.
+            orbit: the motion.
+            pairs: systems on either side of it, and how far both are apart.
         """
         series, x, slopes = orbit.series, orbit.solution.x, orbit.slopes
         with callbacks():

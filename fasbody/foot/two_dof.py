@@ -109,11 +109,14 @@ def trajectory(
     """Integrate states and sensitivities by fourth-order Runge-Kutta.
 
     Args:
-        x0: (4,) initial states. p: (8,) parameters in the order of `NAMES`. m_S, m_F: masses [kg].
-        u: (2 n + 1,) base acceleration at half steps [m/s^2] (`BaseMotion.half_steps`). h: step [s].
+        x0: (4,) initial states.
+        p: (8,) parameters in the order of `NAMES`.
+        m_S, m_F: masses [kg].
+        u: (2 n + 1,) base acceleration at half steps [m/s^2] (`BaseMotion.half_steps`).
+        h: step [s].
         stride: output every `stride` steps.
-        columns: 0 no sensitivities, 4 those to the initial states, 12 those to the parameters as well, 14 those to m_S
-            and m_F, too.
+        columns: 0 no sensitivities, 4 those to the initial states, 12 those to the parameters as
+            well, 14 those to m_S and m_F, too.
 
     Returns:
         Y (n // stride,) malleolus acceleration, Eq. (4.31); DY (n // stride, 12 or 14) its derivatives (x0 first, then

@@ -39,8 +39,12 @@ class HeelLaw:
     """A law of the heel pad.
 
     Attributes:
-        key: short name. name: in words. equation: of the thesis, "" if it has none. formula: as one writes it.
-        parameters: what is estimated. force: of time [s], compression [m], rate [m/s] (n,) and parameters (p,), [N].
+        key: short name.
+        name: in words.
+        equation: of the thesis, "" if it has none.
+        formula: as one writes it.
+        parameters: what is estimated.
+        force: of time [s], compression [m], rate [m/s] (n,) and parameters (p,), [N].
         rate: whether it knows the rate or the past.
     """
 

@@ -30,7 +30,9 @@ def pad(law: HeelLaw, theta: np.ndarray, load_n: float) -> Pad:
     """A law of the heel resting under a load [N], for the joint `fat_pad` of a model.
 
     Args:
-        law: one of `CARRIED`. theta: (p,) its parameters. load_n: what the foot presses with at rest [N].
+        law: one of `CARRIED`.
+        theta: (p,) its parameters.
+        load_n: what the foot presses with at rest [N].
 
     Raises:
         SettingError: a joint cannot carry the law.

@@ -16,8 +16,11 @@ class Plate:
     """Geometry and calibration of a plate with four vertical sensors.
 
     Attributes:
-        rate_hz: samples a second. mass_kg: the known mass that calibrates it. gravity_m_s2: as the authors took it.
-        centre_m: the middle of the sensors (x, y). reach_m: half the distance of the sensors along x and y.
+        rate_hz: samples a second.
+        mass_kg: the known mass that calibrates it.
+        gravity_m_s2: as the authors took it.
+        centre_m: the middle of the sensors (x, y).
+        reach_m: half the distance of the sensors along x and y.
     """
 
     rate_hz: float = 3000.0
@@ -43,7 +46,9 @@ class Plate:
         """Forces (n, 4) [N] of the vertical sensors, less what the empty plate showed before the trial.
 
         Args:
-            volts: (n, 8) channels: x (2), y (2), z (4). offset_volts: (8,) of the empty plate. gain: of `gain` [N/V].
+            volts: (n, 8) channels: x (2), y (2), z (4).
+            offset_volts: (8,) of the empty plate.
+            gain: of `gain` [N/V].
         """
         return gain * (np.asarray(volts, float)[:, 4:] - np.asarray(offset_volts, float)[4:])
 

@@ -42,9 +42,13 @@ class Trial:
     """What was recorded of one strike.
 
     Attributes:
-        subject, speed, number: which it is. force_volts: (n, 8). offset_volts: (8,) of the empty plate.
-        first_sample: index of the first row in the whole trial. markers_m: (m, 2, 3), the lower marker first, NaN where
-        hidden. first_frame: index of the first frame in the whole trial; both clocks start together.
+        subject, speed, number: which it is.
+        force_volts: (n, 8).
+        offset_volts: (8,) of the empty plate.
+        first_sample: index of the first row in the whole trial.
+        markers_m: (m, 2, 3), the lower marker first, NaN where
+        hidden.
+        first_frame: index of the first frame in the whole trial; both clocks start together.
     """
 
     subject: str
@@ -65,9 +69,13 @@ class Published:
     """The numbers of the published analysis of one strike, SI.
 
     Attributes:
-        compression_at_peak_m, deepest_m: fall of the heel point from contact to the first force peak and to standstill.
-        work_to_peak_j, work_to_standstill_j: of the vertical force. contact_speed_m_s: downward, at contact.
-        time_to_peak_s, time_to_standstill_s: from contact. peak_n: force there. turned: whether the heel point did
+        compression_at_peak_m, deepest_m: fall of the heel point from contact to the first force
+            peak and to standstill.
+        work_to_peak_j, work_to_standstill_j: of the vertical force.
+        contact_speed_m_s: downward, at contact.
+        time_to_peak_s, time_to_standstill_s: from contact.
+        peak_n: force there.
+        turned: whether the heel point did
         come to a stand; else the end is where its acceleration turns, as in the authors' scripts.
     """
 
@@ -87,10 +95,14 @@ class Strike(Tabled):
     """Force over compression of one strike, from contact on.
 
     Attributes:
-        subject, speed, number: which it is. time_s, force_n, compression_m, rate_m_s: (n,) from contact, the rate
-        positive while the heel is pressed. peak: sample of the first force peak. standstill: of the end of the contact
+        subject, speed, number: which it is.
+        time_s, force_n, compression_m, rate_m_s: (n,) from contact, the rate
+        positive while the heel is pressed.
+        peak: sample of the first force peak.
+        standstill: of the end of the contact
         that the laws are held against.
-        origin: "measured" or "synthetic". published: the numbers of the published analysis.
+        origin: "measured" or "synthetic".
+        published: the numbers of the published analysis.
     """
 
     subject: str
@@ -162,10 +174,16 @@ class Steps:
     """What each correction of a trial made, for the figure and for the strike.
 
     Attributes:
-        time_s, raw_n, force_n: (n,) clock of the whole trial, force with the plate's offset still in it, and without.
-        contact, peak: samples. application_m: (k, 3) points of application in the shank's frame. heel_point_m: (3,)
-        their mean. frame_time_s, raw_path_m, path_m, velocity_m_s: (m,) height of the heel point before and after the
-        filter, and its velocity upwards, over the stretch without gaps. frames: those of contact, peak and standstill.
+        time_s, raw_n, force_n: (n,) clock of the whole trial, force with the plate's offset still
+            in it, and without.
+        contact, peak: samples.
+        application_m: (k, 3) points of application in the shank's frame.
+        heel_point_m: (3,)
+        their mean.
+        frame_time_s, raw_path_m, path_m, velocity_m_s: (m,) height of the heel point before and
+            after the
+        filter, and its velocity upwards, over the stretch without gaps.
+        frames: those of contact, peak and standstill.
         turned: whether the heel point stands there.
     """
 
@@ -188,8 +206,11 @@ def heel_strike(trial: Trial, plate: Plate, gain: float, distance_m: float, rate
     """Force over compression of a trial.
 
     Args:
-        trial: what was recorded. plate: its geometry. gain: newtons a volt. distance_m: between the markers of the
-            standing person, NaN if that is not known. rate_hz: frames of the markers a second.
+        trial: what was recorded.
+        plate: its geometry.
+        gain: newtons a volt.
+        distance_m: between the markers of the standing person, NaN if that is not known.
+        rate_hz: frames of the markers a second.
 
     Raises:
         RecordingError: no markers, hidden or exchanged markers, or no strike; one sentence that names the trial.

@@ -46,9 +46,11 @@ class HeelStudy(Tabled):
     """Strikes of people, all read.
 
     Attributes:
-        name, origin, licence, doi, description: what study.toml says. strikes: in the order of the files.
+        name, origin, licence, doi, description: what study.toml says.
+        strikes: in the order of the files.
         problems: one sentence for each person, file or strike that could not be used.
-        body_weight_n: by subject, where it is known. digest: of everything that was read.
+        body_weight_n: by subject, where it is known.
+        digest: of everything that was read.
     """
 
     name: str
@@ -199,10 +201,14 @@ class Person(Tabled):
     """The raw file of one person.
 
     Attributes:
-        subject: the file's number. plate, gain: what makes newtons of volts. rate_hz: of the markers. lower_first:
-        whether the first marker is the lower one on the standing person. distance_m: between the two, NaN if that is
+        subject: the file's number.
+        plate, gain: what makes newtons of volts.
+        rate_hz: of the markers. lower_first:
+        whether the first marker is the lower one on the standing person.
+        distance_m: between the two, NaN if that is
         not known.
-        body_weight_n: NaN if it is not known. arrays: what the file holds.
+        body_weight_n: NaN if it is not known.
+        arrays: what the file holds.
     """
 
     subject: str
@@ -353,7 +359,9 @@ def read_csv(
     Contact and peak are found as for the raw files; the compression counts from the contact. Nothing is filtered.
 
     Args:
-        file: the table. subject, speed, number: what to call it. threshold_n: force that only the strike makes [N].
+        file: the table.
+        subject, speed, number: what to call it.
+        threshold_n: force that only the strike makes [N].
         origin: "measured" or "synthetic".
 
     Raises:

@@ -38,9 +38,15 @@ def record(
     """One synthetic recording of a foot on the shaker.
 
     Args:
-        foot: true parameters. motion: base motion. seconds: length [s]. instrument: what it adds. rng: noise source.
-        settle: the shaker runs this long before the recording starts [s]; 0 records the transient from rest.
-        second: a sensor on the foot writes the channel foot, as late and as noisy as that of the malleolus.
+        foot: true parameters.
+        motion: base motion.
+        seconds: length [s].
+        instrument: what it adds.
+        rng: noise source.
+        settle: the shaker runs this long before the recording starts [s]; 0 records the transient
+            from rest.
+        second: a sensor on the foot writes the channel foot, as late and as noisy as that of the
+            malleolus.
     """
     return instrument.observe(exact(foot, motion, seconds, instrument, settle, second), rng)
 
@@ -79,10 +85,16 @@ def make_study(
     """Write a synthetic study folder with `truth.json` beside it; see the module's docstring.
 
     Args:
-        folder: to write. subject: of Table 2.1, for the body mass. frequencies_hz: of the sines.
-            added_masses_kg: on the knee. seconds: length of each recording. seed: of phases and noise.
-            instrument: what it adds. loaded_frequencies_hz: of the sines under the second and further added masses,
-            as without where none are given. second: a sensor on the foot writes the channel foot.
+        folder: to write.
+        subject: of Table 2.1, for the body mass.
+        frequencies_hz: of the sines.
+        added_masses_kg: on the knee.
+        seconds: length of each recording.
+        seed: of phases and noise.
+        instrument: what it adds.
+        loaded_frequencies_hz: of the sines under the second and further added masses, as without
+            where none are given.
+        second: a sensor on the foot writes the channel foot.
 
     Raises:
         SettingError: no such subject, a length or frequency that makes no recording, or a value twice.

@@ -20,12 +20,15 @@ class Instrument(Tabled):
     """What the shaker and the data acquisition add to the motion.
 
     Attributes:
-        rate_hz: sampling rate. noise_base, noise_malleolus: standard deviation of the sensor noise [m/s^2].
+        rate_hz: sampling rate.
+        noise_base, noise_malleolus: standard deviation of the sensor noise [m/s^2].
         bits, range_m_s2: the converter spans +-range in 2^bits steps.
         delay_s: the malleolus channel lags the base channel by this much (filters, converter).
         distortion: amplitude of the shaker's second and third harmonic over the first.
-        offset_m_s2: of every channel. strap_hz, strap_zeta: resonance of a strapped sensor on the skin; 0 Hz: rigid.
-        gain_scatter: relative standard deviation of a strapped sensor's gain from one mounting to the next.
+        offset_m_s2: of every channel.
+        strap_hz, strap_zeta: resonance of a strapped sensor on the skin; 0 Hz: rigid.
+        gain_scatter: relative standard deviation of a strapped sensor's gain from one mounting to
+            the next.
     """
 
     rate_hz: float = 1000.0

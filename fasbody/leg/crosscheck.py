@@ -128,8 +128,10 @@ def mujoco_matrices(foot: Foot, leg: Leg, small: bool = False) -> tuple[Array, A
     """Mass, damping and stiffness, each (n, n), from what MuJoCo does with stretches and rates.
 
     Args:
-        foot: the model. leg: its equations.
-        small: take differences of fourth order about rest, for laws that are not linear, in place of unit nudges.
+        foot: the model.
+        leg: its equations.
+        small: take differences of fourth order about rest, for laws that are not linear, in place
+            of unit nudges.
     """
     model, data, dofs = foot.model, mujoco.MjData(foot.model), _dofs(foot.model, leg)
     M, n = np.zeros((model.nv, model.nv)), len(dofs)
@@ -162,8 +164,11 @@ def stepped_response(
     """Acceleration at sensors over that of the table, from the last period of a stepped sine.
 
     Args:
-        foot: the model. leg: its equations, from which the motion starts.
-        frequency_hz: of the table [Hz]. sites: sensors of the model. peak: acceleration of the table [m/s^2].
+        foot: the model.
+        leg: its equations, from which the motion starts.
+        frequency_hz: of the table [Hz].
+        sites: sensors of the model.
+        peak: acceleration of the table [m/s^2].
     """
     omega, period = 2 * np.pi * frequency_hz, 1 / frequency_hz
     count = int(np.ceil(period / foot.step))

@@ -19,7 +19,10 @@ class Peaks(Presented):
     """MB, TB and TM of a leg, complex, each (3, f) on `frequency_hz`, by added mass.
 
     Attributes:
-        model: name or file. frequency_hz: [Hz]. MB, TB, TM: responses. held: which statement holds, by `STATEMENTS`.
+        model: name or file.
+        frequency_hz: [Hz].
+        MB, TB, TM: responses.
+        held: which statement holds, by `STATEMENTS`.
         lowest_hz: first mode by load [Hz].
     """
 
@@ -68,7 +71,8 @@ def peaks(leg: Leg, model: str) -> Peaks:
     """Responses of a leg with malleolus and tuberosity under 0, 2.3 and 4.5 kg.
 
     Args:
-        leg: the chain. model: what to call it.
+        leg: the chain.
+        model: what to call it.
 
     Raises:
         ModelError: it has no such site, or nothing carries the added mass.

@@ -57,7 +57,9 @@ class Columns:
     """Prepared batch for one foot and a set of parameters.
 
     Args:
-        foot: the model. names: parameters whose derivatives are wanted. threads: 0 for all cores.
+        foot: the model.
+        names: parameters whose derivatives are wanted.
+        threads: 0 for all cores.
         sensors: whose outputs are wanted.
     """
 
@@ -71,8 +73,10 @@ class Columns:
         """Simulate and difference.
 
         Args:
-            controls: (n, 5) shaker controls. step: [s]. values: all parameters by name; others than the model's are
-                ignored. x0: (s,) initial states.
+            controls: (n, 5) shaker controls.
+            step: [s].
+            values: all parameters by name; others than the model's are ignored.
+            x0: (s,) initial states.
         """
         declared, ns = self.foot.parameters, self.states
         self._batch.set({k: v for k, v in values.items() if k in declared and k not in self.names})

@@ -51,7 +51,8 @@ def twin_applies(foot: Foot, sensors: Sequence[str] = MALLEOLUS) -> bool:
     """Whether the compiled two-mass model is this model: the same accelerations at random states and parameters.
 
     Args:
-        foot: the model. sensors: each must sit on one of the two masses; any number may.
+        foot: the model.
+        sensors: each must sit on one of the two masses; any number may.
     """
     found = carriers(foot)
     return found.get("malleolus") == SHANK and all(name in found for name in sensors)

@@ -47,12 +47,15 @@ def compare_rivals(
         compare_rivals(study).first
 
     Args:
-        study: a study, or one or more recordings of one person, at one or more frequencies and loads.
+        study: a study, or one or more recordings of one person, at one or more frequencies and
+            loads.
         foot: the two-mass model, default the shipped one; its bounds hold for all rivals.
-        rungs: names of rivals to compare beside the linear foot and the model, default all (`ladder.LADDER`).
+        rungs: names of rivals to compare beside the linear foot and the model, default all
+            (`ladder.LADDER`).
         files: edited MJCF models to compare, too.
         mass_std, gain_std, delay_std_s: what masses, gain and delay may be off, as in `fit_foot`.
-        source: name of the data, if not that of the study. advance: called with what is done, how many of how many.
+        source: name of the data, if not that of the study.
+        advance: called with what is done, how many of how many.
 
     Raises:
         RecordingError: a recording is not steady, or they are of several persons. ModelError: the model is not the
@@ -131,7 +134,8 @@ def _rival(contender: Contender, best: Solution) -> Rival:
     """A rival with its intervals, and what it predicts.
 
     Args:
-        contender: at its ends. best: the best end of all rivals.
+        contender: at its ends.
+        best: the best end of all rivals.
     """
     candidate, (end, *others) = contender.candidate, contender.solutions
     rung, problem, v = candidate.rung, end.problem, end.problem.variables

@@ -41,7 +41,8 @@ class Rung:
     """One rival.
 
     Attributes:
-        name: for options and files. title: for people.
+        name: for options and files.
+        title: for people.
         own: what it frees beside the foot, by the symbol of `steady.CONSTANTS`.
         held: what it holds at zero.
         loads: recorded loads that it takes to tell it from the model.

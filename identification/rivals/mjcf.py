@@ -39,7 +39,9 @@ def write_models(result: Rivals, file: Path, folder: Path) -> dict[Path, float]:
     """Write every rung of a comparison, and run each.
 
     Args:
-        result: the comparison. file: the MJCF that the rungs are edits of. folder: to write into.
+        result: the comparison.
+        file: the MJCF that the rungs are edits of.
+        folder: to write into.
 
     Returns:
         Each file, and the largest difference of MuJoCo's motion from the equations, as a share of its peak.
@@ -67,8 +69,10 @@ def edited_text(file: Path, name: str, title: str, values: Mapping[str, float], 
     """The MJCF of a rung.
 
     Args:
-        file: the model to edit. name, title: of the rung. values: constants by name. load_kg: under which springs and
-            dampers hold that follow the load; it is not in the masses.
+        file: the model to edit.
+        name, title: of the rung.
+        values: constants by name.
+        load_kg: under which springs and dampers hold that follow the load; it is not in the masses.
     """
     try:
         root = ET.fromstring(file.read_text(), ET.XMLParser(target=ET.TreeBuilder(insert_comments=True)))
@@ -116,7 +120,11 @@ def difference(file: Path, name: str, values: Mapping[str, float], hz: float, U:
     """How far MuJoCo's motion of a written model is from the equations, as a share of the fundamental.
 
     Args:
-        file: the model. name: of the rung. values: its constants. hz: fundamental. U: (H,) base [m/s^2].
+        file: the model.
+        name: of the rung.
+        values: its constants.
+        hz: fundamental.
+        U: (H,) base [m/s^2].
         load_kg: on it.
     """
     foot = load(file)

@@ -39,16 +39,25 @@ class Rival(Tabled):
     """One rung, at its best.
 
     Attributes:
-        name, title: of the rung, or the name of a user's file. free: parameters that BIC counts.
-        chi_square, dof: of the recordings, as all rivals weigh them. bic: deviance, with the squares of the priors'
-            rows, and free log n; the deviance is chi-square, or Student's where repeatability was estimated.
-        held_out: -2 log of the predictive density of recordings left out, by "frequency" and "load", as far as there
-            are several. error: of those predictions, as a share of what was recorded.
-        branch: the likelier one, "best" where no mirror is known. log_odds: over the other, None where not compared.
-        k_T, k_F: without load, on the likelier branch, dynamic where springs relax; None where the model has none.
-        log_ratio: of k_T over k_F with its standard error. other: k_T and k_F of the other branch where it stays open.
-        own: the rival's own constants. values: all constants. predicted: harmonics of each recording [m/s^2].
-        converged: the descent came to rest. extra: it frees more than the model.
+        name, title: of the rung, or the name of a user's file.
+        free: parameters that BIC counts.
+        chi_square, dof: of the recordings, as all rivals weigh them.
+        bic: deviance, with the squares of the priors' rows, and free log n; the deviance is
+            chi-square, or Student's where repeatability was estimated.
+        held_out: -2 log of the predictive density of recordings left out, by "frequency" and
+            "load", as far as there are several.
+        error: of those predictions, as a share of what was recorded.
+        branch: the likelier one, "best" where no mirror is known.
+        log_odds: over the other, None where not compared.
+        k_T, k_F: without load, on the likelier branch, dynamic where springs relax; None where the
+            model has none.
+        log_ratio: of k_T over k_F with its standard error.
+        other: k_T and k_F of the other branch where it stays open.
+        own: the rival's own constants.
+        values: all constants.
+        predicted: harmonics of each recording [m/s^2].
+        converged: the descent came to rest.
+        extra: it frees more than the model.
         repeatability: what recordings would have to repeat to if it were right.
     """
 
@@ -102,7 +111,9 @@ class Conclusion:
     """Something said of the foot, and whether every adequate rival says it.
 
     Attributes:
-        what: "k_T", "k_F", "branch" or "stiffer". shared: all adequate rivals say so. text: a sentence.
+        what: "k_T", "k_F", "branch" or "stiffer".
+        shared: all adequate rivals say so.
+        text: a sentence.
         lower, upper: of a constant, over all adequate rivals [N/m]; None else.
     """
 

@@ -43,7 +43,8 @@ def climb(candidates: Sequence[Candidate], advance: Advance) -> list[Contender]:
     that asks for least, and it says how the noise of the base is seen.
 
     Args:
-        candidates: simpler ones first. advance: called with what is done, how many of how many.
+        candidates: simpler ones first.
+        advance: called with what is done, how many of how many.
     """
     searched: list[optimiser.Searched] = []
     for number, candidate in enumerate(candidates):

@@ -29,8 +29,13 @@ class Part:
     """One mesh of the foot, in the frame of the models.
 
     Attributes:
-        name: anatomical name. vertices: (n, 3) [m]. faces: (m, 3). normals: (n, 3). colours: (n, 3) sRGB, 0 to 1.
-        weights: (n, segments) share of each of `bones.SEGMENTS` in the motion of a vertex; each row sums to 1.
+        name: anatomical name.
+        vertices: (n, 3) [m].
+        faces: (m, 3).
+        normals: (n, 3).
+        colours: (n, 3) sRGB, 0 to 1.
+        weights: (n, segments) share of each of `bones.SEGMENTS` in the motion of a vertex; each row
+            sums to 1.
     """
 
     name: str
@@ -87,7 +92,9 @@ def skin_file(parts: list[Part], bodies: dict[str, str], frames: dict[str, Frame
     """MuJoCo's skin format: vertices and faces, then each body with its bind pose, vertices and weights.
 
     Args:
-        parts: drawn as one skin. bodies: segment -> body of the model. frames: bind pose of each body.
+        parts: drawn as one skin.
+        bodies: segment -> body of the model.
+        frames: bind pose of each body.
     """
     vertices = np.vstack([part.vertices for part in parts]).astype("<f4")
     offset = np.cumsum([0, *(len(part.vertices) for part in parts)])

@@ -77,8 +77,8 @@ class Own:
     """What an edited model has of its own, beside the meshes that dress it.
 
     Attributes:
-        geoms: numbers of the geoms that are no bone of a shipped model. tints: body -> RGB (3,) of a bone whose colour
-            was changed.
+        geoms: numbers of the geoms that are no bone of a shipped model.
+        tints: body -> RGB (3,) of a bone whose colour was changed.
     """
 
     geoms: tuple[int, ...]
