@@ -31,7 +31,7 @@ from fasbody.recording.recording import Condition, Recording
 from fasbody.runner import run
 from identification import optimiser
 from identification.branches import judge
-from identification.estimate import Settings
+from identification.fitting import Settings
 from identification.intervals import Solution
 from identification.residual import Problem
 from identification.setup import Setup

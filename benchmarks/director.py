@@ -26,8 +26,8 @@ from fasbody.console import command_line, progress_bar
 from fasbody.exceptions import FasError
 from fasbody.recording.recording import Recording
 from identification.branches import STIFF_ANKLE, STIFF_PAD
+from identification.parameters import names
 from identification.plan.candidates import Step, thesis
-from identification.space import names
 from reproduction.check import Check, at_least, at_most, told, within
 from simulator import rig
 from simulator.rig import MASS_STD, Rig, Virtual, recorded, virtual
@@ -90,7 +90,7 @@ def planned(foot: Virtual, exclude: Sequence[str]) -> tuple[tuple[Step, ...], di
 def trial(protocol: str, seed: int, exclude: Sequence[str] = EXCLUDED) -> Fitted:
     """Plan, record and fit; `exclude` is what both are told that cannot be, in the words of the fit."""
     from fasbody.foot.model import load
-    from identification.estimate import fit_foot
+    from identification.fitting import fit_foot
 
     foot, model = virtual(seed), load("two_dof")
     expected: dict[str, float] = {}

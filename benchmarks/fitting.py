@@ -26,14 +26,14 @@ from fasbody.recording.checks import checked
 from fasbody.recording.condition import SUBJECTS
 from fasbody.recording.recording import Condition, Recording
 from identification import optimiser, steady
-from identification.domains import TimeDomain
-from identification.estimate import Settings, fit_foot
+from identification.fitting import Settings, fit_foot
 from identification.intervals import Solution
-from identification.search import Descent, descend
+from identification.multistart import Descent, descend
+from identification.parameters import space_of
 from identification.setup import Setup
-from identification.space import space_of
 from identification.study.validation import held
-from identification.time_domain import TimeProblem
+from identification.time_domain import TimeDomain
+from identification.time_problem import TimeProblem
 from reproduction.check import Check, at_least, at_most
 
 #: Costs that differ by less are equal: both minimisers stop at relative changes of 1e-8.

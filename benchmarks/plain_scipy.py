@@ -16,7 +16,7 @@ from scipy.optimize import least_squares
 
 from fasbody.foot.two_dof import STATES, TwoDof
 from identification.engines.twin import Twin
-from identification.time_domain import TimeProblem
+from identification.time_problem import TimeProblem
 
 _DIFF_STEP, _RTOL, _ATOL = 1e-4, 1e-6, 1e-9
 

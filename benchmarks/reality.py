@@ -29,8 +29,8 @@ from fasbody.console import command_line, console, progress_bar
 from fasbody.exceptions import FasError, SettingError
 from fasbody.recording.recording import Recording
 from identification.branches import STIFF_ANKLE, STIFF_PAD
+from identification.parameters import names
 from identification.result import Branch, FitResult
-from identification.space import names
 from reproduction.check import Check, at_least, at_most, told, within
 from simulator.worlds import CLEAN, SCATTER_3, SOURCES, STRONG, WORLDS, Member, member, recordings
 
@@ -122,7 +122,7 @@ class Judged:
 def fitted(data: Sequence[Recording], exclude: Sequence[str] = ()) -> FitResult:
     """The public fit, as a user calls it; the only place of this module that knows it."""
     from fasbody.foot.model import load
-    from identification.estimate import fit_foot
+    from identification.fitting import fit_foot
 
     return fit_foot(data, load("two_dof"), threads=1, exclude=tuple(exclude))
 

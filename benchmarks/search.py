@@ -66,13 +66,13 @@ class Ends:
 
 def ends_of(result: FitResult) -> dict[str, float]:
     """Branch -> objective at its end, with everything that may be true."""
-    return {branch.name: branch.world.objective for branch in result.branches if branch.world}
+    return {branch.name: branch.departures.objective for branch in result.branches if branch.departures}
 
 
 def trial(world: str, seed: int, starts: int) -> Ends:
     """Record one foot, and fit it twice."""
     from fasbody.foot.model import load
-    from identification.estimate import fit_foot
+    from identification.fitting import fit_foot
 
     data, began = recordings(member(world, seed)), time.process_time()
     try:

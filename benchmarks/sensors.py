@@ -85,7 +85,7 @@ def usual(made: Member, rng: np.random.Generator) -> Member:
 def judged(truth: Member, data: Sequence[Recording], sensors: tuple[str, ...], world: str) -> Judged:
     """Fit as a user does, and judge."""
     from fasbody.foot.model import load
-    from identification.estimate import fit_foot
+    from identification.fitting import fit_foot
 
     began = time.process_time()
     result = fit_foot(data, load("two_dof"), starts=STARTS, threads=1, sensors=sensors)
@@ -98,7 +98,7 @@ def judged(truth: Member, data: Sequence[Recording], sensors: tuple[str, ...], w
         assert branch is not None
         exact, e = truth.dynamic[constant], branch[constant]
         off[constant], holds[constant] = e.value / exact - 1, bool(e.lower <= exact <= e.upper)
-    follows = result.wide is not None and result.wide.follows
+    follows = result.departures is not None and result.departures.follows
     right = result.best.name == name
     about = (world, truth.seed, len(sensors), result.verdict, right, off["k_T"], off["k_F"])
     return Judged(*about, (holds["k_T"], holds["k_F"]), follows, spent)

@@ -26,13 +26,13 @@ from fasbody.laboratory.study import Plan as Virtual
 from fasbody.laboratory.study import make
 from fasbody.recording.checks import checked
 from fasbody.recording.study import StudyFolder
-from identification.domains import TimeDomain
-from identification.estimate import Settings
-from identification.search import descend
-from identification.space import space_of
+from identification.fitting import Settings
+from identification.multistart import descend
+from identification.parameters import space_of
 from identification.study import cluster
 from identification.study.job import Document
 from identification.study.plan import Job, Model, Plan
+from identification.time_domain import TimeDomain
 from reproduction.check import Check, at_least, at_most
 
 _LOADS = (("midstance", 0.0), ("midstance", 2.3), ("midstance", 4.5))

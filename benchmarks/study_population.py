@@ -22,7 +22,7 @@ from fasbody.laboratory.subject import Tuberosity
 from fasbody.recording.checks import checked
 from fasbody.recording.recording import Condition, Recording
 from identification.branches import EXCHANGED, STIFF_ANKLE
-from identification.estimate import fit_foot
+from identification.fitting import fit_foot
 from identification.study.population import constant, populations
 from reproduction.check import Check, at_most, within
 

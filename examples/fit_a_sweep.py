@@ -18,7 +18,7 @@ from fasbody.laboratory.foot import record
 from fasbody.laboratory.instrument import Instrument
 from fasbody.presentation import COLOURS, PAGE, printed, write_figure
 from fasbody.recording.recording import Condition
-from identification.estimate import fit_foot
+from identification.fitting import fit_foot
 from identification.result import FitResult
 
 TRUTH = replace(FOOT, c_11=380.0, c_21=760.0)

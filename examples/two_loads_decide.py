@@ -19,7 +19,7 @@ from fasbody.laboratory.foot import record
 from fasbody.laboratory.instrument import Instrument
 from fasbody.presentation import COLOURS, PAGE, printed, write_figure
 from fasbody.recording.recording import Condition, Recording
-from identification.estimate import Settings, fit_foot
+from identification.fitting import Settings, fit_foot
 from identification.result import FitResult
 
 LINEAR = dict.fromkeys(("c_12", "c_13", "c_22", "c_23"), 0.0)

@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     from identification.blackbox.identify import Found, Report, identify
     from identification.blackbox.polynomial import Orders, PolynomialModel
     from identification.blackbox.state_space import StateSpaceModel
-    from identification.estimate import Settings, fit_foot
     from identification.estimates import Estimate
+    from identification.fitting import Settings, fit_foot
     from identification.result import Branch, FitResult, RecordingFit
     from identification.rivals.compare import compare_rivals
     from identification.rivals.result import Rival, Rivals
@@ -38,10 +38,10 @@ else:
         "Rival": "identification.rivals.result",
         "Rivals": "identification.rivals.result",
         "Series": "identification.blackbox.data",
-        "Settings": "identification.estimate",
+        "Settings": "identification.fitting",
         "StateSpaceModel": "identification.blackbox.state_space",
         "compare_rivals": "identification.rivals.compare",
-        "fit_foot": "identification.estimate",
+        "fit_foot": "identification.fitting",
         "identify": "identification.blackbox.identify",
         "series_of": "identification.blackbox.data:from_recording",
     }

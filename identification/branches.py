@@ -90,7 +90,7 @@ def _nothing(name: str, values: Mapping[str, float]) -> bool:
 
 
 @dataclass(frozen=True)
-class Had:
+class Recorded:
     """What a fit had to tell mirror images apart.
 
     Attributes:
@@ -151,7 +151,7 @@ def judge(
     chi_square: float,
     dof: int,
     rests: Sequence[str] = (),
-    had: Had | None = None,
+    recorded: Recorded | None = None,
 ) -> Verdict:
     """Compare branches by -2 log likelihood.
 
@@ -164,9 +164,9 @@ def judge(
         rests: stiffness and damping of the second branch that rest on their bounds (`pinned`). It
             would fit better beyond, so that the bounds and not the data may speak against it:
             nothing is decided.
-        had: what was recorded, so that no advice is given that was followed.
+        recorded: what was recorded, so that no advice is given that was followed.
     """
-    had = had or Had()
+    recorded = recorded or Recorded()
     if len(names) < 2:
         text = "The mirror image of this solution lies outside the bounds or leads back here, so nothing was compared."
         return Verdict("not compared", 0.0, text)
@@ -180,13 +180,13 @@ def judge(
         text = (
             f"The {names[0]} branch fits better, but the {names[1]} branch rests on the bound of {', '.join(rests)}: "
             "the bounds, and not the data, may speak against it. Wider ones (--bounds)"
-            f"{' or a second load' if had.loads == 1 else ''} can decide."
+            f"{' or a second load' if recorded.loads == 1 else ''} can decide."
         )
     elif decided:
         text = f"The {names[0]} branch is favoured by odds of {odds} to 1 over its mirror image ({names[1]})."
     else:
         text = (
-            f"The data do not decide between {both}{for_ if had.enough else ''}: both parameter sets describe the "
-            f"recordings. {had.may_tell}"
+            f"The data do not decide between {both}{for_ if recorded.enough else ''}: both parameter sets describe the "
+            f"recordings. {recorded.may_tell}"
         )
     return Verdict("decided" if decided else "undecided", float(ratio_), text)

@@ -14,16 +14,16 @@ from fasbody.foot.model import Foot
 from fasbody.foot.simulate import Batch
 from fasbody.recording.recording import Recording
 from identification.blackbox.criteria import fit_percent
-from identification.domains import TimeDomain
+from identification.bounded_least_squares import Minimum, minimise
 from identification.engines.certified import CertifiedRollouts
 from identification.engines.engine import Whole
 from identification.engines.mujoco import Coordinates
 from identification.engines.twin import Twin
-from identification.search import Descent, descend
+from identification.multistart import Descent, descend
+from identification.parameters import DELAY, Space, delay_of
 from identification.sensors import MALLEOLUS, SensorFit
-from identification.settle import Settled, follow
-from identification.space import DELAY, SearchSpace, delay_of
-from identification.time_domain import Samples, TimeProblem
+from identification.time_domain import TimeDomain
+from identification.time_problem import Samples, TimeProblem
 
 #: Decrease of the sum of squares in MuJoCo that is worth no further step, a tenth of a standard error; evaluations at
 #: most.
@@ -119,7 +119,7 @@ def _certify(domain: TimeDomain, name: str, descent: Descent) -> Certified:
 def _converged(final: TimeProblem, descent: Descent) -> Descent:
     """The end of a descent on MuJoCo's motion, from where the twin's ended."""
     if isinstance(final.engine, CertifiedRollouts):
-        return _settled_in_time(final, descent, descent.z)
+        return _converged_in_time(final, descent, descent.z)
     return descend(final, final.space.to_q(descent.theta), descent.label, z0=descent.z, tight=True)
 
 
@@ -130,7 +130,7 @@ def _refined(domain: TimeDomain, descent: Descent) -> tuple[TimeDomain, TimeProb
         domain = finer
         problem = domain.problem()
         if domain.twin:
-            descent = _settled_in_time(problem, descent, z)
+            descent = _converged_in_time(problem, descent, z)
         else:
             descent = descend(problem, domain.space.to_q(descent.theta), descent.label, z0=z, tight=True)
         z = descent.z
@@ -139,19 +139,19 @@ def _refined(domain: TimeDomain, descent: Descent) -> tuple[TimeDomain, TimeProb
             return domain, problem, descent
 
 
-def _settled(descent: Descent, space: SearchSpace, end: Settled) -> Descent:
+def _ended(descent: Descent, space: Space, end: Minimum) -> Descent:
     """A descent that went on to an end; its evaluations are counted together."""
     theta = space.to_theta(end.q[: descent.theta.size])
     count = descent.evaluations + end.evaluations
     return replace(descent, theta=theta, z=end.q, cost=end.objective, converged=end.converged, evaluations=count)
 
 
-def _settled_in_time(problem: TimeProblem, descent: Descent, z: np.ndarray) -> Descent:
+def _converged_in_time(problem: TimeProblem, descent: Descent, z: np.ndarray) -> Descent:
     """A descent that goes on from z, as near as the errors are uncertain: a misfit makes them larger by its root."""
     samples = Samples(problem)
     r = samples.values(z)
     promised = _PROMISED * max(1.0, float(r @ r) / problem.size)
-    return _settled(descent, problem.space, follow(samples, z, *problem.bounds, _MOST, promised))
+    return _ended(descent, problem.space, minimise(samples, z, *problem.bounds, _MOST, promised))
 
 
 def _ran(problem: TimeProblem, z: np.ndarray) -> Replay:

@@ -47,10 +47,11 @@ def identifiability(value: float, std_error: float, size: float, at_bound: bool)
 class Estimate(Tabled):
     """One parameter: value, standard error, 95 % limits, whether it ended at its bound, and how well it is known.
 
-    They include errors of model and sensors (`World`), and `if_model_true` has those that assume the model, the masses
-    and the instrument exact. Where no such fit was made (time domain, one frequency, all excluded) that is None, and
-    these assume it; where the sines hold fewer numbers than there are parameters, none is offered (NaN). A spring or
-    damper that may relax is dynamic, at the reference frequency, and `at_rest` says what it is without that.
+    They include errors of model and sensors (`Departures`), and `if_model_true` has those that assume
+    the model, the masses and the instrument exact. Where no such fit was made (time domain, one frequency,
+    all excluded) that is None, and these assume it; where the sines hold fewer numbers than there are
+    parameters, none is offered (NaN). A spring or damper that may relax is dynamic, at the reference
+    frequency, and `at_rest` says what it is without that.
     """
 
     value: float

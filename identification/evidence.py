@@ -9,8 +9,8 @@ if TYPE_CHECKING:
     from fasbody.recording.recording import Recording
     from identification.certification import Certified
     from identification.intervals import Solution
+    from identification.parameters import Space
     from identification.replay import Replayed
-    from identification.space import Space
 
 
 @dataclass(frozen=True, eq=False)

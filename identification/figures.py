@@ -14,7 +14,7 @@ from fasbody.recording.condition import ADDED_MASSES_KG
 from fasbody.recording.harmonics import fit_harmonics
 from fasbody.transmissibility.estimate import unwrapped
 from fasbody.transmissibility.spectra import h1
-from identification.derived import Row, derived
+from identification.derived_quantities import Row, derived
 from identification.result import FitResult, RecordingFit
 
 _DATA, _OTHER = "#2b2b2b", "#8a8a8a"
@@ -178,7 +178,7 @@ def chi_square(result: FitResult) -> Figure:
     """Chi-square of every harmonic of every recording, over the harmonic's frequency."""
     figure, axes = panels(1, 1, 5.2, 3.2)
     axis, rows = axes[0, 0], derived(result).chi_square
-    key = "chi_square" if result.wide else "chi_square_if_model_true"
+    key = "chi_square" if result.departures else "chi_square_if_model_true"
     for load, (colour, mark) in _loads(result).items():
         mine = [row for row in rows if row["added_mass_kg"] == load]
         for first in (True, False):

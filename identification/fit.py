@@ -68,8 +68,8 @@ def main(
       python -m identification.fit my_study --model my_foot.xml --free k_T,k_F --bounds k_F=3e3:5e5
     """
     from fasbody.foot.model import load
-    from identification.estimate import Settings, fit_foot
-    from identification.space import limits, names
+    from identification.fitting import Settings, fit_foot
+    from identification.parameters import limits, names
 
     source, recordings, truth = gather(data or [BUNDLED], body_mass, added_mass, study)
     settings = Settings(

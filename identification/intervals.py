@@ -16,8 +16,8 @@ from fasbody.foot.parameters import Parameter
 from identification.estimates import WEIGHED, Allowance, Estimate, Mass, identifiability
 from identification.nuisances import Nuisance, stated_mass
 from identification.optimiser import Optimum
+from identification.parameters import delay_of
 from identification.residual import Evaluation, Problem
-from identification.space import delay_of
 
 _NORMAL = 1.959963984540054
 #: Distance to a bound, as a share of the range, at which a constant rests on it.

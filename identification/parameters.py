@@ -1,374 +1,202 @@
-"""The variables of the one problem: constants of the foot and nuisances, their priors, and what they make of a foot.
+"""The search space: which parameters are free, how they are scaled and where they may lie, and how that is written."""
 
-The branch is the sign of rho: ln k_T = sigma + (rho + ln a) / 2 and ln k_F = sigma - (rho + ln a) / 2 with
-a = m_S / (m_S + m_F) of the stated masses, so that each mirror image has its own half of the space. The response is
-even in c_13 and c_23, whose squares are the variables. A relaxing spring is searched by its dynamic stiffness at the
-reference frequency, the geometric mean of the recorded ones, which is what recordings know best.
-"""
-
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
-from fasbody.foot.two_mass import PARAMETERS
-from fasbody.recording.recording import Recording
-from identification.branches import EXCHANGED
-from identification.nuisances import Nuisance
-from identification.space import MASSES, Space
+from fasbody.exceptions import SettingError, unknown
+from fasbody.foot.model import Foot
+from fasbody.foot.parameters import Parameter
 
-#: Bends of the dampers [1/m] that a foot may have, one standard deviation.
-_BEND = 200.0
-#: A damper's size, one standard deviation of its logarithm about the model's own.
-_DAMPER_STD = 1.5
-#: Least c_13 [1/m]: the response is even in it, so its slope to the square is taken here.
-_LEAST_BEND = 0.1
-_SPRINGS = {"c_11": ("k_T", "r_T"), "c_21": ("k_F", "r_F")}
-_SHANK = ("m_S", "m_T")
-_STEP = 1e-5
+#: Delay of the malleolus channel behind the base channel: a parameter of the instrument, so of no model.
+DELAY = Parameter("delay", "s", -2e-3, 2e-3, (), "channels of a multiplexed converter are sampled one after another")
 
 
-@dataclass(frozen=True, eq=False)
-class Variables:
-    """Search variables (n,): the constants first, then the nuisances, each in units of its scale.
+def delay_of(sensor: str) -> Parameter:
+    """The delay of an accelerometer's channel behind the base's."""
+    return DELAY if sensor == "malleolus" else replace(DELAY, name=f"{DELAY.name}_{sensor}")
+
+
+#: Parameters that a fit never frees: masses come from the recording's condition.
+MASSES = ("m_S", "m_F", "m_T", "added_mass")
+_Z95 = 1.959963984540054
+
+
+@dataclass(frozen=True)
+class Space:
+    """Free parameters, in order, with the delays last if they are free.
+
+    The search variable q is the logarithm of a parameter whose bounds are positive (stiffness, damping amplitude) and a
+    multiple of its range for the others, so that all steps are alike in size.
 
     Attributes:
-        space: the free constants, with bounds, and the values of the others.
-        nuisances: what else may be true.
-        recordings: in the order of the session.
-        own: the model's own values, masses among them.
-        two_mass: the model is the two-mass foot.
-        ratio: a of the mirror image, None where there is none.
+        free: the free parameters.
+        lower, upper: their bounds in their units.
+        fixed: values of all others by name.
     """
 
-    space: Space
-    nuisances: tuple[Nuisance, ...]
-    recordings: Sequence[Recording]
-    own: Mapping[str, float]
-    two_mass: bool
-    ratio: float | None
-
-    # what they are
-
-    @cached_property
-    def constants(self) -> tuple[str, ...]:
-        """Names of the free constants, in the order of the variables."""
-        return self.space.names
-
-    @cached_property
-    def index(self) -> dict[str, int]:
-        """Place of each constant; k_T and k_F stand for sigma and rho where there is a mirror."""
-        return {name: i for i, name in enumerate(self.constants)}
+    free: tuple[Parameter, ...]
+    lower: np.ndarray
+    upper: np.ndarray
+    fixed: Mapping[str, float]
 
     @property
-    def size(self) -> int:
-        """Number n of variables."""
-        return len(self.constants) + len(self.nuisances)
+    def names(self) -> tuple[str, ...]:
+        """Names of the free parameters, without the delay."""
+        return tuple(item.name for item in self.free if item.places)
 
-    def place(self, nuisance: Nuisance) -> int:
-        """Where a nuisance stands among the variables."""
-        return len(self.constants) + self.nuisances.index(nuisance)
+    @property
+    def has_delay(self) -> bool:
+        """Whether delays of channels are estimated; a parameter of the instrument stands nowhere in the model."""
+        return bool(self.free) and not self.free[-1].places
 
-    @cached_property
-    def _places(self) -> dict[tuple[str, str, str], int]:
-        p = len(self.constants)
-        return {(item.kind, item.constant, item.sensor): i for i, item in enumerate(self.nuisances, p)}
-
-    def of_kind(self, kind: str, constant: str = "", sensor: str = "") -> int | None:
-        """Where the nuisance of a kind stands that belongs to a constant or to a sensor; None where it is held."""
-        return self._places.get((kind, constant, sensor))
-
-    @cached_property
-    def _squared(self) -> frozenset[str]:
-        return frozenset({"c_13", "c_23"} & set(self.constants)) if self.two_mass else frozenset()
-
-    @cached_property
-    def _item(self) -> dict[str, int]:
-        return {item.name: i for i, item in enumerate(self.space.free)}
+    @property
+    def delays(self) -> tuple[str, ...]:
+        """Names of the delays that are free, the last of the parameters."""
+        return tuple(item.name for item in self.free if not item.places)
 
     @cached_property
     def scale(self) -> np.ndarray:
-        """(n,) what one unit of each variable is, of the value or of its logarithm."""
-        scale = [
-            1.0 if self.space.free[i].logarithmic else _BEND**2 if name in self._squared
-            else _BEND if self.two_mass else float(self.space.scale[i])
-            for name in self.constants for i in [self._item[name]]
-        ]  # fmt: skip
-        return np.array([*scale, *(item.std for item in self.nuisances)])
+        """(p,) size of one unit of q for the linear parameters; 1 for the logarithmic ones."""
+        return np.array([1.0 if item.logarithmic else _unit(item) for item in self.free])
 
     @cached_property
-    def prior(self) -> tuple[np.ndarray, np.ndarray]:
-        """Mean and standard deviation (n,), (n,) of each variable; infinite where nothing is known before."""
-        mean, std = np.zeros(self.size), np.full(self.size, np.inf)
-        for name, i in self.index.items() if self.two_mass else ():
-            if name in ("c_11", "c_21"):
-                mean[i], std[i] = np.log(self.own[name]), _DAMPER_STD
-            elif name in ("c_12", "c_22", *self._squared):
-                std[i] = 1.0
-        p = len(self.constants)
-        for i, item in enumerate(self.nuisances, p):
-            mean[i], std[i] = item.mean / item.std, 1.0
-        return mean, std
+    def _log(self) -> np.ndarray:
+        return np.array([item.logarithmic for item in self.free])
 
-    @cached_property
+    def to_q(self, theta: np.ndarray) -> np.ndarray:
+        """Search variable (p,) of parameter values (p,)."""
+        inside = np.clip(theta, self.lower, self.upper)
+        return np.where(self._log, np.log(np.where(self._log, inside, 1.0)), inside / self.scale)
+
+    def to_theta(self, q: np.ndarray) -> np.ndarray:
+        """Parameter values (p,) of a search variable (p,)."""
+        return np.where(self._log, np.exp(np.where(self._log, q, 0.0)), q * self.scale)
+
+    def slope(self, theta: np.ndarray) -> np.ndarray:
+        """D theta / d q (p,)."""
+        return np.where(self._log, theta, self.scale)
+
+    def at(self, number: int, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Parameter values (p,), the same for every recording, and their derivatives (p, p) to q."""
+        theta = self.to_theta(q)
+        return theta, np.diag(self.slope(theta))
+
+    @property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Lower and upper bounds (n,); sigma and rho may go where k_T and k_F may."""
-        low, high = np.empty(self.size), np.empty(self.size)
-        for name, i in self.index.items():
-            ends = np.array([self.space.lower[self._item[name]], self.space.upper[self._item[name]]])
-            if name in self._squared:
-                low[i] = 0.0 if ends[0] <= 0 else ends[0] ** 2 / self.scale[i]
-                high[i] = ends.max() ** 2 / self.scale[i]
-            elif self.space.free[self._item[name]].logarithmic:
-                low[i], high[i] = np.log(ends)
-            else:
-                low[i], high[i] = ends / self.scale[i]
-        if self.ratio is not None:
-            T, F, la = self.index["k_T"], self.index["k_F"], np.log(self.ratio)
-            (l_T, h_T), (l_F, h_F) = (low[T], high[T]), (low[F], high[F])
-            low[T], high[T] = 0.5 * (l_T + l_F), 0.5 * (h_T + h_F)  # sigma
-            low[F], high[F] = l_T - h_F - la, h_T - l_F - la  # rho
-        p = len(self.constants)
-        for i, item in enumerate(self.nuisances, p):
-            low[i], high[i] = item.lower / item.std, item.upper / item.std
-        return low, high
+        """Lower and upper bounds of q, each (p,)."""
+        return self.to_q(self.lower), self.to_q(self.upper)
 
-    def side(self, sign: int) -> tuple[np.ndarray, np.ndarray]:
-        """The bounds (n,) of one side of the mirror: rho above zero for 1, below for -1, all for 0."""
-        low, high = (limit.copy() for limit in self.bounds)
-        if sign:
-            (low if sign > 0 else high)[self.index["k_F"]] = 0.0
-        return low, high
+    def values(self, theta: np.ndarray) -> dict[str, float]:
+        """All parameter values by name, the free ones (p,) and the fixed."""
+        found = {item.name: float(value) for item, value in zip(self.free, theta, strict=True)}
+        return {**self.fixed, **found}
 
-    def held(self, kinds: Sequence[str]) -> np.ndarray:
-        """(n,) which nuisances of these kinds are held at the mean of their priors."""
-        mask = np.zeros(self.size, bool)
-        mask[len(self.constants) :] = [item.kind in kinds for item in self.nuisances]
-        return mask
+    def theta(self, values: Mapping[str, float]) -> np.ndarray:
+        """Free values (p,) from named ones, clipped to the bounds; a missing delay is zero."""
+        theta = np.array([values.get(item.name, 0.0) for item in self.free])
+        return np.clip(theta, self.lower, self.upper)
 
-    # what a recording is made under
+    def random(self, rng: np.random.Generator) -> np.ndarray:
+        """A wild start (p,): log-uniform over the bounds, but inside what any foot could be; linear ones near zero."""
+        low, high = self.bounds
+        q = low + (high - low) * rng.uniform(0.1, 0.9, low.size)
+        return np.where(self._log, q, np.clip(rng.normal(0, 0.3, low.size), low, high))
 
-    @cached_property
-    def loads(self) -> np.ndarray:
-        """(R,) load on the knee [kg]."""
-        return np.array([recording.condition.added_mass_kg for recording in self.recordings])
+    def at_bound(self, theta: np.ndarray) -> np.ndarray:
+        """Which parameters (p,) rest on a bound."""
+        q, (low, high) = self.to_q(theta), self.bounds
+        return np.minimum(q - low, high - q) < 1e-4 * (high - low)
 
-    @cached_property
-    def omega(self) -> np.ndarray:
-        """(R,) angular frequency [rad/s]."""
-        return 2 * np.pi * np.array([recording.condition.frequency_hz or np.nan for recording in self.recordings])
+    def snapped(self, theta: np.ndarray) -> np.ndarray:
+        """Parameter values (p,), exactly at the bound where they rest on one."""
+        nearer = np.where(theta - self.lower < self.upper - theta, self.lower, self.upper)
+        return np.where(self.at_bound(theta), nearer, theta)
 
-    @cached_property
-    def reference_hz(self) -> float:
-        """Geometric mean of the recorded frequencies [Hz], at which dynamic stiffness and damping are reported."""
-        return float(np.exp(np.mean(np.log(self.omega))) / (2 * np.pi))
+    def interval(self, theta: np.ndarray, std_q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """95 % confidence limits (p,), (p,): symmetric in q, cut at the bounds."""
+        q = self.to_q(theta)
+        low, high = self.bounds
+        wide = np.where(np.isfinite(std_q), std_q, np.inf)
+        return self.to_theta(np.maximum(q - _Z95 * wide, low)), self.to_theta(np.minimum(q + _Z95 * wide, high))
 
-    @cached_property
-    def place_in_session(self) -> np.ndarray:
-        """(R,) from -0.5 for the first recording to 0.5 for the last."""
-        count = len(self.recordings)
-        return np.arange(count) / max(1, count - 1) - 0.5
 
-    @cached_property
-    def stated(self) -> dict[str, np.ndarray]:
-        """(R,) masses [kg] that the model declares, without the load; the model's own where nobody stated any."""
-        bare = [replace(recording.condition, added_mass_kg=0.0).masses for recording in self.recordings]
-        names = [name for name in MASSES if name in self.own and name != "added_mass"]
-        return {name: np.array([m.get(name, self.own[name]) for m in bare]) for name in names}
+def _unit(item: Parameter) -> float:
+    return 1e-4 if not item.places else max(abs(item.lower), abs(item.upper)) / 6.0
 
-    def _acts(self, item: Nuisance) -> np.ndarray:
-        """(R,) in which recordings a nuisance acts."""
-        acts = np.ones(len(self.recordings), bool)
-        if item.person is not None:
-            acts &= [recording.condition.subject == item.person for recording in self.recordings]
-        if item.load_kg is not None:
-            acts &= self.loads == item.load_kg
-        return acts
 
-    # what they make of a foot
+def space_of(
+    foot: Foot,
+    free: Sequence[str] | None = None,
+    bounds: Mapping[str, tuple[float, float]] | None = None,
+    delay: bool = True,
+    sensors: Sequence[str] = ("malleolus",),
+) -> Space:
+    """The search space of a model.
 
-    def value(self, Q: np.ndarray, i: int | None, rest: float = 0.0) -> np.ndarray:
-        """A variable (...,) of Q (..., n), in its unit or its logarithm; `rest` where it is held."""
-        return np.full(Q.shape[:-1], rest) if i is None else Q[..., i] * self.scale[i]
+    Args:
+        foot: the model.
+        free: names to estimate, default all declared but the masses.
+        bounds: name -> (lower, upper) in place of the declared ones.
+        delay: estimate the delay of each channel, too.
+        sensors: what the channels are.
 
-    def _constant(self, Q: np.ndarray, name: str) -> np.ndarray:
-        """A constant (...,) as it is searched: under the smallest load, at the reference frequency."""
-        i = self.index.get(name)
-        if i is None:
-            return np.full(Q.shape[:-1], float(self.space.fixed[name]))
-        if self.ratio is not None and name in ("k_T", "k_F"):
-            half = 0.5 if name == "k_T" else -0.5
-            sigma, rho = Q[..., self.index["k_T"]], Q[..., self.index["k_F"]]
-            return np.asarray(np.exp(sigma + half * (rho + np.log(self.ratio))))
-        if name in self._squared:
-            return np.sqrt(np.maximum(Q[..., i] * self.scale[i], _LEAST_BEND**2))
-        if self.space.free[self._item[name]].logarithmic:
-            return np.asarray(np.exp(Q[..., i]))
-        return np.asarray(Q[..., i] * self.scale[i])
+    Raises:
+        SettingError: an unknown name, or a bound that is not one.
+    """
+    bounds = dict(bounds or {})
+    estimable = [name for name in foot.parameters if name not in MASSES]
+    chosen = list(free) if free is not None else list(estimable)
+    late = {item.name: item for item in map(delay_of, sensors)}
+    for name in chosen:
+        if name not in estimable and name not in late:
+            why = " (masses come from the recording's condition)" if name in MASSES else ""
+            raise SettingError(f"{unknown('parameter to estimate', name, estimable)} in model {foot.name}{why}.")
+    if delay:
+        chosen += [name for name in late if name not in chosen]
+    items = [late[name] if name in late else foot.parameters[name] for name in dict.fromkeys(chosen)]
+    items.sort(key=lambda item: list(late).index(item.name) if item.name in late else -1)
+    if not [item for item in items if item.places]:
+        raise SettingError(f"no parameter is free (valid: {', '.join(estimable)}).")
+    lower, upper = np.array([i.lower for i in items]), np.array([i.upper for i in items])
+    for name, (low, high) in bounds.items():
+        item = late[name] if name in late else foot.parameters[name]
+        if item not in items:
+            raise SettingError(f"bounds are given for {name}, which is not free (free: {', '.join(chosen)}).")
+        if not (np.isfinite([low, high]).all() and low < high) or (item.logarithmic and low <= 0):
+            kind = "two positive numbers" if item.logarithmic else "two finite numbers"
+            raise SettingError(f"bounds of {name} are {low:g}:{high:g}; give {kind}, the lower one first.")
+        lower[items.index(item)], upper[items.index(item)] = low, high
+    fixed = {name: value for name, value in foot.values().items() if name not in chosen}
+    return Space(tuple(items), lower, upper, fixed)
 
-    def relaxation(self, Q: np.ndarray) -> tuple[dict[str, np.ndarray], np.ndarray]:
-        """Shares (...,) of k_T and k_F that relax, and their time (...,) [s]."""
-        shares = {k: self.value(Q, self.of_kind("relaxing", k)) for k in ("k_T", "k_F")}
-        return shares, np.exp(self.value(Q, self.of_kind("relaxation time"), np.log(5e-3)))
 
-    @cached_property
-    def motion_names(self) -> tuple[str, ...]:
-        """Parameters of a motion: all of the two-mass foot, or the free constants and the masses of any model."""
-        if self.two_mass:
-            return PARAMETERS
-        load = ("added_mass",) if "added_mass" in self.own else ()
-        return (*self.constants, *self.stated, *load)
+def without_delay(space: Space) -> Space:
+    """A space whose delays, the last of its parameters, are left out."""
+    kept = [i for i, item in enumerate(space.free) if item.places]
+    return Space(tuple(space.free[i] for i in kept), space.lower[kept], space.upper[kept], space.fixed)
 
-    def theta(self, Q: np.ndarray) -> np.ndarray:
-        """(..., R, P) parameters of each recording's foot, of Q (..., n)."""
-        R = len(self.recordings)
-        values: dict[str, np.ndarray] = {}
-        if self.two_mass:
-            shares, tau = self.relaxation(Q)
-            x = 2 * np.pi * self.reference_hz * tau
-            stiffer = x * x / (1 + x * x)
-            for name in PARAMETERS[:8]:
-                values[name] = self._constant(Q, name)[..., None]
-                if name in EXCHANGED:
-                    values[name] = values[name] * np.exp(Q @ self._follows[name])
-            for k, r in (("k_T", "r_T"), ("k_F", "r_F")):
-                values[k] = values[k] / (1 + shares[k] * stiffer)[..., None]
-                values[r] = np.broadcast_to(shares[k][..., None], (*Q.shape[:-1], R))
-            values["tau"] = np.broadcast_to(tau[..., None], (*Q.shape[:-1], R))
-        else:
-            for name in self.constants:
-                values[name] = np.broadcast_to(self._constant(Q, name)[..., None], (*Q.shape[:-1], R))
-        values |= self._weights(Q)
-        return np.stack([np.broadcast_to(values[name], (*Q.shape[:-1], R)) for name in self.motion_names], -1)
 
-    def _in_recordings(self, items: Sequence[Nuisance]) -> np.ndarray:
-        """(n, R) by how much a unit of each variable, if it is one of these, moves what it acts on."""
-        rows = np.zeros((self.size, len(self.recordings)))
-        for item in items:
-            i = self.place(item)
-            rows[i] = self.scale[i] * self._acts(item)
-        return rows
+def names(text: str | None) -> tuple[str, ...] | None:
+    """Names with commas between them, None where there is no such option."""
+    return None if text is None else tuple(name.strip() for name in text.split(",") if name.strip())
 
-    @cached_property
-    def _follows(self) -> dict[str, np.ndarray]:
-        """(n, R) logarithm of what the load makes of a constant."""
-        following = [item for item in self.nuisances if item.load_kg is not None]
-        return {name: self._in_recordings([i for i in following if i.constant == name]) for name in EXCHANGED}
 
-    @cached_property
-    def _weighs(self) -> dict[str, np.ndarray]:
-        """(n, R) logarithm of what the masses' errors make of the shank and of the foot."""
-        masses = [item for item in self.nuisances if item.group == "masses"]
-        return {
-            kind: self._in_recordings([i for i in masses if i.kind == kind]) for kind in ("shank mass", "foot mass")
-        }
+def limits(texts: Iterable[str] | None, option: str = "--bounds") -> dict[str, tuple[float, float]]:
+    """Limits by name, in the order of the names, from any number of NAME=LOWER:UPPER.
 
-    @cached_property
-    def _carries(self) -> np.ndarray:
-        """(n, R) share of the load that the leg carries."""
-        return self._in_recordings([item for item in self.nuisances if item.group == "share"])
+    Raises:
+        SettingError: one of them cannot be read.
+    """
+    return dict(sorted(_limit(text, option) for text in texts or ()))
 
-    def _weights(self, Q: np.ndarray) -> dict[str, np.ndarray]:
-        """(..., R) masses [kg] with the load that the leg carries."""
-        share = np.where(self._carries.any(0), Q @ self._carries, 1.0)
-        factor = {kind: np.exp(Q @ by) for kind, by in self._weighs.items()}
-        weights = {}
-        for name, kg in self.stated.items():
-            grown = kg * factor["foot mass" if name == "m_F" else "shank mass"]
-            weights[name] = grown + share * self.loads if name in _SHANK else grown
-        if "added_mass" in self.own:
-            weights["added_mass"] = share * self.loads
-        return weights
 
-    @cached_property
-    def of_channel(self) -> np.ndarray:
-        """Where the nuisances stand that change what sensors read, not what moves."""
-        kinds = ("gain", "delay", "drift", "mount", "rocking")
-        return np.array([self.place(item) for item in self.nuisances if item.group in kinds], int)
-
-    @cached_property
-    def of_motion(self) -> np.ndarray:
-        """Where the variables stand that change what moves."""
-        return np.setdiff1d(np.arange(self.size), self.of_channel)
-
-    def slopes(self, function, Q: np.ndarray, of: np.ndarray):  # type: ignore[no-untyped-def]
-        """Derivatives (..., k) of what a function makes of Q (C, n), an array (C, ...), to k of the variables.
-
-        Central differences, all in one array.
-        """
-        C, k = len(Q), len(of)
-        steps = _STEP * np.eye(self.size)[of]
-        moved = np.concatenate([Q + steps[:, None], Q - steps[:, None]])  # (2 k, C, n)
-        values = function(moved.reshape(2 * k * C, -1))
-        values = values.reshape(2, k, C, *values.shape[1:])
-        return np.moveaxis((values[0] - values[1]) / (2 * _STEP), 0, -1)
-
-    # what is reported
-
-    def dynamic(self, Q: np.ndarray) -> dict[str, np.ndarray]:
-        """Free constants (...,) by name under the smallest load: dynamic ones at the reference frequency."""
-        values = {name: self._constant(Q, name) for name in self.constants}
-        if self.two_mass:
-            shares, tau = self.relaxation(Q)
-            x = 2 * np.pi * self.reference_hz * tau
-            for c, (k, _) in _SPRINGS.items():
-                if c in values:  # Im K(i w) / w: the damper and what the spring relaxes
-                    rest = self._constant(Q, k) / (1 + shares[k] * x * x / (1 + x * x))
-                    values[c] = values[c] + rest * shares[k] * tau / (1 + x * x)
-        return values
-
-    def at_rest(self, Q: np.ndarray) -> dict[str, np.ndarray]:
-        """Springs and dampers (...,) by name without what relaxes; nothing where no spring may relax."""
-        if not self.two_mass or self.of_kind("relaxation time") is None:
-            return {}
-        shares, tau = self.relaxation(Q)
-        x = 2 * np.pi * self.reference_hz * tau
-        values = {}
-        for c, (k, _) in _SPRINGS.items():
-            if k in self.index:
-                values[k] = self._constant(Q, k) / (1 + shares[k] * x * x / (1 + x * x))
-            if c in self.index:
-                values[c] = self._constant(Q, c)
-        return values
-
-    # where to begin
-
-    def start(self, values: Mapping[str, float]) -> np.ndarray:
-        """(n,) constants by name, with every nuisance where its prior is centred."""
-        mean, _ = self.prior
-        q = mean.copy()
-        for name, i in self.index.items():
-            item = self._item[name]
-            x = float(np.clip(values.get(name, self.own[name]), self.space.lower[item], self.space.upper[item]))
-            if name in self._squared:
-                q[i] = x * x / self.scale[i]
-            else:
-                q[i] = np.log(x) if self.space.free[item].logarithmic else x / self.scale[i]
-        if self.ratio is not None:
-            T, F = self.index["k_T"], self.index["k_F"]
-            ankle, pad = q[T], q[F]
-            q[T], q[F] = 0.5 * (ankle + pad), ankle - pad - np.log(self.ratio)
-        return np.clip(q, *self.bounds)
-
-    def image(self, Q: np.ndarray) -> np.ndarray:
-        """The mirror image (..., n): ankle and pad change places, with what is theirs."""
-        assert self.ratio is not None
-        Q, old, la = Q.copy(), Q, np.log(self.ratio)
-        Q[..., self.index["k_F"]] = -old[..., self.index["k_F"]]
-        for one, other, shift in (("c_11", "c_21", la), ("c_12", "c_22", 0.0), ("c_13", "c_23", 0.0)):
-            i, j = self.index.get(one), self.index.get(other)
-            if i is not None and j is not None:
-                Q[..., i], Q[..., j] = old[..., j] + shift, old[..., i] - shift
-        partner = {"k_T": "k_F", "k_F": "k_T", "c_11": "c_21", "c_21": "c_11"}
-        for item in self.nuisances:
-            if item.constant:
-                twin = replace(item, constant=partner[item.constant])
-                match = [
-                    o
-                    for o in self.nuisances
-                    if (o.kind, o.load_kg, o.constant) == (twin.kind, twin.load_kg, twin.constant)
-                ]
-                if match:
-                    Q[..., self.place(item)] = old[..., self.place(match[0])]
-        return np.clip(Q, *self.bounds)
+def _limit(text: str, option: str) -> tuple[str, tuple[float, float]]:
+    name, _, both = text.partition("=")
+    try:
+        low, high = (float(part) for part in both.split(":"))
+    except ValueError:
+        raise SettingError(f"{option} {text!r} is not NAME=LOWER:UPPER, for example k_F=3e3:1e6.") from None
+    return name.strip(), (low, high)

@@ -16,10 +16,10 @@ from fasbody import console
 from fasbody.presentation import readable
 from fasbody.recording.condition import FOOT_MASS_FRACTION, SHANK_MASS_FRACTION
 from identification import figures
-from identification.derived import Row, derived
+from identification.derived_quantities import Row, derived
 from identification.estimates import IF_TRUE, RULE, WHATEVER, Allowance, Estimate, label
+from identification.parameters import DELAY
 from identification.result import FitResult, chance
-from identification.space import DELAY
 
 #: Parts of chi-square that the page lists.
 _WORST = 5
@@ -44,7 +44,7 @@ def html(result: FitResult, drawn: dict[str, str] | None = None, folder: Path | 
     texts = captions(result)
     drawn = drawn or {name: figures.svg(getattr(figures, name)(result)) for name in texts}
     found = derived(result)
-    key = "chi_square" if result.wide else "chi_square_if_model_true"
+    key = "chi_square" if result.departures else "chi_square_if_model_true"
     worst = sorted((row for row in found.chi_square if row[key] is not None), key=lambda row: -row[key])
     return environment.get_template("report.html").render(
         result=result, label=label, chance=chance, interval=interval, allowed=allowed, energies=_energies(result),
@@ -100,7 +100,7 @@ def moving(result: FitResult, folder: Path | None = None) -> str:
 def tables(result: FitResult) -> dict[str, Sequence[Row]]:
     """Name -> rows of each CSV file beside the figures; a figure of two kinds of rows has two files."""
     found = derived(result)
-    masses = [vars(mass) for mass in result.wide.masses] if result.wide else []
+    masses = [vars(mass) for mass in result.departures.masses] if result.departures else []
     rows: dict[str, Sequence[Row]] = {
         "transmissibility_data": found.data, "transmissibility_curves": found.curves, "chi_square": found.chi_square,
         "modes": found.modes, "dampers": found.dampers, "dampers_reached": found.reached, "energies": found.energies,
@@ -147,8 +147,8 @@ def captions(result: FitResult) -> dict[str, str]:
             "misses."
         )
     at = ""
-    if result.wide and result.relaxes:
-        at = f" Stiffness and damping are at {result.wide.reference_frequency_hz:.3g} Hz; diamonds: at rest."
+    if result.departures and result.relaxes:
+        at = f" Stiffness and damping are at {result.departures.reference_frequency_hz:.3g} Hz; diamonds: at rest."
     texts["parameters"] = (
         f"Estimates of each branch from {n}; {interval}."
         + at
@@ -168,7 +168,7 @@ def captions(result: FitResult) -> dict[str, str]:
         texts["modes"] = (
             f"Natural frequencies and damping ratios of small motion about rest under each load, from {n}; errors "
             "propagated linearly. A mode with a damping ratio above one does not swing. Filled marks: model assumed "
-            "exact" + ("; open ones: model and sensor errors included." if result.wide else ".")
+            "exact" + ("; open ones: model and sensor errors included." if result.departures else ".")
         )
     if found.dampers:
         texts["dampers"] = (
@@ -207,9 +207,9 @@ def captions(result: FitResult) -> dict[str, str]:
 
 def _scatter(result: FitResult) -> str:
     """What limits a measured transmissibility, in words."""
-    if result.wide is None or result.wide.repeatability < 5e-4:
+    if result.departures is None or result.departures.repeatability < 5e-4:
         return "their noise"
-    return f"noise and of how recordings repeat ({100 * result.wide.repeatability:.2g} %)"
+    return f"noise and of how recordings repeat ({100 * result.departures.repeatability:.2g} %)"
 
 
 def rests(result: FitResult) -> dict[str, str]:
@@ -292,7 +292,7 @@ def _reduction(result: FitResult) -> str:
 
 def _model(result: FitResult) -> str:
     free = ", ".join(label(key) for key in result.parameters)
-    masses = result.wide.masses if result.wide else ()
+    masses = result.departures.masses if result.departures else ()
     stated = ", ".join(f"{m.name} = {m.stated:.4g} kg ± {100 * m.prior_std:.3g} %" for m in masses)
     evidence = result.evidence
     shares = evidence is None or all("m_F" in r.condition.masses for r in evidence.recordings)
@@ -304,7 +304,7 @@ def _model(result: FitResult) -> str:
             else "those of the model, as the body mass is unknown"
         )
         text += f"Segment masses were {of} ({stated}, standard deviation) and were estimated with the rest. "
-    elif result.wide:
+    elif result.departures:
         text += "Segment masses were taken as exactly known. "
     return text + _searched(result)
 
@@ -332,20 +332,20 @@ def _searched(result: FitResult) -> str:
 
 
 def _beyond(result: FitResult) -> str:
-    if not result.wide:
+    if not result.departures:
         return "All intervals assume that model, masses and instruments are exact."
-    names = [n.name for n in result.wide.nuisances if n.group != "masses"]
+    names = [n.name for n in result.departures.nuisances if n.group != "masses"]
     names = ["delay between the channels" if name == DELAY.name else name for name in names]
-    names = (["segment masses"] if result.wide.masses else []) + names
+    names = (["segment masses"] if result.departures.masses else []) + names
     text = (
         "What a laboratory seldom excludes was estimated together with the constants, as nuisance parameters with "
-        f"priors: {', '.join(names)}. So was the scatter of the recordings: {result.wide.repeats}. The intervals of "
-        "the model assumed exact hold all of these at the centre of their priors. "
+        f"priors: {', '.join(names)}. So was the scatter of the recordings: {result.departures.repeats}. The intervals "
+        "of the model assumed exact hold all of these at the centre of their priors. "
     )
     if result.relaxes:
         text += (
             "Stiffness and damping of a joint are dynamic, those of its complex stiffness at "
-            f"{result.wide.reference_frequency_hz:.3g} Hz, the geometric mean of the recorded frequencies. "
+            f"{result.departures.reference_frequency_hz:.3g} Hz, the geometric mean of the recorded frequencies. "
         )
     return text + (
         "Errors of derived quantities are propagated linearly; natural frequencies and damping ratios are of small "
@@ -359,8 +359,8 @@ def _outcome(result: FitResult) -> str:
         return f"The fit is {result.fit_percent:.1f} %; the verdict on the branches is {result.verdict}."
     p = "" if best.p_value is None else f", {chance(best.p_value)}"
     text = f"Chi-square of the model assumed exact was {best.chi_square:.4g} for {best.dof} degrees of freedom{p}"
-    if result.wide:
-        text += f"; with model and sensor errors included, {result.wide.repeats}"
+    if result.departures:
+        text += f"; with model and sensor errors included, {result.departures.repeats}"
     return f"{text}. The verdict on the branches is {result.verdict}: {result.reason}"
 
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from identification.harmonics import Measured
 from identification.motion import Motion
-from identification.parameters import Variables
+from identification.variables import Variables
 
 #: Every residual where there is no motion.
 NO_MOTION = 1e6

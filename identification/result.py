@@ -45,7 +45,7 @@ def _flat(e: Estimate) -> dict[str, Any]:
 
 
 @dataclass(frozen=True)
-class World(Tabled):
+class Departures(Tabled):
     """A branch fitted with everything else that may be true.
 
     Attributes:
@@ -109,7 +109,7 @@ class Branch(Presented):
         correlation: (p, p) of the search variables, in the order of parameters.
         chi_square, dof, p_value: goodness of fit of the model alone (steady state; in the time
             domain chi_square is only a ratio).
-        world: the fit with errors of model and sensors, None where none was made.
+        departures: the fit with errors of model and sensors, None where none was made.
     """
 
     name: str
@@ -121,7 +121,7 @@ class Branch(Presented):
     chi_square: float
     dof: int
     p_value: float | None
-    world: World | None = None
+    departures: Departures | None = None
 
     def __getitem__(self, name: str) -> Estimate:
         """The estimate of a parameter, by thesis symbol or by its key with the unit.
@@ -140,6 +140,12 @@ class Branch(Presented):
         They are those of the headline: what tables, report and page show.
         """
         return {key: e.value for key, e in self.parameters.items() if not of_channel(key)}
+
+    def document(self) -> dict[str, Any]:
+        """As in result.json, where the departures have the key `world`."""
+        row = asdict(self)
+        row["world"] = row.pop("departures")
+        return row
 
     def records(self) -> list[dict[str, Any]]:
         """One row a parameter: as parameters.csv has it."""
@@ -246,7 +252,7 @@ class FitResult(Presented):
         Where only distortion tells the rest, a small error of the model moves the constants by far more than these
         intervals are wide (14 of 16 missed the truth of a linear foot with two sines).
         """
-        return (self.wide is None or self.wide.follows) and self.excitation_rank >= len(self.parameters)
+        return (self.departures is None or self.departures.follows) and self.excitation_rank >= len(self.parameters)
 
     @property
     def offered(self) -> bool:
@@ -270,12 +276,12 @@ class FitResult(Presented):
             known = ["" if truth is None else readable(truth, 6)] if self.truth else []
             others = [branch.parameters[key].interval() for branch in self.branches[1:]]
             trusting = e.if_model_true if self.trusting else None
-            narrow = [trusting.interval() if trusting else "–"] if self.wide else []
+            narrow = [trusting.interval() if trusting else "–"] if self.departures else []
             rows.append([label(key), e.interval(), *narrow, *others, *known, e.known])
-        for i, mass in enumerate(self.wide.masses if self.wide else ()):
+        for i, mass in enumerate(self.departures.masses if self.departures else ()):
             truth = self.truth_of(f"{mass.name}_kg")
             known = ["" if truth is None else f"{truth:.4g}"] if self.truth else []
-            others = [b.world.masses[i].interval() if b.world else "" for b in self.branches[1:]]
+            others = [b.departures.masses[i].interval() if b.departures else "" for b in self.branches[1:]]
             word = "weighed" if mass.weighed else "assumed" if mass.assumed else "as stated"
             told = f"{mass.stated:.4g} {mass.basis}"
             rows.append([f"{mass.name} [kg]", mass.interval(), told, *others, *known, word])
@@ -308,14 +314,14 @@ class FitResult(Presented):
         return summary([recording.sensors for recording in self.recordings])
 
     @property
-    def wide(self) -> World | None:
+    def departures(self) -> Departures | None:
         """The fit with errors of model and sensors, of the likelier branch; None where none was made."""
-        return self.best.world
+        return self.best.departures
 
     @property
     def intervals(self) -> tuple[str, ...]:
         """What the intervals of a table allow for, in the order of its columns."""
-        return (WHATEVER, IF_TRUE) if self.wide else (IF_TRUE,)
+        return (WHATEVER, IF_TRUE) if self.departures else (IF_TRUE,)
 
     @property
     def open(self) -> tuple[Branch, ...]:
@@ -354,16 +360,16 @@ class FitResult(Presented):
                 for r in self.recordings
             ],
             "parameters": {key: asdict(value) for key, value in self.parameters.items()},
-            "branches": [asdict(branch) for branch in self.branches],
+            "branches": [branch.document() for branch in self.branches],
             "verdict": self.verdict,
             "verdict_reason": self.reason,
             "log_likelihood_ratio": self.log_likelihood_ratio,
             "goodness_of_fit": {
                 "chi_square": self.best.chi_square, "dof": self.best.dof, "p_value": self.best.p_value,
             },
-            "chi_square_wide": self.wide.chi_square if self.wide else None,
-            "masses": [asdict(mass) for mass in self.wide.masses] if self.wide else [],
-            "nuisances": [asdict(each) for each in self.wide.nuisances] if self.wide else [],
+            "chi_square_wide": self.departures.chi_square if self.departures else None,
+            "masses": [asdict(mass) for mass in self.departures.masses] if self.departures else [],
+            "nuisances": [asdict(each) for each in self.departures.nuisances] if self.departures else [],
             "contact": [each.document() for each in self.contact],
             "excitation_rank": self.excitation_rank,
             "twin_mujoco_difference": self.twin_mujoco_difference,
@@ -399,15 +405,15 @@ class FitResult(Presented):
         p = best.p_value
         alone = f"chi-square {best.chi_square / best.dof:.2f} per degree of freedom"
         alone += "" if p is None else f", {chance(p)}"
-        if self.wide and not self.wide.follows:
+        if self.departures and not self.departures.follows:
             return (
-                f"The model does not follow the recordings: {self.wide.repeats}, and people repeat to 2 to 5 %. No "
-                f"constant is offered; check the added masses, the body mass and the units first. {_ASK} compares "
+                f"The model does not follow the recordings: {self.departures.repeats}, and people repeat to 2 to 5 %. "
+                f"No constant is offered; check the added masses, the body mass and the units first. {_ASK} compares "
                 "rivals. "
             )
         if p is None or p >= UNLIKELY:
             return ""
-        if self.wide:
+        if self.departures:
             return (
                 f"The model alone misses the recordings ({alone}); with model and sensor errors it follows them, and "
                 f"{_ASK} compares rivals: "
@@ -426,17 +432,17 @@ class FitResult(Presented):
             found = f", {per}" if self.best.dof else ", no degrees of freedom left"
         if self.misfit():  # which gives it
             found = ""
-        word = self.verdict if self.wide or self.verdict == "not compared" else f"{self.verdict}{_EXACT}"
-        if self.wide and not self.wide.follows:
+        word = self.verdict if self.departures or self.verdict == "not compared" else f"{self.verdict}{_EXACT}"
+        if self.departures and not self.departures.follows:
             return f"{self.misfit()}Fit {self.fit_percent:.1f} %; {word}."
-        at = f" at {self.wide.reference_frequency_hz:.3g} Hz" if self.wide and self.relaxes else ""
-        repeats = f", {self.wide.repeats}" if self.wide else ""
+        at = f" at {self.departures.reference_frequency_hz:.3g} Hz" if self.departures and self.relaxes else ""
+        repeats = f", {self.departures.repeats}" if self.departures else ""
         return f"{self.misfit()}{values}{at}; fit {self.fit_percent:.1f} %{found}{repeats}; {word}."
 
     @property
     def relaxes(self) -> bool:
         """Whether a spring or damper may be another at rest than at the frequency it is reported at."""
-        return bool(self.wide and any(e.at_rest for e in self.parameters.values()))
+        return bool(self.departures and any(e.at_rest for e in self.parameters.values()))
 
     def __str__(self) -> str:
         lines = [self.sentence(), self.reason]
@@ -460,7 +466,7 @@ def without_exact(branch: Branch) -> Branch:
     word = "not identifiable"
     told = {}
     for key, e in branch.parameters.items():
-        if branch.world is None:
+        if branch.departures is None:
             told[key] = replace(e, std_error=np.nan, lower=np.nan, upper=np.nan, identifiability=word)
         else:
             told[key] = replace(e, if_model_true=e.if_model_true and replace(e.if_model_true, identifiability=word))

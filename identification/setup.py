@@ -18,9 +18,9 @@ from fasbody.recording.recording import Channel, Recording
 from identification import branches, sensors, steady
 from identification.engines.twin import FOOT, SHANK, carriers
 from identification.harmonics import Line
+from identification.parameters import MASSES, Space, space_of, without_delay
 from identification.residual import Problem
 from identification.sensors import MALLEOLUS
-from identification.space import MASSES, Space, space_of, without_delay
 
 _PEOPLE = "The recordings are of {n} people or feet ({names}), and one set of constants is fitted to all of them."
 DOMAINS = ("auto", "periodic", "time")
@@ -47,7 +47,7 @@ class Settings(Tabled):
         delay_std_s: that of the delay between the channels [s]; None for what study.toml says, or a tenth of a sample.
         exclude: what cannot be beside the model, of `known.DEPARTURES`, or "all"; nothing unless given.
         sensors: accelerometers to fit, None for all that model and recordings have by the same name.
-        wide: include errors of model and sensors; without, the model is assumed exact.
+        departures: include errors of model and sensors; without, the model is assumed exact.
         replay: in the time domain, 0 leaves MuJoCo out where the compiled twin has shown to be the same model.
 
     In the time domain, steady recordings are explored on their harmonics, and fitted to every sample from there.
@@ -64,7 +64,7 @@ class Settings(Tabled):
     gain_std: float | None = None
     delay_std_s: float | None = None
     exclude: tuple[str, ...] = ()
-    wide: bool = True
+    departures: bool = True
     sensors: tuple[str, ...] | None = None
     replay: int | None = 1
 
@@ -256,6 +256,7 @@ def provenance(settings: Settings, space: Space, recordings: Sequence[Recording]
         for item, low, high in zip(space.free, space.lower, space.upper, strict=True)
     }
     chosen = asdict(settings)
+    chosen["wide"] = chosen.pop("departures")  # its key in result.json
     return {
         "seed": settings.seed,
         "settings": {name: value for name, value in chosen.items() if name not in ("bounds", "seed")},

@@ -17,19 +17,19 @@ from fasbody.recording.known import Known
 from fasbody.recording.recording import Recording
 from identification import branches, optimiser
 from identification.blackbox.criteria import fit_percent
-from identification.branches import STIFF_ANKLE, STIFF_PAD, Had, Verdict
+from identification.branches import STIFF_ANKLE, STIFF_PAD, Recorded, Verdict
 from identification.estimates import Estimate
 from identification.harmonics import Line, Measured
 from identification.intervals import Solution
 from identification.misfit import Misfit, repeats
 from identification.motion import EngineMotion, Motion, TwoMassMotion
 from identification.nuisances import nuisances
-from identification.parameters import Variables
+from identification.parameters import MASSES, Space
 from identification.replay import Replayed, replay, residual, traces
 from identification.residual import Problem
-from identification.result import Branch, RecordingFit, World
+from identification.result import Branch, Departures, RecordingFit
 from identification.sensors import MALLEOLUS, SensorFit
-from identification.space import MASSES, Space
+from identification.variables import Variables
 
 #: Repeatability beyond which the model does not follow the recordings. People repeat to 2 to 5 %; in twenty worlds that
 #: no nuisance names, intervals held while the scatter was below this, and a stiffening pad missed beyond it.
@@ -212,9 +212,9 @@ def branch_of(fitted: Fitted, solution: Solution, recordings: Sequence[Recording
     parameters = {key: _beside(e, alone.get(key), follows, solution) for key, e in parameters.items()}
     judged = exact or solution
     p_value = float(chdtrc(judged.dof, judged.chi_square)) if judged.dof else None
-    world = None
+    departures = None
     if exact is not None:
-        world = World(
+        departures = Departures(
             float(r @ r), solution.optimum.objective, solution.dof, follows,
             tuple(replace(m, weighed=m.weighed and follows and solution.optimum.converged) for m in solution.masses()),
             solution.allowances(), solution.constant_under_load(), solution.exponents(),
@@ -223,7 +223,7 @@ def branch_of(fitted: Fitted, solution: Solution, recordings: Sequence[Recording
         )  # fmt: skip
     return Branch(
         solution.branch, judged.optimum.objective, solution.optimum.objective, float(np.mean(fits)), parameters,
-        correlation.tolist(), judged.chi_square, judged.dof, p_value, world,
+        correlation.tolist(), judged.chi_square, judged.dof, p_value, departures,
     )  # fmt: skip
 
 
@@ -242,7 +242,7 @@ def _beside(e: Estimate, exact: Estimate | None, follows: bool, solution: Soluti
     return replace(e, identifiability=word, if_model_true=exact)
 
 
-def verdict_of(fitted: Fitted, built: Sequence[Branch], had: Had, why_not: str) -> Verdict:
+def verdict_of(fitted: Fitted, built: Sequence[Branch], recorded: Recorded, why_not: str) -> Verdict:
     """Whether the data decide between the branches."""
     solutions = fitted.solutions
     best = solutions[0]
@@ -254,9 +254,9 @@ def verdict_of(fitted: Fitted, built: Sequence[Branch], had: Had, why_not: str) 
     if fitted.exact:
         objectives = [best.deviance(objective) for objective in objectives]
     excess, dof = (0.0, best.dof) if fitted.exact else (best.chi_square, best.dof)
-    verdict = branches.judge([b.name for b in built], objectives, excess, dof, rests, had)
-    world = built[0].world
-    if world is not None and not world.follows and len(built) > 1:
+    verdict = branches.judge([b.name for b in built], objectives, excess, dof, rests, recorded)
+    departures = built[0].departures
+    if departures is not None and not departures.follows and len(built) > 1:
         text = branches.LOST.format(percent=100 * best.problem.repeatability, bound=100 * FOLLOWS)
         return Verdict("undecided", verdict.log_likelihood_ratio, text)
     if verdict.word == "decided" and not all(solution.optimum.exhausted for solution in solutions):

@@ -9,18 +9,18 @@ from dataclasses import dataclass
 import numpy as np
 
 from fasbody.exceptions import SimulationError
-from identification import branches, search, steady
+from identification import branches, multistart, steady
 from identification.branches import STIFF_ANKLE, STIFF_PAD
 from identification.certification import Certified, certify_first, standard_errors
-from identification.domains import TimeDomain
 from identification.engines.engine import stated
 from identification.estimates import Estimate, identifiability
 from identification.intervals import size_that_matters
+from identification.multistart import ZERO, Descent
+from identification.parameters import Space
 from identification.result import Branch
-from identification.search import ZERO, Descent
 from identification.setup import Setup, is_steady
-from identification.space import Space
-from identification.time_domain import TimeProblem
+from identification.time_domain import TimeDomain
+from identification.time_problem import TimeProblem
 
 #: Ends of a branch whose mirror images are entered, and by which share of the cost they must differ.
 _IMAGES, _APART = 4, 1e-2
@@ -86,7 +86,7 @@ def fit(
     if interrupted:
         warnings.append(f"Interrupted after {len(descents)} of {starts} starts; the result rests on those.")
     if descents[0].unstable:
-        raise search.lost(setup.foot, space, descents, setup.recordings)
+        raise multistart.lost(setup.foot, space, descents, setup.recordings)
     ends = _of_each_branch(domain, space, ratio, descents)
     certified, left_out = [], []
     for number, (name, its) in enumerate(ends.items()):
@@ -142,7 +142,7 @@ def _on_samples(
     random = [(f"random {i + 1}", space.random(rng)) for i in range(starts - len(places))]
     places += _lowest(problem, random, lambda q: _side_of(space, ratio, space.to_theta(q)))
     counter = iter(range(1, len(places) + 1))
-    return search.explore(problem, places[:starts], lambda: advance("exploring starts", next(counter), len(places)))
+    return multistart.explore(problem, places[:starts], lambda: advance("exploring starts", next(counter), len(places)))
 
 
 def _lowest(problem: TimeProblem, places: Sequence[Place], side: Callable[[np.ndarray], str]) -> list[Place]:
@@ -182,7 +182,7 @@ def _of_each_branch(
     for name, other in ((STIFF_ANKLE, STIFF_PAD), (STIFF_PAD, STIFF_ANKLE)):
         for end in _distinct(ends.get(other, [])):
             image = branches.mirrored(space.values(end.theta), ratio)
-            there = search.descend(problem, space.to_q(space.theta(image)), f"mirror of {other}")
+            there = multistart.descend(problem, space.to_q(space.theta(image)), f"mirror of {other}")
             if _side(space, ratio, there) == name:
                 entered.setdefault(name, []).append(there)
     names = [*ends, *(name for name in entered if name not in ends)]

@@ -13,7 +13,7 @@ from fasbody.foot.two_dof import TwoDof, trajectory
 from fasbody.recording.condition import SUBJECTS, foot_mass, shank_mass
 from fasbody.recording.study import BUNDLED, bundled, read_truth
 from identification.blackbox.criteria import fit_percent
-from identification.estimate import fit_foot
+from identification.fitting import fit_foot
 from identification.result import FitResult
 from reproduction.check import at_least, at_most, exactly, near, within
 from reproduction.row import Outcome, Rows
@@ -25,7 +25,7 @@ FIT, BUNDLE = "python -m identification.fit", "bundled fit"
 @cache
 def result() -> FitResult:
     """All eight constants from the nine recordings of the bundled subject without load, pooled."""
-    found = fit_foot(bundled().under(0.0), load("two_dof"), threads=1, wide=False)
+    found = fit_foot(bundled().under(0.0), load("two_dof"), threads=1, departures=False)
     return found.with_source(found.source, read_truth(BUNDLED))
 
 
@@ -176,7 +176,7 @@ def other_frequencies() -> Outcome:
     foot, worst = load("two_dof"), []
     for left_out in (20.0, 35.0):
         kept = [r for r in bundled().under(0.0) if r.condition.frequency_hz != left_out]
-        best = fit_foot(kept, foot, starts=4, threads=1, wide=False).best
+        best = fit_foot(kept, foot, starts=4, threads=1, departures=False).best
         values = foot.values() | {symbol_and_unit(key)[0]: e.value for key, e in best.parameters.items()}
         worst.append(fit_percent(*predicted(values, left_out)))
     return Outcome(

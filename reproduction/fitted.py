@@ -13,7 +13,7 @@ from fasbody.foot.model import Foot, load
 from fasbody.laboratory.study import Plan, make
 from fasbody.recording.condition import ADDED_MASSES_KG
 from fasbody.recording.study import StudyFolder
-from identification.estimate import Settings
+from identification.fitting import Settings
 from identification.study.job import run
 from identification.study.loops import cycles
 from identification.study.means import mean_curve

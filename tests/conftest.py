@@ -20,7 +20,7 @@ import mjcf
 from fasbody.foot.model import Foot, load
 from fasbody.recording.recording import Condition, Recording
 from fasbody.recording.study import bundled
-from identification.estimate import fit_foot
+from identification.fitting import fit_foot
 from identification.result import FitResult
 
 ROOT = Path(__file__).parent.parent

@@ -11,14 +11,14 @@ from fasbody.console import to_json
 from fasbody.foot.model import load
 from fasbody.recording.checks import checked
 from fasbody.recording.recording import Recording
-from identification.estimate import fit_foot
+from identification.fitting import fit_foot
 from identification.study.loops import cycles
 
 
 def document(mode: str, recordings: Sequence[Recording], files: Sequence[str], starts: int = 4) -> dict[str, Any]:
     """One fit as `OUT/fits` holds it."""
     foot = load("two_dof")
-    result = fit_foot(recordings, foot, starts=starts, threads=1, wide=False).document()
+    result = fit_foot(recordings, foot, starts=starts, threads=1, departures=False).document()
     first = recordings[0].condition
     single = mode == "per-recording"
     made = {

@@ -25,7 +25,7 @@ from fasbody.foot.simulate import simulate
 from fasbody.foot.steady_state import Balance
 from fasbody.foot.two_mass import orbits, parameters
 from fasbody.leg.chain import Leg
-from identification.derived import linearised
+from identification.derived_quantities import linearised
 from identification.engines.twin import SHANK as ON_SHANK
 from identification.engines.twin import carriers
 from identification.study.loops import cycle

@@ -11,7 +11,7 @@ from fasbody.foot.model import load
 from fasbody.foot.two_mass import parameters, resolved
 from fasbody.recording.condition import Condition
 from fasbody.recording.recording import Recording
-from identification.estimate import Settings
+from identification.fitting import Settings
 from identification.residual import Problem
 from identification.setup import Setup
 

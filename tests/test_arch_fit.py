@@ -12,7 +12,7 @@ from fasbody.foot import shaker
 from fasbody.foot.model import load
 from fasbody.foot.simulate import simulate
 from fasbody.recording.recording import Condition, Recording
-from identification.estimate import Settings, fit_foot
+from identification.fitting import Settings, fit_foot
 
 
 def recording(foot_values: dict[str, float], frequency: float, rng: np.random.Generator) -> Recording:
@@ -38,7 +38,7 @@ def test_fit_of_named_arch_parameters_recovers_them() -> None:
     truth = {"k_F": 1.4e5, "c_F": 2200.0, "m_T": 0.0465 * 72.57}
     rng = np.random.default_rng(4)
     data = [recording(truth, frequency, rng) for frequency in (20.0, 40.0)]
-    result = fit_foot(data, load("foot_arch"), Settings(wide=False, free=("k_F", "c_F"), starts=1, delay=False))
+    result = fit_foot(data, load("foot_arch"), Settings(departures=False, free=("k_F", "c_F"), starts=1, delay=False))
     assert result.parameters["k_F_n_per_m"].value == pytest.approx(1.4e5, rel=0.01)
     assert result.parameters["c_F_n_s_per_m"].value == pytest.approx(2200.0, rel=0.01)
     assert result.verdict == "not compared"
@@ -56,7 +56,7 @@ def test_the_fascia_s_series_spring_can_be_fitted() -> None:
     """k_12 free, its dashpot fixed: records of a soft fascia give it back."""
     rng = np.random.default_rng(0)
     data = [recording({"k_12": 5e4, "m_T": 0.0465 * 72.57}, frequency, rng) for frequency in (20.0, 40.0)]
-    result = fit_foot(data, load("foot_arch"), Settings(wide=False, free=("k_12",), starts=1, delay=False))
+    result = fit_foot(data, load("foot_arch"), Settings(departures=False, free=("k_12",), starts=1, delay=False))
     assert result.parameters["k_12_n_per_m"].value == pytest.approx(5e4, rel=0.05)
 
 
@@ -70,7 +70,7 @@ def test_a_leg_under_a_load_is_fitted_with_whatever_else_may_be_true() -> None:
         noisy = (values[0, kept] + rng.normal(0, 0.05, values[0, kept].size) for values in (out.base, out.malleolus))
         data.append(Recording(out.time[0, kept], *noisy, condition=Condition("", "midstance", added, 72.57)))
     result = fit_foot(data, foot, free=("k_F",), starts=1)
-    assert result.wide.follows and result["k_F"].identifiability == "identified"
+    assert result.departures.follows and result["k_F"].identifiability == "identified"
     assert result["k_F"].value == pytest.approx(foot.values()["k_F"], rel=0.02)
     named = [row[0] for row in result.sheet().rows] + list(result.parameters)
     assert {"k_F [N/m]", "delay [s]", "m_F [kg]", "delay_s"} <= set(named)

@@ -8,7 +8,7 @@ from identification.branches import (
     DECISIVE_ODDS,
     STIFF_ANKLE,
     STIFF_PAD,
-    Had,
+    Recorded,
     has_mirror,
     judge,
     mirrored,
@@ -49,24 +49,24 @@ def test_a_mirror_needs_four_free_parameters() -> None:
 
 
 @pytest.mark.parametrize(
-    ("had", "said", "unsaid"),
+    ("recorded", "said", "unsaid"),
     [
-        (Had(), "A sensor on the bones of the foot", "excluding"),
-        (Had(sensors=2), "A second load may decide", "bones"),
-        (Had(loads=2), "a sensor on the bones of the foot, beside that on the malleolus, may.", "--exclude"),
-        (Had(loads=2, sensors=2), "The loads do not tell them apart.", "second"),
-        (Had(loads=2, follow=True), "beside that on the malleolus, or excluding", "second load"),
-        (Had(loads=2, sensors=2, follow=True), "; excluding nuisance parameters", "second"),
+        (Recorded(), "A sensor on the bones of the foot", "excluding"),
+        (Recorded(sensors=2), "A second load may decide", "bones"),
+        (Recorded(loads=2), "a sensor on the bones of the foot, beside that on the malleolus, may.", "--exclude"),
+        (Recorded(loads=2, sensors=2), "The loads do not tell them apart.", "second"),
+        (Recorded(loads=2, follow=True), "beside that on the malleolus, or excluding", "second load"),
+        (Recorded(loads=2, sensors=2, follow=True), "; excluding nuisance parameters", "second"),
     ],
 )
-def test_an_undecided_verdict_advises_what_was_not_done(had: Had, said: str, unsaid: str) -> None:
-    text = judge([STIFF_ANKLE, STIFF_PAD], [100.0, 100.1], 40.0, 50, had=had).sentence
+def test_an_undecided_verdict_advises_what_was_not_done(recorded: Recorded, said: str, unsaid: str) -> None:
+    text = judge([STIFF_ANKLE, STIFF_PAD], [100.0, 100.1], 40.0, 50, recorded=recorded).sentence
     assert said in text
     assert unsaid not in text
 
 
 def test_a_bound_asks_for_a_second_load_only_where_there_is_one() -> None:
-    asked = [judge([STIFF_ANKLE, STIFF_PAD], [0.0, 100.0], 40.0, 50, ["k_F"], Had(n)).sentence for n in (1, 2)]
+    asked = [judge([STIFF_ANKLE, STIFF_PAD], [0.0, 100.0], 40.0, 50, ["k_F"], Recorded(n)).sentence for n in (1, 2)]
     assert ["second load" in text for text in asked] == [True, False]
 
 

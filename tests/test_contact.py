@@ -11,7 +11,7 @@ from fasbody.foot.two_dof import TwoDof
 from fasbody.recording.known import Known
 from identification import figures
 from identification.contact import Contact, summary
-from identification.estimate import fit_foot
+from identification.fitting import fit_foot
 from identification.lifting import GRAVITY, lifting
 from identification.result import FitResult
 
@@ -23,7 +23,7 @@ def fitted(linear: Foot) -> FitResult:  # noqa: F811
     p = TwoDof.from_values(linear.values())
     data = [recorded(p, f, noise=1e-3) for f in HZ]
     data[1] = replace(data[1], known=Known(static_forces=((None, 300.0),)))
-    return fit_foot(data, linear, free=["k_T", "k_F"], starts=1, threads=1, wide=False)
+    return fit_foot(data, linear, free=["k_T", "k_F"], starts=1, threads=1, departures=False)
 
 
 def test_the_force_of_a_linear_foot_is_its_closed_form(fitted: FitResult, linear: Foot) -> None:  # noqa: F811

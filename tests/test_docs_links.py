@@ -69,7 +69,7 @@ def has_every_document_and_every_module(site: Path) -> None:
     reference = "".join(page.read_text(encoding="utf-8") for page in site.glob("python_*.html"))
     for name in (
         "fasbody.foot.simulate.simulate",
-        "identification.estimate.fit_foot",
+        "identification.fitting.fit_foot",
         "fasbody.cell.modal.solve",
         "mjcf.path",
     ):

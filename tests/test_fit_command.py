@@ -150,7 +150,7 @@ def test_interrupted_before_anything_is_130(fit: Callable, bare: Path, monkeypat
     def stop(*_: object, **__: object) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("identification.estimate.fit_foot", stop)
+    monkeypatch.setattr("identification.fitting.fit_foot", stop)
     code, _, err = fit(bare)
     signal.signal(signal.SIGINT, signal.default_int_handler)  # ended processes take none; this goes on
     assert code == 130

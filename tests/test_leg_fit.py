@@ -6,7 +6,7 @@ import pytest
 from fasbody.foot.model import load
 from fasbody.recording.condition import Condition, foot_mass
 from fasbody.recording.recording import Recording
-from identification.estimate import fit_foot
+from identification.fitting import fit_foot
 
 BODY_KG = 70.7
 #: Foot, malleolus, shank, thigh, tissue: mass [kg], what it stands on, stiffness [N/m], damping [N s/m].
@@ -41,7 +41,7 @@ def test_intervals_hold_the_truth_with_the_added_mass_where_the_model_says() -> 
     assert abs(bolted / soft - 1) > 0.05
     foot = load("leg").with_values({"k_F": 1.8e5, "c_F": 60.0, "c_T": 420.0})
     data = [recorded(20.0, 0.0), recorded(30.0, 4.5)]
-    result = fit_foot(data, foot, free=[*FREE], starts=1, threads=1, wide=False, delay=False)
+    result = fit_foot(data, foot, free=[*FREE], starts=1, threads=1, departures=False, delay=False)
     for name, value in FREE.items():
         found = result.best[name]
         assert found.lower < value < found.upper

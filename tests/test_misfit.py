@@ -5,10 +5,10 @@ from dataclasses import replace
 import pytest
 from steady_cases import BENT, problem, recorded, session
 
-from identification.advice import departures
 from identification.misfit import STANDS_OUT, Misfit, repeats
+from identification.recommendations import about_departures
 from identification.residual import Problem
-from identification.result import World
+from identification.result import Departures
 
 FREQUENCIES = (10.0, 20.0, 30.0, 40.0)
 
@@ -39,25 +39,25 @@ def test_what_has_twice_its_share_stands_out(factor: float, named: bool) -> None
     assert misfit.standing_out() == ({"recordings": {"a.csv": share}} if named else {})
 
 
-def of_a_fit(follows: bool, misfit: Misfit | None = None, itself: float | None = None) -> World:
-    return World(
+def of_a_fit(follows: bool, misfit: Misfit | None = None, itself: float | None = None) -> Departures:
+    return Departures(
         90.0, 95.0, 80, follows, (), (), repeatability=0.2, misfit=misfit, repeats_by_itself=itself
     )  # fmt: skip
 
 
 def test_a_fit_that_does_not_follow_names_the_recording() -> None:
     misfit = Misfit({"a.csv": 0.9, "b.csv": 0.05, "c.csv": 0.05}, {1: 0.5, 2: 0.5}, {"malleolus": 1.0})
-    (text,) = departures(of_a_fit(False, misfit))
+    (text,) = about_departures(of_a_fit(False, misfit))
     assert "a.csv (90 %)" in text and "b.csv" not in text and "harmonic" not in text
     even = Misfit({"a.csv": 0.5, "b.csv": 0.5}, {1: 0.5, 2: 0.5}, {"malleolus": 1.0})
-    (text,) = departures(of_a_fit(False, even))
+    (text,) = about_departures(of_a_fit(False, even))
     assert "spread over all" in text
-    assert "a.csv" not in " ".join(departures(of_a_fit(True, misfit)))
+    assert "a.csv" not in " ".join(about_departures(of_a_fit(True, misfit)))
 
 
 @pytest.mark.parametrize(("itself", "model"), [(0.099, True), (0.101, False), (None, False)])
 def test_a_scatter_twice_that_of_a_repeated_condition_is_the_models(itself: float | None, model: bool) -> None:
-    texts = departures(of_a_fit(False, itself=itself))
+    texts = about_departures(of_a_fit(False, itself=itself))
     assert any("rather than the person" in text for text in texts) is model
 
 

@@ -65,7 +65,7 @@ def test_every_plot_of_a_fit_can_be_drawn(fitted: idn.FitResult) -> None:
     measured = fb.Transmissibility.of(fb.bundled().under(0.0)).to_dataframe().set_index("frequency_hz")
     for f, T in data.items():
         assert measured.loc[round(f), "transmissibility"] == pytest.approx(T, rel=1e-4)  # by segments
-        assert model[f] == pytest.approx(T, rel=2.5 * fitted.wide.repeatability)
+        assert model[f] == pytest.approx(T, rel=2.5 * fitted.departures.repeatability)
     assert (lower.lines[0].get_ydata() > 0).all()  # the malleolus lags
 
 

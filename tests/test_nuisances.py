@@ -10,11 +10,11 @@ from steady_cases import BENT, problem, session
 
 from fasbody.foot.model import Foot
 from fasbody.recording.recording import Channel, Recording, gain_and_delay
-from identification.advice import departures
-from identification.estimate import Settings, fit_foot
 from identification.estimates import IF_TRUE, WHATEVER
+from identification.fitting import Settings, fit_foot
 from identification.intervals import Solution
 from identification.optimiser import Optimum
+from identification.recommendations import about_departures
 from identification.result import FitResult
 from identification.setup import Setup
 
@@ -37,20 +37,20 @@ def two(foot: Foot, two_loads: list[Recording]) -> FitResult:
 
 
 def test_with_one_load_intervals_are_as_wide_as_the_mass_is_known(one: FitResult) -> None:
-    assert one.wide is not None and one.wide.follows and one.intervals == (WHATEVER, IF_TRUE)
+    assert one.departures is not None and one.departures.follows and one.intervals == (WHATEVER, IF_TRUE)
     for name in ("k_T", "k_F"):
         e = one.best[name]
         assert e.if_model_true is not None
         assert e.std_error > 0.06 * e.value > 3 * e.if_model_true.std_error
         assert e.lower < BENT[name] < e.upper
-    assert all(mass.learned < 0.3 and not mass.weighed for mass in one.wide.masses)
-    assert 0.06 < one.wide.scale_std < 0.15
+    assert all(mass.learned < 0.3 and not mass.weighed for mass in one.departures.masses)
+    assert 0.06 < one.departures.scale_std < 0.15
     assert any("do not determine the leg's mass" in text for text in one.warnings)
 
 
 def test_the_headline_and_the_exact_model_stand_side_by_side(two: FitResult) -> None:
     """Both hold the truth; the load's share and springs that relax make the first the wider one."""
-    assert two.wide is not None and two.wide.repeatability == 0.0
+    assert two.departures is not None and two.departures.repeatability == 0.0
     branch = next(b for b in two.branches if b.name == "stiff ankle")
     for name in ("k_T", "k_F", "c_11", "c_21"):
         e = branch[name]
@@ -68,13 +68,13 @@ def test_two_loads_weigh_a_leg_that_was_stated_too_heavy(foot: Foot, two_loads: 
     """A body mass 35 % too high; the share of the load that the leg carries is known here, as a plate would say."""
     said = [replace(r, condition=replace(r.condition, body_mass_kg=1.35 * 72.57)) for r in two_loads]
     result = fit_foot(said, foot.with_values(BENT), starts=2, exclude=["share", "load"])
-    assert result.wide is not None
-    m_S = result.wide.masses[0]
+    assert result.departures is not None
+    m_S = result.departures.masses[0]
     assert m_S.value / m_S.stated - 1 == pytest.approx(1 / 1.35 - 1, abs=0.05) and m_S.weighed
     assert m_S.lower < oracle.MASSES["m_S"] < m_S.upper
     assert any(text.startswith("The recordings weigh the leg: m_S") for text in result.warnings)
     assert any(text.startswith("Shank and foot both come out lighter than stated") for text in result.warnings)
-    assert result.best.chi_square > 20 * result.best.dof and result.wide.per_dof < 2  # the stated mass cannot be
+    assert result.best.chi_square > 20 * result.best.dof and result.departures.per_dof < 2  # the stated mass cannot be
     assert result.sentence().startswith("The model alone misses the recordings")
 
 
@@ -98,7 +98,7 @@ def test_where_nothing_else_may_be_true_there_is_one_basis(
 ) -> None:
     exact = {"mass_std": 0.0, "gain_std": 0.0, "delay_std_s": 0.0, "exclude": ("all",)}
     plain = fit_foot(two_loads[:4], foot.with_values(BENT), starts=2, **exact)
-    assert plain.wide is None and plain.intervals == (IF_TRUE,)
+    assert plain.departures is None and plain.intervals == (IF_TRUE,)
     assert plain.sentence().endswith(", model assumed exact.")
     assert "delay_s" not in plain.parameters and "delay_s" in one.parameters  # known to be none, it is not estimated
     branch = next(b for b in one.branches if b.name == plain.best.name)
@@ -168,8 +168,8 @@ def test_a_soft_mount_is_named(foot: Foot, two_loads: list[Recording]) -> None:
         M = (1 + 2j * zeta * f / 90) / (1 + 2j * zeta * f / 90 - (f / 90) ** 2)
         soft.append(replace(r, malleolus_m_s2=np.fft.irfft(np.fft.rfft(y) * M, y.size)))
     result = fit_foot(soft, foot.with_values(BENT), starts=2)
-    assert result.wide is not None and result.wide.follows
-    assert any(text.startswith("A sign of a sensor on soft tissue") for text in departures(result.wide))
+    assert result.departures is not None and result.departures.follows
+    assert any(text.startswith("A sign of a sensor on soft tissue") for text in about_departures(result.departures))
     ankle = {b.name: b for b in result.open}["stiff ankle"]["k_T"]
     assert ankle.lower < BENT["k_T"] < ankle.upper
 
@@ -179,10 +179,10 @@ def test_constants_that_follow_the_load_are_wanted_where_they_do(foot: Foot, two
     more = {name: 1.2 * BENT[name] for name in ("k_T", "k_F", "c_11", "c_21")}
     data = [*session(BENT, FREQUENCIES), *session(BENT | more, FREQUENCIES, (2.3,))]
     result = fit_foot(data, foot.with_values(BENT), starts=2, exclude=["share"])
-    assert result.wide is not None and result.wide.constant is not None
-    assert result.wide.constant > result.wide.objective + 30
+    assert result.departures is not None and result.departures.constant is not None
+    assert result.departures.constant > result.departures.objective + 30
     leg = sum(oracle.MASSES[name] for name in ("m_S", "m_F"))
-    p, low, high = result.wide.exponents["k_T"]
+    p, low, high = result.departures.exponents["k_T"]
     assert low < np.log(1.2) / np.log((leg + 2.3) / leg) < high and low < p < high
     assert any("ask for stiffness and damping that change with the load" in text for text in result.warnings)
     assert any("need not change with the load" in text for text in two.warnings)
@@ -192,10 +192,10 @@ def test_masses_that_nobody_stated_are_known_as_people_are(foot: Foot, two_loads
     """The model's own stand in, for a person of half or twice that weight: all constants of one load scale with it."""
     bare = [replace(r, condition=replace(r.condition, body_mass_kg=None)) for r in two_loads[:4]]
     result = fit_foot(bare, foot, starts=1)
-    assert result.wide is not None
-    assert all(mass.assumed and mass.prior_std == 0.3 for mass in result.wide.masses)
+    assert result.departures is not None
+    assert all(mass.assumed and mass.prior_std == 0.3 for mass in result.departures.masses)
     assert "identified" not in {result.parameters[f"{n}_n_per_m"].identifiability for n in ("k_T", "k_F")}
     assert "3.375 assumed" in str(result.sheet())
     assert any("--body-mass" in text for text in result.warnings)
     told = fit_foot(bare, foot, starts=1, mass_std=0.1)
-    assert told.wide is not None and all(mass.prior_std == 0.1 for mass in told.wide.masses)
+    assert told.departures is not None and all(mass.prior_std == 0.1 for mass in told.departures.masses)

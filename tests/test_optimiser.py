@@ -10,7 +10,7 @@ from steady_cases import BENT, problem, session
 
 from fasbody.foot.model import Foot
 from identification import optimiser, steady
-from identification.branches import NOT_EXHAUSTED, Had
+from identification.branches import NOT_EXHAUSTED, Recorded
 from identification.optimiser import SAME, Optimum, Population, Searched, descend, finished, search
 from identification.residual import Evaluation, Problem
 
@@ -203,10 +203,10 @@ def test_what_was_found_once_decides_nothing(
     once = replace(fitted, solutions=tuple(ends))
     data = list(ends[0].problem.variables.recordings)
     built = [steady.branch_of(once, end, data, foot) for end in ends]
-    found = steady.verdict_of(once, built, Had(2), "")
+    found = steady.verdict_of(once, built, Recorded(2), "")
     assert found.word == verdict and (found.sentence == NOT_EXHAUSTED) is (hits == 1)
-    assert built[0]["k_F"].identifiability == word and built[0].world is not None
-    assert built[0].world.exhausted is (hits == 2)
+    assert built[0]["k_F"].identifiability == word and built[0].departures is not None
+    assert built[0].departures.exhausted is (hits == 2)
 
 
 @pytest.mark.parametrize(("repeats", "follows"), [(0.149, True), (0.151, False)])
@@ -220,5 +220,5 @@ def test_beyond_the_bound_of_repeatability_nothing_is_offered(
     built = [steady.branch_of(scattered, end, data, foot) for end in ends]
     words = {e.identifiability for branch in built for e in branch.parameters.values()}
     assert (words == {"not identifiable"}) is not follows
-    text = steady.verdict_of(scattered, built, Had(2), "").sentence
+    text = steady.verdict_of(scattered, built, Recorded(2), "").sentence
     assert ("does not follow the recordings" in text) is not follows

@@ -1,91 +1,76 @@
-"""Declared parameters: keys, places, shares, and what they write."""
-
-from collections.abc import Callable
-from dataclasses import replace
-from pathlib import Path
+"""The search space: transformations that undo each other, slopes against differences, bounds and their sentences."""
 
 import numpy as np
 import pytest
-import thesis
-from arch_copies import edited as edited_arch
 
-import mjcf
-from fasbody.arch.bones import Arch
-from fasbody.arch.motion import with_constants
-from fasbody.exceptions import ModelError, SettingError
-from fasbody.foot.model import Foot, load
-from fasbody.foot.shaker import sine
-from fasbody.foot.simulate import simulate
+from fasbody.exceptions import SettingError
+from fasbody.foot.model import Foot
+from identification.parameters import DELAY, space_of
 
-KEYS = (
-    "k_T_n_per_m", "k_F_n_per_m", "c_11_n_s_per_m", "c_12_per_m", "c_13_per_m", "c_21_n_s_per_m", "c_22_per_m",
-    "c_23_per_m", "m_S_kg", "m_F_kg",
-)  # fmt: skip
+NAMES = ("k_T", "k_F", "c_11", "c_12", "c_13", "c_21", "c_22", "c_23")
 
 
-def test_keys_and_bounds_of_the_two_mass_foot(foot: Foot) -> None:
-    assert tuple(item.key for item in foot.parameters.values()) == KEYS
-    k_F = foot.parameters["k_F"]
-    assert (k_F.lower, k_F.upper) == thesis.K_F_BOUNDS
-    assert all(item.source for item in foot.parameters.values())
-    logarithmic = [name for name, item in foot.parameters.items() if item.logarithmic]
-    assert logarithmic == ["k_T", "k_F", "c_11", "c_21", "m_S", "m_F"]
-    assert all(item.lower < foot.values()[name] < item.upper for name, item in foot.parameters.items())
+def test_default_frees_all_but_the_masses_and_puts_the_delay_last(foot: Foot) -> None:
+    space = space_of(foot)
+    assert space.names == NAMES
+    assert space.free[-1] is DELAY
+    assert space.has_delay
+    assert set(space.fixed) == {"m_S", "m_F"}
+    assert not space_of(foot, delay=False).has_delay
+    assert space_of(foot, ["delay", "k_F"]).names == ("k_F",)
 
 
-def test_each_parameter_reads_what_it_wrote_and_touches_nothing_else(foot: Foot) -> None:
-    before = foot.values()
-    for i, (name, item) in enumerate(foot.parameters.items()):
-        fields = {f: getattr(foot.model, f).reshape(1, -1).copy() for f in foot.parameters.fields}
-        original = {f: a.copy() for f, a in fields.items()}
-        item.write(fields, np.array([1.25 + i]))
-        changed = {(f, int(j)) for f in fields for j in np.flatnonzero(fields[f] != original[f])}
-        assert changed == {(place.field, place.index) for place in item.places}
-        assert foot.with_values({name: 1.25 + i}).values() == {**before, name: 1.25 + i}
+def test_to_q_and_back_and_its_slope(foot: Foot) -> None:
+    space = space_of(foot)
+    theta = space.theta({**foot.values(), "delay": 3e-4})
+    q = space.to_q(theta)
+    np.testing.assert_allclose(space.to_theta(q), theta, rtol=1e-14)
+    assert q[0] == pytest.approx(np.log(1.5e5))
+    step = 1e-6
+    slope = (space.to_theta(q + step) - space.to_theta(q - step)) / (2 * step)
+    np.testing.assert_allclose(space.slope(theta), slope, rtol=1e-8)
+    low, high = space.bounds
+    np.testing.assert_allclose(space.to_theta(low), space.lower, rtol=1e-14)
+    np.testing.assert_allclose(space.to_theta(high), space.upper, rtol=1e-14)
 
 
-def test_a_shared_parameter_stands_in_several_places(edited: Callable[..., Path]) -> None:
-    """`0.5 joint a stiffness, 0.25 joint b stiffness`: each place takes its share."""
-    (declared,) = [line for line in mjcf.path("two_dof").read_text().splitlines() if '<text name="k_F"' in line]
-    shared = "0.5 joint talocrural stiffness, 0.25 joint fat_pad stiffness"
-    pad = ('name="fat_pad" stiffness="1.0e5"', 'name="fat_pad" stiffness="0.75e5"')  # a quarter of k_T, as is said
-    file = edited((declared, ""), ("joint talocrural stiffness", shared), pad)
-    model = load(file).with_values({"k_T": 4e5}).model
-    assert model.jnt_stiffness[model.joint("talocrural").id] == 2e5
-    assert model.jnt_stiffness[model.joint("fat_pad").id] == 1e5
+def test_wild_starts_are_wild_but_inside(foot: Foot) -> None:
+    space = space_of(foot, bounds={"c_12": (-10, 10)})
+    rng = np.random.default_rng(0)
+    theta = np.array([space.to_theta(space.random(rng)) for _ in range(200)])
+    assert ((theta >= space.lower) & (theta <= space.upper)).all()
+    k_F = theta[:, 1]
+    assert k_F.max() / k_F.min() > 30
 
 
-def test_an_unknown_name_lists_the_valid_ones(foot: Foot) -> None:
-    with pytest.raises(SettingError, match=r"unknown parameter 'kF', did you mean 'k_F'\? \(valid: k_T, k_F.*two_dof"):
-        foot.parameters["kF"]
-    assert "kF" not in foot.parameters
-    assert len(foot.parameters) == 10
+def test_intervals_are_symmetric_in_q_and_cut_at_the_bounds(foot: Foot) -> None:
+    space = space_of(foot, ["k_T", "k_F", "c_12"], {"k_F": (9e4, 2e5)}, delay=False)
+    theta = np.array([1e5, 1e5, 50.0])
+    low, high = space.interval(theta, np.array([0.1, 0.1, np.nan]))
+    assert np.log(high[0] / 1e5) == pytest.approx(0.1959964, rel=1e-6)
+    assert np.log(1e5 / low[0]) == pytest.approx(0.1959964, rel=1e-6)
+    assert (low[1], high[1]) == (pytest.approx(9e4), pytest.approx(1e5 * np.exp(0.1959964)))
+    assert (low[2], high[2]) == (pytest.approx(-600), pytest.approx(600))
 
 
-@pytest.mark.parametrize("changes", [{"k_12": 9e4}, {"c_1": 700.0}, {"c_1": 5.0, "k_12": 2e5}, {"k_12": 2e5, "c_1": 5}])
-def test_branch_of_the_aponeurosis_each_constant_leaves_the_other(changes: dict[str, float]) -> None:
-    arch = load("foot_arch")
-    changed = arch.with_values(changes)
-    assert changed.values() == pytest.approx({**arch.values(), **changes}, rel=1e-14)
-    read = Arch.from_model(changed.model)
-    assert (read.c_1, read.k_12) == pytest.approx((changes.get("c_1", 300.0), changes.get("k_12", 155e3)), rel=1e-14)
+def test_values_join_free_and_fixed(foot: Foot) -> None:
+    space = space_of(foot, ["k_T"], delay=False)
+    assert space.values(np.array([7e4])) == {**foot.values(), "k_T": 7e4}
+    assert space.theta({"k_T": 1e9}) == pytest.approx([1e7])  # clipped
 
 
-def test_branch_of_the_aponeurosis_in_a_batch() -> None:
-    """Each simulation has its own constants, equal to a model with those constants written by another route."""
-    arch, motion = load("foot_arch"), sine(30.0, 0.05)
-    k_12, c_1 = np.array([155e3, 4e4, 4e5]), np.array([300.0, 900.0, 100.0])
-    together = simulate(arch, motion, values={"c_1": c_1, "k_12": k_12}).malleolus
-    for i in range(3):
-        constants = replace(Arch.from_model(arch.model), k_12=float(k_12[i]), c_1=float(c_1[i]))
-        alone = simulate(with_constants(arch, constants), motion).malleolus[0]
-        np.testing.assert_allclose(together[i], alone, atol=1e-6 * np.abs(alone).max())
-    assert np.abs(together[1] - together[0]).max() > 1e-2 * np.abs(together[0]).max()
-
-
-@pytest.mark.parametrize("wrong", ["dynprm 0 with gainprm 0", "dynprm 0 times gainprm", "dynprm 0 times gainprm 10"])
-def test_a_second_column_that_is_none(tmp_path: Path, wrong: str) -> None:
-    file = tmp_path / "copy.xml"
-    file.write_text(edited_arch(("dynprm 0 times gainprm 0", wrong)))
-    with pytest.raises(ModelError, match="parameter 'k_12' stands"):
-        load(file)
+@pytest.mark.parametrize(
+    ("free", "bounds", "sentence"),
+    [
+        (["k_X"], {}, "unknown parameter to estimate 'k_X'"),
+        (["delay"], {}, "no parameter is free"),
+        (["k_T"], {"k_F": (1e4, 2e4)}, "bounds are given for k_F, which is not free"),
+        (["k_T"], {"k_T": (2e4, 1e4)}, "bounds of k_T are 20000:10000; give two positive numbers, the lower one first"),
+        (["k_T"], {"k_T": (-1.0, 1e4)}, "give two positive numbers"),
+        (["c_12"], {"c_12": (5.0, 5.0)}, "give two finite numbers, the lower one first"),
+        (["k_T"], {"kT": (1e4, 2e4)}, "unknown parameter 'kT'"),
+    ],
+)
+def test_what_cannot_be_meant(foot: Foot, free: list[str], bounds: dict, sentence: str) -> None:
+    with pytest.raises(SettingError, match=sentence):
+        space_of(foot, free, bounds)

@@ -6,7 +6,7 @@ from steady_cases import BENT, problem, recorded, session
 
 from fasbody.foot.model import Foot
 from fasbody.recording.recording import Recording
-from identification.estimate import fit_foot
+from identification.fitting import fit_foot
 from identification.optimiser import finished, repeatability, search
 from identification.residual import Problem
 
@@ -65,7 +65,7 @@ def test_beyond_what_people_repeat_to_nothing_is_offered(foot: Foot, wrong: floa
         r.with_channels({"malleolus_m_s2": r.malleolus_m_s2 * (wrong if i % 2 else 1.0)}) for i, r in enumerate(data)
     ]
     result = fit_foot(data, foot.with_values(BENT), starts=2)
-    assert result.wide is not None and result.wide.follows is follows
+    assert result.departures is not None and result.departures.follows is follows
     words = {e.identifiability for b in result.branches for e in b.parameters.values()}
     assert (words == {"not identifiable"}) is not follows
     assert result.sentence().startswith("The model does not follow the recordings") is not follows

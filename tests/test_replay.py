@@ -9,7 +9,7 @@ from fasbody.exceptions import SimulationError
 from fasbody.foot.model import Foot
 from identification import steady
 from identification.branches import STIFF_ANKLE, STIFF_PAD
-from identification.estimate import fit_foot
+from identification.fitting import fit_foot
 from identification.replay import LONGEST_STEP, RESOLVED, Replayed, replay, residual, traces
 from identification.residual import Problem
 

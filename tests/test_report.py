@@ -13,7 +13,7 @@ import mjcf
 from fasbody.foot.model import load
 from fasbody.presentation import COLOURS, readable
 from identification import figures, report
-from identification.derived import derived
+from identification.derived_quantities import derived
 from identification.result import FitResult
 from viz.fitted import read
 
@@ -103,7 +103,7 @@ def test_a_page_says_what_the_legs_mass_costs_and_at_which_frequency_values_hold
     at_rest = report.rests(fitted)
     assert at_rest and set(at_rest) <= {"k_T_n_per_m", "k_F_n_per_m", "c_11_n_s_per_m", "c_21_n_s_per_m"}
     assert all(f"<td>{text}</td>" in page for text in at_rest.values())
-    assert f"{fitted.wide.repeats[1:]}" in page
+    assert f"{fitted.departures.repeats[1:]}" in page
 
 
 def test_a_value_at_its_bound_is_written_as_the_bound() -> None:
@@ -119,7 +119,7 @@ def test_methods_have_the_numbers_of_the_fit(fitted: FitResult) -> None:
     for part in (
         "n = 3 recordings", "10 to 30 Hz", "sampled at 1000 Hz", "28 numbers", f"{fitted.best.dof} degrees of freedom",
         "m_S = 3.375 kg ± 15 %", "starts (seed 0)", "k_T [N/m]", "p < 1e-16", "at 18.2 Hz, the geometric mean",
-        fitted.wide.repeats, "replayed as a MuJoCo",
+        fitted.departures.repeats, "replayed as a MuJoCo",
     ):  # fmt: skip
         assert part in text, part
 

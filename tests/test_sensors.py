@@ -18,16 +18,16 @@ from fasbody.recording.checks import checked
 from fasbody.recording.condition import Condition
 from fasbody.recording.recording import Recording
 from identification import branches
-from identification.derived import derived
+from identification.derived_quantities import derived
 from identification.engines.certified import CertifiedRollouts
 from identification.engines.engine import Whole
 from identification.engines.mujoco import Rollouts
 from identification.engines.twin import Twin, carriers, twin_applies
-from identification.estimate import Settings, fit_foot
+from identification.fitting import Settings, fit_foot
+from identification.parameters import space_of
 from identification.sensors import chosen
 from identification.setup import Setup
-from identification.space import space_of
-from identification.time_domain import TimeProblem
+from identification.time_problem import TimeProblem
 from simulator import worlds
 
 Edit = Callable[..., Path]
@@ -82,7 +82,7 @@ def test_a_foot_with_z_up_gives_the_same_answers(foot: Foot, linear: Foot, tmp_p
     for name, values in one.outputs.items():
         np.testing.assert_allclose(other.outputs[name], values, rtol=1e-9, atol=1e-9)
     data = [recorded(TwoDof.from_values(linear.values()), f) for f in (15.0, 30.0)]
-    free = {"free": ["k_T", "k_F"], "starts": 1, "threads": 1, "wide": False}
+    free = {"free": ["k_T", "k_F"], "starts": 1, "threads": 1, "departures": False}
     fits = [fit_foot(data, f.with_values(linear.values()), **free) for f in (foot, turned)]  # type: ignore[arg-type]
     for key, e in fits[0].parameters.items():
         assert fits[1].parameters[key].value == pytest.approx(e.value, rel=1e-9, abs=1e-12), key
@@ -226,7 +226,7 @@ def test_a_sensor_of_ones_own_goes_through_mujoco(edited: Edit, linear: Foot) ->
     p = TwoDof.from_values(linear.values())
     data = [replace(r, others={"shin": np.cos(0.4) * r.malleolus_m_s2}) for r in [recorded(p, 15.0)]]
     assert not twin_applies(own, ("malleolus", "shin")) and twin_applies(own)
-    result = fit_foot(data, own, free=["k_T", "k_F"], starts=1, threads=1, wide=False)
+    result = fit_foot(data, own, free=["k_T", "k_F"], starts=1, threads=1, departures=False)
     assert [s.name for s in result.recordings[0].sensors][1] == "shin"
     for name in ("k_T", "k_F"):
         assert result[name].value == pytest.approx(getattr(p, name), rel=5e-3)

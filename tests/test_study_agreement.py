@@ -10,7 +10,7 @@ from study_cases import power_laws, record, study
 
 from fasbody.foot.model import Foot
 from fasbody.recording.recording import Recording
-from identification.estimate import Settings, fit_foot
+from identification.fitting import Settings, fit_foot
 from identification.result import FitResult
 from identification.study import report, tables
 from identification.study.agreement import Agreement, agreement, steadiness
@@ -59,7 +59,7 @@ def test_a_transient_is_measured() -> None:
 def both(foot: Foot) -> tuple[list[Recording], tuple[FitResult, FitResult], Agreement]:
     data = study(lambda f, m: power_laws(20.0, m), (12.5, 20.0, 40.0), (0.0,), seed=4, seconds=1.2)
     held = foot.with_values({n: power_laws(20.0, 0.0)[n] for n in ("c_11", "c_12", "c_13", "c_22", "c_23")})
-    settings = Settings(wide=False, free=("k_T", "k_F", "c_21"), starts=1, threads=1, delay=False)
+    settings = Settings(departures=False, free=("k_T", "k_F", "c_21"), starts=1, threads=1, delay=False)
     results = tuple(fit_foot(data, held, replace(settings, domain=d)) for d in ("periodic", "time"))
     return data, results, agreement(data, held, settings, results=results)  # type: ignore[arg-type]
 

@@ -10,7 +10,7 @@ from study_runs import fitted, small
 
 from fasbody.foot.model import Foot
 from fasbody.recording.study import StudyFolder
-from identification.estimate import Settings
+from identification.fitting import Settings
 from identification.study import job
 from identification.study.checks import ensure
 from identification.study.plan import Model, Plan
@@ -29,7 +29,9 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def plan(study: Path, foot: Foot) -> Plan:
     opened = StudyFolder.open(study)
     trials = [trial for trial in opened.trials if trial.condition.added_mass_kg == 0.0]
-    return Plan(opened, trials, Settings(wide=False, starts=2, threads=1, bounds={"k_T": (1e4, 1e7)}), Model.of(foot))
+    return Plan(
+        opened, trials, Settings(departures=False, starts=2, threads=1, bounds={"k_T": (1e4, 1e7)}), Model.of(foot)
+    )
 
 
 def test_each_check_has_a_key_of_its_own_and_the_group_it_needs(plan: Plan) -> None:
@@ -126,6 +128,6 @@ def test_a_check_that_cannot_be_is_said_and_stops_nothing(study: Path, tmp_path:
 
 
 def test_bounds_are_the_space(foot: Foot) -> None:
-    space = ensure("pooled", Settings(wide=False, bounds={"k_T": (2e4, 3e6)}), foot, ("k_T", "delay"))
+    space = ensure("pooled", Settings(departures=False, bounds={"k_T": (2e4, 3e6)}), foot, ("k_T", "delay"))
     i = [item.name for item in space.free].index("k_T")
     np.testing.assert_allclose([space.lower[i], space.upper[i]], [2e4, 3e6])

@@ -13,7 +13,7 @@ from fasbody import runner
 from fasbody.exceptions import SettingError
 from fasbody.foot.model import Foot
 from fasbody.recording.study import StudyFolder
-from identification.estimate import Settings
+from identification.fitting import Settings
 from identification.study import plan
 from identification.study.filters import Filters
 from identification.study.plan import Model, Plan
@@ -26,13 +26,13 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def planned(folder: Path, foot: Foot, mode: str = "per-recording", **settings: object) -> list[str]:
     opened = StudyFolder.open(folder)
-    plan = Plan(opened, opened.trials, dataclasses.replace(Settings(wide=False), **settings), Model.of(foot))  # type: ignore[arg-type]
+    plan = Plan(opened, opened.trials, dataclasses.replace(Settings(departures=False), **settings), Model.of(foot))  # type: ignore[arg-type]
     return [job.key for job in plan.jobs(mode)]
 
 
 def test_modes_take_together_what_they_say(study: Path, foot: Foot) -> None:
     opened = StudyFolder.open(study)
-    plan = Plan(opened, opened.trials, Settings(wide=False), Model.of(foot))
+    plan = Plan(opened, opened.trials, Settings(departures=False), Model.of(foot))
     each, pooled = (plan.jobs(mode) for mode in ("per-recording", "pooled"))
     assert [len(job.trials) for job in each] == [1] * 8
     assert [(j.subject, j.added_mass_kg, len(j.trials)) for j in pooled] == [
@@ -99,8 +99,8 @@ def test_filters(study: Path) -> None:
 def test_what_cannot_be_meant(study: Path, foot: Foot) -> None:
     opened = StudyFolder.open(study)
     for settings, said in (
-        (Settings(wide=False, starts=0), "starts is 0"),
-        (Settings(wide=False, domain="tme"), "did you mean 'time'"),
+        (Settings(departures=False, starts=0), "starts is 0"),
+        (Settings(departures=False, domain="tme"), "did you mean 'time'"),
     ):
         with pytest.raises(SettingError, match=said):
             Plan(opened, opened.trials, settings, Model.of(foot))

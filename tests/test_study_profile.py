@@ -8,8 +8,8 @@ from study_cases import power_laws, study
 
 from fasbody.exceptions import SettingError
 from fasbody.foot.model import Foot
-from identification.estimate import Settings
-from identification.space import Space, space_of
+from identification.fitting import Settings
+from identification.parameters import Space, space_of
 from identification.study.profile import RISE, Place, Profile, profiles, profiles_of
 from identification.study.validation import quick_fit
 

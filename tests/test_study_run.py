@@ -15,7 +15,7 @@ from fasbody import console as interrupt
 from fasbody.console import to_json
 from fasbody.foot.model import load
 from fasbody.recording.study import StudyFolder
-from identification.estimate import Settings, fit_foot
+from identification.fitting import Settings, fit_foot
 from identification.study import cluster, job
 from identification.study.plan import Model, Plan
 
@@ -27,7 +27,7 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_job_is_the_fit(study: Path) -> None:
     """What the document says is what fit() says of the same recordings."""
-    opened, settings = StudyFolder.open(study), Settings(wide=False, starts=2, threads=1)
+    opened, settings = StudyFolder.open(study), Settings(departures=False, starts=2, threads=1)
     plan = Plan(opened, opened.trials, settings, Model.of(load("two_dof")))
     for mode in ("per-recording", "pooled"):
         one = plan.jobs(mode)[0]
@@ -41,7 +41,7 @@ def test_a_job_is_the_fit(study: Path) -> None:
 def test_interrupt_within_compiled_code_is_no_failed_fit(study: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """What compiled code makes of Ctrl-C, a SystemError, is no document; other bugs are one, with their traceback."""
     opened = StudyFolder.open(study)
-    plan = Plan(opened, opened.trials, Settings(wide=False, starts=1, threads=1), Model.of(load("two_dof")))
+    plan = Plan(opened, opened.trials, Settings(departures=False, starts=1, threads=1), Model.of(load("two_dof")))
     work = plan.work(plan.jobs("per-recording")[0])
     monkeypatch.setattr(interrupt, "_pressed", [])
 

@@ -7,7 +7,7 @@ from study_cases import NONLINEAR, power_laws, record, study
 from fasbody.exceptions import SettingError
 from fasbody.foot.model import Foot
 from fasbody.recording.checks import checked
-from identification.estimate import Settings
+from identification.fitting import Settings
 from identification.harmonics import Line
 from identification.study.validation import (
     compare,
@@ -79,7 +79,7 @@ def test_estimates_that_are_power_laws_predict_what_is_left_out(foot: Foot) -> N
 
 
 def test_pooled_constants_predict_constants_and_not_a_trend(foot: Foot) -> None:
-    settings = Settings(wide=False, starts=1, threads=1)
+    settings = Settings(departures=False, starts=1, threads=1)
     good = leave_one_frequency_out(study(constant, F, (0.0,)), foot, "pooled", settings)
     bad = leave_one_frequency_out(study(power_laws, F[:3], (0.0,)), foot, "pooled", settings)
     assert good.chi_square_per_number < 4
@@ -89,7 +89,7 @@ def test_pooled_constants_predict_constants_and_not_a_trend(foot: Foot) -> None:
 
 
 def test_criteria_know_linear_damping_from_nonlinear(foot: Foot) -> None:
-    settings = Settings(wide=False, starts=1, threads=1)
+    settings = Settings(departures=False, starts=1, threads=1)
     bent = compare_damping(study(constant, F[:4], (0.0,)), foot, settings)
     assert bent.preferred("aic") == bent.preferred("bic") == bent.preferred("held_out_percent") == "nonlinear"
     assert bent.linear.held_out_chi_square > 10 * bent.nonlinear.held_out_chi_square

@@ -84,7 +84,7 @@ def serve(jobs: TextIO, answers: TextIO) -> None:
         answers.write(json.dumps(json.loads(to_json(document))) + "\n")
         answers.flush()
 
-    import identification.estimate
+    import identification.fitting
 
     if waiting.empty():
         _rehearse()
@@ -129,8 +129,8 @@ def _rehearse() -> None:
 
 
 def _fit(asked: Mapping[str, Any], tell: Callable[[Mapping[str, Any]], None]) -> Any:
-    from identification.derived import at_a_glance, traces
-    from identification.estimate import fit_foot
+    from identification.derived_quantities import at_a_glance, traces
+    from identification.fitting import fit_foot
     from viz.load import load_foot
 
     recordings = [Source(**source).read() for source in asked["sources"]]

@@ -139,8 +139,8 @@ def propose(
 
       python -m identification.plan run --simulate --auto --out my_study
     """
+    from identification.parameters import names
     from identification.plan.result import planned
-    from identification.space import names
 
     began = time.perf_counter()
     shaker = _shaker(
@@ -355,8 +355,8 @@ def _person(
 ) -> "Person":
     from fasbody.foot.model import load
     from fasbody.recording.known import Known
+    from identification.parameters import names
     from identification.plan.prior import Person
-    from identification.space import names
 
     known = Known.of_all([recording.known for recording in earlier])
     known = known.told(mass_std, gain_std, delay_std, names(exclude) or ())

@@ -1,6 +1,6 @@
 """What is known of a foot before it is shaken: a population to plan for, and where it could lie after recordings.
 
-The variables are those of the fit (`identification.parameters`) with its nuisances and priors. To these a population of
+The variables are those of the fit (`identification.variables`) with its nuisances and priors. To these a population of
 feet is added, wide enough for both mirror feet: without it a plan would need a guess.
 """
 
@@ -19,9 +19,9 @@ from fasbody.recording.recording import Recording
 from identification.branches import EXCHANGED, has_mirror, ratio
 from identification.engines.twin import twin_applies
 from identification.nuisances import Nuisance, nuisances
-from identification.parameters import Variables
+from identification.parameters import space_of
 from identification.plan.candidates import Step
-from identification.space import space_of
+from identification.variables import Variables
 
 #: The population. The resonance of the leg on both springs: the thesis finds it between 15 and 40 Hz (Figures 2.3 to
 #: 2.5), so 25 Hz with a standard deviation of a fifth (half of that of the stiffness).

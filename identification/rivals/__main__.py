@@ -53,8 +53,8 @@ def main(
     """
     import mjcf
     from fasbody.foot.model import load
+    from identification.parameters import names
     from identification.rivals.compare import compare_rivals
-    from identification.space import names
 
     source, recordings, _ = gather(data or [BUNDLED], body_mass, added_mass, study)
     foot = load(model)

@@ -19,14 +19,14 @@ from identification import branches
 from identification.harmonics import Line, Measured
 from identification.motion import TwoMassMotion
 from identification.nuisances import OF_SENSOR, OF_SPRINGS, Nuisance, nuisances
-from identification.parameters import Variables
+from identification.parameters import MASSES, space_of
 from identification.residual import Problem
 from identification.rivals.motion import AT, EXTRA, RivalMotion
 from identification.rivals.result import MODEL
 from identification.rivals.steady import CONSTANTS, HARMONICS, LOAD_KG
 from identification.sensors import MALLEOLUS
-from identification.space import MASSES, space_of
 from identification.steady import problem_of
+from identification.variables import Variables
 
 #: Departures that rungs stand for, or that none allows for.
 EXCLUDED = ("mount", "relaxation", "load", "rocking")

@@ -9,7 +9,7 @@ import numpy as np
 from fasbody.foot.model import Foot
 from fasbody.recording.checks import checked
 from fasbody.recording.recording import Recording
-from identification.estimate import Settings, fit_foot
+from identification.fitting import Settings, fit_foot
 from identification.harmonics import Line
 from identification.result import FitResult
 from identification.setup import STEADY

@@ -10,10 +10,10 @@ from fasbody.exceptions import SettingError, unknown
 from fasbody.foot.model import Foot
 from fasbody.recording.recording import Recording
 from identification import optimiser
-from identification.estimate import Settings
+from identification.fitting import Settings
 from identification.intervals import Solution
+from identification.parameters import DELAY, Space, space_of
 from identification.setup import Setup
-from identification.space import DELAY, Space, space_of
 from identification.study.agreement import agreement
 from identification.study.filters import KINDS
 from identification.study.loops import values_of

@@ -79,8 +79,8 @@ def main(
       python -m identification.study my_study --scheduler tcp://127.0.0.1:8786
     """
     from fasbody.foot.model import load
-    from identification.estimate import Settings
-    from identification.space import limits, names
+    from identification.fitting import Settings
+    from identification.parameters import limits, names
     from identification.study import report
     from identification.study.checks import ensure
     from identification.study.findings import gather

@@ -19,9 +19,9 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, StrMethodFormatter
 
 from fasbody.presentation import PAGE, counted, picture, printed
-from identification.advice import POOR_FIT, follows
 from identification.branches import EXCHANGED
 from identification.figures import label_of, of_loads, panels
+from identification.recommendations import POOR_FIT, follows
 from identification.study.means import BAND, FEWEST, POSITIVE, mean_curve
 from identification.study.summary import FEWEST as FEWEST_OF_A_BOX
 from identification.study.summary import OPEN, measured, nominal

@@ -10,7 +10,7 @@ from fasbody.exceptions import FasError, RecordingError, SimulationError
 from fasbody.foot.model import Foot
 from fasbody.recording.checks import checked
 from fasbody.recording.recording import Recording
-from identification.estimate import Settings, fit_foot
+from identification.fitting import Settings, fit_foot
 from identification.study.checks import check
 from identification.study.filters import KINDS
 from identification.study.loops import cycles

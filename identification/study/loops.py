@@ -29,7 +29,7 @@ from fasbody.foot.two_mass import PARAMETERS, Orbits, parameters, resolved
 from fasbody.recording.recording import Recording
 from identification.engines.twin import twin_applies
 from identification.harmonics import Line
-from identification.space import DELAY
+from identification.parameters import DELAY
 
 #: Points of a stored loop, and instants of the cycle of a two-mass foot.
 POINTS, INSTANTS = 48, 128

@@ -15,7 +15,7 @@ from fasbody.foot.model import Foot, check
 from fasbody.recording.recording import Recording
 from fasbody.recording.study import StudyFolder
 from fasbody.recording.trials import Trial
-from identification.estimate import Settings
+from identification.fitting import Settings
 from identification.setup import DOMAINS
 from identification.study.filters import KINDS, MODES
 
@@ -163,7 +163,7 @@ class Plan:
 
     def _settings(self, mode: str, kind: str) -> Settings:
         """Several frequencies are fitted with errors of model and sensors, and checked with the model assumed exact."""
-        return replace(self.settings, wide=self.settings.wide and mode == "pooled" and kind == KINDS[0])
+        return replace(self.settings, departures=self.settings.departures and mode == "pooled" and kind == KINDS[0])
 
 
 def content(study: StudyFolder, trial: Trial) -> str:

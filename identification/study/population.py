@@ -30,8 +30,8 @@ from scipy.stats import t as student
 from fasbody.exceptions import RecordingError
 from fasbody.heel.population import FEWEST, Observed, estimate
 from fasbody.presentation import Tabled, readable
-from identification.advice import POOR_FIT, follows
 from identification.branches import DECISIVE_ODDS, EXCHANGED, STIFF_ANKLE, STIFF_PAD
+from identification.recommendations import POOR_FIT, follows
 from identification.study.tracking import deviances
 
 _LEVEL = 0.95

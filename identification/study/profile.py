@@ -20,8 +20,8 @@ from fasbody.foot.parameters import Parameter
 from fasbody.transmissibility.statistics import Z95
 from identification.estimates import identifiability
 from identification.intervals import Solution, inverse_of_gram, size_that_matters
+from identification.parameters import delay_of
 from identification.residual import Evaluation
-from identification.space import delay_of
 
 #: Rise of the deviance at the 95 % limits.
 RISE = float(chi2.ppf(0.95, 1))

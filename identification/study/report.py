@@ -14,8 +14,8 @@ from markupsafe import Markup
 
 from fasbody import console
 from fasbody.presentation import counted, inline
-from identification.advice import POOR_FIT, follows
 from identification.estimates import RULE
+from identification.recommendations import POOR_FIT, follows
 from identification.study import summary, tables
 from identification.study.findings import Findings, gather
 from identification.study.population import Population

@@ -7,8 +7,8 @@ import numpy as np
 import pandas as pd
 
 from fasbody.foot.parameters import symbol_and_unit
-from identification.advice import POOR_FIT, follows
 from identification.branches import STIFF_ANKLE, STIFF_PAD
+from identification.recommendations import POOR_FIT, follows
 from identification.study.truth import Truth
 
 #: Columns of summary.csv.

@@ -7,8 +7,8 @@ import numpy as np
 import pandas as pd
 
 from fasbody.presentation import readable
-from identification.advice import follows
 from identification.branches import STIFF_ANKLE, STIFF_PAD
+from identification.recommendations import follows
 from identification.result import symbol_and_unit
 from identification.study import summary
 from identification.study.findings import Findings

@@ -23,7 +23,7 @@ from scipy.special import logsumexp
 from fasbody.exceptions import SettingError, unknown
 from fasbody.presentation import readable
 from identification.branches import DECISIVE_ODDS, EXCHANGED, pinned
-from identification.space import limits
+from identification.parameters import limits
 
 #: Curves whose continuity counts.
 CURVES = EXCHANGED

@@ -18,12 +18,12 @@ from fasbody.recording.checks import checked
 from fasbody.recording.recording import Recording
 from identification import optimiser
 from identification.engines.twin import twin_applies
-from identification.estimate import Settings
+from identification.fitting import Settings
 from identification.harmonics import Line
 from identification.intervals import Solution
+from identification.parameters import DELAY, MASSES, space_of
 from identification.residual import Problem
 from identification.setup import Setup
-from identification.space import DELAY, MASSES, space_of
 from identification.steady import SIDES
 from identification.study.filters import MODES
 from identification.study.loops import periodic_motion

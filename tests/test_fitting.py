@@ -12,7 +12,7 @@ from fasbody.console import to_json
 from fasbody.exceptions import RecordingError, SettingError
 from fasbody.foot.model import Foot, load
 from fasbody.recording.recording import Condition, Recording
-from identification.estimate import Settings, fit_foot
+from identification.fitting import Settings, fit_foot
 from identification.report import html
 from identification.result import FitResult
 from viz.fitted import fitted

@@ -11,8 +11,8 @@ from fasbody.recording.recording import Recording
 from identification.estimates import Allowance
 from identification.harmonics import Line
 from identification.nuisances import FOOT_STD
-from identification.result import UNLIKELY, Branch, World, chance
-from identification.space import Space
+from identification.parameters import Space
+from identification.result import UNLIKELY, Branch, Departures, chance
 
 #: Fit below which something is wrong [%], and error of the base above which the shaker is.
 POOR_FIT, _BASE_ERROR = 85.0, 1e-4
@@ -35,7 +35,7 @@ def advice(
     data: Sequence[Recording],
     fits: Sequence[float],
     base_error: float,
-    others: Sequence[World] = (),
+    others: Sequence[Departures] = (),
 ) -> list[str]:
     """Sentences on a fit's best branch.
 
@@ -83,7 +83,7 @@ def advice(
         )
     bound = [key for key, e in best.parameters.items() if e.at_bound]
     zero = [key for key in bound if best.parameters[key].value == 0.0]
-    may_trust = best.world is None or best.world.follows
+    may_trust = best.departures is None or best.departures.follows
     if zero and may_trust:
         bends = [key for key in zero if _bend(key)]
         if bends:
@@ -96,7 +96,7 @@ def advice(
     if set(bound) - set(zero):
         rest = ", ".join(_symbol(key) for key in bound if key not in zero)
         texts.append(f"At its bound: {rest}. The value says where the bound is, not where the foot is.")
-    few = best.world is None and rank < len(space.free)
+    few = best.departures is None and rank < len(space.free)
     free = {key: e for key, e in best.parameters.items() if not e.at_bound}
     weak = [key for key, e in free.items() if few or e.identifiability == "not identifiable"]
     if weak and may_trust:
@@ -108,7 +108,7 @@ def advice(
             f"Above zero only with the model assumed exact: {', '.join(trusted)}. Otherwise zero is in the interval."
         )
     loads = len({recording.condition.added_mass_kg for recording in data})
-    return [*texts, *(departures(best.world, others, loads) if best.world else [])]
+    return [*texts, *(about_departures(best.departures, others, loads) if best.departures else [])]
 
 
 def _bend(key: str) -> bool:
@@ -127,52 +127,53 @@ _FAR = 3.0
 _BEYOND = 2.0
 
 
-def departures(world: World, others: Sequence[World] = (), loads: int = 1) -> list[str]:
+def about_departures(departures: Departures, others: Sequence[Departures] = (), loads: int = 1) -> list[str]:
     """What the recordings say of the masses, and of each thing that may be true beside the model and seems to be.
 
     A fit that does not follow them says nothing of that, and neither does one of two open branches alone.
 
     Args:
-        world: of the likelier branch.
+        departures: of the likelier branch.
         others: those of the other branches that the data leave open.
         loads: how many were on the knee.
     """
-    if not world.follows:
-        return _culprits(world)
-    texts = _ruler(world)
-    for mass in world.masses:
+    if not departures.follows:
+        return _culprits(departures)
+    texts = _ruler(departures)
+    for mass in departures.masses:
         if mass.weighed:
             texts.append(
                 f"The recordings weigh the leg: {mass.name} without load is {mass.interval()} kg, "
                 f"{100 * (mass.value / mass.stated - 1):+.1f} % off the {mass.stated:.4g} {mass.basis}."
             )
-    if world.masses and not any(mass.weighed for mass in world.masses):
-        assumed = any(mass.assumed for mass in world.masses)
-        usual = any(mass.prior_std == FOOT_STD for mass in world.masses)
+    if departures.masses and not any(mass.weighed for mass in departures.masses):
+        assumed = any(mass.assumed for mass in departures.masses)
+        usual = any(mass.prior_std == FOOT_STD for mass in departures.masses)
         better = "; --body-mass narrows it" if assumed else "; --mass-std if you know them better" if usual else ""
         texts.append(
             "The recordings do not determine the leg's mass, and all stiffness and damping scale with it: they are "
             f"known about as well as the masses that were {'assumed' if assumed else 'stated'} (standard deviation "
-            f"{100 * max(m.prior_std for m in world.masses):.3g} % each{better}). "
+            f"{100 * max(m.prior_std for m in departures.masses):.3g} % each{better}). "
             f"A {'second' if loads == 1 else 'heavier'} load may determine it."
         )
     told = {each.name for other in others for each in other.nuisances if not _shows(each)}
-    texts += [_sign(each) for each in world.nuisances if _shows(each) and each.name not in told]
-    return [*texts, *_loads(world)]
+    texts += [_sign(each) for each in departures.nuisances if _shows(each) and each.name not in told]
+    return [*texts, *_loads(departures)]
 
 
-def _culprits(world: World) -> list[str]:
+def _culprits(departures: Departures) -> list[str]:
     """Where a fit that does not follow its recordings misses them."""
     texts = []
-    itself = world.repeats_by_itself
-    if itself is not None and world.repeatability > _BEYOND * itself:
+    itself = departures.repeats_by_itself
+    if itself is not None and departures.repeatability > _BEYOND * itself:
         texts.append(
             f"Recordings of one condition repeat to {100 * itself:.2g} %, and the model leaves "
-            f"{100 * world.repeatability:.2g} %: the model or a condition is wrong, rather than the person restless."
+            f"{100 * departures.repeatability:.2g} %: the model or a condition is wrong, rather than the person "
+            "restless."
         )
-    if world.misfit is None:
+    if departures.misfit is None:
         return texts
-    out = world.misfit.standing_out()
+    out = departures.misfit.standing_out()
     parts = [f"{name} ({_share(share)})" for name, share in list(out.get("recordings", {}).items())[:3]]
     parts += [f"harmonic {name} ({_share(share)})" for name, share in list(out.get("harmonics", {}).items())[:2]]
     parts += [f"the {name} ({_share(share)})" for name, share in out.get("sensors", {}).items()]
@@ -193,17 +194,17 @@ def _culprits(world: World) -> list[str]:
 _ALIKE = 1.5
 
 
-def _ruler(world: World) -> list[str]:
+def _ruler(departures: Departures) -> list[str]:
     """What all constants share: the scale that masses and load set."""
     texts = []
-    if world.scale_std > 0:
+    if departures.scale_std > 0:
         texts.append(
             "All stiffness and damping share one scale, the leg's mass, which is known to "
-            f"±{196 * world.scale_std:.2g} % (95 %); natural frequencies, damping ratios and constants per kilogram do "
-            "not depend on it. A force plate under the foot, with and without the load, narrows it (static_force_n in "
-            "[known] of study.toml)."
+            f"±{196 * departures.scale_std:.2g} % (95 %); natural frequencies, damping ratios and constants per "
+            "kilogram do not depend on it. A force plate under the foot, with and without the load, narrows it "
+            "(static_force_n in [known] of study.toml)."
         )
-    off = [each.off for each in world.nuisances if each.group == "masses"]
+    off = [each.off for each in departures.nuisances if each.group == "masses"]
     if len(off) == 2 and min(off) * max(off) > 0 and min(map(abs, off)) > _ALIKE:
         way = "heavier" if off[0] > 0 else "lighter"
         texts.append(
@@ -226,12 +227,12 @@ def _parts(each: Allowance) -> tuple[str, str]:
     return kind, whose or "malleolus"
 
 
-def _loads(world: World) -> list[str]:
+def _loads(departures: Departures) -> list[str]:
     """Whether the recordings want constants that follow the load, and what two loads say if they do not."""
-    follow = [each for each in world.nuisances if each.group == "load"]
-    if world.constant is None or not follow or not world.follows:
+    follow = [each for each in departures.nuisances if each.group == "load"]
+    if departures.constant is None or not follow or not departures.follows:
         return []
-    falls = max(0.0, world.constant - world.objective) / max(1.0, world.per_dof)
+    falls = max(0.0, departures.constant - departures.objective) / max(1.0, departures.per_dof)
     p = float(chdtrc(len(follow), falls))
     gain = f"the sum of squares falls by {falls:.3g} for {len(follow)} more constants, {chance(p)}"
     if p < UNLIKELY:

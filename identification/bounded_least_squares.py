@@ -18,7 +18,7 @@ _LEAST_DAMPING, _MOST_DAMPING, _ROUNDING = 1e-6, 1e14, 1e-14
 
 
 @dataclass(frozen=True, eq=False)
-class Settled:
+class Minimum:
     """Where a descent ended.
 
     Attributes:
@@ -36,7 +36,7 @@ class Settled:
     left: float
 
 
-class Valley(Protocol):
+class SumOfSquares(Protocol):
     """A sum of squares whose value costs far less than its derivatives."""
 
     def values(self, q: np.ndarray) -> np.ndarray:
@@ -56,40 +56,40 @@ class Valley(Protocol):
 _FEELER, _BEND = 0.1, 0.75
 
 
-def follow(
-    valley: Valley, q: np.ndarray, low: np.ndarray, high: np.ndarray, most: int, promised: float = PROMISED
-) -> Settled:
+def minimise(
+    problem: SumOfSquares, q: np.ndarray, low: np.ndarray, high: np.ndarray, most: int, promised: float = PROMISED
+) -> Minimum:
     """Minimise a sum of squares along a valley that bends: each step has the correction of second order.
 
     The second derivative of the residual along the step costs one more residual and no Jacobian (Transtrum and Sethna
     2012).
     """
     q = np.clip(q, low, high)
-    r = valley.values(q)
+    r = problem.values(q)
     objective, count, factor, damping = float(r @ r), 1, 2.0, 1e-3
     while True:
-        valley.derivatives(q)
-        A, g = valley.gram(), valley.back(r)
+        problem.derivatives(q)
+        A, g = problem.gram(), problem.back(r)
         size = np.sqrt(np.maximum(np.diag(A), 1e-12 * max(1e-300, float(np.diag(A).max()))))
         A, g = A / np.outer(size, size), g / size
         ends = (low - q) * size, (high - q) * size
         full = between(A + _ROUNDING * np.eye(q.size), g, *ends)
         left = -float(2 * g @ full + full @ A @ full)
         if left < promised:
-            return Settled(q, objective, count, True, left)
+            return Minimum(q, objective, count, True, left)
         while True:
             if count >= most or damping > _MOST_DAMPING:
-                return Settled(q, objective, count, False, left)
+                return Minimum(q, objective, count, False, left)
             damped = A + np.diag(damping / size**2 + _ROUNDING)
             step = between(damped, g, *ends)
             foretold = -float(2 * g @ step + step @ A @ step)
-            felt = valley.values(np.clip(q + _FEELER * step / size, low, high))
-            along = valley.back((felt - r) / _FEELER) / size - A @ step  # J^T of half the second derivative, x h
+            felt = problem.values(np.clip(q + _FEELER * step / size, low, high))
+            along = problem.back((felt - r) / _FEELER) / size - A @ step  # J^T of half the second derivative, x h
             bend = -np.linalg.solve(damped, along / _FEELER)
             if np.linalg.norm(bend) <= _BEND * np.linalg.norm(step):
                 step = np.clip(step + bend, *ends)
             trial = np.clip(q + step / size, low, high)
-            r_new = valley.values(trial)
+            r_new = problem.values(trial)
             count += 1
             gain = objective - float(r_new @ r_new)
             if gain > 0:

@@ -12,8 +12,8 @@ from fasbody.recording.checks import unit_in_doubt
 from fasbody.recording.recording import Recording
 from fasbody.recording.sources import together
 from identification.engines.engine import stated
-from identification.space import SearchSpace
-from identification.time_domain import UNSTABLE, TimeProblem
+from identification.parameters import Space
+from identification.time_problem import UNSTABLE, TimeProblem
 
 if TYPE_CHECKING:
     from scipy.optimize import OptimizeResult
@@ -94,9 +94,7 @@ def descend(
     )
 
 
-def lost(
-    foot: Foot, space: SearchSpace, descents: Sequence[Descent], recordings: Sequence[Recording]
-) -> SimulationError:
+def lost(foot: Foot, space: Space, descents: Sequence[Descent], recordings: Sequence[Recording]) -> SimulationError:
     """What to raise where no start came to a steady motion: a unit in doubt is the likeliest reason."""
     if doubt := unit_in_doubt(r.warnings for r in recordings):
         return SimulationError(f"{doubt} As it is, none of {len(descents)} starts of {foot.name} has a steady motion.")

@@ -15,7 +15,7 @@ from fasbody.foot.two_mass import PARAMETERS, parameters, resolved
 from fasbody.recording.harmonics import fit_harmonics
 from fasbody.recording.study import BUNDLED
 from identification import report
-from identification.derived import _views, derived, linearised, poles, small_motion, work_slopes
+from identification.derived_quantities import _views, derived, linearised, poles, small_motion, work_slopes
 from identification.estimates import IF_TRUE, WHATEVER
 from identification.harmonics import Line
 from identification.replay import relaxing
@@ -137,9 +137,9 @@ def test_the_legs_mass_is_the_part_that_all_intervals_share(fitted: FitResult) -
     view = next(view for view in _views(fitted, fitted.evidence) if view.basis == WHATEVER)
     rows = [row for row in derived(fitted).scale if row["branch"] == view.branch]
     assert [row["parameter"] for row in rows] == list(fitted.parameters)[:4]
-    leg = sum(mass.value for mass in fitted.wide.masses)
+    leg = sum(mass.value for mass in fitted.departures.masses)
     (mass,) = {row["of_it_mass_percent"] for row in rows}
-    assert mass == pytest.approx(100 * view.quantile * fitted.wide.scale_std)
+    assert mass == pytest.approx(100 * view.quantile * fitted.departures.scale_std)
     for row in rows:
         e = fitted[row["parameter"]]
         assert row["half_width_percent"] == pytest.approx(50 * np.log(e.upper / e.lower), rel=1e-3)
@@ -154,7 +154,7 @@ def test_the_legs_mass_is_the_part_that_all_intervals_share(fitted: FitResult) -
 def test_parts_of_chi_square_add_up(fitted: FitResult) -> None:
     parts = derived(fitted).chi_square
     assert sum(row["chi_square_if_model_true"] for row in parts) == pytest.approx(fitted.best.chi_square, rel=1e-6)
-    assert sum(row["chi_square"] for row in parts) == pytest.approx(fitted.wide.chi_square, rel=1e-6)
+    assert sum(row["chi_square"] for row in parts) == pytest.approx(fitted.departures.chi_square, rel=1e-6)
     assert 2 * len(parts) == fitted.best.dof + len(fitted.parameters)
     assert {(r["harmonic"], round(r["frequency_hz"])) for r in parts} >= {(1, 10), (6, 10), (3, 30)}
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.optimize import least_squares, lsq_linear
 
-from identification.settle import PROMISED, between, follow
+from identification.bounded_least_squares import PROMISED, between, minimise
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -48,14 +48,14 @@ class Bent:
 @pytest.mark.parametrize("steep", [10.0, 1000.0])
 def test_a_descent_ends_where_scipy_does(steep: float, high: tuple[float, float]) -> None:
     valley, low, start = Bent(steep), np.full(2, -2.0), np.array([-1.2, 0.25])
-    found = follow(valley, start, low, np.array(high), 500, 1e-16)
+    found = minimise(valley, start, low, np.array(high), 500, 1e-16)
     want = least_squares(valley.residual, start, valley.jacobian, (low, high), xtol=1e-15, ftol=1e-15, max_nfev=10_000)
     assert found.converged and found.q == pytest.approx(want.x, abs=1e-5)
 
 
 def test_it_stops_where_nothing_more_is_promised_and_says_how_much_was_left() -> None:
     low, high = np.full(2, -2.0), np.full(2, 2.0)
-    short = follow(Bent(10.0), np.array([-1.2, 1.0]), low, high, 3)
+    short = minimise(Bent(10.0), np.array([-1.2, 1.0]), low, high, 3)
     assert not short.converged and short.evaluations == 3 and short.left > PROMISED
-    near = follow(Bent(10.0), np.array([1.01, 1.02]), low, high, 100)
+    near = minimise(Bent(10.0), np.array([1.01, 1.02]), low, high, 100)
     assert near.converged and near.evaluations == 1 and near.left < PROMISED

@@ -25,11 +25,11 @@ from identification.certification import Certified, standard_errors
 from identification.estimates import IF_TRUE, WHATEVER
 from identification.harmonics import Line
 from identification.intervals import Solution
+from identification.parameters import DELAY
 from identification.replay import residual
 from identification.replay import traces as replayed
 from identification.result import FitResult
 from identification.sensors import MALLEOLUS
-from identification.space import DELAY
 from identification.study.loops import Cycle, cycle, of_orbits
 
 if TYPE_CHECKING:

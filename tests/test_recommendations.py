@@ -7,9 +7,9 @@ import pytest
 
 from fasbody.recording.checks import checked
 from fasbody.recording.recording import Condition, Recording
-from identification.advice import departures, excitation_rank
 from identification.estimates import Mass
-from identification.result import World
+from identification.recommendations import about_departures, excitation_rank
+from identification.result import Departures
 
 T = np.arange(2000) / 1000
 
@@ -57,9 +57,9 @@ def test_noise_up_to_half_the_sampling_rate_excites_and_a_load_makes_another_sys
     assert excitation_rank([base(20.0), loaded]) == 4
 
 
-def a_world(prior_std: float, assumed: bool) -> World:
+def some_departures(prior_std: float, assumed: bool) -> Departures:
     masses = tuple(Mass(name, 3.0, prior_std, 3.0, 2.5, 3.5, 0.0, assumed=assumed) for name in ("m_S", "m_F"))
-    return World(chi_square=10.0, objective=10.0, dof=10, follows=True, masses=masses, nuisances=())
+    return Departures(chi_square=10.0, objective=10.0, dof=10, follows=True, masses=masses, nuisances=())
 
 
 @pytest.mark.parametrize(
@@ -74,6 +74,6 @@ def a_world(prior_std: float, assumed: bool) -> World:
 def test_nothing_is_advised_that_was_done(
     loads: int, prior_std: float, assumed: bool, said: tuple[str, ...], unsaid: tuple[str, ...]
 ) -> None:
-    (text,) = departures(a_world(prior_std, assumed), loads=loads)
+    (text,) = about_departures(some_departures(prior_std, assumed), loads=loads)
     assert all(each in text for each in said)
     assert not any(each in text for each in unsaid)

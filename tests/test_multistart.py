@@ -5,8 +5,8 @@ import pytest
 from scipy.optimize import lsq_linear
 
 from fasbody.foot.model import Foot
-from identification.search import descend, explore
-from identification.space import space_of
+from identification.multistart import descend, explore
+from identification.parameters import space_of
 
 
 class Quadratic:

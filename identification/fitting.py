@@ -13,10 +13,10 @@ from fasbody.foot.model import Foot
 from fasbody.recording.recording import UNSTATED, Recording
 from fasbody.recording.study import Study
 from identification import branches, steady
-from identification.advice import advice, excitation_rank
-from identification.branches import Had, Verdict
+from identification.branches import Recorded, Verdict
 from identification.evidence import Evidence
 from identification.lifting import contacts
+from identification.recommendations import advice, excitation_rank
 from identification.result import FitResult, RecordingFit, trusting, without_exact
 from identification.setup import Settings, Setup, provenance, tells_delay, with_settings
 
@@ -86,7 +86,7 @@ def _steady(setup: Setup, settings: Settings, advance: Advance) -> FitResult:
     """The fit of steady recordings: see steady.py."""
     problem = setup.problem()
     tells = tells_delay(setup.recordings)
-    allow = settings.wide and tells and any(item.kind != "delay" for item in problem.variables.nuisances)
+    allow = settings.departures and tells and any(item.kind != "delay" for item in problem.variables.nuisances)
     fitted = steady.fit(problem, setup.foot, settings.starts, settings.seed, allow, advance)
     data = setup.recordings
     built = [steady.branch_of(fitted, solution, data, setup.foot) for solution in fitted.solutions]
@@ -94,8 +94,8 @@ def _steady(setup: Setup, settings: Settings, advance: Advance) -> FitResult:
     enough = allow or rank >= len(setup.space.free)
     loads = len({recording.condition.added_mass_kg for recording in data})
     follow = allow and "load" not in setup.known.excluded
-    had = Had(loads, len(setup.sensors), follow, enough)
-    verdict = steady.verdict_of(fitted, built, had, setup.why_not)
+    recorded = Recorded(loads, len(setup.sensors), follow, enough)
+    verdict = steady.verdict_of(fitted, built, recorded, setup.why_not)
     solutions = list(fitted.solutions)
     if verdict.tied:
         solutions.sort(key=lambda solution: solution.branch)
@@ -103,7 +103,7 @@ def _steady(setup: Setup, settings: Settings, advance: Advance) -> FitResult:
     best = solutions[0]
     run = fitted.replays[best.branch]
     fits = steady.recordings_of(fitted, best, data)
-    others = [b.world for b in built[1:] if b.world] if str(verdict) == "undecided" else []
+    others = [b.departures for b in built[1:] if b.departures] if str(verdict) == "undecided" else []
     told = advice(built[0], setup.space, rank, data, [f.fit_percent for f in fits], run.base_error, others)
     warnings = (*setup.warnings, *told)
     result = FitResult(
@@ -124,7 +124,7 @@ def _steady(setup: Setup, settings: Settings, advance: Advance) -> FitResult:
         contact=contacts(best, data) if enough else (),
         evidence=Evidence(setup.foot, data, setup.two_mass, tuple(solutions), fitted.exact, fitted.replays),
     )
-    return _only_what_holds(result, settings.wide and not allow)
+    return _only_what_holds(result, settings.departures and not allow)
 
 
 def _only_what_holds(result: FitResult, trusts: bool) -> FitResult:
@@ -164,9 +164,9 @@ def _transient(setup: Setup, settings: Settings, advance: Advance, interruptible
     rests = branches.pinned({key: e.at_bound for key, e in last.items()}, {key: e.value for key, e in last.items()})
     rank = excitation_rank(data)
     loads = len({recording.condition.added_mass_kg for recording in data})
-    had = Had(loads, len(setup.sensors), False, rank >= len(space.free))
+    recorded = Recorded(loads, len(setup.sensors), False, rank >= len(space.free))
     names, deviances = [b.name for b in built], [b.deviance for b in built]
-    verdict = branches.judge(names, deviances, first.chi_square, first.dof, rests, had)
+    verdict = branches.judge(names, deviances, first.chi_square, first.dof, rests, recorded)
     if setup.why_not or found.left_out:
         why = setup.why_not or branches.LEFT_OUT.format(name=found.left_out[0])
         verdict = Verdict("not compared", 0.0, why)
@@ -195,4 +195,4 @@ def _transient(setup: Setup, settings: Settings, advance: Advance, interruptible
         warnings=tuple(dict.fromkeys((*setup.warnings, *found.warnings, *told))),
         evidence=Evidence(setup.foot, data, setup.two_mass, (), {}, {}, space, tuple(certified)),
     )
-    return _only_what_holds(result, settings.wide)
+    return _only_what_holds(result, settings.departures)
