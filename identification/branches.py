@@ -35,8 +35,8 @@ EXCHANGED = ("k_T", "k_F", "c_11", "c_21")
 
 def ratio(masses: Sequence[Mapping[str, float]], values: Mapping[str, float]) -> float:
     """The ratio a = m_S / (m_S + m_F), its mean over the recordings: several loads have no exact common mirror."""
-    each = [{**values, **m} for m in masses] or [dict(values)]
-    return float(np.mean([m["m_S"] / (m["m_S"] + m["m_F"]) for m in each]))
+    persons = [{**values, **m} for m in masses] or [dict(values)]
+    return float(np.mean([m["m_S"] / (m["m_S"] + m["m_F"]) for m in persons]))
 
 
 def side(values: Mapping[str, float], a: float) -> str:
@@ -75,8 +75,8 @@ def pinned(at_bound: Mapping[str, bool], values: Mapping[str, float] | None = No
         at_bound: parameter's key ("k_F_n_per_m") -> whether it does.
         values: of the same, None where nothing is known.
     """
-    found = [name for name in EXCHANGED if any(rests for key, rests in at_bound.items() if key.startswith(name))]
-    return [name for name in found if not _nothing(name, values or {})]
+    resting = [name for name in EXCHANGED if any(rests for key, rests in at_bound.items() if key.startswith(name))]
+    return [name for name in resting if not _nothing(name, values or {})]
 
 
 def _nothing(name: str, values: Mapping[str, float]) -> bool:
@@ -174,7 +174,7 @@ def judge(
     ratio_ = 0.5 * (deviances[1] - deviances[0]) / excess
     decided = ratio_ > np.log(DECISIVE_ODDS) and not rests
     odds = "more than a million" if ratio_ > np.log(1e6) else readable(float(np.exp(ratio_)))
-    both = " and ".join(sorted(names[:2]))
+    pair = " and ".join(sorted(names[:2]))
     for_ = f" (odds {odds} to 1 for {names[0]})" if ratio_ >= TIE else " (even odds)"
     if rests and ratio_ > np.log(DECISIVE_ODDS):
         text = (
@@ -186,7 +186,7 @@ def judge(
         text = f"The {names[0]} branch is favoured by odds of {odds} to 1 over its mirror image ({names[1]})."
     else:
         text = (
-            f"The data do not decide between {both}{for_ if recorded.enough else ''}: both parameter sets describe the "
+            f"The data do not decide between {pair}{for_ if recorded.enough else ''}: both parameter sets describe the "
             f"recordings. {recorded.may_tell}"
         )
     return Verdict("decided" if decided else "undecided", float(ratio_), text)

@@ -159,8 +159,8 @@ def _ran(problem: TimeProblem, z: np.ndarray) -> Replay:
     engine, traces, others, difference = problem.engine, [], [], 0.0
     assert isinstance(engine, CertifiedRollouts)
     values = problem.space.values(problem.space.to_theta(z[: problem.space.lower.size]))
-    for i, its in enumerate(problem.sensors):
-        read = dict(zip(its, np.split(problem.rows(z, i)[0], len(its)), strict=True))
+    for i, sensors in enumerate(problem.sensors):
+        read = dict(zip(sensors, np.split(problem.rows(z, i)[0], len(sensors)), strict=True))
         run, _ = engine.run(i, values, problem.space.names, problem.states(z, i))
         twin, _ = engine.twin.run(i, values, (), problem.states(z, i))
         peak = np.abs(twin[: read[MALLEOLUS[0]].size]).max()
@@ -213,8 +213,8 @@ def replay(
     whole = [Whole.of(recording, foot) for recording in recordings]
     part = [twin and throughout is not None and i >= throughout for i in range(len(recordings))]
     grids = [
-        (each.step, _period(each) if short else each.steps, each.stride)
-        for each, short in zip(whole, part, strict=True)
+        (long.step, _period(long) if short else long.steps, long.stride)
+        for long, short in zip(whole, part, strict=True)
     ]
     full = [{**values, **r.condition.masses} for r in recordings]
     engine = Twin(foot, whole, sensors if any(part) else MALLEOLUS) if twin else None

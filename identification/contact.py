@@ -86,11 +86,11 @@ class Contact:
             f"to {source} ({self.static_force_n:.3g} N)."
         )
         if self.harmonics:
-            added, found = 100 * (self.added or 0.0), 100 * (self.found or 0.0)
+            added, estimated = 100 * (self.added or 0.0), 100 * (self.found or 0.0)
             word = {"for": "so it probably did", "against": "so it probably did not", "neither": "which leaves it open"}
             text += (
                 f" A foot that lifts would add harmonics of about {added:.2g} % of the first at the malleolus. "
-                f"{found:.2g} % were found beyond the model's, {word[self.harmonics]}."
+                f"{estimated:.2g} % were found beyond the model's, {word[self.harmonics]}."
             )
         return text
 

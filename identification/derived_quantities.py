@@ -150,7 +150,7 @@ def derived(result: FitResult) -> Derived:
         [row for view in views for row in _modes(evidence, view)],
         [row for view, cycles, _ in moving for row in _dampers(evidence, view, cycles)],
         _reached(evidence, moving[0][1]) if moving else [],
-        [row for each in moving for row in _energies(evidence, *each)],
+        [row for item in moving for row in _energies(evidence, *item)],
         _chi_square(evidence, result.best.name),
         [row for view in views if view.basis == WHATEVER for row in _scale(view)],
     )
@@ -167,14 +167,14 @@ def at_a_glance(result: FitResult) -> tuple[list[Row], list[Row], list[Row]]:
 
 def traces(evidence: "Evidence") -> dict[str, list[tuple[np.ndarray, float]]]:
     """Of each branch by name: the model's malleolus (n,) [m/s^2] in every recording, and its fit percentage."""
-    found = {c.name: list(zip(c.run.traces, c.run.fits, strict=True)) for c in evidence.certified}
+    runs = {c.name: list(zip(c.run.traces, c.run.fits, strict=True)) for c in evidence.certified}
     for solution in evidence.solutions:
         rows = replayed(solution.problem, solution.q, evidence.replays[solution.branch])
-        found[solution.branch] = [
+        runs[solution.branch] = [
             (row[MALLEOLUS[0]], fit_percent(r.malleolus_m_s2, row[MALLEOLUS[0]]))
             for r, row in zip(evidence.recordings, rows, strict=True)
         ]
-    return found
+    return runs
 
 
 def _headline(evidence: "Evidence", name: str, dof: int) -> View:
@@ -253,8 +253,8 @@ def _curves(result: FitResult, evidence: "Evidence") -> list[Row]:
 def _steady(values: Mapping[str, float], f: np.ndarray, U: np.ndarray) -> np.ndarray:
     """Fundamentals (n,) of the malleolus of a two-mass foot on sines of frequencies (n,) [Hz]; NaN where is none."""
     theta = np.tile(parameters(values), (f.size, 1))
-    found = resolved(theta, 2 * np.pi * f, U[:, None].astype(complex))
-    return np.where(found.converged, found.shank[:, 0], np.nan)
+    motion = resolved(theta, 2 * np.pi * f, U[:, None].astype(complex))
+    return np.where(motion.converged, motion.shank[:, 0], np.nan)
 
 
 def _steady_in_engine(foot: Foot, values: Mapping[str, float], f: np.ndarray, U: np.ndarray) -> np.ndarray:
@@ -306,7 +306,7 @@ def _pairs(eigenvalues: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         (np.sqrt(a * b), 0.5 * (a + b) / np.sqrt(a * b)) for a, b in zip(real[::2], real[1::2], strict=False) if a
     ]
     pairs.sort()
-    w, zeta = (np.array(each, float) for each in zip(*pairs, strict=True)) if pairs else (np.zeros(0), np.zeros(0))
+    w, zeta = (np.array(column, float) for column in zip(*pairs, strict=True)) if pairs else (np.zeros(0), np.zeros(0))
     return w / (2 * np.pi), zeta
 
 
@@ -323,8 +323,8 @@ def small_motion(values: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
     whole[:4, :4] = A
     whole[4, 2], whole[5, 3] = values["k_T"] * values["r_T"], values["k_F"] * values["r_F"]
     whole[4, 4] = whole[5, 5] = -1 / tau
-    one, both = 1 / values["m_F"], 1 / values["m_F"] + 1 / values["m_S"]
-    whole[2:4, 4:] = [[-both, one], [one, -one]]
+    one, sum_ = 1 / values["m_F"], 1 / values["m_F"] + 1 / values["m_S"]
+    whole[2:4, 4:] = [[-sum_, one], [one, -one]]
     eigenvalues = np.linalg.eigvals(whole)
     relaxes = np.lexsort([np.abs(eigenvalues + 1 / tau), np.abs(eigenvalues.imag) > 0])[:2]
     return _pairs(np.delete(eigenvalues, relaxes))
@@ -337,17 +337,17 @@ def linearised(foot: Foot, step: float = 1e-6) -> np.ndarray:
     """
     model, rest = foot.model, standing(foot)
     data = mujoco.MjData(model)
-    own = [i for i in range(model.nv) if model.dof_armature[i] < 1e6]  # the base is the shaker's
-    n = len(own)
+    free = [i for i in range(model.nv) if model.dof_armature[i] < 1e6]  # the base is the shaker's
+    n = len(free)
 
     def acceleration(x: np.ndarray) -> np.ndarray:
         data.qpos[:], data.qvel[:] = rest, 0.0
         move = np.zeros(model.nv)
-        move[own] = x[:n]
+        move[free] = x[:n]
         mujoco.mj_integratePos(model, data.qpos, move, 1.0)
-        data.qvel[own] = x[n:]
+        data.qvel[free] = x[n:]
         mujoco.mj_forward(model, data)
-        return data.qacc[own].copy()
+        return data.qacc[free].copy()
 
     A = np.zeros((2 * n, 2 * n))
     A[:n, n:] = np.eye(n)
@@ -416,8 +416,8 @@ def _cycles(evidence: "Evidence", view: View) -> tuple[dict[int, Cycle], Orbits 
     for row, line in zip(base, lines, strict=True):
         row[: line.amplitudes.size] = line.amplitudes
     omega = 2 * np.pi * np.array([line.frequency_hz for line in lines])
-    found = resolved(_thetas(view, numbers, view.q), omega, base, slopes=True)
-    return dict(zip(numbers, of_orbits(found, base), strict=True)), found
+    motion = resolved(_thetas(view, numbers, view.q), omega, base, slopes=True)
+    return dict(zip(numbers, of_orbits(motion, base), strict=True)), motion
 
 
 def _cycles_in_engine(evidence: "Evidence", view: View, numbers: Sequence[int]) -> dict[int, Cycle]:
@@ -438,7 +438,7 @@ def _dampers(evidence: "Evidence", view: View, cycles: Mapping[int, Cycle]) -> I
         return
     number = min(cycles)
     for joint, (*constants, part) in DAMPERS.items():
-        reached = np.concatenate([getattr(each, part).displacement_m for each in cycles.values()])
+        reached = np.concatenate([getattr(loop, part).displacement_m for loop in cycles.values()])
         x = np.linspace(reached.min(), reached.max(), _PLACES)
 
         def law(q: np.ndarray, x: np.ndarray = x, names: Sequence[str] = constants) -> np.ndarray:
@@ -470,15 +470,15 @@ def _energies(evidence: "Evidence", view: View, cycles: Mapping[int, Cycle], mot
     half = np.full((len(cycles), 2), np.nan)
     if motion is not None:
         half = _energy_half_widths(view, list(cycles), motion)
-    for (i, each), reach in zip(cycles.items(), half, strict=True):
+    for (i, loop), reach in zip(cycles.items(), half, strict=True):
         r = evidence.recordings[i]
-        energies = np.array([each.ankle.dissipated_j, each.fat_pad.dissipated_j])
+        energies = np.array([loop.ankle.dissipated_j, loop.fat_pad.dissipated_j])
         for joint, value, (low, high) in zip(DAMPERS, energies, _limits(energies, reach), strict=True):
             yield {
                 "branch": view.branch, "basis": view.basis, "file": r.file,
                 "added_mass_kg": r.condition.added_mass_kg, "frequency_hz": r.condition.frequency_hz, "damper": joint,
                 "dissipated_j": float(value), "lower_j": low, "upper_j": high,
-                "share": float(value / each.dissipated_j), "imbalance": each.imbalance,
+                "share": float(value / loop.dissipated_j), "imbalance": loop.imbalance,
             }  # fmt: skip
 
 

@@ -68,8 +68,8 @@ class Estimate(Tabled):
 
     def sheet(self) -> Sheet:
         """The interval, and beside it that with the model assumed exact."""
-        both = [(WHATEVER, self), (IF_TRUE, self.if_model_true)] if self.if_model_true else [(IF_TRUE, self)]
-        rows = [(told, e.interval(), e.known) for told, e in both if e]
+        columns = [(WHATEVER, self), (IF_TRUE, self.if_model_true)] if self.if_model_true else [(IF_TRUE, self)]
+        rows = [(head, e.interval(), e.known) for head, e in columns if e]
         return Sheet(str(self), ("interval", "value", ""), rows)
 
     def interval(self) -> str:

@@ -46,9 +46,11 @@ def panels(rows: int, columns: int, width: float, height: float, **options: obje
 
 def of_loads(loads: Iterable[float]) -> dict[float, tuple[str, str]]:
     """Added mass [kg] -> colour and mark: the thesis' loads have the same in every figure, whichever are drawn."""
-    there = sorted(set(loads))
-    order = ADDED_MASSES_KG if set(there) <= set(ADDED_MASSES_KG) else there
-    return {load: (COLOURS[order.index(load) % len(COLOURS)], MARKS[order.index(load) % len(MARKS)]) for load in there}
+    distinct = sorted(set(loads))
+    order = ADDED_MASSES_KG if set(distinct) <= set(ADDED_MASSES_KG) else distinct
+    return {
+        load: (COLOURS[order.index(load) % len(COLOURS)], MARKS[order.index(load) % len(MARKS)]) for load in distinct
+    }
 
 
 def _loads(result: FitResult) -> dict[float, tuple[str, str]]:
@@ -120,11 +122,13 @@ def _window(recording: RecordingFit) -> tuple[float, float]:
 def transmissibility(result: FitResult) -> Figure:
     """Malleolus over base at the excited frequencies with 95 % limits, and its phase lag; both branches' curves."""
     figure, axes = panels(2, 1, 5.2, 5.2, sharex=True)
-    found, loads = derived(result), _loads(result)
+    quantities, loads = derived(result), _loads(result)
     size, phase = axes[:, 0]
     broadband = [recording for recording in result.recordings if recording.frequency_hz is None]
     for load, (colour, mark) in loads.items():
-        mine = sorted((row for row in found.data if row["added_mass_kg"] == load), key=lambda row: row["frequency_hz"])
+        mine = sorted(
+            (row for row in quantities.data if row["added_mass_kg"] == load), key=lambda row: row["frequency_hz"]
+        )
         f = np.array([row["frequency_hz"] for row in mine])
         if mine:
             bars: Any = {"fmt": mark, "ms": 4.5, "mfc": "white", "color": colour, "capsize": 2, "lw": 0.9}
@@ -136,7 +140,7 @@ def transmissibility(result: FitResult) -> Figure:
                      for row, x in zip(mine, lag, strict=True)]  # fmt: skip
             _limits(phase, f, moved, ("lag", "low", "high"), **bars)
         for branch, line in zip(result.branches, _LINES, strict=False):
-            curve = [r for r in found.curves if r["added_mass_kg"] == load and r["branch"] == branch.name]
+            curve = [r for r in quantities.curves if r["added_mass_kg"] == load and r["branch"] == branch.name]
             x = [row["frequency_hz"] for row in curve]
             size.plot(x, [row["transmissibility"] for row in curve], line, lw=1.1, color=colour)
             phase.plot(x, unwrapped(np.array([row["phase_lag_deg"] for row in curve])), line, lw=1.1, color=colour)
@@ -147,7 +151,7 @@ def transmissibility(result: FitResult) -> Figure:
                 size.plot(f, np.abs(H), style, ms=3, lw=0.9, color=colour, label=label)
                 phase.plot(f, -unwrapped(np.degrees(np.angle(H))), style, ms=3, lw=0.9, color=colour)
     for branch, line in zip(result.branches, _LINES, strict=False):
-        if found.curves:
+        if quantities.curves:
             size.plot([], [], line, lw=1.1, color=_DATA, label=branch.name)
     size.axhline(1, lw=0.8, ls=":", color="#444444")
     size.set_ylabel("transmissibility")
@@ -237,13 +241,13 @@ def modes(result: FitResult) -> Figure:
 @printed
 def dampers(result: FitResult) -> Figure:
     """Damping of ankle and fat pad over the displacement that the recordings reached, with bands of 95 %."""
-    found, loads = derived(result), _loads(result)
-    joints = list(dict.fromkeys(row["damper"] for row in found.dampers))
+    quantities, loads = derived(result), _loads(result)
+    joints = list(dict.fromkeys(row["damper"] for row in quantities.dampers))
     figure, axes = panels(1, max(1, len(joints)), 3.6 * max(1, len(joints)), 3.2)
     for axis, joint in zip(axes[0], joints, strict=False):
         for branch, line, shades in zip(result.branches, _LINES, _SHADES, strict=False):
             for number, basis in enumerate(result.intervals):
-                mine = [r for r in found.dampers if (r["damper"], r["branch"], r["basis"])
+                mine = [r for r in quantities.dampers if (r["damper"], r["branch"], r["basis"])
                         == (joint, branch.name, basis)]  # fmt: skip
                 if not mine:
                     continue
@@ -255,7 +259,7 @@ def dampers(result: FitResult) -> Figure:
                 axis.fill_between(_MM * x, low, high, color=shade, lw=0, alpha=0.8, label=f"{name}{basis}")
                 if number == 0:
                     axis.plot(_MM * x, c, line, lw=1.2, color=_DATA, zorder=3, label=f"{name}estimate")
-        spans = [row for row in found.reached if row["damper"] == joint]
+        spans = [row for row in quantities.reached if row["damper"] == joint]
         for place, row in enumerate(spans):
             colour, _ = loads[row["added_mass_kg"]]
             axis.plot(
@@ -306,8 +310,8 @@ def residual_rows(result: FitResult) -> list[Row]:
     for recording in result.recordings:
         window = np.hanning(recording.time_s.size)
         f = np.fft.rfftfreq(recording.time_s.size, (recording.time_s[1] - recording.time_s[0]))
-        both = (recording.measured, recording.measured - recording.model)
-        data, rest = (2 * np.abs(np.fft.rfft(signal * window)) / window.sum() for signal in both)
+        curves = (recording.measured, recording.measured - recording.model)
+        data, rest = (2 * np.abs(np.fft.rfft(signal * window)) / window.sum() for signal in curves)
         rows += [
             {"file": recording.file, "frequency_hz": float(x), "data_m_s2": float(a), "residual_m_s2": float(b)}
             for x, a, b in zip(f[1:], data[1:], rest[1:], strict=True)
@@ -465,15 +469,15 @@ def _over_base(recording: RecordingFit, name: str) -> tuple[float, complex, comp
 @printed
 def contact(result: FitResult) -> Figure:
     """The force of the table on the foot over a cycle, a panel a load; below zero the table would have to pull."""
-    loads = sorted({each.added_mass_kg for each in result.contact})
-    there = sorted({round(each.frequency_hz, 1) for each in result.contact})
+    loads = sorted({contact.added_mass_kg for contact in result.contact})
+    frequencies = sorted({round(contact.frequency_hz, 1) for contact in result.contact})
     figure, axes = panels(1, max(1, len(loads)), 1.0 + 3.0 * max(1, len(loads)), 3.2, sharey=True)
     lines, pulls = {}, None
     for axis, load in zip(axes[0], loads, strict=False):
         rows = sorted((c for c in result.contact if c.added_mass_kg == load), key=lambda c: c.frequency_hz)
-        for each in rows:
-            closed, f = np.append(each.force_n, each.force_n[0]), round(each.frequency_hz, 1)
-            colour = matplotlib.colormaps["viridis"](0.9 * there.index(f) / max(1, len(there) - 1))
+        for contact in rows:
+            closed, f = np.append(contact.force_n, contact.force_n[0]), round(contact.frequency_hz, 1)
+            colour = matplotlib.colormaps["viridis"](0.9 * frequencies.index(f) / max(1, len(frequencies) - 1))
             lines[f] = axis.plot(np.linspace(0, 1, closed.size), closed, lw=1.1, color=colour, label=f"{f:g} Hz")[0]
         low = min(min(float(c.force_n.min()) for c in rows), 0.0)
         if low < 0:
@@ -486,7 +490,7 @@ def contact(result: FitResult) -> Figure:
     axes[0, 0].set_ylabel("force on the table [N]")
     if loads:
         named = [handle for handle in (rest, pulls) if handle is not None]
-        figure.legend(handles=[*named, *(lines[f] for f in there[:_NAMED])], loc="outside lower center", ncols=4)
+        figure.legend(handles=[*named, *(lines[f] for f in frequencies[:_NAMED])], loc="outside lower center", ncols=4)
     return figure
 
 

@@ -62,10 +62,10 @@ def fit_foot(
     if not isinstance(foot, Foot):
         raise SettingError(f"the foot is {foot!r}; give a loaded model, load('two_dof') for example.")
     recordings = [study] if isinstance(study, Recording) else list(study)
-    for each in recordings:
-        if not isinstance(each, Recording):
+    for item in recordings:
+        if not isinstance(item, Recording):
             raise SettingError(
-                f"one of the recordings is a {type(each).__name__}; give a Study or recordings: Recording.from_table "
+                f"one of the recordings is a {type(item).__name__}; give a Study or recordings: Recording.from_table "
                 "makes one of a table, Recording.from_arrays of arrays."
             )
     with _blas().limit(limits=1):
@@ -104,8 +104,8 @@ def _steady(setup: Setup, settings: Settings, advance: Advance) -> FitResult:
     run = fitted.replays[best.branch]
     fits = steady.recordings_of(fitted, best, data)
     others = [b.departures for b in built[1:] if b.departures] if str(verdict) == "undecided" else []
-    told = advice(built[0], setup.space, rank, data, [f.fit_percent for f in fits], run.base_error, others)
-    warnings = (*setup.warnings, *told)
+    recommended = advice(built[0], setup.space, rank, data, [f.fit_percent for f in fits], run.base_error, others)
+    warnings = (*setup.warnings, *recommended)
     result = FitResult(
         source=data[0].file,
         origin=_origin(data),
@@ -154,12 +154,12 @@ def _transient(setup: Setup, settings: Settings, advance: Advance, interruptible
     """The fit of every sample: see transient.py."""
     from identification import transient  # recordings of sines need none of it
 
-    found = transient.fit(
+    search = transient.fit(
         setup, settings.starts, settings.seed, settings.threads, settings.replay, advance, interruptible
     )
     data, space = setup.recordings, setup.space
-    built = [transient.branch_of(c, space) for c in found.branches]
-    first, run = built[0], found.branches[0].run
+    built = [transient.branch_of(c, space) for c in search.branches]
+    first, run = built[0], search.branches[0].run
     last = built[-1].parameters
     rests = branches.pinned({key: e.at_bound for key, e in last.items()}, {key: e.value for key, e in last.items()})
     rank = excitation_rank(data)
@@ -167,14 +167,14 @@ def _transient(setup: Setup, settings: Settings, advance: Advance, interruptible
     recorded = Recorded(loads, len(setup.sensors), False, rank >= len(space.free))
     names, deviances = [b.name for b in built], [b.deviance for b in built]
     verdict = branches.judge(names, deviances, first.chi_square, first.dof, rests, recorded)
-    if setup.why_not or found.left_out:
-        why = setup.why_not or branches.LEFT_OUT.format(name=found.left_out[0])
+    if setup.why_not or search.left_out:
+        why = setup.why_not or branches.LEFT_OUT.format(name=search.left_out[0])
         verdict = Verdict("not compared", 0.0, why)
-    certified = list(found.branches)
+    certified = list(search.branches)
     if verdict.tied:
         certified.sort(key=lambda c: c.name)
         built.sort(key=lambda b: b.name)
-    told = advice(built[0], space, rank, data, run.fits, run.base_error)
+    recommended = advice(built[0], space, rank, data, run.fits, run.base_error)
     result = FitResult(
         source=data[0].file,
         origin=_origin(data),
@@ -182,8 +182,8 @@ def _transient(setup: Setup, settings: Settings, advance: Advance, interruptible
         domain="time",
         branches=tuple(map(trusting, built)),
         recordings=tuple(
-            RecordingFit.of(r, f, y, each)
-            for r, f, y, each in zip(data, run.fits, run.traces, certified[0].sensors(data), strict=True)
+            RecordingFit.of(r, f, y, sensors)
+            for r, f, y, sensors in zip(data, run.fits, run.traces, certified[0].sensors(data), strict=True)
         ),
         verdict=str(verdict),
         reason=verdict.sentence,
@@ -191,8 +191,8 @@ def _transient(setup: Setup, settings: Settings, advance: Advance, interruptible
         excitation_rank=rank,
         twin_mujoco_difference=run.twin_difference,
         base_acceleration_error=run.base_error,
-        starts=found.starts,
-        warnings=tuple(dict.fromkeys((*setup.warnings, *found.warnings, *told))),
+        starts=search.starts,
+        warnings=tuple(dict.fromkeys((*setup.warnings, *search.warnings, *recommended))),
         evidence=Evidence(setup.foot, data, setup.two_mass, (), {}, {}, space, tuple(certified)),
     )
     return _only_what_holds(result, settings.departures)

@@ -44,9 +44,9 @@ class Line:
         """`of`, with the harmonics of the other sensors of these names that the recording has."""
         line, read = cls.of(recording), recording.sensors
         time = recording.time_s - recording.time_s[0]
-        wanted = [name for name in sensors if name in read and name not in MALLEOLUS]
-        found = {name: fit_harmonics(time, read[name], line.base.frequency_hz, line.count) for name in wanted}
-        return replace(line, others=found) if found else line
+        others = [name for name in sensors if name in read and name not in MALLEOLUS]
+        lines = {name: fit_harmonics(time, read[name], line.base.frequency_hz, line.count) for name in others}
+        return replace(line, others=lines) if lines else line
 
     @property
     def count(self) -> int:

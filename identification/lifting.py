@@ -53,6 +53,6 @@ def lifting(values: Mapping[str, float], frequency_hz: float, missing: np.ndarra
     F = 2 / missing.size * np.fft.rfft(missing)[h]
     s = 2j * np.pi * frequency_hz * h
     p_T, p_F = values["k_T"] + s * values["c_11"], values["k_F"] + s * values["c_21"]
-    shank, both = values["m_S"] * s**2 + p_T, values["m_F"] * s**2 + p_T + p_F
-    response: np.ndarray = s**2 * p_T * F / (shank * both - p_T**2)
+    shank, foot_side = values["m_S"] * s**2 + p_T, values["m_F"] * s**2 + p_T + p_F
+    response: np.ndarray = s**2 * p_T * F / (shank * foot_side - p_T**2)
     return response

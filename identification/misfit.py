@@ -53,11 +53,11 @@ class Misfit(Tabled):
             "harmonics": self.harmonics,
             "sensors": self.sensors,
         }
-        found = {}
+        by_name = {}
         for kind, shares in kinds.items():
             most = sorted(shares.items(), key=lambda item: -item[1])
-            found[kind] = {name: share for name, share in most if share * len(shares) > STANDS_OUT}
-        return {kind: shares for kind, shares in found.items() if shares}
+            by_name[kind] = {name: share for name, share in most if share * len(shares) > STANDS_OUT}
+        return {kind: shares for kind, shares in by_name.items() if shares}
 
 
 def repeats(measured: Measured) -> float | None:

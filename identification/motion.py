@@ -129,23 +129,23 @@ class TwoMassMotion:
     def response(self, theta: np.ndarray, near: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, Any]:
         """See `Motion`."""
         C, R, P = theta.shape
-        found = self.orbits(theta, near)
-        assert found.slopes is not None and found.stretch_slopes is not None
-        both = np.stack([found.shank, found.foot], 1)[:, :, : self._count]
-        slopes = found.slopes[:, :, : self._count]
+        motions = self.orbits(theta, near)
+        assert motions.slopes is not None and motions.stretch_slopes is not None
+        masses = np.stack([motions.shank, motions.foot], 1)[:, :, : self._count]
+        slopes = motions.slopes[:, :, : self._count]
         which = self.on_foot.astype(int)
-        Y = both[:, which].reshape(C, R, len(which), self._count)
+        Y = masses[:, which].reshape(C, R, len(which), self._count)
         D = slopes[:, which].reshape(C, R, len(which), self._count, P)
         H = self.base.shape[1]
-        memory = Near(theta, found.stretch.reshape(C, R, 2, H), found.stretch_slopes.reshape(C, R, 2, H, P))
-        moves = np.asarray(found.converged.reshape(C, R).all(1))
+        memory = Near(theta, motions.stretch.reshape(C, R, 2, H), motions.stretch_slopes.reshape(C, R, 2, H, P))
+        moves = np.asarray(motions.converged.reshape(C, R).all(1))
         return Y, D, moves, memory
 
     def table_force(self, theta: np.ndarray) -> list[np.ndarray]:
         """See `Motion`: what the two masses' accelerations take."""
-        found = self.orbits(theta[None], slopes=False)
+        motions = self.orbits(theta[None], slopes=False)
         m_S, m_F = theta[:, 8:9], theta[:, 9:10]
-        F = m_S * found.shank + m_F * found.foot
+        F = m_S * motions.shank + m_F * motions.foot
         k = np.arange(1, F.shape[1] + 1)
         turning = np.exp(2j * np.pi * np.outer(k, np.arange(_INSTANTS)) / _INSTANTS)
         return list((F @ turning).real)
@@ -156,14 +156,14 @@ class TwoMassMotion:
 
     def states(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """See `Motion`: states are z_1, z_2 [m], their rates [m/s], and what relaxes [N]."""
-        found = self.orbits(theta[None], slopes=False)
-        both = np.stack([found.shank, found.foot], 1)
-        return both[:, self.on_foot.astype(int)], np.concatenate([found.states(), found.memories()], 1)
+        motions = self.orbits(theta[None], slopes=False)
+        masses = np.stack([motions.shank, motions.foot], 1)
+        return masses[:, self.on_foot.astype(int)], np.concatenate([motions.states(), motions.memories()], 1)
 
     def by_base(self, theta: np.ndarray) -> np.ndarray:
         """See `Motion`."""
-        found = self.orbits(theta[None], slopes=False)
-        G = found.by_base()[:, self.on_foot.astype(int)]
+        motions = self.orbits(theta[None], slopes=False)
+        G = motions.by_base()[:, self.on_foot.astype(int)]
         H = self.base.shape[1]
         at = np.r_[: self._count, H : H + self._count]
         return G[:, :, at][..., at]
@@ -236,7 +236,7 @@ class EngineMotion:
         C, R, P = theta.shape
         shape = (C, R, len(self._sensors), self._count)
         Y, D, moves = np.zeros(shape, complex), np.zeros((*shape, P), complex), np.ones(C, bool)
-        found = np.full((C, R), None, object)
+        orbits = np.full((C, R), None, object)
         for c in range(C):
             for r in range(R):
                 try:
@@ -245,11 +245,11 @@ class EngineMotion:
                 except SimulationError:
                     moves[c] = False
                     break
-                found[c, r], Y[c, r] = orbit, self._read(orbit)
+                orbits[c, r], Y[c, r] = orbit, self._read(orbit)
                 for s, name in enumerate(self._sensors):
                     part = slopes[name][: self._count]
                     D[c, r, s, : len(part)] = part
-        return Y, D, moves, Orbiting(found)
+        return Y, D, moves, Orbiting(orbits)
 
     def states(self, theta: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """See `Motion`: positions from rest, velocities and activations, without the base."""

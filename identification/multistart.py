@@ -75,13 +75,13 @@ def descend(
         if 2 * intermediate_result.cost <= ZERO * problem.size:
             raise StopIteration
 
-    found = least_squares(
+    solution = least_squares(
         problem.residual, inside, problem.jacobian, bounds=(low, high), method="trf", x_scale="jac",
         ftol=tolerance, xtol=tolerance, gtol=tolerance, max_nfev=_MOST, callback=ended,
     )  # fmt: skip
-    z, cost, evaluations = found.x, 2 * float(found.cost), problem.evaluations - before
-    converged = bool(found.success) or cost <= ZERO * problem.size
-    unstable = bool((found.fun == UNSTABLE).all())
+    z, cost, evaluations = solution.x, 2 * float(solution.cost), problem.evaluations - before
+    converged = bool(solution.success) or cost <= ZERO * problem.size
+    unstable = bool((solution.fun == UNSTABLE).all())
     return Descent(
         label=label,
         theta0=problem.space.to_theta(inside[:p]),

@@ -193,8 +193,8 @@ class Population:
 
     def joined(self, other: "Population") -> "Population":
         """Both together."""
-        both = ("Q", "sign", "hits", "objective")
-        return Population(*(np.concatenate([getattr(self, name), getattr(other, name)]) for name in both))
+        arrays = ("Q", "sign", "hits", "objective")
+        return Population(*(np.concatenate([getattr(self, name), getattr(other, name)]) for name in arrays))
 
     def distinct(self, close: float = _CLOSE, most: int | None = None) -> "Population":
         """The best ends of each side; those that came to the same one are counted together."""

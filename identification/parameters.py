@@ -91,8 +91,8 @@ class Space:
 
     def values(self, theta: np.ndarray) -> dict[str, float]:
         """All parameter values by name, the free ones (p,) and the fixed."""
-        found = {item.name: float(value) for item, value in zip(self.free, theta, strict=True)}
-        return {**self.fixed, **found}
+        values = {item.name: float(value) for item, value in zip(self.free, theta, strict=True)}
+        return {**self.fixed, **values}
 
     def theta(self, values: Mapping[str, float]) -> np.ndarray:
         """Free values (p,) from named ones, clipped to the bounds; a missing delay is zero."""
@@ -194,9 +194,9 @@ def limits(texts: Iterable[str] | None, option: str = "--bounds") -> dict[str, t
 
 
 def _limit(text: str, option: str) -> tuple[str, tuple[float, float]]:
-    name, _, both = text.partition("=")
+    name, _, bounds = text.partition("=")
     try:
-        low, high = (float(part) for part in both.split(":"))
+        low, high = (float(part) for part in bounds.split(":"))
     except ValueError:
         raise SettingError(f"{option} {text!r} is not NAME=LOWER:UPPER, for example k_F=3e3:1e6.") from None
     return name.strip(), (low, high)

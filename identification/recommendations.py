@@ -156,8 +156,10 @@ def about_departures(departures: Departures, others: Sequence[Departures] = (), 
             f"{100 * max(m.prior_std for m in departures.masses):.3g} % each{better}). "
             f"A {'second' if loads == 1 else 'heavier'} load may determine it."
         )
-    told = {each.name for other in others for each in other.nuisances if not _shows(each)}
-    texts += [_sign(each) for each in departures.nuisances if _shows(each) and each.name not in told]
+    others_show = {nuisance.name for other in others for nuisance in other.nuisances if not _shows(nuisance)}
+    texts += [
+        _sign(nuisance) for nuisance in departures.nuisances if _shows(nuisance) and nuisance.name not in others_show
+    ]
     return [*texts, *_loads(departures)]
 
 
@@ -204,7 +206,7 @@ def _ruler(departures: Departures) -> list[str]:
             "kilogram do not depend on it. A force plate under the foot, with and without the load, narrows it "
             "(static_force_n in [known] of study.toml)."
         )
-    off = [each.off for each in departures.nuisances if each.group == "masses"]
+    off = [nuisance.off for nuisance in departures.nuisances if nuisance.group == "masses"]
     if len(off) == 2 and min(off) * max(off) > 0 and min(map(abs, off)) > _ALIKE:
         way = "heavier" if off[0] > 0 else "lighter"
         texts.append(
@@ -229,7 +231,7 @@ def _parts(each: Allowance) -> tuple[str, str]:
 
 def _loads(departures: Departures) -> list[str]:
     """Whether the recordings want constants that follow the load, and what two loads say if they do not."""
-    follow = [each for each in departures.nuisances if each.group == "load"]
+    follow = [nuisance for nuisance in departures.nuisances if nuisance.group == "load"]
     if departures.constant is None or not follow or not departures.follows:
         return []
     falls = max(0.0, departures.constant - departures.objective) / max(1.0, departures.per_dof)
@@ -305,9 +307,9 @@ def excitation_rank(recordings: Sequence[Recording]) -> int:
     lines: list[tuple[float, float]] = []
     for recording in recordings:
         load = recording.condition.added_mass_kg
-        found = _periodic_lines(recording) if recording.condition.frequency_hz else _broadband_lines(recording)
+        excited = _periodic_lines(recording) if recording.condition.frequency_hz else _broadband_lines(recording)
         resolution = 0.5 / (recording.time_s[-1] - recording.time_s[0])
-        for frequency in found:
+        for frequency in excited:
             if all(abs(frequency - other) > resolution for under, other in lines if under == load):
                 lines.append((load, frequency))
     return 2 * len(lines)

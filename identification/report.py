@@ -43,12 +43,12 @@ def html(result: FitResult, drawn: dict[str, str] | None = None, folder: Path | 
     )
     texts = captions(result)
     drawn = drawn or {name: figures.svg(getattr(figures, name)(result)) for name in texts}
-    found = derived(result)
+    quantities = derived(result)
     key = "chi_square" if result.departures else "chi_square_if_model_true"
-    worst = sorted((row for row in found.chi_square if row[key] is not None), key=lambda row: -row[key])
+    worst = sorted((row for row in quantities.chi_square if row[key] is not None), key=lambda row: -row[key])
     return environment.get_template("report.html").render(
         result=result, label=label, chance=chance, interval=interval, allowed=allowed, energies=_energies(result),
-        day=date.today().isoformat(), found=found, key=key, rule=RULE, bases=(WHATEVER, IF_TRUE), rests=rests,
+        day=date.today().isoformat(), found=quantities, key=key, rule=RULE, bases=(WHATEVER, IF_TRUE), rests=rests,
         readable=readable,
         hits={start["branch"]: start["hits"] for start in result.starts if "hits" in start},
         pictures={name: {"svg": Markup(drawn[name][drawn[name].index("<svg") :]), "caption": texts[name]}
@@ -93,18 +93,23 @@ def moving(result: FitResult, folder: Path | None = None) -> str:
     model = str(result.provenance.get("model") or result.model)
     command = ["python", "-m", "viz.foot", "--model", model, "--result", str((folder or Path()) / "result.json")]
     beside = next((r.file for r in result.recordings if Path(r.file).is_file()), "")
-    told = ["--study", str(result.provenance["study"])] if "study" in result.provenance else []
-    return join([*command, "--recording", beside, *told] if beside else command)
+    options = ["--study", str(result.provenance["study"])] if "study" in result.provenance else []
+    return join([*command, "--recording", beside, *options] if beside else command)
 
 
 def tables(result: FitResult) -> dict[str, Sequence[Row]]:
     """Name -> rows of each CSV file beside the figures; a figure of two kinds of rows has two files."""
-    found = derived(result)
+    quantities = derived(result)
     masses = [vars(mass) for mass in result.departures.masses] if result.departures else []
     rows: dict[str, Sequence[Row]] = {
-        "transmissibility_data": found.data, "transmissibility_curves": found.curves, "chi_square": found.chi_square,
-        "modes": found.modes, "dampers": found.dampers, "dampers_reached": found.reached, "energies": found.energies,
-        "masses": masses, "scale": found.scale, "sensors": figures.sensor_rows(result),
+        "transmissibility_data": quantities.data,
+        "transmissibility_curves": quantities.curves,
+        "chi_square": quantities.chi_square,
+        "modes": quantities.modes,
+        "dampers": quantities.dampers,
+        "dampers_reached": quantities.reached,
+        "energies": quantities.energies,
+        "masses": masses, "scale": quantities.scale, "sensors": figures.sensor_rows(result),
         "contact": figures.contact_rows(result),
         "traces": figures.trace_rows(result), "residuals": figures.residual_rows(result),
         "parameters": result.records(), "waterfall": [dict(start) for start in result.starts],
@@ -113,7 +118,7 @@ def tables(result: FitResult) -> dict[str, Sequence[Row]]:
             for key, row in zip(result.parameters, result.best.correlation, strict=True)
         ],
     }  # fmt: skip
-    return {name: each for name, each in rows.items() if each}
+    return {name: value for name, value in rows.items() if value}
 
 
 def table(rows: Sequence[Row]) -> str:
@@ -133,14 +138,14 @@ def _cell(value: Any) -> Any:
 
 def captions(result: FitResult) -> dict[str, str]:
     """What each figure that this fit can fill shows, and of how many recordings."""
-    found, best = derived(result), result.best
+    quantities, best = derived(result), result.best
     n = _counted(result)
     basis = result.intervals[0].removeprefix("95 % CI, ")
     interval = f"95 % intervals, {basis}"
     other = f"; dashed lines: its mirror image ({result.mirror.name})" if result.mirror else ""
     texts: dict[str, str] = {}
-    if found.chi_square:
-        harmonics = len(found.chi_square)
+    if quantities.chi_square:
+        harmonics = len(quantities.chi_square)
         texts["chi_square"] = (
             f"Where chi-square comes from: {harmonics} harmonics of {n}, {basis}. Noise alone gives 2 a harmonic on "
             "average. Parts above the dashed line, or many high ones at one load or frequency, show where the model "
@@ -154,32 +159,32 @@ def captions(result: FitResult) -> dict[str, str]:
         + at
         + (" The dotted line is the truth." if result.truth else "")
     )
-    if found.data or any(recording.frequency_hz is None for recording in result.recordings):
+    if quantities.data or any(recording.frequency_hz is None for recording in result.recordings):
         curve = (
             f"Solid lines: the {best.name} branch{other}, as its sensor reads it, for a sine as large as the recorded "
-            "ones. " if found.curves else ""
+            "ones. " if quantities.curves else ""
         )  # fmt: skip
         texts["transmissibility"] = (
             f"Acceleration of the malleolus over that of the base, and its phase lag ({n}). Marks: data with 95 % "
             f"limits of {_scatter(result)}, often smaller than the marks. {curve}Above the dotted line the ankle moves "
             "more than the base."
         )
-    if found.modes:
+    if quantities.modes:
         texts["modes"] = (
             f"Natural frequencies and damping ratios of small motion about rest under each load, from {n}; errors "
             "propagated linearly. A mode with a damping ratio above one does not swing. Filled marks: model assumed "
             "exact" + ("; open ones: model and sensor errors included." if result.departures else ".")
         )
-    if found.dampers:
+    if quantities.dampers:
         texts["dampers"] = (
             f"Damping over the relative displacement that {n} reached (bars, by load); extension is positive. Bands of "
             "95 % at each displacement, errors propagated linearly."
             + (" What the springs relax damps beside these laws." if result.relaxes else "")
         )
-    if found.energies:
+    if quantities.energies:
         texts["energies"] = (
             f"Energy that ankle and fat pad dissipate in one cycle, one mark a recording ({n}); {interval}."
-            if all(math.isfinite(row["upper_j"]) for row in found.energies)
+            if all(math.isfinite(row["upper_j"]) for row in quantities.energies)
             else f"Energy that ankle and fat pad dissipate in one cycle, one mark a recording ({n})."
         )
     texts["traces"] = f"Acceleration of the malleolus over three periods, data and model ({best.name}); {n}."
@@ -214,8 +219,8 @@ def _scatter(result: FitResult) -> str:
 
 def rests(result: FitResult) -> dict[str, str]:
     """Constants that are another number at rest than at the reference frequency, with their 95 % intervals there."""
-    both = {key: (e.interval(), e.at_rest.interval()) for key, e in result.parameters.items() if e.at_rest}
-    return {key: rest for key, (dynamic, rest) in both.items() if rest != dynamic}
+    pairs = {key: (e.interval(), e.at_rest.interval()) for key, e in result.parameters.items() if e.at_rest}
+    return {key: rest for key, (dynamic, rest) in pairs.items() if rest != dynamic}
 
 
 def interval(value: float, lower: float, upper: float, scale: float = 1.0) -> str:
@@ -241,10 +246,10 @@ def _counted(result: FitResult) -> str:
 
 def _loads(result: FitResult) -> dict[float, list[Any]]:
     """Added mass [kg] -> its recordings."""
-    found: dict[float, list[Any]] = {}
+    by_load: dict[float, list[Any]] = {}
     for recording in result.recordings:
-        found.setdefault(recording.added_mass_kg, []).append(recording)
-    return dict(sorted(found.items()))
+        by_load.setdefault(recording.added_mass_kg, []).append(recording)
+    return dict(sorted(by_load.items()))
 
 
 def _energies(result: FitResult) -> list[tuple[Row, Row]]:
@@ -261,9 +266,15 @@ def methods(result: FitResult) -> list[str]:
 def _data(result: FitResult) -> str:
     groups = []
     for load, mine in _loads(result).items():
-        found = sorted(r.frequency_hz for r in mine if r.frequency_hz is not None)
-        at = f"{found[0]:.3g} to {found[-1]:.3g} Hz" if len(found) > 1 else f"{found[0]:.3g} Hz" if found else ""
-        at = at if len(found) == len(mine) else f"{at} and broadband" if at else "broadband"
+        frequencies = sorted(r.frequency_hz for r in mine if r.frequency_hz is not None)
+        at = (
+            f"{frequencies[0]:.3g} to {frequencies[-1]:.3g} Hz"
+            if len(frequencies) > 1
+            else f"{frequencies[0]:.3g} Hz"
+            if frequencies
+            else ""
+        )
+        at = at if len(frequencies) == len(mine) else f"{at} and broadband" if at else "broadband"
         groups.append(f"{len(mine)} with {load:g} kg on the knee ({at})")
     first = result.recordings[0].time_s
     rate = (first.size - 1) / (first[-1] - first[0])

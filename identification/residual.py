@@ -104,8 +104,8 @@ class Problem:
         turn = (T[..., None] * turn).reshape(R, S * H, 2 * H)
         G = np.concatenate([turn.real, turn.imag], 1)
         base = np.tile(measured.base_std**2, 2)
-        own = np.tile((measured.output_std**2).reshape(R, -1), 2)
-        noise = (G * base[:, None]) @ np.swapaxes(G, 1, 2) + own[..., None] * np.eye(own.shape[1])
+        sensors = np.tile((measured.output_std**2).reshape(R, -1), 2)
+        noise = (G * base[:, None]) @ np.swapaxes(G, 1, 2) + sensors[..., None] * np.eye(sensors.shape[1])
         return replace(self, noise=noise)
 
     def with_repeatability(self, repeatability: float) -> "Problem":
@@ -200,9 +200,9 @@ class Problem:
         shape = (len(Q), R, S, H)
         T, rock = np.ones(shape, complex), np.zeros(shape, complex)
         one = (slice(None), None, None)
-        own = np.exp(v.value(Q, v.of_kind("rocking frequency"), np.log(60.0)))[one]
+        frequency = np.exp(v.value(Q, v.of_kind("rocking frequency"), np.log(60.0)))[one]
         ratio = v.value(Q, v.of_kind("rocking damping"), 0.1)[one]
-        swing = base * f**2 / (own**2 - f**2 + 2j * ratio * own * f)
+        swing = base * f**2 / (frequency**2 - f**2 + 2j * ratio * frequency * f)
         for s, sensor in enumerate(measured.sensors):
 
             def of(kind: str, rest: float = 0.0, sensor: str = sensor) -> np.ndarray:

@@ -283,8 +283,8 @@ class FitResult(Presented):
             known = ["" if truth is None else f"{truth:.4g}"] if self.truth else []
             others = [b.departures.masses[i].interval() if b.departures else "" for b in self.branches[1:]]
             word = "weighed" if mass.weighed else "assumed" if mass.assumed else "as stated"
-            told = f"{mass.stated:.4g} {mass.basis}"
-            rows.append([f"{mass.name} [kg]", mass.interval(), told, *others, *known, word])
+            prior = f"{mass.stated:.4g} {mass.basis}"
+            rows.append([f"{mass.name} [kg]", mass.interval(), prior, *others, *known, word])
         columns = ["parameter", *self.intervals, *mirrors, *(["truth"] if self.truth else []), ""]
         notes = [
             self.sentence(),
@@ -369,8 +369,8 @@ class FitResult(Presented):
             },
             "chi_square_wide": self.departures.chi_square if self.departures else None,
             "masses": [asdict(mass) for mass in self.departures.masses] if self.departures else [],
-            "nuisances": [asdict(each) for each in self.departures.nuisances] if self.departures else [],
-            "contact": [each.document() for each in self.contact],
+            "nuisances": [asdict(item) for item in self.departures.nuisances] if self.departures else [],
+            "contact": [item.document() for item in self.contact],
             "excitation_rank": self.excitation_rank,
             "twin_mujoco_difference": self.twin_mujoco_difference,
             "base_acceleration_error": self.base_acceleration_error,
@@ -426,18 +426,18 @@ class FitResult(Presented):
         if not self.offered:
             count = f"{len(self.parameters)} free parameters"
             values = f"No constant is offered, as the excitation has rank {self.excitation_rank} for {count}"
-        found = ""
+        goodness = ""
         if self.domain == "periodic":
             per = f"chi-square {self.best.chi_square / max(1, self.best.dof):.2f} per degree of freedom"
-            found = f", {per}" if self.best.dof else ", no degrees of freedom left"
+            goodness = f", {per}" if self.best.dof else ", no degrees of freedom left"
         if self.misfit():  # which gives it
-            found = ""
+            goodness = ""
         word = self.verdict if self.departures or self.verdict == "not compared" else f"{self.verdict}{_EXACT}"
         if self.departures and not self.departures.follows:
             return f"{self.misfit()}Fit {self.fit_percent:.1f} %; {word}."
         at = f" at {self.departures.reference_frequency_hz:.3g} Hz" if self.departures and self.relaxes else ""
         repeats = f", {self.departures.repeats}" if self.departures else ""
-        return f"{self.misfit()}{values}{at}; fit {self.fit_percent:.1f} %{found}{repeats}; {word}."
+        return f"{self.misfit()}{values}{at}; fit {self.fit_percent:.1f} %{goodness}{repeats}; {word}."
 
     @property
     def relaxes(self) -> bool:
@@ -454,20 +454,22 @@ class FitResult(Presented):
 
 def trusting(branch: Branch) -> Branch:
     """A branch whose model was assumed exact: its words say so."""
-    told = {
+    estimates = {
         key: e if e.identifiability == "not identifiable" else replace(e, identifiability=e.identifiability + _EXACT)
         for key, e in branch.parameters.items()
     }
-    return replace(branch, parameters=told)
+    return replace(branch, parameters=estimates)
 
 
 def without_exact(branch: Branch) -> Branch:
     """A branch that offers no interval of the exact model, and calls no constant known by it."""
     word = "not identifiable"
-    told = {}
+    estimates = {}
     for key, e in branch.parameters.items():
         if branch.departures is None:
-            told[key] = replace(e, std_error=np.nan, lower=np.nan, upper=np.nan, identifiability=word)
+            estimates[key] = replace(e, std_error=np.nan, lower=np.nan, upper=np.nan, identifiability=word)
         else:
-            told[key] = replace(e, if_model_true=e.if_model_true and replace(e.if_model_true, identifiability=word))
-    return replace(branch, parameters=told)
+            estimates[key] = replace(
+                e, if_model_true=e.if_model_true and replace(e.if_model_true, identifiability=word)
+            )
+    return replace(branch, parameters=estimates)

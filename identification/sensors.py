@@ -32,15 +32,17 @@ def chosen(
     Raises:
         SettingError: a sensor that the model, or no recording, has; or the malleolus is left out.
     """
-    there = [name for name in foot.sensors if name != "base"]
+    available = [name for name in foot.sensors if name != "base"]
     read = list(dict.fromkeys(name for recording in recordings for name in recording.sensors))
     if wanted is None:
-        lost = [name for name in read if name not in there]
+        lost = [name for name in read if name not in available]
         text = f"Not fitted, as no accelerometer of the model {foot.name} has such a name: {', '.join(lost)}."
-        return (*MALLEOLUS, *(n for n in there if n in read and n not in MALLEOLUS)), [text] if lost else []
+        return (*MALLEOLUS, *(n for n in available if n in read and n not in MALLEOLUS)), [text] if lost else []
     for name in wanted:
-        if name not in there:
-            raise SettingError(f"{unknown('sensor', name, there)} in model {foot.name}; an accelerometer has its name.")
+        if name not in available:
+            raise SettingError(
+                f"{unknown('sensor', name, available)} in model {foot.name}; an accelerometer has its name."
+            )
         if name not in read:
             raise SettingError(
                 f"sensor {name!r} is asked for, and no recording has a column {name}_m_s2 that can serve."
@@ -114,10 +116,10 @@ class SensorFit:
         left = float(np.sqrt(np.mean((measured - model) ** 2)))
         lines: tuple[HarmonicFit, ...] = ()
         if harmonics is not None and modelled is not None:
-            each = zip(harmonics.amplitudes, modelled, harmonics.std, strict=True)
+            rows = zip(harmonics.amplitudes, modelled, harmonics.std, strict=True)
             f = harmonics.frequency_hz
             lines = tuple(
-                HarmonicFit(h, h * f, complex(m), complex(y), float(s)) for h, (m, y, s) in enumerate(each, 1)
+                HarmonicFit(h, h * f, complex(m), complex(y), float(s)) for h, (m, y, s) in enumerate(rows, 1)
             )
         return cls(name, fit_percent, left, measured, model, lines)
 
@@ -132,12 +134,14 @@ class SensorFit:
 
 def summary(recordings: Sequence[Sequence[SensorFit]]) -> list[str]:
     """A line on each sensor over all recordings; none where the malleolus is alone."""
-    each = [sensor for row in recordings for sensor in row]
-    names = list(dict.fromkeys(sensor.name for sensor in each))
+    fits = [sensor for row in recordings for sensor in row]
+    names = list(dict.fromkeys(sensor.name for sensor in fits))
     lines = []
     for name in names if len(names) > 1 else []:
-        its = [sensor for sensor in each if sensor.name == name]
-        fit, left = (float(np.mean(x)) for x in ([s.fit_percent for s in its], [s.residual_m_s2 for s in its]))
-        noun = "recording" if len(its) == 1 else "recordings"
-        lines.append(f"{name}: fit {fit:.1f} %, residual {left:.3g} m/s², {len(its)} {noun}")
+        of_sensor = [sensor for sensor in fits if sensor.name == name]
+        fit, left = (
+            float(np.mean(x)) for x in ([s.fit_percent for s in of_sensor], [s.residual_m_s2 for s in of_sensor])
+        )
+        noun = "recording" if len(of_sensor) == 1 else "recordings"
+        lines.append(f"{name}: fit {fit:.1f} %, residual {left:.3g} m/s², {len(of_sensor)} {noun}")
     return lines

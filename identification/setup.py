@@ -139,8 +139,8 @@ class Setup:
         """
         if not recordings:
             raise RecordingError("there is no recording to fit.")
-        told = {name: getattr(settings, name) for name in ("mass_std", "gain_std", "delay_std_s", "exclude")}
-        known = Known.of_all([recording.known for recording in recordings]).told(**told)
+        stated = {name: getattr(settings, name) for name in ("mass_std", "gain_std", "delay_std_s", "exclude")}
+        known = Known.of_all([recording.known for recording in recordings]).told(**stated)
         apart(recordings)
         _loaded(recordings, foot)
         data = [_calibrated(checked(recording), known) for recording in recordings]
@@ -191,24 +191,24 @@ def _loaded(recordings: Sequence[Recording], foot: Foot) -> None:
 
 def _calibrated(recording: Recording, known: Known) -> Recording:
     """A recording whose channels are as alike as a laboratory or a user says, in place of what each channel states."""
-    told: dict[str, Any] = {
+    stated: dict[str, Any] = {
         name: value
         for name, value in (("gain_std", known.gain_std), ("delay_std_s", known.delay_std_s))
         if value is not None
     }
-    if not told:
+    if not stated:
         return recording
     base, malleolus = (recording.calibration.get(name, Channel()) for name in ("base", "malleolus"))
-    none: dict[str, Any] = dict.fromkeys(told, 0.0)
+    none: dict[str, Any] = dict.fromkeys(stated, 0.0)
     exact = replace(base, **none)
-    channels = {**recording.calibration, "base": exact, "malleolus": replace(malleolus, **told)}
+    channels = {**recording.calibration, "base": exact, "malleolus": replace(malleolus, **stated)}
     return replace(recording, calibration=channels)
 
 
 def tells_delay(data: Sequence[Recording]) -> bool:
     """Several frequencies, or broadband excitation, tell a delay from damping."""
-    found = {round(r.condition.frequency_hz, 1) if r.condition.frequency_hz else None for r in data}
-    return len(found) > 1 or None in found
+    frequencies = {round(r.condition.frequency_hz, 1) if r.condition.frequency_hz else None for r in data}
+    return len(frequencies) > 1 or None in frequencies
 
 
 def choose_domain(recordings: Sequence[Recording], wanted: str) -> tuple[str, list[str]]:

@@ -113,14 +113,14 @@ def problem_of(
         carriers: of each sensor, whether it sits on the foot's mass; None for a model that is not
             the two-mass foot.
     """
-    own = foot.values()
-    masses = [name for name in own if name in MASSES]
+    values = foot.values()
+    masses = [name for name in values if name in MASSES]
     measured = Measured.of([Line.with_sensors(r, tuple(sensors)) for r in recordings], sensors)
     two_mass = carriers is not None
     mirror = two_mass and not branches.has_mirror(space.names, foot.parameters)
-    ratio = branches.ratio([r.condition.masses for r in recordings], own) if mirror else None
+    ratio = branches.ratio([r.condition.masses for r in recordings], values) if mirror else None
     items = nuisances(recordings, known, masses, two_mass, sensors, delay)
-    variables = Variables(space, items, recordings, own, two_mass, ratio)
+    variables = Variables(space, items, recordings, values, two_mass, ratio)
     return Problem.of(measured, variables, motion_of(foot, measured, variables, carriers or ()))
 
 

@@ -40,8 +40,8 @@ class TimeProblem:
         #: Of each recording, which sensors are fitted, and the noise of each.
         self.sensors = [[name for name in engine.sensors if name in r.sensors] for r in self.recordings]
         self.sigma = [
-            np.array([noise_floor(r, name) for name in its])
-            for r, its in zip(self.recordings, self.sensors, strict=True)
+            np.array([noise_floor(r, name) for name in names])
+            for r, names in zip(self.recordings, self.sensors, strict=True)
         ]
         self.evaluations = 0
         self._cache: tuple[bytes, np.ndarray, np.ndarray] | None = None
@@ -49,13 +49,13 @@ class TimeProblem:
     @property
     def size(self) -> int:
         """Number of residuals, before their compression."""
-        return sum(r.time_s.size * len(its) for r, its in zip(self.recordings, self.sensors, strict=True))
+        return sum(r.time_s.size * len(names) for r, names in zip(self.recordings, self.sensors, strict=True))
 
     @property
     def log_determinant(self) -> float:
         """Sum of the logarithms of all variances."""
-        each = zip(self.recordings, self.sigma, strict=True)
-        return float(sum(r.time_s.size * 2 * np.log(s) for r, sigma in each for s in sigma))
+        pairs = zip(self.recordings, self.sigma, strict=True)
+        return float(sum(r.time_s.size * 2 * np.log(s) for r, sigma in pairs for s in sigma))
 
     @property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
@@ -103,16 +103,16 @@ class TimeProblem:
         y, D = self.engine.run(number, values, self.space.names, self.states(z, number))
         if not (np.isfinite(y).all() and np.isfinite(D).all()):
             raise SimulationError(f"{recording.file}: the model became unstable.")
-        n, found = recording.time_s.size, []
+        n, outputs = recording.time_s.size, []
         for name, sigma in zip(self.sensors[number], self.sigma[number], strict=True):
             place = self.engine.sensors.index(name)
             rows = slice(place * n, (place + 1) * n)
             out, J = self._late(recording, values, delay_of(name).name, y[rows], D[rows])
             J[:, :p] *= self.space.slope(theta)
-            found.append((out, (out - recording.sensors[name]) / sigma, J / sigma))
-        if len(found) == 1:
-            return found[0]
-        outs, residuals, jacobians = zip(*found, strict=True)
+            outputs.append((out, (out - recording.sensors[name]) / sigma, J / sigma))
+        if len(outputs) == 1:
+            return outputs[0]
+        outs, residuals, jacobians = zip(*outputs, strict=True)
         return np.concatenate(outs), np.concatenate(residuals), np.concatenate(jacobians)
 
     def misses(self, z: np.ndarray, number: int) -> np.ndarray:
@@ -125,14 +125,14 @@ class TimeProblem:
         y, _ = self.engine.run(number, values, (), self.states(z, number))
         if not np.isfinite(y).all():
             raise SimulationError(f"{recording.file}: the model became unstable.")
-        n, found = recording.time_s.size, []
+        n, residuals = recording.time_s.size, []
         for name, sigma in zip(self.sensors[number], self.sigma[number], strict=True):
             place = self.engine.sensors.index(name)
             out = y[place * n : (place + 1) * n]
             if self.space.has_delay:
                 out = delayed(out, recording.rate_hz * values.get(delay_of(name).name, 0.0))
-            found.append((out - recording.sensors[name]) / sigma)
-        return np.concatenate(found)
+            residuals.append((out - recording.sensors[name]) / sigma)
+        return np.concatenate(residuals)
 
     def _late(
         self, recording: Recording, values: Mapping[str, float], delay: str, y: np.ndarray, D: np.ndarray
@@ -163,16 +163,16 @@ class TimeProblem:
         names = list(self.engine.sensors)
         middle, shared = np.zeros((total, total)), np.zeros((total, 2 * len(names)))
         for i, recording in enumerate(self.recordings):
-            columns, its = self.columns(i), self.sensors[i]
-            parts = [np.split(part, len(its)) for part in self.rows(z, i)]
+            columns, sensors = self.columns(i), self.sensors[i]
+            parts = [np.split(part, len(sensors)) for part in self.rows(z, i)]
             for k, (y, r, J) in enumerate(zip(*parts, strict=True)):
                 middle[np.ix_(columns, columns)] += J.T @ _correlated(r, J)
-                for m in range(len(its)):
+                for m in range(len(sensors)):
                     if m != k:
                         middle[np.ix_(columns, columns)] += J.T @ _correlated(r, parts[2][m], parts[1][m])
-                gain_std, delay_std_s = gain_and_delay(recording, its[k], "base")
+                gain_std, delay_std_s = gain_and_delay(recording, sensors[k], "base")
                 late = np.gradient(y, 1 / recording.rate_hz) * (0.0 if self.space.has_delay else delay_std_s)
-                at = 2 * names.index(its[k])
+                at = 2 * names.index(sensors[k])
                 shared[columns, at : at + 2] += J.T @ np.column_stack([gain_std * y, late]) / self.sigma[i][k]
         middle += shared @ shared.T
         bread = inverse_of_gram(self.jacobian(z)[:, varied])
@@ -266,9 +266,9 @@ def _correlated(r: np.ndarray, J: np.ndarray, other: np.ndarray | None = None) -
     power = np.abs(np.fft.rfft(r, size)) ** 2
     if other is not None:
         power = np.fft.rfft(r, size) * np.conj(np.fft.rfft(other, size))
-    found, taper = np.fft.irfft(power, size) / n, 1 - np.arange(lags) / lags
+    correlation, taper = np.fft.irfft(power, size) / n, 1 - np.arange(lags) / lags
     kernel = np.zeros(size)
-    kernel[:lags] = found[:lags] * taper
-    kernel[-lags + 1 :] = (kernel[1:lags] if other is None else found[-1:-lags:-1] * taper[1:])[::-1]
+    kernel[:lags] = correlation[:lags] * taper
+    kernel[-lags + 1 :] = (kernel[1:lags] if other is None else correlation[-1:-lags:-1] * taper[1:])[::-1]
     spectrum = np.fft.rfft(kernel)[:, None] * np.fft.rfft(J, size, axis=0)
     return np.fft.irfft(spectrum, size, axis=0)[:n]

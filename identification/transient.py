@@ -89,9 +89,9 @@ def fit(
         raise multistart.lost(setup.foot, space, descents, setup.recordings)
     ends = _of_each_branch(domain, space, ratio, descents)
     certified, left_out = [], []
-    for number, (name, its) in enumerate(ends.items()):
+    for number, (name, descents_of_side) in enumerate(ends.items()):
         advance("converging in MuJoCo", number, len(ends))
-        best, skipped = certify_first(domain, name, its)
+        best, skipped = certify_first(domain, name, descents_of_side)
         if best:
             certified.append(best)
         else:
@@ -182,9 +182,9 @@ def _of_each_branch(
     for name, other in ((STIFF_ANKLE, STIFF_PAD), (STIFF_PAD, STIFF_ANKLE)):
         for end in _distinct(ends.get(other, [])):
             image = branches.mirrored(space.values(end.theta), ratio)
-            there = multistart.descend(problem, space.to_q(space.theta(image)), f"mirror of {other}")
-            if _side(space, ratio, there) == name:
-                entered.setdefault(name, []).append(there)
+            image_descent = multistart.descend(problem, space.to_q(space.theta(image)), f"mirror of {other}")
+            if _side(space, ratio, image_descent) == name:
+                entered.setdefault(name, []).append(image_descent)
     names = [*ends, *(name for name in entered if name not in ends)]
     return {name: sorted([*ends.get(name, []), *entered.get(name, [])], key=lambda d: d.cost) for name in names}
 

@@ -133,5 +133,5 @@ class Rollouts:
 
 def sampled(size: int, sensors: int, stride: int) -> np.ndarray:
     """Where the samples of each sensor stand in its steps, with a sensor behind the other."""
-    found: np.ndarray = np.arange(size).reshape(sensors, -1)[:, ::stride].ravel()
-    return found
+    rows: np.ndarray = np.arange(size).reshape(sensors, -1)[:, ::stride].ravel()
+    return rows

@@ -54,8 +54,8 @@ def twin_applies(foot: Foot, sensors: Sequence[str] = MALLEOLUS) -> bool:
         foot: the model.
         sensors: each must sit on one of the two masses; any number may.
     """
-    found = carriers(foot)
-    return found.get("malleolus") == SHANK and all(name in found for name in sensors)
+    masses = carriers(foot)
+    return masses.get("malleolus") == SHANK and all(name in masses for name in sensors)
 
 
 @functools.lru_cache(maxsize=8)  # a study asks twice for each of its fits
