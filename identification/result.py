@@ -16,6 +16,7 @@ from identification.contact import Contact
 from identification.contact import summary as lifted
 from identification.estimates import IF_TRUE, WHATEVER, Allowance, Estimate, Mass, label
 from identification.misfit import Misfit
+from identification.parameters import MASSES
 from identification.sensors import SensorFit, summary
 
 if TYPE_CHECKING:
@@ -137,9 +138,12 @@ class Branch(Presented):
     def values(self) -> dict[str, float]:
         """Key -> value of the foot's parameters, as `Foot.with_values` takes them; the channels' delay is none.
 
-        They are those of the headline: what tables, report and page show.
+        They are those of the headline, as tables, report and page show them, with the masses of the one person that
+        belong to them: all constants scale with these.
         """
-        return {key: e.value for key, e in self.parameters.items() if not of_channel(key)}
+        masses = self.departures.masses if self.departures else ()
+        one = {mass.name: mass.value for mass in masses if mass.name in MASSES}
+        return {key: e.value for key, e in self.parameters.items() if not of_channel(key)} | one
 
     def document(self) -> dict[str, Any]:
         """As in result.json, where the departures have the key `world`."""

@@ -81,6 +81,12 @@ def test_a_fit_moves_the_foot_that_is_simulated(fitted: idn.FitResult, foot: fb.
     assert motion.plot().axes[1].get_ylabel() == "malleolus [m/s²]"
 
 
+def test_masses_move_with_the_constants_that_scale_with_them(fitted: idn.FitResult, foot: fb.Foot) -> None:
+    moved = foot.with_values(fitted).values()
+    masses = {mass.name: mass.value for mass in fitted.departures.masses}
+    assert set(masses) == {"m_S", "m_F"} and masses == {name: moved[name] for name in masses}
+
+
 def test_the_viewer_is_beside_the_notebook(fitted: idn.FitResult, foot: fb.Foot, tmp_path: Path) -> None:
     viewer = viz.show(foot, result=fitted, browser=False, wait=False)
     try:
