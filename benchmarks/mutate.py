@@ -151,7 +151,7 @@ def outcome(fault: Fault, tree: Path, seconds: float) -> str:
     if before.count(fault.old) != 1:
         return f"not planted: {fault.old!r} is there {before.count(fault.old)} times"
     file.write_text(before.replace(fault.old, fault.new))
-    words = [sys.executable, "-m", "pytest", "-x", "-q", "-n", "0", "-p", "no:cacheprovider"]
+    words = [sys.executable, "-m", "pytest", "-x", "-q", "-n", "0", "-m", "", "-p", "no:cacheprovider"]
     words += [f"tests/{test}" for test in fault.tests]
     try:
         done = subprocess.run(

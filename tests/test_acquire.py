@@ -91,6 +91,7 @@ def test_planned_session_goes_on_where_it_stopped(
     assert "--first is 5, and" in refusal(*words, "--first", "5")
 
 
+@pytest.mark.long
 def test_full_disk_mid_run_loses_nothing(tmp_path: Path, feeder: Feeder) -> None:
     """A limit on the file size stands for the full disk; both files together give every sample without a gap."""
     study = tmp_path / "study"
@@ -137,6 +138,7 @@ def test_killed_mid_run_then_recovered(tmp_path: Path, feeder: Feeder, capsys: p
     assert kept.time_s.size == document["samples"]
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("undrawn", "patient")
 def test_from_the_shaker_to_the_parameters(tmp_path: Path) -> None:
     """A sweep on the virtual bench, then the fit: every parameter within four standard errors of the bench's own.

@@ -462,6 +462,7 @@ def test_cards_are_listed(monkeypatch: pytest.MonkeyPatch, capsys: pytest.Captur
     assert json.loads(out) == [] and "no sound card" in err
 
 
+@pytest.mark.long
 def test_virtual_foot_between_playback_and_capture(tmp_path: Path) -> None:
     """Command, PortAudio, PulseAudio: a recording whose transmissibility is the foot's own.
 

@@ -511,6 +511,7 @@ def test_board_taken_for_a_generator_is_told_nothing_about_outputs(
     assert "OUTP OFF" not in capsys.readouterr().err
 
 
+@pytest.mark.long
 def test_interrupted_sweep_keeps_what_it_has(tmp_path: Path, bench: Bench) -> None:
     study = tmp_path / "study"
     words = ["--port", bench.board_port, "--generator", bench.generator_port, "--frequency", "30", "--seconds", "60"]

@@ -89,6 +89,7 @@ def test_bundled_bones_have_the_size_of_bones() -> None:
     assert (np.ptp(body.mesh.points_um, axis=0) / UNITS["mm"] < 20).all()
 
 
+@pytest.mark.long
 def test_obj_and_stl_give_the_same(tmp_path: Path) -> None:
     surface = trimesh.creation.box((40, 10, 12))
     found = []
@@ -258,6 +259,7 @@ def test_a_beam_of_twelve_triangles_swings_as_timoshenko_says(tmp_path: Path) ->
     assert f"Hz +-{found.errors[0]:.2%}" in str(found)
 
 
+@pytest.mark.long
 def test_a_shell_with_a_chamber_has_the_error_that_is_printed(tmp_path: Path) -> None:
     ball, room = (trimesh.creation.icosphere(3, radius) for radius in (10.0, 6.0))
     surface = trimesh.util.concatenate([ball, room])

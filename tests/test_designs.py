@@ -61,6 +61,7 @@ class Design:
         return rows(self.recording, self.resolution_hz, self.estimate)
 
 
+@pytest.mark.long
 def test_every_random_design_has_an_answer_or_a_reason() -> None:
     refused = 0
     for seed in range(30):

@@ -493,6 +493,7 @@ def test_protocol_comes_back_and_broken_ones_are_refused(tmp_path: Path, plan: P
         Protocol.read(file)
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("patient")
 def test_acquire_runs_a_plan_on_the_virtual_bench(tmp_path: Path) -> None:
     steps = (Step("sine", 30.0, 2.3, 5.0, 0.6), Step("sine", 40.0, 2.3, 4.0, 0.5))

@@ -154,8 +154,11 @@ def same(printed: str, documented: str) -> bool:
     return bool(np.allclose(found, wanted, rtol=5e-3, atol=0))
 
 
+#: Pages whose commands compute long.
+LONG = ("acquisition", "cell", "study")
+
 SHELL_BLOCKS = [
-    pytest.param(block, id=f"{file.stem}:{block.line}")
+    pytest.param(block, id=f"{file.stem}:{block.line}", marks=[pytest.mark.long] if file.stem in LONG else [])
     for file in DOCUMENTS
     for block in blocks(file)
     if block.language in ("shell", "sh", "bash") and block.commands

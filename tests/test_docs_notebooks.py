@@ -47,6 +47,7 @@ def shown(output: dict[str, Any]) -> tuple[str, list[bool]]:
     return re.sub(r"base error \S+?(?=[<\s])", "", words), pictures
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("file", NOTEBOOKS, ids=lambda file: file.stem)
 def test_a_notebook_prints_what_it_is_kept_with(file: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)

@@ -48,6 +48,7 @@ def test_mirror_is_the_same_at_the_malleolus_only(picture: Path) -> None:
     assert drawn(picture)
 
 
+@pytest.mark.long
 def test_second_load_decides(picture: Path) -> None:
     results = two_loads_decide.main(picture)
     assert results["one load"].verdict == "undecided" and results["two loads"].verdict == "decided"
@@ -103,6 +104,7 @@ def test_loops_hold_the_energy_that_the_dampers_take(picture: Path) -> None:
     assert drawn(picture)
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("patient")
 def test_virtual_bench_gives_a_study(picture: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The command that it runs, in this process."""
@@ -128,6 +130,7 @@ def test_a_board_of_your_own_gives_a_recording(tmp_path: Path) -> None:
     assert ratio == pytest.approx(12 / 9 * np.exp(-0.3j), abs=1e-3)
 
 
+@pytest.mark.long
 def test_figure_of_loads(picture: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """With half the subjects, whose recordings are most of the work."""
     monkeypatch.setattr(transmissibility_figure, "Plan", lambda **words: Plan(**words | {"subjects": 3}))

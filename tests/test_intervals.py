@@ -59,6 +59,7 @@ def test_the_covariance_is_that_of_the_curvature(solution: Solution) -> None:
     assert noisy.size - solution.dof == pytest.approx(np.trace(J[: noisy.size] @ want @ J[: noisy.size].T), abs=0.5)
 
 
+@pytest.mark.long
 def test_intervals_hold_the_truth_as_often_as_they_say(made: Problem) -> None:
     """Twenty legs whose masses, channels, springs and loads are drawn from their priors, with noise."""
     v, rng, trials = made.variables, np.random.default_rng(11), 20

@@ -180,6 +180,7 @@ def test_a_foot_far_nearer_than_assumed_is_said(second: Naming) -> None:
     assert any(f"a foot within {100 * DEPARTURE:g} % of one mechanism" in note for note in usual)
 
 
+@pytest.mark.long
 def test_a_repeated_sine_counts_once(linked: list[Recording]) -> None:
     (once,), (twice,) = read(linked), read([*linked, *linked])
     np.testing.assert_allclose(twice.recordings.MB, once.recordings.MB)
@@ -202,6 +203,7 @@ def test_two_people_are_two_answers(linked: list[Recording], flying: list[Record
     assert [(s.subject, s.plan.tuberosity) for s in read([*linked, *other])] == [("7", True), ("8", False)]
 
 
+@pytest.mark.long
 def test_virtual_subjects_are_shaken_in_the_same_way(linked: list[Recording]) -> None:
     (seen,) = read(linked)
     *_, last = name(seen, subjects=1)

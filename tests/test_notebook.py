@@ -56,6 +56,7 @@ def test_a_fit_is_a_table_and_files(fitted: idn.FitResult, tmp_path: Path) -> No
     assert json.loads(files["result.json"].read_text())["parameters"]["k_T_n_per_m"]["value"] == fitted["k_T"].value
 
 
+@pytest.mark.long
 def test_every_plot_of_a_fit_can_be_drawn(fitted: idn.FitResult) -> None:
     for kind in fitted.plots:
         assert fitted.plot(kind)._repr_png_().startswith(b"\x89PNG"), kind

@@ -116,6 +116,7 @@ def test_scipy_does_not_improve_either_end(found: Searched) -> None:
         assert objective > optimum.objective - 1e-3
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("number", [0, 1])
 def test_an_end_is_that_of_many_starts(found: Searched, number: int) -> None:
     """SciPy from other places of its side, where recordings repeat ever better: none ends lower, and one ends there."""

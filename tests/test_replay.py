@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from steady_cases import BENT, BOTH, problem, recorded, session
-from test_domains import ANKLE_STOPPED
+from test_time_domain import ANKLE_STOPPED
 
 from fasbody.exceptions import SimulationError
 from fasbody.foot.model import Foot

@@ -286,6 +286,7 @@ def relaxing() -> Rivals:
     return compare_rivals(recorded(Maxwell(0.4, 0.3)), rungs=RUNGS, source="made")
 
 
+@pytest.mark.long
 def test_a_mass_that_is_stated_wrong_chooses_no_rival() -> None:
     result = compare_rivals(recorded(stated=1.05), rungs=["mount"])
     assert result.first.name == "model"
@@ -305,6 +306,7 @@ def test_springs_that_relax_are_named_and_the_model_is_not_believed(relaxing: Ri
     assert relaxing.sentence().startswith("The recordings prefer springs that relax; every other rival is ruled out.")
 
 
+@pytest.mark.long
 def test_a_sensor_on_soft_tissue_is_named_with_its_frequency() -> None:
     result = compare_rivals(recorded(Mount(100.0)), rungs=RUNGS)
     assert result.first.name == "mount"
@@ -385,6 +387,7 @@ def test_mujoco_moves_as_the_compiled_rival(name: str, changed: dict[str, float]
     assert "<!--" in file.read_text().splitlines()[1]
 
 
+@pytest.mark.long
 def test_a_users_own_model_is_a_rival(tmp_path: Path) -> None:
     """The truth written as MJCF, with all but the springs held: it follows, and its springs are the truth's."""
     values = dict(zip(CONSTANTS, map(float, constants(LEG, u=1 / 90**2)), strict=True))

@@ -59,6 +59,7 @@ def test_a_profile_starts_where_the_fit_ended(plan: Plan) -> None:
     assert alone["status"] == "failed" and "needs a fit in the steady state" in alone["error"]
 
 
+@pytest.mark.long
 def test_validation_compares_damping_where_it_can(plan: Plan) -> None:
     pooled = job.run(plan.work(plan.jobs("pooled", "validation")[0]))["result"]
     assert [round(row["frequency_hz"], 2) for row in pooled["held_out"]["rows"]] == [10.0, 20.0, 40.0]
@@ -68,6 +69,7 @@ def test_validation_compares_damping_where_it_can(plan: Plan) -> None:
     assert each["damping"] is None and len(each["held_out"]["rows"]) == 3
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("undrawn")
 def test_checks_are_resumed_and_reach_everything(study: Path, tmp_path: Path) -> None:
     asked = (*ONE_LOAD, *BOUNDS, "--mode", "pooled", "--profile", "k_T", "--validate", "--report")
@@ -116,6 +118,7 @@ def test_both_domains_on_one_fit(study: Path, tmp_path: Path) -> None:
     assert only["tracking"] is None and "not tracked" in only["said"]  # k_T is held: there is no mirror
 
 
+@pytest.mark.long
 def test_a_check_that_cannot_be_is_said_and_stops_nothing(study: Path, tmp_path: Path) -> None:
     two = ("--frequency", "10", "--frequency", "20")
     found = fitted(study, tmp_path, *ONE_LOAD, *two, "--validate", "--profile", "k_T,k_T")

@@ -93,6 +93,7 @@ def _worker(scheduler: str, folder: Path) -> "subprocess.Popen[str]":
     return _dask("dask_worker", scheduler, "--host", "127.0.0.1", *more, before=HOLD.format(str(folder)))
 
 
+@pytest.mark.long
 def test_a_killed_worker_loses_nothing(
     study: Path, serial: dict[str, dict[str, object]], scheduler: Cluster, tmp_path: Path
 ) -> None:
@@ -115,6 +116,7 @@ def test_a_killed_worker_loses_nothing(
     assert (again["computed"], done(again)) == (0, 8)
 
 
+@pytest.mark.long
 def test_a_lost_scheduler_is_one_sentence(study: Path, scheduler: Cluster, tmp_path: Path) -> None:
     """Killed midway: no traceback of Dask's above the sentence, and what was done is kept."""
     process, address, _, folders = scheduler
@@ -148,6 +150,7 @@ def test_a_scheduler_lost_while_workers_are_counted(monkeypatch: pytest.MonkeyPa
         next(cluster._on(Lost(), []))
 
 
+@pytest.mark.long
 def test_local_processes_give_the_same(study: Path, serial: dict, tmp_path: Path) -> None:  # type: ignore[type-arg]
     elsewhere(study, tmp_path, "--workers", "2", "--frequency", "20")
     made = documents(tmp_path)

@@ -93,6 +93,7 @@ def test_failures_are_kept_and_tried_again(tmp_path: Path) -> None:
     assert done(fitted(study, out, "--workers", "1")) == 4
 
 
+@pytest.mark.long
 def test_killed_and_resumed(study: Path, tmp_path: Path) -> None:
     """Kill -9 in the middle; afterwards nothing is done twice, and the result is that of an undisturbed run."""
     whole, out = tmp_path / "whole", tmp_path / "out"
@@ -114,6 +115,7 @@ def test_killed_and_resumed(study: Path, tmp_path: Path) -> None:
     assert fitted(study, out, "--workers", "1")["computed"] == 0
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("workers", "presses"), [("1", 1), ("2", 2)])
 def test_interrupted(study: Path, tmp_path: Path, workers: str, presses: int) -> None:
     """As a terminal does it, to the whole group; `timeout` signals twice."""
@@ -201,6 +203,7 @@ def test_bad_input_is_one_sentence(study: Path, tmp_path: Path, more: tuple[str,
     assert said in document["said"] and document["said"].count("error:") == 1 and "Traceback" not in document["said"]
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("undrawn")
 def test_what_other_settings_left_is_said_and_its_figures_go(study: Path, tmp_path: Path) -> None:
     narrow = ("--workers", "1", "--frequency", "20")

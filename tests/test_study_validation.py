@@ -88,6 +88,7 @@ def test_pooled_constants_predict_constants_and_not_a_trend(foot: Foot) -> None:
     assert good.document()["mode"] == "pooled"
 
 
+@pytest.mark.long
 def test_criteria_know_linear_damping_from_nonlinear(foot: Foot) -> None:
     settings = Settings(departures=False, starts=1, threads=1)
     bent = compare_damping(study(constant, F[:4], (0.0,)), foot, settings)

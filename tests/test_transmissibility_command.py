@@ -23,6 +23,7 @@ def command(*arguments: str) -> subprocess.CompletedProcess[str]:
     return in_process.command("fasbody.transmissibility", *arguments)
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("undrawn")
 def test_command_writes_tables_and_figures_and_prints_one_json_list(study: Path, tmp_path: Path) -> None:
     done = command(str(study), "--json", "--out", str(tmp_path / "out"), "--jobs", "1")

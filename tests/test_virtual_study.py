@@ -62,6 +62,7 @@ def test_broadband_trajectory_has_the_steady_response_of_its_lines() -> None:
     assert fits["tuberosity"] / fits["base"] == pytest.approx(truth["TB"], rel=2e-4)
 
 
+@pytest.mark.long
 def test_a_study_is_what_its_seed_says_whatever_the_number_of_processes(tmp_path: Path) -> None:
     conditions = (("midstance", 0.0), ("dorsiflexion", 2.3))
     plan = Plan(subjects=2, seconds=0.5, conditions=conditions, frequencies_hz=(20.0, 30.0))

@@ -39,6 +39,7 @@ RIVALS = {
 }  # fmt: skip
 
 
+@pytest.mark.long
 def test_from_a_dropped_file_to_the_mirror_foot(opened: Any, tmp_path: Path) -> None:
     own = tmp_path / "mine.xml"
     own.write_text(mjcf.path("two_dof").read_text())
@@ -527,6 +528,7 @@ def taken(page: Watched, name: str) -> tuple[str, bytes]:
     return saved.value.suggested_filename, Path(saved.value.path()).read_bytes()
 
 
+@pytest.mark.long
 def test_what_is_taken_away_opens(opened: Any, tmp_path: Path) -> None:
     """Each file is read by something else than what wrote it, and holds what the page shows."""
     from PIL import Image

@@ -22,6 +22,7 @@ from viz import foot as command  # noqa: E402
 RECORDED = str(BUNDLED / "recordings" / "20hz_0kg.csv")
 
 
+@pytest.mark.long
 def test_without_a_model_a_copy_to_edit_is_opened(tmp_path: Path) -> None:
     """And followed, without an option for it; what was edited there before is kept."""
     own = tmp_path / "my_foot.xml"
@@ -41,6 +42,7 @@ def test_without_a_model_a_copy_to_edit_is_opened(tmp_path: Path) -> None:
     assert own.read_text() == edited
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_ends_in_the_middle_of_simulations(number: signal.Signals) -> None:
     """With a page open, its requests queued: the connection is closed and the command ends by itself."""
@@ -63,6 +65,7 @@ def test_ends_in_the_middle_of_simulations(number: signal.Signals) -> None:
         asyncio.run(client(url, process))
 
 
+@pytest.mark.long
 def test_closed_browser_ends_the_command_that_opened_it() -> None:
     """A reload, gone for less than the time of grace, does not; nor does a browser that is slow to start."""
 
@@ -78,6 +81,7 @@ def test_closed_browser_ends_the_command_that_opened_it() -> None:
         assert process.wait(WAIT) == 0
 
 
+@pytest.mark.long
 def test_browser_that_never_comes_back_holds_nothing_up() -> None:
     """One in a terminal does so; the page is served meanwhile, and Ctrl-C ends the command."""
 

@@ -37,6 +37,7 @@ def test_gif_is_one_period_that_moves(show: Show, monkeypatch: pytest.MonkeyPatc
     assert len(set(frames)) == 4
 
 
+@pytest.mark.long
 def test_mp4_is_played_by_ffmpeg(show: Show, monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
     """Decoded to the end: as many frames as were drawn, of the size that was drawn."""
     monkeypatch.setattr(exported, "MP4", replace(exported.MP4, frames=6, size=0.25))

@@ -295,6 +295,7 @@ def test_session_holds_only_so_much(bench: Bench, monkeypatch: pytest.MonkeyPatc
         bench.keep("b.csv", b"x" * 9)
 
 
+@pytest.mark.long
 def test_fit_is_what_a_script_finds() -> None:
     """The worker's numbers are those of the lines of Python beside them, run in a process of their own."""
     told = Told()

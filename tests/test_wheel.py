@@ -98,6 +98,7 @@ def take_what_is_compiled(installed: Path) -> None:
             shutil.copy(kept, folder)
 
 
+@pytest.mark.long
 def test_main_job_runs_from_another_folder(installed: Path, tmp_path: Path) -> None:
     """`make fit` from the wheel: bundled study, model and template are found."""
     take_what_is_compiled(installed)
