@@ -181,7 +181,7 @@ def command_line(app: "Typer | Callable[[], object]") -> None:
 
             run_app(app) if isinstance(app, Typer) else app()
         except FasError as error:
-            text = named(str(error), sys.argv[1:]) if isinstance(error, SettingError) else str(error)
+            text = named(error, sys.argv[1:]) if isinstance(error, SettingError) else str(error)
             console.print(f"[bold red]error:[/] {_escape(text)}", soft_wrap=True)
             sys.exit(2)
         except Stopped as stop:

@@ -98,7 +98,18 @@ def by_name(file: str) -> Iterator[None]:
 
 
 class SettingError(FasError):
-    """An option or argument has a value that cannot be meant."""
+    """An option or argument has an invalid value.
+
+    Args:
+        sentence: what is wrong, and what would be valid.
+        setting: its name in Python, "" where there is none; a command that was given it names the option.
+    """
+
+    setting = ""  # of one that comes from another process, too
+
+    def __init__(self, sentence: str, setting: str = "") -> None:
+        super().__init__(sentence)
+        self.setting = setting
 
 
 class SimulationError(FasError):

@@ -4,13 +4,10 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
-from fasbody.exceptions import shown, unknown
+from fasbody.exceptions import SettingError, shown, unknown
 
 #: So many options are listed where one does not exist; of more, the nearest is named.
 _LISTED = 8
-#: A number, and one that a sentence says something is, or must not be.
-_NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:e[+-]?\d+)?", re.IGNORECASE)
-_STATED = re.compile(rf"\b(?:is|are|not) ({_NUMBER.pattern})", re.IGNORECASE)
 
 
 def sentence(error: Any) -> str:
@@ -37,26 +34,11 @@ def sentence(error: Any) -> str:
     return f"{message}."
 
 
-def named(refusal: str, words: Sequence[str]) -> str:
-    """A refused setting's sentence with the option that set it, where it says the value and is about that option.
-
-    Settings are checked where they are used, also from Python, where nobody types options.
-
-    Args:
-        refusal: the sentence.
-        words: of the command line.
-    """
-    if "--" in refusal:
-        return refusal
-    values = {float(value) for value in _STATED.findall(refusal)}
-    typed = [word.partition("=") for word in words]
-    pairs = [(option, value or after) for (option, _, value), after in zip(typed, [*words[1:], ""], strict=False)]
-    found = {
-        option for option, value in pairs
-        if option.startswith("--") and _NUMBER.fullmatch(value) and float(value) in values
-        and any(len(part) > 2 and re.search(rf"\b{part}", refusal, re.IGNORECASE) for part in option[2:].split("-"))
-    }  # fmt: skip
-    return f"{found.pop()}: {refusal}" if len(found) == 1 else refusal
+def named(error: SettingError, words: Sequence[str]) -> str:
+    """A refused setting's sentence, behind the option if one of the words of the command line set it."""
+    option = "--" + error.setting.replace("_", "-")
+    typed = error.setting and any(word.partition("=")[0] == option for word in words)
+    return f"{option}: {error}" if typed else str(error)
 
 
 def _name(parameter: Any) -> str:

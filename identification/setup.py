@@ -93,7 +93,7 @@ def with_settings(settings: Settings, chosen: Mapping[str, Any]) -> Settings:
         if name == "replay" and value is None:
             continue
         if not isinstance(value, int | np.integer) or value < least:
-            raise SettingError(f"the {what} is {value!r}; give a whole number, {least} or more.")
+            raise SettingError(f"the {what} is {value!r}; give a whole number, {least} or more.", name)
     return settings
 
 

@@ -4,6 +4,9 @@ import pytest
 from in_process import command
 from typer_apps import HOMES
 
+from fasbody.exceptions import SettingError
+from fasbody.usage import named
+
 #: Module and words -> what is said of them.
 SAID = {
     ("identification.fit", "x.csv", "--body-mass", "abc"): "--body-mass is 'abc', not a number such as 72.5 or 1e-4.",
@@ -49,6 +52,14 @@ def test_every_command_refuses_an_option_that_it_does_not_have(module: str) -> N
     listed = rest.removeprefix("(valid: ").removesuffix(").\n").split(", ")
     assert rest == "For all options see --help.\n" or (listed[-1] == "--help" and len(listed) <= 8)
     assert done.stderr.count("\n") == 1
+
+
+def test_an_option_is_named_where_it_was_typed_and_nowhere_else() -> None:
+    """Not by a number that happens to be the same."""
+    error = SettingError("the number of draws is 1; give 2 or more.", "draws")
+    assert named(error, ["--draws=1", "--starts", "1"]).startswith("--draws: the number")
+    assert named(error, ["--starts", "1"]) == str(error)
+    assert named(SettingError("the number is 1."), ["--starts", "1"]) == "the number is 1."
 
 
 def test_help_and_no_words_at_all_are_no_errors() -> None:

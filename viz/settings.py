@@ -48,7 +48,9 @@ class Settings(Tabled):
             ("delay", self.delay_s, -0.1, 0.1),
         ):
             if not low <= value <= high:
-                raise SettingError(f"{name} is {value:g}, but must be between {low:g} and {high:g}.")
+                raise SettingError(
+                    f"{name} is {value:g}, but must be between {low:g} and {high:g}.", name.replace(" ", "_")
+                )
 
     def held(self, foot: Foot) -> "Settings":
         """These settings with each parameter brought to the nearest value that the foot declares as possible.

@@ -55,11 +55,15 @@ class Plan:
             InputFileError: the study is no folder, of another origin or truth, or knows another body mass.
         """
         if not 0.1 <= self.seconds <= 3600:
-            raise SettingError(f"a recording of {self.seconds:g} s is not possible (valid: 0.1 to 3600).")
+            raise SettingError(f"a recording of {self.seconds:g} s is not possible (valid: 0.1 to 3600).", "seconds")
         if not 0 < self.peak_to_peak < math.inf:
-            raise SettingError(f"the base acceleration is {self.peak_to_peak:g} m/s^2; it must be positive.")
+            raise SettingError(
+                f"the base acceleration is {self.peak_to_peak:g} m/s^2; it must be positive.", "peak_to_peak"
+            )
         if not 0 <= self.condition.added_mass_kg <= 100:
-            raise SettingError(f"the added mass is {self.condition.added_mass_kg:g} kg (valid: 0 to 100).")
+            raise SettingError(
+                f"the added mass is {self.condition.added_mass_kg:g} kg (valid: 0 to 100).", "added_mass"
+            )
         for frequency in self.frequencies_hz:
             if frequency is None:
                 if generator:

@@ -71,7 +71,7 @@ def equilibrium(arch: Arch, load: float, steps: int = 20, springs: Springs | Non
         SimulationError: the arch collapses under the load.
     """
     if not 0 <= load < np.inf:
-        raise SettingError(f"the load on the arch is {load:g} N, but must be zero or more.")
+        raise SettingError(f"the load on the arch is {load:g} N, but must be zero or more.", "load")
     q, springs = rest(arch), springs or LinearSprings(arch)
     for force in np.linspace(load / steps, load, steps):
         q = _settle(arch, q, force, load, springs)

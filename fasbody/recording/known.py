@@ -110,7 +110,10 @@ class Known(Tabled):
         for name, value in given.items():
             if value is not None and not 0 <= value <= _SIZES[name]:
                 what = name.replace("_", " ").removesuffix(" s")
-                raise SettingError(f"the {what} is {value:g}; give a standard deviation from 0 to {_SIZES[name]:g}.")
+                raise SettingError(
+                    f"the {what} is {value:g}; give a standard deviation from 0 to {_SIZES[name]:g}.",
+                    name.removesuffix("_s"),
+                )
         excluded = set(self.excluded)
         for name in exclude:
             if name not in (*DEPARTURES, "all"):

@@ -406,7 +406,7 @@ def _refuse(person: Person, shaker: Shaker, ask: Mapping[str, float], earlier: S
     if len(set(shaker.sensors)) < len(shaker.sensors):
         raise SettingError(f"the sensors {', '.join(shaker.sensors)} have one twice; name each once.")
     if draws < 2:
-        raise SettingError(f"the number of draws is {draws}, no average over feet; give 2 or more.")
+        raise SettingError(f"the number of draws is {draws}, no average over feet; give 2 or more.", "draws")
     for recording in earlier:
         whose = recording.condition
         if (whose.subject, whose.body_mass_kg) != (person.name, person.body_mass_kg):
@@ -422,7 +422,7 @@ def _refuse_ask(ask: Mapping[str, float]) -> None:
         if name not in EXCHANGED:
             raise SettingError(f"{unknown('constant to ask for', name, EXCHANGED)}.")
         if not 0 < share < 10:
-            raise SettingError(f"the half-width asked for {name} is {share:g}; give a share, 0.05 for +-5 %.")
+            raise SettingError(f"the half-width asked for {name} is {share:g}; give a share, 0.05 for +-5 %.", "ask")
 
 
 def step_of(recording: Recording) -> Step:

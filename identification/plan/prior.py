@@ -142,7 +142,7 @@ class Person:
 
     def __post_init__(self) -> None:
         if not 20 <= self.body_mass_kg <= 300:
-            raise SettingError(f"the body mass is {self.body_mass_kg:g} kg; valid: 20 to 300.")
+            raise SettingError(f"the body mass is {self.body_mass_kg:g} kg; valid: 20 to 300.", "body_mass")
         if not twin_applies(self.foot) or has_mirror(space_of(self.foot).names, self.foot.parameters):
             raise SettingError(
                 f"the director plans for the two-mass foot and edits of its numbers, and {self.foot.name} is another "

@@ -110,7 +110,7 @@ class Plan:
         if settings.domain not in DOMAINS:
             raise SettingError(f"{unknown('domain', settings.domain, DOMAINS)}.")
         if settings.starts < 1:
-            raise SettingError(f"the number of starts is {settings.starts}; at least one is needed.")
+            raise SettingError(f"the number of starts is {settings.starts}; at least one is needed.", "starts")
         self.study, self.trials, self.settings, self.model = study, list(trials), settings, model
         self._contents = {trial: content(study, trial) for trial in trials}
 
