@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy import stats
 
+from fasbody.constants import Z95
 from fasbody.presentation import Tabled
-from fasbody.transmissibility.statistics import Z95
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,12 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special, stats
 
+from fasbody.constants import Z95 as Z95
 from fasbody.exceptions import RecordingError
 from fasbody.presentation import Tabled
 
 ALPHA = 0.05
-#: Standard deviations that a 95 % interval reaches to each side.
-Z95 = float(special.ndtri(0.975))
 
 
 @dataclass(frozen=True)

@@ -19,8 +19,6 @@ import numpy as np
 from fasbody.foot.harmonic_balance import Fourier, newton
 
 Array = np.ndarray
-#: Gravity [m/s^2].
-G = 9.81
 #: Force at which a pad's stiffness is named [N].
 REFERENCE_N = 43.0
 #: Acceleration of the table in Chapter 2 [m/s^2].

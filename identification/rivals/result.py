@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from fasbody.constants import Z95
 from fasbody.exceptions import SettingError, unknown
 from fasbody.presentation import Presented, Sheet, Tabled
 from identification.branches import DECISIVE_ODDS
@@ -19,7 +20,7 @@ MODEL = "model"
 
 
 @dataclass(frozen=True)
-class Own:
+class RivalConstant:
     """A rival's own constant: name, what it is, its unit, value and 95 % limits, source of its prior and bounds."""
 
     name: str
@@ -75,7 +76,7 @@ class Rival(Tabled):
     k_F: Estimate | None
     log_ratio: tuple[float, float] | None
     other: tuple[Estimate, Estimate] | None
-    own: tuple[Own, ...]
+    own: tuple[RivalConstant, ...]
     values: Mapping[str, float]
     predicted: tuple[np.ndarray, ...]
     converged: bool
@@ -103,7 +104,7 @@ class Rival(Tabled):
         if self.log_ratio is None or (self.log_odds is not None and not self.decided):
             return ""
         value, std = self.log_ratio
-        return "" if not abs(value) > 1.96 * std else "k_T" if value > 0 else "k_F"
+        return "" if not abs(value) > Z95 * std else "k_T" if value > 0 else "k_F"
 
 
 @dataclass(frozen=True)
@@ -296,8 +297,8 @@ def conclusions(adequate: tuple[Rival, ...]) -> tuple[Conclusion, ...]:
         estimates = [e for r in rivals for e in _open(r, name)]
         first, low, high = estimates[0], min(e.lower for e in estimates), max(e.upper for e in estimates)
         shared = all(e.lower <= first.value <= e.upper for e in estimates)
-        both = replace(first, value=0.5 * (low + high), lower=low, upper=high)
-        text = f"{name} is {both.text(low)} to {both.text(high)} N/m"
+        union = replace(first, value=0.5 * (low + high), lower=low, upper=high)
+        text = f"{name} is {union.text(low)} to {union.text(high)} N/m"
         items.append(Conclusion(name, shared, text, low, high))
     compared = [r for r in rivals if r.log_odds is not None]
     if compared:

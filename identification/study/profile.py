@@ -15,9 +15,9 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.stats import chi2
 
+from fasbody.constants import Z95
 from fasbody.exceptions import SettingError, unknown
 from fasbody.foot.parameters import Parameter
-from fasbody.transmissibility.statistics import Z95
 from identification.estimates import identifiability
 from identification.intervals import Solution, inverse_of_gram, size_that_matters
 from identification.residual import Evaluation
