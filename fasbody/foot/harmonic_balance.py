@@ -277,14 +277,14 @@ class _Single:
 
 def power(system: System, series: Fourier, x: Array) -> Array:
     """Square of the acceleration over w^2 in each harmonic (H + 1,), first that of the mean."""
-    each = np.einsum("il,ij,jl->l", x, system.metric, x) * np.maximum(1, series.order) ** 4
-    return np.bincount(series.order, each)
+    squares = np.einsum("il,ij,jl->l", x, system.metric, x) * np.maximum(1, series.order) ** 4
+    return np.bincount(series.order, squares)
 
 
 def highest(system: System, series: Fourier, x: Array) -> float:
     """Share of the acceleration that is in the two highest harmonics, the larger of both."""
-    each = power(system, series, x)[1:]
-    return float(np.sqrt(each[-2:].max() / max(each.sum(), np.finfo(float).tiny)))
+    squares = power(system, series, x)[1:]
+    return float(np.sqrt(squares[-2:].max() / max(squares.sum(), np.finfo(float).tiny)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -318,18 +318,18 @@ def periodic(system: System, start: Solution | None = None, least: int = HARMONI
         PeriodicMotionError: there is none, or none that grows out of rest.
         NotSmoothError: its harmonics do not fall, or a constraint opens, closes or slips.
     """
-    found = start or _rest(system, Fourier.of(HARMONICS))
+    solution = start or _rest(system, Fourier.of(HARMONICS))
     while True:
-        while found.series.harmonics < least:
-            found = _doubled(found)
-        reached, solved = _solved(system, found, 1.0)
-        found = reached if solved else _continued(system, found.series)
-        H, left = found.series.harmonics, highest(system, found.series, found.x)
-        changes = system.changes(found.series, found.x)
+        while solution.series.harmonics < least:
+            solution = _doubled(solution)
+        reached, solved = _solved(system, solution, 1.0)
+        solution = reached if solved else _continued(system, solution.series)
+        H, left = solution.series.harmonics, highest(system, solution.series, solution.x)
+        changes = system.changes(solution.series, solution.x)
         if changes or (left >= SMALL and H >= MOST_HARMONICS):
             raise NotSmoothError(system.name, system.frequency_hz, H, left, changes)
         if left < SMALL:
-            return found
+            return solution
         least = 2 * H
 
 
@@ -337,9 +337,9 @@ def _rest(system: System, series: Fourier) -> Solution:
     return Solution(series, np.zeros((len(system.metric), series.size)))
 
 
-def _doubled(found: Solution) -> Solution:
-    series = Fourier.of(2 * found.series.harmonics)
-    return Solution(series, series.real(found.series.complex(found.x), found.x[:, 0]))
+def _doubled(solution: Solution) -> Solution:
+    series = Fourier.of(2 * solution.series.harmonics)
+    return Solution(series, series.real(solution.series.complex(solution.x), solution.x[:, 0]))
 
 
 def _solved(system: System, start: Solution, share: float) -> tuple[Solution, bool]:
@@ -356,18 +356,18 @@ def _continued(system: System, series: Fourier) -> Solution:
         PeriodicMotionError: it ends before.
         NotSmoothError: a constraint acts where it ends.
     """
-    found, reached, part = _rest(system, series), 0.0, 0.5
+    solution, reached, part = _rest(system, series), 0.0, 0.5
     while reached < 1:
         share = min(1.0, reached + part)
-        grown = Solution(series, found.x * (share / reached if reached else 1.0))
+        grown = Solution(series, solution.x * (share / reached if reached else 1.0))
         following, solved = _solved(system, grown, share)
         if solved:
-            found, reached, part = following, share, 2 * part
+            solution, reached, part = following, share, 2 * part
         elif part >= FINEST:
             part /= 2
         else:
             raise _ended(system, following, reached)
-    return found
+    return solution
 
 
 def _ended(system: System, tried: Solution, share: float) -> PeriodicMotionError:
@@ -392,15 +392,15 @@ def multipliers(slopes: Array, period: float, first_order: int = 0) -> Array:
         first_order: how many of the coordinates, the last ones, have no inertia.
     """
     A = _halved(_state_matrix(slopes, first_order))
-    coarse, found = _passed(A, period), np.empty(0)
+    coarse, eigenvalues = _passed(A, period), np.empty(0)
     for _ in range(HALVINGS):
         A = _halved(A)
         fine = _passed(A, period)
-        before, found = found, _sorted(np.linalg.eigvals((4 * fine - coarse) / 3))
-        if before.size and np.abs(found - before).max() < MULTIPLIER:
+        before, eigenvalues = eigenvalues, _sorted(np.linalg.eigvals((4 * fine - coarse) / 3))
+        if before.size and np.abs(eigenvalues - before).max() < MULTIPLIER:
             break
         coarse = fine
-    return found
+    return eigenvalues
 
 
 def _state_matrix(slopes: Array, first_order: int) -> Array:

@@ -77,9 +77,9 @@ class TwoDof:
     def state_space(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """A (4, 4), B (4,), C (4,) of the linear model, with c_T = c_11 and c_F = c_21."""
         k_T, k_F, c_T, c_F, m_S, m_F = self.k_T, self.k_F, self.c_11, self.c_21, self.m_S, self.m_F
-        both = (m_S + m_F) / (m_S * m_F)
+        inverse_mass = (m_S + m_F) / (m_S * m_F)
         A = np.array(  # Eq. (4.30)
-            [[0, 0, 1, 0], [0, 0, 0, 1], [-both * k_T, k_F / m_F, -both * c_T, c_F / m_F],
+            [[0, 0, 1, 0], [0, 0, 0, 1], [-inverse_mass * k_T, k_F / m_F, -inverse_mass * c_T, c_F / m_F],
              [k_T / m_F, -k_F / m_F, c_T / m_F, -c_F / m_F]]
         )  # fmt: skip
         return A, np.array([0.0, 0.0, 0.0, -1.0]), -np.array([k_T, 0.0, c_T, 0.0]) / m_S

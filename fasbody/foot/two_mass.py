@@ -162,9 +162,9 @@ def orbits(
     result = _newton(system, Z, tolerance, passes)
     if result.converged.all() or passes < _PASSES:
         return result
-    lost = np.flatnonzero(~result.converged)
-    again = _grown(_System(theta[lost], omega[lost], base[lost], slopes), tolerance)
-    return _merged(result, again, lost)
+    failed = np.flatnonzero(~result.converged)
+    again = _grown(_System(theta[failed], omega[failed], base[failed], slopes), tolerance)
+    return _merged(result, again, failed)
 
 
 def resolved(theta: np.ndarray, omega: np.ndarray, base: np.ndarray, slopes: bool = False) -> Orbits:
