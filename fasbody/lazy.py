@@ -26,8 +26,8 @@ def attribute(package: str, homes: Mapping[str, str], name: str) -> Any:
     """
     if name not in homes:
         raise AttributeError(f"module {package!r} has no attribute {name!r}")
-    home, _, there = homes[name].partition(":")
-    return getattr(import_module(home), there or name)
+    home, _, alias = homes[name].partition(":")
+    return getattr(import_module(home), alias or name)
 
 
 def command(home: str) -> Callable[..., None]:

@@ -57,7 +57,7 @@ def run(
     """
     count = processes or cores()
     alone = count == 1 or (len(tasks) < _FEW and not processes)
-    done = here(function, tasks) if alone else _spread(function, tasks, count)
+    done = in_turn(function, tasks) if alone else _spread(function, tasks, count)
     with progress_bar() as progress:
         bar = progress.add_task(description, total=len(tasks))
         for index, result in done:
@@ -70,7 +70,7 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def here(function: Callable[[Task], Result], tasks: Iterable[Task]) -> Iterator[tuple[int, Result]]:
+def in_turn(function: Callable[[Task], Result], tasks: Iterable[Task]) -> Iterator[tuple[int, Result]]:
     """One after another in this process, each task taken when its turn comes; Ctrl-C ends the one that it meets."""
     for index, task in enumerate(tasks):
         with heeded():
@@ -172,14 +172,14 @@ def data() -> str:
 
 def sources(module: str) -> list[Path]:
     """The files that compute a result: a module of ours, what it imports of ours, and what that imports in turn."""
-    found: set[Path] = set()
+    files: set[Path] = set()
     waiting = _files(module)
     while waiting:
         file = waiting.pop()
-        if file not in found:
-            found.add(file)
+        if file not in files:
+            files.add(file)
             waiting += _imported(file)
-    return sorted(found - _ASIDE)
+    return sorted(files - _ASIDE)
 
 
 @cache
@@ -197,7 +197,7 @@ def _imported(file: Path) -> tuple[Path, ...]:
         for block in ("orelse", "finalbody", "handlers", "cases", *(() if typed else ("body",))):
             waiting += getattr(node, block, ())
     beside = file.parent.glob("*.py") if "importlib.import_module(" in text else ()
-    return (*(found for name in sorted(names) for found in _files(name)), *beside)
+    return (*(path for name in sorted(names) for path in _files(name)), *beside)
 
 
 def _files(module: str) -> list[Path]:

@@ -24,8 +24,8 @@ def sentence(error: Any) -> str:
     if (option := getattr(error, "option_name", None)) is not None:
         return _option(option, message, command)
     if hasattr(error, "param_type") and parameter is not None:
-        told = getattr(parameter, "help", None)
-        return f"{_name(parameter)} is missing" + (f": {told}." if told else ".")
+        help_text = getattr(parameter, "help", None)
+        return f"{_name(parameter)} is missing" + (f": {help_text}." if help_text else ".")
     if parameter is not None:
         return f"{_name(parameter)} {_value(error, message)}."
     if commands := list(getattr(command, "commands", ())):
@@ -51,12 +51,12 @@ def named(refusal: str, words: Sequence[str]) -> str:
     values = {float(value) for value in _STATED.findall(refusal)}
     typed = [word.partition("=") for word in words]
     pairs = [(option, value or after) for (option, _, value), after in zip(typed, [*words[1:], ""], strict=False)]
-    found = {
+    options = {
         option for option, value in pairs
         if option.startswith("--") and _NUMBER.fullmatch(value) and float(value) in values
         and any(len(part) > 2 and re.search(rf"\b{part}", refusal, re.IGNORECASE) for part in option[2:].split("-"))
     }  # fmt: skip
-    return f"{found.pop()}: {refusal}" if len(found) == 1 else refusal
+    return f"{options.pop()}: {refusal}" if len(options) == 1 else refusal
 
 
 def _name(parameter: Any) -> str:
@@ -72,10 +72,10 @@ def _option(name: str, message: str, command: Any) -> str:
     if "not take" in message:
         return f"{name} takes no value."
     known = [text for p in getattr(command, "params", ()) for text in (*p.opts, *p.secondary_opts) if text[0] == "-"]
-    told = unknown("option", shown(name), [*known, "--help"])
+    refusal = unknown("option", shown(name), [*known, "--help"])
     if len(known) < _LISTED:
-        return f"{told}."
-    near = told.rpartition(" (valid: ")[0]
+        return f"{refusal}."
+    near = refusal.rpartition(" (valid: ")[0]
     return f"{near} For all options see --help." if near.endswith("?") else f"{near}; for all options see --help."
 
 

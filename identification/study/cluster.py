@@ -34,10 +34,10 @@ _PLAIN = {"distributed.nanny.pre-spawn-environ.NUMBA_NUM_THREADS": 1, "distribut
 
 
 @contextlib.contextmanager
-def here() -> Iterator[Crew]:
+def in_process() -> Iterator[Crew]:
     """One after another in this process; Ctrl-C ends the job that it meets, whose document is not given."""
     with once():
-        yield lambda works: (document for _, document in runner.here(job.run, works))
+        yield lambda works: (document for _, document in runner.in_turn(job.run, works))
 
 
 @contextlib.contextmanager
@@ -128,7 +128,7 @@ def _same_program(client: Any, address: str) -> None:
         raise SettingError(f"the workers of {address} have another version of this program; install the same one.")
 
 
-def _there(work: Work, program: str) -> Document:
+def _run_on_worker(work: Work, program: str) -> Document:
     """A job on a worker, which may have joined later than the others."""
     if plan.program() != program:
         raise FasError("this worker has another version of the program.")
@@ -160,7 +160,7 @@ def _sent(client: Any, works: Iterable[Work]) -> Iterator[Document]:
         most = _AHEAD * max(1, sum(client.nthreads().values()))
         while len(sent) < most and (work := next(waiting, None)) is not None:
             # the key is new in each run, as a shared scheduler may still hold an old result
-            future = client.submit(_there, work, program, key=f"fit-{work.job.key}-{run}", pure=False)
+            future = client.submit(_run_on_worker, work, program, key=f"fit-{work.job.key}-{run}", pure=False)
             sent[future.key] = work
             ready.add(future)
 
