@@ -142,7 +142,7 @@ def compare_motion(foot: Foot, arch: Arch, frequencies_hz: Iterable[float] = TAB
     results, gravity = [], -float(foot.model.opt.gravity[1])
     for frequency in frequencies_hz:
         motion = harmonics(frequency, [-1j * TABLE_PEAK], TABLE_SECONDS)
-        plain, accurate = (move(foot, motion, accurate=wanted) for wanted in (False, True))
+        plain, accurate = (move(foot, motion, accurate=is_accurate) for is_accurate in (False, True))
         omega = 2 * np.pi * frequency
         table = lambda t, omega=omega: TABLE_PEAK * np.sin(omega * t)  # noqa: E731
         exact = solve(arch, table, plain.time, gravity=gravity, tolerance=1e-9).malleolus

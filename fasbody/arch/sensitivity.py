@@ -52,7 +52,7 @@ class Study(Presented):
     lever_arm_m: float | None
     values: Array
     method: str
-    own: str = ""
+    arch_name: str = ""
 
     figures: ClassVar[str] = "fasbody.arch.figures"
     plots: ClassVar[tuple[str, ...]] = ("sensitivity",)
@@ -82,8 +82,8 @@ class Study(Presented):
     @property
     def reading(self) -> str:
         """Whose constants these are: the arch's own, or how the range of the rotational ones was read."""
-        if self.own:
-            return f"own constants of {self.own}"
+        if self.arch_name:
+            return f"own constants of {self.arch_name}"
         return "literal" if self.lever_arm_m is None else f"lever arm {self.lever_arm_m * 1e3:g} mm"
 
     def holds(self, output: str) -> Array:
@@ -130,7 +130,7 @@ def study(
         yield Study(lever_arm_m, np.array(values), _method(frequency_hz))
 
 
-def own(arch: Arch, name: str, frequency_hz: float | None = None) -> Study:
+def of_arch(arch: Arch, name: str, frequency_hz: float | None = None) -> Study:
     """About the arch's own constants.
 
     Args:

@@ -68,8 +68,8 @@ class Tissue:
         for name, value in vars(self).items():
             low = 0.0 if name in ("area", "slack") else np.nextafter(0, 1)
             if not (np.isfinite(value) & (np.asarray(value) >= low)).all():
-                wanted = "zero or more" if low == 0 else "above zero"
-                raise ModelError(f"tissue: {name} is {value}, but must be {wanted}.")
+                valid = "zero or more" if low == 0 else "above zero"
+                raise ModelError(f"tissue: {name} is {value}, but must be {valid}.")
 
     def tension(self, e: Array) -> Array:
         """Of the aponeurosis [N] at elongations e [m] of the sole, any shape; none while it is slack."""

@@ -93,11 +93,11 @@ def once(option: str, values: Iterable[float]) -> None:
     Raises:
         SettingError: there are two such.
     """
-    told: set[str] = set()
-    for value in (f"{each:g}" for each in values):
-        if value in told:
+    seen: set[str] = set()
+    for value in (f"{number:g}" for number in values):
+        if value in seen:
             raise SettingError(f"{option} {value} is given twice; give it once.")
-        told.add(value)
+        seen.add(value)
 
 
 @dataclass(frozen=True)

@@ -134,7 +134,7 @@ def by_thesis(frequency_hz: np.ndarray, T: np.ndarray) -> Resonance:
 
 
 @_tested
-def shown(frequency_hz: np.ndarray, T: np.ndarray, margin: float = MARGIN) -> Resonance:
+def by_tests(frequency_hz: np.ndarray, T: np.ndarray, margin: float = MARGIN) -> Resonance:
     """What the subjects show beyond chance.
 
     Peak: the highest mean is greater than some frequency on both of its sides, by paired t tests with Holm's correction

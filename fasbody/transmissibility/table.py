@@ -19,7 +19,7 @@ from fasbody.recording.study import Study, StudyFolder
 from fasbody.recording.trials import Trial
 from fasbody.runner import run
 from fasbody.transmissibility.estimate import PAIRS, Row, rows, unwrapped
-from fasbody.transmissibility.resonance import Resonance, by_thesis, shown
+from fasbody.transmissibility.resonance import Resonance, by_tests, by_thesis
 
 #: An error by the resolution is stated from here on, as a share.
 _NOTABLE_BIAS = 0.01
@@ -68,7 +68,7 @@ class Curves(Tabled):
     @cached_property
     def shown(self) -> Resonance:
         """By tests that can show a plateau, or its lack."""
-        return shown(self.frequency_hz, self.T)
+        return by_tests(self.frequency_hz, self.T)
 
     def on(self, frequency_hz: np.ndarray) -> "Curves":
         """The same on other frequencies, NaN where nothing was measured."""
