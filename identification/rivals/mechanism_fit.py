@@ -222,7 +222,7 @@ class Verdict:
         margin: to the next one.
         per_dof: sum of squares of the best per degree of freedom.
         criteria: of every mechanism.
-        lost: recordings that do not repeat after one period and are left out.
+        left_out: recordings that do not repeat after one period and are left out.
     """
 
     named: str
@@ -230,7 +230,7 @@ class Verdict:
     margin: float
     per_dof: float
     criteria: dict[str, float]
-    lost: int
+    left_out: int
 
 
 class Analysis:
@@ -405,7 +405,7 @@ class _Search:
             for _ in range(6):
                 step = np.linalg.solve(N + np.diag(damp * (N.diagonal() + 1e-3)), gradient)
                 new = np.clip(theta - step, low, high)
-                later, there = self.residuals(new[None], now.x)
+                later, reached = self.residuals(new[None], now.x)
                 total = float((later**2).sum())
                 if total < best:
                     break
@@ -415,7 +415,7 @@ class _Search:
             ahead = best - self.goal
             enough = 0.15 * ahead if ahead > FAR else 0.1
             small = small + 1 if best - total < enough else 0
-            theta, rest, now, best, damp = new, later, there, total, max(damp / 8, 1e-6)
+            theta, rest, now, best, damp = new, later, reached, total, max(damp / 8, 1e-6)
             if small >= 2:
                 break
         J = self.slope(theta, 0.5 * (low + high), now.x)

@@ -90,9 +90,9 @@ class Feet:
     @cached_property
     def _joints(self) -> Array:
         """Constants of both joints (8, n, 2, 1), k and c_1 as the load makes them."""
-        found = np.moveaxis(self.constants[:, _JOINTS], -1, 0)[..., None].copy()
-        found[:2] *= np.exp(found[-1] * self.loads_kg[:, None, None] / LOAD_KG)
-        return found
+        constants = np.moveaxis(self.constants[:, _JOINTS], -1, 0)[..., None].copy()
+        constants[:2] *= np.exp(constants[-1] * self.loads_kg[:, None, None] / LOAD_KG)
+        return constants
 
     @cached_property
     def _stiffness(self) -> tuple[Array, Array, Array, Array]:
@@ -100,8 +100,8 @@ class Feet:
         r_T, r_F, tau, m_S, m_F = self._v("r_T", "r_F", "tau", "m_S", "m_F")
         w, f_w, zeta = self._v("w", "f_w", "zeta_w")
         k, relax = self._joints[0], self.s * tau / (1 + self.s * tau)
-        own = self.s / (2 * np.pi * f_w)
-        hangs = (1 + 2 * zeta * own) / (1 + 2 * zeta * own + own**2)
+        ratio = self.s / (2 * np.pi * f_w)
+        hangs = (1 + 2 * zeta * ratio) / (1 + 2 * zeta * ratio + ratio**2)
         M = self.loads_kg[:, None] + m_S * (1 - w + w * hangs)
         return M, r_T * k[:, 0] * relax, r_F * k[:, 1] * relax, m_F
 
@@ -168,12 +168,12 @@ class Feet:
 
     def solve(self, start: Array) -> tuple[Array, Array]:
         """Motions (n, 34) and which there are, (n,); from rest where a start leads to none."""
-        x, _, found = newton(self, start, tight=_TIGHT)
-        if not found.all():
-            x[~found] = 0.0
-            x, _, found = newton(self, x, tight=_TIGHT)
-        x[~found] = 0.0
-        return x, found
+        x, _, converged = newton(self, start, tight=_TIGHT)
+        if not converged.all():
+            x[~converged] = 0.0
+            x, _, converged = newton(self, x, tight=_TIGHT)
+        x[~converged] = 0.0
+        return x, converged
 
     def felt(self, x: Array) -> Array:
         """What the malleolus' sensor gives of motions (n, 34): harmonics (n, 8) [m/s^2]."""
