@@ -32,7 +32,7 @@ _SAME, _SAME_SHARE = 1e-2, 1e-6
 _LISTED, _POOLED = 10, "pooled"
 
 
-def shown(document: Mapping[str, Any], tracked: Mapping[str, str] | None = None) -> tuple[str, str]:
+def displayed_branch(document: Mapping[str, Any], tracked: Mapping[str, str] | None = None) -> tuple[str, str]:
     """The branch of a fit that every table and figure shows, and what chose it.
 
     Args:
@@ -78,7 +78,7 @@ def tidy(
     rows = []
     for document in documents:
         if document["status"] == "done":
-            name, by = shown(document, tracked)
+            name, by = displayed_branch(document, tracked)
             choice = {"tracked": (tracked or {}).get(document["key"], ""), "decided_by": by}
             of_fit = _rows(document, truth, profiles or {})
             rows += [{**row, **choice, "shown": row["branch"] == name} for row in of_fit]
@@ -147,9 +147,9 @@ def outliers(values: np.ndarray) -> np.ndarray:
     return known & ((values < low - reach) | (values > high + reach))
 
 
-def shown_fit(document: Mapping[str, Any], tracked: Mapping[str, str] | None = None) -> float:
+def displayed_fit(document: Mapping[str, Any], tracked: Mapping[str, str] | None = None) -> float:
     """Fit percentage of the branch that is shown, the mean over its recordings."""
-    name, _ = shown(document, tracked)
+    name, _ = displayed_branch(document, tracked)
     return float(next(b["fit_percent"] for b in document["result"]["branches"] if b["name"] == name))
 
 
@@ -161,24 +161,24 @@ def place(document: Mapping[str, Any]) -> str:
     return ", ".join(words)
 
 
-def poor_fits(
+def unfollowed_fits(
     documents: Iterable[Mapping[str, Any]], tracked: Mapping[str, str] | None = None
 ) -> list[tuple[Mapping[str, Any], float]]:
     """Fits whose shown branch does not follow its recordings, with its fit percentage, the poorest first."""
-    fits = [(d, shown_fit(d, tracked)) for d in documents if d["status"] == "done"]
+    fits = [(d, displayed_fit(d, tracked)) for d in documents if d["status"] == "done"]
     return sorted(((d, fit) for d, fit in fits if not follows(fit)), key=lambda pair: pair[1])
 
 
-def poor_sentence(documents: Sequence[Mapping[str, Any]], tracked: Mapping[str, str] | None = None) -> str:
+def unfollowed_sentence(documents: Sequence[Mapping[str, Any]], tracked: Mapping[str, str] | None = None) -> str:
     """How many fits failed to fit, and which; empty where none did."""
-    poor, done = poor_fits(documents, tracked), sum(d["status"] == "done" for d in documents)
-    if not poor:
+    unfollowed, done = unfollowed_fits(documents, tracked), sum(d["status"] == "done" for d in documents)
+    if not unfollowed:
         return ""
-    listed = "; ".join(f"{d['mode']}, {place(d)}: {fit:.1f} %" for d, fit in poor[:_LISTED])
-    more = f"; and {len(poor) - _LISTED} more" if len(poor) > _LISTED else ""
+    listed = "; ".join(f"{d['mode']}, {place(d)}: {fit:.1f} %" for d, fit in unfollowed[:_LISTED])
+    more = f"; and {len(unfollowed) - _LISTED} more" if len(unfollowed) > _LISTED else ""
     return (
-        f"{len(poor)} of {done} fits follow their recordings to less than {POOR_FIT:g} % ({listed}{more}). They are "
-        "left out of means, bands, boxes and energies; more --starts or wider --bounds may find better ones."
+        f"{len(unfollowed)} of {done} fits follow their recordings to less than {POOR_FIT:g} % ({listed}{more}). They "
+        "are left out of means, bands, boxes and energies; more --starts or wider --bounds may find better ones."
     )
 
 
@@ -208,7 +208,7 @@ def first(documents: Sequence[Mapping[str, Any]], tracked: Mapping[str, str] | N
     together; nor is that all is well, where something is not.
     """
     serves, count = _serving(documents)
-    return (serves == count and poor_sentence(documents, tracked)) or one_set(documents)
+    return (serves == count and unfollowed_sentence(documents, tracked)) or one_set(documents)
 
 
 def cycle_table(documents: Sequence[Mapping[str, Any]], tracked: Mapping[str, str] | None = None) -> pd.DataFrame:
@@ -216,7 +216,7 @@ def cycle_table(documents: Sequence[Mapping[str, Any]], tracked: Mapping[str, st
 
     Cycles may be of a foot that is no branch of the fit, such as the one a synthetic recording was made from.
     """
-    choice = {d["key"]: shown(d, tracked) for d in documents if d["status"] == "done"}
+    choice = {d["key"]: displayed_branch(d, tracked) for d in documents if d["status"] == "done"}
     rows = [
         {
             **{name: d[name] for name in ("mode", "subject", "posture", "key")},
@@ -256,7 +256,7 @@ def counts(documents: Sequence[Mapping[str, Any]], tracked: Mapping[str, str] | 
         of_mode = [d for d in documents if d["mode"] == mode]
         done = [d["result"] for d in of_mode if d["status"] == "done"]
         verdicts = [r.get("verdict", "") for r in done]
-        fits = [shown_fit(d, tracked) for d in of_mode if d["status"] == "done"]
+        fits = [displayed_fit(d, tracked) for d in of_mode if d["status"] == "done"]
         started = [r["starts"] for r in done if len(r.get("starts") or ()) > 1]
         rows.append({
             "mode": mode, "fits": len(of_mode), "done": len(done), "failed": len(of_mode) - len(done),

@@ -221,8 +221,8 @@ def circled(populations: Sequence[Population]) -> str:
 def odds(populations: Sequence[Population]) -> list[str]:
     """How far all persons together speak for a branch, a sentence a condition; then who does not belong."""
     first = {(p.posture, p.added_mass_kg): p for p in reversed(populations)}
-    both_odds = [f"{posture}, {load:g} kg: {p.odds_text}." for (posture, load), p in sorted(first.items())]
-    return [*both_odds, *(sentence for p in populations for sentence in p.odd())]
+    branch_odds = [f"{posture}, {load:g} kg: {p.odds_text}." for (posture, load), p in sorted(first.items())]
+    return [*branch_odds, *(sentence for p in populations for sentence in p.odd())]
 
 
 def tracking(findings: Findings) -> pd.DataFrame:
