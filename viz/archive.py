@@ -55,10 +55,10 @@ def unpacked(name: str, content: bytes, largest: int, most: int, count: int) -> 
         for entry in inside:
             try:
                 with archive.open(entry) as file:
-                    found = file.read(entry.file_size + 1)  # its size is no more than a claim
+                    data = file.read(entry.file_size + 1)  # its size is no more than a claim
             except _BROKEN:
                 raise InputFileError(name, f"{entry.filename} in it cannot be unpacked", "zip it anew") from None
-            yield entry.filename, found[: entry.file_size]
+            yield entry.filename, data[: entry.file_size]
 
 
 def study(name: str, recordings: Sequence[Recording], folder: Path) -> dict[str, bytes]:
@@ -116,8 +116,8 @@ def _toml(name: str, recordings: Sequence[Recording], files: Sequence[str]) -> s
     lines = _lines("study", {"name": name, "origin": origin}) + _lines("known", about)
     for k, (recording, file) in enumerate(zip(recordings, files, strict=True)):
         channels = {
-            channel: {key: value for key in _UNCERTAIN if (value := getattr(said, key)) and key not in about}
-            for channel, said in recording.calibration.items()
+            channel: {key: value for key in _UNCERTAIN if (value := getattr(calibration, key)) and key not in about}
+            for channel, calibration in recording.calibration.items()
         }
         if any(channels.values()):
             lines += _lines(f"layouts.file_{k}", {"files": [file]})

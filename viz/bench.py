@@ -37,7 +37,7 @@ from viz.load import files_of, load_foot
 from viz.question import Question
 from viz.settings import settings_from
 from viz.source import Source, study_files
-from viz.worker import Told, Worker
+from viz.worker import Send, Worker
 
 Document = dict[str, Any]
 #: Documents for the page that asked alone; all others are for every page.
@@ -51,7 +51,7 @@ _BESIDE = {"study.toml", "subjects.csv", "recordings.csv", "truth.json"}
 #: Longest part of a dropped file's name [bytes], and what some systems do not take in one.
 _LONGEST, _REFUSED = 200, re.compile(r'[<>:"|?*]')
 #: What sentences say of options and of study.toml, as patterns, and what the page's form calls it.
-_FORM = tuple((re.compile(said), words) for said, words in (
+_FORM = tuple((re.compile(pattern), words) for pattern, words in (
     (r"leave --model out and give this file as --rival", "choose two_dof"),
     (r"give --body-mass", "type it in the table"), (r"--body-mass", "the body mass in the table"),
     (r"python -m identification\.rivals", "the button Rivals"), (r"as study\.toml says", "as was said here"),
@@ -83,13 +83,13 @@ class Bench:
 
     Args:
         show: what is shown.
-        told: gets documents that come later, from the fitting process; in a thread of its own.
+        send: gets documents that come later, from the fitting process, in another thread.
         results: folder of the fit that is shown from the start, with its report.
     """
 
-    def __init__(self, show: Show, told: Told = lambda document: None, results: Path | None = None) -> None:
+    def __init__(self, show: Show, send: Send = lambda document: None, results: Path | None = None) -> None:
         self.show = show
-        self.told = told
+        self.send = send
         self._results = results
         self._folder = tempfile.TemporaryDirectory(prefix="fasbody-")
         self.session = secrets.token_hex(8)
@@ -97,8 +97,8 @@ class Bench:
         self.sources: dict[int, Source] = {}
         self._rows: dict[int, Document] = {}
         self._latest: tuple[Source, Recording] | None = None  # read last, so that what is long is read once
-        self._given_ids = 0
-        self.shown = -1
+        self._next_id = 0
+        self.current = -1
         self._worker: Worker | None = None
         self._warm = False  # the worker has compiled what it needs
         self._state: Document = {"running": False, "what": "", "done": 0, "total": 0}
@@ -109,9 +109,7 @@ class Bench:
         self._reporting = False
         self._draft = False  # what is shown was typed and not saved
         self._first = (self._called, show.fit)  # a result that was there from the start
-        self._own = [self._called] if self._file is not None else []
-        recording = show.excitation.recording
-        self._given = recording if isinstance(recording, Recording) else None
+        self._user_models = [self._called] if self._file is not None else []
 
     @property
     def folder(self) -> Path:
@@ -161,7 +159,7 @@ class Bench:
 
     def _results_of_model(self) -> list[Document]:
         """Fit and rivals of the model that is shown."""
-        return [found[1] for found in (self._fit, self._rivals) if found and found[0].model == self._called]
+        return [answer[1] for answer in (self._fit, self._rivals) if answer and answer[0].model == self._called]
 
     def followed(self) -> list[Document]:
         """What pages have to know when a file of the model was changed by another program."""
@@ -178,18 +176,18 @@ class Bench:
         kind, number = message.get("type"), message.get("number", -1)
         number = number if isinstance(number, int) else -1
         text, name, digest = (str(message.get(key, "")) for key in ("text", "name", "digest"))
-        said = message.get("said")
-        said = said if isinstance(said, dict) else {}
+        fields = message.get("said")
+        fields = fields if isinstance(fields, dict) else {}
         several = message.get("numbers", []) if kind in ("fit", "rivals", "remove", "keep_study") else []
         chosen = [n for n in several if isinstance(n, int)]
         actions: dict[Any, Callable[[], list[Document]]] = {
             "open": lambda: self.open([str(n) for n in message.get("names", [])]), "bundled": self.bundled,
             "use": lambda: self.use(number), "sine": self.sine, "columns": lambda: self.columns(number),
             "correct": lambda: self.correct(_changes(message.get("changes"))),
-            "fit": lambda: self.fit(chosen, said), "stop": self.stop, "rivals": lambda: self.rivals(chosen, said),
+            "fit": lambda: self.fit(chosen, fields), "stop": self.stop, "rivals": lambda: self.rivals(chosen, fields),
             "remove": lambda: self.remove(chosen), "keep_study": lambda: self.keep_study(chosen),
             "report": self.report, "choose": lambda: self.choose(name), "check": lambda: self.check(text),
-            "save": lambda: self.save(text, digest), "take": lambda: self.take(said),
+            "save": lambda: self.save(text, digest), "take": lambda: self.take(fields),
         }  # fmt: skip
         if kind not in actions:
             raise SettingError(f"the page asks for {str(kind)[:40]!r}, which it cannot do; reload it.")
@@ -232,8 +230,8 @@ class Bench:
             inside = (self.folder / table).parent
             fresh += [Source(file, str(inside)) for file in study_files(inside)]
         if not tables:
-            wanted = [n for n in kept if PurePosixPath(n).name not in _BESIDE and ending(Path(n)) in (*TEXTS, *READ)]
-            fresh = [Source.bare(name, str(self.folder)) for name in wanted]
+            chosen = [n for n in kept if PurePosixPath(n).name not in _BESIDE and ending(Path(n)) in (*TEXTS, *READ)]
+            fresh = [Source.bare(name, str(self.folder)) for name in chosen]
         return self._add(fresh)
 
     def bundled(self) -> list[Document]:
@@ -244,21 +242,21 @@ class Bench:
         if not fresh:
             raise SettingError("none of these files is a recording; drop a .csv, or any format of the readers.")
         self._ready()  # loads the solver while the recordings are read
-        known, shown = {(s.folder, s.file): number for number, s in self.sources.items()}, False
+        known, is_driving = {(s.folder, s.file): number for number, s in self.sources.items()}, False
         for source in fresh:
-            number = known.get((source.folder, source.file), self._given_ids)
-            self._given_ids = max(self._given_ids, number + 1)
+            number = known.get((source.folder, source.file), self._next_id)
+            self._next_id = max(self._next_id, number + 1)
             # dropped again: the same recording, with what was said of it
             self.sources[number] = self.sources.get(number, source)
             self._rows[number] = row = self._row(number)
-            if not shown and _sound(row):
-                documents, shown = self.use(number), True
+            if not is_driving and _sound(row):
+                documents, is_driving = self.use(number), True
                 if len(fresh) == 1:
                     return documents
                 for document in documents:  # the foot moves while the others are read
-                    self.told(document)
+                    self.send(document)
         doubtful = [number for number, row in self._rows.items() if row["doubt"]]
-        if not shown and self.shown < 0 and doubtful:
+        if not is_driving and self.current < 0 and doubtful:
             return self.use(doubtful[0])  # at rest, with the sentence why
         return [self.document()]
 
@@ -273,12 +271,13 @@ class Bench:
         except FasError as error:
             row["unread"] = self.words(str(error))
         else:
-            found = judged(recording)
+            judgement = judged(recording)
             condition = recording.condition
             row |= {
-                key: found.get(key) for key in ("problem", "warnings", "frequency_hz", "samples", "rate_hz", "seconds")
+                key: judgement.get(key)
+                for key in ("problem", "warnings", "frequency_hz", "samples", "rate_hz", "seconds")
             }
-            row["doubt"] = "" if source.unit else self.words(unit_in_doubt([found["warnings"]]))
+            row["doubt"] = "" if source.unit else self.words(unit_in_doubt([judgement["warnings"]]))
             row["problem"] = self.words(row["problem"])
             row["warnings"] = [self.words(text) for text in row["warnings"]]
             row |= {"label": recording.file, "origin": recording.origin, "subject": condition.subject}
@@ -289,13 +288,13 @@ class Bench:
     def words(self, sentence: str) -> str:
         """A sentence as the page says it: files by their own names, a command's options as the form calls them."""
         sentence = sentence.replace(f"{self.folder}/", "").replace(f"{BUNDLED}/", "")
-        for said, words in _FORM:
-            sentence = said.sub(words, sentence)
+        for pattern, words in _FORM:
+            sentence = pattern.sub(words, sentence)
         return sentence
 
     def correct(self, changes: Mapping[int, Mapping[str, Any]]) -> list[Document]:
         """Read recordings again with what the page says of each; where one of them cannot be meant, none is changed."""
-        changed = {number: self._corrected(number, said) for number, said in changes.items()}
+        changed = {number: self._corrected(number, fields) for number, fields in changes.items()}
         for number, source in changed.items():
             before, row = self.sources[number], self._rows[number]
             masses = {key: getattr(source, key) for key in ("body_mass_kg", "added_mass_kg")}
@@ -304,28 +303,28 @@ class Bench:
                 self._rows[number] = row | masses
             else:
                 self._rows[number] = self._row(number)
-        if self.shown in changed:
-            return self.use(self.shown) if not self._rows[self.shown]["unread"] else self.sine()
+        if self.current in changed:
+            return self.use(self.current) if not self._rows[self.current]["unread"] else self.sine()
         good = [number for number in changed if _sound(self._rows[number])]
-        alone = len(changed) == 1 or self.shown < 0
+        alone = len(changed) == 1 or self.current < 0
         return self.use(good[0]) if good and alone else [self.document()]
 
-    def _corrected(self, number: int, said: Mapping[str, Any]) -> Source:
+    def _corrected(self, number: int, fields: Mapping[str, Any]) -> Source:
         """A source with what is said of it; masses that its study stated stay when its channels are corrected."""
         source, row = self._source(number), self._rows[number]
         masses = {key: row[key] for key in ("body_mass_kg", "added_mass_kg") if row.get("subject")}
-        return source.corrected(masses | dict(said))
+        return source.corrected(masses | dict(fields))
 
     def remove(self, numbers: list[int]) -> list[Document]:
         """Forget recordings; their files go where no fit needs them for its report."""
-        needed = {s.path for found in (self._fit, self._asked and (self._asked, {})) if found
-                  for s in found[0].sources.values()}  # fmt: skip
+        needed = {s.path for answer in (self._fit, self._asked and (self._asked, {})) if answer
+                  for s in answer[0].sources.values()}  # fmt: skip
         for number in numbers:
             source = self._source(number)
             del self.sources[number], self._rows[number]
             if source.folder == str(self.folder) and source.path not in needed:
                 source.path.unlink(missing_ok=True)
-        return [self.document()] if self.shown in self.sources or self.shown < 0 else self.sine()
+        return [self.document()] if self.current in self.sources or self.current < 0 else self.sine()
 
     def use(self, number: int) -> list[Document]:
         """Shake the foot by one of the recordings.
@@ -341,20 +340,20 @@ class Bench:
                 channel = name.removesuffix("_m_s2")
                 raise SettingError(f"{recording.file}: the channel {channel} does not move; name its column with “…”.")
         self.show.drive(replace(Excitation.recorded(recording), doubt=self._rows[number]["doubt"]))
-        self.shown = number
+        self.current = number
         return [self.document(), self.show.description() | {"adopt": True}]
 
     def sine(self) -> list[Document]:
         """Shake the foot by a sine again."""
-        self.shown = -1
+        self.current = -1
         self.show.drive(Excitation())
         return [self.document(), self.show.description() | {"adopt": True}]
 
     def columns(self, number: int) -> list[Document]:
         """Names and units of a file's columns."""
         source = self._source(number)
-        said = {"channels": source.channels, "rate_hz": source.rate_hz}
-        return [{"type": "columns", "number": number, "columns": source.columns(), "said": said}]
+        layout = {"channels": source.channels, "rate_hz": source.rate_hz}
+        return [{"type": "columns", "number": number, "columns": source.columns(), "said": layout}]
 
     def _source(self, number: int) -> Source:
         if number not in self.sources:
@@ -367,13 +366,13 @@ class Bench:
         if self._fit:
             self._fit[1]["fit"]["stale"] = stale  # what is taken away says so, too
         rows = list(self._rows.values())
-        return {"type": "data", "session": self.session, "rows": rows, "shown": self.shown, "stale": stale}
+        return {"type": "data", "session": self.session, "rows": rows, "shown": self.current, "stale": stale}
 
     # ---- the fit -----------------------------------------------------------------------------------------------------
     def _ready(self) -> None:
         if self._worker is None or not self._worker.alive:
             self._warm = False
-            self._worker = Worker(self._heard)
+            self._worker = Worker(self._receive)
 
     def fit(self, numbers: list[int], asked: Mapping[str, Any]) -> list[Document]:
         """Begin a fit of the chosen recordings.
@@ -434,7 +433,7 @@ class Bench:
             reporting, self._reporting = self._reporting, False
             self._idle("stopped; the report that was asked for is still being written" if reporting else "stopped")
             self._worker.stop()
-            self._worker, self._warm = Worker(self._heard), False
+            self._worker, self._warm = Worker(self._receive), False
             if reporting:
                 self.report()
         return [self.progress()]
@@ -456,12 +455,12 @@ class Bench:
         self._reporting = True
         return []
 
-    def take(self, said: Mapping[str, Any]) -> list[Document]:
+    def take(self, settings: Mapping[str, Any]) -> list[Document]:
         """Write one page that needs no server, with the sliders where they are."""
         from viz.exported import html
 
         before = self.show.settings
-        self.show.settings = settings_from(said)
+        self.show.settings = settings_from(settings)
         try:
             write_whole(self.folder / "foot.html", html(self.show))
         finally:
@@ -472,24 +471,24 @@ class Bench:
         """How far the fit is."""
         return {"type": "progress", **self._state}
 
-    def _heard(self, document: Document) -> None:
+    def _receive(self, document: Document) -> None:
         """A line of the worker, in its thread."""
         kind = document.get("type")
         if kind == "ready":
             self._warm = True
             if self._state["running"]:
                 self._state["what"] = "reading the recordings"
-                self.told(self.progress())
+                self.send(self.progress())
         elif kind == "progress":
             self._state |= {name: document[name] for name in ("what", "done", "total")}
-            self.told(self.progress())
+            self.send(self.progress())
         elif kind in ("fitted", "rivals"):
             self._idle()
-            self._found(kind, document)
-            self.told(self.progress())
+            self._answered(kind, document)
+            self.send(self.progress())
         elif kind == "reported":
             self._results, self._reporting = None, False
-            self.told({"type": "reported"})
+            self.send({"type": "reported"})
         elif kind == "problem":
             of = document.get("of", "")
             text, doubt = self.words(document["text"]), "" if of == "report" else self._unit_in_doubt()
@@ -508,34 +507,34 @@ class Bench:
             self._idle()
         if of in ("report", ""):
             self._reporting = False
-        self.told({"type": "complaint", "text": sentence, "of": of})
-        self.told(self.progress())
+        self.send({"type": "complaint", "text": sentence, "of": of})
+        self.send(self.progress())
 
-    def _found(self, kind: str, document: Document) -> None:
+    def _answered(self, kind: str, document: Document) -> None:
         """An answer to what was asked; it is shown with the model that it is of."""
         question = self._asked
         assert question is not None
-        here = question.model == self._called
+        is_current = question.model == self._called
         if kind == "rivals":
             notes = [self.words(text) for text in document["notes"]]
             self._rivals = question, {**document, "notes": notes, "script": question.script}
-            found = self._rivals[1]
+            answer = self._rivals[1]
         else:
-            parameters = (self.show.feet[MODEL] if here else load_foot(question.model)).parameters
+            parameters = (self.show.feet[MODEL] if is_current else load_foot(question.model)).parameters
             fit = fitted(document["document"], parameters, document["sentence"], question.values)
             fit |= {key: self.words(fit[key]) for key in ("sentence", "reason")}
             fit |= {"warnings": [self.words(text) for text in fit["warnings"]]}
-            found = {key: document[key] for key in ("data", "curves", "chi_square", "traces", "seconds")}
+            answer = {key: document[key] for key in ("data", "curves", "chi_square", "traces", "seconds")}
             self._fits += 1
-            found |= {"type": "fitted", "number": self._fits, "fit": fit, "script": question.script}
-            self._fit = question, found
-            if here:
+            answer |= {"type": "fitted", "number": self._fits, "fit": fit, "script": question.script}
+            self._fit = question, answer
+            if is_current:
                 self.show.fit = fit
-        if here:
-            self.told(found)
-            self.told(self.document())
+        if is_current:
+            self.send(answer)
+            self.send(self.document())
         else:
-            self.told({"type": "complaint", "text": f"{question.model} is fitted; choose it to see what was found."})
+            self.send({"type": "complaint", "text": f"{question.model} is fitted; choose it to see what was found."})
 
     # ---- the model ---------------------------------------------------------------------------------------------------
     @property
@@ -565,15 +564,15 @@ class Bench:
     @property
     def _whole(self) -> str:
         """Digest of the model's text with all files that it includes: what a fit is of."""
-        found = hashlib.sha256(self._text.encode())
+        digest = hashlib.sha256(self._text.encode())
         for file in sorted(files_of(self._called)) if self._file is not None else []:
-            found.update(f"\0{file}\0".encode() + (file.read_bytes() if file.is_file() else b""))
-        return found.hexdigest()
+            digest.update(f"\0{file}\0".encode() + (file.read_bytes() if file.is_file() else b""))
+        return digest.hexdigest()
 
     def models(self) -> Document:
         """What the chooser offers, and the text of the model that is shown."""
-        names = [name for name in mjcf.names() if _can_be_shown(name)]
-        names += [name for name in self._own if name not in names]
+        names = [name for name in mjcf.names() if _loads(name)]
+        names += [name for name in self._user_models if name not in names]
         about = {"names": names, "now": self._called, "file": str(self._file or ""), "copy": str(self._copy())}
         return {"type": "models", **about, "text": self._text, "digest": self._digest, "draft": self._draft}
 
@@ -588,12 +587,12 @@ class Bench:
         except FasError:
             self.show.models[0] = before
             raise
-        if self._file is not None and name not in self._own:
-            self._own.append(name)
-        found, self._draft = self._results_of_model(), False
-        fits = [document["fit"] for document in found if document["type"] == "fitted"]
+        if self._file is not None and name not in self._user_models:
+            self._user_models.append(name)
+        answers, self._draft = self._results_of_model(), False
+        fits = [document["fit"] for document in answers if document["type"] == "fitted"]
         self.show.fit = fits[0] if fits else self._first[1] if self._first[0] == name else {}
-        return [self.models(), self.show.description() | {"adopt": True}, *found, self.document()]
+        return [self.models(), self.show.description() | {"adopt": True}, *answers, self.document()]
 
     def check(self, text: str) -> list[Document]:
         """Compile what is being typed, show it where it is sound, and say what is wrong where it is not."""
@@ -607,9 +606,9 @@ class Bench:
             self.show.show({**self.show.feet, MODEL: replace(foot, name=called)})
             self._draft = text != self._text
         except FasError as error:
-            said = str(error).replace(str(draft), Path(name).name).replace(draft.name, Path(name).name)
-            line = re.search(r"line (\d+)", said)
-            return [{"type": "checked", "text": said, "line": int(line[1]) if line else None}]
+            complaint = str(error).replace(str(draft), Path(name).name).replace(draft.name, Path(name).name)
+            line = re.search(r"line (\d+)", complaint)
+            return [{"type": "checked", "text": complaint, "line": int(line[1]) if line else None}]
         finally:
             draft.unlink(missing_ok=True)
         return [{"type": "checked", "text": "", "line": None}, self.show.description() | {"draft": self._draft}]
@@ -638,22 +637,22 @@ class Bench:
         """
         if isinstance(self.show.models[0], Foot):
             raise SettingError("a model that was handed over in Python has no file to save.")
-        own = self._file
-        if own is not None and own.is_file() and digest != self._digest:
-            return [{"type": "saved", "file": "", "text": f"{own.name} was changed by another program meanwhile."},
+        source = self._file
+        if source is not None and source.is_file() and digest != self._digest:
+            return [{"type": "saved", "file": "", "text": f"{source.name} was changed by another program meanwhile."},
                     self.models()]  # fmt: skip
-        if own is None:
+        if source is None:
             (checked, *_) = self.check(text)
             if checked["text"]:
                 raise SettingError(f"not saved, for a copy has to be sound: {checked['text']}")
-        file = own or self._copy()
+        file = source or self._copy()
         write_whole(file, text)
         saved = {"type": "saved", "file": str(file), "text": "", "digest": hashlib.sha256(text.encode()).hexdigest()}
         try:
-            models, description, *found = self.choose(self._called if own else str(file))
+            models, description, *answers = self.choose(self._called if source else str(file))
         except FasError as error:
             return [saved | {"text": f"saved, but the last good model is shown: {error}"}, self.models()]
-        return [saved, models, description | {"same": True}, *found]
+        return [saved, models, description | {"same": True}, *answers]
 
 
 def _is_read(file: Path) -> bool:
@@ -694,7 +693,7 @@ def _kept(name: str) -> str:
 
 
 @cache
-def _can_be_shown(name: str) -> bool:
+def _loads(name: str) -> bool:
     try:
         load_foot(name)
     except FasError:

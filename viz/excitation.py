@@ -98,7 +98,7 @@ class Excitation(Tabled):
     base: BaseMotion | None = None
     recording: Recording | None = None
     steady: Steady | None = None
-    shown: tuple[float, float] = field(default=(0.0, np.inf))
+    window: tuple[float, float] = field(default=(0.0, np.inf))
     doubt: str = ""
 
     @property

@@ -48,12 +48,12 @@ class Question:
         """Why its answer is out of date now, in a sentence; empty where it is not."""
         gone = [s.file for number, s in self.sources.items() if number not in sources]
         other = [s.file for number, s in self.sources.items() if sources.get(number, s) != s]
-        changed = [_said(gone, "removed")] if gone else []
-        changed += [_said(other, "read in another way")] if other else []
+        changed = [_clause(gone, "removed")] if gone else []
+        changed += [_clause(other, "read in another way")] if other else []
         changed += ["the model's file was changed"] if text != self.text else []
         return f"Out of date: since this fit {' and '.join(changed)}; fit again." if changed else ""
 
 
-def _said(files: list[str], what: str) -> str:
+def _clause(files: list[str], what: str) -> str:
     """What was done with some files."""
     return f"{together(files)} {'was' if len(files) == 1 else 'were'} {what}"

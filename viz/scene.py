@@ -342,12 +342,14 @@ def add_ring(visualizer: meshcat.Visualizer, name: str, centre: Array, radius: f
     """
     around, over = 48, 12
     u, v = np.meshgrid(np.arange(around) * 2 * np.pi / around, np.arange(over) * 2 * np.pi / over, indexing="ij")
-    wide = radius + thick * np.cos(v)
-    vertices = np.stack([wide * np.cos(u), thick * np.sin(v), wide * np.sin(u)], -1).reshape(-1, 3) + centre
+    distance = radius + thick * np.cos(v)
+    vertices = np.stack([distance * np.cos(u), thick * np.sin(v), distance * np.sin(u)], -1).reshape(-1, 3) + centre
     index = np.arange(around * over).reshape(around, over)
     right, up = np.roll(index, -1, 0), np.roll(index, -1, 1)
-    both = np.roll(right, -1, 1)
-    faces = np.vstack([np.stack([index, up, right], -1).reshape(-1, 3), np.stack([right, up, both], -1).reshape(-1, 3)])
+    across = np.roll(right, -1, 1)
+    faces = np.vstack(
+        [np.stack([index, up, right], -1).reshape(-1, 3), np.stack([right, up, across], -1).reshape(-1, 3)]
+    )
     material = _material("MeshPhongMaterial", color=_hex(code), emissive=_hex(code), emissiveIntensity=0.5, side=2)
     visualizer["foot"][name]["ring"].set_object(_with_normals(SCALE * vertices, faces), material)
 

@@ -30,9 +30,9 @@ from fasbody.console import console, print_json
 from fasbody.exceptions import FasError, SettingError
 from viz.bench import LARGEST as LARGEST_FILE
 from viz.bench import PRIVATE, Bench
+from viz.display import Display, file_of, files, markup, page_json
 from viz.exported import html
 from viz.settings import settings_from
-from viz.shown import Shown, file_of, files, markup, said
 
 ADDRESS = "127.0.0.1"
 #: What is made here: the report of a fit, all its results, and the page to take away.
@@ -55,7 +55,7 @@ POLICY = (
 
 
 async def serve(
-    show: Shown, what: str, *, port: int, browser: bool, watch: bool, json: bool, bench: Bench | None = None
+    show: Display, what: str, *, port: int, browser: bool, watch: bool, json: bool, bench: Bench | None = None
 ) -> None:
     """A command's server: say where it is, open the browser, and run until Ctrl-C.
 
@@ -86,7 +86,7 @@ class Server:
         bench: what a page may do beyond moving sliders.
     """
 
-    def __init__(self, show: Shown, port: int = 0, bench: Bench | None = None) -> None:
+    def __init__(self, show: Display, port: int = 0, bench: Bench | None = None) -> None:
         self.show = show
         self.bench = bench
         self.key = secrets.token_urlsafe(24)
@@ -129,7 +129,7 @@ class Server:
                 with contextlib.suppress(RuntimeError):  # the server has ended meanwhile
                     loop.call_soon_threadsafe(self.broadcast, document)
 
-            self.bench.told = later
+            self.bench.send = later
         tasks = [asyncio.create_task(work) for work in (self._watch() if watch else None, beside) if work]
         try:
             await self._ended.wait()
@@ -169,37 +169,37 @@ class Server:
             answer = {"type": "error", "text": _bug(error)}
         number = message.get("request")
         answer |= {"request": number if isinstance(number, int) else None, "seconds": time.perf_counter() - started}
-        return said(answer)
+        return page_json(answer)
 
     async def act(self, page: "Stream", message: dict[str, Any]) -> None:
         """Do what a page asks for, and tell all pages what came of it; what concerns it alone goes to it alone."""
         assert self.bench is not None
         complaint = {"type": "complaint", "of": str(message.get("type"))[:20]}
-        if not self.own(str(message.get("key", ""))):
-            page.send(said(complaint | {"text": "this page is of another session; reload it."}))
+        if not self.is_session_key(str(message.get("key", ""))):
+            page.send(page_json(complaint | {"text": "this page is of another session; reload it."}))
             return
         before = self.show.files()
         try:
             documents = await asyncio.get_running_loop().run_in_executor(self._pool, self.bench.act, message)
         except Exception as error:
             text = self.bench.words(str(error)) if isinstance(error, FasError) else _bug(error)
-            page.send(said(complaint | {"text": text}))
+            page.send(page_json(complaint | {"text": text}))
             return
         for document in documents:
             if document["type"] in PRIVATE:
-                page.send(said(document))
+                page.send(page_json(document))
             else:
                 self.broadcast(document)
         if self.show.files() != before:
             self._followed.set()
 
-    def own(self, key: str) -> bool:
+    def is_session_key(self, key: str) -> bool:
         """Whether a key is this session's."""
         return secrets.compare_digest(key.encode(errors="replace"), self.key.encode())
 
     def broadcast(self, document: dict[str, Any]) -> None:
         """Send one document to every page."""
-        text = said(document)
+        text = page_json(document)
         for page in list(self.pages):
             page.send(text)
 
@@ -256,10 +256,10 @@ class Guarded(tornado.web.RequestHandler):
         port differ, so that https would pass.
         """
         origin = self.request.headers.get("Origin")
-        if self.request.host not in self.server.hosts or not (origin is None or self.own(origin)):
+        if self.request.host not in self.server.hosts or not (origin is None or self.is_same_origin(origin)):
             raise tornado.web.HTTPError(403)
 
-    def own(self, origin: str) -> bool:
+    def is_same_origin(self, origin: str) -> bool:
         """Whether an origin is this very server under the name that was asked for."""
         return origin == f"http://{self.request.host}"
 
@@ -299,7 +299,7 @@ class Upload(Guarded):
     def prepare(self) -> None:
         """Called with the headers, before anything of the body is read."""
         super().prepare()
-        self._welcome = self.server.own(self.request.headers.get("X-Key", ""))
+        self._welcome = self.server.is_session_key(self.request.headers.get("X-Key", ""))
         connection: Any = self.request.connection
         connection.set_max_body_size(LARGEST_FILE)
 
@@ -361,7 +361,7 @@ class Stream(Guarded, tornado.websocket.WebSocketHandler):
 
     def check_origin(self, origin: str) -> bool:
         """Only our own page may connect."""
-        return self.own(origin)
+        return self.is_same_origin(origin)
 
     def open(self, *_: str, **__: str) -> None:
         """Send the whole scene, then what the model is."""
@@ -377,9 +377,9 @@ class Stream(Guarded, tornado.websocket.WebSocketHandler):
         self._forget = lambda: hub.leave(later)
         for message in hub.join(later):
             self.send(message)
-        self.send(said(self.server.show.description()))
+        self.send(page_json(self.server.show.description()))
         for document in self.server.bench.documents() if self.server.bench else ():
-            self.send(said(document))
+            self.send(page_json(document))
 
     def on_close(self) -> None:
         """Forget the page."""
@@ -431,14 +431,14 @@ async def _opened(url: str) -> bool:
     loop = asyncio.get_running_loop()
     done: asyncio.Future[bool] = loop.create_future()
 
-    def tell(found: bool) -> None:
+    def tell(opened: bool) -> None:
         if not done.done():
-            done.set_result(found)
+            done.set_result(opened)
 
     def start() -> None:
-        found = webbrowser.open(url)
+        opened = webbrowser.open(url)
         with contextlib.suppress(RuntimeError):  # the server has ended meanwhile
-            loop.call_soon_threadsafe(tell, found)
+            loop.call_soon_threadsafe(tell, opened)
 
     threading.Thread(target=start, name="browser", daemon=True).start()
     try:

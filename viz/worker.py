@@ -20,7 +20,7 @@ from fasbody.runner import ONE_THREAD
 from viz.source import Source
 
 #: Called with each document of the worker, in a thread of its own.
-Told = Callable[[dict[str, Any]], None]
+Send = Callable[[dict[str, Any]], None]
 #: Points of a trace that the page gets, and the periods of it.
 POINTS, PERIODS = 400, 3
 
@@ -28,8 +28,8 @@ POINTS, PERIODS = 400, 3
 class Worker:
     """The fitting process, from the server's side; it is made ready before the first job."""
 
-    def __init__(self, told: Told) -> None:
-        self._told = told
+    def __init__(self, send: Send) -> None:
+        self._send = send
         paths = os.pathsep.join([str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")])
         self._process = subprocess.Popen(
             [sys.executable, "-m", "viz.worker"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
@@ -41,9 +41,9 @@ class Worker:
     def _listen(self) -> None:
         assert self._process.stdout is not None
         for line in self._process.stdout:
-            self._told(json.loads(line))
+            self._send(json.loads(line))
         self._process.wait()
-        self._told({"type": "ended"})
+        self._send({"type": "ended"})
 
     @property
     def alive(self) -> bool:
@@ -51,7 +51,7 @@ class Worker:
         return self._process.poll() is None
 
     def ask(self, job: Mapping[str, Any]) -> None:
-        """Begin a job; `told` gets what comes of it."""
+        """Begin a job; `send` gets what comes of it."""
         assert self._process.stdin is not None
         self._process.stdin.write(json.dumps(job) + "\n")
         self._process.stdin.flush()
@@ -91,7 +91,7 @@ def serve(jobs: TextIO, answers: TextIO) -> None:
     tell({"type": "ready"})
     if waiting.empty():
         import identification.report  # noqa: F401  # with the figures, which no fit waits for
-    found: Any = None
+    result: Any = None
     while line := waiting.get():
         asked = json.loads(line)
         try:
@@ -100,11 +100,11 @@ def serve(jobs: TextIO, answers: TextIO) -> None:
             elif asked["do"] == "report":
                 from identification.report import write
 
-                found = found or _fit(asked, lambda document: None)  # the process that fitted was stopped
-                write(found, Path(asked["folder"]), Path("results"))
+                result = result or _fit(asked, lambda document: None)  # the process that fitted was stopped
+                write(result, Path(asked["folder"]), Path("results"))
                 tell({"type": "reported"})
             else:
-                found = _fit(asked, tell)
+                result = _fit(asked, tell)
         except FasError as error:
             tell({"type": "problem", "of": asked["do"], "text": str(error)})
         except Exception as error:
@@ -178,9 +178,9 @@ def _trace(recording: Any, models: Mapping[str, tuple[Any, float]]) -> dict[str,
     """A few periods of a recording and its model, by branch with its fit; seconds from the start and m/s^2."""
     time = recording.time_s - recording.time_s[0]
     last = 1.0 if recording.frequency_hz is None else PERIODS / recording.frequency_hz
-    shown = time <= last
-    every = max(1, int(shown.sum() // POINTS))
-    pick = shown.nonzero()[0][::every]
+    in_window = time <= last
+    every = max(1, int(in_window.sum() // POINTS))
+    pick = in_window.nonzero()[0][::every]
     measured = recording.measured[pick] - recording.measured.mean()
     return {
         "file": recording.file, "time_s": time[pick].tolist(), "measured": measured.round(4).tolist(),

@@ -67,13 +67,13 @@ def segment_frames(shipped: str) -> dict[str, Frame]:
 
 def segment_bodies(model: mujoco.MjModel) -> tuple[str, Mapping[str, str]] | None:
     """The shipped model whose body names a model has, with segment -> body; None if it has neither's."""
-    there = {model.body(i).name for i in range(model.nbody)}
+    present = {model.body(i).name for i in range(model.nbody)}
     known = SEGMENT_BODIES | {name: bodies for name, (_, bodies, _) in BORROWED.items()}
-    return next(((name, b) for name, b in known.items() if set(b.values()) <= there), None)
+    return next(((name, b) for name, b in known.items() if set(b.values()) <= present), None)
 
 
 @dataclass(frozen=True)
-class Own:
+class ExtraGeoms:
     """What an edited model has of its own, beside the meshes that dress it.
 
     Attributes:
@@ -85,28 +85,28 @@ class Own:
     tints: Mapping[str, np.ndarray]
 
 
-def own(model: mujoco.MjModel) -> Own:
+def extra_geoms(model: mujoco.MjModel) -> ExtraGeoms:
     """The geoms that the meshes do not stand for: all of a model with body names of its own."""
-    found = segment_bodies(model)
-    there = [
+    match = segment_bodies(model)
+    geoms = [
         (i, model.geom(i).name, model.body(model.geom_bodyid[i]).name)
         for i in range(model.ngeom)
         if model.geom_rgba[i, 3] > 0
     ]
-    if found is None:
-        return Own(tuple(i for i, _, _ in there), {})
-    shipped = _shipped(found[0])
+    if match is None:
+        return ExtraGeoms(tuple(i for i, _, _ in geoms), {})
+    shipped = _shipped(match[0])
     known = {
         (shipped.geom(i).name, shipped.body(shipped.geom_bodyid[i]).name): shipped.geom_rgba[i]
         for i in range(shipped.ngeom)
-        if shipped.body(shipped.geom_bodyid[i]).name in found[1].values()
+        if shipped.body(shipped.geom_bodyid[i]).name in match[1].values()
     }
     tints = {
         body: model.geom_rgba[i, :3].copy()
-        for i, name, body in there
+        for i, name, body in geoms
         if (name, body) in known and np.abs(known[name, body] - model.geom_rgba[i]).max() > 1e-6
     }
-    return Own(tuple(i for i, name, body in there if (name, body) not in {*known, *_MESHED}), tints)
+    return ExtraGeoms(tuple(i for i, name, body in geoms if (name, body) not in {*known, *_MESHED}), tints)
 
 
 @cache
@@ -131,12 +131,12 @@ def carried(model: mujoco.MjModel) -> dict[str, Carried] | None:
     Toes keep the attitude of their mesh, so that they stay on the table under an arch that was made flatter: their
     frame is moved by as much as the heads of the metatarsals are, and not turned.
     """
-    found = segment_bodies(model)
-    if found is None:
+    match = segment_bodies(model)
+    if match is None:
         return None
-    other, _, place = BORROWED.get(found[0], (found[0], {}, {}))
+    other, _, place = BORROWED.get(match[0], (match[0], {}, {}))
     made, rest = segment_frames(other), frames(model)
-    segments = {name: Carried(body, made[place.get(body, body)], rest[body]) for name, body in found[1].items()}
+    segments = {name: Carried(body, made[place.get(body, body)], rest[body]) for name, body in match[1].items()}
     toes, heads = segments["toes"], np.mean([head for _, head, *_ in METATARSALS], 0)[[0, 2, 1]] * (1e-3, 1e-3, -1e-3)
     turn = _rotation(toes.rest) * _rotation(toes.bind).inv()
     moved = toes.rest.position + turn.apply(heads - toes.bind.position) - heads

@@ -17,7 +17,7 @@ SCRIPT = re.compile(r'<script src="([^"]+)"></script>')
 STYLE = re.compile(r'<link rel="stylesheet" href="([^"]+)">')
 
 
-class Shown(Protocol):
+class Display(Protocol):
     """The foot (`viz.feet.Show`) or the cell (`viz.modes.ModeShow`)."""
 
     #: Name of the page in the folder `page`.
@@ -50,7 +50,7 @@ def markup(page: str, key: str = "") -> str:
     return templates.get_template(page).render(key=key)
 
 
-def said(document: Any) -> str:
+def page_json(document: Any) -> str:
     """A document as a page reads it: JSON, which has no NaN and no infinity; null stands for them."""
     try:
         return json.dumps(document, allow_nan=False)
