@@ -55,7 +55,7 @@ def measure(topic: str, *options: str) -> list[Check]:
     return [replace(Check.of(row), source=topic) for row in json.loads(done.stdout)["rows"]]
 
 
-def own_page() -> Path:
+def machine_page() -> Path:
     """The page of this machine."""
     host = re.sub(r"[^A-Za-z0-9.-]+", "-", platform.node()).strip(".-") or "machine"
     return PAGES / f"{host}.md"
@@ -69,10 +69,10 @@ def committed(page: Mapping[str, Topic], now: Mapping[str, Topic], where: str) -
     """
     text = RESULTS.read_text() if RESULTS.is_file() else ""
     topics = dict(read(text, where) or page) | dict(now)
-    if lost := set(read(text)) - set(topics):
+    if missing := set(read(text)) - set(topics):
         raise SettingError(
             f"--commit: {RESULTS.name} comes from another machine or other versions and would lose "
-            f"{', '.join(name for name in TOPICS if name in lost)}; measure these, too."
+            f"{', '.join(name for name in TOPICS if name in missing)}; measure these, too."
         )
     return topics
 
@@ -106,7 +106,7 @@ def main(
     for name in topics:
         if name not in TOPICS:
             raise typer.BadParameter(f"{name!r} is none of {', '.join(TOPICS)}")
-    out = out or own_page()
+    out = out or machine_page()
     options = {name: [*(() if full else PART.get(name, ()))] for name in TOPICS}
     for name in KEPT:
         options[name] += ["--state", str(out.with_name(f"{name}.jsonl"))]
@@ -119,11 +119,11 @@ def main(
     for number, name in enumerate(topics, 1):
         console.print(f"{name} ({number} of {len(topics)})")
         load = os.getloadavg()[0]
-        found = measure(name, *options[name])
-        if found:
-            now[name] = Topic(name, when, load, [cells(check) for check in found])
+        measured = measure(name, *options[name])
+        if measured:
+            now[name] = Topic(name, when, load, [cells(check) for check in measured])
             write_whole(out, markdown(_ordered(page | now), where))
-        checks += found
+        checks += measured
     if commit:
         write_whole(RESULTS, markdown(_ordered(committed(page, now, where)), where))
         write_whole(SPEED, refreshed(SPEED.read_text(), RESULTS.read_text()))

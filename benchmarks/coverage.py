@@ -88,11 +88,11 @@ def trial(truth: Mapping[str, float], clean: Sequence[Recording], seed: int) -> 
     near = variables.start({name: value * rng.uniform(0.9, 1.1) for name, value in truth.items()})
     starts = {_side(problem, q): q for q in (near, variables.image(near))}
     problem = problem.weighed(starts[true])
-    found = {sign: _end(problem, q, sign) for sign, q in starts.items()}
-    best = min(found, key=lambda sign: found[sign].optimum.objective)
-    order = [found[best], found[-best]]
+    ends = {sign: _end(problem, q, sign) for sign, q in starts.items()}
+    best = min(ends, key=lambda sign: ends[sign].optimum.objective)
+    order = [ends[best], ends[-best]]
     verdict = judge([s.branch for s in order], [s.optimum.objective for s in order], order[0].chi_square, order[0].dof)
-    right = found[true]
+    right = ends[true]
     estimates = {key.split("_n_")[0]: e for key, e in right.estimates()[0].items()}
     covered = {name: estimates[name].lower <= truth[name] <= estimates[name].upper for name in COUNTED}
     return Trial(covered, right.chi_square, right.dof, best == true, verdict.word == "decided")

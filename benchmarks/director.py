@@ -195,14 +195,14 @@ def session(seed: int) -> Ran:
 
 def digest(plan: bool, *rooms: str, exclude: Sequence[str] = EXCLUDED) -> str:
     """Of everything that a fit of these feet depends on: worlds, fit and models, and what is planned for two."""
-    told_ = [*map(str, exclude), *([planned(virtual(seed), exclude)[0] for seed in (0, 1)] if plan else [])]
-    found = hashlib.sha256(repr(told_).encode())
+    facts = [*map(str, exclude), *([planned(virtual(seed), exclude)[0] for seed in (0, 1)] if plan else [])]
+    sha = hashlib.sha256(repr(facts).encode())
     files = [*SOURCES, Path(rig.__file__)]
     for room in ("identification", "identification/engines", "fasbody/foot", *rooms):
         files += list((ROOT / room).glob("*.py"))
     for file in sorted(files):
-        found.update(file.read_bytes())
-    return found.hexdigest()[:16]
+        sha.update(file.read_bytes())
+    return sha.hexdigest()[:16]
 
 
 def read(file: Path, stamps: Mapping[str, str]) -> list[Fitted]:
@@ -269,20 +269,20 @@ def by_themselves(sessions: int, state: Path) -> list[Check]:
 def compared(feet: int, state: Path, exclude: Sequence[str]) -> list[Check]:
     """Rows from so many feet."""
     stamps = {protocol: digest(protocol == PROTOCOLS[0], exclude=exclude) for protocol in PROTOCOLS}
-    wanted = [(protocol, seed) for seed in range(feet) for protocol in PROTOCOLS[:2]]
-    wanted += [(PROTOCOLS[2], seed) for seed in range(feet)]
+    keys = [(protocol, seed) for seed in range(feet) for protocol in PROTOCOLS[:2]]
+    keys += [(PROTOCOLS[2], seed) for seed in range(feet)]
     done = {(f.protocol, f.seed): f for f in read(state, stamps)}
     with progress_bar() as progress, state.open("a") as file:
-        for key in progress.track([key for key in wanted if key not in done], description="feet"):
+        for key in progress.track([key for key in keys if key not in done], description="feet"):
             done[key] = trial(*key, exclude)
             file.write(json.dumps({**asdict(done[key]), "digest": stamps[key[0]]}) + "\n")
             file.flush()
-    return rows_of([done[key] for key in wanted])
+    return rows_of([done[key] for key in keys])
 
 
-def rows_of(found: Sequence[Fitted]) -> list[Check]:
+def rows_of(feet: Sequence[Fitted]) -> list[Check]:
     """What was asked, over all feet that every protocol recorded."""
-    by: dict[str, dict[int, Fitted]] = {p: {f.seed: f for f in found if f.protocol == p} for p in PROTOCOLS}
+    by: dict[str, dict[int, Fitted]] = {p: {f.seed: f for f in feet if f.protocol == p} for p in PROTOCOLS}
     seeds = sorted(s for s in by["planned"] if all(by[p][s].half_width for p in PROTOCOLS))
     rows: list[Check] = []
     enough = len(seeds) >= ENOUGH
@@ -295,8 +295,8 @@ def rows_of(found: Sequence[Fitted]) -> list[Check]:
         rows.append(told(f"{p}: recordings, minutes of shaking", f"{count:.3g}, {minutes:.3g} min", f"of {n} feet"))
         rows.append(told(f"{p}: decided, of these wrong", f"{decided}, {wrong}", f"of {n}, {_none(mine)} refused"))
         widths = [_mean([by[p][s].half_width[name] for s in seeds]) for name in COUNTED]
-        told_ = ", ".join(f"{name} {100 * w:.3g} %" for name, w in zip(COUNTED, widths, strict=True))
-        rows.append(told(f"{p}: half-widths, geometric means", told_, f"of {len(seeds)} feet"))
+        text = ", ".join(f"{name} {100 * w:.3g} %" for name, w in zip(COUNTED, widths, strict=True))
+        rows.append(told(f"{p}: half-widths, geometric means", text, f"of {len(seeds)} feet"))
         held = [ok for f in mine for ok in f.holds.values()]
         share = 100 * float(np.mean(held)) if held else 0.0
         row = within(f"{p}: coverage of 95 % intervals", share, 92.0, 98.0, "%")
@@ -321,8 +321,8 @@ def rows_of(found: Sequence[Fitted]) -> list[Check]:
     return rows
 
 
-def _none(found: Sequence[Fitted]) -> int:
-    return sum(f.verdict == "none" for f in found)
+def _none(feet: Sequence[Fitted]) -> int:
+    return sum(f.verdict == "none" for f in feet)
 
 
 def _mean(values: Sequence[float]) -> float:

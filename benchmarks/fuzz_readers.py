@@ -207,8 +207,9 @@ def main() -> None:
             seen = fuzz(ending, count, advance=partial(progress.advance, bar))
         reader.end_child()  # so that the system counts its memory
         child = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
-        own = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-        print(f"{ending:8} {count} files: {dict(seen)}; peak memory so far {own:.0f} MB here, {child:.0f} MB reading")
+        parent = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+        memory = f"peak memory so far {parent:.0f} MB here, {child:.0f} MB reading"
+        print(f"{ending:8} {count} files: {dict(seen)}; {memory}")
 
 
 if __name__ == "__main__":

@@ -163,12 +163,12 @@ class Rig:
 
     def collect(self, seconds: float) -> np.ndarray:
         """(n, 1) of the base [m/s^2], block by block, each of which the watch sees."""
-        found = []
+        blocks = []
         for _ in range(max(1, round(seconds * self.rate_hz / self.block))):
-            found.append(self._next())
+            blocks.append(self._next())
             if self.watch is not None:
-                self.watch.check(found[-1])
-        return np.concatenate(found)[:, None]
+                self.watch.check(blocks[-1])
+        return np.concatenate(blocks)[:, None]
 
     def _next(self) -> np.ndarray:
         t = self._t + np.arange(self.block) / self.rate_hz
@@ -181,8 +181,8 @@ class Rig:
             self._jump = float(self._rng.choice([0.6, 1.3, 2.0, 4.0]))
             self.jumps, self._jumped = self.jumps + 1, True
         gain = self._gain * self._jump * self._grown if abs(self._hz - self._dead) > 1 else 0.0
-        wanted = 0.5 * gain * self.volts if self.is_on else 0.0
-        size = wanted + (self._size - wanted) * np.exp(-np.arange(1, self.block + 1) / self.rate_hz / self.lag_s)
+        target = 0.5 * gain * self.volts if self.is_on else 0.0
+        size = target + (self._size - target) * np.exp(-np.arange(1, self.block + 1) / self.rate_hz / self.lag_s)
         self._size = float(size[-1])
         wave = size * (np.sin(2 * np.pi * self._hz * t) + self._second * np.sin(4 * np.pi * self._hz * t + 0.7))
         wave = np.clip(wave, -self._clips, self._clips)

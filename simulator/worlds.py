@@ -139,10 +139,10 @@ def traces(member: Member) -> Traces:
     felt = motion(member.leg, member.departures, shaking, h, parts * (steps - 1) + 1)[:, :, ::parts]
     t = parts * h * np.arange(steps)
     exact = {"base": shaking.at(t[:, None]).T, "malleolus": felt[0], "foot": felt[1]}
-    found = Traces(t, shaking, exact).each(lambda y: rng.normal(y, member.noise * AMPLITUDE))
+    result = Traces(t, shaking, exact).mapped(lambda y: rng.normal(y, member.noise * AMPLITUDE))
     for change in member.instruments:
-        found = change(found)
-    return found
+        result = change(result)
+    return result
 
 
 def recordings(member: Member, foot: bool = False) -> list[Recording]:
@@ -152,11 +152,11 @@ def recordings(member: Member, foot: bool = False) -> list[Recording]:
         member: leg and world.
         foot: a second sensor sits on the foot; the others read the same with it and without.
     """
-    found, session = traces(member), f"{member.world} {member.seed}"
-    t, made = np.arange(found.t.size) / RATE_HZ, []
-    for i, (load, hz) in enumerate(zip(found.shaking.load_kg, found.shaking.hz, strict=True)):
+    measured, session = traces(member), f"{member.world} {member.seed}"
+    t, made = np.arange(measured.t.size) / RATE_HZ, []
+    for i, (load, hz) in enumerate(zip(measured.shaking.load_kg, measured.shaking.hz, strict=True)):
         condition = Condition("made", "midstance", float(load), member.body_kg, float(hz))
-        base, malleolus, second = (found.channels[name][i] for name in ("base", *SENSORS))
+        base, malleolus, second = (measured.channels[name][i] for name in ("base", *SENSORS))
         recording = Recording(
             t, base, malleolus, condition=condition, file=f"{session}: {load:g} kg, {hz:g} Hz",
             origin="synthetic", others={"foot": second} if foot else {},
@@ -170,14 +170,14 @@ def leg_of(rng: np.random.Generator, body_kg: float, strength: float) -> Leg:
     m_S, m_F = SHANK * body_kg, FOOT * body_kg
     a = m_S / (m_S + m_F)
     # sqrt(k_T a k_F) is the same on both branches; their ratio says which
-    both = (m_S + m_F) * (2 * np.pi * rng.uniform(23.0, 32.0)) ** 2
+    stiffness = (m_S + m_F) * (2 * np.pi * rng.uniform(23.0, 32.0)) ** 2
     apart = np.exp(rng.uniform(0.25, 1.1) * rng.choice([-1.0, 1.0]))
-    size = both / (m_S + m_F) * m_F / (2 * np.pi * 30)  # of a damper that leaves resonances visible
+    size = stiffness / (m_S + m_F) * m_F / (2 * np.pi * 30)  # of a damper that leaves resonances visible
     c_11, c_21 = (float(c) for c in 1.8 * size * np.exp(rng.uniform(-0.6, 0.6, 2)))
     signs = rng.choice([-1.0, 1.0], 2)
     c_13, c_23 = (float(strength * rng.uniform(40, 180)) for _ in range(2))
     c_12, c_22 = (float(strength * bend) for bend in signs * (90, 120))
-    k_T, k_F = float(both * np.sqrt(apart * a)), float(both / np.sqrt(apart * a))
+    k_T, k_F = float(stiffness * np.sqrt(apart * a)), float(stiffness / np.sqrt(apart * a))
     return Leg(k_T, k_F, c_11, c_12, c_13, c_21, c_22, c_23, m_S, m_F)
 
 
