@@ -107,7 +107,7 @@ class RungVariables(Variables):
 
     rung: Rung = LADDER[0]
 
-    def _constant(self, Q: np.ndarray, symbol: str) -> np.ndarray:
+    def _rung_constant(self, Q: np.ndarray, symbol: str) -> np.ndarray:
         """A constant (...,) of the rung in its unit, at rest if it has none of this symbol."""
         item = self.rung.constants.get(symbol)
         if item is None:
@@ -123,12 +123,12 @@ class RungVariables(Variables):
         """(..., R, P) parameters of each recording's foot, `EXTRA` last if the rung has any."""
         theta = super().theta(Q)
         for symbol, names in (("e_T", ("k_T", "c_11")), ("e_F", ("k_F", "c_21"))):
-            grown = np.exp(self._constant(Q, symbol)[..., None] * self.loads / LOAD_KG)
+            grown = np.exp(self._rung_constant(Q, symbol)[..., None] * self.loads / LOAD_KG)
             theta[..., [AT[name] for name in names]] *= grown[..., None]
         if not set(EXTRA) & set(self.rung.constants):
             return theta
         alike = np.ones(theta.shape[:-1])  # in all recordings, but for the share of what swings
-        more = {name: self._constant(Q, name)[..., None] * alike for name in EXTRA}
+        more = {name: self._rung_constant(Q, name)[..., None] * alike for name in EXTRA}
         more["w"] *= 1 - self._carried(Q) / theta[..., AT["m_S"]]
         return np.concatenate([theta, np.stack(list(more.values()), -1)], -1)
 
@@ -140,7 +140,7 @@ class RungVariables(Variables):
         for item in self.nuisances:
             if item.kind in ("gain", "delay", "drift"):
                 values[item.kind] = item.value(q[self.place(item)] * item.std)
-        return values | {symbol: float(self._constant(q, symbol)) for symbol in self.rung.constants}
+        return values | {symbol: float(self._rung_constant(q, symbol)) for symbol in self.rung.constants}
 
     def carried_over(self, q: np.ndarray, of: Variables) -> np.ndarray:
         """(n,) a place of another rung; what that has not is where its prior is centred."""
