@@ -10,7 +10,7 @@ class FasError(Exception):
     """Base of all errors whose cause is the input; commands print it and exit with 2."""
 
     def __reduce__(self) -> tuple[Callable[..., "FasError"], tuple[type["FasError"], tuple[object, ...]]]:
-        # a worker process sends it home as its sentence, whatever the facts that it was built from
+        # a worker process pickles the sentence alone, not the facts that it was built from
         return _remade, (type(self), self.args)
 
 

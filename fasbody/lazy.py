@@ -14,7 +14,7 @@ ROOT = Path(__file__).parent.parent
 
 
 def attribute(package: str, homes: Mapping[str, str], name: str) -> Any:
-    """What a package exports under a name, from its home.
+    """What a package exports under a name, imported from the module that defines it.
 
     Args:
         package: its `__name__`.

@@ -37,7 +37,7 @@ ROOT = Path(fasbody.__file__).parent.parent
 _ASIDE = {ROOT / "fasbody" / name for name in ("console.py", "presentation.py", "runner.py")}
 #: What a result may read of our packages besides their sources.
 _DATA = {".xml", ".csv", ".toml", ".json"}
-#: Age of an unfinished file that nobody can still be writing [s].
+#: Age from which an unfinished file is left over from a process that ended [s].
 _STALE_S = 3600.0
 
 
@@ -71,7 +71,7 @@ def cores() -> int:
 
 
 def in_turn(function: Callable[[Task], Result], tasks: Iterable[Task]) -> Iterator[tuple[int, Result]]:
-    """One after another in this process, each task taken when its turn comes; Ctrl-C ends the one that it meets."""
+    """Run the tasks one after another in this process; Ctrl-C ends the current one."""
     for index, task in enumerate(tasks):
         with heeded():
             result = function(task)
@@ -94,7 +94,7 @@ def _pool(count: int) -> Iterator[ProcessPoolExecutor]:
     """Processes whose linear algebra has one thread; after an exception they are not waited for."""
     before = {name: os.environ.get(name) for name in ONE_THREAD}
     others = set(multiprocessing.active_children())
-    os.environ.update(ONE_THREAD)  # the children's linear algebra must not fight for the cores
+    os.environ.update(ONE_THREAD)  # processes times threads must not exceed the cores
     # spawn, not fork: the progress bar runs a thread
     pool = ProcessPoolExecutor(count, mp_context=multiprocessing.get_context("spawn"))
     try:

@@ -14,7 +14,7 @@ _STATED = re.compile(rf"\b(?:is|are|not) ({_NUMBER.pattern})", re.IGNORECASE)
 
 
 def sentence(error: Any) -> str:
-    """The sentence for an error of click, whose classes Typer keeps to itself.
+    """The sentence for an error of click, whose classes Typer does not export.
 
     Args:
         error: what a command raises without standalone mode: a value that does not fit, an unknown option, ...

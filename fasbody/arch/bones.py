@@ -24,7 +24,7 @@ SPRINGS = ("k_11", "k_12", "k_2", "k_3", "k_4", "k_T", "k_F")
 DAMPERS = ("c_1", "c_2", "c_3", "c_4", "c_T", "c_F")
 PARAMETERS = SPRINGS + DAMPERS
 
-#: Those that turn a joint; Table 4.2 gives their range in the same breath as the N/m ones, without a unit.
+#: The rotational ones; Table 4.2 gives their range together with the N/m ones, without a unit of its own.
 ROTATIONAL = ("k_2", "k_3", "k_4", "c_2", "c_3", "c_4")
 
 #: Table 4.2, with the unit of the translational constants: N/m and N s/m.

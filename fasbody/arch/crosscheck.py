@@ -1,8 +1,8 @@
 """Three engines, one arch: mass matrix and velocity terms from the equations, from Pinocchio and from MuJoCo.
 
-The equations are those of Appendix B with the constants of the compiled model. MuJoCo and Pinocchio are asked for the
-tree, joint by joint, and what they say is projected onto the coordinates of the equations (tree.py). Pinocchio's model
-is built from the compiled one, body by body, because its own MJCF reader drops what it does not know without a word.
+The equations are those of Appendix B with the constants of the compiled model. MuJoCo and Pinocchio compute the
+matrices of the tree, which are projected onto the coordinates of the equations (tree.py). Pinocchio's model
+is built from the compiled one, body by body, because its MJCF reader silently drops unknown elements.
 """
 
 from collections.abc import Iterable

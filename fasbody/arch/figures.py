@@ -124,7 +124,7 @@ def reduction(result: "Reduction") -> Figure:
 def arch_sag(result: "SagStudy", measured: dict[float, tuple[float, float]] | None = None) -> Figure:
     """Sag under a static load against arch height, with and without fascia, and its share of the load.
 
-    What others computed with models of their own is drawn as lines between hollow marks, since it is no measurement.
+    Values computed by other models are drawn as lines between hollow marks, as they are no measurements.
 
     Args:
         result: the model's sag.

@@ -20,7 +20,7 @@ from fasbody.constants import MODEL_GRAVITY
 from fasbody.exceptions import SettingError, SimulationError
 from fasbody.presentation import Presented, Sheet
 
-#: Arangio 1998, computed by a model of his: load on the arch [N]; arch height [m] -> sag [m] with and without fascia.
+#: Arangio 1998, computed by a model: load on the arch [N]; arch height [m] -> sag [m] with and without fascia.
 ARANGIO_LOAD = 683.0
 ARANGIO_SAG = {0.020: (11.8e-3, 13.5e-3), 0.060: (5.5e-3, 7.5e-3)}
 #: The same, fascia cut at 60 mm: increase of sag and of elongation.
@@ -56,7 +56,7 @@ class Equilibrium:
 
 
 def equilibrium(arch: Arch, load: float, steps: int = 20, springs: Springs | None = None) -> Equilibrium:
-    """Settle the arch under a load on its apex.
+    """Static equilibrium of the arch under a load on its apex.
 
     Args:
         arch: the constants.
@@ -324,7 +324,7 @@ def load_study(arch: Arch, added_kg: Sequence[float] = tuple(MEASURED_HZ)) -> Lo
 
 
 def _factor(arch: Arch, target_hz: float) -> float:
-    """Bisect for the common factor of all springs that puts the peak at `wanted_hz`, about the rest pose."""
+    """Bisect for the common factor of all springs that puts the peak at `target_hz`, about the rest pose."""
     frequency, low, high = np.arange(2.0, 120.0, 0.05), 0.1, 100.0
     for _ in range(40):
         factor = float(np.sqrt(low * high))

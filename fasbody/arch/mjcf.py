@@ -1,7 +1,7 @@
 """What the equations of Chapter 4 take for granted about a compiled foot_arch model, and its numbers for them.
 
-An edit that the equations cannot follow is refused here with the element's name; read on, it would only show as engines
-that disagree, or not at all. What is read is what MuJoCo steps; a parameter that the file declares must say the same.
+An edit that the equations cannot follow is refused with the element's name. Otherwise the engines would disagree, or
+the error would not show at all. The numbers are those that MuJoCo steps; a declared parameter must agree with them.
 """
 
 from collections.abc import Iterable, Mapping
@@ -26,7 +26,7 @@ FASCIA = "plantar_aponeurosis"
 #: The actuator that is k_12 and c_1 in series.
 BRANCH = "aponeurosis_branch"
 
-#: Mass of the apex that no engine can see [kg].
+#: Largest mass of the apex that does not change a result [kg].
 APEX_MASS = 1e-9
 #: How far an axis, the closure's polynomial, a rest length or a declared constant may be off.
 TOLERANCE = 1e-6

@@ -1,8 +1,8 @@
 """The five-body arch stepped by MuJoCo: extrapolation, and a second try when unstable.
 
 The error is of first order with a small constant (mjcf/foot_arch.md says why); `accurate` adds a run at half the step
-and extrapolates, which is of second order. When a run blows up or rings at the step's own frequency, the hinges'
-dampers are first made all native, then the step is halved, and the result says so.
+and extrapolates, which is of second order. When a run diverges or alternates from step to step, the hinges'
+dampers are first made all native, then the step is halved. The result notes both.
 """
 
 import copy

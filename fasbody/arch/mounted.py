@@ -2,7 +2,7 @@
 
 As in mjcf/leg.xml, but what leg.xml calls `hindfoot`, one spring between foot and malleolus, is the arch here: its
 stiffness is that of its ligaments under the load it carries, and no constant of it was chosen by a vibration. The
-arch's own coordinates are eliminated in closed form, so that thousands of feet answer at once.
+coordinates of the arch are eliminated in closed form, so that thousands of feet are computed at once.
 """
 
 from dataclasses import dataclass, fields, replace

@@ -27,7 +27,7 @@ HARMONICS, MOST_HARMONICS = 6, 48
 SMALL = 1e-6
 #: Jacobians of one solution, and steps with each.
 PASSES, CHORDS = 12, 40
-#: Contraction from which on a step with an old Jacobian is worth less than a new one.
+#: Contraction from which on a new Jacobian is computed in place of a further step.
 SLOW = 0.5
 #: Size of a step over the motion that ends the search. Below the second one a step that is not
 #: shortened is rounding, if the Jacobian is new or has shortened steps to the third.
@@ -165,7 +165,7 @@ def newton(
         Unknowns (b, m), the inverse of the last Jacobian (b, m, m), and which are solved (b,).
     """
     search, rows = _Search(equations, np.array(x, float), tight, longest), np.arange(len(x))
-    with np.errstate(all="ignore"):  # a step that leads too far is not finite, and is shortened
+    with np.errstate(all="ignore"):  # steps that are too long give non-finite residuals and are shortened
         if inverse is not None:
             search.inverse[:] = inverse
             rows = search.chords(rows, fresh=False)

@@ -170,7 +170,7 @@ def load(model: str | Path | mujoco.MjSpec) -> Foot:
 
 
 def _checked(read: Callable[[], mujoco.MjSpec], place: str | Path, name: str = "") -> Foot:
-    """The foot that MuJoCo makes of a model; it is called as it calls itself where it has no name.
+    """The foot that MuJoCo makes of a model; without a name it has the one in its MJCF.
 
     Raises:
         InputFileError: it cannot compile it. ModelError: see `load`.
@@ -194,7 +194,7 @@ def _called(model: mujoco.MjModel) -> str:
 
 
 def _check_masses(spec: mujoco.MjSpec, name: str) -> None:
-    """Refuse masses that MuJoCo passes over without a word, or spreads over the table, too."""
+    """Refuse masses that MuJoCo ignores without a warning, or also spreads over the table."""
     if spec.compiler.settotalmass > 0:
         raise ModelError(
             f'{name}: <compiler settotalmass="{spec.compiler.settotalmass:g}"/> scales all masses until they come to '
@@ -273,7 +273,7 @@ def solve_exactly(model: mujoco.MjModel) -> None:
 
 
 def _check_options(model: mujoco.MjModel, name: str) -> None:
-    """Slides and hinges alone, and nothing of the physics switched off: no equation would know."""
+    """Require slides and hinges only, and no physics switched off, which no equation would follow."""
     for j in range(model.njnt):
         if int(model.jnt_type[j]) not in (int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE)):
             raise ModelError(f"{name}: joint {model.joint(j).name!r} is a ball or free; use slides and hinges.")
@@ -386,7 +386,7 @@ def accelerometers(model: mujoco.MjModel, up: tuple[float, float, float]) -> dic
     """The accelerometers of a model by name, read along the vertical.
 
     A `framelinacc` reads in the world's axes. An `accelerometer` reads in those of its site, and is read along the one
-    that is nearest to the vertical: a sensor that leans reads what leans with it. What gravity adds is taken out.
+    that is nearest to the vertical, without correcting the tilt. The contribution of gravity is subtracted.
 
     Args:
         model: the compiled model.
@@ -453,7 +453,7 @@ def _check_base(model: mujoco.MjModel, name: str, shaker: int) -> tuple[float, f
 
 
 def _check_held(model: mujoco.MjModel, name: str) -> None:
-    """Nothing that is tied to the table is a match for its weight, as a spring or an equality in the world could be."""
+    """Refuse a spring or equality between table and world whose force is not small against the table's inertia."""
     dof, data, accelerations = int(model.jnt_dofadr[model.joint("base").id]), mujoco.MjData(model), []
     for place in (0.0, _MOVED):
         data.qpos[model.jnt_qposadr[model.joint("base").id]] = place

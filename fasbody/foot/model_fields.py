@@ -1,7 +1,7 @@
 """Fields of a compiled model that some command would follow and another would not: each must have its default.
 
-One table in place of a test an attribute. A command that steps with MuJoCo follows everything, one that linearises or
-has equations of its own does not; what stands here is refused for all of them when a model is loaded.
+A command that steps with MuJoCo follows every field; one that linearises or has separate equations does not. The fields
+in these tables are therefore refused for all commands when a model is loaded.
 """
 
 from collections.abc import Iterable

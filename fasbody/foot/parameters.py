@@ -240,7 +240,7 @@ def declared(model: "mujoco.MjModel", name: str) -> Parameters:
         symbol = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_TEXT, number)
         start = model.text_adr[number]
         data = model.text_data[start : start + model.text_size[number]].decode().rstrip("\0")
-        if "|" in data:  # other custom texts are none of ours
+        if "|" in data:  # other custom texts declare no parameter
             items.append(_parse(model, symbol, data, name))
     return Parameters(_follow_laws(model, _without_laws(model, items)), name)
 

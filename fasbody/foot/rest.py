@@ -13,7 +13,7 @@ _PASSES, _HALVINGS = 60, 20
 
 
 def standing(foot: Foot) -> np.ndarray:
-    """The pose (nq,) of rest, by Newton's method from that of the file; which is it where nothing pulls.
+    """The pose (nq,) of rest, by Newton's method from the pose of the file.
 
     Raises:
         SimulationError: there is none.

@@ -24,7 +24,7 @@ CLOCK = 2.0**-10
 #: Samples finer than this need no band-limited curve [Hz]; its filter reaches so far [samples]; so large a difference
 #: from the spline counts, as a share of the motion.
 _FINE_HZ, _REACH, _ALIKE = 4000.0, 64, 1e-3
-#: Exponentials of a motion that are kept: those of a period, not those of a whole recording.
+#: Largest array of exponentials that is cached: one of a period fits, one of a whole recording does not.
 _KEPT = 20_000
 
 

@@ -8,10 +8,10 @@
     orbit.stable, orbit.initial_state()                         # Floquet; to start a rollout from
 
 At instants of a period MuJoCo is given position, velocity and acceleration of a Fourier series, and
-answers with the force that nobody supplies (`mj_inverse` less `mj_fwdActuation`) and with the rate
-of each activation; Newton's method makes both fit. So all that the MJCF has is in the motion, be it
-tendons, equalities or dampers with memory. There is no time step and no error of one, and the base
-moves exactly as asked.
+returns the unbalanced force (`mj_inverse` less `mj_fwdActuation`) and the rate
+of each activation. Newton's method makes the force zero and the rates consistent. All elements of
+the MJCF act in the motion: tendons, equalities, dampers with memory. There is no time step and no
+error of one. The base follows the prescribed motion exactly.
 """
 
 import copy
@@ -270,7 +270,7 @@ class Orbit:
 
     @property
     def stable(self) -> bool:
-        """Whether every small departure dies out."""
+        """Whether every small departure decays."""
         return bool(np.abs(self.multipliers[0]) < 1)
 
 
@@ -298,7 +298,7 @@ class Balance:
         model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_INVDISCRETE)
         self.engine = Engine(model)
         self.free = np.delete(np.arange(self.engine.size), self.base)
-        #: Mass that is the table's own, of which the shaker takes care [kg].
+        #: Mass of the table, which the shaker moves [kg].
         table = model.body_mass[model.dof_bodyid[self.base]]
         self.table_kg = float(model.dof_armature[self.base] + table)
         for name in sensors:

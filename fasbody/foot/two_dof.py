@@ -20,7 +20,7 @@ NAMES = ("k_T", "k_F", "c_11", "c_12", "c_13", "c_21", "c_22", "c_23")
 MASSES = ("m_S", "m_F")
 STATES = 4
 _COLUMNS = STATES + len(NAMES)
-#: Columns that are computed: registers take several at once, and a loop of a length that is known has no loose ends.
+#: Columns that are computed: a constant number, so that the compiler vectorises the loop without a remainder.
 _ROW = 16
 
 
@@ -91,7 +91,7 @@ class TwoDof:
         return np.linalg.solve(s[:, None, None] * np.eye(STATES) - A, B[:, None])[..., 0] @ C
 
     def mirror(self) -> "TwoDof":
-        """The other foot with the same linear response: stiffness and damping change places.
+        """The mirror image: the other foot with the same linear response, stiffness and damping exchanged.
 
         They are scaled by a = m_S / (m_S + m_F), exactly for the linear part. The nonlinear constants change places
         unscaled, a starting point for a fit.

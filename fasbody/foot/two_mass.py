@@ -112,7 +112,7 @@ class Orbits:
 
 def _largest_multiplier(A: np.ndarray, step: np.ndarray) -> np.ndarray:
     """(B,) largest modulus of the multipliers of linear systems A (B, n, s, s) constant over steps (B,) [s]."""
-    from scipy.linalg import expm  # a fit in which all is well never asks
+    from scipy.linalg import expm  # slow to import, and needed for stability only
 
     with np.errstate(over="ignore", invalid="ignore"):
         parts = expm(A * step[:, None, None, None])
@@ -142,8 +142,8 @@ def orbits(
 ) -> Orbits:
     """Periodic motions of feet, each on a base of its own, with the harmonics that `base` has.
 
-    Newton starts from `start` or from the linear motion; where that fails, the foot is shaken a little first, then
-    more.
+    Newton starts from `start` or from the linear motion; where that fails, the amplitude is raised from a small
+    one step by step.
 
     Example:
         ``orbits(parameters(foot.values())[None], np.array([w]), 9.0 * np.eye(1, 6))``
@@ -370,7 +370,7 @@ def _orbits_of(
 
 
 def _grown(system: _System, tolerance: float) -> Orbits:
-    """The motions by continuation in amplitude: each foot is shaken a little first, and its motion followed up."""
+    """The motions by continuation in amplitude, from a small one to the full one."""
     B = len(system.theta)
     level, stride = np.zeros(B), np.full(B, 0.25)
     at = np.zeros((B, 2, system.H), complex)

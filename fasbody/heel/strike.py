@@ -1,4 +1,4 @@
-"""One heel strike: force over compression and rate, by the published procedure, each correction a named step.
+"""One heel strike: force over compression and rate, by the published procedure with each correction a named step.
 
 The procedure is that of Baines, Schwab and van Soest (2018), doi 10.1371/journal.pone.0197428, as their public scripts
 do it. The compression is the fall of a heel point fixed to the shank, so everything between the skin of the heel and

@@ -26,7 +26,7 @@ FINE = 2.5e-4
 BY_DIFFERENCES, STRETCH, RATE, SMALLER = 1e-8, 1e-6, 1e-3, 1e-4
 #: Central difference of fourth order: nudge, weight.
 DIFFERENCES = ((-2.0, 1 / 12), (-1.0, -8 / 12), (1.0, 8 / 12), (2.0, -1 / 12))
-#: Seconds before the last period is read: transients from the step's own error fade.
+#: Seconds before the last period is read, in which transients of the step's error decay.
 SETTLING = 0.6
 
 

@@ -41,7 +41,7 @@ class Curves:
 
 @dataclass(frozen=True)
 class Statement:
-    """One statement: section, pair, what it says, and the judge of many models at once."""
+    """One statement: section, pair, text, and the function that tests many models at once."""
 
     section: str
     pair: str

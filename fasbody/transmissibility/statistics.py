@@ -102,7 +102,7 @@ def repeated_measures(levels: np.ndarray) -> Variance:
     level. Its F has (k - 1) and N - n - (k - 1) degrees of freedom for N values of n subjects,
     exactly where differences between levels are alike in variance; a Wald test of a mixed model,
     which takes the variance for known, rejects twice too often with five subjects. Subjects with a
-    single value tell nothing of levels and are not counted.
+    single value give no information on levels and are not counted.
 
     Args:
         levels: (subjects, levels), NaN where nothing was measured.

@@ -116,7 +116,7 @@ class Table(Presented):
         """Analyse a study; of a folder, one recording in memory a process."""
         if isinstance(study, Study):
             return cls.of_recordings(study.recordings, resolution_hz, estimate)
-        light = StudyFolder(study.name, study.origin, "", (), study.layout)  # what a process needs besides its trial
+        light = StudyFolder(study.name, study.origin, "", (), study.layout)  # all that a worker needs besides its trial
         jobs = [(light, trial, resolution_hz, estimate) for trial in study.trials]
         results = sorted(run(_analyse, jobs, "transmissibility", processes), key=lambda result: result[0])
         return cls._made_of([part for _, part in results], study.origin, _stated(study.layout))
@@ -296,7 +296,7 @@ def covered(channels: Mapping[str, Channel]) -> str:
 
 
 def _mean(values: np.ndarray) -> np.ndarray:
-    """Over the subjects; NaN at a frequency that nobody was measured at."""
+    """Over the subjects; NaN at a frequency without a measurement."""
     known = np.isfinite(values).any(axis=0)
     mean = np.full(values.shape[1], np.nan)
     mean[known] = np.nanmean(values[:, known], axis=0)
