@@ -55,7 +55,7 @@ def compare_rivals(
         files: edited MJCF models to compare, too.
         mass_std, gain_std, delay_std_s: what masses, gain and delay may be off, as in `fit_foot`.
         source: name of the data, if not that of the study.
-        advance: called with what is done, how many of how many.
+        advance: called with the stage, the number done and the total.
 
     Raises:
         RecordingError: a recording is not steady, or they are of several persons. ModelError: the model is not the
@@ -173,7 +173,7 @@ def _log_ratio(end: Solution) -> tuple[float, float]:
 
 
 def _constants(candidate: Candidate, end: Solution) -> tuple[RivalConstant, ...]:
-    """The rival's own constants; 1 / f^2 of a mount is reported as its frequency."""
+    """The constants that only this rival has; 1 / f^2 of a mount is reported as its frequency."""
     rows, items = dict(zip(end.problem.variables.nuisances, end.allowances(), strict=True)), []
     for symbol, item in candidate.rung.constants.items():
         name, does, unit, row = symbol, item.does, item.unit, rows[item]

@@ -1,4 +1,4 @@
-"""The printed figures of a comparison: what rivals predict over frequency, and what they say of the springs."""
+"""The printed figures of a comparison: predictions over frequency, and stiffness of the springs."""
 
 from itertools import product
 from typing import TYPE_CHECKING
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from identification.rivals.naming import Naming
     from identification.rivals.result import Rivals
 
-#: Colours that the colour-blind tell apart (Okabe and Ito), with marks of their own.
+#: Colours that the colour-blind can distinguish (Okabe and Ito), each with a mark.
 _COLOURS = (*COLOURS, "#8c6d31", "#7f7f7f", "#000000")
 _MARKS = ("o", "s", "^", "v", "D", "P", "X", "<", ">")
 #: An interval is drawn whole up to this factor from its value; beyond it, it is cut at the frame.

@@ -2,7 +2,7 @@
 
 Each mechanism is fitted to the complex responses of a plan (loads, frequencies, amplitudes,
 sensors) over the scatter of a recording, with body mass, gains and the softness of both sensors'
-seats free within what is stated of them. The one with the largest evidence within its bounds
+seats free within their stated uncertainty. The one with the largest evidence within its bounds
 (Laplace's approximation) is named; below odds of 1000 to 1 the answer is "undecided", and where
 none fits it is "none of these".
 """
@@ -84,7 +84,7 @@ class Plan:
 
 @dataclass(frozen=True)
 class Recordings:
-    """What a plan's recordings give, (n,), complex unless said otherwise.
+    """Responses of a plan's recordings, (n,), complex unless stated otherwise.
 
     Attributes:
         MB: malleolus over the table.
@@ -222,7 +222,7 @@ class Verdict:
         margin: to the next one.
         per_dof: sum of squares of the best per degree of freedom.
         criteria: of every mechanism.
-        left_out: recordings that do not repeat after one period and are left out.
+        left_out: number of recordings left out, as they do not repeat after one period.
     """
 
     named: str
@@ -370,7 +370,7 @@ class _Search:
         )
 
     def residuals(self, theta: Array, start: Array | None, nearby: bool = False) -> tuple[Array, Predicted]:
-        """Misfit and what is stated beforehand, (d, m), for theta (d, p)."""
+        """Whitened residuals and prior rows, (d, m), for theta (d, p)."""
         read = self.read(theta, start, nearby)
         misfit = _misfit(self.plan, self.data, self.departure, read.MB, read.TB, read.second)
         return np.concatenate([misfit, theta[:, self.free : self.free + 3]], axis=1), read
@@ -468,7 +468,7 @@ class Confusion:
         return sum(wins) / max(1, len(wins))
 
     def record(self) -> dict[str, Any]:
-        """As a document: counts, and what share of each pair is told apart."""
+        """As a document: counts, and the share of each pair that is distinguished."""
         names, truths = (*MECHANISMS, UNDECIDED, NONE), list(self.verdicts)
         pairs = {f"{a} | {b}": self.separated(a, b) for a, b in combinations(truths, 2)}
         named = {truth: {name: self.count(truth, name) for name in names} for truth in truths}

@@ -198,7 +198,7 @@ PRESSED_PAD = (
 )
 MOVING = Constant("share", "", 0, 1, "from a load that presses to one that moves along", True)
 
-#: The mechanisms that an analysis tells apart, the simple ones first.
+#: The mechanisms that an analysis distinguishes, the simple ones first.
 MECHANISMS = {
     mechanism.name: mechanism
     for mechanism in (

@@ -8,7 +8,7 @@ What each rung writes:
   either way, by the sign of its gear.
 - relaxing: a Maxwell element beside each spring, an actuator of the law 4.22 of which nearly all relaxes.
 - mount: the site malleolus moves onto a body of a milligram on a spring and a damper.
-- third: a share of the shank's mass moves to a body on a spring and a damper; the load gets a body of its own.
+- third: a share of the shank's mass moves to a body on a spring and a damper; the load gets a separate body.
 - load: one file a load, with the springs and dampers that hold under it.
 """
 
@@ -86,7 +86,7 @@ def edited_text(file: Path, name: str, title: str, values: Mapping[str, float], 
     for joint, (element, c1, c2, c3) in _JOINTS.items():
         at = _joint(bodies[joint], element)
         at.set("user", f"4.25 {v[c1]:.9g} {v[c2]:.9g} {v[c3]:.9g}")
-        at.set("damping", f"{v[c1]:.9g}")  # for MuJoCo alone
+        at.set("damping", f"{v[c1]:.9g}")  # for MuJoCo without the callbacks
         bent = [v[f"k_{joint}"] * v[f"{letter}_{joint}"] for letter in ("p", "d")]
         at.set("stiffness", " ".join(f"{x:.12g}" for x in (v[f"k_{joint}"], *(bent if any(bent) else ()))))
     _mass(bodies["T"], v["m_S"])
@@ -221,7 +221,7 @@ def _maxwell(root: ET.Element, joint: str, letter: str, v: Mapping[str, float]) 
         f"{ratio:.17g} actuator relaxing_{side} biasprm {column}"
         for side in "TF" for column, ratio in ((4, 1 / (1 + _APART)), (5, 1 + _APART))
     )  # fmt: skip
-    if letter == "F":  # both are there now
+    if letter == "F":  # after both elements
         _declare(root, "tau_R", f"s | 5e-4 | 5e-2 | {times} | their relaxation time")
 
 
@@ -244,7 +244,7 @@ def _third(root: ET.Element, shank: ET.Element, v: Mapping[str, float]) -> None:
     ET.SubElement(load_body, "inertial", pos="0 0.42 0", mass="1e-9", diaginertia=_TINY)
     custom = root.find("custom")
     for element in [] if custom is None else custom.findall("text"):
-        if element.get("name") == "m_S":  # a load is rigid, so it is told from the shank
+        if element.get("name") == "m_S":  # a load is rigid, so its mass is separate from the shank's
             custom.remove(element)  # type: ignore[union-attr]
     _declare(root, "added_mass", "kg | 0 | 100 | body load mass | on the knee")
     _declare(root, "k_W", "N/m | 10 | 1e6 | joint tissue stiffness | spring of what swings")

@@ -1,4 +1,4 @@
-"""What rivals say of the same recordings, side by side, and what they all agree on."""
+"""Estimates and scores of rivals on the same recordings, and the conclusions that they share."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
@@ -21,7 +21,7 @@ MODEL = "model"
 
 @dataclass(frozen=True)
 class RivalConstant:
-    """A rival's own constant: name, what it is, its unit, value and 95 % limits, source of its prior and bounds."""
+    """A constant that only a rival has: name, meaning, unit, value, 95 % limits, source of prior and bounds."""
 
     name: str
     says: str
@@ -54,7 +54,7 @@ class Rival(Tabled):
             model has none.
         log_ratio: of k_T over k_F with its standard error.
         other: k_T and k_F of the other branch where it stays open.
-        own: the rival's own constants.
+        own: the constants that only this rival has.
         values: all constants.
         predicted: harmonics of each recording [m/s^2].
         converged: the descent came to rest.
@@ -109,11 +109,11 @@ class Rival(Tabled):
 
 @dataclass(frozen=True)
 class Conclusion:
-    """Something said of the foot, and whether every adequate rival says it.
+    """A conclusion on the foot, and whether every adequate rival supports it.
 
     Attributes:
         what: "k_T", "k_F", "branch" or "stiffer".
-        shared: all adequate rivals say so.
+        shared: all adequate rivals support it.
         text: a sentence.
         lower, upper: of a constant, over all adequate rivals [N/m]; None else.
     """
@@ -143,7 +143,7 @@ class Rivals(Presented):
 
     Attributes:
         repeatability: relative standard deviation of a harmonic from recording to recording beside the sensors' noise,
-            as the rival says that asks for least; all are weighed with it.
+            by the rival that needs the least; all are weighted with it.
     """
 
     figures: ClassVar[str] = "identification.rivals.figures"
@@ -178,7 +178,7 @@ class Rivals(Presented):
 
     @property
     def conclusions(self) -> tuple[Conclusion, ...]:
-        """What is said of k_T, of k_F, of the branch, and of which is stiffer."""
+        """Conclusions on k_T, k_F, the branch, and which spring is stiffer."""
         return conclusions(self.adequate)
 
     def sentence(self) -> str:
@@ -284,7 +284,7 @@ def preferred(rivals: list[Rival]) -> list[Rival]:
 
 
 def conclusions(adequate: tuple[Rival, ...]) -> tuple[Conclusion, ...]:
-    """What adequate rivals say, and whether they agree.
+    """Conclusions of adequate rivals, and whether they agree.
 
     A value is shared if the interval of each rival holds the estimate of the first; a branch or an order of the springs
     if all decide it, and alike.

@@ -37,7 +37,7 @@ _NUDGES = np.array([
 ])  # fmt: skip
 #: Harmonics of the motion, and instants of a period.
 HARMONICS, INSTANTS = 8, 32
-#: Load at which e_T and e_F are told [kg].
+#: Load to which e_T and e_F refer [kg].
 LOAD_KG = 2.3
 SERIES = Fourier(HARMONICS, INSTANTS)
 #: Constants of ankle and pad.
@@ -53,7 +53,7 @@ _TIGHT = 1e-8
 
 @dataclass(frozen=True, eq=False)
 class Feet:
-    """Feet with constants of their own, each in one recording: `harmonic_balance.Equations`.
+    """One foot for each recording, with separate constants: `harmonic_balance.Equations`.
 
     Unknowns (n, 34) are the coefficients of z1, then those of z2 [m].
 
@@ -184,7 +184,7 @@ class Feet:
         return (self.s**2 * sum(_harmonics(x)) + self.U) * above / (above - f**2 * u) * chain
 
     def by_constants(self, x: Array) -> Array:
-        """Derivatives (n, 8, 29) of what is felt at motions x (n, 34)."""
+        """Derivatives (n, 8, 29) of the sensed acceleration at motions x (n, 34)."""
         nudges = np.diag(_NUDGES)
         many = self._copies(2 * len(nudges))
         nudged = many.constants + np.repeat(np.concatenate([nudges, -nudges]), len(x), axis=0)
@@ -196,7 +196,7 @@ class Feet:
         return self._following(x, left, felt)
 
     def by_base(self, x: Array) -> Array:
-        """Derivatives (n, 8, 16) of what is felt to the base's harmonics, real parts first."""
+        """Derivatives (n, 8, 16) of the sensed acceleration to the base's harmonics, real parts first."""
         unit = np.concatenate([np.eye(HARMONICS), 1j * np.eye(HARMONICS)])
         many = self._copies(2 * len(unit))
         nudged = many.U + np.repeat(np.concatenate([unit, -unit]), len(x), axis=0)

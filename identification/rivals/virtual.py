@@ -1,6 +1,6 @@
 """Virtual subjects of each mechanism, stepped in time: what a recording of them would give.
 
-A simulator apart: masses with absolute forces, a step at a time (Runge-Kutta, fourth order), and no
+A separate simulator: masses with absolute forces, a step at a time (Runge-Kutta, fourth order), and no
 line shared with the responses that an analysis fits. A subject's masses differ from those that
 body-segment tables give for the body mass that is stated, and the sensors sit on soft tissue and
 are a little out of gauge.

@@ -1,4 +1,4 @@
-"""Checks of a study's fits, each one a job of its own: profile, validation, agreement of the two domains."""
+"""Checks of a study's fits, each a separate job: profile, validation, agreement of the two domains."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace

@@ -29,7 +29,7 @@ _AHEAD = 2
 _PATIENCE_S = 15
 _GONE = "the connection to the scheduler is lost; the same command goes on from here."
 _QUIET = {"distributed.worker.daemon": True, "distributed.comm.timeouts.connect": f"{_PATIENCE_S}s"}
-#: A worker that looks at its own stack a hundred times a second does less else.
+#: Sampling of the worker's stack a hundred times a second is switched off, as it costs time.
 _PLAIN = {"distributed.nanny.pre-spawn-environ.NUMBA_NUM_THREADS": 1, "distributed.worker.profile.enabled": False}
 
 
@@ -51,7 +51,7 @@ def local(processes: int) -> Iterator[Crew]:
     import dask
 
     with dask.config.set({**_QUIET, **_PLAIN}):
-        with held():  # by the thread that starts processes, and so by these, now and in the place of lost ones
+        with held():  # processes inherit the blocked signal, also those that replace ended ones
             cluster = distributed.LocalCluster(
                 n_workers=processes, threads_per_worker=1, processes=True, host="127.0.0.1",
                 dashboard_address="127.0.0.1:0", scheduler_kwargs={"dashboard": False},  # its port is of no use here
@@ -98,7 +98,7 @@ def remote(address: str) -> Iterator[Crew]:
 
 @contextlib.contextmanager
 def _silent(logger: str) -> Iterator[None]:
-    """Keep a logger quiet: of a scheduler that is lost it prints a traceback above our own sentence."""
+    """Silence a logger, which prints a traceback when the scheduler is gone."""
     log = logging.getLogger(logger)
     level = log.level
     log.setLevel(logging.CRITICAL)
@@ -109,7 +109,7 @@ def _silent(logger: str) -> Iterator[None]:
 
 
 def _ensure(address: str) -> None:
-    """The address is one, whoever lives there."""
+    """Refuse what is no address."""
     try:
         parts = urlsplit(address)
         meant = parts.scheme in ("tcp", "tls") and parts.hostname and parts.port

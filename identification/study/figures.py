@@ -37,7 +37,7 @@ CONSTANTS = ("k_T", "c_11", "c_12", "c_13", "k_F", "c_21", "c_22", "c_23")
 _LETTERS = 17
 #: Constants that differ by powers of ten, and get such an axis.
 _LOGARITHMIC = ("k_T", "k_F", "c_11", "c_21")
-#: How dark an estimate is whose branch is decided, and one whose branch is not.
+#: Opacity of an estimate whose branch is decided, and of one whose branch is not.
 _DECIDED, _OPEN, _FAINT = 0.8, 0.65, 0.35
 #: Line of a model, and of one that does not follow its recordings.
 _SOLID, _DOTTED = "-", ":"
@@ -377,7 +377,7 @@ def energies(table: pd.DataFrame, origin: str) -> Figure:
 
 @printed
 def persons(populations: Sequence["Population"], origin: str) -> Figure:
-    """Each person's constants with 95 %, faint, and the population's mean with its own.
+    """Each person's constants with 95 %, faint, and the population's mean with its interval.
 
     Args:
         populations: of one posture; each constant has a column a load and branch.

@@ -19,7 +19,7 @@ COLUMNS = (
 )  # fmt: skip
 #: What the subjects of one box have in common.
 GROUP = ["mode", "posture", "added_mass_kg", "frequency_hz", "parameter"]
-#: What may choose the branch that is shown, see `shown`; and those of them that leave it open.
+#: What may choose the branch that is shown, see `displayed_branch`; and those that leave it open.
 DECIDED_BY = ("tracking", "likelihood", "undecided", "not compared", "no mirror")
 OPEN = ("undecided", "not compared")
 #: How well an estimate is known, best first.
@@ -28,7 +28,7 @@ VERDICTS = ("identified", "weak", "not identifiable")
 FEWEST, _WHISKER = 4, 1.5
 #: Difference of two costs that is none, in itself and as a share.
 _SAME, _SAME_SHARE = 1e-2, 1e-6
-#: Poor fits that are named, and the mode that is expected to have some.
+#: Most fits below the limit that are named, and the mode that is expected to have some.
 _LISTED, _POOLED = 10, "pooled"
 
 
@@ -40,7 +40,7 @@ def displayed_branch(document: Mapping[str, Any], tracked: Mapping[str, str] | N
         tracked: key of a fit -> its branch among all of the subject, or "undecided".
 
     Returns:
-        Its name, and "tracking" where all fits of the subject together decide; else the fit's own likelier branch, and
+        Its name, and "tracking" where all fits of the subject together decide; else the likelier branch of the fit, and
         "likelihood" where its data decide alone, "undecided" where nothing does, "not compared" where it has no other
         (out of bounds, unstable), "no mirror" where the model has none that is known.
     """
@@ -71,7 +71,7 @@ def tidy(
     Args:
         documents: fits as `OUT/fits` has them.
         truth: of a synthetic study.
-        tracked: see `shown`.
+        tracked: see `displayed_branch`.
         profiles: (key of a fit, parameter's key) -> profile of its chosen branch, whose verdict replaces that of the
             standard error, and whose open sides are empty.
     """
@@ -121,7 +121,7 @@ def word(mode: str, branch: Mapping[str, Any], verdict: str, profile: str | None
     """The verdict of an estimate in the study, by that of its fit and that of its profile: the worse of both.
 
     One frequency identifies nothing (`truth.LIMITS`), however small its standard error; neither does a fit that
-    assumes the model exact, and one of several that does not follow them knows nothing.
+    assumes the model exact, nor one of several recordings that does not follow them.
     """
     worst = max((v.partition(",")[0] for v in (verdict, profile) if v), key=VERDICTS.index)
     if mode == _POOLED and not follows(branch["fit_percent"]):
@@ -164,7 +164,7 @@ def place(document: Mapping[str, Any]) -> str:
 def unfollowed_fits(
     documents: Iterable[Mapping[str, Any]], tracked: Mapping[str, str] | None = None
 ) -> list[tuple[Mapping[str, Any], float]]:
-    """Fits whose shown branch does not follow its recordings, with its fit percentage, the poorest first."""
+    """Fits whose shown branch does not follow its recordings, with its fit percentage, the lowest first."""
     fits = [(d, displayed_fit(d, tracked)) for d in documents if d["status"] == "done"]
     return sorted(((d, fit) for d, fit in fits if not follows(fit)), key=lambda pair: pair[1])
 
@@ -204,8 +204,8 @@ def one_set(documents: Iterable[Mapping[str, Any]]) -> str:
 def first(documents: Sequence[Mapping[str, Any]], tracked: Mapping[str, str] | None = None) -> str:
     """What matters first, in one sentence: that constants change, else which fits do not follow their recordings.
 
-    A fit of constants that change follows its recordings badly whatever it starts from, so the two are not said
-    together; nor is that all is well, where something is not.
+    A fit of constants that change does not follow its recordings from any start, so only the first of the two is
+    stated.
     """
     serves, count = _serving(documents)
     return (serves == count and unfollowed_sentence(documents, tracked)) or one_set(documents)
