@@ -1,7 +1,7 @@
 """The workbench behind the page: recordings that were dropped on it, their checks, the fit, and the model's text.
 
 Everything here is what a script could do: files are read by `fasbody`, judged by its checks and fitted by
-`identification.fit_foot` in a process of its own. Each call answers with documents for all pages.
+`identification.fit_foot` in a separate process. Each call returns documents for all pages.
 """
 
 import hashlib
@@ -50,7 +50,7 @@ DEEP = 4
 _BESIDE = {"study.toml", "subjects.csv", "recordings.csv", "truth.json"}
 #: Longest part of a dropped file's name [bytes], and what some systems do not take in one.
 _LONGEST, _REFUSED = 200, re.compile(r'[<>:"|?*]')
-#: What sentences say of options and of study.toml, as patterns, and what the page's form calls it.
+#: Patterns of options and of study.toml in sentences, and the words of the page's form for them.
 _FORM = tuple((re.compile(pattern), words) for pattern, words in (
     (r"leave --model out and give this file as --rival", "choose two_dof"),
     (r"give --body-mass", "type it in the table"), (r"--body-mass", "the body mass in the table"),
@@ -74,7 +74,7 @@ _FORM = tuple((re.compile(pattern), words) for pattern, words in (
     (r"\(study\.toml: sign, delay_s\)", "(“…” names columns and signs)"),
     (r"\(study\.toml: sign\)", "(“…” changes it)"),
 ))  # fmt: skip
-#: What a fit may be told, and how it is read.
+#: Fewest and most starts of a fit.
 _STARTS = (1, 64)
 
 
@@ -93,16 +93,16 @@ class Bench:
         self._results = results
         self._folder = tempfile.TemporaryDirectory(prefix="fasbody-")
         self.session = secrets.token_hex(8)
-        # Recordings and what was understood of them, by ids that a session gives once.
+        # Recordings and their rows on the page, by ids that are not used again in a session.
         self.sources: dict[int, Source] = {}
         self._rows: dict[int, Document] = {}
-        self._latest: tuple[Source, Recording] | None = None  # read last, so that what is long is read once
+        self._latest: tuple[Source, Recording] | None = None  # read last, so that a long file is read once
         self._next_id = 0
         self.current = -1
         self._worker: Worker | None = None
         self._warm = False  # the worker has compiled what it needs
         self._state: Document = {"running": False, "what": "", "done": 0, "total": 0}
-        self._asked: Question | None = None  # what the worker is at
+        self._asked: Question | None = None  # the running job
         self._fit: tuple[Question, Document] | None = None
         self._rivals: tuple[Question, Document] | None = None
         self._fits = 0
@@ -149,12 +149,12 @@ class Bench:
 
     @staticmethod
     def prepare() -> None:
-        """Load what the first long recording would wait for."""
+        """Import the packages that the first long recording needs."""
         importlib.import_module("pandas")
         importlib.import_module("scipy.signal")
 
     def documents(self) -> list[Document]:
-        """What a page that opens now has to know."""
+        """The documents for a page that opens now."""
         return [self.document(), self.models(), self.progress(), *self._results_of_model()]
 
     def _results_of_model(self) -> list[Document]:
@@ -162,7 +162,7 @@ class Bench:
         return [answer[1] for answer in (self._fit, self._rivals) if answer and answer[0].model == self._called]
 
     def followed(self) -> list[Document]:
-        """What pages have to know when a file of the model was changed by another program."""
+        """The documents for all pages after another program changed a file of the model."""
         if not self.show.error:
             self._draft = False  # the file is shown again
         return [self.models(), self.document()]
@@ -171,7 +171,7 @@ class Bench:
         """Do what a page asks for.
 
         Raises:
-            SettingError: nobody knows what that is. FasError: it cannot be done.
+            SettingError: there is no such action. FasError: it failed.
         """
         kind, number = message.get("type"), message.get("number", -1)
         number = number if isinstance(number, int) else -1
@@ -246,7 +246,7 @@ class Bench:
         for source in fresh:
             number = known.get((source.folder, source.file), self._next_id)
             self._next_id = max(self._next_id, number + 1)
-            # dropped again: the same recording, with what was said of it
+            # dropped again: the recording keeps its corrections
             self.sources[number] = self.sources.get(number, source)
             self._rows[number] = row = self._row(number)
             if not is_driving and _sound(row):
@@ -257,11 +257,11 @@ class Bench:
                     self.send(document)
         doubtful = [number for number, row in self._rows.items() if row["doubt"]]
         if not is_driving and self.current < 0 and doubtful:
-            return self.use(doubtful[0])  # at rest, with the sentence why
+            return self.use(doubtful[0])  # the foot is at rest, with the reason
         return [self.document()]
 
     def _row(self, number: int) -> Document:
-        """What was understood of a file: the checks' sentences, and what the form needs."""
+        """One row of the page: the sentences of the checks, and the entries of the form."""
         source = self.sources[number]
         row: Document = {"id": number, "file": source.file, "unread": "", "problem": "", "doubt": "", "warnings": []}
         row |= {"unit": source.unit, "body_mass_kg": source.body_mass_kg, "added_mass_kg": source.added_mass_kg}
@@ -286,14 +286,14 @@ class Bench:
         return row
 
     def words(self, sentence: str) -> str:
-        """A sentence as the page says it: files by their own names, a command's options as the form calls them."""
+        """A sentence for the page: files without folders, options of commands by their names in the form."""
         sentence = sentence.replace(f"{self.folder}/", "").replace(f"{BUNDLED}/", "")
         for pattern, words in _FORM:
             sentence = pattern.sub(words, sentence)
         return sentence
 
     def correct(self, changes: Mapping[int, Mapping[str, Any]]) -> list[Document]:
-        """Read recordings again with what the page says of each; where one of them cannot be meant, none is changed."""
+        """Read recordings again with the page's corrections; where one correction is invalid, none is applied."""
         changed = {number: self._corrected(number, fields) for number, fields in changes.items()}
         for number, source in changed.items():
             before, row = self.sources[number], self._rows[number]
@@ -310,7 +310,7 @@ class Bench:
         return self.use(good[0]) if good and alone else [self.document()]
 
     def _corrected(self, number: int, fields: Mapping[str, Any]) -> Source:
-        """A source with what is said of it; masses that its study stated stay when its channels are corrected."""
+        """A source with corrections; masses that its study stated stay when its channels are corrected."""
         source, row = self._source(number), self._rows[number]
         masses = {key: row[key] for key in ("body_mass_kg", "added_mass_kg") if row.get("subject")}
         return source.corrected(masses | dict(fields))
@@ -364,7 +364,7 @@ class Bench:
         """The recordings, as the page lists them."""
         stale = self._fit[0].stale(self.sources, self._whole) if self._fit else ""
         if self._fit:
-            self._fit[1]["fit"]["stale"] = stale  # what is taken away says so, too
+            self._fit[1]["fit"]["stale"] = stale  # an exported page states it, too
         rows = list(self._rows.values())
         return {"type": "data", "session": self.session, "rows": rows, "shown": self.current, "stale": stale}
 
@@ -472,7 +472,7 @@ class Bench:
         return {"type": "progress", **self._state}
 
     def _receive(self, document: Document) -> None:
-        """A line of the worker, in its thread."""
+        """Handle a document of the worker, in the listening thread."""
         kind = document.get("type")
         if kind == "ready":
             self._warm = True
@@ -497,7 +497,7 @@ class Bench:
             self._failed("the fitting process was ended by the system; memory may be short.")
 
     def _unit_in_doubt(self) -> str:
-        """What the checks say of the units of the recordings that were asked about."""
+        """The checks' doubt about the units of the recordings of the running job."""
         asked = self._asked.sources if self._asked else ()
         return unit_in_doubt(self._rows[number]["warnings"] for number in asked if number in self._rows)
 
@@ -511,7 +511,7 @@ class Bench:
         self.send(self.progress())
 
     def _answered(self, kind: str, document: Document) -> None:
-        """An answer to what was asked; it is shown with the model that it is of."""
+        """Keep a result; it is shown where its model is the current one."""
         question = self._asked
         assert question is not None
         is_current = question.model == self._called
@@ -545,7 +545,7 @@ class Bench:
 
     @property
     def _file(self) -> Path | None:
-        """The model's own file, None of a shipped one."""
+        """The file of the model, None of a shipped one."""
         now = self.show.models[0]
         return None if isinstance(now, Foot) or now.partition("@")[0] in mjcf.names() else Path(now.partition("@")[0])
 
@@ -577,7 +577,7 @@ class Bench:
         return {"type": "models", **about, "text": self._text, "digest": self._digest, "draft": self._draft}
 
     def choose(self, name: str) -> list[Document]:
-        """Show another model, a shipped one or a file of one's own, with what was found with it."""
+        """Show another model, a shipped one or a user's file, with its results."""
         foot = load_foot(name)
         before = self.show.models[0]
         self.show.models[0] = name
@@ -619,13 +619,13 @@ class Bench:
         return file.resolve().parent if file.is_file() else self.folder
 
     def _copy(self) -> Path:
-        """Where a shipped model is saved: a copy under its own name in this folder, and never over another file."""
+        """Where a shipped model is saved: a copy with its name in this folder, never over another file."""
         name = self._called.partition("@")[0]
         names = (Path(f"my_{name}{number}.xml") for number in ("", *(f"_{k}" for k in range(2, 1000))))
         return next(file for file in names if not file.exists())
 
     def save(self, text: str, digest: str) -> list[Document]:
-        """Write the model's text: to its own file, or, of a shipped one, to a copy in this folder.
+        """Write the model's text to its file, or that of a shipped model to a copy in this folder.
 
         Args:
             text: the MJCF.
@@ -666,13 +666,13 @@ def _sound(row: Mapping[str, Any]) -> bool:
 
 
 def _unit_of(recording: Recording) -> str:
-    """The unit of the base in its file, as what the recording was made of says it."""
+    """The unit of the base in its file, as the recording's source states it."""
     made = next((text for text in recording.used if text.startswith("base:")), "")
     return made.partition(", its times")[0].rpartition(" in ")[2].replace("_s2", "/s^2")
 
 
 def _changes(asked: Any) -> dict[int, Mapping[str, Any]]:
-    """What a page says of recordings, by their ids.
+    """Corrections of recordings from a page's message, by their ids.
 
     Raises:
         SettingError: it is no list of pairs of an id and a table.
@@ -702,7 +702,7 @@ def _loads(name: str) -> bool:
 
 
 def _settings(asked: Mapping[str, Any], foot: Foot) -> dict[str, Any]:
-    """What a page says of a fit, as `fit_foot` takes it.
+    """Settings of a fit from a page's message, as `fit_foot` takes them.
 
     Raises:
         SettingError: it cannot be meant.

@@ -1,4 +1,4 @@
-"""What server and export need of anything that is shown, and the page's files: `page/*.html` extend `page.html`."""
+"""The interface of what is displayed, for server and export, and the page's files: `page/*.html` extend `page.html`."""
 
 import json
 import re

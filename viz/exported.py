@@ -22,7 +22,7 @@ from viz.display import SCRIPT, STYLE, Display, file_of, markup, page_json
 from viz.motion import PER_CYCLE
 from viz.scene import embedded
 
-#: Nothing of an exported page may reach for any address.
+#: An exported page may not connect to any address.
 POLICY = (
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:; "
     "connect-src data: blob:"
@@ -219,7 +219,7 @@ def chromium() -> str | None:
 
 @contextmanager
 def _browser(show: Display, documents: Mapping[str, Any], size: float = 1.0) -> Iterator[Any]:
-    """A headless browser with the exported page, which shows the canvas alone and draws only when it is told to.
+    """A headless browser with the exported page, which shows the canvas alone and draws on request only.
 
     Args:
         show: what is drawn.

@@ -1,4 +1,4 @@
-"""What one viewer shows: the feet, their scene, and answers to the page's settings. Knows nothing of sockets."""
+"""What one viewer shows: the feet, their scene, and motions for the page's settings. The network is in server.py."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -39,7 +39,7 @@ class Show:
         models: one model, or two to compare, by name or file, or loaded.
         excitation: of the base.
         settings: at the start.
-        look: `slow` and `amplify`, times; `amplify` None for as much as shows the deformation and
+        look: the factors `slow` and `amplify`; `amplify` None for as much as shows the deformation and
             keeps the foot in the picture.
         fit: what a fit found (`viz.fitted`).
     """
@@ -135,7 +135,7 @@ class Show:
         carrier = frames(foot.model)[self._shank(foot)]
         if shank is not None and np.allclose(shank.rest.quaternion, carrier.quaternion):
             vertices = np.vstack([part.vertices for part in self._parts if part.segment == "tibia"])
-            # in the frame of the body with the accelerometer, the shank's own or a malleolus' below it
+            # in the frame of the body with the accelerometer: the shank, or a malleolus below it
             vertices = vertices - shank.bind.position + shank.rest.position - carrier.position
             level = np.abs(vertices[:, 1] - (centre[1] + 0.03)) < SLICE
             if level.any():
@@ -245,7 +245,7 @@ class Show:
         bodies, base = list(rest)[1:], name_of(foot.model, int(foot.model.joint("base").bodyid[0]))
         shank = self._shank(foot)
         still = {"ring": Carried(shank, _STILL, rest[shank])} if self.excitation.recording is not None else {}
-        if name == MEASURED:  # two bodies of its own: the table and the accelerometer
+        if name == MEASURED:  # its two bodies: the table and the accelerometer
             segments, bones, bodies = still, None, [base, shank]
         elif bones is None:
             segments = {body.replace("/", " "): Carried(body, _STILL, rest[body]) for body in bodies} | still
@@ -298,8 +298,10 @@ class Show:
         return motions
 
     def _settings_of(self, name: str, settings: Settings) -> Settings:
-        """A foot's own settings. The other one keeps its own character: its parameters change by as many times as the
-        model's do, so that nothing jumps where they differ, and stay within its bounds.
+        """The settings of one foot.
+
+        Parameters of the compared foot change by the same factors as those of the model, within its bounds, so that it
+        does not jump to the model's values.
         """
         if name == MODEL:
             return settings

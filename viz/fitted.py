@@ -1,6 +1,6 @@
 """What a fit found, as the page shows it: both branches with values and intervals, verdict, fit and notes.
 
-The words are those of the report: they come from the result, or from the result.json that was written of it.
+The sentences are those of the report: they come from the result, or from its result.json.
 """
 
 import json

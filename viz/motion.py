@@ -163,7 +163,7 @@ def _stable(foot: Foot, changed: Foot, count: int, run: Callable[[int], Motion])
 
 
 def _advice(foot: Foot, changed: Foot) -> str:
-    """Which parameter to lower: the one that was raised most over the model's own."""
+    """Which parameter to lower: the one that was raised most over the model's value."""
     nominal, values = foot.values(), changed.values()
     raised = {name: values[name] / nominal[name] for name in nominal if nominal[name] > 0}
     name = max(raised, key=lambda n: raised[n], default="")

@@ -81,7 +81,7 @@ class Viewer:
         """End the page."""
         if self._server is not None and self._thread.is_alive():
             self._loop.call_soon_threadsafe(self._server.stop)
-            self._thread.join()  # the server parts within its own limit
+            self._thread.join()  # the server closes its connections within its time limit
 
     def __repr__(self) -> str:
         return f"{', '.join(self.show.models_called)} at {self.url}" + ("" if self._thread.is_alive() else " (closed)")

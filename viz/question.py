@@ -1,7 +1,7 @@
 """What a fit, or a comparison of rivals, is of: the recordings as they were read, the model and its text, settings.
 
-A result belongs to its question. It is shown only with the model that it is of, and is out of date as soon as a
-recording or the model is another than it was.
+A result is kept with its question. It is shown only with its model, and is out of date as soon as a recording or the
+model has changed.
 """
 
 from collections.abc import Mapping
@@ -15,13 +15,13 @@ from viz.worker import job
 
 @dataclass(frozen=True)
 class Question:
-    """What was asked.
+    """The inputs of a fit or a comparison.
 
     Attributes:
         sources: the recordings, by their ids.
         model: by name or file.
         text: digest of its MJCF with what it includes.
-        values: in place of the model's own.
+        values: in place of those of the model.
         settings: of `fit_foot`.
         rivals: whether rivals are compared.
     """
@@ -55,5 +55,5 @@ class Question:
 
 
 def _clause(files: list[str], what: str) -> str:
-    """What was done with some files."""
+    """A clause on what was done with some files."""
     return f"{together(files)} {'was' if len(files) == 1 else 'were'} {what}"

@@ -1,9 +1,8 @@
 """The page's server: the loopback only, no caller from another site, simulations off the event loop.
 
-It answers with the page's files and one stream for each page, and only to itself: see `Guarded`. It runs in the
-command's own process. meshcat's server had to have one of its own because its calls wait without end; here nothing
-does, and each wait has its limit: a simulation its computing time (`viz.motion.PATIENCE`), a silent page its pings, a
-browser that does not come back from being started `OPENING`, the last connections `PARTING`.
+It answers with the page's files and one stream for each page, and only to itself: see `Guarded`. It runs in the process
+of the command. Each wait has a limit: a simulation its computing time (`viz.motion.PATIENCE`), a silent page its pings,
+the start of a browser `OPENING`, the last connections `PARTING`.
 """
 
 import asyncio
@@ -68,7 +67,7 @@ async def serve(
     console.print(f"{what} is at {server.url} (Ctrl-C ends it)")
     if json:
         print_json({"url": server.url})
-        sys.stdout.flush()  # whoever started this waits for the address
+        sys.stdout.flush()  # a calling process waits for the address
 
     async def look() -> None:
         if await _opened(server.url):
@@ -78,7 +77,7 @@ async def serve(
 
 
 class Server:
-    """Serves one page until it is told to stop.
+    """Serves one page until `stop` is called.
 
     Args:
         show: what is shown.
@@ -153,7 +152,7 @@ class Server:
         """Simulate what a page asks for."""
         loop = asyncio.get_running_loop()
         answer = await loop.run_in_executor(self._pool, self._answer, message)
-        if self.bench is not None and not self._prepared:  # while the user looks at the first motion
+        if self.bench is not None and not self._prepared:  # while the first motion is displayed
             self._prepared = True
             prepare = threading.Thread(target=self.bench.prepare, name="prepare", daemon=True)
             loop.call_later(LOOKING, prepare.start)
@@ -165,7 +164,7 @@ class Server:
             answer = self.show.answer(settings_from(message))
         except FasError as error:
             answer = {"type": "error", "text": str(error)}
-        except Exception as error:  # our fault: told, or the page would come back and ask the same again
+        except Exception as error:  # a bug: reported, or the page would repeat the request
             answer = {"type": "error", "text": _bug(error)}
         number = message.get("request")
         answer |= {"request": number if isinstance(number, int) else None, "seconds": time.perf_counter() - started}
@@ -245,12 +244,12 @@ class Server:
 
 
 class Guarded(tornado.web.RequestHandler):
-    """Whatever the server answers, it answers only under its own names."""
+    """A request handler that answers only under the server's names."""
 
     server: "Server"
 
     def prepare(self) -> None:
-        """Refuse a foreign name that resolves to this machine (DNS rebinding), and every page but our own.
+        """Refuse a foreign name that resolves to this machine (DNS rebinding), and pages of other servers.
 
         An Origin must be scheme, name and port of this very request. Tornado asks `check_origin` only where name or
         port differ, so that https would pass.
@@ -289,7 +288,7 @@ class Page(Guarded):
 
 @tornado.web.stream_request_body
 class Upload(Guarded):
-    """Takes a dropped file of a page that has this session's key; of any other caller nothing is kept in memory."""
+    """Receives a dropped file from a page with this session's key; nothing of another caller is kept."""
 
     def initialize(self, server: "Server") -> None:
         """Called by tornado."""
@@ -304,12 +303,12 @@ class Upload(Guarded):
         connection.set_max_body_size(LARGEST_FILE)
 
     def data_received(self, chunk: bytes) -> None:
-        """A piece of the body; a stranger's is dropped, but read, so that a page of another session gets its answer."""
+        """A piece of the body; that of another session is read and dropped, so that its page gets the refusal."""
         if self._welcome:
             self._parts.append(chunk)
 
     def post(self) -> None:
-        """Keep the file; what is wrong with it is said in a sentence."""
+        """Keep the file; an invalid one is refused in a sentence."""
         if not self._welcome:
             raise tornado.web.HTTPError(403)
         assert self.server.bench is not None
@@ -360,7 +359,7 @@ class Stream(Guarded, tornado.websocket.WebSocketHandler):
         self._forget: Callable[[], None] = lambda: None
 
     def check_origin(self, origin: str) -> bool:
-        """Only our own page may connect."""
+        """Only a page of this server may connect."""
         return self.is_same_origin(origin)
 
     def open(self, *_: str, **__: str) -> None:
@@ -421,7 +420,7 @@ class _Only:
 
 
 def _bug(error: Exception) -> str:
-    """A sentence on a failure of our own; its traceback goes to the terminal."""
+    """A sentence on a bug; its traceback goes to the terminal."""
     console.print("".join(traceback.format_exception(error)), markup=False)
     return f"the viewer failed ({type(error).__name__}: {error}); its terminal has the details."
 

@@ -1,4 +1,4 @@
-"""A recording on the workbench: which file, what its channels are, and the masses; read the same way by everyone.
+"""A recording on the workbench: which file, what its channels are, and the masses; read by one function.
 
 The page corrects it, the worker fits it, and its line of Python reads it in a script.
 """
@@ -26,7 +26,7 @@ def _sensitivity(value: Any) -> float | str:
         return str(value)
 
 
-#: What the form may say of a channel.
+#: Fields of a channel in the form, and their types.
 _FIELDS: Mapping[str, Callable[[Any], Any]] = {
     "column": str,
     "unit": str,
@@ -34,13 +34,13 @@ _FIELDS: Mapping[str, Callable[[Any], Any]] = {
     "sensitivity": _sensitivity,
     "delay_s": float,
 }
-#: Channels that the form has.
+#: Channels of the form.
 CHANNELS = ("time", *NAMES)
 
 
 @dataclass(frozen=True)
 class Source:
-    """A file and what was said of it.
+    """A file with the corrections of its description.
 
     Attributes:
         file: as it is called.
@@ -82,7 +82,7 @@ class Source:
         return str(base.get("sensitivity") or base.get("unit", ""))
 
     def read(self) -> Recording:
-        """The recording, corrected as was said.
+        """The corrected recording.
 
         Raises:
             InputFileError: it cannot be read so. RecordingError: a mass is not a plausible number.
@@ -119,11 +119,11 @@ class Source:
         return [{"name": name, "unit": unit} for name, unit in zip(columns.names, columns.units, strict=True)]
 
     def corrected(self, changes: Mapping[str, Any]) -> "Source":
-        """The same with what the page says of it: tables of channels, ``unit`` of all its accelerations, ``rate_hz``,
-        masses. What is not mentioned stays, and what is empty is left to the file.
+        """The source with the page's corrections: tables of channels, ``unit`` of all its accelerations, ``rate_hz``,
+        masses. Entries that are not mentioned stay; for empty ones the file counts.
 
         Raises:
-            SettingError: it says what cannot be. RecordingError: a mass is not a plausible number.
+            SettingError: an entry is invalid. RecordingError: a mass is not a plausible number.
             InputFileError: there is no such unit, or sensitivity.
         """
         channels = {name: dict(table) for name, table in self.channels.items()}

@@ -19,7 +19,7 @@ from fasbody.recording.sources import together
 from fasbody.runner import ONE_THREAD
 from viz.source import Source
 
-#: Called with each document of the worker, in a thread of its own.
+#: Called with each document of the worker, in another thread.
 Send = Callable[[dict[str, Any]], None]
 #: Points of a trace that the page gets, and the periods of it.
 POINTS, PERIODS = 400, 3
@@ -51,7 +51,7 @@ class Worker:
         return self._process.poll() is None
 
     def ask(self, job: Mapping[str, Any]) -> None:
-        """Begin a job; `send` gets what comes of it."""
+        """Begin a job; `send` gets its documents."""
         assert self._process.stdin is not None
         self._process.stdin.write(json.dumps(job) + "\n")
         self._process.stdin.flush()
@@ -68,13 +68,13 @@ class Worker:
 
 
 def job(sources: list[Source], model: str, values: Mapping[str, float], settings: Mapping[str, Any]) -> dict[str, Any]:
-    """A fit as the worker takes it; `values` are those that the model has in place of its own."""
+    """The job of a fit; `values` replace those of the model."""
     about = {"do": "fit", "sources": [asdict(source) for source in sources], "model": model}
     return about | {"values": dict(values), "settings": dict(settings)}
 
 
 def serve(jobs: TextIO, answers: TextIO) -> None:
-    """The process: make ready, then do what each line says. What is asked for meanwhile need not wait for all of it."""
+    """The process: import what a fit needs, then do the job of each line; a job that waits comes first."""
     waiting: SimpleQueue[str] = SimpleQueue()
     threading.Thread(target=_take_in, args=(jobs, waiting), name="jobs", daemon=True).start()
     from fasbody.console import to_json
@@ -100,7 +100,7 @@ def serve(jobs: TextIO, answers: TextIO) -> None:
             elif asked["do"] == "report":
                 from identification.report import write
 
-                result = result or _fit(asked, lambda document: None)  # the process that fitted was stopped
+                result = result or _fit(asked, lambda document: None)  # the fit ended with an earlier process
                 write(result, Path(asked["folder"]), Path("results"))
                 tell({"type": "reported"})
             else:
@@ -114,14 +114,14 @@ def serve(jobs: TextIO, answers: TextIO) -> None:
 
 
 def _take_in(jobs: TextIO, waiting: "SimpleQueue[str]") -> None:
-    """Take in what is asked for, in a thread of its own; an empty line is the end."""
+    """Read jobs in another thread; an empty line ends the process."""
     for line in jobs:
         waiting.put(line)
     waiting.put("")
 
 
 def _rehearse() -> None:
-    """A small fit, which loads what the first one would wait for."""
+    """Do a small fit, so that the first one finds everything imported and compiled."""
     from fasbody.recording.study import BUNDLED
 
     source = Source("20hz_0kg.csv", str(BUNDLED / "recordings"))

@@ -28,13 +28,13 @@ SEGMENT_BODIES: dict[str, dict[str, str]] = {
     },
 }  # fmt: skip
 
-#: Models that wear the meshes of another one: name -> the other, segment -> body, and the other's body in whose place a
+#: Models with the meshes of another one: name -> the other, segment -> body, and the other's body in whose place a
 #: body rests. The shank of the mounted arch begins at the apex.
 BORROWED: dict[str, tuple[str, dict[str, str], dict[str, str]]] = {
     "mounted_arch": ("foot_arch", SEGMENT_BODIES["foot_arch"] | {"tibia": "shank"}, {"shank": "apex"}),
 }
 
-#: Geoms (name, body) of other shipped models that the meshes stand for: the lower end of the tibia, in leg.xml.
+#: Geoms (name, body) of other shipped models that the meshes replace: the lower end of the tibia, in leg.xml.
 _MESHED = {("malleolus", "malleolus")}
 
 
@@ -74,7 +74,7 @@ def segment_bodies(model: mujoco.MjModel) -> tuple[str, Mapping[str, str]] | Non
 
 @dataclass(frozen=True)
 class ExtraGeoms:
-    """What an edited model has of its own, beside the meshes that dress it.
+    """Geoms and colours of an edited model that the shipped meshes do not show.
 
     Attributes:
         geoms: numbers of the geoms that are no bone of a shipped model.
@@ -86,7 +86,7 @@ class ExtraGeoms:
 
 
 def extra_geoms(model: mujoco.MjModel) -> ExtraGeoms:
-    """The geoms that the meshes do not stand for: all of a model with body names of its own."""
+    """The geoms that the meshes do not replace: all of them where the bodies have other names."""
     match = segment_bodies(model)
     geoms = [
         (i, model.geom(i).name, model.body(model.geom_bodyid[i]).name)
@@ -126,7 +126,7 @@ class Carried:
 
 
 def carried(model: mujoco.MjModel) -> dict[str, Carried] | None:
-    """Every segment of the foot on a model; None if its bodies have names of their own.
+    """Every segment of the foot on a model; None where its bodies have other names.
 
     Toes keep the attitude of their mesh, so that they stay on the table under an arch that was made flatter: their
     frame is moved by as much as the heads of the metatarsals are, and not turned.
