@@ -1,4 +1,4 @@
-"""`python -m benchmarks`: every topic in one table, on a page of this machine's own; RESULTS.md only when asked."""
+"""`python -m benchmarks`: every topic in one table, on a page of this machine; RESULTS.md with --commit only."""
 
 import json
 import os
@@ -25,7 +25,7 @@ RESULTS, PAGES = Path(__file__).with_name("RESULTS.md"), ROOT / "results" / "ben
 #: What the documentation shows of it.
 SPEED = ROOT / "docs" / "speed.md"
 LIBRARIES = ("mujoco", "numba", "numpy", "scipy")
-#: Topics in the order of the table; each is a module with a command, run in a process of its own on one thread.
+#: Topics in the order of the table; each is a module with a command, run in a separate process on one thread.
 TOPICS = (
     "accuracy", "callbacks", "arch", "fitting", "coverage", "reality", "rivals", "sensors", "black_box", "cell",
     "study", "study_population", "viewer", "acquire", "peak_to_peak", "responses", "study_end_to_end", "heel", "mutate",
@@ -44,7 +44,7 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
 def measure(topic: str, *options: str) -> list[Check]:
-    """The checks of one topic, by its own command."""
+    """The checks of one topic, by its command."""
     command = [sys.executable, "-m", f"benchmarks.{topic}", *options, "--json"]
     done = subprocess.run(
         command, check=False, stdout=subprocess.PIPE, text=True, env={**os.environ, "OMP_NUM_THREADS": "1"}
@@ -113,7 +113,7 @@ def main(
     options["black_box"].append("--peers" if with_peers else "--no-peers")
     where, when = machine(*LIBRARIES), datetime.now(UTC).strftime("%Y-%m-%d")
     page, now = read(out.read_text(), where) if out.is_file() else {}, {}
-    if commit:  # a page that would lose rows is told before the work
+    if commit:  # refuse before the work a page that would lose rows
         committed(page, {name: Topic(name, when, 0.0, []) for name in topics}, where)
     checks = []
     for number, name in enumerate(topics, 1):

@@ -2,7 +2,7 @@
 
 The reference is driven by the sine itself. MuJoCo gets what a user has: the samples of that sine at 1 kHz, so the error
 of the spline between samples is part of what is measured. The observed order is taken with the sine itself as input,
-because the spline's own error would hide it at small steps.
+because the error of the spline would hide it at small steps.
 """
 
 from dataclasses import dataclass

@@ -55,7 +55,7 @@ _LATENCY_S = 0.5
 #: Sensors and rates [Hz] through which the virtual foot is felt, and its excitations [Hz].
 _BOARDS = (("ANALOG", 1000), ("ANALOG", 2000), ("ADXL355", 1000), ("ADXL345", 1000))
 _FELT_HZ = (10.0, 20.0, 30.0, 40.0, 50.0)
-#: Nothing that counts is above [Hz].
+#: Upper limit of the excitation and its harmonics [Hz].
 _BAND_LIMIT_HZ = 200.0
 
 
@@ -285,7 +285,7 @@ class Card:
         return float(np.max(np.abs(values / [*pulse.GAINS, *pulse.CORNERS_HZ] - 1)))
 
     def foot(self) -> None:
-        """Put the foot in place of the cable: its sensors' sensitivities are known, and its way has its own delay."""
+        """Put the foot in place of the cable: its sensors' sensitivities are known, and its delay is another one."""
         from fasbody.acquire.audio import Calibration
 
         self.bench.put("foot")
@@ -301,7 +301,7 @@ class Card:
         return done
 
     def record(self, *words: str, played: BaseMotion | None = None) -> tuple[Recording, dict[str, Any]]:
-        """One recording, in whatever state it is, and what is said beside it; another program plays, once it runs."""
+        """One recording, complete or not, and its metadata; another program plays once it runs."""
 
         def play() -> None:
             deadline = time.monotonic() + 120.0
@@ -357,7 +357,7 @@ def long(minutes: float) -> list[Check]:
     """So many minutes of one sine by the sound card: every loss is named with its time.
 
     Output and inputs are on one clock, so the phase of the base stands still. Where it jumps and no gap is named,
-    samples were lost and nobody said so.
+    samples were lost without a report.
     """
     if lacks := pulse.missing():
         return [told("sound card", f"not run: {lacks}")]

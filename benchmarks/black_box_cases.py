@@ -1,4 +1,4 @@
-"""Systems of known truth that lead estimators astray: what is chosen, how well it serves fresh data, and how sure.
+"""Systems of known truth that are hard for estimators: chosen orders, fit on fresh data, coverage of intervals.
 
 Each is 2000 samples of a known plant; the gain is compared at 20 frequencies. SIPPY and nfoursid see the same arrays.
 """
@@ -159,7 +159,7 @@ def rows(seeds: int) -> Iterator[Check]:
 
 
 def several(seeds: int = 5) -> Iterator[Check]:
-    """Two inputs and two outputs, third order: orders not given; ARX intervals hold for its own structure only."""
+    """Two inputs and two outputs, third order: orders not given; ARX intervals are valid for ARX systems only."""
     A, B = np.array([[0.9, 0.2, 0.0], [-0.2, 0.9, 0.1], [0.0, 0.0, 0.6]]), np.array([[1, 0], [0.3, 0.5], [0, 1.0]])
     C = np.array([[1.0, 0.0, 0.5], [0.0, 1.0, -1.0]])
     fits, labels, begin = [], [], time.process_time()

@@ -1,7 +1,7 @@
 """Ten modes of the cell beside plain scipy on the same matrices, and a large cell: time and memory of each.
 
-Every way runs in a process of its own, so that its peak memory is its own; times are CPU seconds, which other work on
-the machine hardly disturbs. `OMP_NUM_THREADS=1` keeps them on one thread.
+Every solver runs in a separate process, so that its peak memory is measured alone. Times are CPU seconds, which other
+work on the machine hardly disturbs. `OMP_NUM_THREADS=1` keeps them on one thread.
 """
 
 import json
@@ -50,7 +50,7 @@ def run(way: str, size: float) -> dict[str, float]:
 
 
 def apart(way: str, size: float) -> dict[str, float]:
-    """The same in a process of its own."""
+    """The same in a separate process."""
     command = [sys.executable, "-m", "benchmarks.cell", "--way", way, "--size", str(size)]
     return dict(json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE).stdout))
 

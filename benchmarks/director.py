@@ -1,4 +1,4 @@
-"""Is a planned session worth its third of the recordings? Virtual feet that the plan did not know, and auto sessions.
+"""Planned sessions with a third of the recordings against the thesis' protocol, on virtual feet; automatic sessions.
 
 The feet and what their sensors record come from worlds.py, which shares no code with the plan or the fit: legs of both
 branches, segment masses off by 10 % from what the scale and the table say, a gain that is off by 1 %. Each foot is
@@ -38,9 +38,9 @@ COUNTED = ("k_T", "k_F", "c_11", "c_21")
 #: What is compared: the plan, the thesis' three loads, and its unloaded part.
 PROTOCOLS = ("planned", "three loads", "one load")
 STARTS = 4
-#: What plan and fit are told that cannot be, unless the option says otherwise: then masses, gain and delay are left.
+#: Nuisances that plan and fit exclude by default; masses, gain and delay remain.
 EXCLUDED = ("all",)
-#: What is recorded here repeats exactly, as no person does; the plan knows.
+#: Repeatability of these recordings: exact, unlike a person's. The plan has the same value.
 REPEATABILITY = 0.0
 #: Feet from which on something is required.
 ENOUGH = 100
@@ -53,7 +53,7 @@ class Fitted:
     Attributes:
         protocol: which. seed, strength: of the foot. recordings, shaking_s: how many, how long. verdict: of the fit.
         right: the branch named first is the true one. half_width, holds: by constant, on the true branch where it is
-            shown, else on the first. expected: half-widths that the plan foretold for such feet.
+            shown, else on the first. expected: half-widths that the plan predicts for such feet.
         plan_s, fit_s: CPU time. why: of a refusal.
     """
 
@@ -73,7 +73,7 @@ class Fitted:
 
 
 def planned(foot: Virtual, exclude: Sequence[str]) -> tuple[tuple[Step, ...], dict[str, float]]:
-    """A session of a third of the thesis' recordings for a person of whom the scale alone is known, and its promise."""
+    """A session with a third of the thesis' recordings, planned from the body mass alone, and its half-widths."""
     from fasbody.foot.model import load
     from fasbody.recording.known import Known
     from identification.plan.director import Director
@@ -88,7 +88,7 @@ def planned(foot: Virtual, exclude: Sequence[str]) -> tuple[tuple[Step, ...], di
 
 
 def trial(protocol: str, seed: int, exclude: Sequence[str] = EXCLUDED) -> Fitted:
-    """Plan, record and fit; `exclude` is what both are told that cannot be, in the words of the fit."""
+    """Plan, record and fit; `exclude` names the nuisances that both leave out."""
     from fasbody.foot.model import load
     from identification.estimate import fit_foot
 

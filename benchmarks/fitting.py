@@ -1,8 +1,8 @@
 """How long a fit takes: steady state in closed form and on MuJoCo alone, time domain, and scipy alone.
 
-Steady state: the bundled nine recordings without load, pooled, the eight parameters and the delay free, from wild
+Steady state: the bundled nine recordings without load, pooled, the eight parameters and the delay free, from random
 starts, the model assumed exact; and the whole fit with every nuisance. Time domain: one synthetic recording of 10 s at
-1 kHz, a sine swept from 10 to 50 Hz, eight parameters and four initial states, no delay, from the model's own values.
+1 kHz, a sine swept from 10 to 50 Hz, eight parameters and four initial states, no delay, from the values of the model.
 All on one thread, in CPU time.
 """
 

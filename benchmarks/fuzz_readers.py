@@ -45,7 +45,7 @@ ENDINGS += tuple(
     for ending, library in {"xlsx": "openpyxl", "wav": "soundfile", "flac": "soundfile", "c3d": "ezc3d"}.items()
     if find_spec(library)
 )
-#: What a sound file does not say of itself.
+#: Channels and units of a valid file whose format does not state them.
 _SOUND = Layout({name: Channel(f"channel_{i}", "m/s^2") for i, name in enumerate(("base", "malleolus"), 1)})
 _EXTREMES = (
     b"\x00" * 8,
@@ -94,7 +94,7 @@ def sound(samples: int = 200) -> dict[str, bytes]:
 
 
 def _read_only(ending: str, channels: dict[str, np.ndarray]) -> bytes:
-    """A recording in a format that only its own library writes."""
+    """A recording in a format that only its library writes."""
     file = BytesIO()
     table = np.column_stack(list(channels.values()))
     if ending == "npz":

@@ -1,4 +1,4 @@
-"""Are the intervals of the heel's laws true? Strikes made from known laws, with the plate, the markers and the filters.
+"""Coverage of the intervals of the heel's laws: strikes of known laws, with plate, markers and filters.
 
 A leg of constant mass falls on a pad that follows a law; DOP853 integrates it at tight tolerance. What the plate and
 the markers would have recorded is written as volts and millimetres, with the noise, the quantisation and the two

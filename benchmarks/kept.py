@@ -11,7 +11,7 @@ ROOT = Path(__file__).parents[1]
 
 
 def digest(files: Iterable[Path], more: str = "") -> str:
-    """Of everything that a row depends on: files, and what else is told."""
+    """Digest of everything that a row depends on: files, and further text."""
     sha = hashlib.sha256(more.encode())
     for file in sorted(files):
         sha.update(file.read_bytes())

@@ -1,9 +1,10 @@
 """The time-domain fit as scipy's documentation leads to it: what a user would otherwise run.
 
-`solve_ivp(method="RK45")` inside a residual function for `least_squares`, the Jacobian by its own differences. It gets
-all the help there is: tight tolerances (the default rtol 1e-3 is too coarse for differences), a right-hand side on
-plain numbers, the same spline as input, the same scaled search variable, bounds and noise, and difference steps above
-the error of the integrator (scipy's default step lies below it). Nothing in its loop is ours but data and model.
+`solve_ivp(method="RK45")` inside a residual function for `least_squares`, the Jacobian by finite differences. It gets
+all advantages: tight tolerances (the default rtol 1e-3 is too coarse for differences), a right-hand side on plain
+numbers, the same spline as input, the same scaled search variable, bounds and noise, and difference steps above the
+error of the integrator (scipy's default step lies below it). Its loop shares data and model with fasbody, nothing
+else.
 """
 
 import math

@@ -1,4 +1,4 @@
-"""Is a result as sure as the world allows? Fits of legs in worlds that depart from the model.
+"""Coverage and verdicts of fits of legs that depart from the model.
 
 The recordings come from worlds.py, which shares no code with the fit and says what an interval must
 hold. Each member of the population is one leg and one session of one to three loads, fitted as a
@@ -67,7 +67,7 @@ class Interval:
 
 @dataclass(frozen=True)
 class Judged:
-    """One member and what the fit said of it.
+    """One member and the verdict of its fit.
 
     Attributes:
         world: of the member.
@@ -120,7 +120,7 @@ class Judged:
 
 
 def fitted(data: Sequence[Recording], exclude: Sequence[str] = ()) -> FitResult:
-    """The public fit, as a user calls it; the only place of this module that knows it."""
+    """The public fit, as a user calls it."""
     from fasbody.foot.model import load
     from identification.estimate import fit_foot
 
@@ -128,7 +128,7 @@ def fitted(data: Sequence[Recording], exclude: Sequence[str] = ()) -> FitResult:
 
 
 def intervals_of(branch: Branch, truth: Member) -> dict[str, Interval]:
-    """What a branch says of the counted constants."""
+    """The intervals of the counted constants on a branch."""
     intervals = {}
     for name in COUNTED:
         key = next(key for key in branch.parameters if key.startswith(f"{name}_"))
@@ -140,7 +140,7 @@ def intervals_of(branch: Branch, truth: Member) -> dict[str, Interval]:
 
 
 def judged(truth: Member, result: FitResult, seconds: float) -> Judged:
-    """What a result says, beside the truth."""
+    """A result compared with the truth."""
     name = STIFF_ANKLE if truth.stiff_ankle else STIFF_PAD
     open_branches = {branch.name: branch for branch in result.open}
     branch = open_branches.get(name, result.best)
@@ -151,7 +151,7 @@ def judged(truth: Member, result: FitResult, seconds: float) -> Judged:
 
 
 def trial(world: str, seed: int, exclude: Sequence[str] = ()) -> Judged:
-    """Record, fit and judge one member; `exclude` is what its laboratory says cannot be."""
+    """Record, fit and judge one member; `exclude` names the nuisances that its laboratory rules out."""
     truth = member(world, seed)
     data = recordings(truth)
     began = time.process_time()

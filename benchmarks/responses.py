@@ -142,7 +142,7 @@ HEADS = (
 
 
 def checks(rows: list[tuple[Case, Outcome, Outcome]]) -> list[Check]:
-    """Worst bias and coverage by excitation, of ours, and told of the estimates of before."""
+    """Worst bias and coverage by excitation; those of the earlier estimates without a requirement."""
     made = []
     for excitation in SECONDS:
         mine = [(case, new, old) for case, new, old in rows if case.excitation == excitation]

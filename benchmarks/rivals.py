@@ -1,4 +1,4 @@
-"""Is the right rival named? Legs in worlds that depart from the model in one known way, and the ladder's answer.
+"""Which rival is named first for legs that depart from the model in one known way.
 
 The recordings come from worlds.py, which shares no code with the ladder. What is done is kept in a file and not done
 again while neither the worlds nor the ladder's numbers change; how rivals are ranked is computed from what is kept.

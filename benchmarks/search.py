@@ -1,4 +1,4 @@
-"""Does a fit find the best end on each side of the mirror? The default one beside many starts.
+"""Global search of a fit on each side of the mirror: the default starts against many.
 
 A fit descends from a few starts on each side of the axis and compares the ends. Where many more
 starts find a better one, odds and intervals of the default fit rest on the wrong end; it must then
@@ -60,7 +60,7 @@ class Ends:
 
     @property
     def open(self) -> bool:
-        """Whether the fit owns up to it: nothing is decided, and it says why."""
+        """Whether the fit reports it: the branch is undecided, with the reason."""
         return self.says and self.verdict != "decided"
 
 

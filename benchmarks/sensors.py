@@ -1,4 +1,4 @@
-"""What a second sensor, on the foot, gives back: nearly linear legs, which the malleolus alone leaves undecided.
+"""What a second sensor on the foot decides: nearly linear legs, which the malleolus alone leaves undecided.
 
 The recordings come from worlds.py, which shares no code with the fit. Every fit has all nuisances in. Each leg is
 recorded twice, without any departure, and as a laboratory has it: everything that the fit allows for is there at its
@@ -38,10 +38,10 @@ ENOUGH, CLOSE = 50, 0.05
 
 @dataclass(frozen=True)
 class Judged:
-    """One leg and what the fit said of it.
+    """One leg and the verdict of its fit.
 
     Attributes:
-        world, seed, sensors: what was fitted. verdict: the fit's word. right: the branch named first is the true one.
+        world, seed, sensors: what was fitted. verdict: of the fit. right: the branch named first is the true one.
         k_T, k_F: estimate on the true branch over the truth, less one; None where that is not shown.
         holds: whether the 95 % intervals of k_T and k_F hold the truth. follows: the wide fit follows the recordings.
         seconds: CPU time.
@@ -131,7 +131,7 @@ def measure(feet: int, state: Path) -> list[Check]:
 
 
 def rows_of(judgements: Sequence[Judged]) -> list[Check]:
-    """What was required of the second sensor, and what the malleolus alone does."""
+    """The requirements on the second sensor, and the results of the malleolus alone."""
     rows = []
     for world, sensors in TASKS:
         legs = [j for j in judgements if (j.world, j.sensors) == (world, len(sensors))]

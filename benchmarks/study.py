@@ -74,8 +74,8 @@ def _all_done(documents: Any) -> None:
 def by_scipy(study: StudyFolder, count: int, evaluations: int) -> tuple[float, float]:
     """CPU time [s] of one start by `solve_ivp` and `least_squares`, and the trial points taken for it, means.
 
-    So many trial points are timed on each recording and scaled to those that our own descent takes on the same
-    problem from the same start, for scipy needs minutes to converge.
+    So many trial points are timed on each recording and scaled to those that our descent takes on the same
+    problem from the same start, as scipy needs minutes to converge.
     """
     foot, seconds, points = load("two_dof"), [], []
     space = space_of(foot, delay=False)

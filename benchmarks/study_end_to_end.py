@@ -1,7 +1,7 @@
 """Time and memory of a virtual study from generation to figures: `python -m benchmarks.study_end_to_end`.
 
 5 and 20 subjects, three loads, nine frequencies, 10 s at 1 kHz: 135 and 540 recordings. Memory is that of the largest
-process; it must not grow with the number of recordings. Each command runs in a process of its own on all cores. The
+process; it must not grow with the number of recordings. Each command runs in a separate process on all cores. The
 processes that read binary files outlive their makers by a moment and are not counted; fuzz_readers.py measures them.
 """
 
@@ -22,7 +22,7 @@ _SUBJECTS = (5, 20)
 _PER_SUBJECT = 27  # three loads, nine frequencies
 
 
-#: A small process between, for a new one is said to have been as large as the one that it was made by.
+#: A small process between: the peak memory of a forked process begins with that of its parent.
 _BETWEEN = """
 import resource, subprocess, sys, time
 start = time.monotonic()

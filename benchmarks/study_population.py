@@ -1,6 +1,6 @@
 """Whether a population's intervals hold: quickly on estimates drawn at random, and on persons recorded and fitted.
 
-Drawn: persons differ by tau, each estimate is off by its own standard error. Fitted: virtual persons whose constants
+Drawn: persons differ by tau, each estimate is off by its standard error. Fitted: virtual persons whose constants
 differ by 15 %, whose legs weigh another 10 % than stated, recorded at seven frequencies with a gain that is off by 1 %,
 and fitted with model and sensor errors included. This command prints what docs/study_methods.md quotes.
 """
@@ -43,7 +43,7 @@ CASES = (
 
 
 def drawn(seeds: int) -> list[Check]:
-    """Coverage of mean, spread and each person's own value, over estimates drawn at random."""
+    """Coverage of mean, spread and each person's value, over estimates drawn at random."""
     rows: list[Check] = []
     for n, tau, least, most in CASES:
         rng, mean, spread, individual = np.random.default_rng(n), [], [], []
@@ -62,7 +62,7 @@ def drawn(seeds: int) -> list[Check]:
 
 
 def recorded(rng: np.random.Generator, gain: float) -> list[Recording]:
-    """One person's recordings; nobody knows the true masses or the gain."""
+    """One person's recordings; the fit does not get the true masses or the gain."""
     foot = {name: value * float(np.exp(BETWEEN * rng.normal())) for name, value in MEDIAN.items()} | BENT
     legs = np.exp(OF_LEGS * rng.normal(size=2))
     made = []
@@ -77,7 +77,7 @@ def recorded(rng: np.random.Generator, gain: float) -> list[Recording]:
 
 
 def fitted(count: int, people: int) -> tuple[list[Mapping[str, Any]], ...]:
-    """So many populations as documents of pooled fits, each with a gain of its own."""
+    """So many populations as documents of pooled fits, each with a separate gain."""
     foot = load("two_dof")
     groups: list[list[Mapping[str, Any]]] = []
     with progress_bar() as bar:

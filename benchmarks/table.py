@@ -54,7 +54,7 @@ def _duration(seconds: float) -> str:
 
 
 def judged_if_idle(check: Check, load: float) -> Check:
-    """A check of idle cores: told without a verdict where it was measured on busy ones (load average before it)."""
+    """A check that needs idle cores: without a verdict where the load average before it was higher."""
     if load < BUSY * (os.cpu_count() or 1):
         return check
     what = f"{check.what} (not judged: cores busy, load {load:.1f})"
@@ -64,7 +64,7 @@ def judged_if_idle(check: Check, load: float) -> Check:
 def interleaved(
     works: Sequence[Callable[[], object]], repeats: int, clock: Callable[[], float] = time.process_time
 ) -> np.ndarray:
-    """Times (repeats, works) [s] of several works taken in turn, so that a busy machine is equally unkind to all.
+    """Times (repeats, works) [s] of several works taken in turn, so that a busy machine disturbs all alike.
 
     Args:
         works: what to time; each runs once untimed first. repeats: how often. clock: by default the CPU time of this

@@ -2,9 +2,9 @@
 
 `python -m benchmarks.viewer`.
 
-The server runs in its own process. A headless Chromium draws by the processor alone, which takes both cores of a small
-machine, so the delay is measured with the drawing left out too: "posed" is when the new motion is in the scene. That
-is time on the wall, which other programs lengthen; the computing time behind it is not.
+The server runs in a separate process. A headless Chromium draws by the processor alone, which takes both cores of a
+small machine, so the delay is measured with the drawing left out too: "posed" is when the new motion is in the scene.
+That is wall time, which other programs lengthen; the computing time behind it is not affected.
 """
 
 import asyncio
@@ -40,7 +40,7 @@ READY = 15
 
 @contextmanager
 def viewer(model: str) -> Iterator[tuple[str, psutil.Process]]:
-    """The command in a process of its own; yields its address and process."""
+    """The command in a separate process; yields its address and process."""
     command = [sys.executable, "-m", "viz.foot", "--no-browser", "--json", "--model", model]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
     try:

@@ -23,7 +23,7 @@ class Traces:
     channels: Mapping[str, np.ndarray]
 
     def rng(self, purpose: int) -> np.random.Generator:
-        """What draws, by the session and what it is for."""
+        """The random generator of a purpose in this session."""
         return np.random.default_rng([*self.shaking.seed, purpose])
 
     @property
@@ -82,7 +82,7 @@ class Noise(Instrument):
 
 @dataclass(frozen=True)
 class Hum(Instrument):
-    """Mains hum on the malleolus' channel, in its own phase in every recording.
+    """Mains hum on the malleolus' channel, with a random phase in every recording.
 
     Attributes:
         amplitude: [m/s^2].

@@ -269,7 +269,7 @@ def motion(
         leg: without load.
         departures: what else it does.
         shaking: what excites it.
-        h: time step [s], (n,) where each recording has its own.
+        h: time step [s], (n,) for one a recording.
         steps: how many are written down.
         patience: time before that, over what small motion takes to forget.
 

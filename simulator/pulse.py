@@ -1,11 +1,11 @@
-"""A sound card without one: a PulseAudio of our own with two null sinks, and a foot between playback and capture.
+"""A simulated sound card: a private PulseAudio with two null sinks, and a foot between playback and capture.
 
     programs play --> sink "shaker" --> [foot] --> sink "sensors" --> programs record its monitor
 
 `python -m simulator.pulse WAY` is the process between: `foot` shakes the virtual foot, `cable` is a loopback cable
 with the gains and the couplings of an interface, `calibrator` a hand calibrator under both sensors. `silence-off` and
-`silence-close` play on the card, end that in one of two ways, and say when it is heard no more, and how abruptly.
-The daemon lives in a folder of its own and ends with the bench; it is no user's.
+`silence-close` play on the card and end in one of two ways. They report when the sound ends, and how abruptly.
+The daemon has a temporary folder, is not the user's, and ends with the bench.
 """
 
 import functools
@@ -126,7 +126,7 @@ class PulseBench:
             raise AcquisitionError(f"what should lie between the sinks did not start: {way}: {self._log.read_text()}")
 
     def losses(self) -> list[str]:
-        """What PulseAudio's programs between the sinks said of samples that they lost, as on busy cores."""
+        """Over- and underruns that PulseAudio's programs between the sinks reported, as on busy cores."""
         log = self._log.read_text(errors="replace") if self._log.is_file() else ""
         return re.findall(r"[Ss]tream (?:over|under)run", log)
 
@@ -258,7 +258,7 @@ class Calibrator:
 
 
 def silence(way: str, latency_s: float, share: float = 0.5, hz: float = 37.0) -> dict[str, float]:
-    """How long after its end a sine is still heard [s], and its largest step from sample to sample over a sine's own.
+    """How long after its end a sine still sounds [s], and its largest step between samples over that of a sine.
 
     Args:
         way: "off" as after a guard trips, or "close" as at the end of a session.

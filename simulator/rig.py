@@ -1,4 +1,4 @@
-"""Feet that a plan does not know, what their sensors record, and a shaker that misbehaves.
+"""Feet that a plan has no data of, their recordings, and a faulty shaker.
 
 Legs of both branches, segment masses off by 10 % from what the scale and the table say, a gain that is off by 1 %.
 """
@@ -81,7 +81,7 @@ def recorded(foot: Virtual, steps: Sequence[Step], session: int) -> list[Recordi
 
 
 class Rig:
-    """A shaker that misbehaves, with the sensors on it, in the time of its own samples: board and generator in one.
+    """A faulty shaker with its sensors, in simulated time: board and generator in one.
 
     `reach` (acquire's amplitude loop) drives it and its watch looks at every block, as acquire's board does. The
     malleolus follows the base as it would if it were settled at every instant. What the base really does is measured

@@ -55,7 +55,7 @@ def compile_firmware(
     folder: Path, sensor: str = "ANALOG", rate_hz: int = 1000, changed: Mapping[str, str] | None = None,
     constants: Mapping[str, float] | None = None,
 ) -> Path:  # fmt: skip
-    """The program of a board: the sketch that ships, for one sensor; some of its text, or of its constants, changed."""
+    """The firmware of a board: the shipped sketch for one sensor, with text or constants replaced."""
     elf = folder / f"fas_{sensor}_{rate_hz}.elf"
     text = SKETCH.read_text()
     for old, new in (changed or {}).items():

@@ -46,7 +46,7 @@ FREQUENCIES_HZ = (10.0, 15.0, 20.0, 25.0, 30.0, 35.0, 40.0, 45.0, 50.0)
 SHANK, FOOT, LOADS_KG = 0.0465, 0.0145, (0.0, 2.3, 4.5)
 #: Amplitude of the table [m/s^2], and its harmonics over it.
 AMPLITUDE, TABLE = 8.95, (1.0, 0.015, 0.008)
-#: Strength of bends from which a leg is strongly nonlinear; the laboratory's own foot has 1.
+#: Strength of bends from which a leg is strongly nonlinear; the laboratory's foot has 1.
 STRONG = 0.7
 #: Sampling rate [Hz] and length of a recording [s].
 RATE_HZ, SECONDS = 1000.0, 1.5
@@ -66,7 +66,7 @@ class Member:
         departures: what else the leg does.
         loads_kg: recorded loads, the smallest first.
         noise: standard deviation in a sample over the amplitude of the table.
-        strength: of the dampers' bends, 1: as strong as those of the laboratory's own foot.
+        strength: of the dampers' bends, 1: as strong as those of the laboratory's foot.
         body_kg: body mass as stated.
         instruments: what traces pass, from the first.
         frequencies_hz: recorded under each load.
@@ -233,7 +233,7 @@ class Draw:
         return self.of(body_kg=self.made.body_kg * (1.0 + error))
 
     def loaded(self, part: Departure) -> Member:
-        """A departure that only several loads tell of."""
+        """A departure that shows under several loads only."""
         count = max(len(self.made.loads_kg), int(self.rng.integers(2, 4)))
         return self.of(part, loads_kg=LOADS_KG[:count])
 
