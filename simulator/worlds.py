@@ -329,8 +329,3 @@ def member(world: str, seed: int) -> Member:
     loads = LOADS_KG[: int(rng.choice([1, 2, 3], p=[0.25, 0.4, 0.35]))]
     made = Member(world, seed, leg, (), loads, noise, strength, body)
     return WORLDS[world](Draw(made, rng))
-
-
-def recorded_near_axis(seed: int = 108) -> list[Recording]:
-    """The foot near the axis as it is written down."""
-    return recordings(member(NEAR_AXIS, seed))

@@ -70,18 +70,6 @@ class HeelLaw:
             )
         return self.force(np.arange(x.size, dtype=float), x, np.zeros_like(x), theta)
 
-    def stiffness_at(self, force_n: float, theta: Array) -> float:
-        """Tangent stiffness [N/m] of the resting pad that carries a force [N]; NaN where it cannot carry it."""
-        from scipy.optimize import brentq
-
-        top = 0.98 * THICKNESS_M if self.key == "ogden" else 0.1
-        if not self.static_force(np.array([top]), theta)[0] > force_n:
-            return float("nan")
-        x = brentq(lambda at: float(self.static_force(np.array([at]), theta)[0]) - force_n, 0.0, top, xtol=1e-12)
-        step = 1e-4 * x
-        low, high = self.static_force(np.array([x - step, x + step]), theta)
-        return float(high - low) / (2 * step)
-
 
 def _quasilinear(t: Array, x: Array, v: Array, theta: Array) -> Array:
     A, B, c = theta
