@@ -65,7 +65,7 @@ def once() -> Iterator[None]:
 
 @contextmanager
 def heeded() -> Iterator[None]:
-    """End the block with KeyboardInterrupt if Ctrl-C was pressed in it, whatever was made of that on the way."""
+    """End the block with KeyboardInterrupt if Ctrl-C was pressed in it, also if another exception replaced it."""
     with once():
         before = len(_pressed)
         try:
@@ -216,7 +216,7 @@ def to_json(document: Any) -> str:
 
 
 def plain(value: Any) -> Any:
-    """A document as JSON knows it: dictionaries, lists, texts, finite numbers, True, False and None."""
+    """A document in the types of JSON: dictionaries, lists, texts, finite numbers, True, False and None."""
     if type(value) is float:
         return value if -float("inf") < value < float("inf") else None
     if isinstance(value, dict):

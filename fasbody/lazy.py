@@ -1,4 +1,4 @@
-"""What is imported by its name: a package's names when they are first asked for, commands of rooms above.
+"""What is imported by its name: a package's names on first use, commands of higher packages.
 
 Importing a package costs nothing this way (PEP 562), and a command may be typed where a user looks for it.
 """
@@ -19,7 +19,7 @@ def attribute(package: str, homes: Mapping[str, str], name: str) -> Any:
     Args:
         package: its `__name__`.
         homes: name -> the module that has it, with the name there behind a colon where that is another one.
-        name: what is asked for.
+        name: of the attribute.
 
     Raises:
         AttributeError: it exports no such name.

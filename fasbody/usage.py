@@ -40,7 +40,7 @@ def sentence(error: Any) -> str:
 def named(refusal: str, words: Sequence[str]) -> str:
     """A refused setting's sentence with the option that set it, where it says the value and is about that option.
 
-    Settings are checked where they are used, also from Python, where nobody types options.
+    Settings are checked where they are used, also from Python, where there are no options.
 
     Args:
         refusal: the sentence.

@@ -40,7 +40,7 @@ from viz.source import Source, study_files
 from viz.worker import Send, Worker
 
 Document = dict[str, Any]
-#: Documents for the page that asked alone; all others are for every page.
+#: Documents for the requesting page alone; all others are for every page.
 PRIVATE = {"columns", "checked", "saved", "taken", "kept"}
 #: Largest dropped file [bytes], and how much and how many files a session may hold.
 LARGEST, MOST, FILES = 64_000_000, 512_000_000, 500
@@ -168,7 +168,7 @@ class Bench:
         return [self.models(), self.document()]
 
     def act(self, message: Mapping[str, Any]) -> list[Document]:
-        """Do what a page asks for.
+        """Do the action of a page's message.
 
         Raises:
             SettingError: there is no such action. FasError: it failed.
@@ -378,7 +378,7 @@ class Bench:
         """Begin a fit of the chosen recordings.
 
         Raises:
-            SettingError: nothing is chosen, a fit runs already, or the settings cannot be meant.
+            SettingError: nothing is chosen, a fit runs already, or the settings are invalid.
         """
         question = self._question(numbers, asked)
         return self._begin(replace(question, settings=_settings(asked, self.show.feet[MODEL])))
@@ -428,7 +428,7 @@ class Bench:
         return Question(sources, self._called, self._whole, values)
 
     def stop(self) -> list[Document]:
-        """End the running fit; a report that waits for the process is asked for again."""
+        """End the running fit; a report that waits for the process is requested again."""
         if self._worker is not None and self._state["running"]:
             reporting, self._reporting = self._reporting, False
             self._idle("stopped; the report that was asked for is still being written" if reporting else "stopped")
@@ -502,7 +502,7 @@ class Bench:
         return unit_in_doubt(self._rows[number]["warnings"] for number in asked if number in self._rows)
 
     def _failed(self, sentence: str, of: str = "") -> None:
-        """Say that a fit or a report failed; without `of`, whatever was waited for. The other one goes on."""
+        """Report that a fit or a report failed, without `of` both. The other one goes on."""
         if of != "report":
             self._idle()
         if of in ("report", ""):
@@ -705,7 +705,7 @@ def _settings(asked: Mapping[str, Any], foot: Foot) -> dict[str, Any]:
     """Settings of a fit from a page's message, as `fit_foot` takes them.
 
     Raises:
-        SettingError: it cannot be meant.
+        SettingError: a setting is invalid.
     """
     low, high = _STARTS
     starts = asked.get("starts", 4)

@@ -30,7 +30,7 @@ class Display(Protocol):
         """What a page needs to know before anything else."""
 
     def answer(self, settings: Settings) -> dict[str, Any]:
-        """The answer to a page's settings."""
+        """The motion or scene for a page's settings."""
 
     def exported(self, live: bool) -> dict[str, Any]:
         """The documents that an exported page carries, by name; `live` with what moves its sliders."""

@@ -21,7 +21,7 @@ from fasbody.recording.study import read_file
 
 Array = np.ndarray
 
-#: Length of the swept sine and of what is shown of a recording [s], unless asked for; ends of the sweep [Hz].
+#: Length of the swept sine and of the displayed part of a recording [s] by default; ends of the sweep [Hz].
 SWEEP_S, RECORDED_S, SWEEP_HZ = 4.0, 1.0, (5.0, 50.0)
 #: What a recording that is not steady has before and behind the piece that is shown: at most so many seconds, and at
 #: most this share of it.

@@ -33,7 +33,7 @@ _STILL = Frame(np.zeros(3), np.array([1.0, 0, 0, 0]))
 
 
 class Show:
-    """The feet of one viewer, their scene, and the answers to its pages.
+    """The feet of one viewer, their scene, and their motions for its pages.
 
     Args:
         models: one model, or two to compare, by name or file, or loaded.
@@ -231,7 +231,7 @@ class Show:
 
     @property
     def models_called(self) -> list[str]:
-        """Names of the models, as they were asked for."""
+        """Names of the models, as they were given."""
         return [foot.name for foot in self.feet.values()]
 
     @property

@@ -56,7 +56,7 @@ class Viewer:
         except ImportError:
             self._problem = MissingPackageError("tornado", "view")
             return
-        except Exception as problem:  # raised again where the page was asked for
+        except Exception as problem:  # raised again in the calling thread
             self._problem = problem
             return
         self._loop = asyncio.get_running_loop()

@@ -45,7 +45,7 @@ class Question:
         return script(list(self.sources.values()), self.model, self.values, self.settings, rivals=self.rivals)
 
     def stale(self, sources: Mapping[int, Source], text: str) -> str:
-        """Why its answer is out of date now, in a sentence; empty where it is not."""
+        """Why its result is out of date, in a sentence; empty where it is not."""
         gone = [s.file for number, s in self.sources.items() if number not in sources]
         other = [s.file for number, s in self.sources.items() if sources.get(number, s) != s]
         changed = [_clause(gone, "removed")] if gone else []

@@ -38,7 +38,7 @@ ADDRESS = "127.0.0.1"
 MADE = ("report", "results", "take", "study")
 #: Largest message a page may send, the text of a model among them, and body of a request that is no file [bytes].
 LARGEST, BODY = 1_000_000, 64_000
-#: Seconds after which a silent or slow browser is let go.
+#: Seconds after which a silent or slow browser is disconnected.
 PATIENCE = 30.0
 #: Seconds between the last page leaving and the end of the command, so that a reload is not the end.
 GRACE = 8.0
@@ -149,7 +149,7 @@ class Server:
         self._ended.set()
 
     async def answer(self, message: dict[str, Any]) -> str:
-        """Simulate what a page asks for."""
+        """Simulate for the settings of a page's message."""
         loop = asyncio.get_running_loop()
         answer = await loop.run_in_executor(self._pool, self._answer, message)
         if self.bench is not None and not self._prepared:  # while the first motion is displayed
@@ -171,7 +171,7 @@ class Server:
         return page_json(answer)
 
     async def act(self, page: "Stream", message: dict[str, Any]) -> None:
-        """Do what a page asks for, and tell all pages what came of it; what concerns it alone goes to it alone."""
+        """Do the action of a page's message and send the documents to all pages, or to that page alone."""
         assert self.bench is not None
         complaint = {"type": "complaint", "of": str(message.get("type"))[:20]}
         if not self.is_session_key(str(message.get("key", ""))):
@@ -259,7 +259,7 @@ class Guarded(tornado.web.RequestHandler):
             raise tornado.web.HTTPError(403)
 
     def is_same_origin(self, origin: str) -> bool:
-        """Whether an origin is this very server under the name that was asked for."""
+        """Whether an origin is this server under the name of the request."""
         return origin == f"http://{self.request.host}"
 
 

@@ -57,7 +57,7 @@ class Worker:
         self._process.stdin.flush()
 
     def stop(self) -> None:
-        """End the process, whatever it does."""
+        """End the process."""
         self._process.kill()
         self._process.wait()
         self._listener.join()
@@ -191,6 +191,6 @@ def _trace(recording: Any, models: Mapping[str, tuple[Any, float]]) -> dict[str,
 
 
 if __name__ == "__main__":
-    with os.fdopen(os.dup(1), "w") as private:  # nothing that a library prints gets into the answers
+    with os.fdopen(os.dup(1), "w") as private:  # what a library prints must not mix with the documents
         os.dup2(2, 1)
         serve(sys.stdin, private)

@@ -68,7 +68,7 @@ class Crosscheck:
         linear_mass_matrix: of Eq. (4.12), at rest.
         note: what of the model the equations have only in a linear form; empty if nothing.
         constants: of the model, as the equations take them, by thesis symbol [SI units, rad].
-        dynamics: stepped MuJoCo against the integrated equations, if asked for.
+        dynamics: stepped MuJoCo against the integrated equations, if requested.
     """
 
     model: str

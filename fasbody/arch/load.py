@@ -262,7 +262,7 @@ class LoadCase:
         peak_hz: frequency of its largest value [Hz].
         arch_stiffness: tangent stiffness of the relaxed arch under the weight [N/m].
         factor: by which all springs must be multiplied for the peak to lie in the middle of the measured range; NaN
-            for a mass that nobody measured.
+            for a mass without a measurement.
     """
 
     added_mass: float

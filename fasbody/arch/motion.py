@@ -31,7 +31,7 @@ class ArchMotion:
     """Motion of the stepped arch.
 
     Attributes:
-        time: start of each step asked for [s], shape (n,).
+        time: start of each step of the result [s], shape (n,).
         malleolus: its acceleration there [m/s^2], shape (n,).
         qpos: joint positions, base first, shape (n, 7).
         step: the step that was stable [s].

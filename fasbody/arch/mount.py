@@ -1,8 +1,8 @@
 """The arch under a leg (`mounted.py`) as MJCF, about the pose in which it stands: what makes mjcf/mounted_arch.xml.
 
 The tree is that of foot_arch.xml on a body of its own, the sole, which the fat pad carries; two equalities keep heel
-and metatarsal heads on the sole. The load on the apex is an actuator of constant force, and each ligament pulls at
-rest as much as the pose asks, so that what MuJoCo steps has the stiffness of the springs *and* of the load's geometry.
+and metatarsal heads on the sole. The load on the apex is an actuator of constant force, and each ligament has the
+tension of the pose, so that the stepped model has the stiffness of the springs *and* of the load's geometry.
 """
 
 from dataclasses import replace

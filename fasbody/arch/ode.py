@@ -29,7 +29,7 @@ _COMPLEX_STEP = 1e-30
 
 @dataclass(frozen=True)
 class Trajectory:
-    """Motion of the arch at the times asked for.
+    """Motion of the arch at the given times.
 
     Attributes:
         time: [s], shape (n,).

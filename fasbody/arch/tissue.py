@@ -1,7 +1,7 @@
 """Aponeurosis and plantar ligaments as tissue: laws with a toe region, from samples in a testing machine.
 
-The linear arch has one stiffness a spring whatever the load. Here a spring's stiffness follows from how far it is
-already stretched, so that the arch is linear only about the pose in which it stands. No number of a whole foot is in
+The springs of the linear arch have a constant stiffness. Here a spring's stiffness follows from its stretch under the
+load, so that the arch is linear only about the pose in which it stands. No number of a whole foot is in
 these laws but the two that are called free.
 """
 

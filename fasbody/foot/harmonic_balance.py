@@ -132,7 +132,7 @@ def _fourier(harmonics: int) -> Fourier:
 
 
 class Equations(Protocol):
-    """Systems that are solved together; `rows` (b,) says which of them are meant."""
+    """Systems that are solved together; `rows` (b,) selects some of them."""
 
     def residual(self, x: Array, rows: Array) -> Array:
         """What must vanish (b, m) at unknowns x (b, m)."""
@@ -190,7 +190,7 @@ class _Search:
         self.inverse[rows] = _inverse(self.equations.jacobian(self.x[rows], rows))
 
     def chords(self, rows: Array, fresh: bool) -> Array:
-        """Steps with the same Jacobian; returns the rows that want a new one."""
+        """Steps with the same Jacobian; returns the rows that need a new one."""
         step, going = np.zeros_like(self.x), rows
         step[rows] = self._correction(self.x[rows], rows)
         first = self.equations.size(step)
@@ -220,7 +220,7 @@ class _Search:
 
 
 def _inverse(matrices: Array) -> Array:
-    """Of each (b, m, m); NaN, which leads nowhere, where one is singular."""
+    """Inverse of each (b, m, m); NaN where one is singular."""
     try:
         return np.linalg.inv(matrices)
     except np.linalg.LinAlgError:
@@ -306,7 +306,7 @@ def periodic(system: System, start: Solution | None = None, least: int = HARMONI
     """The periodic motion of a system.
 
     Harmonics are doubled until either of the two highest has less than `SMALL` of the acceleration.
-    Where Newton's method leads nowhere from `start`, or from rest, the amplitude of the excitation
+    Where Newton's method does not converge from `start`, or from rest, the amplitude of the excitation
     is raised step by step.
 
     Args:

@@ -266,7 +266,7 @@ def check(model: mujoco.MjModel, name: str) -> Foot:
 
 
 def solve_exactly(model: mujoco.MjModel) -> None:
-    """Let the solver of constraints go on until nothing improves, whichever the file asks for: the solution is one."""
+    """Iterate the constraint solver to convergence: the solution is unique, so the file's solver does not matter."""
     model.opt.solver = mujoco.mjtSolver.mjSOL_NEWTON
     model.opt.tolerance = min(model.opt.tolerance, _IMPROVEMENT)
     model.opt.iterations = max(model.opt.iterations, _ITERATIONS)
@@ -293,7 +293,7 @@ def _check_options(model: mujoco.MjModel, name: str) -> None:
 
 
 def _check_shaker(model: mujoco.MjModel, name: str, first: int) -> None:
-    """The shaker is on, and gives whatever is asked of it."""
+    """Require that the shaker is on and its force unlimited."""
     for actuator in range(model.nactuator):
         control = int(model.actuator_ctrladr[actuator])
         called, out = model.actuator(actuator).name, int(model.actuator_outadr[actuator])

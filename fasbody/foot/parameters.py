@@ -269,8 +269,8 @@ def _without_laws(model: "mujoco.MjModel", items: list[Parameter]) -> list[Param
 def _follow_laws(model: "mujoco.MjModel", items: list[Parameter]) -> list[Parameter]:
     """Where the law on an element is another than its declarations were made for, its own names and units.
 
-    Where a declaration in a `user` field has another unit than the law's parameter there, it is dropped with all that
-    stand beside it but those with the law's own symbol and unit, and the law declares the others: `fat_pad_E` [N],
+    Where a declaration in a `user` field has another unit than the law's parameter there, it is dropped with all others
+    of the element but those with the law's symbol and unit, and the law declares the rest: `fat_pad_E` [N],
     from a hundredth to a hundred times its value.
     """
     from fasbody.foot import damper  # compiles; names and units are wanted without it

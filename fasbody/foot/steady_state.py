@@ -357,7 +357,7 @@ class Balance:
             start: a motion nearby, from which the search begins.
 
         Raises:
-            SettingError: an unknown parameter or value, or a base that cannot be meant.
+            SettingError: an unknown parameter or value, or an invalid base.
             PeriodicMotionError: there is no such motion.
             NotSmoothError: a contact, a stop or dry friction acts in it.
         """
@@ -418,7 +418,7 @@ class Balance:
 
 
 def _check(frequency_hz: float, base: Array) -> None:
-    """Refuse a motion of the base that cannot be meant or balanced."""
+    """Refuse a motion of the base that is invalid or cannot be balanced."""
     if not (np.isfinite(frequency_hz) and frequency_hz > 0):
         raise SettingError(f"a periodic motion needs a frequency above 0 Hz, not {frequency_hz}.")
     if not (np.isfinite(base).all() and base.any()):

@@ -2,7 +2,7 @@
 
 States are x = (z1, z2, z1', z2'): z1 = y1 - y2 across the talocrural joint, z2 = y2 - y0 across the fat pad. The input
 is the base acceleration, the output the malleolus acceleration. The twin integrates the states and their derivatives
-with respect to the four initial states, the eight parameters and, if asked, the two masses together, with the same
+with respect to the four initial states, the eight parameters and, optionally, the two masses together, with the same
 Runge-Kutta scheme, step and input as the MuJoCo model, so that the two differ by rounding only.
 """
 

@@ -42,7 +42,7 @@ class Orbits:
         foot: (B, H) harmonics of the foot's acceleration [m/s^2].
         converged: (B,) whether there is such a motion. Where there is none, the motion that grows with the base ends
             at a fold below the full one: a damper that bends takes no more power than it takes there.
-        slopes: (B, 2, H, 13) derivatives of shank and foot to the parameters; None where not asked for.
+        slopes: (B, 2, H, 13) derivatives of shank and foot to the parameters; None where not requested.
         stretch_slopes: (B, 2, H, 13) derivatives of the stretches.
         jacobian: (B, 4 H, 4 H) of the balance at the motion.
         force_by_stretch: (B, 2, 2 H, 2 H) of the joint forces.

@@ -58,7 +58,7 @@ class Interval:
 
 @dataclass(frozen=True, eq=False)
 class Paths:
-    """Strikes behind each other, thinned.
+    """Strikes concatenated and thinned.
 
     Attributes:
         time_s: (n,).

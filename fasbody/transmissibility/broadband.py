@@ -1,6 +1,6 @@
 """The response to motion of many frequencies: period by period where it repeats itself, by local models where not.
 
-H1, H2 and Hv by Welch's method stand beside, with the error by their resolution named.
+H1, H2 and Hv by Welch's method are available, too, with their resolution error.
 """
 
 import numpy as np

@@ -194,7 +194,7 @@ class Table(Presented):
 
     @cached_property
     def _known(self) -> dict[tuple[str, str, float], Curves]:
-        """Curves made so far: tests, figures and tables ask again."""
+        """Curves computed so far, cached for tests, figures and tables."""
         return {}
 
     def _curves(self, pair: str, posture: str, added_mass_kg: float) -> Curves:

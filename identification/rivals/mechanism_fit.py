@@ -90,7 +90,7 @@ class Recordings:
         MB: malleolus over the table.
         TB: tuberosity over the table.
         second: second harmonic of the malleolus over its first.
-        air: share of the time without contact, as a simulator knows it, real.
+        air: share of the time without contact, known to a simulator only, real.
         repeats: whether each motion repeats after one period, bool.
     """
 
@@ -214,7 +214,7 @@ class Fitted:
 
 @dataclass(frozen=True)
 class Verdict:
-    """The answer for one subject.
+    """The verdict for one subject.
 
     Attributes:
         named: mechanism, `UNDECIDED` or `NONE`.

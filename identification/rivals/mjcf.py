@@ -25,7 +25,7 @@ from fasbody.foot.steady_state import Balance
 from identification.rivals.result import Rivals
 from identification.rivals.steady import CONSTANTS, LOAD_KG, SERIES, Feet
 
-#: Mass of the sensor's body [kg], so little that the shank does not feel it, and its inertia [kg m^2].
+#: Mass of the sensor's body [kg], too small to act on the shank, and its inertia [kg m^2].
 _SENSOR_KG, _TINY = 1e-6, "1e-9 1e-9 1e-9"
 #: Strain at rest of a pad of 1 m, farther than it moves, and the least exponent that is written as one [1/m].
 _REST, _LEAST = 0.02, 1e-3

@@ -211,7 +211,7 @@ class Feet:
         """Half of what p copies of the feet have more than p others, at motions x that stay.
 
         Returns:
-            Forces that are linear (p, n, 34), and what is felt (p, n, 8).
+            Forces that are linear (p, n, 34), and sensed accelerations (p, n, 8).
         """
         still, shape = np.tile(x, (len(many) // len(x), 1)), (2, -1, len(x))
         force = many._inertia(still).reshape(*shape, _SIZE)
@@ -219,7 +219,7 @@ class Feet:
         return (force[0] - force[1]) / 2, (felt[0] - felt[1]) / 2
 
     def _following(self, x: Array, left: Array, felt: Array) -> Array:
-        """What is felt more, (n, 8, p), as motions x follow forces left, beside felt (p, n, 8)."""
+        """Change of the sensed acceleration (n, 8, p): motions x follow residual forces, `felt` (p, n, 8) is direct."""
         moved = np.linalg.solve(self.jacobian(x, np.arange(len(x))), -np.moveaxis(left, 0, -1))
         many = replace(self, U=0 * self.U)._copies(len(left))  # felt is linear in x and U
         follows = many.felt(np.moveaxis(moved, -1, 0).reshape(-1, _SIZE))

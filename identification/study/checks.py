@@ -23,7 +23,7 @@ from identification.study.validation import NONLINEAR, compare_damping, held, le
 
 
 def ensure(mode: str, settings: Settings, foot: Foot, profile: Sequence[str]) -> Space:
-    """The space of a study's fits, if its checks can be meant.
+    """The space of a study's fits, its checks validated.
 
     Args:
         mode: of the fits.

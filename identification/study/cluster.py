@@ -19,7 +19,7 @@ from identification.study import job, plan
 from identification.study.job import Document
 from identification.study.plan import Work
 
-#: Takes work as it is asked for, gives documents as they are ready.
+#: Takes work lazily and yields documents as they are ready.
 Crew = Callable[[Iterable[Work]], Iterator[Document]]
 #: Fewer jobs than this are done here: starting processes takes longer.
 FEW = 8
@@ -139,7 +139,7 @@ def _on(client: Any, works: Iterable[Work]) -> Iterator[Document]:
     """Documents in the order in which they are ready; at most a few jobs a thread are with the cluster at a time.
 
     Raises:
-        FasError: the scheduler is gone, whether it is met while a job is sent, asked for, or while workers are counted.
+        FasError: the scheduler is gone, whether a job is sent or awaited, or workers are counted.
     """
     from distributed.client import CancelledError, ClosedClientError
 

@@ -54,7 +54,7 @@ def save(figure: Figure, ending: str) -> bytes:
 
 
 def noted(figure: Figure, text: str) -> Figure:
-    """Write a remark below a figure, in as many lines as its width asks for."""
+    """Write a remark below a figure, wrapped to its width."""
     figure.supxlabel(fill(text, int(_LETTERS * figure.get_figwidth())), color=GREY)
     return figure
 
