@@ -1,4 +1,4 @@
-"""`python -m benchmarks`: every topic in one table, on a page of this machine's own; RESULTS.md only when asked."""
+"""`python -m benchmarks`: every topic in one table, on a page of this machine; RESULTS.md with --commit only."""
 
 import json
 import os
@@ -25,7 +25,7 @@ RESULTS, PAGES = Path(__file__).with_name("RESULTS.md"), ROOT / "results" / "ben
 #: What the documentation shows of it.
 SPEED = ROOT / "docs" / "speed.md"
 LIBRARIES = ("mujoco", "numba", "numpy", "scipy")
-#: Topics in the order of the table; each is a module with a command, run in a process of its own on one thread.
+#: Topics in the order of the table; each is a module with a command, run in a separate process on one thread.
 TOPICS = (
     "accuracy", "callbacks", "arch", "fitting", "coverage", "reality", "rivals", "sensors", "black_box", "cell",
     "study", "study_population", "viewer", "acquire", "peak_to_peak", "responses", "study_end_to_end", "heel", "mutate",
@@ -44,7 +44,7 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 
 def measure(topic: str, *options: str) -> list[Check]:
-    """The checks of one topic, by its own command."""
+    """The checks of one topic, by its command."""
     command = [sys.executable, "-m", f"benchmarks.{topic}", *options, "--json"]
     done = subprocess.run(
         command, check=False, stdout=subprocess.PIPE, text=True, env={**os.environ, "OMP_NUM_THREADS": "1"}
@@ -55,7 +55,7 @@ def measure(topic: str, *options: str) -> list[Check]:
     return [replace(Check.of(row), source=topic) for row in json.loads(done.stdout)["rows"]]
 
 
-def own_page() -> Path:
+def machine_page() -> Path:
     """The page of this machine."""
     host = re.sub(r"[^A-Za-z0-9.-]+", "-", platform.node()).strip(".-") or "machine"
     return PAGES / f"{host}.md"
@@ -69,10 +69,10 @@ def committed(page: Mapping[str, Topic], now: Mapping[str, Topic], where: str) -
     """
     text = RESULTS.read_text() if RESULTS.is_file() else ""
     topics = dict(read(text, where) or page) | dict(now)
-    if lost := set(read(text)) - set(topics):
+    if missing := set(read(text)) - set(topics):
         raise SettingError(
             f"--commit: {RESULTS.name} comes from another machine or other versions and would lose "
-            f"{', '.join(name for name in TOPICS if name in lost)}; measure these, too."
+            f"{', '.join(name for name in TOPICS if name in missing)}; measure these, too."
         )
     return topics
 
@@ -106,24 +106,24 @@ def main(
     for name in topics:
         if name not in TOPICS:
             raise typer.BadParameter(f"{name!r} is none of {', '.join(TOPICS)}")
-    out = out or own_page()
+    out = out or machine_page()
     options = {name: [*(() if full else PART.get(name, ()))] for name in TOPICS}
     for name in KEPT:
         options[name] += ["--state", str(out.with_name(f"{name}.jsonl"))]
     options["black_box"].append("--peers" if with_peers else "--no-peers")
     where, when = machine(*LIBRARIES), datetime.now(UTC).strftime("%Y-%m-%d")
     page, now = read(out.read_text(), where) if out.is_file() else {}, {}
-    if commit:  # a page that would lose rows is told before the work
+    if commit:  # refuse before the work a page that would lose rows
         committed(page, {name: Topic(name, when, 0.0, []) for name in topics}, where)
     checks = []
     for number, name in enumerate(topics, 1):
         console.print(f"{name} ({number} of {len(topics)})")
         load = os.getloadavg()[0]
-        found = measure(name, *options[name])
-        if found:
-            now[name] = Topic(name, when, load, [cells(check) for check in found])
+        measured = measure(name, *options[name])
+        if measured:
+            now[name] = Topic(name, when, load, [cells(check) for check in measured])
             write_whole(out, markdown(_ordered(page | now), where))
-        checks += found
+        checks += measured
     if commit:
         write_whole(RESULTS, markdown(_ordered(committed(page, now, where)), where))
         write_whole(SPEED, refreshed(SPEED.read_text(), RESULTS.read_text()))

@@ -2,7 +2,7 @@
 
 The reference is driven by the sine itself. MuJoCo gets what a user has: the samples of that sine at 1 kHz, so the error
 of the spline between samples is part of what is measured. The observed order is taken with the sine itself as input,
-because the spline's own error would hide it at small steps.
+because the error of the spline would hide it at small steps.
 """
 
 from dataclasses import dataclass
@@ -64,12 +64,12 @@ def errors(foot: Foot, frequency_hz: float, steps: tuple[float, ...] = STEPS, se
     rows = []
     for step in steps:
         stride, count = round(1 / (RATE_HZ * step)), round(seconds / step)
-        own, smooth = simulate(foot, recorded, step=step), simulate(foot, sine, step=step)
-        y = own.malleolus[0]
+        run, smooth = simulate(foot, recorded, step=step), simulate(foot, sine, step=step)
+        y = run.malleolus[0]
         other, *_ = trajectory(
             np.zeros(4), truth.theta, truth.m_S, truth.m_F, recorded.half_steps(step, count), step, 1, 0
         )
-        wrong = np.abs(own.base[0] - sine.acceleration(own.time[0])) / np.abs(sine.acceleration(t)).max()
+        wrong = np.abs(run.base[0] - sine.acceleration(run.time[0])) / np.abs(sine.acceleration(t)).max()
         rows.append(
             (
                 _share(y[::stride], exact), _share(smooth.malleolus[0, ::stride], exact), _share(other, y),
@@ -92,21 +92,21 @@ def measure(frequencies_hz: tuple[float, ...] = FREQUENCIES_HZ, seconds: float =
     """All feet at all frequencies; each row is the worst of them."""
     foot = load("two_dof")
     trials = [(name, f) for name in SETS for f in frequencies_hz]
-    found: dict[tuple[str, float], Errors] = {}
+    by_trial: dict[tuple[str, float], Errors] = {}
     with progress_bar() as progress:
         for name, f in progress.track(trials, description="accuracy"):
-            found[name, f] = errors(foot.with_values(SETS[name]), f, seconds=seconds)
+            by_trial[name, f] = errors(foot.with_values(SETS[name]), f, seconds=seconds)
     rows = []
     for column, limit in ((0, None), (1, 3e-4), (2, 2e-5)):
-        (name, f), worst = max(found.items(), key=lambda item: item[1].recorded[column])
+        (name, f), worst = max(by_trial.items(), key=lambda item: item[1].recorded[column])
         what = f"malleolus error at a step of {STEPS[column]:g} s, share of peak (worst: {name} foot, {f:g} Hz)"
         value = worst.recorded[column]
         rows.append(told(what, f"{value:.3g}") if limit is None else at_most(what, value, limit))
-    orders = {name: order(np.array(STEPS), found[name, max(frequencies_hz)].smooth)[-1] for name in SETS}
+    orders = {name: order(np.array(STEPS), by_trial[name, max(frequencies_hz)].smooth)[-1] for name in SETS}
     name = min(orders, key=lambda name: orders[name])
     rows.append(at_least(f"observed order, {STEPS[1]:g} to {STEPS[2]:g} s (lowest: {name} foot)", orders[name], 3.8))
-    rows.append(at_most("twin against MuJoCo on the same input", max(e.twin.max() for e in found.values()), 1e-6))
-    fast = [e for (_, f), e in found.items() if f == max(frequencies_hz)]
+    rows.append(at_most("twin against MuJoCo on the same input", max(e.twin.max() for e in by_trial.values()), 1e-6))
+    fast = [e for (_, f), e in by_trial.items() if f == max(frequencies_hz)]
     top = f"base acceleration at {max(frequencies_hz):g} Hz"
     rows.append(at_most(f"{top}, at samples", max(e.at_samples.max() for e in fast), 1e-6))
     rows.append(at_most(f"{top}, between samples", max(e.between.max() for e in fast), 1e-4))

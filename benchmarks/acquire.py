@@ -55,8 +55,8 @@ _LATENCY_S = 0.5
 #: Sensors and rates [Hz] through which the virtual foot is felt, and its excitations [Hz].
 _BOARDS = (("ANALOG", 1000), ("ANALOG", 2000), ("ADXL355", 1000), ("ADXL345", 1000))
 _FELT_HZ = (10.0, 20.0, 30.0, 40.0, 50.0)
-#: Nothing that counts is above [Hz].
-_HEARD_HZ = 200.0
+#: Upper limit of the excitation and its harmonics [Hz].
+_BAND_LIMIT_HZ = 200.0
 
 
 def transfer(seconds: float) -> list[Check]:
@@ -73,10 +73,10 @@ def transfer(seconds: float) -> list[Check]:
         board.close()
     share = (used.user + used.system - before.user - before.system) / seconds
     q = made.quality
-    lost = q.lost_frames + q.damaged + q.lost_samples
+    losses = q.lost_frames + q.damaged + q.lost_samples
     text = f"{q.frames} frames, {q.lost_frames} lost, {q.damaged} damaged"
     return [
-        Check(f"3 channels at 4 kHz for {seconds:g} s", lost, 0, 0, said=text, beside="none lost"),
+        Check(f"3 channels at 4 kHz for {seconds:g} s", losses, 0, 0, said=text, beside="none lost"),
         told("CPU share of the recording process, conversion included", f"{100 * share:.1f} % of a core"),
     ]
 
@@ -124,9 +124,17 @@ def noisy_line(accepted: int) -> list[Check]:
         thread.join()
         port.close()
         line.unplug()
-    lost = timeline.quality().lost_frames
+    missing = timeline.quality().lost_frames
     return [
-        Check("1 % damaged bytes: frames found missing", lost, injected, injected, "", f"{lost} of {injected}", "all"),
+        Check(
+            "1 % damaged bytes: frames found missing",
+            missing,
+            injected,
+            injected,
+            "",
+            f"{missing} of {injected}",
+            "all",
+        ),
         Check("wrong samples accepted", wrong, 0, 0, "", f"{wrong} of {right + wrong}", f"none in {accepted:g}"),
     ]
 
@@ -157,7 +165,7 @@ def plug(times: int) -> list[Check]:
         capture.close()
         quality = replay([capture.file])[1].quality()
     text = f"{len(quality.gaps)} gaps for {board.unplugs} pulls"
-    wrong = max(abs(found - times) for found in (len(quality.gaps), board.unplugs))
+    wrong = max(abs(count - times) for count in (len(quality.gaps), board.unplugs))
     return [Check("unplugged and replugged", wrong, 0, 0, said=text, beside="one each")]
 
 
@@ -272,12 +280,12 @@ class Card:
         done = self.command("calibrate", "loopback", "--device", "pulse", "--latency", "0.8", "--yes")
         if done.returncode:
             raise AcquisitionError(f"the loopback did not end well: {done.stderr}")
-        found = json.loads(done.stdout)
-        values = np.array([*found["loop_gain"], found["output_corner_hz"], *found["corner_hz"]])
+        result = json.loads(done.stdout)
+        values = np.array([*result["loop_gain"], result["output_corner_hz"], *result["corner_hz"]])
         return float(np.max(np.abs(values / [*pulse.GAINS, *pulse.CORNERS_HZ] - 1)))
 
     def foot(self) -> None:
-        """Put the foot in place of the cable: its sensors' sensitivities are known, and its way has its own delay."""
+        """Put the foot in place of the cable: its sensors' sensitivities are known, and its delay is another one."""
         from fasbody.acquire.audio import Calibration
 
         self.bench.put("foot")
@@ -293,7 +301,7 @@ class Card:
         return done
 
     def record(self, *words: str, played: BaseMotion | None = None) -> tuple[Recording, dict[str, Any]]:
-        """One recording, in whatever state it is, and what is said beside it; another program plays, once it runs."""
+        """One recording, complete or not, and its metadata; another program plays once it runs."""
 
         def play() -> None:
             deadline = time.monotonic() + 120.0
@@ -349,7 +357,7 @@ def long(minutes: float) -> list[Check]:
     """So many minutes of one sine by the sound card: every loss is named with its time.
 
     Output and inputs are on one clock, so the phase of the base stands still. Where it jumps and no gap is named,
-    samples were lost and nobody said so.
+    samples were lost without a report.
     """
     if lacks := pulse.missing():
         return [told("sound card", f"not run: {lacks}")]
@@ -357,19 +365,19 @@ def long(minutes: float) -> list[Check]:
         card = Card(Path(name), bench)
         card.foot()
         one, made = card.record("--frequency", "20", "--seconds", f"{60 * minutes:g}")
-    found = [(gap["after_s"], gap["cause"]) for gap in made["quality"]["gaps"]]
-    found += [(after, "the sine broke") for after in made["quality"]["breaks"]]
+    losses = [(gap["after_s"], gap["cause"]) for gap in made["quality"]["gaps"]]
+    losses += [(after, "the sine broke") for after in made["quality"]["breaks"]]
     jumps = phase_jumps(one.time_s, one.base_m_s2, 20.0)
-    unnamed = [t for t in jumps if not any(-2.0 <= t - after <= 15.0 for after, _ in found)]
-    named = ", ".join(f"{cause} after {after:.2f} s" for after, cause in sorted(found))
+    unnamed = [t for t in jumps if not any(-2.0 <= t - after <= 15.0 for after, _ in losses)]
+    named = ", ".join(f"{cause} after {after:.2f} s" for after, cause in sorted(losses))
     named += f"; {why}" if (why := "; ".join(text for text in made["remarks"] if "ended early" in text)) else ""
     what = f"sound card, {minutes:g} minutes at 20 Hz"
-    said = f"{len(unnamed)}: {', '.join(f'{t:.0f} s' for t in unnamed[:9])}" if unnamed else "none"
+    named_jumps = f"{len(unnamed)}: {', '.join(f'{t:.0f} s' for t in unnamed[:9])}" if unnamed else "none"
     whole = made["samples"] + sum(gap["lost_samples"] for gap in made["quality"]["gaps"])
     return [
         exactly(f"{what}: samples a channel, those of gaps included", whole, round(240_000 * minutes)),
         told(f"{what}: over- and underruns, each with its time", named or "none"),
-        Check(f"{what}: jumps of a sample's phase beside them", len(unnamed), 0, 0, said=said, beside="none"),
+        Check(f"{what}: jumps of a sample's phase beside them", len(unnamed), 0, 0, said=named_jumps, beside="none"),
     ]  # fmt: skip
 
 
@@ -418,16 +426,16 @@ def _sweep_against_the_foot(one: Recording) -> np.ndarray:
     if max(np.ptp(one.base_m_s2[:second]), np.ptp(one.base_m_s2[-second:])) > 1.0:
         raise AcquisitionError("the sweep is not whole: it does not begin and end at rest.")
     base = np.fft.rfft(one.base_m_s2)
-    base[round(_HEARD_HZ * one.base_m_s2.size / one.rate_hz) :] = 0.0  # noise, in which DOP853 would take tiny steps
+    base[round(_BAND_LIMIT_HZ * one.base_m_s2.size / one.rate_hz) :] = 0.0  # DOP853 would follow the noise
     motion = samples(one.time_s, np.fft.irfft(base, one.base_m_s2.size))
     masses = {"m_S": shank_mass(BODY_MASS_KG, 0.0), "m_F": foot_mass(BODY_MASS_KG)}
     foot = TwoDof.from_values({**TRUTH, **masses})
     true = exact(foot, motion, one.time_s[-1], Instrument(delay_s=0.0, rate_hz=one.rate_hz), settle=0.0)
     n = true.time_s.size
     lines = np.fft.rfftfreq(n, 1 / one.rate_hz)
-    found, truth = np.fft.rfft(one.malleolus_m_s2[:n]), np.fft.rfft(true.malleolus_m_s2)
+    measured, truth = np.fft.rfft(one.malleolus_m_s2[:n]), np.fft.rfft(true.malleolus_m_s2)
     bands = [(lines >= low) & (lines < low + 2) for low in range(12, 48, 2)]
-    return np.array([np.vdot(truth[band], found[band]) / np.vdot(truth[band], truth[band]) for band in bands])
+    return np.array([np.vdot(truth[band], measured[band]) / np.vdot(truth[band], truth[band]) for band in bands])
 
 
 def _against_the_foot(one: Recording) -> complex:

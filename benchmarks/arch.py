@@ -64,11 +64,11 @@ def measure(draws: int = 60) -> list[Check]:
     rows: list[Check] = []
     with progress_bar() as progress:
         task = progress.add_task("arch", total=len(FREQUENCIES_HZ) + 3)
-        found = []
+        by_frequency = []
         for frequency in FREQUENCIES_HZ:
-            found.append(errors(frequency))
+            by_frequency.append(errors(frequency))
             progress.advance(task)
-        plain, accurate = np.max(found, axis=0)
+        plain, accurate = np.max(by_frequency, axis=0)
         span = f"{FREQUENCIES_HZ[0]:g}-{FREQUENCIES_HZ[-1]:g} Hz"
         rows.append(at_most(f"arch, malleolus error over the peak, default step, {span}", float(plain), 1e-3))
         rows.append(at_most(f"arch, the same in the accurate mode, {span}", float(accurate), 2e-4))

@@ -62,8 +62,8 @@ def accuracy(seeds: int) -> Iterator[Check]:
     """Median error and time of every structure."""
     for name, excite in INPUTS.items():
         for structure in (*MODELS, "ss refined"):
-            found = [timed(structure, record(excite(SAMPLES), seed)) for seed in range(seeds)]
-            largest, rms, seconds = np.median(found, axis=0)
+            trials = [timed(structure, record(excite(SAMPLES), seed)) for seed in range(seeds)]
+            largest, rms, seconds = np.median(trials, axis=0)
             what = f"{structure} on {name}: largest (rms) error of the response 5-60 Hz, median of {seeds} seeds"
             yield told(what, f"{largest:.3f} ({rms:.3f}) % in {seconds:.3f} s")
 
@@ -77,29 +77,29 @@ def coverage(seeds: int) -> Iterator[Check]:
     }  # fmt: skip
     exact = np.abs(foot.response(BAND))
     for name, excite in INPUTS.items():
-        for structure, wanted in truth.items():
+        for structure, coefficients in truth.items():
             inside, gains = [], []
             for seed in range(seeds):
                 model = estimate(structure, record(excite(SAMPLES), 1000 + seed))
                 plant: Any = getattr(model, "transfer", model)
-                at = np.r_[0:4, 8:12] if structure == "bj" else np.arange(len(wanted))
-                inside.append(np.abs(plant.theta[at] - wanted) < 1.96 * plant.std_error[at])
+                at = np.r_[0:4, 8:12] if structure == "bj" else np.arange(len(coefficients))
+                inside.append(np.abs(plant.theta[at] - coefficients) < 1.96 * plant.std_error[at])
                 response = model.response(BAND)
                 gains.append(np.mean(np.abs(np.abs(response.value) - exact) < 1.96 * response.gain_std))
-            each, gain = 100 * np.mean(inside, axis=0), 100 * float(np.mean(gains))
+            shares, gain = 100 * np.mean(inside, axis=0), 100 * float(np.mean(gains))
             what = f"{structure} on {name}: 95 % intervals that hold the truth, {seeds} seeds"
-            measured = f"gain {gain:.1f} %, plant coefficients {each.min():.1f} to {each.max():.1f} %"
+            measured = f"gain {gain:.1f} %, plant coefficients {shares.min():.1f} to {shares.max():.1f} %"
             yield Check(what, gain, 92, 98, said=measured, beside="gain 92 to 98 %", asked=seeds >= 50)
 
 
 def best_of(times: int, work: Callable[[], object]) -> float:
     """Shortest processor time [s]."""
-    found = []
+    seconds = []
     for _ in range(times):
         begin = time.process_time()
         work()
-        found.append(time.process_time() - begin)
-    return min(found)
+        seconds.append(time.process_time() - begin)
+    return min(seconds)
 
 
 def grid(largest: int = 15) -> Iterator[Check]:
@@ -131,11 +131,11 @@ def loaded_foot() -> Iterator[Check]:
         oe = pem.estimate("oe", estimation, Orders.of("oe", (2, 2, 1)))
         hw = nonlinear.estimate(estimation, Orders.of("oe", (2, 2, 1)), (3, 3), oe)
         linear, *others = [selection.judge(m, [validation]) for m in (oe, subspace.estimate(estimation, 2), hw)]
-        for found in (*others, estimate_narx(estimation, [validation])):
+        for choice in (*others, estimate_narx(estimation, [validation])):
             yield told(
-                f"loaded nonlinear foot, {frequency:g} Hz, {found.model.label}: held-out fit in free simulation",
-                f"{found.fit_percent:.2f} %", f"{linear.model.label}: {linear.fit_percent:.2f} %",
-                (100 - linear.fit_percent) / (100 - found.fit_percent),
+                f"loaded nonlinear foot, {frequency:g} Hz, {choice.model.label}: held-out fit in free simulation",
+                f"{choice.fit_percent:.2f} %", f"{linear.model.label}: {linear.fit_percent:.2f} %",
+                (100 - linear.fit_percent) / (100 - choice.fit_percent),
             )  # fmt: skip
 
 
@@ -147,11 +147,11 @@ def peers(timeout: float) -> Iterator[Check]:
         series = record(excite(SAMPLES), 0)
         arrays |= {f"{name}_u": series.u, f"{name}_y": series.y}
         ours |= {f"{name} {structure}": timed(structure, series) for structure in MODELS}
-    for title, found in black_box_peers.run(arrays, timeout).items():
-        if isinstance(found, str):
-            console.print(f"{title} is {found}", soft_wrap=True)
+    for title, results in black_box_peers.run(arrays, timeout).items():
+        if isinstance(results, str):
+            console.print(f"{title} is {results}", soft_wrap=True)
             continue
-        for key, theirs in found.items():
+        for key, theirs in results.items():
             name, structure = key.split()
             what = f"{structure} on {name}, seed 0: largest error 5-60 Hz, time; ratio of times"
             mine = f"{ours[key][0]:.3f} % in {ours[key][2]:.3f} s"

@@ -1,4 +1,4 @@
-"""Systems of known truth that lead estimators astray: what is chosen, how well it serves fresh data, and how sure.
+"""Systems of known truth that are hard for estimators: chosen orders, fit on fresh data, coverage of intervals.
 
 Each is 2000 samples of a known plant; the gain is compared at 20 frequencies. SIPPY and nfoursid see the same arrays.
 """
@@ -125,40 +125,41 @@ def fresh_fit(case: Case, model: Any) -> float:
     return criteria.fit_percent(lfilter(case.b, case.f, u), model.simulate(u))
 
 
-def one(case: Case, seed: int, given: bool) -> tuple[str, float, float, float]:
+def one(case: Case, seed: int, orders_known: bool) -> tuple[str, float, float, float]:
     """Label, fit [%], share of 95 % intervals of the gain that hold the truth (NaN: withheld), processor time [s]."""
     begin = time.process_time()
-    wanted = {case.structure: case.orders} if given else {}
-    found = identify(case.record(seed), (case.structure,), wanted, 0.5, **case.options).models[case.structure]
+    orders = {case.structure: case.orders} if orders_known else {}
+    choice = identify(case.record(seed), (case.structure,), orders, 0.5, **case.options).models[case.structure]
     seconds = time.process_time() - begin
-    response = found.selection.curve(FREQUENCY)
+    response = choice.selection.curve(FREQUENCY)
     inside = np.abs(np.abs(response.value) - case.truth()) < 1.96 * response.gain_std
     held = float(np.mean(inside)) if np.isfinite(response.gain_std).all() else np.nan
-    return found.best.model.label, fresh_fit(case, found.best.model), held, seconds
+    return choice.best.model.label, fresh_fit(case, choice.best.model), held, seconds
 
 
 def rows(seeds: int) -> Iterator[Check]:
     """Every case with the true orders and without."""
     for case in CASES:
-        for given in (True, False):
-            found = [one(case, seed, given) for seed in range(seeds)]
-            labels = [label for label, *_ in found]
-            fit, seconds = (float(np.median([item[k] for item in found])) for k in (1, 3))
-            worst = min(item[1] for item in found)
-            held = np.array([item[2] for item in found])
-            shown = held[np.isfinite(held)]
-            coverage = 100 * float(np.mean(shown)) if len(shown) else np.nan
-            said = "withheld" if not len(shown) else f"{coverage:.1f} % ({len(held) - len(shown)} withheld)"
-            what = f"{case.name}, orders {'given' if given else 'not given'}, {seeds} seeds: fit on fresh data"
+        for orders_known in (True, False):
+            trials = [one(case, seed, orders_known) for seed in range(seeds)]
+            labels = [label for label, *_ in trials]
+            fit, seconds = (float(np.median([item[k] for item in trials])) for k in (1, 3))
+            worst = min(item[1] for item in trials)
+            held = np.array([item[2] for item in trials])
+            finite = held[np.isfinite(held)]
+            coverage = 100 * float(np.mean(finite)) if len(finite) else np.nan
+            text = "withheld" if not len(finite) else f"{coverage:.1f} % ({len(held) - len(finite)} withheld)"
+            what = f"{case.name}, orders {'given' if orders_known else 'not given'}, {seeds} seeds: fit on fresh data"
             usual = max(set(labels), key=labels.count)
             measured = f"{fit:.2f} % (worst {worst:.2f} %), {usual} {labels.count(usual)} times, {seconds:.2f} s"
             yield told(what, measured)
-            what = f"{case.name}, orders {'given' if given else 'not given'}: 95 % intervals of the gain with the truth"
-            yield Check(what, coverage, 90, 98, said=said, beside="90 to 98 %", asked=seeds >= 20 and len(shown) > 0)
+            orders = "given" if orders_known else "not given"
+            what = f"{case.name}, orders {orders}: 95 % intervals of the gain with the truth"
+            yield Check(what, coverage, 90, 98, said=text, beside="90 to 98 %", asked=seeds >= 20 and len(finite) > 0)
 
 
 def several(seeds: int = 5) -> Iterator[Check]:
-    """Two inputs and two outputs, third order: orders not given; ARX intervals hold for its own structure only."""
+    """Two inputs and two outputs, third order: orders not given; ARX intervals are valid for ARX systems only."""
     A, B = np.array([[0.9, 0.2, 0.0], [-0.2, 0.9, 0.1], [0.0, 0.0, 0.6]]), np.array([[1, 0], [0.3, 0.5], [0, 1.0]])
     C = np.array([[1.0, 0.0, 0.5], [0.0, 1.0, -1.0]])
     fits, labels, begin = [], [], time.process_time()
@@ -174,25 +175,25 @@ def several(seeds: int = 5) -> Iterator[Check]:
         u, fresh = rng.standard_normal((2, SAMPLES, 2))
         y = plant(u)
         y += 0.1 * y.std(axis=0) * rng.standard_normal(y.shape)
-        found = mimo.identify(mimo.Channels(u, y, 1.0, "plant", ("u1", "u2"), ("y1", "y2")), ("ss",)).models["ss"].model
+        model = mimo.identify(mimo.Channels(u, y, 1.0, "plant", ("u1", "u2"), ("y1", "y2")), ("ss",)).models["ss"].model
         exact = plant(fresh)
-        fits.append(criteria.fit_percent(exact.ravel(), found.simulate(fresh).ravel()))
-        labels.append(found.label)
+        fits.append(criteria.fit_percent(exact.ravel(), model.simulate(fresh).ravel()))
+        labels.append(model.label)
     usual = max(set(labels), key=labels.count)
-    said = f"{np.median(fits):.2f} % (worst {min(fits):.2f} %), {usual} {labels.count(usual)} times"
+    text = f"{np.median(fits):.2f} % (worst {min(fits):.2f} %), {usual} {labels.count(usual)} times"
     seconds = (time.process_time() - begin) / seeds
-    yield told(f"2 inputs, 2 outputs, orders not given, {seeds} seeds: fit on fresh data", f"{said}, {seconds:.2f} s")
+    yield told(f"2 inputs, 2 outputs, orders not given, {seeds} seeds: fit on fresh data", f"{text}, {seconds:.2f} s")
 
 
 def search_time() -> Iterator[Check]:
     """Processor time of the choice of orders of five structures, mean over three plants."""
-    found = []
+    seconds = []
     for case in (CASES[0], CASES[1], CASES[-1]):
         series = case.record(0)
         begin = time.process_time()
         identify(series, ("arx", "armax", "oe", "bj", "ss"))
-        found.append(time.process_time() - begin)
-    yield at_most("choice of orders, five structures, 2000 samples, processor time", float(np.mean(found)), 2.5, "s")
+        seconds.append(time.process_time() - begin)
+    yield at_most("choice of orders, five structures, 2000 samples, processor time", float(np.mean(seconds)), 2.5, "s")
 
 
 def peers(timeout: float, seeds: int = 5) -> Iterator[Check]:
@@ -211,11 +212,11 @@ def peers(timeout: float, seeds: int = 5) -> Iterator[Check]:
         for seed in range(seeds):
             first, _ = detrend(case.record(seed), case.options.get("detrend", 0)).split()
             arrays |= {f"{case.name}|u{seed}": first.u, f"{case.name}|y{seed}": first.y}
-    for title, found in black_box_peers.run_cases(arrays, timeout).items():
-        if isinstance(found, str):
-            console.print(f"{title} is {found}", soft_wrap=True)
+    for title, results in black_box_peers.run_cases(arrays, timeout).items():
+        if isinstance(results, str):
+            console.print(f"{title} is {results}", soft_wrap=True)
             continue
-        for key, (fit, seconds) in found.items():
-            name, given = key.split("|")
-            said = f"{fit:.2f} %" if fit > FAILED else "no model"
-            yield told(f"{name}, orders {given}: {title} N4SID, fit on fresh data", f"{said} in {seconds:.2f} s")
+        for key, (fit, seconds) in results.items():
+            name, orders = key.split("|")
+            text = f"{fit:.2f} %" if fit > FAILED else "no model"
+            yield told(f"{name}, orders {orders}: {title} N4SID, fit on fresh data", f"{text} in {seconds:.2f} s")

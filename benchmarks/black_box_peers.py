@@ -1,4 +1,4 @@
-"""Peers of the black-box estimators: SIPPY, pysib and nfoursid on the same data, each in an environment of its own.
+"""Peers of the black-box estimators: SIPPY, pysib and nfoursid on the same data, each in a separate environment.
 
 They are installed by pip under a temporary folder with the versions of numpy and scipy that they want; a peer that does
 not install is left out with a sentence.
@@ -127,7 +127,7 @@ def run_cases(arrays: Mapping[str, np.ndarray], timeout: float) -> dict[str, dic
 
 
 def run(arrays: Mapping[str, np.ndarray], timeout: float) -> dict[str, dict[str, list[float]] | str]:
-    """What each peer makes of the data, or why it is left out.
+    """The estimates of each peer, or why it is left out.
 
     Args:
         arrays: band [Hz] (M,), exact response there (M,), sample_time [s], and NAME_u, NAME_y of each excitation.

@@ -68,13 +68,13 @@ def fine_modes(surface: trimesh.Trimesh, support: str) -> np.ndarray:
     return solve(model, COUNT).frequencies_hz
 
 
-def finest(found: BodyModes, support: str) -> np.ndarray:
+def finest(modes: BodyModes, support: str) -> np.ndarray:
     """Frequencies of the tetrahedra that were solved, cut in eight once more [Hz]."""
-    mesh = refined(found.body.mesh)
+    mesh = refined(modes.body.mesh)
     return solve(CellModel(assemble(mesh, held=FREE if support == "free" else None), (MATERIAL,)), COUNT).frequencies_hz
 
 
-def both_ways(surface: trimesh.Trimesh, support: str, folder: Path) -> Iterator[tuple[str, BodyModes, float]]:
+def modes_by_format(surface: trimesh.Trimesh, support: str, folder: Path) -> Iterator[tuple[str, BodyModes, float]]:
     """Modes by .stl and by .vtu, and CPU seconds."""
     um = surface.copy().apply_scale(1e3)
     coarse = fill(um, default_size(um).coarser(1.8))
@@ -89,12 +89,12 @@ def both_ways(surface: trimesh.Trimesh, support: str, folder: Path) -> Iterator[
         )
 
 
-def compared(name: str, way: str, found: BodyModes, reference: np.ndarray, seconds: float) -> Check:
+def compared(name: str, way: str, modes: BodyModes, reference: np.ndarray, seconds: float) -> Check:
     """The row of one body."""
-    errors = np.abs(found.frequencies_hz / reference - 1)
-    inside = int((errors <= found.errors).sum())
-    printed = f"{100 * found.errors.max():.2g} % printed, holds in {inside} of {COUNT}"
-    what = f"{name}, {way}, {found.model.assembly.dof} unknowns, {seconds:.0f} s"
+    errors = np.abs(modes.frequencies_hz / reference - 1)
+    inside = int((errors <= modes.errors).sum())
+    printed = f"{100 * modes.errors.max():.2g} % printed, holds in {inside} of {COUNT}"
+    what = f"{name}, {way}, {modes.model.assembly.dof} unknowns, {seconds:.0f} s"
     return told(what, f"{100 * errors.max():.2g} % off at most", printed)
 
 
@@ -107,17 +107,17 @@ def measure() -> list[Check]:
             mesh = box(*(np.linspace(0, 1e3 * side, n + 1) for side, n in zip(sides, parts, strict=True)))
             model = CellModel(assemble(mesh, held=FREE if support == "free" else None), (MATERIAL,))
             reference = solve(model, COUNT).frequencies_hz
-            for way, found, seconds in both_ways(trimesh.creation.box(sides), support, folder):
-                rows.append(compared(name, way, found, reference, seconds))
+            for way, modes, seconds in modes_by_format(trimesh.creation.box(sides), support, folder):
+                rows.append(compared(name, way, modes, reference, seconds))
         for name, support, surface in surfaces():
             reference = fine_modes(surface, support)
             if name.startswith("sphere"):
                 c_s = np.sqrt(MATERIAL.E / (2 * (1 + MATERIAL.nu) * MATERIAL.rho))
                 reference = np.full(COUNT, lamb_torsional(2) * c_s / (2 * np.pi * 0.01))
-            for way, found, seconds in both_ways(surface, support, folder):
+            for way, modes, seconds in modes_by_format(surface, support, folder):
                 if way == "vtu":  # its straight or curved elements are the shape
-                    reference = finest(found, support)
-                rows.append(compared(name, way, found, reference, seconds))
+                    reference = finest(modes, support)
+                rows.append(compared(name, way, modes, reference, seconds))
     return rows
 
 

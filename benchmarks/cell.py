@@ -1,7 +1,7 @@
 """Ten modes of the cell beside plain scipy on the same matrices, and a large cell: time and memory of each.
 
-Every way runs in a process of its own, so that its peak memory is its own; times are CPU seconds, which other work on
-the machine hardly disturbs. `OMP_NUM_THREADS=1` keeps them on one thread.
+Every solver runs in a separate process, so that its peak memory is measured alone. Times are CPU seconds, which other
+work on the machine hardly disturbs. `OMP_NUM_THREADS=1` keeps them on one thread.
 """
 
 import json
@@ -50,7 +50,7 @@ def run(way: str, size: float) -> dict[str, float]:
 
 
 def apart(way: str, size: float) -> dict[str, float]:
-    """The same in a process of its own."""
+    """The same in a separate process."""
     command = [sys.executable, "-m", "benchmarks.cell", "--way", way, "--size", str(size)]
     return dict(json.loads(subprocess.run(command, check=True, stdout=subprocess.PIPE).stdout))
 
@@ -64,21 +64,21 @@ def measure(large: bool = False) -> list[Check]:
         dome_mesh(Dome(), MeshSize.of(size))  # meshing is not what is measured
     plain, rows = apart(PLAIN, SIZE), []
     for way, size in jobs:
-        found = apart(way, size)
-        default = ", the default" if way == fastest(int(found["unknowns"])) else ""
-        what = f"ten modes of the cell, {found['unknowns']:.0f} unknowns, {way}{default}, {_ends(found)}"
+        result = apart(way, size)
+        default = ", the default" if way == fastest(int(result["unknowns"])) else ""
+        what = f"ten modes of the cell, {result['unknowns']:.0f} unknowns, {way}{default}, {_ends(result)}"
         beside = f"{PLAIN}, {_ends(plain)}: {_cost(plain)}" if size == SIZE else ""
-        rows.append(told(what, _cost(found), beside, plain["solution_s"] / found["solution_s"] if beside else None))
+        rows.append(told(what, _cost(result), beside, plain["solution_s"] / result["solution_s"] if beside else None))
     rows.append(told(f"the same, assembly of {plain['unknowns']:.0f} unknowns", f"{plain['assembly_s']:.1f} s"))
     return rows
 
 
-def _ends(found: dict[str, float]) -> str:
-    return f"f1 {found['f1_hz']:.3f} and f10 {found['f10_hz']:.3f} Hz"
+def _ends(result: dict[str, float]) -> str:
+    return f"f1 {result['f1_hz']:.3f} and f10 {result['f10_hz']:.3f} Hz"
 
 
-def _cost(found: dict[str, float]) -> str:
-    return f"{found['solution_s']:.1f} s, {found['memory_gib']:.2f} GiB"
+def _cost(result: dict[str, float]) -> str:
+    return f"{result['solution_s']:.1f} s, {result['memory_gib']:.2f} GiB"
 
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)

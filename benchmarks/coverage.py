@@ -1,8 +1,8 @@
-"""Are the standard errors true? Many noise seeds of one foot, fitted as `identification.fit` fits them, and counted.
+"""Coverage of the intervals: many noise seeds of one foot, fitted as `identification.fit` fits them, and counted.
 
-The foot is integrated once a frequency; each seed only redoes what chance does: sensor noise, quantisation, harmonics,
+The foot is integrated once a frequency; each seed draws anew: sensor noise, quantisation, harmonics,
 fit of both branches from starts near the truth and near its mirror, weights, intervals and verdict. Three feet: one
-with strongly nonlinear dampers, whose true branch must be chosen; a nearly linear one, which nobody could decide; and
+with strongly nonlinear dampers, whose true branch must be chosen; a nearly linear one, which cannot be decided; and
 one between, whose exponentials are as flat but whose cosines are not (of which nothing is required: a quarter of the
 seeds).
 
@@ -39,7 +39,7 @@ from identification.steady import SIDES
 from identification.study.validation import held
 from reproduction.check import Check, at_least, within
 
-#: The laboratory's own foot, and the same with less nonlinearity.
+#: The laboratory's foot, and the same with less nonlinearity.
 _FLAT = {**TRUTH, "c_12": 3.0, "c_22": -3.0}
 STRONG, WEAK, BETWEEN = "strongly nonlinear", "nearly linear", "between"
 FEET = {STRONG: TRUTH, WEAK: {**_FLAT, "c_13": 10.0, "c_23": 10.0}, BETWEEN: _FLAT}
@@ -88,11 +88,11 @@ def trial(truth: Mapping[str, float], clean: Sequence[Recording], seed: int) -> 
     near = variables.start({name: value * rng.uniform(0.9, 1.1) for name, value in truth.items()})
     starts = {_side(problem, q): q for q in (near, variables.image(near))}
     problem = problem.weighed(starts[true])
-    found = {sign: _end(problem, q, sign) for sign, q in starts.items()}
-    best = min(found, key=lambda sign: found[sign].optimum.objective)
-    order = [found[best], found[-best]]
+    ends = {sign: _end(problem, q, sign) for sign, q in starts.items()}
+    best = min(ends, key=lambda sign: ends[sign].optimum.objective)
+    order = [ends[best], ends[-best]]
     verdict = judge([s.branch for s in order], [s.optimum.objective for s in order], order[0].chi_square, order[0].dof)
-    right = found[true]
+    right = ends[true]
     estimates = {key.split("_n_")[0]: e for key, e in right.estimates()[0].items()}
     covered = {name: estimates[name].lower <= truth[name] <= estimates[name].upper for name in COUNTED}
     return Trial(covered, right.chi_square, right.dof, best == true, verdict.word == "decided")

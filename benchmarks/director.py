@@ -1,4 +1,4 @@
-"""Is a planned session worth its third of the recordings? Virtual feet that the plan did not know, and auto sessions.
+"""Planned sessions with a third of the recordings against the thesis' protocol, on virtual feet; automatic sessions.
 
 The feet and what their sensors record come from worlds.py, which shares no code with the plan or the fit: legs of both
 branches, segment masses off by 10 % from what the scale and the table say, a gain that is off by 1 %. Each foot is
@@ -38,9 +38,9 @@ COUNTED = ("k_T", "k_F", "c_11", "c_21")
 #: What is compared: the plan, the thesis' three loads, and its unloaded part.
 PROTOCOLS = ("planned", "three loads", "one load")
 STARTS = 4
-#: What plan and fit are told that cannot be, unless the option says otherwise: then masses, gain and delay are left.
+#: Nuisances that plan and fit exclude by default; masses, gain and delay remain.
 EXCLUDED = ("all",)
-#: What is recorded here repeats exactly, as no person does; the plan knows.
+#: Repeatability of these recordings: exact, unlike a person's. The plan has the same value.
 REPEATABILITY = 0.0
 #: Feet from which on something is required.
 ENOUGH = 100
@@ -53,7 +53,7 @@ class Fitted:
     Attributes:
         protocol: which. seed, strength: of the foot. recordings, shaking_s: how many, how long. verdict: of the fit.
         right: the branch named first is the true one. half_width, holds: by constant, on the true branch where it is
-            shown, else on the first. expected: half-widths that the plan foretold for such feet.
+            shown, else on the first. expected: half-widths that the plan predicts for such feet.
         plan_s, fit_s: CPU time. why: of a refusal.
     """
 
@@ -73,7 +73,7 @@ class Fitted:
 
 
 def planned(foot: Virtual, exclude: Sequence[str]) -> tuple[tuple[Step, ...], dict[str, float]]:
-    """A session of a third of the thesis' recordings for a person of whom the scale alone is known, and its promise."""
+    """A session with a third of the thesis' recordings, planned from the body mass alone, and its half-widths."""
     from fasbody.foot.model import load
     from fasbody.recording.known import Known
     from identification.plan.director import Director
@@ -88,7 +88,7 @@ def planned(foot: Virtual, exclude: Sequence[str]) -> tuple[tuple[Step, ...], di
 
 
 def trial(protocol: str, seed: int, exclude: Sequence[str] = EXCLUDED) -> Fitted:
-    """Plan, record and fit; `exclude` is what both are told that cannot be, in the words of the fit."""
+    """Plan, record and fit; `exclude` names the nuisances that both leave out."""
     from fasbody.foot.model import load
     from identification.fitting import fit_foot
 
@@ -195,14 +195,14 @@ def session(seed: int) -> Ran:
 
 def digest(plan: bool, *rooms: str, exclude: Sequence[str] = EXCLUDED) -> str:
     """Of everything that a fit of these feet depends on: worlds, fit and models, and what is planned for two."""
-    told_ = [*map(str, exclude), *([planned(virtual(seed), exclude)[0] for seed in (0, 1)] if plan else [])]
-    found = hashlib.sha256(repr(told_).encode())
+    facts = [*map(str, exclude), *([planned(virtual(seed), exclude)[0] for seed in (0, 1)] if plan else [])]
+    sha = hashlib.sha256(repr(facts).encode())
     files = [*SOURCES, Path(rig.__file__)]
     for room in ("identification", "identification/engines", "fasbody/foot", *rooms):
         files += list((ROOT / room).glob("*.py"))
     for file in sorted(files):
-        found.update(file.read_bytes())
-    return found.hexdigest()[:16]
+        sha.update(file.read_bytes())
+    return sha.hexdigest()[:16]
 
 
 def read(file: Path, stamps: Mapping[str, str]) -> list[Fitted]:
@@ -269,20 +269,20 @@ def by_themselves(sessions: int, state: Path) -> list[Check]:
 def compared(feet: int, state: Path, exclude: Sequence[str]) -> list[Check]:
     """Rows from so many feet."""
     stamps = {protocol: digest(protocol == PROTOCOLS[0], exclude=exclude) for protocol in PROTOCOLS}
-    wanted = [(protocol, seed) for seed in range(feet) for protocol in PROTOCOLS[:2]]
-    wanted += [(PROTOCOLS[2], seed) for seed in range(feet)]
+    keys = [(protocol, seed) for seed in range(feet) for protocol in PROTOCOLS[:2]]
+    keys += [(PROTOCOLS[2], seed) for seed in range(feet)]
     done = {(f.protocol, f.seed): f for f in read(state, stamps)}
     with progress_bar() as progress, state.open("a") as file:
-        for key in progress.track([key for key in wanted if key not in done], description="feet"):
+        for key in progress.track([key for key in keys if key not in done], description="feet"):
             done[key] = trial(*key, exclude)
             file.write(json.dumps({**asdict(done[key]), "digest": stamps[key[0]]}) + "\n")
             file.flush()
-    return rows_of([done[key] for key in wanted])
+    return rows_of([done[key] for key in keys])
 
 
-def rows_of(found: Sequence[Fitted]) -> list[Check]:
+def rows_of(feet: Sequence[Fitted]) -> list[Check]:
     """What was asked, over all feet that every protocol recorded."""
-    by: dict[str, dict[int, Fitted]] = {p: {f.seed: f for f in found if f.protocol == p} for p in PROTOCOLS}
+    by: dict[str, dict[int, Fitted]] = {p: {f.seed: f for f in feet if f.protocol == p} for p in PROTOCOLS}
     seeds = sorted(s for s in by["planned"] if all(by[p][s].half_width for p in PROTOCOLS))
     rows: list[Check] = []
     enough = len(seeds) >= ENOUGH
@@ -295,8 +295,8 @@ def rows_of(found: Sequence[Fitted]) -> list[Check]:
         rows.append(told(f"{p}: recordings, minutes of shaking", f"{count:.3g}, {minutes:.3g} min", f"of {n} feet"))
         rows.append(told(f"{p}: decided, of these wrong", f"{decided}, {wrong}", f"of {n}, {_none(mine)} refused"))
         widths = [_mean([by[p][s].half_width[name] for s in seeds]) for name in COUNTED]
-        told_ = ", ".join(f"{name} {100 * w:.3g} %" for name, w in zip(COUNTED, widths, strict=True))
-        rows.append(told(f"{p}: half-widths, geometric means", told_, f"of {len(seeds)} feet"))
+        text = ", ".join(f"{name} {100 * w:.3g} %" for name, w in zip(COUNTED, widths, strict=True))
+        rows.append(told(f"{p}: half-widths, geometric means", text, f"of {len(seeds)} feet"))
         held = [ok for f in mine for ok in f.holds.values()]
         share = 100 * float(np.mean(held)) if held else 0.0
         row = within(f"{p}: coverage of 95 % intervals", share, 92.0, 98.0, "%")
@@ -321,8 +321,8 @@ def rows_of(found: Sequence[Fitted]) -> list[Check]:
     return rows
 
 
-def _none(found: Sequence[Fitted]) -> int:
-    return sum(f.verdict == "none" for f in found)
+def _none(feet: Sequence[Fitted]) -> int:
+    return sum(f.verdict == "none" for f in feet)
 
 
 def _mean(values: Sequence[float]) -> float:

@@ -42,11 +42,11 @@ def table_at(hz: float) -> ModuleType:
 def readings(edits: ModuleType, file: Path, peak: float) -> dict[str, complex]:
     """T by every way of `READ` that does not refuse; a motion that is not smooth has no balance."""
     edits.__dict__["PEAK"] = peak
-    found = {}
+    responses = {}
     for reader in READ:
         with contextlib.suppress(SimulationError, ModelError):
-            found[reader] = edits.READERS[reader](file)["T"]
-    return found
+            responses[reader] = edits.READERS[reader](file)["T"]
+    return responses
 
 
 def rows(progress: Any) -> Iterator[tuple[str, float, float, str, float]]:
@@ -58,9 +58,9 @@ def rows(progress: Any) -> Iterator[tuple[str, float, float, str, float]]:
             with tempfile.TemporaryDirectory() as folder:
                 file = edit.write(Path(folder))
                 for peak in PEAKS:
-                    found = readings(edits, file, peak)
-                    truth = edit.truth.T if peak == PEAKS[0] else found.get("balance", found.get("viewer", 0))
-                    for reader, T in found.items():
+                    responses = readings(edits, file, peak)
+                    truth = edit.truth.T if peak == PEAKS[0] else responses.get("balance", responses.get("viewer", 0))
+                    for reader, T in responses.items():
                         yield f"{edit.model}: {edit.says}", hz, peak, reader, abs(T / truth - 1)
 
 
@@ -83,8 +83,8 @@ def paired(count: int, progress: Any) -> Iterator[tuple[str, float | str]]:
             except FasError as error:
                 yield name, str(error)
                 continue
-            found = readings(edits, file, PEAKS[1])
-        yield name, abs(found["simulate"] / found.get("balance", found.get("viewer", 0)) - 1)
+            responses = readings(edits, file, PEAKS[1])
+        yield name, abs(responses["simulate"] / responses.get("balance", responses.get("viewer", 0)) - 1)
 
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
@@ -100,7 +100,7 @@ def main(
       python -m benchmarks.edits --pairs 5
     """
     with progress_bar() as progress:
-        single, both = list(rows(progress)), list(paired(pairs, progress))
+        single, combined = list(rows(progress)), list(paired(pairs, progress))
     checks: list[Check] = []
     for peak in PEAKS:
         for reader in READ:
@@ -110,9 +110,9 @@ def main(
             what = f"{len(mine)} edits by {reader} at {peak:g} m/s^2 against {against}"
             what += f", worst: {worst[0]}, {worst[1]:g} Hz"
             checks.append(at_most(what, worst[4], 1e-3))
-    followed = [error for _, error in both if isinstance(error, float)]
-    refused = [f"{name}: {error}" for name, error in both if isinstance(error, str)]
-    worst_pair = max(both, key=lambda row: row[1] if isinstance(row[1], float) else 0.0)
+    followed = [error for _, error in combined if isinstance(error, float)]
+    refused = [f"{name}: {error}" for name, error in combined if isinstance(error, str)]
+    worst_pair = max(combined, key=lambda row: row[1] if isinstance(row[1], float) else 0.0)
     checks.append(at_most(f"{len(followed)} pairs by simulate, worst: {worst_pair[0]}", max(followed), 1e-3))
     report("edits", checks, json_)
     for sentence in refused:

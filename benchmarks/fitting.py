@@ -1,8 +1,8 @@
 """How long a fit takes: steady state in closed form and on MuJoCo alone, time domain, and scipy alone.
 
-Steady state: the bundled nine recordings without load, pooled, the eight parameters and the delay free, from wild
+Steady state: the bundled nine recordings without load, pooled, the eight parameters and the delay free, from random
 starts, the model assumed exact; and the whole fit with every nuisance. Time domain: one synthetic recording of 10 s at
-1 kHz, a sine swept from 10 to 50 Hz, eight parameters and four initial states, no delay, from the model's own values.
+1 kHz, a sine swept from 10 to 50 Hz, eight parameters and four initial states, no delay, from the values of the model.
 All on one thread, in CPU time.
 """
 
@@ -75,8 +75,8 @@ _ONE = 0.1
 
 def constants(solution: Solution) -> tuple[np.ndarray, np.ndarray]:
     """Stiffness and damping of an end and their standard errors."""
-    found = list(solution.estimates()[0].items())
-    kept = [e for key, e in found if "_n_" in key]
+    estimates = list(solution.estimates()[0].items())
+    kept = [e for key, e in estimates if "_n_" in key]
     return np.array([e.value for e in kept]), np.array([e.std_error for e in kept])
 
 
@@ -90,7 +90,7 @@ def steady_state(wild_starts: int = 50) -> tuple[list[Check], float]:
     signs = np.repeat([1, -1], count)
     began = time.process_time()
     ends = optimiser.descend(problem, Q, signs)
-    each = (time.process_time() - began) / len(Q)
+    seconds_per_start = (time.process_time() - began) / len(Q)
     best = {}
     for sign in (1, -1):
         mine = np.flatnonzero(signs == sign)
@@ -115,14 +115,16 @@ def steady_state(wild_starts: int = 50) -> tuple[list[Check], float]:
     (a, std), (b, _) = constants(ours), constants(theirs)
     what = f"pooled steady-state fit of {len(question.recordings)} recordings"
     rows = [
-        at_most(f"{what}, model assumed exact, one of {len(Q)} wild starts together", 1e3 * each, 60.0, "ms"),
-        faster(f"{what}, one start", each, alone, "any MJCF on MuJoCo's inverse dynamics, from nearby"),
+        at_most(
+            f"{what}, model assumed exact, one of {len(Q)} wild starts together", 1e3 * seconds_per_start, 60.0, "ms"
+        ),
+        faster(f"{what}, one start", seconds_per_start, alone, "any MJCF on MuJoCo's inverse dynamics, from nearby"),
         at_most("distance between the estimates of both, standard errors", float(np.max(np.abs(a - b) / std)), _ONE),
         at_least(f"of {len(Q)} wild starts, ends at the best place of its side", arrived, round(0.5 * len(Q))),
         at_most(f"{what}, both sides, every nuisance, replayed in MuJoCo, CPU time", seconds, 60.0, "s"),
         at_least("times that it met its best end", int(whole.starts[0]["hits"]), 2),
     ]
-    return rows, each
+    return rows, seconds_per_start
 
 
 def _optimum(end: tuple[np.ndarray, float, bool], sign: int) -> optimiser.Optimum:
@@ -145,7 +147,7 @@ def time_domain(steady_seconds: float, seconds: float = 10.0, repeats: int = 5, 
         progress.add_task("time domain", total=None)
         descend(problem, q0, "compiles")
         ours = [timed(problem, q0, "twin") for _ in range(repeats)]
-        descent, median = ours[0].descent, float(np.median([found.seconds for found in ours]))
+        descent, median = ours[0].descent, float(np.median([run.seconds for run in ours]))
         limit = min(scipy_limit, descent.evaluations)
         began = time.process_time()
         z, _ = plain_scipy.fit(problem, problem.start(q0), limit)

@@ -45,7 +45,7 @@ ENDINGS += tuple(
     for ending, library in {"xlsx": "openpyxl", "wav": "soundfile", "flac": "soundfile", "c3d": "ezc3d"}.items()
     if find_spec(library)
 )
-#: What a sound file does not say of itself.
+#: Channels and units of a valid file whose format does not state them.
 _SOUND = Layout({name: Channel(f"channel_{i}", "m/s^2") for i, name in enumerate(("base", "malleolus"), 1)})
 _EXTREMES = (
     b"\x00" * 8,
@@ -94,7 +94,7 @@ def sound(samples: int = 200) -> dict[str, bytes]:
 
 
 def _read_only(ending: str, channels: dict[str, np.ndarray]) -> bytes:
-    """A recording in a format that only its own library writes."""
+    """A recording in a format that only its library writes."""
     file = BytesIO()
     table = np.column_stack(list(channels.values()))
     if ending == "npz":
@@ -207,8 +207,9 @@ def main() -> None:
             seen = fuzz(ending, count, advance=partial(progress.advance, bar))
         reader.end_child()  # so that the system counts its memory
         child = resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024
-        own = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
-        print(f"{ending:8} {count} files: {dict(seen)}; peak memory so far {own:.0f} MB here, {child:.0f} MB reading")
+        parent = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024
+        memory = f"peak memory so far {parent:.0f} MB here, {child:.0f} MB reading"
+        print(f"{ending:8} {count} files: {dict(seen)}; {memory}")
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Are the intervals of the heel's laws true? Strikes made from known laws, with the plate, the markers and the filters.
+"""Coverage of the intervals of the heel's laws: strikes of known laws, with plate, markers and filters.
 
 A leg of constant mass falls on a pad that follows a law; DOP853 integrates it at tight tolerance. What the plate and
 the markers would have recorded is written as volts and millimetres, with the noise, the quantisation and the two
@@ -29,8 +29,10 @@ def person(task: tuple[str, int]) -> tuple[str, list[bool]]:
     key, seed = task
     law, theta = LAWS[key], np.array(TRUTH[key])
     rng = np.random.default_rng([seed, list(LAWS).index(key)])
-    found = fit(law, [strike(law, theta, rng, k) for k in range(10)], "whole")
-    return key, [item.lower <= true <= item.upper for item, true in zip(found.parameters.values(), theta, strict=True)]
+    estimate = fit(law, [strike(law, theta, rng, k) for k in range(10)], "whole")
+    return key, [
+        item.lower <= true <= item.upper for item, true in zip(estimate.parameters.values(), theta, strict=True)
+    ]
 
 
 def measure(persons: int, jobs: int) -> Iterator[Check]:
@@ -45,11 +47,11 @@ def measure(persons: int, jobs: int) -> Iterator[Check]:
     for key, inside in hits.items():
         yield told(f"the same, {LAWS[key].name}", f"{100 * np.mean(inside):.3g} % of {len(inside)}", "")
     began = time.perf_counter()
-    found = analyse(HeelStudy.read())
+    analysis = analyse(HeelStudy.read())
     yield at_most("heel: the whole analysis of twelve walkers, wall time", time.perf_counter() - began, 120.0, "s")
     for window in ("loading", "whole"):
         for test, words in (("other_speed", "slow to normal"), ("other_person", "a person left out")):
-            best = found.best(window, test)
+            best = analysis.best(window, test)
             if best:
                 yield told(
                     f"heel: {words}, {window}, error over the peak", f"{100 * best[1]:.3g} % ({LAWS[best[0]].name})", ""

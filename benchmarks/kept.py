@@ -11,11 +11,11 @@ ROOT = Path(__file__).parents[1]
 
 
 def digest(files: Iterable[Path], more: str = "") -> str:
-    """Of everything that a row depends on: files, and what else is told."""
-    found = hashlib.sha256(more.encode())
+    """Digest of everything that a row depends on: files, and further text."""
+    sha = hashlib.sha256(more.encode())
     for file in sorted(files):
-        found.update(file.read_bytes())
-    return found.hexdigest()[:16]
+        sha.update(file.read_bytes())
+    return sha.hexdigest()[:16]
 
 
 def fit_sources() -> list[Path]:
@@ -33,15 +33,15 @@ class Kept:
 
     def rows(self) -> list[dict[str, Any]]:
         """What was computed from these sources; a line cut off by an interruption is left out."""
-        found = []
+        kept = []
         for line in self.file.read_text().splitlines() if self.file.is_file() else []:
             try:
                 row = json.loads(line)
             except ValueError:
                 continue
             if row.pop("digest", None) == self.digest:
-                found.append(row)
-        return found
+                kept.append(row)
+        return kept
 
     def add(self, row: Mapping[str, Any]) -> None:
         """Append one row."""

@@ -1,4 +1,4 @@
-"""Would the tests notice? One fault after the other in a copy of the tree, and the tests for it.
+"""Mutation tests: one fault after the other in a copy of the tree, and the tests that must fail.
 
 Each fault is in a rule that decides something for the user: a limit moved, a repetition left out,
 a rate forgotten.

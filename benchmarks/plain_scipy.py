@@ -1,9 +1,10 @@
 """The time-domain fit as scipy's documentation leads to it: what a user would otherwise run.
 
-`solve_ivp(method="RK45")` inside a residual function for `least_squares`, the Jacobian by its own differences. It gets
-all the help there is: tight tolerances (the default rtol 1e-3 is too coarse for differences), a right-hand side on
-plain numbers, the same spline as input, the same scaled search variable, bounds and noise, and difference steps above
-the error of the integrator (scipy's default step lies below it). Nothing in its loop is ours but data and model.
+`solve_ivp(method="RK45")` inside a residual function for `least_squares`, the Jacobian by finite differences. It gets
+all advantages: tight tolerances (the default rtol 1e-3 is too coarse for differences), a right-hand side on plain
+numbers, the same spline as input, the same scaled search variable, bounds and noise, and difference steps above the
+error of the integrator (scipy's default step lies below it). Its loop shares data and model with fasbody, nothing
+else.
 """
 
 import math
@@ -31,11 +32,11 @@ def fit(problem: TimeProblem, z0: np.ndarray, evaluations: int) -> tuple[np.ndar
     # The initial states are searched for as 1 + state, because scipy's difference step is relative to the variable.
     shift = np.where(np.arange(z0.size) < z0.size - STATES, 0.0, 1.0)
     low, high = problem.bounds
-    found = least_squares(
+    solution = least_squares(
         lambda z: residual(problem, z - shift), z0 + shift, bounds=(low + shift, high + shift), method="trf",
         x_scale="jac", diff_step=_DIFF_STEP, max_nfev=evaluations,
     )  # fmt: skip
-    return found.x - shift, 2 * float(found.cost)
+    return solution.x - shift, 2 * float(solution.cost)
 
 
 def residual(problem: TimeProblem, z: np.ndarray) -> np.ndarray:
@@ -46,10 +47,10 @@ def residual(problem: TimeProblem, z: np.ndarray) -> np.ndarray:
     t = recording.time_s - recording.time_s[0]
     x0 = problem.states(z, 0)[problem.engine.order]
     rates = plain_rates(foot, t, recording.base_m_s2)
-    found = solve_ivp(rates, (0.0, t[-1]), x0, method="RK45", t_eval=t, rtol=_RTOL, atol=_ATOL)
-    if not found.success:
+    solution = solve_ivp(rates, (0.0, t[-1]), x0, method="RK45", t_eval=t, rtol=_RTOL, atol=_ATOL)
+    if not solution.success:
         return np.full(t.size, 1e6)
-    return (foot.output(found.y) - recording.malleolus_m_s2) / problem.sigma[0]
+    return (foot.output(solution.y) - recording.malleolus_m_s2) / problem.sigma[0]
 
 
 def plain_rates(foot: TwoDof, t: np.ndarray, base: np.ndarray) -> Callable[[float, np.ndarray], tuple[float, ...]]:

@@ -1,4 +1,4 @@
-"""Is a result as sure as the world allows? Fits of legs in worlds that depart from the model.
+"""Coverage and verdicts of fits of legs that depart from the model.
 
 The recordings come from worlds.py, which shares no code with the fit and says what an interval must
 hold. Each member of the population is one leg and one session of one to three loads, fitted as a
@@ -40,7 +40,7 @@ COUNTED = ("k_T", "k_F", "c_11", "c_21")
 ENOUGH = 14
 #: Largest share of wrong legs; least share [%] of identified intervals that hold, of all worlds and
 #: of each; least share [%] of legs that are decided where recordings scatter by 3 %.
-WRONG, HOLD, HOLD_EACH, DECIDE = 1 / 200, 93.0, 85.0, 80.0
+WRONG, HOLD, HOLD_BY_WORLD, DECIDE = 1 / 200, 93.0, 85.0, 80.0
 #: Word for an interval that the fit withholds.
 WITHHELD = "withheld"
 #: Clean legs from which on the coverage of their intervals is judged.
@@ -67,7 +67,7 @@ class Interval:
 
 @dataclass(frozen=True)
 class Judged:
-    """One member and what the fit said of it.
+    """One member and the verdict of its fit.
 
     Attributes:
         world: of the member.
@@ -76,7 +76,7 @@ class Judged:
         loads: how many.
         verdict: the fit's word; "none" where it refused.
         true_first: the branch named first is the true one.
-        true_shown: the true branch is among those that are open.
+        true_is_open: the true branch is among those that are open.
         intervals: of the true branch where it is open, else of the first.
         excess: chi-square a degree of freedom.
         seconds: CPU time of the fit [s].
@@ -89,7 +89,7 @@ class Judged:
     loads: int
     verdict: str
     true_first: bool
-    true_shown: bool
+    true_is_open: bool
     intervals: dict[str, Interval]
     excess: float
     seconds: float
@@ -120,7 +120,7 @@ class Judged:
 
 
 def fitted(data: Sequence[Recording], exclude: Sequence[str] = ()) -> FitResult:
-    """The public fit, as a user calls it; the only place of this module that knows it."""
+    """The public fit, as a user calls it."""
     from fasbody.foot.model import load
     from identification.fitting import fit_foot
 
@@ -128,30 +128,30 @@ def fitted(data: Sequence[Recording], exclude: Sequence[str] = ()) -> FitResult:
 
 
 def intervals_of(branch: Branch, truth: Member) -> dict[str, Interval]:
-    """What a branch says of the counted constants."""
-    found = {}
+    """The intervals of the counted constants on a branch."""
+    intervals = {}
     for name in COUNTED:
         key = next(key for key in branch.parameters if key.startswith(f"{name}_"))
         e, (low, high), rest = branch.parameters[key], truth.truth[name], getattr(truth.leg, name)
         word = WITHHELD if np.isnan([e.lower, e.upper]).any() else e.identifiability
         holds, strict = e.lower <= high and low <= e.upper, e.lower <= rest <= e.upper
-        found[name] = Interval(word, bool(holds), bool(strict))
-    return found
+        intervals[name] = Interval(word, bool(holds), bool(strict))
+    return intervals
 
 
 def judged(truth: Member, result: FitResult, seconds: float) -> Judged:
-    """What a result says, beside the truth."""
+    """A result compared with the truth."""
     name = STIFF_ANKLE if truth.stiff_ankle else STIFF_PAD
-    shown = {branch.name: branch for branch in result.open}
-    branch = shown.get(name, result.best)
+    open_branches = {branch.name: branch for branch in result.open}
+    branch = open_branches.get(name, result.best)
     return Judged(
         truth.world, truth.seed, truth.strength, len(truth.loads_kg), result.verdict, result.best.name == name,
-        name in shown, intervals_of(branch, truth), result.best.chi_square / max(1, result.best.dof), seconds,
+        name in open_branches, intervals_of(branch, truth), result.best.chi_square / max(1, result.best.dof), seconds,
     )  # fmt: skip
 
 
 def trial(world: str, seed: int, exclude: Sequence[str] = ()) -> Judged:
-    """Record, fit and judge one member; `exclude` is what its laboratory says cannot be."""
+    """Record, fit and judge one member; `exclude` names the nuisances that its laboratory rules out."""
     truth = member(world, seed)
     data = recordings(truth)
     began = time.process_time()
@@ -200,8 +200,8 @@ def study(
 
 def seeds_of(world: str, count: int, first: int, strong: bool) -> list[int]:
     """So many seeds from the first on, or so many of those whose legs are strongly nonlinear."""
-    found = (seed for seed in itertools.count(first) if not strong or member(world, seed).strength >= STRONG)
-    return list(itertools.islice(found, count))
+    seeds = (seed for seed in itertools.count(first) if not strong or member(world, seed).strength >= STRONG)
+    return list(itertools.islice(seeds, count))
 
 
 def measure(
@@ -224,48 +224,48 @@ def measure(
         if world not in WORLDS:
             raise SettingError(f"--world is {world!r}; there are {', '.join(WORLDS)}.")
     file = kept.Kept(state, digest(exclude))
-    each = [[(world, seed) for seed in seeds_of(world, seeds, first, strong)] for world in worlds]
-    wanted = [key for keys in zip(*each, strict=True) for key in keys]
+    by_world = [[(world, seed) for seed in seeds_of(world, seeds, first, strong)] for world in worlds]
+    keys_in_turn = [key for keys in zip(*by_world, strict=True) for key in keys]
     done = {(j.world, j.seed): j for j in read(file)}
-    work = [(*key, exclude) for key in wanted if key not in done]
+    work = [(*key, exclude) for key in keys_in_turn if key not in done]
     with progress_bar() as progress:
-        for found in study(trial, work, jobs, progress) if work else ():
-            done[found.world, found.seed] = found
-            file.add(asdict(found))
-    return rows_of([done[key] for key in wanted if key in done])
+        for outcome in study(trial, work, jobs, progress) if work else ():
+            done[outcome.world, outcome.seed] = outcome
+            file.add(asdict(outcome))
+    return rows_of([done[key] for key in keys_in_turn if key in done])
 
 
-def rows_of(found: Sequence[Judged]) -> list[Check]:
+def rows_of(judgements: Sequence[Judged]) -> list[Check]:
     """What was required, over all worlds and by each."""
-    if not found:
+    if not judgements:
         return []
-    n, wrong = len(found), sum(j.outcome == "wrong" for j in found)
-    across, refused = sum(j.across for j in found) - wrong, sum(j.verdict == "none" for j in found)
-    by_world = {j.world: [k for k in found if k.world == j.world] for j in found}
+    n, wrong = len(judgements), sum(j.outcome == "wrong" for j in judgements)
+    across, refused = sum(j.across for j in judgements) - wrong, sum(j.verdict == "none" for j in judgements)
+    by_world = {j.world: [k for k in judgements if k.world == j.world] for j in judgements}
     return [
         at_most(f"wrong and decided, of {n} legs", wrong, WRONG * n),
         told("decided for the other side, and all intervals hold, legs", f"{across}", f"of {n}"),
         told("no result, legs", f"{refused}", f"of {n}"),
-        _holding("all worlds", found, HOLD, ENOUGH * len(WORLDS)),
-        *(_holding(world, members, HOLD_EACH, ENOUGH) for world, members in by_world.items()),
+        _holding("all worlds", judgements, HOLD, ENOUGH * len(WORLDS)),
+        *(_holding(world, members, HOLD_BY_WORLD, ENOUGH) for world, members in by_world.items()),
         *_decided(by_world),
-        *_strict(found, by_world.get(CLEAN, [])),
-        _seconds(found),
+        *_strict(judgements, by_world.get(CLEAN, [])),
+        _seconds(judgements),
     ]
 
 
-def _holding(where: str, found: Sequence[Judged], least: float, enough: int) -> Check:
+def _holding(where: str, judgements: Sequence[Judged], least: float, enough: int) -> Check:
     """How often intervals called identified hold the truth, and what the fits came to."""
-    outcomes, offered = [j.outcome for j in found], [i.holds for j in found for i in j.offered]
+    outcomes, offered = [j.outcome for j in judgements], [i.holds for j in judgements for i in j.offered]
     legs = ", ".join(f"{outcomes.count(outcome)} {outcome}" for outcome in OUTCOMES)
-    text = f"{len(found)} legs: {legs}; {sum(offered)} of {len(offered)} intervals offered hold"
+    text = f"{len(judgements)} legs: {legs}; {sum(offered)} of {len(offered)} intervals offered hold"
     what = f'"identified" holds the truth, {where}'
-    said = [i.holds for j in found for i in j.identified]
-    if not said:
+    held = [i.holds for j in judgements for i in j.identified]
+    if not held:
         return told(what, "nothing identified", text)
-    row = at_least(what, 100 * float(np.mean(said)), least, "%")
-    row = replace(row, beside=f"{row.criterion} of {len(said)}; {text}")
-    return _judged_from(enough, len(found), row)
+    row = at_least(what, 100 * float(np.mean(held)), least, "%")
+    row = replace(row, beside=f"{row.criterion} of {len(held)}; {text}")
+    return _judged_from(enough, len(judgements), row)
 
 
 def _decided(by_world: Mapping[str, Sequence[Judged]]) -> list[Check]:
@@ -285,13 +285,13 @@ def _decided(by_world: Mapping[str, Sequence[Judged]]) -> list[Check]:
     return rows
 
 
-def _strict(found: Sequence[Judged], clean: Sequence[Judged]) -> list[Check]:
+def _strict(judgements: Sequence[Judged], clean: Sequence[Judged]) -> list[Check]:
     """How often intervals hold the value at rest and without load."""
-    rows, said = [], [i.strict for j in found for i in j.identified]
-    if said:
-        what, strict = '"identified" holds the value at rest, without load', float(np.mean(said))
-        rows.append(told(what, f"{100 * strict:.3g} %", f"of {len(said)}"))
-    on_branch = [j for j in clean if j.true_shown and j.offered]
+    rows, held = [], [i.strict for j in judgements for i in j.identified]
+    if held:
+        what, strict = '"identified" holds the value at rest, without load', float(np.mean(held))
+        rows.append(told(what, f"{100 * strict:.3g} %", f"of {len(held)}"))
+    on_branch = [j for j in clean if j.true_is_open and j.offered]
     if on_branch:
         what = f"coverage of 95 % intervals inside the class, {len(on_branch)} legs"
         share = 100 * float(np.mean([i.strict for j in on_branch for i in j.offered]))
@@ -299,8 +299,8 @@ def _strict(found: Sequence[Judged], clean: Sequence[Judged]) -> list[Check]:
     return rows
 
 
-def _seconds(found: Sequence[Judged]) -> Check:
-    seconds = np.array([j.seconds for j in found])
+def _seconds(judgements: Sequence[Judged]) -> Check:
+    seconds = np.array([j.seconds for j in judgements])
     median, worst = f"{np.median(seconds):.3g} s", f"worst {seconds.max():.3g} s"
     return told("CPU time a fit, median", median, worst)
 

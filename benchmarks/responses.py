@@ -50,10 +50,10 @@ def ours(case: Case, t: np.ndarray, base: np.ndarray, mass: np.ndarray) -> Estim
     """Frequencies, response, and its standard deviation."""
     channels = {"base": base - base.mean(), "malleolus": mass - mass.mean()}
     if case.excitation == "sine":
-        found = by_segments(t, channels, find_frequency(t, channels["base"]))
+        estimate = by_segments(t, channels, find_frequency(t, channels["base"]))
     else:
-        found = broadband(t, channels, 1.0)
-    return found.frequency_hz, *found.ratio("malleolus")
+        estimate = broadband(t, channels, 1.0)
+    return estimate.frequency_hz, *estimate.ratio("malleolus")
 
 
 def before(case: Case, t: np.ndarray, base: np.ndarray, mass: np.ndarray) -> Estimate:
@@ -63,8 +63,8 @@ def before(case: Case, t: np.ndarray, base: np.ndarray, mass: np.ndarray) -> Est
         f = find_frequency(t, base)
         H, std = ratio(fit_harmonics(t, mass, f, 1), fit_harmonics(t, base, f, 1))
         return np.array([f]), np.array([H]), np.array([std])
-    found = h1(base, mass, RATE_HZ, 1.0, excited(base, RATE_HZ, 1.0))
-    return found.frequency_hz, found.H, found.std
+    estimate = h1(base, mass, RATE_HZ, 1.0, excited(base, RATE_HZ, 1.0))
+    return estimate.frequency_hz, estimate.H, estimate.std
 
 
 @dataclass(frozen=True)
@@ -142,7 +142,7 @@ HEADS = (
 
 
 def checks(rows: list[tuple[Case, Outcome, Outcome]]) -> list[Check]:
-    """Worst bias and coverage by excitation, of ours, and told of the estimates of before."""
+    """Worst bias and coverage by excitation; those of the earlier estimates without a requirement."""
     made = []
     for excitation in SECONDS:
         mine = [(case, new, old) for case, new, old in rows if case.excitation == excitation]
@@ -185,12 +185,12 @@ def main(
         for case, new, old in rows:
             printed.add_row(escape(str(case)), *new.cells, *old.cells)
         results.print(printed)
-    found = checks(rows)
+    verdicts = checks(rows)
     if seeds < ENOUGH:
         few = f"judged from {ENOUGH} seeds on"
-        found = [replace(row, beside=f"{row.against}, {few}", asked=False) if row.asked else row
-                 for row in found]  # fmt: skip
-    report("Frequency responses", found, json_)
+        verdicts = [replace(row, beside=f"{row.against}, {few}", asked=False) if row.asked else row
+                 for row in verdicts]  # fmt: skip
+    report("Frequency responses", verdicts, json_)
 
 
 if __name__ == "__main__":

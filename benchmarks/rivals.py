@@ -1,4 +1,4 @@
-"""Is the right rival named? Legs in worlds that depart from the model in one known way, and the ladder's answer.
+"""Which rival is named first for legs that depart from the model in one known way.
 
 The recordings come from worlds.py, which shares no code with the ladder. What is done is kept in a file and not done
 again while neither the worlds nor the ladder's numbers change; how rivals are ranked is computed from what is kept.
@@ -70,7 +70,7 @@ def _rival(row: dict[str, Any]) -> Rival:
     rung = next(rung for rung in LADDER if rung.name == row["name"])
     return Rival(
         row["name"], rung.title, row["free"], row["chi_square"], row["dof"], row["bic"], row["held_out"], 0.0, "",
-        None, None, None, None, None, (), {}, (), True, bool(rung.own), row["repeatability"],
+        None, None, None, None, None, (), {}, (), True, bool(rung.constants), row["repeatability"],
     )  # fmt: skip
 
 
@@ -111,20 +111,20 @@ def truths(truth: Member, result: Rivals) -> dict[str, bool]:
 
     Rivals with springs that relax, and without, share any stiffness from rest to mid-band.
     """
-    found = {}
-    for said in result.conclusions:
-        if not said.shared:
+    agreement = {}
+    for conclusion in result.conclusions:
+        if not conclusion.shared:
             continue
-        if said.what in ("k_T", "k_F"):
-            any_of = (*truth.truth[said.what], getattr(truth.leg, said.what))
+        if conclusion.what in ("k_T", "k_F"):
+            any_of = (*truth.truth[conclusion.what], getattr(truth.leg, conclusion.what))
             low, high = min(any_of), max(any_of)
-            assert said.lower is not None and said.upper is not None
-            found[said.what] = bool(said.lower <= high and low <= said.upper)
-        elif said.what == "branch":
-            found["branch"] = said.text.endswith(STIFF_ANKLE if truth.leg.stiff_ankle else STIFF_PAD)
+            assert conclusion.lower is not None and conclusion.upper is not None
+            agreement[conclusion.what] = bool(conclusion.lower <= high and low <= conclusion.upper)
+        elif conclusion.what == "branch":
+            agreement["branch"] = conclusion.text.endswith(STIFF_ANKLE if truth.leg.stiff_ankle else STIFF_PAD)
         else:
-            found["stiffer"] = said.text.startswith("k_T" if truth.leg.k_T > truth.leg.k_F else "k_F")
-    return found
+            agreement["stiffer"] = conclusion.text.startswith("k_T" if truth.leg.k_T > truth.leg.k_F else "k_F")
+    return agreement
 
 
 def digest() -> str:
@@ -149,54 +149,54 @@ def measure(seeds: int, state: Path, worlds: Sequence[str]) -> list[Check]:
         if world not in valid:
             raise SettingError(f"--world is {world!r}; there are {', '.join(valid)}.")
     file = kept.Kept(state, digest())
-    wanted = [(world, seed) for seed in range(seeds) for world in worlds]
+    keys = [(world, seed) for seed in range(seeds) for world in worlds]
     done = {
         (run.world, run.seed): run for run in (Run(**{**row, "rivals": tuple(row["rivals"])}) for row in file.rows())
     }
-    work = [key for key in wanted if key not in done]
+    work = [key for key in keys if key not in done]
     with progress_bar() as progress:
         for key in progress.track(work, description="worlds"):
             done[key] = trial(*key)
             file.add(vars(done[key]))
-    return rows_of([done[key] for key in wanted if key in done])
+    return rows_of([done[key] for key in keys if key in done])
 
 
-def confusion(found: Sequence[Run]) -> dict[str, dict[str, int]]:
+def confusion(runs: Sequence[Run]) -> dict[str, dict[str, int]]:
     """World -> what was named first -> how often."""
     table: dict[str, dict[str, int]] = {}
-    for run in found:
+    for run in runs:
         row = table.setdefault(run.world, {})
         row[run.first] = row.get(run.first, 0) + 1
     return table
 
 
-def rows_of(found: Sequence[Run]) -> list[Check]:
+def rows_of(runs: Sequence[Run]) -> list[Check]:
     """What was required, and the confusion table."""
-    if not found:
+    if not runs:
         return []
     rows = []
     for kind in ASKED:
-        of = [run for run in found if RIGHT.get(run.world) == kind]
+        of = [run for run in runs if RIGHT.get(run.world) == kind]
         if of:
             rows.append(_share(f"{kind} named first, {len(of)} legs", [run.first == kind for run in of], 80.0))
-    clean = [run for run in found if RIGHT.get(run.world) == "clean"]
+    clean = [run for run in runs if RIGHT.get(run.world) == "clean"]
     if clean:
         what = f"none preferred to the model in clean worlds, {len(clean)} legs"
         rows.append(_share(what, [run.first == "clean" for run in clean], 90.0))
-    for world, row in confusion(found).items():
+    for world, row in confusion(runs).items():
         text = ", ".join(f"{name} {count}" for name, count in sorted(row.items(), key=lambda item: -item[1]))
         rows.append(told(f"named first, {world}", text, f"of {sum(row.values())}"))
-    said = [true for run in found for true in run.shared.values()]
-    if said:
-        wrong = len(said) - sum(said)
-        rows.append(told("conclusions that all adequate rivals share", f"{len(said)}", f"{wrong} of them wrong"))
-        by = {run.world: 0 for run in found}
-        for run in found:
+    conclusions = [true for run in runs for true in run.shared.values()]
+    if conclusions:
+        wrong = len(conclusions) - sum(conclusions)
+        rows.append(told("conclusions that all adequate rivals share", f"{len(conclusions)}", f"{wrong} of them wrong"))
+        by = {run.world: 0 for run in runs}
+        for run in runs:
             by[run.world] += sum(not true for true in run.shared.values())
         rows.append(
             told("wrong shared conclusions by world", ", ".join(f"{w} {n}" for w, n in by.items() if n) or "none")
         )
-    seconds = np.array([run.seconds for run in found])
+    seconds = np.array([run.seconds for run in runs])
     return [*rows, told("CPU time a comparison, median", f"{np.median(seconds):.3g} s", f"worst {seconds.max():.3g} s")]
 
 

@@ -1,4 +1,4 @@
-"""Does a fit find the best end on each side of the mirror? The default one beside many starts.
+"""Global search of a fit on each side of the mirror: the default starts against many.
 
 A fit descends from a few starts on each side of the axis and compares the ends. Where many more
 starts find a better one, odds and intervals of the default fit rest on the wrong end; it must then
@@ -54,13 +54,13 @@ class Ends:
     seconds: tuple[float, float]
 
     @property
-    def found(self) -> bool:
+    def complete(self) -> bool:
         """Whether no branch has an end that many starts make better."""
         return all(self.default.get(name, np.inf) <= end + SAME for name, end in self.many.items())
 
     @property
     def open(self) -> bool:
-        """Whether the fit owns up to it: nothing is decided, and it says why."""
+        """Whether the fit reports it: the branch is undecided, with the reason."""
         return self.says and self.verdict != "decided"
 
 
@@ -92,13 +92,13 @@ def measure(feet: int, starts: int, jobs: int, state: Path, first: int = 0) -> l
     file, worlds = kept.Kept(state, kept.digest(sources, str(starts))), list(WORLDS)
     rows = [Ends(**{**row, "seconds": tuple(row["seconds"])}) for row in file.rows()]
     done = {(ends.world, ends.seed): ends for ends in rows}
-    wanted = [(worlds[i % len(worlds)], first + i // len(worlds)) for i in range(feet)]
-    work = [(*key, starts) for key in wanted if key not in done]
+    keys = [(worlds[i % len(worlds)], first + i // len(worlds)) for i in range(feet)]
+    work = [(*key, starts) for key in keys if key not in done]
     with progress_bar() as progress:
         for ends in study(trial, work, jobs, progress) if work else ():
             done[ends.world, ends.seed] = ends
             file.add(asdict(ends))
-    return rows_of([done[key] for key in wanted if key in done])
+    return rows_of([done[key] for key in keys if key in done])
 
 
 def rows_of(feet: Sequence[Ends]) -> list[Check]:
@@ -106,18 +106,18 @@ def rows_of(feet: Sequence[Ends]) -> list[Check]:
     if not feet:
         return []
     fitted = [ends for ends in feet if ends.many]
-    missed = [ends for ends in fitted if not ends.found]
+    missed = [ends for ends in fitted if not ends.complete]
     silent = [f"{ends.world} {ends.seed}" for ends in missed if not ends.open]
-    where, found = f"of {len(fitted)} feet", len(fitted) - len(missed)
+    where, complete = f"of {len(fitted)} feet", len(fitted) - len(missed)
     rows = [
         at_most(f"a better end is missed in silence, {where}", len(silent), 0),
-        told(f"both ends found, {where}", f"{found}", f"{feet[0].starts} starts"),
+        told(f"both ends found, {where}", f"{complete}", f"{feet[0].starts} starts"),
         told(f"no result, of {len(feet)} feet", f"{len(feet) - len(fitted)}"),
     ]
     if silent:
         rows.append(told("missed in silence", ", ".join(silent)))
-    both = np.transpose([ends.seconds for ends in feet])
-    for name, seconds in zip(("default", "many"), both, strict=True):
+    durations = np.transpose([ends.seconds for ends in feet])
+    for name, seconds in zip(("default", "many"), durations, strict=True):
         median, worst = f"{np.median(seconds):.3g} s", f"worst {seconds.max():.3g} s"
         rows.append(told(f"CPU time of a fit, {name} starts, median", median, worst))
     return rows

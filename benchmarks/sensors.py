@@ -1,4 +1,4 @@
-"""What a second sensor, on the foot, gives back: nearly linear legs, which the malleolus alone leaves undecided.
+"""What a second sensor on the foot decides: nearly linear legs, which the malleolus alone leaves undecided.
 
 The recordings come from worlds.py, which shares no code with the fit. Every fit has all nuisances in. Each leg is
 recorded twice, without any departure, and as a laboratory has it: everything that the fit allows for is there at its
@@ -38,10 +38,10 @@ ENOUGH, CLOSE = 50, 0.05
 
 @dataclass(frozen=True)
 class Judged:
-    """One leg and what the fit said of it.
+    """One leg and the verdict of its fit.
 
     Attributes:
-        world, seed, sensors: what was fitted. verdict: the fit's word. right: the branch named first is the true one.
+        world, seed, sensors: what was fitted. verdict: of the fit. right: the branch named first is the true one.
         k_T, k_F: estimate on the true branch over the truth, less one; None where that is not shown.
         holds: whether the 95 % intervals of k_T and k_F hold the truth. follows: the wide fit follows the recordings.
         seconds: CPU time.
@@ -120,21 +120,21 @@ def measure(feet: int, state: Path) -> list[Check]:
     file = kept.Kept(state, digest())
     before = [Judged(**{**row, "holds": tuple(row["holds"])}) for row in file.rows()]
     done = {(j.world, j.seed, j.sensors): j for j in before}
-    wanted = [(world, sensors, seed) for world, sensors in TASKS for seed in range(feet)]
-    work = [key for key in wanted if (key[0], key[2], len(key[1])) not in done]
+    keys = [(world, sensors, seed) for world, sensors in TASKS for seed in range(feet)]
+    work = [key for key in keys if (key[0], key[2], len(key[1])) not in done]
     with progress_bar() as progress:
         for world, sensors, seed in progress.track(work, description="legs"):
-            found = trial(world, sensors, seed)
-            done[world, seed, len(sensors)] = found
-            file.add(asdict(found))
-    return rows_of([done[world, seed, len(sensors)] for world, sensors, seed in wanted])
+            outcome = trial(world, sensors, seed)
+            done[world, seed, len(sensors)] = outcome
+            file.add(asdict(outcome))
+    return rows_of([done[world, seed, len(sensors)] for world, sensors, seed in keys])
 
 
-def rows_of(found: Sequence[Judged]) -> list[Check]:
-    """What was required of the second sensor, and what the malleolus alone does."""
+def rows_of(judgements: Sequence[Judged]) -> list[Check]:
+    """The requirements on the second sensor, and the results of the malleolus alone."""
     rows = []
     for world, sensors in TASKS:
-        legs = [j for j in found if (j.world, j.sensors) == (world, len(sensors))]
+        legs = [j for j in judgements if (j.world, j.sensors) == (world, len(sensors))]
         if not legs:
             continue
         where = f"{' and '.join(sensors)}, {world}, {len(legs)} nearly linear legs"
@@ -150,8 +150,8 @@ def rows_of(found: Sequence[Judged]) -> list[Check]:
             rows.append(told(f"mirror decided, and rightly: {where}", f"{right}", f"wrongly: {wrong}"))
             text = f"median {100 * np.median(off):.2g} %"
             rows.append(told(f"largest error of k_T and k_F: {where}", f"{100 * off.max():.3g} %", text))
-        lost = sum(not j.follows for j in legs)
-        text = f"not followed by the wide fit: {lost}; CPU time a fit {np.median([j.seconds for j in legs]):.3g} s"
+        missed = sum(not j.follows for j in legs)
+        text = f"not followed by the wide fit: {missed}; CPU time a fit {np.median([j.seconds for j in legs]):.3g} s"
         rows.append(told(f"95 % intervals of k_T and k_F hold the truth: {where}", f"{holds:.3g} %", text))
     return rows
 

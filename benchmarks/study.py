@@ -37,9 +37,9 @@ from reproduction.check import Check, at_least, at_most
 
 _LOADS = (("midstance", 0.0), ("midstance", 2.3), ("midstance", 4.5))
 #: Recordings of a subject: three loads at nine frequencies.
-_EACH = 27
+_PER_SUBJECT = 27
 #: A study of 540 recordings in steady state and in the time domain on two cores [min].
-_WANTED_MIN, _WANTED_TIME_MIN, _MEANT = 1.0, 10.0, 540
+_REQUIRED_MIN, _REQUIRED_TIME_MIN, _MEANT = 1.0, 10.0, 540
 
 
 def spread(items: Sequence[Any], count: int) -> list[Any]:
@@ -74,8 +74,8 @@ def _all_done(documents: Any) -> None:
 def by_scipy(study: StudyFolder, count: int, evaluations: int) -> tuple[float, float]:
     """CPU time [s] of one start by `solve_ivp` and `least_squares`, and the trial points taken for it, means.
 
-    So many trial points are timed on each recording and scaled to those that our own descent takes on the same
-    problem from the same start, for scipy needs minutes to converge.
+    So many trial points are timed on each recording and scaled to those that our descent takes on the same
+    problem from the same start, as scipy needs minutes to converge.
     """
     foot, seconds, points = load("two_dof"), [], []
     space = space_of(foot, delay=False)
@@ -96,7 +96,7 @@ def measure(
 ) -> list[Check]:  # fmt: skip
     """All rows; the defaults are those of `make bench`."""
     busy, rows = os.getloadavg()[0], []
-    recordings, cores = subjects * _EACH, _cores()
+    recordings, cores = subjects * _PER_SUBJECT, _cores()
 
     def say(what: str) -> None:
         console.print(f"  {time.strftime('%H:%M:%S')} {what}", markup=False, soft_wrap=True)
@@ -113,10 +113,10 @@ def measure(
 
         say(f"fitting all of them on {cores} processes")
         wall, fits = whole(folder, starts)
-        each = fits["seconds"] / fits["fits"]
+        per_fit = fits["seconds"] / fits["fits"]
         what = f"study of {recordings}, {starts} starts, both branches in MuJoCo, {cores} processes, wall time"
-        judged(at_most(what, wall / 60, _WANTED_MIN * recordings / _MEANT, "min"))
-        judged(at_least("its fits a second", fits["fits"] / wall, _MEANT / _WANTED_MIN / 60))
+        judged(at_most(what, wall / 60, _REQUIRED_MIN * recordings / _MEANT, "min"))
+        judged(at_least("its fits a second", fits["fits"] / wall, _MEANT / _REQUIRED_MIN / 60))
         rows.append(at_least("its recordings that are fitted", 100 * fits["done"] / fits["fits"], 100.0, "%"))
 
         say(f"scipy: {evaluations} trial points on each of {scipy_recordings} recordings")
@@ -125,7 +125,7 @@ def measure(
             f"scipy solve_ivp and least_squares, {starts} starts of {points:.3g} trial points (as many as our descent "
             f"takes), from {evaluations} timed on each of {scipy_recordings} recordings"
         )
-        rows.append(faster(f"one of its fits, {starts} starts, time of one process", each, starts * start, other))
+        rows.append(faster(f"one of its fits, {starts} starts, time of one process", per_fit, starts * start, other))
 
         jobs = spread(steady.jobs("per-recording"), subset)
         say(f"{len(jobs)} recordings on one Dask worker, then on two")
@@ -137,7 +137,7 @@ def measure(
         say(f"{len(jobs)} recordings in the time domain on {cores} processes")
         in_time = on_workers(timed, jobs, cores) / len(jobs)
         what = f"study of {recordings} in the time domain, {cores} processes, wall time, extrapolated from {len(jobs)}"
-        judged(at_most(what, recordings * in_time / 60, _WANTED_TIME_MIN * recordings / _MEANT, "min"))
+        judged(at_most(what, recordings * in_time / 60, _REQUIRED_TIME_MIN * recordings / _MEANT, "min"))
     return rows
 
 
@@ -150,7 +150,9 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 @app.command()
 def main(
-    subjects: Annotated[int, typer.Option(min=1, help=f"subjects of the whole study, {_EACH} recordings each")] = 20,
+    subjects: Annotated[
+        int, typer.Option(min=1, help=f"subjects of the whole study, {_PER_SUBJECT} recordings each")
+    ] = 20,
     subset: Annotated[int, typer.Option(min=2, help="recordings on one and on two workers")] = 81,
     count_time: Annotated[int, typer.Option(min=1, help="recordings fitted in the time domain")] = 36,
     scipy_recordings: Annotated[int, typer.Option(min=1, help="recordings fitted by scipy")] = 5,

@@ -1,7 +1,7 @@
 """Time and memory of a virtual study from generation to figures: `python -m benchmarks.study_end_to_end`.
 
 5 and 20 subjects, three loads, nine frequencies, 10 s at 1 kHz: 135 and 540 recordings. Memory is that of the largest
-process; it must not grow with the number of recordings. Each command runs in a process of its own on all cores. The
+process; it must not grow with the number of recordings. Each command runs in a separate process on all cores. The
 processes that read binary files outlive their makers by a moment and are not counted; fuzz_readers.py measures them.
 """
 
@@ -19,10 +19,10 @@ from fasbody.console import command_line, console
 from reproduction.check import Check, at_most, told
 
 _SUBJECTS = (5, 20)
-_EACH = 27  # three loads, nine frequencies
+_PER_SUBJECT = 27  # three loads, nine frequencies
 
 
-#: A small process between, for a new one is said to have been as large as the one that it was made by.
+#: A small process between: the peak memory of a forked process begins with that of its parent.
 _BETWEEN = """
 import resource, subprocess, sys, time
 start = time.monotonic()
@@ -61,8 +61,8 @@ def measure(file_format: str = "h5", subjects: tuple[int, int] = _SUBJECTS, seco
             text = (
                 f"{cpu:.0f} s of CPU time, {wall:.0f} s on the clock (load {load:.0f}), largest process {memory:.0f} MB"
             )
-            rows.append(told(f"{count * _EACH} recordings of {seconds:g} s ({file_format}) {what}", text))
-    what = f"largest process with {subjects[1] * _EACH} recordings over that with {subjects[0] * _EACH}"
+            rows.append(told(f"{count * _PER_SUBJECT} recordings of {seconds:g} s ({file_format}) {what}", text))
+    what = f"largest process with {subjects[1] * _PER_SUBJECT} recordings over that with {subjects[0] * _PER_SUBJECT}"
     return [*rows, at_most(what, largest[1] / largest[0], 1.1, "times")]
 
 

@@ -1,6 +1,6 @@
 """Whether a population's intervals hold: quickly on estimates drawn at random, and on persons recorded and fitted.
 
-Drawn: persons differ by tau, each estimate is off by its own standard error. Fitted: virtual persons whose constants
+Drawn: persons differ by tau, each estimate is off by its standard error. Fitted: virtual persons whose constants
 differ by 15 %, whose legs weigh another 10 % than stated, recorded at seven frequencies with a gain that is off by 1 %,
 and fitted with model and sensor errors included. This command prints what docs/study_methods.md quotes.
 """
@@ -43,10 +43,10 @@ CASES = (
 
 
 def drawn(seeds: int) -> list[Check]:
-    """Coverage of mean, spread and each person's own value, over estimates drawn at random."""
+    """Coverage of mean, spread and each person's value, over estimates drawn at random."""
     rows: list[Check] = []
     for n, tau, least, most in CASES:
-        rng, mean, spread, own = np.random.default_rng(n), [], [], []
+        rng, mean, spread, individual = np.random.default_rng(n), [], [], []
         for _ in range(seeds):
             errors = np.exp(rng.uniform(np.log(least), np.log(most), n))
             u = tau * rng.normal(size=n)
@@ -54,15 +54,15 @@ def drawn(seeds: int) -> list[Check]:
             mean.append(c.lower <= 1 <= c.upper)
             spread.append(c.spread_lower <= tau <= c.spread_upper)
             by_name = {person.subject: person for person in c.persons}
-            own += [by_name[f"{i:02}"].lower <= np.exp(v) <= by_name[f"{i:02}"].upper for i, v in enumerate(u)]
+            individual += [by_name[f"{i:02}"].lower <= np.exp(v) <= by_name[f"{i:02}"].upper for i, v in enumerate(u)]
         about = f"{n} persons, spread {tau:g}, errors {least:g} to {most:g}, {seeds} draws"
-        for what, hits in (("mean", mean), ("spread", spread), ("each person", own)):
+        for what, hits in (("mean", mean), ("spread", spread), ("each person", individual)):
             rows.append(within(f"95 % interval of {what} holds, {about}", 100 * float(np.mean(hits)), 92.0, 98.0, "%"))
     return rows
 
 
 def recorded(rng: np.random.Generator, gain: float) -> list[Recording]:
-    """One person's recordings; nobody knows the true masses or the gain."""
+    """One person's recordings; the fit does not get the true masses or the gain."""
     foot = {name: value * float(np.exp(BETWEEN * rng.normal())) for name, value in MEDIAN.items()} | BENT
     legs = np.exp(OF_LEGS * rng.normal(size=2))
     made = []
@@ -77,9 +77,9 @@ def recorded(rng: np.random.Generator, gain: float) -> list[Recording]:
 
 
 def fitted(count: int, people: int) -> tuple[list[Mapping[str, Any]], ...]:
-    """So many populations as documents of pooled fits, each with a gain of its own."""
+    """So many populations as documents of pooled fits, each with a separate gain."""
     foot = load("two_dof")
-    found: list[list[Mapping[str, Any]]] = []
+    groups: list[list[Mapping[str, Any]]] = []
     with progress_bar() as bar:
         for seed in bar.track(range(count), description="populations"):
             rng = np.random.default_rng(seed)
@@ -89,17 +89,17 @@ def fitted(count: int, people: int) -> tuple[list[Mapping[str, Any]], ...]:
                 result = fit_foot(recorded(rng, gain), foot, starts=2, threads=1, replay=0).document()
                 about = {"mode": "pooled", "subject": str(person), "posture": "midstance", "added_mass_kg": 0.0}
                 documents.append(about | {"status": "done", "frequency_hz": None, "result": result})
-            found.append(documents)
-    return tuple(found)
+            groups.append(documents)
+    return tuple(groups)
 
 
 def held(count: int, people: int) -> list[Check]:
     """Coverage of the means and spreads over fitted populations, on the true branch, and branches decided wrongly."""
     mean, spread, wrong = [], [], 0
     for documents in fitted(count, people):
-        told = populations(documents)
-        wrong += bool(told and told[0].verdict == "decided" and told[0].branch != STIFF_ANKLE)
-        for c in (c for p in told if p.branch == STIFF_ANKLE for c in p.constants):
+        groups = populations(documents)
+        wrong += bool(groups and groups[0].verdict == "decided" and groups[0].branch != STIFF_ANKLE)
+        for c in (c for p in groups if p.branch == STIFF_ANKLE for c in p.constants):
             mean.append(c.lower <= MEDIAN[c.name] <= c.upper)
             spread.append(c.spread_lower <= BETWEEN <= c.spread_upper)
     about = f"{count} populations of {people} persons fitted, {len(EXCHANGED)} constants"

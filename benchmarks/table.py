@@ -38,12 +38,12 @@ def cells(check: Check) -> tuple[str, ...]:
     return check.what, check.measured, check.against, ratio, margin, {None: "", True: "yes", False: "NO"}[check.met]
 
 
-def faster(what: str, seconds: float, other_seconds: float, other: str, wanted: float | None = None) -> Check:
+def faster(what: str, seconds: float, other_seconds: float, other: str, required: float | None = None) -> Check:
     """A time beside that of something else [s]; its ratio is how many times faster, at least `wanted`."""
     ratio = over(other_seconds, seconds)
-    beside = f"{other}: {_duration(other_seconds)}" + ("" if wanted is None else f", at least {wanted:g} times")
-    value, low = np.nan if ratio is None else ratio, -np.inf if wanted is None else wanted
-    return Check(what, value, low, said=_duration(seconds), beside=beside, ratio=ratio, asked=wanted is not None)
+    beside = f"{other}: {_duration(other_seconds)}" + ("" if required is None else f", at least {required:g} times")
+    value, low = np.nan if ratio is None else ratio, -np.inf if required is None else required
+    return Check(what, value, low, said=_duration(seconds), beside=beside, ratio=ratio, asked=required is not None)
 
 
 def _duration(seconds: float) -> str:
@@ -54,7 +54,7 @@ def _duration(seconds: float) -> str:
 
 
 def judged_if_idle(check: Check, load: float) -> Check:
-    """A check of idle cores: told without a verdict where it was measured on busy ones (load average before it)."""
+    """A check that needs idle cores: without a verdict where the load average before it was higher."""
     if load < BUSY * (os.cpu_count() or 1):
         return check
     what = f"{check.what} (not judged: cores busy, load {load:.1f})"
@@ -64,7 +64,7 @@ def judged_if_idle(check: Check, load: float) -> Check:
 def interleaved(
     works: Sequence[Callable[[], object]], repeats: int, clock: Callable[[], float] = time.process_time
 ) -> np.ndarray:
-    """Times (repeats, works) [s] of several works taken in turn, so that a busy machine is equally unkind to all.
+    """Times (repeats, works) [s] of several works taken in turn, so that a busy machine disturbs all alike.
 
     Args:
         works: what to time; each runs once untimed first. repeats: how often. clock: by default the CPU time of this
@@ -142,15 +142,15 @@ def refreshed(page: str, results: str) -> str:
     ]
     lines = page.splitlines()
     for number, line in enumerate(lines):
-        what, *shown = [cell.strip() for cell in line.strip("| ").split(" | ")] if line[:2] == "| " else [""]
-        found = [row for row in rows if len(row) > 2 and row[1].startswith(what)] if shown else []
-        if len(shown) == 2:  # compared with something: how many times better
-            found = [row for row in found if shown[0] in row[3]]
-            shown = [shown[0], found[0][4]] if found else shown
-        elif found:  # measured, required, met
-            met = found[0][-1] if found[0][-1] in ("yes", "NO") else "not judged"
-            shown = [found[0][2], found[0][3], met]
-        if found and what != "what":
-            lines[number] = f"| {' | '.join([what, *shown])} |"
+        what, *numbers = [cell.strip() for cell in line.strip("| ").split(" | ")] if line[:2] == "| " else [""]
+        matches = [row for row in rows if len(row) > 2 and row[1].startswith(what)] if numbers else []
+        if len(numbers) == 2:  # compared with something: how many times better
+            matches = [row for row in matches if numbers[0] in row[3]]
+            numbers = [numbers[0], matches[0][4]] if matches else numbers
+        elif matches:  # measured, required, met
+            met = matches[0][-1] if matches[0][-1] in ("yes", "NO") else "not judged"
+            numbers = [matches[0][2], matches[0][3], met]
+        if matches and what != "what":
+            lines[number] = f"| {' | '.join([what, *numbers])} |"
     missed = [f"| {' | '.join([*row[1:4], 'NO'])} |" for row in rows if row[-1] == "NO"]
     return _MISSED.sub(lambda head: "\n".join([head[1], *missed, ""]), "\n".join(lines) + "\n")

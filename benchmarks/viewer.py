@@ -2,9 +2,9 @@
 
 `python -m benchmarks.viewer`.
 
-The server runs in its own process. A headless Chromium draws by the processor alone, which takes both cores of a small
-machine, so the delay is measured with the drawing left out too: "posed" is when the new motion is in the scene. That
-is time on the wall, which other programs lengthen; the computing time behind it is not.
+The server runs in a separate process. A headless Chromium draws by the processor alone, which takes both cores of a
+small machine, so the delay is measured with the drawing left out too: "posed" is when the new motion is in the scene.
+That is wall time, which other programs lengthen; the computing time behind it is not affected.
 """
 
 import asyncio
@@ -40,7 +40,7 @@ READY = 15
 
 @contextmanager
 def viewer(model: str) -> Iterator[tuple[str, psutil.Process]]:
-    """The command in a process of its own; yields its address and process."""
+    """The command in a separate process; yields its address and process."""
     command = [sys.executable, "-m", "viz.foot", "--no-browser", "--json", "--model", model]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)
     try:
@@ -129,8 +129,8 @@ def _workbench(url: str) -> dict[str, float]:
         page.wait_for_timeout(1000 * READY)  # the fitting process has compiled
         page.locator("#start_fit").click()
         until("bench.found && !busy")
-        found = {"dropped": dropped, "bands": page.evaluate("stats.fitted") / 1e3}
-        return found | {"fit": page.evaluate("bench.found.seconds")}
+        times = {"dropped": dropped, "bands": page.evaluate("stats.fitted") / 1e3}
+        return times | {"fit": page.evaluate("bench.found.seconds")}
 
 
 def _first_fit(url: str) -> float:
@@ -177,10 +177,10 @@ def measure(minutes: float = 0.5) -> list[Check]:
     rows.append(told("recording: the same of their accelerations", f"{100 * accelerated:.2g} %"))
     if chromium():
         with viewer("two_dof") as (url, _):
-            found = _workbench(url)
-        rows.append(at_most("workbench: dropped file to moving foot", found["dropped"], 1.5, "s"))
-        rows.append(at_most("workbench: Fit of nine recordings, click to bands", found["bands"], 4.0, "s"))
-        rows.append(told("workbench: of that in fit_foot", f"{found['fit']:.2f} s"))
+            times = _workbench(url)
+        rows.append(at_most("workbench: dropped file to moving foot", times["dropped"], 1.5, "s"))
+        rows.append(at_most("workbench: Fit of nine recordings, click to bands", times["bands"], 4.0, "s"))
+        rows.append(told("workbench: of that in fit_foot", f"{times['fit']:.2f} s"))
         with viewer("two_dof") as (url, _):
             first = _first_fit(url)
         rows.append(at_most("workbench: Fit of them right after example, the first of a session", first, 4.0, "s"))

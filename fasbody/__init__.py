@@ -5,7 +5,7 @@
     foot = fb.load("two_dof")
     motion = fb.simulate(foot.with_values({"k_T": 2e5}), fb.sine(20, 1))
 
-A name is imported when it is first asked for, so that `import fasbody` costs nothing.
+A name is imported on first use, so that `import fasbody` costs nothing.
 """
 
 from typing import TYPE_CHECKING

@@ -12,7 +12,7 @@ import typer
 
 import fasbody
 from fasbody import console
-from fasbody.commands import Command, commands, found
+from fasbody.commands import Command, commands, resolve
 from fasbody.completion import following, script
 from fasbody.console import command_line, print_json, results, run_app
 
@@ -115,7 +115,7 @@ def run() -> None:
             results.print(f"fasbody {command.words}: {command.does}", soft_wrap=True)
         results.print("\nEach has --help with examples.")
     elif words and not words[0].startswith("-"):
-        command, rest = found(words)
+        command, rest = resolve(words)
         sys.argv[1:] = [command.name, *rest] if command.name else rest
         console.started = console.Started(f"fasbody {command.words}", command.name) if _installed() else None
         try:
@@ -139,8 +139,8 @@ def start() -> None:
 def hidden() -> dict[str, str]:
     """Our top-level packages in whose place another one would be imported, and where that lies."""
     ours = Path(fasbody.__file__).parent.parent
-    found = {name: find_spec(name) for name in ("identification", "mjcf", "viz")}
-    places = {name: Path(spec.origin).parent for name, spec in found.items() if spec is not None and spec.origin}
+    specs = {name: find_spec(name) for name in ("identification", "mjcf", "viz")}
+    places = {name: Path(spec.origin).parent for name, spec in specs.items() if spec is not None and spec.origin}
     return {name: str(place) for name, place in places.items() if place.parent.resolve() != ours.resolve()}
 
 

@@ -323,7 +323,7 @@ def commands() -> list[Command]:
     return [command for group in GROUPS.values() for command in group if command.installed]
 
 
-def found(arguments: Sequence[str]) -> tuple[Command, list[str]]:
+def resolve(arguments: Sequence[str]) -> tuple[Command, list[str]]:
     """The command that the first words of a command line name, and the arguments that are left for it.
 
     Raises:

@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from importlib import import_module
 
-from fasbody.commands import commands, found
+from fasbody.commands import commands, resolve
 from fasbody.exceptions import SettingError, unknown
 
 #: Asks for what may follow; a name of a file is completed where nothing does.
@@ -41,7 +41,7 @@ def _options(words: Sequence[str]) -> list[str]:
     from typer.main import get_command
 
     try:
-        command, _ = found(words or [""])
+        command, _ = resolve(words or [""])
     except SettingError:
         return []
     app = get_command(import_module(command.home).app)

@@ -1,7 +1,7 @@
-"""Ctrl-C: raised once for each time it is pressed, never taken for a failure, and never a worker's business.
+"""Ctrl-C is raised once for each key press, is never reported as a failure, and never reaches a worker.
 
 A terminal sends it to every process of a command, `timeout -s INT` twice. Compiled code that it meets makes a
-SystemError of it, and a broad `except` of that a failed result. A worker that it meets dies with a lock in its hand.
+SystemError of it, and a broad `except` of that a failed result. A worker that receives it ends while it holds a lock.
 
 What all commands share: the sentence on bad input, JSON on stdout, progress on stderr, whole files only.
 """
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 #: Signals that come within this time were one key press [s].
 _TOGETHER_S = 0.5
-#: When Ctrl-C was pressed, on the monotonic clock; and how many blocks now want to end before they hear of it.
+#: When Ctrl-C was pressed, on the monotonic clock; and how many blocks are to end before it is raised.
 _pressed: list[float] = []
 _holding = 0
 
@@ -65,7 +65,7 @@ def once() -> Iterator[None]:
 
 @contextmanager
 def heeded() -> Iterator[None]:
-    """End the block with KeyboardInterrupt if Ctrl-C was pressed in it, whatever was made of that on the way."""
+    """End the block with KeyboardInterrupt if Ctrl-C was pressed in it, also if another exception replaced it."""
     with once():
         before = len(_pressed)
         try:
@@ -173,7 +173,7 @@ def command_line(app: "Typer | Callable[[], object]") -> None:
     Args:
         app: a Typer app, or a function that runs one.
     """
-    # thousands of small products: threads of the linear algebra only wait for each other there
+    # small matrix products: threads of the linear algebra would only wait for each other
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     with once():
         try:
@@ -216,7 +216,7 @@ def to_json(document: Any) -> str:
 
 
 def plain(value: Any) -> Any:
-    """A document as JSON knows it: dictionaries, lists, texts, finite numbers, True, False and None."""
+    """A document in the types of JSON: dictionaries, lists, texts, finite numbers, True, False and None."""
     if type(value) is float:
         return value if -float("inf") < value < float("inf") else None
     if isinstance(value, dict):
@@ -280,7 +280,7 @@ def progress_bar() -> Iterator[Progress]:
 
 @contextmanager
 def stages() -> Iterator[Callable[[str, int, int], None]]:
-    """A progress bar of work in stages: yields what is told the stage, how much of it is done, and of how much."""
+    """A progress bar of work in stages: yields a callback that takes the stage, what is done, and the total."""
     with progress_bar() as progress:
         task = progress.add_task("reading", total=None)
 

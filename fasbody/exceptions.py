@@ -10,7 +10,7 @@ class FasError(Exception):
     """Base of all errors whose cause is the input; commands print it and exit with 2."""
 
     def __reduce__(self) -> tuple[Callable[..., "FasError"], tuple[type["FasError"], tuple[object, ...]]]:
-        # a worker process sends it home as its sentence, whatever the facts that it was built from
+        # a worker process pickles the sentence alone, not the facts that it was built from
         return _remade, (type(self), self.args)
 
 
@@ -25,7 +25,7 @@ class Stopped(Exception):
 
 
 class InputFileError(FasError):
-    """A file or folder cannot be used as asked.
+    """A file or folder cannot be used as requested.
 
     Args:
         path: the file or folder.
@@ -48,7 +48,7 @@ class MeshError(FasError):
 
 
 class MissingPackageError(FasError):
-    """What was asked for needs a package of an optional extra.
+    """A request needs a package of an optional extra.
 
     Args:
         package: the package that is missing or does not load.
@@ -165,7 +165,7 @@ class EngineError(FasError):
 
 
 def unknown(kind: str, name: str, valid: Iterable[str]) -> str:
-    """The clause for a name that does not exist: what was asked, what is near, and all that exist."""
+    """The clause for a name that does not exist: the name, the nearest one, and the valid ones."""
     choices = list(valid)
     near = get_close_matches(name, choices, n=1)
     hint = f", did you mean {near[0]!r}?" if near else ""

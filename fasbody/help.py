@@ -51,4 +51,4 @@ def _short(text: str) -> str:
     modules = {command.module: command.words for command in reversed(commands()) if command.words}
     known |= {f"python -m {module}": words for module, words in modules.items() if f"python -m {module}" not in known}
     calls = "|".join(map(re.escape, sorted(known, key=len, reverse=True)))
-    return re.sub(rf"({calls})\b(?![.\w])", lambda found: f"fasbody {known[found[1]]}", text)
+    return re.sub(rf"({calls})\b(?![.\w])", lambda match: f"fasbody {known[match[1]]}", text)

@@ -1,4 +1,4 @@
-"""What is imported by its name: a package's names when they are first asked for, commands of rooms above.
+"""What is imported by its name: a package's names on first use, commands of higher packages.
 
 Importing a package costs nothing this way (PEP 562), and a command may be typed where a user looks for it.
 """
@@ -14,20 +14,20 @@ ROOT = Path(__file__).parent.parent
 
 
 def attribute(package: str, homes: Mapping[str, str], name: str) -> Any:
-    """What a package exports under a name, from its home.
+    """What a package exports under a name, imported from the module that defines it.
 
     Args:
         package: its `__name__`.
         homes: name -> the module that has it, with the name there behind a colon where that is another one.
-        name: what is asked for.
+        name: of the attribute.
 
     Raises:
         AttributeError: it exports no such name.
     """
     if name not in homes:
         raise AttributeError(f"module {package!r} has no attribute {name!r}")
-    home, _, there = homes[name].partition(":")
-    return getattr(import_module(home), there or name)
+    home, _, alias = homes[name].partition(":")
+    return getattr(import_module(home), alias or name)
 
 
 def command(home: str) -> Callable[..., None]:

@@ -38,7 +38,7 @@ STYLE: Any = {
     "ytick.major.width": 0.7, "lines.linewidth": 1.2, "lines.markersize": 4.5,
     "hatch.linewidth": 0.6, "svg.fonttype": "path", "legend.frameon": False,
 }  # fmt: skip
-_Given = ParamSpec("_Given")
+_Arguments = ParamSpec("_Arguments")
 _Drawn = TypeVar("_Drawn")
 
 #: What the ends of names say of units.
@@ -78,11 +78,11 @@ def readable(value: float, digits: int = 3) -> str:
     return grouped(text.rstrip("0").rstrip(".") if "." in text else text)
 
 
-def printed(draw: Callable[_Given, _Drawn]) -> Callable[_Given, _Drawn]:
+def printed(draw: Callable[_Arguments, _Drawn]) -> Callable[_Arguments, _Drawn]:
     """Draw in `STYLE`, and leave matplotlib's own as it is."""
 
     @wraps(draw)
-    def styled(*args: _Given.args, **options: _Given.kwargs) -> _Drawn:
+    def styled(*args: _Arguments.args, **options: _Arguments.kwargs) -> _Drawn:
         import matplotlib
 
         with matplotlib.rc_context(STYLE):
@@ -174,7 +174,7 @@ class Sheet:
     notes: Sequence[str] = ()
 
     @property
-    def shown(self) -> Sequence[Sequence[str]]:
+    def first_rows(self) -> Sequence[Sequence[str]]:
         """The first rows, with one that says how many are left out."""
         spare = len(self.rows) - ROWS
         if spare <= 1:  # the last one takes no more room than the sentence on it
@@ -182,16 +182,16 @@ class Sheet:
         return [*self.rows[:ROWS], [f"... {spare} more", *[""] * (len(self.columns) - 1)]]
 
     @property
-    def told(self) -> Sequence[str]:
+    def first_notes(self) -> Sequence[str]:
         """The first notes, with one that says how many are left out."""
         spare = len(self.notes) - NOTES
         return self.notes if spare <= 1 else [*self.notes[:NOTES], f"... and {spare} more."]
 
     def __str__(self) -> str:
-        lines = [self.columns, *self.shown]
+        lines = [self.columns, *self.first_rows]
         widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
         table = ["  ".join(cell.ljust(w) for cell, w in zip(line, widths, strict=True)).rstrip() for line in lines]
-        notes = [line for note in self.told for line in wrap(note, WIDTH, subsequent_indent="  ")]
+        notes = [line for note in self.first_notes for line in wrap(note, WIDTH, subsequent_indent="  ")]
         return "\n".join([self.title, *table, *notes])
 
     def html(self) -> str:
@@ -200,8 +200,8 @@ class Sheet:
         def row(cells: Sequence[str], tag: str) -> str:
             return "<tr>" + "".join(f"<{tag}>{escape(cell)}</{tag}>" for cell in cells) + "</tr>"
 
-        body = "".join(row(cells, "td") for cells in self.shown)
-        notes = "".join(f"<p>{escape(note)}</p>" for note in self.told)
+        body = "".join(row(cells, "td") for cells in self.first_rows)
+        notes = "".join(f"<p>{escape(note)}</p>" for note in self.first_notes)
         table = f"<table><thead>{row(self.columns, 'th')}</thead><tbody>{body}</tbody></table>"
         return f"<p><b>{escape(self.title)}</b></p>{table}{notes}"
 

@@ -37,7 +37,7 @@ ROOT = Path(fasbody.__file__).parent.parent
 _ASIDE = {ROOT / "fasbody" / name for name in ("console.py", "presentation.py", "runner.py")}
 #: What a result may read of our packages besides their sources.
 _DATA = {".xml", ".csv", ".toml", ".json"}
-#: Age of an unfinished file that nobody can still be writing [s].
+#: Age from which an unfinished file is left over from a process that ended [s].
 _STALE_S = 3600.0
 
 
@@ -57,7 +57,7 @@ def run(
     """
     count = processes or cores()
     alone = count == 1 or (len(tasks) < _FEW and not processes)
-    done = here(function, tasks) if alone else _spread(function, tasks, count)
+    done = in_turn(function, tasks) if alone else _spread(function, tasks, count)
     with progress_bar() as progress:
         bar = progress.add_task(description, total=len(tasks))
         for index, result in done:
@@ -70,8 +70,8 @@ def cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def here(function: Callable[[Task], Result], tasks: Iterable[Task]) -> Iterator[tuple[int, Result]]:
-    """One after another in this process, each task taken when its turn comes; Ctrl-C ends the one that it meets."""
+def in_turn(function: Callable[[Task], Result], tasks: Iterable[Task]) -> Iterator[tuple[int, Result]]:
+    """Run the tasks one after another in this process; Ctrl-C ends the current one."""
     for index, task in enumerate(tasks):
         with heeded():
             result = function(task)
@@ -94,7 +94,7 @@ def _pool(count: int) -> Iterator[ProcessPoolExecutor]:
     """Processes whose linear algebra has one thread; after an exception they are not waited for."""
     before = {name: os.environ.get(name) for name in ONE_THREAD}
     others = set(multiprocessing.active_children())
-    os.environ.update(ONE_THREAD)  # the children's linear algebra must not fight for the cores
+    os.environ.update(ONE_THREAD)  # processes times threads must not exceed the cores
     # spawn, not fork: the progress bar runs a thread
     pool = ProcessPoolExecutor(count, mp_context=multiprocessing.get_context("spawn"))
     try:
@@ -172,14 +172,14 @@ def data() -> str:
 
 def sources(module: str) -> list[Path]:
     """The files that compute a result: a module of ours, what it imports of ours, and what that imports in turn."""
-    found: set[Path] = set()
+    files: set[Path] = set()
     waiting = _files(module)
     while waiting:
         file = waiting.pop()
-        if file not in found:
-            found.add(file)
+        if file not in files:
+            files.add(file)
             waiting += _imported(file)
-    return sorted(found - _ASIDE)
+    return sorted(files - _ASIDE)
 
 
 @cache
@@ -197,7 +197,7 @@ def _imported(file: Path) -> tuple[Path, ...]:
         for block in ("orelse", "finalbody", "handlers", "cases", *(() if typed else ("body",))):
             waiting += getattr(node, block, ())
     beside = file.parent.glob("*.py") if "importlib.import_module(" in text else ()
-    return (*(found for name in sorted(names) for found in _files(name)), *beside)
+    return (*(path for name in sorted(names) for path in _files(name)), *beside)
 
 
 def _files(module: str) -> list[Path]:

@@ -11,7 +11,7 @@ _LISTED = 8
 
 
 def sentence(error: Any) -> str:
-    """The sentence for an error of click, whose classes Typer keeps to itself.
+    """The sentence for an error of click, whose classes Typer does not export.
 
     Args:
         error: what a command raises without standalone mode: a value that does not fit, an unknown option, ...
@@ -21,8 +21,8 @@ def sentence(error: Any) -> str:
     if (option := getattr(error, "option_name", None)) is not None:
         return _option(option, message, command)
     if hasattr(error, "param_type") and parameter is not None:
-        told = getattr(parameter, "help", None)
-        return f"{_name(parameter)} is missing" + (f": {told}." if told else ".")
+        help_text = getattr(parameter, "help", None)
+        return f"{_name(parameter)} is missing" + (f": {help_text}." if help_text else ".")
     if parameter is not None:
         return f"{_name(parameter)} {_value(error, message)}."
     if commands := list(getattr(command, "commands", ())):
@@ -54,10 +54,10 @@ def _option(name: str, message: str, command: Any) -> str:
     if "not take" in message:
         return f"{name} takes no value."
     known = [text for p in getattr(command, "params", ()) for text in (*p.opts, *p.secondary_opts) if text[0] == "-"]
-    told = unknown("option", shown(name), [*known, "--help"])
+    refusal = unknown("option", shown(name), [*known, "--help"])
     if len(known) < _LISTED:
-        return f"{told}."
-    near = told.rpartition(" (valid: ")[0]
+        return f"{refusal}."
+    near = refusal.rpartition(" (valid: ")[0]
     return f"{near} For all options see --help." if near.endswith("?") else f"{near}; for all options see --help."
 
 

@@ -199,7 +199,7 @@ class Reflex(Departure):
 
     @property
     def memory_s(self) -> float:  # type: ignore[override]
-        """An answer is answered in turn."""
+        """The delayed reaction acts on itself: memory in multiples of the delay."""
         return 10 * self.delay_s
 
     def act(self, now: Instant, x: np.ndarray) -> None:
@@ -228,7 +228,7 @@ class Thixotropy(Departure):
         now.force -= self.loss * x * (now.constants.k * now.z + now.c * now.v)
 
     def rates(self, now: Instant, x: np.ndarray, out: np.ndarray) -> None:
-        """Broken by travel, mended by time."""
+        """Damage grows with travel and recovers with time."""
         out[:] = (1.0 - x) * np.abs(now.v) / np.array(self.stretch)[:, None] - x / self.time_s
 
 

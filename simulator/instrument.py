@@ -23,7 +23,7 @@ class Traces:
     channels: Mapping[str, np.ndarray]
 
     def rng(self, purpose: int) -> np.random.Generator:
-        """What draws, by the session and what it is for."""
+        """The random generator of a purpose in this session."""
         return np.random.default_rng([*self.shaking.seed, purpose])
 
     @property
@@ -35,7 +35,7 @@ class Traces:
         """The traces with other values (n, N) of a channel."""
         return replace(self, channels={**self.channels, channel: values})
 
-    def each(self, change: Callable[[np.ndarray], np.ndarray]) -> "Traces":
+    def mapped(self, change: Callable[[np.ndarray], np.ndarray]) -> "Traces":
         """All channels changed alike."""
         return replace(self, channels={name: change(y) for name, y in self.channels.items()})
 
@@ -77,12 +77,12 @@ class Noise(Instrument):
     def __call__(self, traces: Traces) -> Traces:
         """See the class."""
         rng, share = traces.rng(4), self.share
-        return traces.each(lambda y: rng.normal(y, share * y.std(axis=1, keepdims=True)))
+        return traces.mapped(lambda y: rng.normal(y, share * y.std(axis=1, keepdims=True)))
 
 
 @dataclass(frozen=True)
 class Hum(Instrument):
-    """Mains hum on the malleolus' channel, in its own phase in every recording.
+    """Mains hum on the malleolus' channel, with a random phase in every recording.
 
     Attributes:
         amplitude: [m/s^2].
@@ -147,7 +147,7 @@ class Converter(Instrument):
         """See the class."""
         most = max(np.abs(y).max() for y in traces.channels.values())
         least = 1.01 * most / 2 ** (self.bits - 1)
-        return traces.each(lambda y: least * np.round(y / least))
+        return traces.mapped(lambda y: least * np.round(y / least))
 
 
 @dataclass(frozen=True)
@@ -158,4 +158,4 @@ class Unit(Instrument):
 
     def __call__(self, traces: Traces) -> Traces:
         """See the class."""
-        return traces.each(lambda y: self.factor * y)
+        return traces.mapped(lambda y: self.factor * y)

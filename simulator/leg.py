@@ -239,9 +239,9 @@ class Instant:
         at, n = place.astype(int), np.arange(self.h.size)
         f, g = (place - at)[:, None], (1 + at - place)[:, None]
         (x, dx), (y, dy) = ((self.x[i, :4, n], self.dx[i, :4, n]) for i in (at, at + 1))
-        found = g**2 * (1 + 2 * f) * x + f**2 * (1 + 2 * g) * y
-        found += f * g * self.h[:, None] * (g * dx - f * dy)
-        return found.T[:2], found.T[2:]
+        state = g**2 * (1 + 2 * f) * x + f**2 * (1 + 2 * g) * y
+        state += f * g * self.h[:, None] * (g * dx - f * dy)
+        return state.T[:2], state.T[2:]
 
 
 def under(leg: Leg, departures: Sequence[Departure], shaking: Shaking) -> Constants:
@@ -269,7 +269,7 @@ def motion(
         leg: without load.
         departures: what else it does.
         shaking: what excites it.
-        h: time step [s], (n,) where each recording has its own.
+        h: time step [s], (n,) for one a recording.
         steps: how many are written down.
         patience: time before that, over what small motion takes to forget.
 
@@ -325,8 +325,8 @@ def harmonics(
     period = np.maximum(STEPS, np.ceil(1 / (shaking.hz * step_s))).astype(int)
     h = 1 / (shaking.hz * period)
     traces = motion(leg, departures, shaking, h, period.max(), patience=1.5)
-    each = zip(np.moveaxis(traces, 1, 0), period, strict=True)
-    return np.stack([2 / m * np.fft.fft(y[:, :m])[:, 1 : HARMONICS + 1] for y, m in each], 1)
+    pairs = zip(np.moveaxis(traces, 1, 0), period, strict=True)
+    return np.stack([2 / m * np.fft.fft(y[:, :m])[:, 1 : HARMONICS + 1] for y, m in pairs], 1)
 
 
 def sample(t: np.ndarray, hz: float, amplitudes: np.ndarray) -> np.ndarray:

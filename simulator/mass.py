@@ -68,7 +68,7 @@ def recorded(case: Case, seed: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]
 
 
 def case_key(case: Case) -> tuple[int, ...]:
-    """Numbers that make the noise of each case its own."""
+    """Seed of a case's noise."""
     return (
         list(SECONDS).index(case.excitation), round(1000 * case.damping), round(1000 * case.noise),
         WANDERS.index(case.wrong),

@@ -1,11 +1,11 @@
-"""A sound card without one: a PulseAudio of our own with two null sinks, and a foot between playback and capture.
+"""A simulated sound card: a private PulseAudio with two null sinks, and a foot between playback and capture.
 
     programs play --> sink "shaker" --> [foot] --> sink "sensors" --> programs record its monitor
 
 `python -m simulator.pulse WAY` is the process between: `foot` shakes the virtual foot, `cable` is a loopback cable
 with the gains and the couplings of an interface, `calibrator` a hand calibrator under both sensors. `silence-off` and
-`silence-close` play on the card, end that in one of two ways, and say when it is heard no more, and how abruptly.
-The daemon lives in a folder of its own and ends with the bench; it is no user's.
+`silence-close` play on the card and end in one of two ways. They report when the sound ends, and how abruptly.
+The daemon has a temporary folder, is not the user's, and ends with the bench.
 """
 
 import functools
@@ -126,9 +126,9 @@ class PulseBench:
             raise AcquisitionError(f"what should lie between the sinks did not start: {way}: {self._log.read_text()}")
 
     def losses(self) -> list[str]:
-        """What PulseAudio's programs between the sinks said of samples that they lost, as on busy cores."""
-        said = self._log.read_text(errors="replace") if self._log.is_file() else ""
-        return re.findall(r"[Ss]tream (?:over|under)run", said)
+        """Over- and underruns that PulseAudio's programs between the sinks reported, as on busy cores."""
+        log = self._log.read_text(errors="replace") if self._log.is_file() else ""
+        return re.findall(r"[Ss]tream (?:over|under)run", log)
 
     def play(self, motion: BaseMotion) -> None:
         """Let another program play, so that the shaker moves so; returns when it has played."""
@@ -149,8 +149,8 @@ class PulseBench:
         done = subprocess.run(ahead(words), env=self.environment, capture_output=True, text=True)
         if done.returncode:
             raise AcquisitionError(f"the card did not play: {done.stderr}")
-        found: dict[str, float] = json.loads(done.stdout)
-        return found
+        result: dict[str, float] = json.loads(done.stdout)
+        return result
 
     def _remove(self) -> None:
         if self._between is not None:
@@ -190,8 +190,8 @@ class Cable:
     def feed(self, played: np.ndarray) -> np.ndarray:
         """What both inputs have, (n, 2), of what is played (n,)."""
         out, base, malleolus = self._filters
-        heard = out.feed(played)
-        return np.column_stack([GAINS[0] * base.feed(heard), GAINS[1] * malleolus.feed(heard)])
+        output = out.feed(played)
+        return np.column_stack([GAINS[0] * base.feed(output), GAINS[1] * malleolus.feed(output)])
 
 
 class Foot:
@@ -258,7 +258,7 @@ class Calibrator:
 
 
 def silence(way: str, latency_s: float, share: float = 0.5, hz: float = 37.0) -> dict[str, float]:
-    """How long after its end a sine is still heard [s], and its largest step from sample to sample over a sine's own.
+    """How long after its end a sine still sounds [s], and its largest step between samples over that of a sine.
 
     Args:
         way: "off" as after a guard trips, or "close" as at the end of a session.
@@ -271,12 +271,12 @@ def silence(way: str, latency_s: float, share: float = 0.5, hz: float = 37.0) ->
     from fasbody.acquire.audio import Calibration, SoundCard
 
     words = ["parec", "-d", "shaker.monitor", "--raw", "--format=float32le", f"--rate={CARD_HZ}", "--channels=2"]
-    heard = subprocess.Popen([*words, "--latency-msec=10"], stdout=subprocess.PIPE)
+    recorder = subprocess.Popen([*words, "--latency-msec=10"], stdout=subprocess.PIPE)
     blocks: list[tuple[float, np.ndarray]] = []
 
     def listen() -> None:
-        assert heard.stdout is not None
-        while data := heard.stdout.read(8 * _BLOCK):
+        assert recorder.stdout is not None
+        while data := recorder.stdout.read(8 * _BLOCK):
             blocks.append((time.monotonic(), np.frombuffer(data[: len(data) // 8 * 8], "<f4").reshape(-1, 2)[:, 0]))
 
     listener = threading.Thread(target=listen)
@@ -293,8 +293,8 @@ def silence(way: str, latency_s: float, share: float = 0.5, hz: float = 37.0) ->
     ended = time.monotonic()
     card.drive(share=0.0) if way == "off" else card.close()
     time.sleep(latency_s + 2 * _SETTLES_S)
-    heard.terminate()
-    heard.wait()
+    recorder.terminate()
+    recorder.wait()
     listener.join()
     if way == "off":
         card.close()
@@ -321,27 +321,27 @@ def main(way: str, latency: float = 0.5) -> None:
     between = Foot() if way == "foot" else Cable() if way == "cable" else Calibrator()
     common = ["--raw", "--format=float32le", f"--rate={CARD_HZ}", "--verbose"]
     listen = ["parec", "-d", "shaker.monitor", "--channels=2", "--latency-msec=100"]
-    heard = subprocess.Popen([*listen, *common], stdout=subprocess.PIPE)
-    assert heard.stdout is not None
+    recorder = subprocess.Popen([*listen, *common], stdout=subprocess.PIPE)
+    assert recorder.stdout is not None
     begun = time.monotonic()
     while time.monotonic() - begun < _SETTLES_S:  # an idle sink hands out seconds at once
-        heard.stdout.read(8 * _BLOCK)
+        recorder.stdout.read(8 * _BLOCK)
     speak = ["pacat", "-d", "sensors", "--channels=2", "--latency-msec=2000"]
     spoken = subprocess.Popen([*speak, *common], stdin=subprocess.PIPE)
     assert spoken.stdin is not None
     spoken.stdin.write(np.zeros((CARD_HZ, 2), "<f4").tobytes())  # so much may the foot be late
-    told = False
+    announced = False
     while not select.select([sys.stdin], [], [], 0)[0]:
-        data = heard.stdout.read(8 * _BLOCK)
+        data = recorder.stdout.read(8 * _BLOCK)
         if len(data) < 8 * _BLOCK:  # the daemon is gone
             break
         block = np.frombuffer(data, "<f4").reshape(-1, 2)[:, 0].astype(float)  # output 1
         spoken.stdin.write(between.feed(block).astype("<f4").tobytes())
         spoken.stdin.flush()
-        if not told:
-            told = True
+        if not announced:
+            announced = True
             print("ready", flush=True)
-    for process in (heard, spoken):
+    for process in (recorder, spoken):
         process.terminate()
         process.wait()
 

@@ -1,4 +1,4 @@
-"""Feet that a plan does not know, what their sensors record, and a shaker that misbehaves.
+"""Feet that a plan has no data of, their recordings, and a faulty shaker.
 
 Legs of both branches, segment masses off by 10 % from what the scale and the table say, a gain that is off by 1 %.
 """
@@ -81,7 +81,7 @@ def recorded(foot: Virtual, steps: Sequence[Step], session: int) -> list[Recordi
 
 
 class Rig:
-    """A shaker that misbehaves, with the sensors on it, in the time of its own samples: board and generator in one.
+    """A faulty shaker with its sensors, in simulated time: board and generator in one.
 
     `reach` (acquire's amplitude loop) drives it and its watch looks at every block, as acquire's board does. The
     malleolus follows the base as it would if it were settled at every instant. What the base really does is measured
@@ -163,12 +163,12 @@ class Rig:
 
     def collect(self, seconds: float) -> np.ndarray:
         """(n, 1) of the base [m/s^2], block by block, each of which the watch sees."""
-        found = []
+        blocks = []
         for _ in range(max(1, round(seconds * self.rate_hz / self.block))):
-            found.append(self._next())
+            blocks.append(self._next())
             if self.watch is not None:
-                self.watch.check(found[-1])
-        return np.concatenate(found)[:, None]
+                self.watch.check(blocks[-1])
+        return np.concatenate(blocks)[:, None]
 
     def _next(self) -> np.ndarray:
         t = self._t + np.arange(self.block) / self.rate_hz
@@ -181,8 +181,8 @@ class Rig:
             self._jump = float(self._rng.choice([0.6, 1.3, 2.0, 4.0]))
             self.jumps, self._jumped = self.jumps + 1, True
         gain = self._gain * self._jump * self._grown if abs(self._hz - self._dead) > 1 else 0.0
-        wanted = 0.5 * gain * self.volts if self.is_on else 0.0
-        size = wanted + (self._size - wanted) * np.exp(-np.arange(1, self.block + 1) / self.rate_hz / self.lag_s)
+        target = 0.5 * gain * self.volts if self.is_on else 0.0
+        size = target + (self._size - target) * np.exp(-np.arange(1, self.block + 1) / self.rate_hz / self.lag_s)
         self._size = float(size[-1])
         wave = size * (np.sin(2 * np.pi * self._hz * t) + self._second * np.sin(4 * np.pi * self._hz * t + 0.7))
         wave = np.clip(wave, -self._clips, self._clips)

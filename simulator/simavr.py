@@ -22,6 +22,7 @@ from fasbody.foot.two_dof import TwoDof
 from fasbody.laboratory.foot import TRUTH, exact
 from fasbody.laboratory.instrument import Instrument
 from fasbody.recording.condition import foot_mass, shank_mass
+from simulator.departure import GRAVITY
 
 HOST = Path(__file__).with_name("simavr_board.c")
 BAUD = 500_000
@@ -54,7 +55,7 @@ def compile_firmware(
     folder: Path, sensor: str = "ANALOG", rate_hz: int = 1000, changed: Mapping[str, str] | None = None,
     constants: Mapping[str, float] | None = None,
 ) -> Path:  # fmt: skip
-    """The program of a board: the sketch that ships, for one sensor; some of its text, or of its constants, changed."""
+    """The firmware of a board: the shipped sketch for one sensor, with text or constants replaced."""
     elf = folder / f"fas_{sensor}_{rate_hz}.elf"
     text = SKETCH.read_text()
     for old, new in (changed or {}).items():
@@ -121,8 +122,8 @@ class SimulatedBoard:
         """Switch it off and read its report."""
         if not self.report:
             self.pause(False)  # where a test left it standing still
-            told, _ = self._process.communicate("")
-            self.report = json.loads(told)
+            output, _ = self._process.communicate("")
+            self.report = json.loads(output)
 
     def pause(self, paused: bool = True) -> None:
         """Let it stand still, or go on."""
@@ -173,7 +174,7 @@ def foot(hz: float, peak_to_peak: float = 17.9) -> tuple[np.ndarray, complex]:
     true = exact(TwoDof.from_values({**TRUTH, **masses}), sine(hz, 5.0, peak_to_peak), 1.0, instrument, settle=2.0)
     felt = np.column_stack([true.base_m_s2, true.malleolus_m_s2])
     base, malleolus = lines(felt, SIGNAL_HZ, hz)
-    return felt + 9.80665, complex(malleolus / base)
+    return felt + GRAVITY, complex(malleolus / base)
 
 
 def lines(values: np.ndarray, rate_hz: float, hz: float) -> np.ndarray:

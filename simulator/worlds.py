@@ -46,7 +46,7 @@ FREQUENCIES_HZ = (10.0, 15.0, 20.0, 25.0, 30.0, 35.0, 40.0, 45.0, 50.0)
 SHANK, FOOT, LOADS_KG = 0.0465, 0.0145, (0.0, 2.3, 4.5)
 #: Amplitude of the table [m/s^2], and its harmonics over it.
 AMPLITUDE, TABLE = 8.95, (1.0, 0.015, 0.008)
-#: Strength of bends from which a leg is strongly nonlinear; the laboratory's own foot has 1.
+#: Strength of bends from which a leg is strongly nonlinear; the laboratory's foot has 1.
 STRONG = 0.7
 #: Sampling rate [Hz] and length of a recording [s].
 RATE_HZ, SECONDS = 1000.0, 1.5
@@ -66,7 +66,7 @@ class Member:
         departures: what else the leg does.
         loads_kg: recorded loads, the smallest first.
         noise: standard deviation in a sample over the amplitude of the table.
-        strength: of the dampers' bends, 1: as strong as those of the laboratory's own foot.
+        strength: of the dampers' bends, 1: as strong as those of the laboratory's foot.
         body_kg: body mass as stated.
         instruments: what traces pass, from the first.
         frequencies_hz: recorded under each load.
@@ -139,10 +139,10 @@ def traces(member: Member) -> Traces:
     felt = motion(member.leg, member.departures, shaking, h, parts * (steps - 1) + 1)[:, :, ::parts]
     t = parts * h * np.arange(steps)
     exact = {"base": shaking.at(t[:, None]).T, "malleolus": felt[0], "foot": felt[1]}
-    found = Traces(t, shaking, exact).each(lambda y: rng.normal(y, member.noise * AMPLITUDE))
+    result = Traces(t, shaking, exact).mapped(lambda y: rng.normal(y, member.noise * AMPLITUDE))
     for change in member.instruments:
-        found = change(found)
-    return found
+        result = change(result)
+    return result
 
 
 def recordings(member: Member, foot: bool = False) -> list[Recording]:
@@ -152,11 +152,11 @@ def recordings(member: Member, foot: bool = False) -> list[Recording]:
         member: leg and world.
         foot: a second sensor sits on the foot; the others read the same with it and without.
     """
-    found, session = traces(member), f"{member.world} {member.seed}"
-    t, made = np.arange(found.t.size) / RATE_HZ, []
-    for i, (load, hz) in enumerate(zip(found.shaking.load_kg, found.shaking.hz, strict=True)):
+    measured, session = traces(member), f"{member.world} {member.seed}"
+    t, made = np.arange(measured.t.size) / RATE_HZ, []
+    for i, (load, hz) in enumerate(zip(measured.shaking.load_kg, measured.shaking.hz, strict=True)):
         condition = Condition("made", "midstance", float(load), member.body_kg, float(hz))
-        base, malleolus, second = (found.channels[name][i] for name in ("base", *SENSORS))
+        base, malleolus, second = (measured.channels[name][i] for name in ("base", *SENSORS))
         recording = Recording(
             t, base, malleolus, condition=condition, file=f"{session}: {load:g} kg, {hz:g} Hz",
             origin="synthetic", others={"foot": second} if foot else {},
@@ -170,14 +170,14 @@ def leg_of(rng: np.random.Generator, body_kg: float, strength: float) -> Leg:
     m_S, m_F = SHANK * body_kg, FOOT * body_kg
     a = m_S / (m_S + m_F)
     # sqrt(k_T a k_F) is the same on both branches; their ratio says which
-    both = (m_S + m_F) * (2 * np.pi * rng.uniform(23.0, 32.0)) ** 2
+    stiffness = (m_S + m_F) * (2 * np.pi * rng.uniform(23.0, 32.0)) ** 2
     apart = np.exp(rng.uniform(0.25, 1.1) * rng.choice([-1.0, 1.0]))
-    size = both / (m_S + m_F) * m_F / (2 * np.pi * 30)  # of a damper that leaves resonances visible
+    size = stiffness / (m_S + m_F) * m_F / (2 * np.pi * 30)  # of a damper that leaves resonances visible
     c_11, c_21 = (float(c) for c in 1.8 * size * np.exp(rng.uniform(-0.6, 0.6, 2)))
     signs = rng.choice([-1.0, 1.0], 2)
     c_13, c_23 = (float(strength * rng.uniform(40, 180)) for _ in range(2))
     c_12, c_22 = (float(strength * bend) for bend in signs * (90, 120))
-    k_T, k_F = float(both * np.sqrt(apart * a)), float(both / np.sqrt(apart * a))
+    k_T, k_F = float(stiffness * np.sqrt(apart * a)), float(stiffness / np.sqrt(apart * a))
     return Leg(k_T, k_F, c_11, c_12, c_13, c_21, c_22, c_23, m_S, m_F)
 
 
@@ -233,7 +233,7 @@ class Draw:
         return self.of(body_kg=self.made.body_kg * (1.0 + error))
 
     def loaded(self, part: Departure) -> Member:
-        """A departure that only several loads tell of."""
+        """A departure that shows under several loads only."""
         count = max(len(self.made.loads_kg), int(self.rng.integers(2, 4)))
         return self.of(part, loads_kg=LOADS_KG[:count])
 
@@ -329,8 +329,3 @@ def member(world: str, seed: int) -> Member:
     loads = LOADS_KG[: int(rng.choice([1, 2, 3], p=[0.25, 0.4, 0.35]))]
     made = Member(world, seed, leg, (), loads, noise, strength, body)
     return WORLDS[world](Draw(made, rng))
-
-
-def recorded_near_axis(seed: int = 108) -> list[Recording]:
-    """The foot near the axis as it is written down."""
-    return recordings(member(NEAR_AXIS, seed))

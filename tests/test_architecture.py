@@ -63,7 +63,8 @@ def test_one_door(foreign: str) -> None:
 
 #: The rooms of fasbody from the ground up: each imports from the rows above its own, never from beside it or below.
 ROOMS = (
-    ("exceptions",), ("lazy",), ("usage", "commands"), ("help", "completion"), ("console",), ("presentation", "runner"),
+    ("constants", "exceptions"), ("lazy",), ("usage", "commands"), ("help", "completion"), ("console",),
+    ("presentation", "runner"),
     ("foot",),
     ("arch", "recording", "cell", "heel"), ("laboratory", "transmissibility"), ("acquire", "leg"),
 )  # fmt: skip

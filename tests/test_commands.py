@@ -13,7 +13,7 @@ from rich.text import Text
 from typer_apps import HOMES, click_command, sub_commands
 
 from fasbody.__main__ import main, run
-from fasbody.commands import GROUPS, Command, commands, found
+from fasbody.commands import GROUPS, Command, commands, resolve
 from fasbody.exceptions import SettingError
 
 ROOT = Path(__file__).parent.parent
@@ -51,12 +51,12 @@ def test_map_says_what_the_command_says(module: str) -> None:
 @pytest.mark.parametrize("command", commands(), ids=lambda command: command.call)
 def test_help_ends_with_examples_that_name_the_command(command: Command) -> None:
     app, subs = click_command(command.module), sub_commands(command.module)
-    found = subs.get(command.name, app)
-    _, heading, examples = found.help.partition("\n\nExamples:\n")
+    app = subs.get(command.name, app)
+    _, heading, examples = app.help.partition("\n\nExamples:\n")
     assert heading, "no examples"
     for line in filter(None, examples.splitlines()):
         assert re.match(rf"  (\w+=\S+ )?python -m {re.escape(command.module)}", line), line
-    for parameter in found.params:
+    for parameter in app.params:
         shown = getattr(parameter, "help", None) or ""
         assert Text.from_markup(shown).plain == shown.replace("\\[", "["), (
             f"{parameter.name}: part of {shown!r} is hidden"
@@ -104,12 +104,12 @@ def test_words_name_one_command_each() -> None:
     """The first words of a line find the command, the longest first, and what follows is left for it."""
     for command in commands():
         if command.words:
-            assert found([*command.words.split(), "--json"]) == (command, ["--json"])
-    assert found(["cell", "my_cell.vtu"])[0].words == "cell"
+            assert resolve([*command.words.split(), "--json"]) == (command, ["--json"])
+    assert resolve(["cell", "my_cell.vtu"])[0].words == "cell"
     with pytest.raises(SettingError, match=r"unknown command 'fti', did you mean 'fit'\?"):
-        found(["fti"])
+        resolve(["fti"])
     with pytest.raises(SettingError) as far:
-        found(["nonsense"])
+        resolve(["nonsense"])
     assert len(str(far.value)) < 150 and f"python -m fasbody shows all {len(commands()) - 1}." in str(far.value)
 
 

@@ -178,7 +178,7 @@ def test_the_image_is_the_mirror_and_a_place_carries_over(problems: dict[str, Pr
     bent = problems["exponential"].variables
     assert isinstance(bent, RungVariables)
     q = bent.carried_over(q, v)
-    place = [bent.place(bent.rung.own[name]) for name in ("b_T", "b_F")]
+    place = [bent.place(bent.rung.constants[name]) for name in ("b_T", "b_F")]
     q[place] = 0.3, -0.1
     assert bent.image(q)[place].tolist() == [-0.1, 0.3]
 

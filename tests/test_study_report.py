@@ -288,7 +288,7 @@ def test_fits_that_do_not_follow_are_said_and_left_out(tmp_path: Path, monkeypat
     said = "1 of 42 fits follow their recordings to less than 85 % "
     said += "(per-recording, subject 1, midstance, 0 kg, 30 Hz: 37.2 %)"
     assert said in page and page.index(said) < page.index("<nav>")
-    assert summary.poor_sentence(study()) == ""
+    assert summary.unfollowed_sentence(study()) == ""
     table, energy = summary.tidy(fits), summary.cycle_table(fits)
     lost = before[summary.measured(before)].index.difference(table[summary.measured(table)].index)
     assert set(table.loc[lost, "key"]) == {bad["key"]} and len(lost) == 16

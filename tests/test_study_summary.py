@@ -177,11 +177,11 @@ def test_the_tracked_branch_is_shown_where_there_is_one() -> None:
     fits = [fit(1, ankle, pad), fit(2, ankle, pad), fit(3, pad, ankle, verdict="decided"), fit(4, pad, ankle),
             fit(5, ankle, verdict="not compared"), fit(6, pad, ankle, verdict="decided")]  # fmt: skip
     tracked = dict(zip((d["key"] for d in fits), (pad, "undecided", ankle, pad), strict=False))
-    found = [summary.shown(d, tracked) for d in fits]
+    found = [summary.displayed_branch(d, tracked) for d in fits]
     assert found == [(pad, "tracking"), (ankle, "undecided"), (ankle, "tracking"), (pad, "tracking"),
                      (ankle, "not compared"), (pad, "likelihood")]  # fmt: skip
-    assert summary.shown(fits[0]) == (ankle, "undecided")
-    assert summary.shown(fit(7, "best", verdict="not compared")) == ("best", "no mirror")
+    assert summary.displayed_branch(fits[0]) == (ankle, "undecided")
+    assert summary.displayed_branch(fit(7, "best", verdict="not compared")) == ("best", "no mirror")
     table = summary.tidy(fits, tracked=tracked)
     rows = table[table["shown"]]
     assert rows["subject"].tolist() == ["1", "2", "3", "4", "5", "6"]
@@ -190,7 +190,7 @@ def test_the_tracked_branch_is_shown_where_there_is_one() -> None:
     assert rows["chosen"].tolist() == [False, True, False, True, True, True]
     energy = summary.cycle_table(fits, tracked)
     assert energy["shown"].tolist() == [False, True, False, True, True, True]  # these fits have one cycle, their own
-    assert [summary.shown_fit(d, tracked) for d in fits] == [89.0, 90.0, 89.0, 90.0, 90.0, 90.0]
+    assert [summary.displayed_fit(d, tracked) for d in fits] == [89.0, 90.0, 89.0, 90.0, 90.0, 90.0]
 
 
 def test_outliers_are_sought_among_what_is_shown_and_measured() -> None:

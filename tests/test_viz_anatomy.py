@@ -10,7 +10,7 @@ from fasbody.arch.bones import Arch
 from fasbody.foot.model import load
 from viz.anatomy import assets, bones
 from viz.anatomy.field import ellipsoid, mesh, round_cone, union
-from viz.anatomy.rest import SEGMENT_BODIES, carried, own, segment_bodies
+from viz.anatomy.rest import SEGMENT_BODIES, carried, extra_geoms, segment_bodies
 from viz.load import load_foot
 
 trimesh = pytest.importorskip("trimesh", reason="needs the extra: pip install 'fasbody[view]'")
@@ -144,7 +144,7 @@ def test_mounted_arch_wears_the_bones_of_the_arch(parts: dict[str, assets.Part])
         to, back = (Rotation.from_quat(f.quaternion, scalar_first=True) for f in (segment.rest, segment.bind))
         moved = segment.rest.position + (to * back.inv()).apply(made - segment.bind.position)
         assert np.abs(moved - made).max(initial=0) < 2e-3, name
-    assert {model.geom(i).name for i in own(model).geoms} == {"thigh", "load"}
+    assert {model.geom(i).name for i in extra_geoms(model).geoms} == {"thigh", "load"}
 
 
 def test_toes_of_a_flat_foot_stay_on_the_table(parts: dict[str, assets.Part]) -> None:

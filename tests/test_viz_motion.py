@@ -216,7 +216,7 @@ def test_other_recordings_keep_a_margin_on_both_sides() -> None:
     frames = feet["measured"]["frames"]
     drawn = np.reshape(feet["measured"]["bodies"], (frames, 2, 6))[..., 1]
     at = show.motions(show.settings)["a"].time
-    assert at[0] == pytest.approx(excitation.shown[0], abs=2e-3)
+    assert at[0] == pytest.approx(excitation.window[0], abs=2e-3)
     expected = np.interp(at, t, displaced)
     for column in (0, 1):
         assert np.abs(drawn[:, column] - expected).max() < 0.06 * np.abs(expected).max()

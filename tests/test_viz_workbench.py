@@ -23,10 +23,10 @@ from fasbody.recording.formats import READ
 from fasbody.recording.study import BUNDLED, read_file
 from identification.blackbox.criteria import fit_percent
 from viz.bench import Bench
+from viz.display import page_json
 from viz.feet import Show
 from viz.fitted import fitted
 from viz.server import Server
-from viz.shown import said
 from viz.source import Source
 
 ONE = BUNDLED / "recordings" / "20hz_0kg.csv"
@@ -93,7 +93,7 @@ def test_study_is_read_as_a_whole(bench: Bench) -> None:
         names.append(f"study/{file.relative_to(BUNDLED)}")
         bench.keep(names[-1], file.read_bytes())
     told: list[dict[str, Any]] = []
-    bench.told = told.append
+    bench.send = told.append
     (listed,) = bench.open(names)
     assert [document["type"] for document in told] == ["data", "model"]  # the foot moves while the rest is read
     rows = listed["rows"]
@@ -155,7 +155,7 @@ def test_hostile_files_of_every_format_are_a_sentence_each(bench: Bench) -> None
     (listed,) = bench.open(names)
     assert len(listed["rows"]) == len(names)
     assert all(row["unread"].startswith("broken") for row in listed["rows"])  # without the session's folder
-    assert bench.shown == -1
+    assert bench.current == -1
 
 
 def test_rows_keep_their_ids_and_what_was_said_of_them(bench: Bench) -> None:
@@ -195,11 +195,11 @@ def test_dead_channel_is_a_sentence_and_no_motion(bench: Bench) -> None:
     with pytest.raises(FasError, match=r"^mm\.csv: the base amplitude is 8\.95e\+03.*; check its unit\.$"):
         bench.show.answer(bench.show.settings)
     told: list[dict[str, Any]] = []
-    bench.told, bench._asked = told.append, bench._question([1], {})
-    bench._heard({"type": "problem", "of": "fit", "text": "every start was unstable."})
+    bench.send, bench._asked = told.append, bench._question([1], {})
+    bench._receive({"type": "problem", "of": "fit", "text": "every start was unstable."})
     assert told[0]["text"].startswith("every start was unstable. mm.csv: the base amplitude is 8.95e+03")
     assert told[0]["text"].endswith("check its unit.")
-    text = said({"percent": float("nan"), "rows": [1.5, float("inf")]})
+    text = page_json({"percent": float("nan"), "rows": [1.5, float("inf")]})
     assert json.loads(text, parse_constant=lambda word: pytest.fail(word)) == {"percent": None, "rows": [1.5, None]}
 
 
@@ -245,14 +245,14 @@ def test_fit_is_out_of_date_when_an_included_file_changes(tmp_path: Path) -> Non
 
 def test_report_that_fails_leaves_a_running_fit(bench: Bench) -> None:
     told: list[dict[str, Any]] = []
-    bench.told = told.append
+    bench.send = told.append
     bench._state |= {"running": True, "what": "exploring starts"}
     bench._reporting = True
-    bench._heard({"type": "problem", "of": "report", "text": "no room"})
+    bench._receive({"type": "problem", "of": "report", "text": "no room"})
     assert bench.progress()["running"] and not bench._reporting
     assert told[0] == {"type": "complaint", "of": "report", "text": "no room"}
     bench._reporting = True
-    bench._heard({"type": "problem", "of": "fit", "text": "no end"})
+    bench._receive({"type": "problem", "of": "fit", "text": "no end"})
     assert not bench.progress()["running"] and bench._reporting  # which the process does next
 
 
@@ -383,7 +383,7 @@ def test_rivals_are_what_a_script_compares(bench: Bench, monkeypatch: pytest.Mon
     assert progress["type"] == "progress" and found["rows"][0][0] == "the model"
     assert found["adequate"] == [True, False] and found["notes"][0].startswith("The recordings prefer the model")
     bench._asked = asked[0]
-    bench._heard(found)
+    bench._receive(found)
     scope: dict[str, Any] = {}
     monkeypatch.chdir(bench.folder)
     monkeypatch.setattr("builtins.print", lambda result: None)

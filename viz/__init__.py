@@ -6,7 +6,7 @@
     viz.show(fb.load("foot_arch"))
     viz.export(fb.load("foot_arch"), "foot.html")
 
-A name is imported when it is first asked for, so that `import viz` costs nothing.
+A name is imported on first use, so that `import viz` costs nothing.
 """
 
 from typing import TYPE_CHECKING

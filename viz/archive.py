@@ -14,10 +14,10 @@ from fasbody.exceptions import InputFileError, SettingError
 from fasbody.recording.known import Known
 from fasbody.recording.recording import Recording
 
-#: What study.toml says of a channel once its numbers are in m/s^2, its sign is right and its delay undone.
+#: Entries of study.toml that still apply to a channel in m/s^2, its sign and delay corrected.
 _UNCERTAIN = ("gain_std", "delay_std_s")
 
-#: What a broken archive, or one behind a password, raises.
+#: Errors of a broken archive, or of one with a password.
 _BROKEN = (zipfile.BadZipFile, RuntimeError, EOFError, OSError, ValueError, zlib.error, lzma.LZMAError)
 
 
@@ -31,7 +31,7 @@ def packed(files: Mapping[str, bytes]) -> bytes:
 
 
 def unpacked(name: str, content: bytes, largest: int, most: int, count: int) -> Iterator[tuple[str, bytes]]:
-    """The files of a dropped archive, one at a time, behind its own name; hidden ones are passed over.
+    """The files of a dropped archive, one at a time, with their names; hidden files are skipped.
 
     Args:
         name: of the archive.
@@ -55,10 +55,10 @@ def unpacked(name: str, content: bytes, largest: int, most: int, count: int) -> 
         for entry in inside:
             try:
                 with archive.open(entry) as file:
-                    found = file.read(entry.file_size + 1)  # its size is no more than a claim
+                    data = file.read(entry.file_size + 1)  # the declared size may be wrong
             except _BROKEN:
                 raise InputFileError(name, f"{entry.filename} in it cannot be unpacked", "zip it anew") from None
-            yield entry.filename, found[: entry.file_size]
+            yield entry.filename, data[: entry.file_size]
 
 
 def study(name: str, recordings: Sequence[Recording], folder: Path) -> dict[str, bytes]:
@@ -116,8 +116,8 @@ def _toml(name: str, recordings: Sequence[Recording], files: Sequence[str]) -> s
     lines = _lines("study", {"name": name, "origin": origin}) + _lines("known", about)
     for k, (recording, file) in enumerate(zip(recordings, files, strict=True)):
         channels = {
-            channel: {key: value for key in _UNCERTAIN if (value := getattr(said, key)) and key not in about}
-            for channel, said in recording.calibration.items()
+            channel: {key: value for key in _UNCERTAIN if (value := getattr(calibration, key)) and key not in about}
+            for channel, calibration in recording.calibration.items()
         }
         if any(channels.values()):
             lines += _lines(f"layouts.file_{k}", {"files": [file]})

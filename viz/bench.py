@@ -1,7 +1,7 @@
 """The workbench behind the page: recordings that were dropped on it, their checks, the fit, and the model's text.
 
 Everything here is what a script could do: files are read by `fasbody`, judged by its checks and fitted by
-`identification.fit_foot` in a process of its own. Each call answers with documents for all pages.
+`identification.fit_foot` in a separate process. Each call returns documents for all pages.
 """
 
 import hashlib
@@ -37,10 +37,10 @@ from viz.load import files_of, load_foot
 from viz.question import Question
 from viz.settings import settings_from
 from viz.source import Source, study_files
-from viz.worker import Told, Worker
+from viz.worker import Send, Worker
 
 Document = dict[str, Any]
-#: Documents for the page that asked alone; all others are for every page.
+#: Documents for the requesting page alone; all others are for every page.
 PRIVATE = {"columns", "checked", "saved", "taken", "kept"}
 #: Largest dropped file [bytes], and how much and how many files a session may hold.
 LARGEST, MOST, FILES = 64_000_000, 512_000_000, 500
@@ -50,8 +50,8 @@ DEEP = 4
 _BESIDE = {"study.toml", "subjects.csv", "recordings.csv", "truth.json"}
 #: Longest part of a dropped file's name [bytes], and what some systems do not take in one.
 _LONGEST, _REFUSED = 200, re.compile(r'[<>:"|?*]')
-#: What sentences say of options and of study.toml, as patterns, and what the page's form calls it.
-_FORM = tuple((re.compile(said), words) for said, words in (
+#: Patterns of options and of study.toml in sentences, and the words of the page's form for them.
+_FORM = tuple((re.compile(pattern), words) for pattern, words in (
     (r"leave --model out and give this file as --rival", "choose two_dof"),
     (r"give --body-mass", "type it in the table"), (r"--body-mass", "the body mass in the table"),
     (r"python -m identification\.rivals", "the button Rivals"), (r"as study\.toml says", "as was said here"),
@@ -74,7 +74,7 @@ _FORM = tuple((re.compile(said), words) for said, words in (
     (r"\(study\.toml: sign, delay_s\)", "(“…” names columns and signs)"),
     (r"\(study\.toml: sign\)", "(“…” changes it)"),
 ))  # fmt: skip
-#: What a fit may be told, and how it is read.
+#: Fewest and most starts of a fit.
 _STARTS = (1, 64)
 
 
@@ -83,35 +83,33 @@ class Bench:
 
     Args:
         show: what is shown.
-        told: gets documents that come later, from the fitting process; in a thread of its own.
+        send: gets documents that come later, from the fitting process, in another thread.
         results: folder of the fit that is shown from the start, with its report.
     """
 
-    def __init__(self, show: Show, told: Told = lambda document: None, results: Path | None = None) -> None:
+    def __init__(self, show: Show, send: Send = lambda document: None, results: Path | None = None) -> None:
         self.show = show
-        self.told = told
+        self.send = send
         self._results = results
         self._folder = tempfile.TemporaryDirectory(prefix="fasbody-")
         self.session = secrets.token_hex(8)
-        # Recordings and what was understood of them, by ids that a session gives once.
+        # Recordings and their rows on the page, by ids that are not used again in a session.
         self.sources: dict[int, Source] = {}
         self._rows: dict[int, Document] = {}
-        self._latest: tuple[Source, Recording] | None = None  # read last, so that what is long is read once
-        self._given_ids = 0
-        self.shown = -1
+        self._latest: tuple[Source, Recording] | None = None  # read last, so that a long file is read once
+        self._next_id = 0
+        self.current = -1
         self._worker: Worker | None = None
         self._warm = False  # the worker has compiled what it needs
         self._state: Document = {"running": False, "what": "", "done": 0, "total": 0}
-        self._asked: Question | None = None  # what the worker is at
+        self._asked: Question | None = None  # the running job
         self._fit: tuple[Question, Document] | None = None
         self._rivals: tuple[Question, Document] | None = None
         self._fits = 0
         self._reporting = False
         self._draft = False  # what is shown was typed and not saved
         self._first = (self._called, show.fit)  # a result that was there from the start
-        self._own = [self._called] if self._file is not None else []
-        recording = show.excitation.recording
-        self._given = recording if isinstance(recording, Recording) else None
+        self._user_models = [self._called] if self._file is not None else []
 
     @property
     def folder(self) -> Path:
@@ -151,45 +149,45 @@ class Bench:
 
     @staticmethod
     def prepare() -> None:
-        """Load what the first long recording would wait for."""
+        """Import the packages that the first long recording needs."""
         importlib.import_module("pandas")
         importlib.import_module("scipy.signal")
 
     def documents(self) -> list[Document]:
-        """What a page that opens now has to know."""
+        """The documents for a page that opens now."""
         return [self.document(), self.models(), self.progress(), *self._results_of_model()]
 
     def _results_of_model(self) -> list[Document]:
         """Fit and rivals of the model that is shown."""
-        return [found[1] for found in (self._fit, self._rivals) if found and found[0].model == self._called]
+        return [answer[1] for answer in (self._fit, self._rivals) if answer and answer[0].model == self._called]
 
     def followed(self) -> list[Document]:
-        """What pages have to know when a file of the model was changed by another program."""
+        """The documents for all pages after another program changed a file of the model."""
         if not self.show.error:
             self._draft = False  # the file is shown again
         return [self.models(), self.document()]
 
     def act(self, message: Mapping[str, Any]) -> list[Document]:
-        """Do what a page asks for.
+        """Do the action of a page's message.
 
         Raises:
-            SettingError: nobody knows what that is. FasError: it cannot be done.
+            SettingError: there is no such action. FasError: it failed.
         """
         kind, number = message.get("type"), message.get("number", -1)
         number = number if isinstance(number, int) else -1
         text, name, digest = (str(message.get(key, "")) for key in ("text", "name", "digest"))
-        said = message.get("said")
-        said = said if isinstance(said, dict) else {}
+        fields = message.get("said")
+        fields = fields if isinstance(fields, dict) else {}
         several = message.get("numbers", []) if kind in ("fit", "rivals", "remove", "keep_study") else []
         chosen = [n for n in several if isinstance(n, int)]
         actions: dict[Any, Callable[[], list[Document]]] = {
             "open": lambda: self.open([str(n) for n in message.get("names", [])]), "bundled": self.bundled,
             "use": lambda: self.use(number), "sine": self.sine, "columns": lambda: self.columns(number),
             "correct": lambda: self.correct(_changes(message.get("changes"))),
-            "fit": lambda: self.fit(chosen, said), "stop": self.stop, "rivals": lambda: self.rivals(chosen, said),
+            "fit": lambda: self.fit(chosen, fields), "stop": self.stop, "rivals": lambda: self.rivals(chosen, fields),
             "remove": lambda: self.remove(chosen), "keep_study": lambda: self.keep_study(chosen),
             "report": self.report, "choose": lambda: self.choose(name), "check": lambda: self.check(text),
-            "save": lambda: self.save(text, digest), "take": lambda: self.take(said),
+            "save": lambda: self.save(text, digest), "take": lambda: self.take(fields),
         }  # fmt: skip
         if kind not in actions:
             raise SettingError(f"the page asks for {str(kind)[:40]!r}, which it cannot do; reload it.")
@@ -232,8 +230,8 @@ class Bench:
             inside = (self.folder / table).parent
             fresh += [Source(file, str(inside)) for file in study_files(inside)]
         if not tables:
-            wanted = [n for n in kept if PurePosixPath(n).name not in _BESIDE and ending(Path(n)) in (*TEXTS, *READ)]
-            fresh = [Source.bare(name, str(self.folder)) for name in wanted]
+            chosen = [n for n in kept if PurePosixPath(n).name not in _BESIDE and ending(Path(n)) in (*TEXTS, *READ)]
+            fresh = [Source.bare(name, str(self.folder)) for name in chosen]
         return self._add(fresh)
 
     def bundled(self) -> list[Document]:
@@ -244,26 +242,26 @@ class Bench:
         if not fresh:
             raise SettingError("none of these files is a recording; drop a .csv, or any format of the readers.")
         self._ready()  # loads the solver while the recordings are read
-        known, shown = {(s.folder, s.file): number for number, s in self.sources.items()}, False
+        known, is_driving = {(s.folder, s.file): number for number, s in self.sources.items()}, False
         for source in fresh:
-            number = known.get((source.folder, source.file), self._given_ids)
-            self._given_ids = max(self._given_ids, number + 1)
-            # dropped again: the same recording, with what was said of it
+            number = known.get((source.folder, source.file), self._next_id)
+            self._next_id = max(self._next_id, number + 1)
+            # dropped again: the recording keeps its corrections
             self.sources[number] = self.sources.get(number, source)
             self._rows[number] = row = self._row(number)
-            if not shown and _sound(row):
-                documents, shown = self.use(number), True
+            if not is_driving and _sound(row):
+                documents, is_driving = self.use(number), True
                 if len(fresh) == 1:
                     return documents
                 for document in documents:  # the foot moves while the others are read
-                    self.told(document)
+                    self.send(document)
         doubtful = [number for number, row in self._rows.items() if row["doubt"]]
-        if not shown and self.shown < 0 and doubtful:
-            return self.use(doubtful[0])  # at rest, with the sentence why
+        if not is_driving and self.current < 0 and doubtful:
+            return self.use(doubtful[0])  # the foot is at rest, with the reason
         return [self.document()]
 
     def _row(self, number: int) -> Document:
-        """What was understood of a file: the checks' sentences, and what the form needs."""
+        """One row of the page: the sentences of the checks, and the entries of the form."""
         source = self.sources[number]
         row: Document = {"id": number, "file": source.file, "unread": "", "problem": "", "doubt": "", "warnings": []}
         row |= {"unit": source.unit, "body_mass_kg": source.body_mass_kg, "added_mass_kg": source.added_mass_kg}
@@ -273,12 +271,13 @@ class Bench:
         except FasError as error:
             row["unread"] = self.words(str(error))
         else:
-            found = judged(recording)
+            judgement = judged(recording)
             condition = recording.condition
             row |= {
-                key: found.get(key) for key in ("problem", "warnings", "frequency_hz", "samples", "rate_hz", "seconds")
+                key: judgement.get(key)
+                for key in ("problem", "warnings", "frequency_hz", "samples", "rate_hz", "seconds")
             }
-            row["doubt"] = "" if source.unit else self.words(unit_in_doubt([found["warnings"]]))
+            row["doubt"] = "" if source.unit else self.words(unit_in_doubt([judgement["warnings"]]))
             row["problem"] = self.words(row["problem"])
             row["warnings"] = [self.words(text) for text in row["warnings"]]
             row |= {"label": recording.file, "origin": recording.origin, "subject": condition.subject}
@@ -287,15 +286,15 @@ class Bench:
         return row
 
     def words(self, sentence: str) -> str:
-        """A sentence as the page says it: files by their own names, a command's options as the form calls them."""
+        """A sentence for the page: files without folders, options of commands by their names in the form."""
         sentence = sentence.replace(f"{self.folder}/", "").replace(f"{BUNDLED}/", "")
-        for said, words in _FORM:
-            sentence = said.sub(words, sentence)
+        for pattern, words in _FORM:
+            sentence = pattern.sub(words, sentence)
         return sentence
 
     def correct(self, changes: Mapping[int, Mapping[str, Any]]) -> list[Document]:
-        """Read recordings again with what the page says of each; where one of them cannot be meant, none is changed."""
-        changed = {number: self._corrected(number, said) for number, said in changes.items()}
+        """Read recordings again with the page's corrections; where one correction is invalid, none is applied."""
+        changed = {number: self._corrected(number, fields) for number, fields in changes.items()}
         for number, source in changed.items():
             before, row = self.sources[number], self._rows[number]
             masses = {key: getattr(source, key) for key in ("body_mass_kg", "added_mass_kg")}
@@ -304,28 +303,28 @@ class Bench:
                 self._rows[number] = row | masses
             else:
                 self._rows[number] = self._row(number)
-        if self.shown in changed:
-            return self.use(self.shown) if not self._rows[self.shown]["unread"] else self.sine()
+        if self.current in changed:
+            return self.use(self.current) if not self._rows[self.current]["unread"] else self.sine()
         good = [number for number in changed if _sound(self._rows[number])]
-        alone = len(changed) == 1 or self.shown < 0
+        alone = len(changed) == 1 or self.current < 0
         return self.use(good[0]) if good and alone else [self.document()]
 
-    def _corrected(self, number: int, said: Mapping[str, Any]) -> Source:
-        """A source with what is said of it; masses that its study stated stay when its channels are corrected."""
+    def _corrected(self, number: int, fields: Mapping[str, Any]) -> Source:
+        """A source with corrections; masses that its study stated stay when its channels are corrected."""
         source, row = self._source(number), self._rows[number]
         masses = {key: row[key] for key in ("body_mass_kg", "added_mass_kg") if row.get("subject")}
-        return source.corrected(masses | dict(said))
+        return source.corrected(masses | dict(fields))
 
     def remove(self, numbers: list[int]) -> list[Document]:
         """Forget recordings; their files go where no fit needs them for its report."""
-        needed = {s.path for found in (self._fit, self._asked and (self._asked, {})) if found
-                  for s in found[0].sources.values()}  # fmt: skip
+        needed = {s.path for answer in (self._fit, self._asked and (self._asked, {})) if answer
+                  for s in answer[0].sources.values()}  # fmt: skip
         for number in numbers:
             source = self._source(number)
             del self.sources[number], self._rows[number]
             if source.folder == str(self.folder) and source.path not in needed:
                 source.path.unlink(missing_ok=True)
-        return [self.document()] if self.shown in self.sources or self.shown < 0 else self.sine()
+        return [self.document()] if self.current in self.sources or self.current < 0 else self.sine()
 
     def use(self, number: int) -> list[Document]:
         """Shake the foot by one of the recordings.
@@ -341,20 +340,20 @@ class Bench:
                 channel = name.removesuffix("_m_s2")
                 raise SettingError(f"{recording.file}: the channel {channel} does not move; name its column with “…”.")
         self.show.drive(replace(Excitation.recorded(recording), doubt=self._rows[number]["doubt"]))
-        self.shown = number
+        self.current = number
         return [self.document(), self.show.description() | {"adopt": True}]
 
     def sine(self) -> list[Document]:
         """Shake the foot by a sine again."""
-        self.shown = -1
+        self.current = -1
         self.show.drive(Excitation())
         return [self.document(), self.show.description() | {"adopt": True}]
 
     def columns(self, number: int) -> list[Document]:
         """Names and units of a file's columns."""
         source = self._source(number)
-        said = {"channels": source.channels, "rate_hz": source.rate_hz}
-        return [{"type": "columns", "number": number, "columns": source.columns(), "said": said}]
+        layout = {"channels": source.channels, "rate_hz": source.rate_hz}
+        return [{"type": "columns", "number": number, "columns": source.columns(), "said": layout}]
 
     def _source(self, number: int) -> Source:
         if number not in self.sources:
@@ -365,21 +364,21 @@ class Bench:
         """The recordings, as the page lists them."""
         stale = self._fit[0].stale(self.sources, self._whole) if self._fit else ""
         if self._fit:
-            self._fit[1]["fit"]["stale"] = stale  # what is taken away says so, too
+            self._fit[1]["fit"]["stale"] = stale  # an exported page states it, too
         rows = list(self._rows.values())
-        return {"type": "data", "session": self.session, "rows": rows, "shown": self.shown, "stale": stale}
+        return {"type": "data", "session": self.session, "rows": rows, "shown": self.current, "stale": stale}
 
     # ---- the fit -----------------------------------------------------------------------------------------------------
     def _ready(self) -> None:
         if self._worker is None or not self._worker.alive:
             self._warm = False
-            self._worker = Worker(self._heard)
+            self._worker = Worker(self._receive)
 
     def fit(self, numbers: list[int], asked: Mapping[str, Any]) -> list[Document]:
         """Begin a fit of the chosen recordings.
 
         Raises:
-            SettingError: nothing is chosen, a fit runs already, or the settings cannot be meant.
+            SettingError: nothing is chosen, a fit runs already, or the settings are invalid.
         """
         question = self._question(numbers, asked)
         return self._begin(replace(question, settings=_settings(asked, self.show.feet[MODEL])))
@@ -429,12 +428,12 @@ class Bench:
         return Question(sources, self._called, self._whole, values)
 
     def stop(self) -> list[Document]:
-        """End the running fit; a report that waits for the process is asked for again."""
+        """End the running fit; a report that waits for the process is requested again."""
         if self._worker is not None and self._state["running"]:
             reporting, self._reporting = self._reporting, False
             self._idle("stopped; the report that was asked for is still being written" if reporting else "stopped")
             self._worker.stop()
-            self._worker, self._warm = Worker(self._heard), False
+            self._worker, self._warm = Worker(self._receive), False
             if reporting:
                 self.report()
         return [self.progress()]
@@ -456,12 +455,12 @@ class Bench:
         self._reporting = True
         return []
 
-    def take(self, said: Mapping[str, Any]) -> list[Document]:
+    def take(self, settings: Mapping[str, Any]) -> list[Document]:
         """Write one page that needs no server, with the sliders where they are."""
         from viz.exported import html
 
         before = self.show.settings
-        self.show.settings = settings_from(said)
+        self.show.settings = settings_from(settings)
         try:
             write_whole(self.folder / "foot.html", html(self.show))
         finally:
@@ -472,24 +471,24 @@ class Bench:
         """How far the fit is."""
         return {"type": "progress", **self._state}
 
-    def _heard(self, document: Document) -> None:
-        """A line of the worker, in its thread."""
+    def _receive(self, document: Document) -> None:
+        """Handle a document of the worker, in the listening thread."""
         kind = document.get("type")
         if kind == "ready":
             self._warm = True
             if self._state["running"]:
                 self._state["what"] = "reading the recordings"
-                self.told(self.progress())
+                self.send(self.progress())
         elif kind == "progress":
             self._state |= {name: document[name] for name in ("what", "done", "total")}
-            self.told(self.progress())
+            self.send(self.progress())
         elif kind in ("fitted", "rivals"):
             self._idle()
-            self._found(kind, document)
-            self.told(self.progress())
+            self._answered(kind, document)
+            self.send(self.progress())
         elif kind == "reported":
             self._results, self._reporting = None, False
-            self.told({"type": "reported"})
+            self.send({"type": "reported"})
         elif kind == "problem":
             of = document.get("of", "")
             text, doubt = self.words(document["text"]), "" if of == "report" else self._unit_in_doubt()
@@ -498,44 +497,44 @@ class Bench:
             self._failed("the fitting process was ended by the system; memory may be short.")
 
     def _unit_in_doubt(self) -> str:
-        """What the checks say of the units of the recordings that were asked about."""
+        """The checks' doubt about the units of the recordings of the running job."""
         asked = self._asked.sources if self._asked else ()
         return unit_in_doubt(self._rows[number]["warnings"] for number in asked if number in self._rows)
 
     def _failed(self, sentence: str, of: str = "") -> None:
-        """Say that a fit or a report failed; without `of`, whatever was waited for. The other one goes on."""
+        """Report that a fit or a report failed, without `of` both. The other one goes on."""
         if of != "report":
             self._idle()
         if of in ("report", ""):
             self._reporting = False
-        self.told({"type": "complaint", "text": sentence, "of": of})
-        self.told(self.progress())
+        self.send({"type": "complaint", "text": sentence, "of": of})
+        self.send(self.progress())
 
-    def _found(self, kind: str, document: Document) -> None:
-        """An answer to what was asked; it is shown with the model that it is of."""
+    def _answered(self, kind: str, document: Document) -> None:
+        """Keep a result; it is shown where its model is the current one."""
         question = self._asked
         assert question is not None
-        here = question.model == self._called
+        is_current = question.model == self._called
         if kind == "rivals":
             notes = [self.words(text) for text in document["notes"]]
             self._rivals = question, {**document, "notes": notes, "script": question.script}
-            found = self._rivals[1]
+            answer = self._rivals[1]
         else:
-            parameters = (self.show.feet[MODEL] if here else load_foot(question.model)).parameters
+            parameters = (self.show.feet[MODEL] if is_current else load_foot(question.model)).parameters
             fit = fitted(document["document"], parameters, document["sentence"], question.values)
             fit |= {key: self.words(fit[key]) for key in ("sentence", "reason")}
             fit |= {"warnings": [self.words(text) for text in fit["warnings"]]}
-            found = {key: document[key] for key in ("data", "curves", "chi_square", "traces", "seconds")}
+            answer = {key: document[key] for key in ("data", "curves", "chi_square", "traces", "seconds")}
             self._fits += 1
-            found |= {"type": "fitted", "number": self._fits, "fit": fit, "script": question.script}
-            self._fit = question, found
-            if here:
+            answer |= {"type": "fitted", "number": self._fits, "fit": fit, "script": question.script}
+            self._fit = question, answer
+            if is_current:
                 self.show.fit = fit
-        if here:
-            self.told(found)
-            self.told(self.document())
+        if is_current:
+            self.send(answer)
+            self.send(self.document())
         else:
-            self.told({"type": "complaint", "text": f"{question.model} is fitted; choose it to see what was found."})
+            self.send({"type": "complaint", "text": f"{question.model} is fitted; choose it to see what was found."})
 
     # ---- the model ---------------------------------------------------------------------------------------------------
     @property
@@ -546,7 +545,7 @@ class Bench:
 
     @property
     def _file(self) -> Path | None:
-        """The model's own file, None of a shipped one."""
+        """The file of the model, None of a shipped one."""
         now = self.show.models[0]
         return None if isinstance(now, Foot) or now.partition("@")[0] in mjcf.names() else Path(now.partition("@")[0])
 
@@ -565,20 +564,20 @@ class Bench:
     @property
     def _whole(self) -> str:
         """Digest of the model's text with all files that it includes: what a fit is of."""
-        found = hashlib.sha256(self._text.encode())
+        digest = hashlib.sha256(self._text.encode())
         for file in sorted(files_of(self._called)) if self._file is not None else []:
-            found.update(f"\0{file}\0".encode() + (file.read_bytes() if file.is_file() else b""))
-        return found.hexdigest()
+            digest.update(f"\0{file}\0".encode() + (file.read_bytes() if file.is_file() else b""))
+        return digest.hexdigest()
 
     def models(self) -> Document:
         """What the chooser offers, and the text of the model that is shown."""
-        names = [name for name in mjcf.names() if _can_be_shown(name)]
-        names += [name for name in self._own if name not in names]
+        names = [name for name in mjcf.names() if _loads(name)]
+        names += [name for name in self._user_models if name not in names]
         about = {"names": names, "now": self._called, "file": str(self._file or ""), "copy": str(self._copy())}
         return {"type": "models", **about, "text": self._text, "digest": self._digest, "draft": self._draft}
 
     def choose(self, name: str) -> list[Document]:
-        """Show another model, a shipped one or a file of one's own, with what was found with it."""
+        """Show another model, a shipped one or a user's file, with its results."""
         foot = load_foot(name)
         before = self.show.models[0]
         self.show.models[0] = name
@@ -588,12 +587,12 @@ class Bench:
         except FasError:
             self.show.models[0] = before
             raise
-        if self._file is not None and name not in self._own:
-            self._own.append(name)
-        found, self._draft = self._results_of_model(), False
-        fits = [document["fit"] for document in found if document["type"] == "fitted"]
+        if self._file is not None and name not in self._user_models:
+            self._user_models.append(name)
+        answers, self._draft = self._results_of_model(), False
+        fits = [document["fit"] for document in answers if document["type"] == "fitted"]
         self.show.fit = fits[0] if fits else self._first[1] if self._first[0] == name else {}
-        return [self.models(), self.show.description() | {"adopt": True}, *found, self.document()]
+        return [self.models(), self.show.description() | {"adopt": True}, *answers, self.document()]
 
     def check(self, text: str) -> list[Document]:
         """Compile what is being typed, show it where it is sound, and say what is wrong where it is not."""
@@ -607,9 +606,9 @@ class Bench:
             self.show.show({**self.show.feet, MODEL: replace(foot, name=called)})
             self._draft = text != self._text
         except FasError as error:
-            said = str(error).replace(str(draft), Path(name).name).replace(draft.name, Path(name).name)
-            line = re.search(r"line (\d+)", said)
-            return [{"type": "checked", "text": said, "line": int(line[1]) if line else None}]
+            complaint = str(error).replace(str(draft), Path(name).name).replace(draft.name, Path(name).name)
+            line = re.search(r"line (\d+)", complaint)
+            return [{"type": "checked", "text": complaint, "line": int(line[1]) if line else None}]
         finally:
             draft.unlink(missing_ok=True)
         return [{"type": "checked", "text": "", "line": None}, self.show.description() | {"draft": self._draft}]
@@ -620,13 +619,13 @@ class Bench:
         return file.resolve().parent if file.is_file() else self.folder
 
     def _copy(self) -> Path:
-        """Where a shipped model is saved: a copy under its own name in this folder, and never over another file."""
+        """Where a shipped model is saved: a copy with its name in this folder, never over another file."""
         name = self._called.partition("@")[0]
         names = (Path(f"my_{name}{number}.xml") for number in ("", *(f"_{k}" for k in range(2, 1000))))
         return next(file for file in names if not file.exists())
 
     def save(self, text: str, digest: str) -> list[Document]:
-        """Write the model's text: to its own file, or, of a shipped one, to a copy in this folder.
+        """Write the model's text to its file, or that of a shipped model to a copy in this folder.
 
         Args:
             text: the MJCF.
@@ -638,22 +637,22 @@ class Bench:
         """
         if isinstance(self.show.models[0], Foot):
             raise SettingError("a model that was handed over in Python has no file to save.")
-        own = self._file
-        if own is not None and own.is_file() and digest != self._digest:
-            return [{"type": "saved", "file": "", "text": f"{own.name} was changed by another program meanwhile."},
+        source = self._file
+        if source is not None and source.is_file() and digest != self._digest:
+            return [{"type": "saved", "file": "", "text": f"{source.name} was changed by another program meanwhile."},
                     self.models()]  # fmt: skip
-        if own is None:
+        if source is None:
             (checked, *_) = self.check(text)
             if checked["text"]:
                 raise SettingError(f"not saved, for a copy has to be sound: {checked['text']}")
-        file = own or self._copy()
+        file = source or self._copy()
         write_whole(file, text)
         saved = {"type": "saved", "file": str(file), "text": "", "digest": hashlib.sha256(text.encode()).hexdigest()}
         try:
-            models, description, *found = self.choose(self._called if own else str(file))
+            models, description, *answers = self.choose(self._called if source else str(file))
         except FasError as error:
             return [saved | {"text": f"saved, but the last good model is shown: {error}"}, self.models()]
-        return [saved, models, description | {"same": True}, *found]
+        return [saved, models, description | {"same": True}, *answers]
 
 
 def _is_read(file: Path) -> bool:
@@ -667,13 +666,13 @@ def _sound(row: Mapping[str, Any]) -> bool:
 
 
 def _unit_of(recording: Recording) -> str:
-    """The unit of the base in its file, as what the recording was made of says it."""
+    """The unit of the base in its file, as the recording's source states it."""
     made = next((text for text in recording.used if text.startswith("base:")), "")
     return made.partition(", its times")[0].rpartition(" in ")[2].replace("_s2", "/s^2")
 
 
 def _changes(asked: Any) -> dict[int, Mapping[str, Any]]:
-    """What a page says of recordings, by their ids.
+    """Corrections of recordings from a page's message, by their ids.
 
     Raises:
         SettingError: it is no list of pairs of an id and a table.
@@ -694,7 +693,7 @@ def _kept(name: str) -> str:
 
 
 @cache
-def _can_be_shown(name: str) -> bool:
+def _loads(name: str) -> bool:
     try:
         load_foot(name)
     except FasError:
@@ -703,10 +702,10 @@ def _can_be_shown(name: str) -> bool:
 
 
 def _settings(asked: Mapping[str, Any], foot: Foot) -> dict[str, Any]:
-    """What a page says of a fit, as `fit_foot` takes it.
+    """Settings of a fit from a page's message, as `fit_foot` takes them.
 
     Raises:
-        SettingError: it cannot be meant.
+        SettingError: a setting is invalid.
     """
     low, high = _STARTS
     starts = asked.get("starts", 4)

@@ -1,7 +1,7 @@
 """What drives the base: a sine, a sweep, or a recording, with what was measured beside it.
 
 A steady recording is shown as its mean period: its harmonics are fitted as the identification fits them, and both
-model and measurement are displaced by what those harmonics integrate to, which invents neither a start nor an end.
+model and measurement are displaced by the integral of those harmonics, which needs no start and no end.
 Of any other recording a piece from its inside is shown, so that the filter that takes the drift out has what it needs
 on both sides.
 """
@@ -21,7 +21,7 @@ from fasbody.recording.study import read_file
 
 Array = np.ndarray
 
-#: Length of the swept sine and of what is shown of a recording [s], unless asked for; ends of the sweep [Hz].
+#: Length of the swept sine and of the displayed part of a recording [s] by default; ends of the sweep [Hz].
 SWEEP_S, RECORDED_S, SWEEP_HZ = 4.0, 1.0, (5.0, 50.0)
 #: What a recording that is not steady has before and behind the piece that is shown: at most so many seconds, and at
 #: most this share of it.
@@ -85,20 +85,20 @@ class Steady:
 
 @dataclass(frozen=True, eq=False)
 class Excitation(Tabled):
-    """What drives the base: a sine (neither base nor steady), a motion of its own, or a recording.
+    """What drives the base: a sine (neither base nor steady), another motion, or a recording.
 
     Attributes:
         base: motion of a sweep, or of a recording that is not steady.
         recording: what was measured.
         steady: its periodic part, if it has one.
-        shown: first and last second of `base` that are shown.
+        window: first and last second of `base` that are shown.
         doubt: why no motion is to be made of it, in a sentence.
     """
 
     base: BaseMotion | None = None
     recording: Recording | None = None
     steady: Steady | None = None
-    shown: tuple[float, float] = field(default=(0.0, np.inf))
+    window: tuple[float, float] = field(default=(0.0, np.inf))
     doubt: str = ""
 
     @property

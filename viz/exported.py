@@ -18,11 +18,11 @@ import numpy as np
 
 from fasbody.console import console, print_json, progress_bar, write_whole
 from fasbody.exceptions import MissingPackageError, SettingError
+from viz.display import SCRIPT, STYLE, Display, file_of, markup, page_json
 from viz.motion import PER_CYCLE
 from viz.scene import embedded
-from viz.shown import SCRIPT, STYLE, Shown, file_of, markup, said
 
-#: Nothing of an exported page may reach for any address.
+#: An exported page may not connect to any address.
 POLICY = (
     "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: blob:; "
     "connect-src data: blob:"
@@ -76,13 +76,13 @@ SLOWEST, FASTEST = 8.0, 50.0
 POWER = 0.99
 
 
-def export_to(show: Shown, file: Path, *, json: bool = False) -> None:
+def export_to(show: Display, file: Path, *, json: bool = False) -> None:
     """Write what `show` shows, as the file's ending says, and say so; with `json` as a document on stdout.
 
     Raises:
         SettingError: another ending, or a tool that is not installed.
     """
-    writers: dict[str, Callable[[Shown], str | bytes]] = {".html": html, ".png": png, ".gif": gif, ".mp4": mp4}
+    writers: dict[str, Callable[[Display], str | bytes]] = {".html": html, ".png": png, ".gif": gif, ".mp4": mp4}
     kind = file.suffix.lower()
     if kind not in writers:
         named = f"--export {file}" if file.name else "--export without a file name"
@@ -93,7 +93,7 @@ def export_to(show: Shown, file: Path, *, json: bool = False) -> None:
         print_json({"file": str(file), "bytes": size})
 
 
-def html(show: Shown, documents: Mapping[str, Any] | None = None) -> str:
+def html(show: Display, documents: Mapping[str, Any] | None = None) -> str:
     """One page with scene, motion and code inside; works from file://, offline. `documents` are the exported ones."""
     data = {**(documents or show.exported(live=True)), "scene": embedded(show.hub)}
 
@@ -103,7 +103,7 @@ def html(show: Shown, documents: Mapping[str, Any] | None = None) -> str:
     def script(match: re.Match[str]) -> str:
         name = match[1]
         code = file_of(name).read_text()
-        before = f"<script>window.EXPORTED = {safe(said(data))};</script>\n" if name == "stage.js" else ""
+        before = f"<script>window.EXPORTED = {safe(page_json(data))};</script>\n" if name == "stage.js" else ""
         return f"{before}<script>{safe(code)}</script>"
 
     page = SCRIPT.sub(script, markup(show.page))
@@ -111,13 +111,13 @@ def html(show: Shown, documents: Mapping[str, Any] | None = None) -> str:
     return page.replace("<head>", f'<head>\n<meta http-equiv="Content-Security-Policy" content="{POLICY}">', 1)
 
 
-def png(show: Shown) -> bytes:
+def png(show: Display) -> bytes:
     """The canvas a third into the motion."""
     with _browser(show, show.exported(live=False)) as page:
         return _shot(page, 1 / 3)
 
 
-def gif(show: Shown) -> bytes:
+def gif(show: Display) -> bytes:
     """One period as an animated GIF."""
     from PIL import Image
 
@@ -135,7 +135,7 @@ def gif(show: Shown) -> bytes:
     return out.getvalue()
 
 
-def mp4(show: Shown) -> bytes:
+def mp4(show: Display) -> bytes:
     """Some periods as H.264, by ffmpeg."""
     tool, documents = ffmpeg(), show.exported(live=False)
     film = paced(documents, MP4)
@@ -161,15 +161,15 @@ def ffmpeg() -> str:
     Raises:
         SettingError: there is neither.
     """
-    found = shutil.which("ffmpeg")
-    if found is None:
+    program = shutil.which("ffmpeg")
+    if program is None:
         with contextlib.suppress(ImportError, RuntimeError):  # not installed; a wheel without a program
             from imageio_ffmpeg import get_ffmpeg_exe
 
-            found = str(get_ffmpeg_exe())
-    if found is None:
+            program = str(get_ffmpeg_exe())
+    if program is None:
         raise MissingPackageError("ffmpeg", "film", otherwise="export a .gif")
-    return found
+    return program
 
 
 def paced(documents: Mapping[str, Any], film: Film) -> Film:
@@ -178,11 +178,11 @@ def paced(documents: Mapping[str, Any], film: Film) -> Film:
     Raises:
         SettingError: they would be too many or too fast.
     """
-    shown = next(iter(documents["motion"]["feet"].values())) if "motion" in documents else {"periodic": True}
-    if shown["periodic"]:
+    motion = next(iter(documents["motion"]["feet"].values())) if "motion" in documents else {"periodic": True}
+    if motion["periodic"]:
         return film
-    duration, slow = shown["duration"], documents["model"]["look"]["slow"]
-    power = np.cumsum(np.abs(np.fft.rfft(shown["base"])) ** 2)
+    duration, slow = motion["duration"], documents["model"]["look"]["slow"]
+    power = np.cumsum(np.abs(np.fft.rfft(motion["base"])) ** 2)
     highest = float(np.searchsorted(power, POWER * power[-1]) / duration)
     frames = ceil(duration * max(PER_CYCLE * highest, SLOWEST * slow))
     rate = frames / (duration * slow)
@@ -200,7 +200,7 @@ def paced(documents: Mapping[str, Any], film: Film) -> Film:
     return replace(film, frames=frames, rate=rate, repeats=1)
 
 
-def _frames(show: Shown, documents: Mapping[str, Any], film: Film) -> Iterator[bytes]:
+def _frames(show: Display, documents: Mapping[str, Any], film: Film) -> Iterator[bytes]:
     with _browser(show, documents, film.size) as page, progress_bar() as progress:
         for k in progress.track(range(film.frames), description="drawing"):
             yield _shot(page, k / film.frames)
@@ -218,8 +218,8 @@ def chromium() -> str | None:
 
 
 @contextmanager
-def _browser(show: Shown, documents: Mapping[str, Any], size: float = 1.0) -> Iterator[Any]:
-    """A headless browser with the exported page, which shows the canvas alone and draws only when it is told to.
+def _browser(show: Display, documents: Mapping[str, Any], size: float = 1.0) -> Iterator[Any]:
+    """A headless browser with the exported page, which shows the canvas alone and draws on request only.
 
     Args:
         show: what is drawn.

@@ -1,4 +1,4 @@
-"""What one viewer shows: the feet, their scene, and answers to the page's settings. Knows nothing of sockets."""
+"""What one viewer shows: the feet, their scene, and motions for the page's settings. The network is in server.py."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -16,7 +16,7 @@ from viz import live as sliders
 from viz import scene
 from viz.anatomy import assets
 from viz.anatomy.bones import SEGMENTS
-from viz.anatomy.rest import Carried, Frame, Own, carried, frames, name_of, own
+from viz.anatomy.rest import Carried, ExtraGeoms, Frame, carried, extra_geoms, frames, name_of
 from viz.excitation import Excitation
 from viz.load import files_of, load_foot
 from viz.motion import CURVE, FRAMES, Motion, periodic_motion, transient_motion, watched, without_drift
@@ -33,13 +33,13 @@ _STILL = Frame(np.zeros(3), np.array([1.0, 0, 0, 0]))
 
 
 class Show:
-    """The feet of one viewer, their scene, and the answers to its pages.
+    """The feet of one viewer, their scene, and their motions for its pages.
 
     Args:
         models: one model, or two to compare, by name or file, or loaded.
         excitation: of the base.
         settings: at the start.
-        look: `slow` and `amplify`, times; `amplify` None for as much as shows the deformation and
+        look: the factors `slow` and `amplify`; `amplify` None for as much as shows the deformation and
             keeps the foot in the picture.
         fit: what a fit found (`viz.fitted`).
     """
@@ -58,11 +58,11 @@ class Show:
         self._visualizer = scene.stage(self.hub)
         self._parts = assets.read()
         self._placed: dict[str, Any] = {}
-        self._given = self._load()
+        self._loaded = self._load()
         self.settings = settings or Settings()
         self.drive(excitation or Excitation(), self.settings)
         for name, foot in self.feet.items():
-            self._own(name, self.settings).apply(foot)  # refuses what they cannot have
+            self._settings_of(name, self.settings).apply(foot)  # refuses what they cannot have
 
     def _load(self) -> dict[str, Foot]:
         loaded = (model if isinstance(model, Foot) else load_foot(model) for model in self.models)
@@ -78,7 +78,7 @@ class Show:
         if excitation.steady is not None:
             settings = replace(settings, frequency=excitation.steady.frequency_hz)
         self.settings = settings
-        self.feet = {name: self._weighed(foot) for name, foot in self._given.items()}
+        self.feet = {name: self._weighed(foot) for name, foot in self._loaded.items()}
         for name in [*self._placed]:
             if name not in self.drawn:
                 self.hub.put({"type": "delete", "path": f"/meshcat/foot/{name}"})
@@ -97,7 +97,7 @@ class Show:
     def _place(self, name: str) -> None:
         """Put a foot into the scene, unless it is there as it should be."""
         model = self.feet.get(name, self.feet[MODEL]).model
-        segments, mine = carried(model), own(model)
+        segments, mine = carried(model), extra_geoms(model)
         recorded = self.excitation.recording is not None
         looks = (
             None if segments is None else {s: on.bind.position.round(9).tolist() for s, on in segments.items()},
@@ -115,7 +115,7 @@ class Show:
         if recorded:
             self._ring(name, segments)
 
-    def _dress(self, name: str, model: Any, segments: Mapping[str, Carried] | None, mine: Own) -> None:
+    def _dress(self, name: str, model: Any, segments: Mapping[str, Carried] | None, mine: ExtraGeoms) -> None:
         if segments is not None:
             bind = {segment: on.bind for segment, on in segments.items()}
             tints = {segment: mine.tints[on.body] for segment, on in segments.items() if on.body in mine.tints}
@@ -135,7 +135,7 @@ class Show:
         carrier = frames(foot.model)[self._shank(foot)]
         if shank is not None and np.allclose(shank.rest.quaternion, carrier.quaternion):
             vertices = np.vstack([part.vertices for part in self._parts if part.segment == "tibia"])
-            # in the frame of the body with the accelerometer, the shank's own or a malleolus' below it
+            # in the frame of the body with the accelerometer: the shank, or a malleolus below it
             vertices = vertices - shank.bind.position + shank.rest.position - carrier.position
             level = np.abs(vertices[:, 1] - (centre[1] + 0.03)) < SLICE
             if level.any():
@@ -182,13 +182,13 @@ class Show:
 
     def show(self, feet: Mapping[str, Foot]) -> None:
         """Show other feet under the same excitation."""
-        self._given = dict(feet)
+        self._loaded = dict(feet)
         self.drive(self.excitation, self.settings)
 
     def description(self) -> dict[str, Any]:
         """What a page needs before any motion: the feet, their bodies at rest, the parameters and their bounds."""
         foot = self.feet[MODEL]
-        values, given, recording = foot.values(), self.settings, self.excitation.recording
+        values, settings, recording = foot.values(), self.settings, self.excitation.recording
         return {
             "type": "model",
             "name": str(self.models[0].name if isinstance(self.models[0], Foot) else self.models[0]),
@@ -198,14 +198,14 @@ class Show:
                 {
                     "name": p.name, "words": WORDS.get(p.name, ""), "unit": p.unit, "source": p.source,
                     "lower": p.lower, "upper": p.upper,
-                    "nominal": values[p.name], "value": given.values.get(p.name, values[p.name]),
+                    "nominal": values[p.name], "value": settings.values.get(p.name, values[p.name]),
                     "logarithmic": p.logarithmic,
                 }
                 for p in foot.parameters.values()
             ],
             "settings": {
-                "frequency": given.frequency, "peak_to_peak": given.peak_to_peak, "added_mass": given.added_mass,
-                "delay_s": given.delay_s,
+                "frequency": settings.frequency, "peak_to_peak": settings.peak_to_peak,
+                "added_mass": settings.added_mass, "delay_s": settings.delay_s,
             },
             "can_add_mass": all(any(name in f.parameters for name in CARRIERS) for f in self.feet.values()),
             "periodic": self.excitation.periodic,
@@ -226,12 +226,12 @@ class Show:
         if excitation.steady is not None:
             s = excitation.steady
             return f"mean of {s.periods:.0f} periods at {s.frequency_hz:.4g} Hz; {100 * s.noise:.2g} % is no part of it"
-        first, last = excitation.shown
+        first, last = excitation.window
         return f"{first:.3g} to {last:.3g} s of it, slower than 3 Hz taken out"
 
     @property
     def models_called(self) -> list[str]:
-        """Names of the models, as they were asked for."""
+        """Names of the models, as they were given."""
         return [foot.name for foot in self.feet.values()]
 
     @property
@@ -241,24 +241,24 @@ class Show:
 
     def _rest(self, name: str) -> dict[str, Any]:
         foot = self.feet.get(name, self.feet[MODEL])
-        rest, found, mine = frames(foot.model), carried(foot.model), own(foot.model)
+        rest, bones, mine = frames(foot.model), carried(foot.model), extra_geoms(foot.model)
         bodies, base = list(rest)[1:], name_of(foot.model, int(foot.model.joint("base").bodyid[0]))
         shank = self._shank(foot)
         still = {"ring": Carried(shank, _STILL, rest[shank])} if self.excitation.recording is not None else {}
-        if name == MEASURED:  # two bodies of its own: the table and the accelerometer
-            segments, found, bodies = still, None, [base, shank]
-        elif found is None:
+        if name == MEASURED:  # its two bodies: the table and the accelerometer
+            segments, bones, bodies = still, None, [base, shank]
+        elif bones is None:
             segments = {body.replace("/", " "): Carried(body, _STILL, rest[body]) for body in bodies} | still
         else:
-            segments = {segment: found[segment] for segment in SEGMENTS}
+            segments = {segment: bones[segment] for segment in SEGMENTS}
             worn = {name_of(foot.model, foot.model.geom_bodyid[i]) for i in mine.geoms} - {"world"}
             still |= {f"own {body}".replace("/", " "): Carried(body, _STILL, rest[body]) for body in worn}
         answer: dict[str, Any] = {
             "title": foot.name if name != MEASURED else f"measured: {self.excitation.title}",
-            "ghost": name != MODEL, "bodies": bodies, "table": bodies.index(base), "dressed": found is not None,
-            "soft": self._soft(name) if found else [],
+            "ghost": name != MODEL, "bodies": bodies, "table": bodies.index(base), "dressed": bones is not None,
+            "soft": self._soft(name) if bones else [],
         }  # fmt: skip
-        for kind, group in (("segments", segments), ("worn", still if found else {})):
+        for kind, group in (("segments", segments), ("worn", still if bones else {})):
             answer[kind] = [
                 {
                     "name": segment, "body": bodies.index(on.body),
@@ -285,29 +285,31 @@ class Show:
             raise SimulationError(f"{doubt} As it is, no motion of {self.feet[MODEL].name} lasts.") from error
 
     def _motions(self, settings: Settings) -> dict[str, Motion]:
-        shown, excitation = {}, self.excitation
+        motions, excitation = {}, self.excitation
         for name, foot in self.feet.items():
-            mine = self._own(name, settings)
+            mine = self._settings_of(name, settings)
             if excitation.base is not None:
-                shown[name] = transient_motion(foot, mine, excitation.base, excitation.shown)
+                motions[name] = transient_motion(foot, mine, excitation.base, excitation.window)
             elif excitation.steady is not None:
                 at = replace(mine, frequency=excitation.steady.frequency_hz)
-                shown[name] = periodic_motion(foot, at, excitation.steady.base)
+                motions[name] = periodic_motion(foot, at, excitation.steady.base)
             else:
-                shown[name] = periodic_motion(foot, mine)
-        return shown
+                motions[name] = periodic_motion(foot, mine)
+        return motions
 
-    def _own(self, name: str, settings: Settings) -> Settings:
-        """A foot's own settings. The other one keeps its own character: its parameters change by as many times as the
-        model's do, so that nothing jumps where they differ, and stay within its bounds.
+    def _settings_of(self, name: str, settings: Settings) -> Settings:
+        """The settings of one foot.
+
+        Parameters of the compared foot change by the same factors as those of the model, within its bounds, so that it
+        does not jump to the model's values.
         """
         if name == MODEL:
             return settings
-        mine, own = self.feet[MODEL].values(), self.feet[name].values()
+        mine, other = self.feet[MODEL].values(), self.feet[name].values()
         values = {
-            p: own[p] * value / mine[p] if mine[p] else own[p] + value
+            p: other[p] * value / mine[p] if mine[p] else other[p] + value
             for p, value in settings.values.items()
-            if p in own and p in mine
+            if p in other and p in mine
         }
         return replace(settings, values=values).held(self.feet[name])
 
@@ -315,12 +317,12 @@ class Show:
         """The motions as one document for the page; `held` are parameters that a bound has stopped."""
         if self.excitation.doubt:
             raise SettingError(self.excitation.doubt)
-        wanted, settings = settings, settings.held(self.feet[MODEL])
+        asked, settings = settings, settings.held(self.feet[MODEL])
         motions = self.motions(settings)
         document = {name: _document(motion) for name, motion in motions.items()}
         if self.excitation.recording is not None:
             document[MEASURED] = self._measured(motions[MODEL], settings.delay_s)
-        held = {p: v for p, v in settings.values.items() if abs(v - wanted.values[p]) > 1e-9 * abs(v)}
+        held = {p: v for p, v in settings.values.items() if abs(v - asked.values[p]) > 1e-9 * abs(v)}
         return {"type": "motion", "feet": document, "held": held, "other": self._other_values(settings)}
 
     def _other_values(self, settings: Settings) -> dict[str, float]:
@@ -328,8 +330,8 @@ class Show:
         if OTHER not in self.feet:
             return {}
         mine = self.feet[MODEL].values() | dict(settings.values)
-        own = self.feet[OTHER].values() | dict(self._own(OTHER, settings).values)
-        return {p: own[p] for p in own if p in mine and abs(own[p] - mine[p]) > 1e-6 * abs(mine[p])}
+        other = self.feet[OTHER].values() | dict(self._settings_of(OTHER, settings).values)
+        return {p: other[p] for p in other if p in mine and abs(other[p] - mine[p]) > 1e-6 * abs(mine[p])}
 
     def _measured(self, model: Motion, delay_s: float) -> dict[str, Any]:
         """Table and malleolus as measured, displaced by the same rule as the model's."""

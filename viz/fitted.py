@@ -1,6 +1,6 @@
 """What a fit found, as the page shows it: both branches with values and intervals, verdict, fit and notes.
 
-The words are those of the report: they come from the result, or from the result.json that was written of it.
+The sentences are those of the report: they come from the result, or from its result.json.
 """
 
 import json
@@ -114,16 +114,16 @@ def read(file: Path, parameters: Mapping[str, Parameter]) -> dict[str, Any]:
         SettingError: a value is no number or outside the bounds that the model declares.
     """
     try:
-        found = fitted(json.loads(file.read_text()), parameters)
+        fit = fitted(json.loads(file.read_text()), parameters)
     except OSError as error:
         raise InputFileError(file, f"cannot be read ({error.strerror})", _VALID) from None
     except (ValueError, KeyError, TypeError, AttributeError, OverflowError, RecursionError):
         raise InputFileError(file, "is not a result", _VALID) from None
-    for branch in found["branches"]:
+    for branch in fit["branches"]:
         if not branch["values"]:
             raise InputFileError(file, "holds no parameter of this model", "give the --model that was fitted")
         for name, value in branch["values"].items():
             if not math.isfinite(value):
                 raise SettingError(f"{file}: {name} is {value}, but must be a finite number.")
             within(parameters[name], value, file)
-    return found | {"reported": (file.parent / "report.html").is_file()}
+    return fit | {"reported": (file.parent / "report.html").is_file()}

@@ -78,7 +78,7 @@ def main(
     if study is not None and recording is None:
         raise SettingError("--study says what the columns of --recording are; give both, or neither.")
     look = {"slow": slow, "amplify": amplify}
-    own = None  # a copy of the arch to edit, made once nothing of the input is refused
+    arch_copy = None  # a copy of the arch to edit, made once nothing of the input is refused
     if model is None and result is not None:
         from viz.fitted import model_of
 
@@ -86,9 +86,9 @@ def main(
     if model is None:
         model = "foot_arch"
         if export is None and watch is not False:
-            own = Path.cwd() / "my_foot.xml"
-    if own is not None and own.exists():
-        model, own = str(own), None
+            arch_copy = Path.cwd() / "my_foot.xml"
+    if arch_copy is not None and arch_copy.exists():
+        model, arch_copy = str(arch_copy), None
     show = _show(model, compare, frequency, peak_to_peak, added_mass, sweep, (recording, study), seconds, result, look)
     if export is not None:
         from viz.exported import export_to
@@ -98,9 +98,9 @@ def main(
     from viz.bench import Bench
     from viz.server import serve
 
-    if own is not None:
-        _copy_arch(own)
-        show.models[0] = str(own)
+    if arch_copy is not None:
+        _copy_arch(arch_copy)
+        show.models[0] = str(arch_copy)
         show.reload()
     follow, bench = watch is not False, Bench(show, results=result.parent if result else None)
     asyncio.run(serve(show, "the foot", port=port, browser=browser, watch=follow, json=json, bench=bench))

@@ -14,8 +14,8 @@ import numpy as np
 from fasbody.console import progress_bar
 from fasbody.exceptions import SimulationError
 from identification.engines.twin import twin_applies
+from viz.display import page_json
 from viz.settings import CARRIERS
-from viz.shown import said
 
 if TYPE_CHECKING:
     from viz.feet import Show
@@ -42,16 +42,16 @@ def of(show: "Show") -> dict[str, Any] | None:
         return {"twin": twin}
     if excitation.recording is not None:
         return None
-    given = show.settings
-    frequencies = sorted({*FREQUENCIES, given.frequency})
-    loads = sorted({*LOADS, given.added_mass}) if show.description()["can_add_mass"] else [given.added_mass]
+    settings = show.settings
+    frequencies = sorted({*FREQUENCIES, settings.frequency})
+    loads = sorted({*LOADS, settings.added_mass}) if show.description()["can_add_mass"] else [settings.added_mass]
     with progress_bar() as progress:
         points = [(load, f) for load in loads for f in frequencies]
         motions = []
         for load, f in progress.track(points, description="computing what the sliders show"):
             try:
-                motions.append(show.answer(replace(given, frequency=f, added_mass=load)))
+                motions.append(show.answer(replace(settings, frequency=f, added_mass=load)))
             except SimulationError as error:
                 motions.append({"type": "error", "text": str(error)})
-    packed = base64.b64encode(gzip.compress(said(motions).encode(), 6)).decode()
+    packed = base64.b64encode(gzip.compress(page_json(motions).encode(), 6)).decode()
     return {"frequencies": frequencies, "loads": loads, "grid": packed}

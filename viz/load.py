@@ -56,17 +56,17 @@ def files_of(name: str) -> set[Path]:
     if model in mjcf.names():
         return set()
     main = Path(model).resolve()
-    found, open_ = {main}, [main]
+    files, open_ = {main}, [main]
     while open_:
         try:
             text = open_.pop().read_text(errors="replace")
         except OSError:
             continue  # an editor is replacing it
         # MuJoCo looks for all of them from the folder of the main file
-        included = {(main.parent / file).resolve() for file in _INCLUDE.findall(text)} - found
-        found |= included
+        included = {(main.parent / file).resolve() for file in _INCLUDE.findall(text)} - files
+        files |= included
         open_ += included
-    return found
+    return files
 
 
 def _upright(foot: Foot) -> Foot:

@@ -55,8 +55,8 @@ class ModeShapes:
         Raises:
             InputFileError: there is none, or it is not such a result.
         """
-        there = [result / name for name in FILES if (result / name).is_file()]
-        file = (there or [result / FILES[0]])[0] if result.is_dir() else result
+        present = [result / name for name in FILES if (result / name).is_file()]
+        file = (present or [result / FILES[0]])[0] if result.is_dir() else result
         if not file.is_file():
             raise InputFileError(file, "there is no such file", SOURCE)
         names = ("vertices_um", "faces", "nucleus_faces", "modes", "frequencies_hz")
@@ -115,9 +115,9 @@ class ModeShapes:
         low, high = self.vertices_um.min(axis=0), self.vertices_um.max(axis=0)
         origin = np.array([(low[0] + high[0]) / 2, low[1], (low[2] + high[2]) / 2])
         on_base = (self.vertices_um[:, 1] < low[1] + BASE * (high[1] - low[1]))[self.faces].all(axis=1) & self.stands
-        found = {"wall": self.faces[~on_base], "base": self.faces[on_base], "nucleus": self.nucleus_faces}
+        surfaces = {"wall": self.faces[~on_base], "base": self.faces[on_base], "nucleus": self.nucleus_faces}
         parts = {}
-        for name, faces in found.items():
+        for name, faces in surfaces.items():
             used, renumbered = np.unique(faces, return_inverse=True)
             corners = self.scale * (self.vertices_um[used] - origin)
             parts[name] = (corners, renumbered.reshape(-1, 3), self.modes[:, used])

@@ -125,7 +125,7 @@ def _balanced(foot: Foot, orbit: Orbit) -> Motion:
     position, velocity, acceleration = shaken.motion(series, orbit.solution.x)
     n, f = foot.model.nv, shaken.frequency_hz
     harmonics = orbit.harmonics()
-    motion = _shown(
+    motion = _posed(
         foot, States(foot.model.qpos0 + position[:, :n], velocity[:, :n], position[:, n:]),
         np.arange(FRAMES) / (f * FRAMES), 1 / f, acceleration[:, foot.base], series.at(series.real(harmonics))[0],
     )  # fmt: skip
@@ -163,7 +163,7 @@ def _stable(foot: Foot, changed: Foot, count: int, run: Callable[[int], Motion])
 
 
 def _advice(foot: Foot, changed: Foot) -> str:
-    """Which parameter to lower: the one that was raised most over the model's own."""
+    """Which parameter to lower: the one that was raised most over the model's value."""
     nominal, values = foot.values(), changed.values()
     raised = {name: values[name] / nominal[name] for name in nominal if nominal[name] > 0}
     name = max(raised, key=lambda n: raised[n], default="")
@@ -200,7 +200,7 @@ def _settled(foot: Foot, f: float, amplitudes: Array, count: int) -> Motion:
 
 
 def transient_motion(
-    foot: Foot, settings: Settings, base: BaseMotion, shown: tuple[float, float] = (0.0, np.inf)
+    foot: Foot, settings: Settings, base: BaseMotion, window: tuple[float, float] = (0.0, np.inf)
 ) -> Motion:
     """The motion from rest under any base motion: a sweep, a recording.
 
@@ -212,10 +212,10 @@ def transient_motion(
     """
     changed = settings.apply(foot)
     count = round(base.duration / changed.step)
-    return _stable(foot, changed, count, lambda steps: _from_rest(changed, base, shown, steps))
+    return _stable(foot, changed, count, lambda steps: _from_rest(changed, base, window, steps))
 
 
-def _from_rest(foot: Foot, base: BaseMotion, shown: tuple[float, float], count: int) -> Motion:
+def _from_rest(foot: Foot, base: BaseMotion, window: tuple[float, float], count: int) -> Motion:
     """The transient with `count` steps. Slow motion is taken out of the table and of what moves on it alike."""
     changed = foot.with_values({}, step=base.duration / count)
     out = Batch(changed, 1, threads=1).run_checked([base], changed.step, standing(changed))
@@ -228,7 +228,7 @@ def _from_rest(foot: Foot, base: BaseMotion, shown: tuple[float, float], count: 
     relative[..., :3] -= out.qpos[0, pick, foot.base][:, None, None] * up
     bodies = without_drift(relative, step)
     bodies[..., :3] += without_drift(whole.base, step, twice=True)[:, None, None] * up
-    keep = slice(int(shown[0] / step), int(np.ceil(min(shown[1] / step, len(pick)))))
+    keep = slice(int(window[0] / step), int(np.ceil(min(window[1] / step, len(pick)))))
     seen = replace(
         whole, bodies=bodies[keep], time=whole.time[keep], base=whole.base[keep], malleolus=whole.malleolus[keep],
         loops={label: values[:, keep] for label, values in whole.loops.items()},
@@ -257,12 +257,14 @@ def without_drift(values: Array, step: float, twice: bool = False, lowest_hz: fl
 
 def watched(model: mujoco.MjModel) -> dict[str, list[tuple[str, int]]]:
     """What a model has of `LOOPS`: label -> kind ("joint" or "tendon") and number of each element."""
-    found: dict[str, list[tuple[str, int]]] = {}
-    for label, wanted in LOOPS.items():
+    by_label: dict[str, list[tuple[str, int]]] = {}
+    for label, candidates in LOOPS.items():
         for kind in ("joint", "tendon"):
-            there = names(model, kind)
-            found.setdefault(label, []).extend((kind, getattr(model, kind)(n).id) for n in wanted if n in there)
-    return {label: elements for label, elements in found.items() if elements}
+            present = names(model, kind)
+            by_label.setdefault(label, []).extend(
+                (kind, getattr(model, kind)(n).id) for n in candidates if n in present
+            )
+    return {label: elements for label, elements in by_label.items() if elements}
 
 
 def loop_point(model: mujoco.MjModel, data: mujoco.MjData, kind: str, i: int) -> tuple[float, float]:
@@ -305,24 +307,24 @@ def _stepped(foot: Foot, out: Simulation, pick: Array, duration: float) -> Motio
     """What is shown of the picked steps."""
     states = States(out.qpos[0, pick], out.qvel[0, pick], out.act[0, pick])
     time = out.time[0, pick] - out.time[0, 0]
-    return _shown(foot, states, time, duration, out.base[0, pick], out.malleolus[0, pick])
+    return _posed(foot, states, time, duration, out.base[0, pick], out.malleolus[0, pick])
 
 
-def _shown(foot: Foot, states: States, time: Array, duration: float, base: Array, malleolus: Array) -> Motion:
+def _posed(foot: Foot, states: States, time: Array, duration: float, base: Array, malleolus: Array) -> Motion:
     """Poses and forces of states at times (n,), as a transient; beside them the curve of small motion."""
     model, data = foot.model, mujoco.MjData(foot.model)
     rest = rest_frames(model)
     bodies = list(rest)[1:]  # without the world
     index = np.arange(1, model.nbody)
     position, quaternion = np.empty((len(time), len(bodies), 3)), np.empty((len(time), len(bodies), 4))
-    found = watched(model)
-    loops = {label: np.empty((2, len(time))) for label in found}
+    watched_elements = watched(model)
+    loops = {label: np.empty((2, len(time))) for label in watched_elements}
     with callbacks():
         for row, (qpos, qvel, act) in enumerate(zip(*states, strict=True)):
             data.qpos[:], data.qvel[:], data.act[:] = qpos, qvel, act
             mujoco.mj_forward(model, data)
             position[row], quaternion[row] = data.xpos[index], data.xquat[index]
-            for label, elements in found.items():
+            for label, elements in watched_elements.items():
                 rows = [loop_point(model, data, kind, i) for kind, i in elements]
                 loops[label][:, row] = np.mean([x for x, _ in rows]), np.sum([force for _, force in rows])
     still = np.tile([rest[name].quaternion for name in bodies], (len(time), 1))

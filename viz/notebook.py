@@ -56,7 +56,7 @@ class Viewer:
         except ImportError:
             self._problem = MissingPackageError("tornado", "view")
             return
-        except Exception as problem:  # raised again where the page was asked for
+        except Exception as problem:  # raised again in the calling thread
             self._problem = problem
             return
         self._loop = asyncio.get_running_loop()
@@ -81,7 +81,7 @@ class Viewer:
         """End the page."""
         if self._server is not None and self._thread.is_alive():
             self._loop.call_soon_threadsafe(self._server.stop)
-            self._thread.join()  # the server parts within its own limit
+            self._thread.join()  # the server closes its connections within its time limit
 
     def __repr__(self) -> str:
         return f"{', '.join(self.show.models_called)} at {self.url}" + ("" if self._thread.is_alive() else " (closed)")
@@ -119,7 +119,7 @@ def show(
     Raises:
         SettingError: a parameter is unknown or outside the bounds that the model declares.
     """
-    viewer = Viewer(_shown(foot, result, compare, excitation, frequency, added_mass), port)
+    viewer = Viewer(_display(foot, result, compare, excitation, frequency, added_mass), port)
     if browser:
         import webbrowser
 
@@ -149,11 +149,11 @@ def export(
     Raises:
         SettingError: another ending, a tool that is missing, or a parameter that cannot be.
     """
-    export_to(_shown(foot, result, compare, excitation, frequency, added_mass), Path(file))
+    export_to(_display(foot, result, compare, excitation, frequency, added_mass), Path(file))
     return Path(file)
 
 
-def _shown(
+def _display(
     foot: "Foot | Recording | str",
     result: Fitted | None,
     compare: "Foot | str | None",
@@ -167,9 +167,9 @@ def _shown(
     recording = excitation.recording if excitation else None
     if recording is not None and recording.condition.body_mass_kg and not added_mass:
         added_mass = recording.condition.added_mass_kg
-    found = {} if result is None else result.values()
-    values = {loaded.parameters[key].name: value for key, value in found.items() if key in loaded.parameters}
-    if found and not values:
+    estimates = {} if result is None else result.values()
+    values = {loaded.parameters[key].name: value for key, value in estimates.items() if key in loaded.parameters}
+    if estimates and not values:
         raise SettingError(f"the result holds no parameter of {loaded.name}; give the model that was fitted.")
     fit = fitted(result.document(), loaded.parameters, result.sentence()) if isinstance(result, FitResult) else {}
     delay = fit["branches"][0]["delay_s"] if fit else 0.0

@@ -1,7 +1,7 @@
 """What a fit, or a comparison of rivals, is of: the recordings as they were read, the model and its text, settings.
 
-A result belongs to its question. It is shown only with the model that it is of, and is out of date as soon as a
-recording or the model is another than it was.
+A result is kept with its question. It is shown only with its model, and is out of date as soon as a recording or the
+model has changed.
 """
 
 from collections.abc import Mapping
@@ -15,13 +15,13 @@ from viz.worker import job
 
 @dataclass(frozen=True)
 class Question:
-    """What was asked.
+    """The inputs of a fit or a comparison.
 
     Attributes:
         sources: the recordings, by their ids.
         model: by name or file.
         text: digest of its MJCF with what it includes.
-        values: in place of the model's own.
+        values: in place of those of the model.
         settings: of `fit_foot`.
         rivals: whether rivals are compared.
     """
@@ -45,15 +45,15 @@ class Question:
         return script(list(self.sources.values()), self.model, self.values, self.settings, rivals=self.rivals)
 
     def stale(self, sources: Mapping[int, Source], text: str) -> str:
-        """Why its answer is out of date now, in a sentence; empty where it is not."""
+        """Why its result is out of date, in a sentence; empty where it is not."""
         gone = [s.file for number, s in self.sources.items() if number not in sources]
         other = [s.file for number, s in self.sources.items() if sources.get(number, s) != s]
-        changed = [_said(gone, "removed")] if gone else []
-        changed += [_said(other, "read in another way")] if other else []
+        changed = [_clause(gone, "removed")] if gone else []
+        changed += [_clause(other, "read in another way")] if other else []
         changed += ["the model's file was changed"] if text != self.text else []
         return f"Out of date: since this fit {' and '.join(changed)}; fit again." if changed else ""
 
 
-def _said(files: list[str], what: str) -> str:
-    """What was done with some files."""
+def _clause(files: list[str], what: str) -> str:
+    """A clause on what was done with some files."""
     return f"{together(files)} {'was' if len(files) == 1 else 'were'} {what}"

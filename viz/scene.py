@@ -1,7 +1,7 @@
-"""The only door to meshcat: the scene, made with its Visualizer and geometries as they are.
+"""The scene, made with the Visualizer and the geometries of meshcat. No other module imports meshcat.
 
-meshcat's own server binds every address and waits without end, so its ZMQ window is replaced: `Hub` takes the place of
-the window, keeps the messages so that a new browser gets all of them, and server.py sends them.
+meshcat's server binds every address and waits without a limit, so its ZMQ window is replaced by `Hub`. That keeps the
+messages, so that a new browser gets all of them, and server.py sends them.
 """
 
 import base64
@@ -32,7 +32,7 @@ from viz.anatomy.rest import Frame
 
 Array = np.ndarray
 
-#: meshcat's own page code, in the package.
+#: The page code of meshcat, in its package.
 SCRIPT = Path(meshcat.__file__).parent / "viewer" / "dist" / "main.min.js"
 #: Scene units a metre: decimetres suit meshcat's clip planes.
 SCALE = 10.0
@@ -183,15 +183,15 @@ def add_foot(
     hub: Hub, visualizer: meshcat.Visualizer, name: str, parts: list[Part], frames: dict[str, Frame], ghost: bool,
     tints: Mapping[str, Array],
 ) -> None:  # fmt: skip
-    """Put one dressed foot into the scene under `name`: one mesh a segment, and the soft parts with their weights.
+    """Put the meshes of one foot into the scene under `name`: one a segment, and the soft parts with their weights.
 
     Args:
         hub: takes the messages.
         visualizer: on the hub.
         name: of this foot, such as ``a``.
         parts: the meshes.
-        frames: bind pose of each segment; a segment's mesh is sent in its own frame.
-        ghost: bluish and translucent, to be compared with another foot.
+        frames: bind pose of each segment; the mesh of a segment is sent in that frame.
+        ghost: whether it is bluish and translucent, for a comparison.
         tints: segment -> RGB (3,) in place of bone.
     """
     root = visualizer["foot"][name]
@@ -342,12 +342,14 @@ def add_ring(visualizer: meshcat.Visualizer, name: str, centre: Array, radius: f
     """
     around, over = 48, 12
     u, v = np.meshgrid(np.arange(around) * 2 * np.pi / around, np.arange(over) * 2 * np.pi / over, indexing="ij")
-    wide = radius + thick * np.cos(v)
-    vertices = np.stack([wide * np.cos(u), thick * np.sin(v), wide * np.sin(u)], -1).reshape(-1, 3) + centre
+    distance = radius + thick * np.cos(v)
+    vertices = np.stack([distance * np.cos(u), thick * np.sin(v), distance * np.sin(u)], -1).reshape(-1, 3) + centre
     index = np.arange(around * over).reshape(around, over)
     right, up = np.roll(index, -1, 0), np.roll(index, -1, 1)
-    both = np.roll(right, -1, 1)
-    faces = np.vstack([np.stack([index, up, right], -1).reshape(-1, 3), np.stack([right, up, both], -1).reshape(-1, 3)])
+    across = np.roll(right, -1, 1)
+    faces = np.vstack(
+        [np.stack([index, up, right], -1).reshape(-1, 3), np.stack([right, up, across], -1).reshape(-1, 3)]
+    )
     material = _material("MeshPhongMaterial", color=_hex(code), emissive=_hex(code), emissiveIntensity=0.5, side=2)
     visualizer["foot"][name]["ring"].set_object(_with_normals(SCALE * vertices, faces), material)
 

@@ -1,9 +1,8 @@
 """The page's server: the loopback only, no caller from another site, simulations off the event loop.
 
-It answers with the page's files and one stream for each page, and only to itself: see `Guarded`. It runs in the
-command's own process. meshcat's server had to have one of its own because its calls wait without end; here nothing
-does, and each wait has its limit: a simulation its computing time (`viz.motion.PATIENCE`), a silent page its pings, a
-browser that does not come back from being started `OPENING`, the last connections `PARTING`.
+It answers with the page's files and one stream for each page, and only to itself: see `Guarded`. It runs in the process
+of the command. Each wait has a limit: a simulation its computing time (`viz.motion.PATIENCE`), a silent page its pings,
+the start of a browser `OPENING`, the last connections `PARTING`.
 """
 
 import asyncio
@@ -30,16 +29,16 @@ from fasbody.console import console, print_json
 from fasbody.exceptions import FasError, SettingError
 from viz.bench import LARGEST as LARGEST_FILE
 from viz.bench import PRIVATE, Bench
+from viz.display import Display, file_of, files, markup, page_json
 from viz.exported import html
 from viz.settings import settings_from
-from viz.shown import Shown, file_of, files, markup, said
 
 ADDRESS = "127.0.0.1"
 #: What is made here: the report of a fit, all its results, and the page to take away.
 MADE = ("report", "results", "take", "study")
 #: Largest message a page may send, the text of a model among them, and body of a request that is no file [bytes].
 LARGEST, BODY = 1_000_000, 64_000
-#: Seconds after which a silent or slow browser is let go.
+#: Seconds after which a silent or slow browser is disconnected.
 PATIENCE = 30.0
 #: Seconds between the last page leaving and the end of the command, so that a reload is not the end.
 GRACE = 8.0
@@ -55,7 +54,7 @@ POLICY = (
 
 
 async def serve(
-    show: Shown, what: str, *, port: int, browser: bool, watch: bool, json: bool, bench: Bench | None = None
+    show: Display, what: str, *, port: int, browser: bool, watch: bool, json: bool, bench: Bench | None = None
 ) -> None:
     """A command's server: say where it is, open the browser, and run until Ctrl-C.
 
@@ -68,7 +67,7 @@ async def serve(
     console.print(f"{what} is at {server.url} (Ctrl-C ends it)")
     if json:
         print_json({"url": server.url})
-        sys.stdout.flush()  # whoever started this waits for the address
+        sys.stdout.flush()  # a calling process waits for the address
 
     async def look() -> None:
         if await _opened(server.url):
@@ -78,7 +77,7 @@ async def serve(
 
 
 class Server:
-    """Serves one page until it is told to stop.
+    """Serves one page until `stop` is called.
 
     Args:
         show: what is shown.
@@ -86,7 +85,7 @@ class Server:
         bench: what a page may do beyond moving sliders.
     """
 
-    def __init__(self, show: Shown, port: int = 0, bench: Bench | None = None) -> None:
+    def __init__(self, show: Display, port: int = 0, bench: Bench | None = None) -> None:
         self.show = show
         self.bench = bench
         self.key = secrets.token_urlsafe(24)
@@ -129,7 +128,7 @@ class Server:
                 with contextlib.suppress(RuntimeError):  # the server has ended meanwhile
                     loop.call_soon_threadsafe(self.broadcast, document)
 
-            self.bench.told = later
+            self.bench.send = later
         tasks = [asyncio.create_task(work) for work in (self._watch() if watch else None, beside) if work]
         try:
             await self._ended.wait()
@@ -150,10 +149,10 @@ class Server:
         self._ended.set()
 
     async def answer(self, message: dict[str, Any]) -> str:
-        """Simulate what a page asks for."""
+        """Simulate for the settings of a page's message."""
         loop = asyncio.get_running_loop()
         answer = await loop.run_in_executor(self._pool, self._answer, message)
-        if self.bench is not None and not self._prepared:  # while the user looks at the first motion
+        if self.bench is not None and not self._prepared:  # while the first motion is displayed
             self._prepared = True
             prepare = threading.Thread(target=self.bench.prepare, name="prepare", daemon=True)
             loop.call_later(LOOKING, prepare.start)
@@ -165,41 +164,41 @@ class Server:
             answer = self.show.answer(settings_from(message))
         except FasError as error:
             answer = {"type": "error", "text": str(error)}
-        except Exception as error:  # our fault: told, or the page would come back and ask the same again
+        except Exception as error:  # a bug: reported, or the page would repeat the request
             answer = {"type": "error", "text": _bug(error)}
         number = message.get("request")
         answer |= {"request": number if isinstance(number, int) else None, "seconds": time.perf_counter() - started}
-        return said(answer)
+        return page_json(answer)
 
     async def act(self, page: "Stream", message: dict[str, Any]) -> None:
-        """Do what a page asks for, and tell all pages what came of it; what concerns it alone goes to it alone."""
+        """Do the action of a page's message and send the documents to all pages, or to that page alone."""
         assert self.bench is not None
         complaint = {"type": "complaint", "of": str(message.get("type"))[:20]}
-        if not self.own(str(message.get("key", ""))):
-            page.send(said(complaint | {"text": "this page is of another session; reload it."}))
+        if not self.is_session_key(str(message.get("key", ""))):
+            page.send(page_json(complaint | {"text": "this page is of another session; reload it."}))
             return
         before = self.show.files()
         try:
             documents = await asyncio.get_running_loop().run_in_executor(self._pool, self.bench.act, message)
         except Exception as error:
             text = self.bench.words(str(error)) if isinstance(error, FasError) else _bug(error)
-            page.send(said(complaint | {"text": text}))
+            page.send(page_json(complaint | {"text": text}))
             return
         for document in documents:
             if document["type"] in PRIVATE:
-                page.send(said(document))
+                page.send(page_json(document))
             else:
                 self.broadcast(document)
         if self.show.files() != before:
             self._followed.set()
 
-    def own(self, key: str) -> bool:
+    def is_session_key(self, key: str) -> bool:
         """Whether a key is this session's."""
         return secrets.compare_digest(key.encode(errors="replace"), self.key.encode())
 
     def broadcast(self, document: dict[str, Any]) -> None:
         """Send one document to every page."""
-        text = said(document)
+        text = page_json(document)
         for page in list(self.pages):
             page.send(text)
 
@@ -245,22 +244,22 @@ class Server:
 
 
 class Guarded(tornado.web.RequestHandler):
-    """Whatever the server answers, it answers only under its own names."""
+    """A request handler that answers only under the server's names."""
 
     server: "Server"
 
     def prepare(self) -> None:
-        """Refuse a foreign name that resolves to this machine (DNS rebinding), and every page but our own.
+        """Refuse a foreign name that resolves to this machine (DNS rebinding), and pages of other servers.
 
         An Origin must be scheme, name and port of this very request. Tornado asks `check_origin` only where name or
         port differ, so that https would pass.
         """
         origin = self.request.headers.get("Origin")
-        if self.request.host not in self.server.hosts or not (origin is None or self.own(origin)):
+        if self.request.host not in self.server.hosts or not (origin is None or self.is_same_origin(origin)):
             raise tornado.web.HTTPError(403)
 
-    def own(self, origin: str) -> bool:
-        """Whether an origin is this very server under the name that was asked for."""
+    def is_same_origin(self, origin: str) -> bool:
+        """Whether an origin is this server under the name of the request."""
         return origin == f"http://{self.request.host}"
 
 
@@ -289,7 +288,7 @@ class Page(Guarded):
 
 @tornado.web.stream_request_body
 class Upload(Guarded):
-    """Takes a dropped file of a page that has this session's key; of any other caller nothing is kept in memory."""
+    """Receives a dropped file from a page with this session's key; nothing of another caller is kept."""
 
     def initialize(self, server: "Server") -> None:
         """Called by tornado."""
@@ -299,17 +298,17 @@ class Upload(Guarded):
     def prepare(self) -> None:
         """Called with the headers, before anything of the body is read."""
         super().prepare()
-        self._welcome = self.server.own(self.request.headers.get("X-Key", ""))
+        self._welcome = self.server.is_session_key(self.request.headers.get("X-Key", ""))
         connection: Any = self.request.connection
         connection.set_max_body_size(LARGEST_FILE)
 
     def data_received(self, chunk: bytes) -> None:
-        """A piece of the body; a stranger's is dropped, but read, so that a page of another session gets its answer."""
+        """A piece of the body; that of another session is read and dropped, so that its page gets the refusal."""
         if self._welcome:
             self._parts.append(chunk)
 
     def post(self) -> None:
-        """Keep the file; what is wrong with it is said in a sentence."""
+        """Keep the file; an invalid one is refused in a sentence."""
         if not self._welcome:
             raise tornado.web.HTTPError(403)
         assert self.server.bench is not None
@@ -360,8 +359,8 @@ class Stream(Guarded, tornado.websocket.WebSocketHandler):
         self._forget: Callable[[], None] = lambda: None
 
     def check_origin(self, origin: str) -> bool:
-        """Only our own page may connect."""
-        return self.own(origin)
+        """Only a page of this server may connect."""
+        return self.is_same_origin(origin)
 
     def open(self, *_: str, **__: str) -> None:
         """Send the whole scene, then what the model is."""
@@ -377,9 +376,9 @@ class Stream(Guarded, tornado.websocket.WebSocketHandler):
         self._forget = lambda: hub.leave(later)
         for message in hub.join(later):
             self.send(message)
-        self.send(said(self.server.show.description()))
+        self.send(page_json(self.server.show.description()))
         for document in self.server.bench.documents() if self.server.bench else ():
-            self.send(said(document))
+            self.send(page_json(document))
 
     def on_close(self) -> None:
         """Forget the page."""
@@ -421,7 +420,7 @@ class _Only:
 
 
 def _bug(error: Exception) -> str:
-    """A sentence on a failure of our own; its traceback goes to the terminal."""
+    """A sentence on a bug; its traceback goes to the terminal."""
     console.print("".join(traceback.format_exception(error)), markup=False)
     return f"the viewer failed ({type(error).__name__}: {error}); its terminal has the details."
 
@@ -431,14 +430,14 @@ async def _opened(url: str) -> bool:
     loop = asyncio.get_running_loop()
     done: asyncio.Future[bool] = loop.create_future()
 
-    def tell(found: bool) -> None:
+    def tell(opened: bool) -> None:
         if not done.done():
-            done.set_result(found)
+            done.set_result(opened)
 
     def start() -> None:
-        found = webbrowser.open(url)
+        opened = webbrowser.open(url)
         with contextlib.suppress(RuntimeError):  # the server has ended meanwhile
-            loop.call_soon_threadsafe(tell, found)
+            loop.call_soon_threadsafe(tell, opened)
 
     threading.Thread(target=start, name="browser", daemon=True).start()
     try:

@@ -1,4 +1,4 @@
-"""What is asked of the shown foot: what the sliders say, and what of it a foot can have."""
+"""Settings of the displayed foot: the values of the sliders, and their limits by the foot."""
 
 import math
 from collections.abc import Mapping
@@ -29,7 +29,7 @@ WORDS = {
 
 @dataclass(frozen=True)
 class Settings(Tabled):
-    """What the sliders say: frequency [Hz], peak to peak of the base [m/s^2], mass on the knee [kg], parameters.
+    """Values of the sliders: frequency [Hz], peak to peak of the base [m/s^2], mass on the knee [kg], parameters.
 
     `delay_s` is how late a measured malleolus is, as a fit found it; model and measurement are compared without it.
     """

@@ -1,4 +1,4 @@
-"""A recording on the workbench: which file, what its channels are, and the masses; read the same way by everyone.
+"""A recording on the workbench: which file, what its channels are, and the masses; read by one function.
 
 The page corrects it, the worker fits it, and its line of Python reads it in a script.
 """
@@ -26,21 +26,21 @@ def _sensitivity(value: Any) -> float | str:
         return str(value)
 
 
-#: What the form may say of a channel.
-_SAID: Mapping[str, Callable[[Any], Any]] = {
+#: Fields of a channel in the form, and their types.
+_FIELDS: Mapping[str, Callable[[Any], Any]] = {
     "column": str,
     "unit": str,
     "sign": float,
     "sensitivity": _sensitivity,
     "delay_s": float,
 }
-#: Channels that the form has.
+#: Channels of the form.
 CHANNELS = ("time", *NAMES)
 
 
 @dataclass(frozen=True)
 class Source:
-    """A file and what was said of it.
+    """A file with the corrections of its description.
 
     Attributes:
         file: as it is called.
@@ -82,7 +82,7 @@ class Source:
         return str(base.get("sensitivity") or base.get("unit", ""))
 
     def read(self) -> Recording:
-        """The recording, corrected as was said.
+        """The corrected recording.
 
         Raises:
             InputFileError: it cannot be read so. RecordingError: a mass is not a plausible number.
@@ -118,40 +118,40 @@ class Source:
         columns = columns_of(self.path)
         return [{"name": name, "unit": unit} for name, unit in zip(columns.names, columns.units, strict=True)]
 
-    def corrected(self, said: Mapping[str, Any]) -> "Source":
-        """The same with what the page says of it: tables of channels, ``unit`` of all its accelerations, ``rate_hz``,
-        masses. What is not mentioned stays, and what is empty is left to the file.
+    def corrected(self, changes: Mapping[str, Any]) -> "Source":
+        """The source with the page's corrections: tables of channels, ``unit`` of all its accelerations, ``rate_hz``,
+        masses. Entries that are not mentioned stay; for empty ones the file counts.
 
         Raises:
-            SettingError: it says what cannot be. RecordingError: a mass is not a plausible number.
+            SettingError: an entry is invalid. RecordingError: a mass is not a plausible number.
             InputFileError: there is no such unit, or sensitivity.
         """
         channels = {name: dict(table) for name, table in self.channels.items()}
-        for name, table in dict(said.get("channels") or {}).items():
+        for name, table in dict(changes.get("channels") or {}).items():
             if name not in CHANNELS or not isinstance(table, dict):
                 raise SettingError(f"the form describes the channel {name!r}; valid: {', '.join(CHANNELS)}.")
-            told = {
-                key: _said(key, value, kind)
-                for key, kind in _SAID.items()
+            fields = {
+                key: _converted(key, value, kind)
+                for key, kind in _FIELDS.items()
                 if (value := table.get(key)) not in ("", None)
             }
-            channels[name] = told
-        if "unit" in said:
-            given = self._unit(str(said["unit"]).strip())
+            channels[name] = fields
+        if "unit" in changes:
+            unit_fields = self._unit(str(changes["unit"]).strip())
             for name in NAMES:
                 kept = {key: v for key, v in channels.get(name, {}).items() if key not in ("unit", "sensitivity")}
-                channels[name] = kept | given
+                channels[name] = kept | unit_fields
         numbers: dict[str, Any] = {
-            key: None if said[key] in ("", None) else _said(key, said[key], float)
+            key: None if changes[key] in ("", None) else _converted(key, changes[key], float)
             for key in ("rate_hz", "body_mass_kg", "added_mass_kg")
-            if key in said
+            if key in changes
         }
         for name in ("body", "added"):
             if (mass := numbers.get(f"{name}_mass_kg")) is not None:
                 plausible(mass, name, self.file)
-        found = replace(self, channels={name: table for name, table in channels.items() if table}, **numbers)
-        found._layout()
-        return found
+        source = replace(self, channels={name: table for name, table in channels.items() if table}, **numbers)
+        source._layout()
+        return source
 
     def _unit(self, text: str) -> dict[str, str]:
         """Keys of a channel whose unit was given, or a data sheet's sensitivity: "100 mV/g" is of numbers in volts."""
@@ -161,14 +161,14 @@ class Source:
         return {"sensitivity": text} | ({} if in_volts else {"unit": "V"})
 
 
-def _said(key: str, value: Any, kind: Callable[[Any], Any]) -> Any:
+def _converted(key: str, value: Any, kind: Callable[[Any], Any]) -> Any:
     try:
-        found = kind(value)
+        number = kind(value)
     except (TypeError, ValueError, OverflowError):
         raise SettingError(f"{key.replace('_', ' ')} is {value!r}; give a number.") from None
-    if kind is float and not abs(found) < 1e12:
+    if kind is float and not abs(number) < 1e12:
         raise SettingError(f"{key.replace('_', ' ')} is {value!r}; give a number.")
-    return found
+    return number
 
 
 def script(

@@ -19,8 +19,8 @@ from fasbody.recording.sources import together
 from fasbody.runner import ONE_THREAD
 from viz.source import Source
 
-#: Called with each document of the worker, in a thread of its own.
-Told = Callable[[dict[str, Any]], None]
+#: Called with each document of the worker, in another thread.
+Send = Callable[[dict[str, Any]], None]
 #: Points of a trace that the page gets, and the periods of it.
 POINTS, PERIODS = 400, 3
 
@@ -28,8 +28,8 @@ POINTS, PERIODS = 400, 3
 class Worker:
     """The fitting process, from the server's side; it is made ready before the first job."""
 
-    def __init__(self, told: Told) -> None:
-        self._told = told
+    def __init__(self, send: Send) -> None:
+        self._send = send
         paths = os.pathsep.join([str(Path(__file__).parents[1]), os.environ.get("PYTHONPATH", "")])
         self._process = subprocess.Popen(
             [sys.executable, "-m", "viz.worker"], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
@@ -41,9 +41,9 @@ class Worker:
     def _listen(self) -> None:
         assert self._process.stdout is not None
         for line in self._process.stdout:
-            self._told(json.loads(line))
+            self._send(json.loads(line))
         self._process.wait()
-        self._told({"type": "ended"})
+        self._send({"type": "ended"})
 
     @property
     def alive(self) -> bool:
@@ -51,13 +51,13 @@ class Worker:
         return self._process.poll() is None
 
     def ask(self, job: Mapping[str, Any]) -> None:
-        """Begin a job; `told` gets what comes of it."""
+        """Begin a job; `send` gets its documents."""
         assert self._process.stdin is not None
         self._process.stdin.write(json.dumps(job) + "\n")
         self._process.stdin.flush()
 
     def stop(self) -> None:
-        """End the process, whatever it does."""
+        """End the process."""
         self._process.kill()
         self._process.wait()
         self._listener.join()
@@ -68,13 +68,13 @@ class Worker:
 
 
 def job(sources: list[Source], model: str, values: Mapping[str, float], settings: Mapping[str, Any]) -> dict[str, Any]:
-    """A fit as the worker takes it; `values` are those that the model has in place of its own."""
+    """The job of a fit; `values` replace those of the model."""
     about = {"do": "fit", "sources": [asdict(source) for source in sources], "model": model}
     return about | {"values": dict(values), "settings": dict(settings)}
 
 
 def serve(jobs: TextIO, answers: TextIO) -> None:
-    """The process: make ready, then do what each line says. What is asked for meanwhile need not wait for all of it."""
+    """The process: import what a fit needs, then do the job of each line; a job that waits comes first."""
     waiting: SimpleQueue[str] = SimpleQueue()
     threading.Thread(target=_take_in, args=(jobs, waiting), name="jobs", daemon=True).start()
     from fasbody.console import to_json
@@ -91,7 +91,7 @@ def serve(jobs: TextIO, answers: TextIO) -> None:
     tell({"type": "ready"})
     if waiting.empty():
         import identification.report  # noqa: F401  # with the figures, which no fit waits for
-    found: Any = None
+    result: Any = None
     while line := waiting.get():
         asked = json.loads(line)
         try:
@@ -100,11 +100,11 @@ def serve(jobs: TextIO, answers: TextIO) -> None:
             elif asked["do"] == "report":
                 from identification.report import write
 
-                found = found or _fit(asked, lambda document: None)  # the process that fitted was stopped
-                write(found, Path(asked["folder"]), Path("results"))
+                result = result or _fit(asked, lambda document: None)  # the fit ended with an earlier process
+                write(result, Path(asked["folder"]), Path("results"))
                 tell({"type": "reported"})
             else:
-                found = _fit(asked, tell)
+                result = _fit(asked, tell)
         except FasError as error:
             tell({"type": "problem", "of": asked["do"], "text": str(error)})
         except Exception as error:
@@ -114,14 +114,14 @@ def serve(jobs: TextIO, answers: TextIO) -> None:
 
 
 def _take_in(jobs: TextIO, waiting: "SimpleQueue[str]") -> None:
-    """Take in what is asked for, in a thread of its own; an empty line is the end."""
+    """Read jobs in another thread; an empty line ends the process."""
     for line in jobs:
         waiting.put(line)
     waiting.put("")
 
 
 def _rehearse() -> None:
-    """A small fit, which loads what the first one would wait for."""
+    """Do a small fit, so that the first one finds everything imported and compiled."""
     from fasbody.recording.study import BUNDLED
 
     source = Source("20hz_0kg.csv", str(BUNDLED / "recordings"))
@@ -178,9 +178,9 @@ def _trace(recording: Any, models: Mapping[str, tuple[Any, float]]) -> dict[str,
     """A few periods of a recording and its model, by branch with its fit; seconds from the start and m/s^2."""
     time = recording.time_s - recording.time_s[0]
     last = 1.0 if recording.frequency_hz is None else PERIODS / recording.frequency_hz
-    shown = time <= last
-    every = max(1, int(shown.sum() // POINTS))
-    pick = shown.nonzero()[0][::every]
+    in_window = time <= last
+    every = max(1, int(in_window.sum() // POINTS))
+    pick = in_window.nonzero()[0][::every]
     measured = recording.measured[pick] - recording.measured.mean()
     return {
         "file": recording.file, "time_s": time[pick].tolist(), "measured": measured.round(4).tolist(),
@@ -191,6 +191,6 @@ def _trace(recording: Any, models: Mapping[str, tuple[Any, float]]) -> dict[str,
 
 
 if __name__ == "__main__":
-    with os.fdopen(os.dup(1), "w") as private:  # nothing that a library prints gets into the answers
+    with os.fdopen(os.dup(1), "w") as private:  # what a library prints must not mix with the documents
         os.dup2(2, 1)
         serve(sys.stdin, private)

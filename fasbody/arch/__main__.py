@@ -68,13 +68,13 @@ def print_sensitivity(
         raise SettingError(f"--trajectory is {trajectory:g} Hz, but must be between 1 and 1000 Hz.")
     if figures is not None:
         make_folder(figures)
-    from fasbody.arch.sensitivity import CLAIMED, own, study
+    from fasbody.arch.sensitivity import CLAIMED, of_arch, study
 
     arch = Arch.read(model)
     arms_m = [] if this else [None, *(lever_arm or [])]
     methods = [None] if trajectory is None else [None, trajectory]
     name = "the nominal arch" if model == "foot_arch" else _called(model)
-    about_own, studies = [own(arch, name, frequency_hz) for frequency_hz in methods], []
+    of_one, studies = [of_arch(arch, name, frequency_hz) for frequency_hz in methods], []
     with progress_bar() as progress:
         task = progress.add_task("random arches", total=draws * len(arms_m) * len(methods))
         for lever_arm_m in arms_m:
@@ -83,12 +83,12 @@ def print_sensitivity(
                     result = so_far
                     progress.advance(task)
                 studies.append(result)
-    for result in (*about_own, *studies):
+    for result in (*of_one, *studies):
         console.print(_sensitivity_table(result))
     if figures is not None:
         from fasbody.arch.figures import sensitivity_bars, sensitivity_cases
 
-        pictures = {"sensitivity": sensitivity_bars([*about_own, *studies])}
+        pictures = {"sensitivity": sensitivity_bars([*of_one, *studies])}
         if studies:
             pictures["sensitivity-cases"] = sensitivity_cases(studies)
         for file, picture in pictures.items():
@@ -97,7 +97,7 @@ def print_sensitivity(
     if json:
         print_json({
             "model": model, "seed": seed, "claimed": sorted(CLAIMED),
-            "own": [result.document() for result in about_own],
+            "own": [result.document() for result in of_one],
             "studies": [result.document() for result in studies],
         })  # fmt: skip
 
@@ -105,18 +105,18 @@ def print_sensitivity(
 def _sensitivity_table(result: "Study") -> Table:
     from fasbody.arch.sensitivity import CLAIMED, OUTPUTS
 
-    many = "" if result.own else f"Median over {len(result.values)} draws, "
+    many = "" if result.arch_name else f"Median over {len(result.values)} draws, "
     table = Table(title=f"{many}{result.reading}, {result.method}: relative sensitivity")
     # the rates repeat their coordinates almost exactly; they are in the JSON
-    shown = [output for output in OUTPUTS if not output.endswith("_dot")]
+    outputs = [output for output in OUTPUTS if not output.endswith("_dot")]
     table.add_column("constant")
-    for output in shown:
+    for output in outputs:
         table.add_column(output, justify="right")
     median = np.median(result.values, axis=0)
     for j, name in enumerate(PARAMETERS):
-        cells = (f"{median[OUTPUTS.index(output), j]:.2g}" for output in shown)
+        cells = (f"{median[OUTPUTS.index(output), j]:.2g}" for output in outputs)
         table.add_row(f"[bold]{name}[/]" if name in CLAIMED else name, *cells, end_section=j == len(PARAMETERS) - 1)
-    table.add_row("claim holds", *(f"{result.holds(output).sum()}/{len(result.values)}" for output in shown))
+    table.add_row("claim holds", *(f"{result.holds(output).sum()}/{len(result.values)}" for output in outputs))
     return table
 
 

@@ -24,7 +24,7 @@ SPRINGS = ("k_11", "k_12", "k_2", "k_3", "k_4", "k_T", "k_F")
 DAMPERS = ("c_1", "c_2", "c_3", "c_4", "c_T", "c_F")
 PARAMETERS = SPRINGS + DAMPERS
 
-#: Those that turn a joint; Table 4.2 gives their range in the same breath as the N/m ones, without a unit.
+#: The rotational ones; Table 4.2 gives their range together with the N/m ones, without a unit of its own.
 ROTATIONAL = ("k_2", "k_3", "k_4", "c_2", "c_3", "c_4")
 
 #: Table 4.2, with the unit of the translational constants: N/m and N s/m.
@@ -90,8 +90,8 @@ class Arch(Tabled):
             # c_1 and k_12 may vanish only together with their branch, whose rate is k_12 / c_1
             must_be_positive = field.name[0] in "mLI" or field.name == "c_1"
             if not np.isfinite(value) or value < 0 or (must_be_positive and value == 0):
-                wanted = "above zero" if must_be_positive else "zero or more"
-                raise ModelError(f"arch: {field.name} is {value:g}, but must be a finite number {wanted}.")
+                valid = "above zero" if must_be_positive else "zero or more"
+                raise ModelError(f"arch: {field.name} is {value:g}, but must be a finite number {valid}.")
         if not self.height_0 < self.L_1:
             raise ModelError(
                 f"arch: the forefoot rises {self.height_0 * 1e3:.1f} mm, but a hindfoot of L_1 = "

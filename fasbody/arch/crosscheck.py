@@ -1,8 +1,8 @@
 """Three engines, one arch: mass matrix and velocity terms from the equations, from Pinocchio and from MuJoCo.
 
-The equations are those of Appendix B with the constants of the compiled model. MuJoCo and Pinocchio are asked for the
-tree, joint by joint, and what they say is projected onto the coordinates of the equations (tree.py). Pinocchio's model
-is built from the compiled one, body by body, because its own MJCF reader drops what it does not know without a word.
+The equations are those of Appendix B with the constants of the compiled model. MuJoCo and Pinocchio compute the
+matrices of the tree, which are projected onto the coordinates of the equations (tree.py). Pinocchio's model
+is built from the compiled one, body by body, because its MJCF reader silently drops unknown elements.
 """
 
 from collections.abc import Iterable
@@ -68,7 +68,7 @@ class Crosscheck:
         linear_mass_matrix: of Eq. (4.12), at rest.
         note: what of the model the equations have only in a linear form; empty if nothing.
         constants: of the model, as the equations take them, by thesis symbol [SI units, rad].
-        dynamics: stepped MuJoCo against the integrated equations, if asked for.
+        dynamics: stepped MuJoCo against the integrated equations, if requested.
     """
 
     model: str
@@ -142,7 +142,7 @@ def compare_motion(foot: Foot, arch: Arch, frequencies_hz: Iterable[float] = TAB
     results, gravity = [], -float(foot.model.opt.gravity[1])
     for frequency in frequencies_hz:
         motion = harmonics(frequency, [-1j * TABLE_PEAK], TABLE_SECONDS)
-        plain, accurate = (move(foot, motion, accurate=wanted) for wanted in (False, True))
+        plain, accurate = (move(foot, motion, accurate=is_accurate) for is_accurate in (False, True))
         omega = 2 * np.pi * frequency
         table = lambda t, omega=omega: TABLE_PEAK * np.sin(omega * t)  # noqa: E731
         exact = solve(arch, table, plain.time, gravity=gravity, tolerance=1e-9).malleolus

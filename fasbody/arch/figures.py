@@ -45,7 +45,7 @@ def sensitivity_bars(studies: Sequence[Study]) -> Figure:
     colours = [KEPT if name in CLAIMED else DROPPED for name in PARAMETERS]
     for ax, study in zip(axes, studies, strict=True):
         low, median, high = np.percentile(study.values[:, OUTPUTS.index("malleolus")], [25, 50, 75], axis=0)
-        spread = None if study.own else [median - low, high - median]
+        spread = None if study.arch_name else [median - low, high - median]
         bars = ax.bar(SYMBOLS, median, color=colours, yerr=spread, capsize=3, ecolor="0.3")
         for bar, name in zip(bars, PARAMETERS, strict=True):
             bar.set_hatch("" if name in CLAIMED else "///")
@@ -88,7 +88,7 @@ def sensitivity_cases(studies: Sequence[Study]) -> Figure:
 
 def _title(study: Study) -> str:
     held = int(study.holds("malleolus").sum())
-    if study.own:
+    if study.arch_name:
         return f"{study.reading}, {study.method}: claim {'holds' if held else 'does not hold'}"
     return f"{study.reading}, {study.method}: claim holds in {held} of {len(study.values)} draws"
 
@@ -124,7 +124,7 @@ def reduction(result: "Reduction") -> Figure:
 def arch_sag(result: "SagStudy", measured: dict[float, tuple[float, float]] | None = None) -> Figure:
     """Sag under a static load against arch height, with and without fascia, and its share of the load.
 
-    What others computed with models of their own is drawn as lines between hollow marks, since it is no measurement.
+    Values computed by other models are drawn as lines between hollow marks, as they are no measurements.
 
     Args:
         result: the model's sag.
@@ -204,9 +204,9 @@ def load_resonance(result: "LoadStudy", measured_hz: Array | None = None) -> Fig
     right.set_ylabel("resonance [Hz]")
     right.set_ylim(0, 50)
     handles, labels = right.get_legend_handles_labels()
-    shown = [Patch(color="0.4", alpha=0.3, lw=0) if "range" in label else handle
+    legend_handles = [Patch(color="0.4", alpha=0.3, lw=0) if "range" in label else handle
              for handle, label in zip(handles, labels, strict=True)]  # fmt: skip
-    right.legend(shown, labels, loc="upper left")
+    right.legend(legend_handles, labels, loc="upper left")
     for letter, ax in zip("ab", (left, right), strict=True):
         _panel(ax, letter)
     return figure

@@ -107,8 +107,8 @@ class Deformations(NamedTuple):
 def deformations(arch: Arch, q: Array) -> Deformations:
     """Elongation of the aponeurosis and turn of the three joints, each of shape (...).
 
-    The aponeurosis spans from heel to metatarsal heads. The thesis' own elongation multiplies where a difference was
-    meant and leaves out two of the links (docs/errata.md).
+    The aponeurosis spans from heel to metatarsal heads. The elongation of the thesis multiplies in place of a
+    difference and leaves out two of the links (docs/errata.md).
     """
     a = arms(arch, q)
     theta_1 = np.arccos(a.E_2 / arch.L_1)

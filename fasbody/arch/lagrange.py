@@ -1,6 +1,6 @@
 """The nonlinear equations of motion of the five-body arch: A(q) q'' = B(q, q', y_B''), Appendix B corrected.
 
-The kinetic part follows the print entry by entry, with its seven misprints mended. The springs and dampers follow one
+The kinetic part follows Appendix B entry by entry, seven misprints corrected. The springs and dampers follow one
 consistent model: each force is minus the gradient of one energy, so that energy is conserved without dampers and the
 stiffness is positive definite, neither of which holds in print. docs/errata.md lists every difference.
 

@@ -16,13 +16,11 @@ from fasbody.arch.lagrange import right_hand_side
 from fasbody.arch.linear import Linear, linearise, response, state_space
 from fasbody.arch.tissue import Linear as LinearSprings
 from fasbody.arch.tissue import Springs
+from fasbody.constants import MODEL_GRAVITY
 from fasbody.exceptions import SettingError, SimulationError
 from fasbody.presentation import Presented, Sheet
 
-#: Acceleration of gravity [m/s^2].
-G = 9.81
-
-#: Arangio 1998, computed by a model of his: load on the arch [N]; arch height [m] -> sag [m] with and without fascia.
+#: Arangio 1998, computed by a model: load on the arch [N]; arch height [m] -> sag [m] with and without fascia.
 ARANGIO_LOAD = 683.0
 ARANGIO_SAG = {0.020: (11.8e-3, 13.5e-3), 0.060: (5.5e-3, 7.5e-3)}
 #: The same, fascia cut at 60 mm: increase of sag and of elongation.
@@ -58,7 +56,7 @@ class Equilibrium:
 
 
 def equilibrium(arch: Arch, load: float, steps: int = 20, springs: Springs | None = None) -> Equilibrium:
-    """Settle the arch under a load on its apex.
+    """Static equilibrium of the arch under a load on its apex.
 
     Args:
         arch: the constants.
@@ -74,7 +72,7 @@ def equilibrium(arch: Arch, load: float, steps: int = 20, springs: Springs | Non
         raise SettingError(f"the load on the arch is {load:g} N, but must be zero or more.", "load")
     q, springs = rest(arch), springs or LinearSprings(arch)
     for force in np.linspace(load / steps, load, steps):
-        q = _settle(arch, q, force, load, springs)
+        q = _newton(arch, q, force, load, springs)
     a, e = arms(arch, q), deformations(arch, q).e
     fall = np.array([a.l_2, a.l_3, a.l_4])  # d sag / d theta
     give = np.linalg.solve(-tangent(arch, q, load, springs), fall)  # d theta / d load
@@ -89,7 +87,7 @@ def equilibrium(arch: Arch, load: float, steps: int = 20, springs: Springs | Non
     return Equilibrium(q, *map(float, values))
 
 
-def _settle(arch: Arch, q: Array, force: float, load: float, springs: Springs) -> Array:
+def _newton(arch: Arch, q: Array, force: float, load: float, springs: Springs) -> Array:
     """Newton's method for one of the forces on the way to `load` [N]; flat or unstable counts as collapsed."""
     for _ in range(50):
         step = np.linalg.solve(tangent(arch, q, force, springs), moments(arch, q, force, springs))
@@ -159,7 +157,7 @@ def poses(arch: Arch, load: Array, springs: Springs) -> tuple[Array, Array]:
     return q, stands
 
 
-def loaded(arch: Arch, gravity: float = G) -> Linear:
+def loaded(arch: Arch, gravity: float = MODEL_GRAVITY) -> Linear:
     """M, C, K and output row about the pose in which the arch carries its own weight and the tibia's.
 
     Args:
@@ -264,7 +262,7 @@ class LoadCase:
         peak_hz: frequency of its largest value [Hz].
         arch_stiffness: tangent stiffness of the relaxed arch under the weight [N/m].
         factor: by which all springs must be multiplied for the peak to lie in the middle of the measured range; NaN
-            for a mass that nobody measured.
+            for a mass without a measurement.
     """
 
     added_mass: float
@@ -317,22 +315,22 @@ def load_study(arch: Arch, added_kg: Sequence[float] = tuple(MEASURED_HZ)) -> Lo
     for added_mass in added_kg:
         heavy = replace(arch, m_T=arch.m_T + added_mass)
         T = np.abs(response(loaded(heavy), frequency))
-        stiffness = equilibrium(heavy, heavy.m_T * G).stiffness
+        stiffness = equilibrium(heavy, heavy.m_T * MODEL_GRAVITY).stiffness
         peak = float(frequency[T.argmax()])
-        wanted = MEASURED_HZ.get(added_mass)
-        factor = _factor(heavy, float(np.mean(wanted))) if wanted else np.nan
+        measured = MEASURED_HZ.get(added_mass)
+        factor = _factor(heavy, float(np.mean(measured))) if measured else np.nan
         cases.append(LoadCase(added_mass, T, peak, stiffness, factor))
     return LoadStudy(frequency, cases)
 
 
-def _factor(arch: Arch, wanted_hz: float) -> float:
-    """Bisect for the common factor of all springs that puts the peak at `wanted_hz`, about the rest pose."""
+def _factor(arch: Arch, target_hz: float) -> float:
+    """Bisect for the common factor of all springs that puts the peak at `target_hz`, about the rest pose."""
     frequency, low, high = np.arange(2.0, 120.0, 0.05), 0.1, 100.0
     for _ in range(40):
         factor = float(np.sqrt(low * high))
         stiff = replace(arch, **{name: factor * getattr(arch, name) for name in SPRINGS})
         peak = frequency[np.abs(_by_poles(stiff, frequency)).argmax()]
-        low, high = (factor, high) if peak < wanted_hz else (low, factor)
+        low, high = (factor, high) if peak < target_hz else (low, factor)
     return factor
 
 

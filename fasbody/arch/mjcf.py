@@ -1,7 +1,7 @@
 """What the equations of Chapter 4 take for granted about a compiled foot_arch model, and its numbers for them.
 
-An edit that the equations cannot follow is refused here with the element's name; read on, it would only show as engines
-that disagree, or not at all. What is read is what MuJoCo steps; a parameter that the file declares must say the same.
+An edit that the equations cannot follow is refused with the element's name. Otherwise the engines would disagree, or
+the error would not show at all. The numbers are those that MuJoCo steps; a declared parameter must agree with them.
 """
 
 from collections.abc import Iterable, Mapping
@@ -26,7 +26,7 @@ FASCIA = "plantar_aponeurosis"
 #: The actuator that is k_12 and c_1 in series.
 BRANCH = "aponeurosis_branch"
 
-#: Mass of the apex that no engine can see [kg].
+#: Largest mass of the apex that does not change a result [kg].
 APEX_MASS = 1e-9
 #: How far an axis, the closure's polynomial, a rest length or a declared constant may be off.
 TOLERANCE = 1e-6
@@ -81,15 +81,15 @@ def carried_mass(model: mujoco.MjModel, body: int) -> float:
 def _index(model: mujoco.MjModel, name: str) -> Index:
     """(kind, element) -> number, of every element that the arch needs."""
     counts = {"joint": model.njnt, "site": model.nsite, "tendon": model.ntendon, "actuator": model.nactuator}
-    found = {}
-    for kind, wanted in _KINDS.items():
-        there = {getattr(model, kind)(number).name: number for number in range(counts[kind])}
-        for element in wanted:
-            if element not in there:
-                problem = unknown(kind, element, filter(None, there)).replace("unknown", "there is no")
+    numbers = {}
+    for kind, elements in _KINDS.items():
+        present = {getattr(model, kind)(number).name: number for number in range(counts[kind])}
+        for element in elements:
+            if element not in present:
+                problem = unknown(kind, element, filter(None, present)).replace("unknown", "there is no")
                 raise ModelError(f"{name}: {problem}; the five-body arch needs it.")
-            found[kind, element] = there[element]
-    return found
+            numbers[kind, element] = present[element]
+    return numbers
 
 
 def _bones(model: mujoco.MjModel, index: Index, name: str) -> dict[str, float]:
@@ -105,7 +105,7 @@ def _bones(model: mujoco.MjModel, index: Index, name: str) -> dict[str, float]:
             f"{name}: heel and heads rest {abs(heel[1] - heads[1]) * 1e3:.3f} mm apart in height; "
             "turn calcaneus_talus until both are equal."
         )
-    found = {"m_T": carried_mass(model, int(body[1]))}
+    bones = {"m_T": carried_mass(model, int(body[1]))}
     ends = [(anchor[2], heel), (anchor[3], anchor[4]), (anchor[4], anchor[5]), (anchor[5], heads)]
     for i, (link, (top, bottom)) in enumerate(zip(body[2:], ends, strict=True), 1):
         gap = np.linalg.norm(data.xipos[link] - (top + bottom) / 2)
@@ -115,55 +115,55 @@ def _bones(model: mujoco.MjModel, index: Index, name: str) -> dict[str, float]:
                 "bone, where the equations of Chapter 4 have it."
             )
         across = data.ximat[link].reshape(3, 3)[2]
-        found[f"m_{i}"], found[f"L_{i}"] = float(model.body_mass[link]), float(np.linalg.norm(bottom - top))
-        found[f"I_{i}"] = float(across @ (model.body_inertia[link] * across))
+        bones[f"m_{i}"], bones[f"L_{i}"] = float(model.body_mass[link]), float(np.linalg.norm(bottom - top))
+        bones[f"I_{i}"] = float(across @ (model.body_inertia[link] * across))
         if i > 1:
-            found[f"theta_{i}0"] = float(np.arctan2(bottom[0] - top[0], top[1] - bottom[1]))
-    return found
+            bones[f"theta_{i}0"] = float(np.arctan2(bottom[0] - top[0], top[1] - bottom[1]))
+    return bones
 
 
 def _constants(model: mujoco.MjModel, index: Index, name: str) -> dict[str, float]:
     """The 13 springs and dampers, laws taken as they are at rest."""
-    found = {}
+    constants = {}
     for symbol, element in SPRUNG.items():
-        found[f"k_{symbol}"], found[f"c_{symbol}"] = _at_rest(model, "joint", index["joint", element], name)
+        constants[f"k_{symbol}"], constants[f"c_{symbol}"] = _at_rest(model, "joint", index["joint", element], name)
     pads = [_at_rest(model, "tendon", index["tendon", element], name) for element in PADS]
-    found["k_F"], found["c_F"] = (sum(values) for values in zip(*pads, strict=True))
+    constants["k_F"], constants["c_F"] = (sum(values) for values in zip(*pads, strict=True))
     for symbol, elements in (("k_T", "joint 'talocrural' has"), ("k_F", "tendons 'heel_pad' and 'forefoot_pad' have")):
-        if found[symbol] == 0:
+        if constants[symbol] == 0:
             raise ModelError(f"{name}: {elements} no stiffness ({symbol}), so nothing carries the leg; give it some.")
     branch = index["actuator", BRANCH]
     resistance, time_constant = float(model.actuator_gainprm[branch, 0]), float(model.actuator_dynprm[branch, 0])
     if not (resistance > 0 and time_constant > 0):
         raise ModelError(f"{name}: actuator {BRANCH!r} needs resistance (1/c_1) and inductance (1/k_12) above zero.")
     c_1, k_11 = 1 / resistance, float(model.tendon_stiffness[index["tendon", FASCIA]])
-    return found | {"k_11": k_11, "c_1": c_1, "k_12": c_1 / time_constant}
+    return constants | {"k_11": k_11, "c_1": c_1, "k_12": c_1 / time_constant}
 
 
 def _at_rest(model: mujoco.MjModel, kind: str, number: int, name: str) -> tuple[float, float]:
     """Stiffness and damping of a joint or tendon for small motion about rest: its own, and its law's."""
-    here = f"{name}: {kind} {getattr(model, kind)(number).name!r}"
+    where = f"{name}: {kind} {getattr(model, kind)(number).name!r}"
     if kind == "joint":
         dof, place = model.jnt_dofadr[number], model.jnt_qposadr[number]
-        own = model.jnt_stiffness[number], model.dof_damping[dof]
+        linear = model.jnt_stiffness[number], model.dof_damping[dof]
         poly = model.jnt_stiffnesspoly[number], model.dof_dampingpoly[dof]
         if model.qpos_spring[place] != model.qpos0[place]:
-            raise ModelError(f"{here} has a spring that pulls at rest; remove its springref.")
+            raise ModelError(f"{where} has a spring that pulls at rest; remove its springref.")
     else:
-        own = model.tendon_stiffness[number], model.tendon_damping[number]
+        linear = model.tendon_stiffness[number], model.tendon_damping[number]
         poly = model.tendon_stiffnesspoly[number], model.tendon_dampingpoly[number]
     for quantity, coefficients in zip(("stiffness", "damping"), poly, strict=True):
         if np.any(coefficients):
             raise ModelError(
-                f"{here} has a {quantity} that changes with the motion (a polynomial), where the equations have one "
+                f"{where} has a {quantity} that changes with the motion (a polynomial), where the equations have one "
                 "number; keep its first."
             )
     try:
         stiffness, damping = damper.at_rest(_law(model, kind, number))
     except ValueError as error:
-        raise ModelError(f"{here} {error}.") from None
-    native = 0.0 if _law(model, kind, number)[0] == damper.DAMPER else float(own[1])  # a share of the law's damper
-    return float(own[0]) + stiffness, native + damping
+        raise ModelError(f"{where} {error}.") from None
+    native = 0.0 if _law(model, kind, number)[0] == damper.DAMPER else float(linear[1])  # a share of the law's damper
+    return float(linear[0]) + stiffness, native + damping
 
 
 def _law(model: mujoco.MjModel, kind: str, number: int) -> np.ndarray:
@@ -177,11 +177,11 @@ def _check_joints(model: mujoco.MjModel, index: Index, name: str) -> None:
         j = index["joint", joint]
         dof = int(model.jnt_dofadr[j])
         slides = joint in ("apex", "talocrural")
-        wanted, axis = ("slide", (0, 1, 0)) if slides else ("hinge", (0, 0, 1))
+        joint_type, axis = ("slide", (0, 1, 0)) if slides else ("hinge", (0, 0, 1))
         kind = mujoco.mjtJoint.mjJNT_SLIDE if slides else mujoco.mjtJoint.mjJNT_HINGE
         if model.jnt_type[j] != kind or np.abs(model.jnt_axis[j] - axis).max() > TOLERANCE:
             raise ModelError(
-                f'{name}: joint {joint!r} must be a {wanted} with axis="{_listed(axis)}", '
+                f'{name}: joint {joint!r} must be a {joint_type} with axis="{_listed(axis)}", '
                 f"not one about {_listed(model.jnt_axis[j])}."
             )
         if model.dof_armature[dof] != 0:
@@ -228,10 +228,10 @@ def _check_bodies(model: mujoco.MjModel, index: Index, name: str) -> None:
         )
 
 
-def _check_on_table(model: mujoco.MjModel, body: int, here: str) -> None:
+def _check_on_table(model: mujoco.MjModel, body: int, where: str) -> None:
     if model.body_weldid[body] != model.body_weldid[model.jnt_bodyid[model.joint("base").id]]:
         raise ModelError(
-            f"{here} body {model.body(body).name!r}, which moves by itself, and the equations have the table there; "
+            f"{where} body {model.body(body).name!r}, which moves by itself, and the equations have the table there; "
             "put its stiffness in series with the pads' instead."
         )
 
@@ -259,13 +259,13 @@ def _check_closure(model: mujoco.MjModel, index: Index, name: str) -> None:
 
 
 def _check_tendons(model: mujoco.MjModel, index: Index, name: str) -> None:
-    for tendon, wanted in zip((*PADS, FASCIA), (*SITES, SITES), strict=True):
+    for tendon, anchor in zip((*PADS, FASCIA), (*SITES, SITES), strict=True):
         first, count = (int(rows[index["tendon", tendon]]) for rows in (model.tendon_adr, model.tendon_num))
         straight = count == 2 and (model.wrap_type[first : first + 2] == mujoco.mjtWrap.mjWRAP_SITE).all()
         sites = {int(s) for s in model.wrap_objid[first : first + count]}
-        ends = {index["site", element] for element in ([wanted] if isinstance(wanted, str) else wanted)}
+        ends = {index["site", element] for element in ([anchor] if isinstance(anchor, str) else anchor)}
         if not straight or not ends <= sites:
-            way = f"from the table to {wanted!r}" if isinstance(wanted, str) else "from 'heel' to 'heads'"
+            way = f"from the table to {anchor!r}" if isinstance(anchor, str) else "from 'heel' to 'heads'"
             raise ModelError(f"{name}: tendon {tendon!r} must run straight {way}, as in the equations.")
         for site in sites - ends:
             _check_on_table(model, int(model.site_bodyid[site]), f"{name}: tendon {tendon!r} ends on")
@@ -303,8 +303,8 @@ def _check_branch(model: mujoco.MjModel, branch: int, name: str) -> None:
     """The branch is a spring and a dashpot in series, and nothing else that a motor can be."""
     motor = (("gaintype", mujoco.mjtGain.mjGAIN_DCMOTOR), ("biastype", mujoco.mjtBias.mjBIAS_DCMOTOR),
              ("dyntype", mujoco.mjtDyn.mjDYN_DCMOTOR))  # fmt: skip
-    for attribute, wanted in motor:
-        if getattr(model, f"actuator_{attribute}")[branch] != wanted:
+    for attribute, required in motor:
+        if getattr(model, f"actuator_{attribute}")[branch] != required:
             raise ModelError(f"{name}: actuator {BRANCH!r} must be a <dcmotor>, as in foot_arch.xml.")
     rows: list[tuple[str, np.ndarray, tuple[int, ...]]] = []
     rows += [("gear", model.actuator_gear[branch], (1,)), ("motorconst", model.actuator_gainprm[branch, 1:], (1,))]
@@ -312,8 +312,8 @@ def _check_branch(model: mujoco.MjModel, branch: int, name: str) -> None:
              for attribute in ("biasprm", "armature", "damping", "dampingpoly", "actlimited", "forcelimited")
              if len(getattr(model, f"actuator_{attribute}")) > branch]  # fmt: skip
     rows += [("dynprm", model.actuator_dynprm[branch, 1:], ())]
-    for attribute, found, wanted in rows:
-        if np.abs(found.astype(float) - np.pad(np.array(wanted, float), (0, len(found) - len(wanted)))).max() > 0:
+    for attribute, row, required in rows:
+        if np.abs(row.astype(float) - np.pad(np.array(required, float), (0, len(row) - len(required)))).max() > 0:
             raise ModelError(
                 f"{name}: actuator {BRANCH!r} has another {attribute} than in foot_arch.xml, and the equations have a "
                 "spring and a dashpot in series alone; change resistance (1/c_1) and inductance (1/k_12) only."

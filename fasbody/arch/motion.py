@@ -1,8 +1,8 @@
 """The five-body arch stepped by MuJoCo: extrapolation, and a second try when unstable.
 
 The error is of first order with a small constant (mjcf/foot_arch.md says why); `accurate` adds a run at half the step
-and extrapolates, which is of second order. When a run blows up or rings at the step's own frequency, the hinges'
-dampers are first made all native, then the step is halved, and the result says so.
+and extrapolates, which is of second order. When a run diverges or alternates from step to step, the hinges'
+dampers are first made all native, then the step is halved. The result notes both.
 """
 
 import copy
@@ -31,7 +31,7 @@ class ArchMotion:
     """Motion of the stepped arch.
 
     Attributes:
-        time: start of each step asked for [s], shape (n,).
+        time: start of each step of the result [s], shape (n,).
         malleolus: its acceleration there [m/s^2], shape (n,).
         qpos: joint positions, base first, shape (n, 7).
         step: the step that was stable [s].
@@ -65,8 +65,8 @@ def move(foot: Foot, motion: BaseMotion, step: float | None = None, accurate: bo
     Raises:
         SimulationError: unstable even after all-native dampers and `HALVINGS` halvings.
     """
-    wanted = step or foot.step
-    attempts = [(wanted, HINGE_SHARE)] + [(wanted / 2**k, 1.0) for k in range(HALVINGS + 1)]
+    output_step = step or foot.step
+    attempts = [(output_step, HINGE_SHARE)] + [(output_step / 2**k, 1.0) for k in range(HALVINGS + 1)]
     for h, share in attempts:
         try:
             result = _run(foot, motion, h, share)
@@ -75,9 +75,9 @@ def move(foot: Foot, motion: BaseMotion, step: float | None = None, accurate: bo
                 result = replace(result, malleolus=2 * finer.malleolus[::2] - result.malleolus)
         except SimulationError:
             continue
-        every = round(wanted / h)
+        every = round(output_step / h)
         notes = ["dampers of the hinges all native"] if share == 1 else []
-        notes += [f"step {h:g} s in place of {wanted:g} s"] if h < wanted else []
+        notes += [f"step {h:g} s in place of {output_step:g} s"] if h < output_step else []
         return replace(
             result, time=result.time[::every], malleolus=result.malleolus[::every], qpos=result.qpos[::every],
             note=", ".join(notes),

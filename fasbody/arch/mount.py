@@ -1,8 +1,8 @@
 """The arch under a leg (`mounted.py`) as MJCF, about the pose in which it stands: what makes mjcf/mounted_arch.xml.
 
 The tree is that of foot_arch.xml on a body of its own, the sole, which the fat pad carries; two equalities keep heel
-and metatarsal heads on the sole. The load on the apex is an actuator of constant force, and each ligament pulls at
-rest as much as the pose asks, so that what MuJoCo steps has the stiffness of the springs *and* of the load's geometry.
+and metatarsal heads on the sole. The load on the apex is an actuator of constant force, and each ligament has the
+tension of the pose, so that the stepped model has the stiffness of the springs *and* of the load's geometry.
 """
 
 from dataclasses import replace
@@ -14,12 +14,12 @@ from fasbody.arch.kinematics import Array, arms, closing_angle, deformations, gr
 from fasbody.arch.lagrange import mass_matrix
 from fasbody.arch.load import poses, tangent
 from fasbody.arch.mounted import FOOT_KG, SEATED_N, SHANK_KG, SHIPPED, THIGH_KG, TISSUE_KG, Mounted, pad
+from fasbody.constants import MODEL_GRAVITY
 from fasbody.exceptions import SimulationError
 
 #: Coordinates of `matrices`, in order.
 COORDINATES = ("z_F", "z_T", "theta_2", "theta_3", "theta_4", "z_H", "z_A")
 _STEP = 1e-30
-GRAVITY = 9.81
 _JOINTS = ("spring_ligament", "short_plantar_ligament", "long_plantar_ligament")
 
 
@@ -79,18 +79,18 @@ def response(frequency_hz: Array, mass: Array, damping: Array, stiffness: Array,
     s = 2j * np.pi * np.asarray(frequency_hz, float).reshape(-1, 1, 1)
     push = np.broadcast_to(-mass[:, :1], (s.shape[0], len(mass), 1))  # the first coordinate moves all as the table does
     x = np.linalg.solve(s**2 * mass + s * damping + stiffness, push)[..., 0]
-    found: Array = (1 + s[:, 0] ** 2 * (x @ rows.T)).T
-    return found
+    ratios: Array = (1 + s[:, 0] ** 2 * (x @ rows.T)).T
+    return ratios
 
 
 def _ligaments(mounted: Mounted, arch: Arch, q: Array) -> list[tuple[float, float, float]]:
     """Moment [N m], stiffness [N m/rad] and where its spring is at rest [rad from the pose], of the three joints."""
-    d, found = deformations(arch, q), []
+    d, ligaments = deformations(arch, q), []
     for joint, turn in ((2, d.d_2), (3, d.d_3), (4, d.d_4)):
         moment = float(mounted.tissue.moment(joint, turn))
         k = float(mounted.tissue.moment(joint, turn + 1j * _STEP).imag / _STEP)
-        found.append((moment, k, -moment / k))
-    return found
+        ligaments.append((moment, k, -moment / k))
+    return ligaments
 
 
 def mjcf(
@@ -104,7 +104,7 @@ def mjcf(
         added_kg: on the knee.
         weight: on the arch [N]; None for a seated leg with what is added.
     """
-    weight = SEATED_N + GRAVITY * added_kg if weight is None else weight
+    weight = SEATED_N + MODEL_GRAVITY * added_kg if weight is None else weight
     arch = arch or Arch.nominal()
     q = pose(mounted, arch, weight)
     a, theta_1, flesh = arms(arch, q), float(closing_angle(arch, q)), FOOT_KG - arch.m_F

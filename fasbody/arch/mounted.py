@@ -2,7 +2,7 @@
 
 As in mjcf/leg.xml, but what leg.xml calls `hindfoot`, one spring between foot and malleolus, is the arch here: its
 stiffness is that of its ligaments under the load it carries, and no constant of it was chosen by a vibration. The
-arch's own coordinates are eliminated in closed form, so that thousands of feet answer at once.
+coordinates of the arch are eliminated in closed form, so that thousands of feet are computed at once.
 """
 
 from dataclasses import dataclass, fields, replace
@@ -162,7 +162,7 @@ class Response(NamedTuple):
 
 
 #: The set that is shipped, fitted to the numbers that reproduction/arch_validation marks as fitted. It meets them; of
-#: sets whose constants are 1 % off at random 19 of 20 do. Of all that do so it was also asked that the highest
+#: sets whose constants are 1 % off at random 19 of 20 do. A further condition was that the highest
 #: response is above 1 and above any second one.
 SHIPPED = Mounted(
     arm=0.0393, slack=2.28e-3, k_F=2.51e4, c_F=2990.0, k_T=1.73e4, c_T=376.0, k_H=1.04e4, c_H=47.4, k_A=6.47e4,

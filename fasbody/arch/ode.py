@@ -29,7 +29,7 @@ _COMPLEX_STEP = 1e-30
 
 @dataclass(frozen=True)
 class Trajectory:
-    """Motion of the arch at the times asked for.
+    """Motion of the arch at the given times.
 
     Attributes:
         time: [s], shape (n,).
@@ -112,7 +112,7 @@ def solve(
     Args:
         arch: the constants.
         base_acceleration: upward acceleration of the table [m/s^2] at a time [s].
-        time: when the motion is wanted [s], increasing, shape (n,).
+        time: instants of the result [s], increasing, shape (n,).
         initial: states at time[0], shape (11,); None is the rest pose without motion.
         gravity: downward acceleration [m/s^2]; 0 when the rest pose is the loaded equilibrium.
         tolerance: relative tolerance of Radau IIA.

@@ -42,9 +42,11 @@ class Reduction(Presented):
             (name, f"{100 * np.max(np.abs(five - two) / two):.3g}", f"{100 * np.median(np.abs(five - two) / two):.3g}")
             for name, five, two in self.examples
         ]
-        for lever_arm_m, found in self.differences.items():
+        for lever_arm_m, errors in self.differences.items():
             reading = "literal" if lever_arm_m is None else f"lever arm {lever_arm_m * 1e3:g} mm"
-            rows.append((f"{len(found)} draws, {reading}", f"{100 * found.max():.3g}", f"{100 * np.median(found):.3g}"))
+            rows.append(
+                (f"{len(errors)} draws, {reading}", f"{100 * errors.max():.3g}", f"{100 * np.median(errors):.3g}")
+            )
         ends = f"{self.frequency_hz[0]:g} to {self.frequency_hz[-1]:g} Hz"
         columns = ("arch", "largest difference [%]", "median [%]")
         return Sheet(f"Five bodies against two masses at the malleolus, {ends}", columns, rows)
@@ -69,13 +71,13 @@ def reduce(
     arch = arch or Arch.nominal()
     frequency = np.linspace(1, 100, 199)
 
-    def both(one: Arch) -> tuple[Array, Array]:
+    def responses(one: Arch) -> tuple[Array, Array]:
         return np.abs(transmissibility(one, frequency)), np.abs(two_mass_transmissibility(one, frequency))
 
     differences = {}
     for lever_arm_m in lever_arms_m:
         rng = np.random.default_rng(seed)
-        pairs = [both(arch.drawn(rng, lever_arm_m)) for _ in range(draws)]
+        pairs = [responses(arch.drawn(rng, lever_arm_m)) for _ in range(draws)]
         differences[lever_arm_m] = np.array([np.abs(five - two) / two for five, two in pairs])
-    examples = [(name, *both(arch)), ("middle of Table 4.2", *both(arch.middle()))]
+    examples = [(name, *responses(arch)), ("middle of Table 4.2", *responses(arch.middle()))]
     return Reduction(frequency, examples, differences)

@@ -19,7 +19,7 @@ from fasbody.arch.linear import directions, linearise
 from fasbody.arch.ode import STATES, initial_state, jacobian, malleolus_acceleration, solve, split
 from fasbody.presentation import Presented, Sheet
 
-#: Eq. (4.15): all outputs whose sensitivity to `PARAMETERS` is wanted: 11 states, acceleration of the malleolus.
+#: Eq. (4.15): the outputs whose sensitivity to `PARAMETERS` is computed: 11 states, acceleration of the malleolus.
 OUTPUTS = (*STATES, "malleolus")
 #: The constants that the thesis keeps, section 4.4.
 CLAIMED = frozenset({"k_T", "c_T", "k_F", "c_F"})
@@ -46,13 +46,13 @@ class Study(Presented):
         lever_arm_m: arm of the rotational constants [m]; None reads Table 4.2 literally.
         values: shape (draws, 12 outputs, 13 constants).
         method: "linear" (root mean square over the frequencies) or "trajectory".
-        own: name of the arch whose own constants these are; empty for random draws.
+        arch_name: whose constants these are; empty for random draws.
     """
 
     lever_arm_m: float | None
     values: Array
     method: str
-    own: str = ""
+    arch_name: str = ""
 
     figures: ClassVar[str] = "fasbody.arch.figures"
     plots: ClassVar[tuple[str, ...]] = ("sensitivity",)
@@ -82,8 +82,8 @@ class Study(Presented):
     @property
     def reading(self) -> str:
         """Whose constants these are: the arch's own, or how the range of the rotational ones was read."""
-        if self.own:
-            return f"own constants of {self.own}"
+        if self.arch_name:
+            return f"own constants of {self.arch_name}"
         return "literal" if self.lever_arm_m is None else f"lever arm {self.lever_arm_m * 1e3:g} mm"
 
     def holds(self, output: str) -> Array:
@@ -130,8 +130,8 @@ def study(
         yield Study(lever_arm_m, np.array(values), _method(frequency_hz))
 
 
-def own(arch: Arch, name: str, frequency_hz: float | None = None) -> Study:
-    """About the arch's own constants.
+def of_arch(arch: Arch, name: str, frequency_hz: float | None = None) -> Study:
+    """Sensitivities about the constants of one arch.
 
     Args:
         arch: the constants.

@@ -1,7 +1,7 @@
 """Aponeurosis and plantar ligaments as tissue: laws with a toe region, from samples in a testing machine.
 
-The linear arch has one stiffness a spring whatever the load. Here a spring's stiffness follows from how far it is
-already stretched, so that the arch is linear only about the pose in which it stands. No number of a whole foot is in
+The springs of the linear arch have a constant stiffness. Here a spring's stiffness follows from its stretch under the
+load, so that the arch is linear only about the pose in which it stands. No number of a whole foot is in
 these laws but the two that are called free.
 """
 
@@ -68,8 +68,8 @@ class Tissue:
         for name, value in vars(self).items():
             low = 0.0 if name in ("area", "slack") else np.nextafter(0, 1)
             if not (np.isfinite(value) & (np.asarray(value) >= low)).all():
-                wanted = "zero or more" if low == 0 else "above zero"
-                raise ModelError(f"tissue: {name} is {value}, but must be {wanted}.")
+                valid = "zero or more" if low == 0 else "above zero"
+                raise ModelError(f"tissue: {name} is {value}, but must be {valid}.")
 
     def tension(self, e: Array) -> Array:
         """Of the aponeurosis [N] at elongations e [m] of the sole, any shape; none while it is slack."""

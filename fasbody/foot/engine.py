@@ -1,7 +1,7 @@
 """MuJoCo's native callbacks: nonlinear dampers, pad laws and the shaker, without the GIL.
 
-MuJoCo calls a C function where a model has forces of its own. numba compiles ours (`cfunc`), so no compiler is needed
-and rollouts run on all cores. Callbacks are global to the process: `callbacks()` installs them for a `with` block, and
+MuJoCo calls a C function for user-defined forces. numba compiles it (`cfunc`), so no C compiler is needed and rollouts
+run on all cores. Callbacks are global to the process: `callbacks()` installs them for a `with` block, and
 the last of such blocks to end, in whichever thread, restores what was there. They act on marked elements only: joints
 and tendons whose `user` field starts with a law's number (damper.py), and actuators whose `biasprm` starts with the
 number of a law or of the shaker.
@@ -252,7 +252,7 @@ def python_twin() -> Callbacks:
 
 @cfunc(types.void(types.voidptr), cache=True)
 def _quiet(message):  # type: ignore[no-untyped-def]
-    """MuJoCo's warnings go nowhere: simulate.py reads their counters and raises with a sentence of its own."""
+    """Discard MuJoCo's printed warnings; simulate.py reads their counters and raises an error."""
 
 
 _SLOTS: dict[str, tuple[Callable[[], Any], Callable[[Any], None]]] = {

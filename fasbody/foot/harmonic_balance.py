@@ -27,7 +27,7 @@ HARMONICS, MOST_HARMONICS = 6, 48
 SMALL = 1e-6
 #: Jacobians of one solution, and steps with each.
 PASSES, CHORDS = 12, 40
-#: Contraction from which on a step with an old Jacobian is worth less than a new one.
+#: Contraction from which on a new Jacobian is computed in place of a further step.
 SLOW = 0.5
 #: Size of a step over the motion that ends the search. Below the second one a step that is not
 #: shortened is rounding, if the Jacobian is new or has shortened steps to the third.
@@ -132,7 +132,7 @@ def _fourier(harmonics: int) -> Fourier:
 
 
 class Equations(Protocol):
-    """Systems that are solved together; `rows` (b,) says which of them are meant."""
+    """Systems that are solved together; `rows` (b,) selects some of them."""
 
     def residual(self, x: Array, rows: Array) -> Array:
         """What must vanish (b, m) at unknowns x (b, m)."""
@@ -165,7 +165,7 @@ def newton(
         Unknowns (b, m), the inverse of the last Jacobian (b, m, m), and which are solved (b,).
     """
     search, rows = _Search(equations, np.array(x, float), tight, longest), np.arange(len(x))
-    with np.errstate(all="ignore"):  # a step that leads too far is not finite, and is shortened
+    with np.errstate(all="ignore"):  # steps that are too long give non-finite residuals and are shortened
         if inverse is not None:
             search.inverse[:] = inverse
             rows = search.chords(rows, fresh=False)
@@ -190,7 +190,7 @@ class _Search:
         self.inverse[rows] = _inverse(self.equations.jacobian(self.x[rows], rows))
 
     def chords(self, rows: Array, fresh: bool) -> Array:
-        """Steps with the same Jacobian; returns the rows that want a new one."""
+        """Steps with the same Jacobian; returns the rows that need a new one."""
         step, going = np.zeros_like(self.x), rows
         step[rows] = self._correction(self.x[rows], rows)
         first = self.equations.size(step)
@@ -220,7 +220,7 @@ class _Search:
 
 
 def _inverse(matrices: Array) -> Array:
-    """Of each (b, m, m); NaN, which leads nowhere, where one is singular."""
+    """Inverse of each (b, m, m); NaN where one is singular."""
     try:
         return np.linalg.inv(matrices)
     except np.linalg.LinAlgError:
@@ -277,14 +277,14 @@ class _Single:
 
 def power(system: System, series: Fourier, x: Array) -> Array:
     """Square of the acceleration over w^2 in each harmonic (H + 1,), first that of the mean."""
-    each = np.einsum("il,ij,jl->l", x, system.metric, x) * np.maximum(1, series.order) ** 4
-    return np.bincount(series.order, each)
+    squares = np.einsum("il,ij,jl->l", x, system.metric, x) * np.maximum(1, series.order) ** 4
+    return np.bincount(series.order, squares)
 
 
 def highest(system: System, series: Fourier, x: Array) -> float:
     """Share of the acceleration that is in the two highest harmonics, the larger of both."""
-    each = power(system, series, x)[1:]
-    return float(np.sqrt(each[-2:].max() / max(each.sum(), np.finfo(float).tiny)))
+    squares = power(system, series, x)[1:]
+    return float(np.sqrt(squares[-2:].max() / max(squares.sum(), np.finfo(float).tiny)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -306,7 +306,7 @@ def periodic(system: System, start: Solution | None = None, least: int = HARMONI
     """The periodic motion of a system.
 
     Harmonics are doubled until either of the two highest has less than `SMALL` of the acceleration.
-    Where Newton's method leads nowhere from `start`, or from rest, the amplitude of the excitation
+    Where Newton's method does not converge from `start`, or from rest, the amplitude of the excitation
     is raised step by step.
 
     Args:
@@ -318,18 +318,18 @@ def periodic(system: System, start: Solution | None = None, least: int = HARMONI
         PeriodicMotionError: there is none, or none that grows out of rest.
         NotSmoothError: its harmonics do not fall, or a constraint opens, closes or slips.
     """
-    found = start or _rest(system, Fourier.of(HARMONICS))
+    solution = start or _rest(system, Fourier.of(HARMONICS))
     while True:
-        while found.series.harmonics < least:
-            found = _doubled(found)
-        reached, solved = _solved(system, found, 1.0)
-        found = reached if solved else _continued(system, found.series)
-        H, left = found.series.harmonics, highest(system, found.series, found.x)
-        changes = system.changes(found.series, found.x)
+        while solution.series.harmonics < least:
+            solution = _doubled(solution)
+        reached, solved = _solved(system, solution, 1.0)
+        solution = reached if solved else _continued(system, solution.series)
+        H, left = solution.series.harmonics, highest(system, solution.series, solution.x)
+        changes = system.changes(solution.series, solution.x)
         if changes or (left >= SMALL and H >= MOST_HARMONICS):
             raise NotSmoothError(system.name, system.frequency_hz, H, left, changes)
         if left < SMALL:
-            return found
+            return solution
         least = 2 * H
 
 
@@ -337,9 +337,9 @@ def _rest(system: System, series: Fourier) -> Solution:
     return Solution(series, np.zeros((len(system.metric), series.size)))
 
 
-def _doubled(found: Solution) -> Solution:
-    series = Fourier.of(2 * found.series.harmonics)
-    return Solution(series, series.real(found.series.complex(found.x), found.x[:, 0]))
+def _doubled(solution: Solution) -> Solution:
+    series = Fourier.of(2 * solution.series.harmonics)
+    return Solution(series, series.real(solution.series.complex(solution.x), solution.x[:, 0]))
 
 
 def _solved(system: System, start: Solution, share: float) -> tuple[Solution, bool]:
@@ -356,18 +356,18 @@ def _continued(system: System, series: Fourier) -> Solution:
         PeriodicMotionError: it ends before.
         NotSmoothError: a constraint acts where it ends.
     """
-    found, reached, part = _rest(system, series), 0.0, 0.5
+    solution, reached, part = _rest(system, series), 0.0, 0.5
     while reached < 1:
         share = min(1.0, reached + part)
-        grown = Solution(series, found.x * (share / reached if reached else 1.0))
+        grown = Solution(series, solution.x * (share / reached if reached else 1.0))
         following, solved = _solved(system, grown, share)
         if solved:
-            found, reached, part = following, share, 2 * part
+            solution, reached, part = following, share, 2 * part
         elif part >= FINEST:
             part /= 2
         else:
             raise _ended(system, following, reached)
-    return found
+    return solution
 
 
 def _ended(system: System, tried: Solution, share: float) -> PeriodicMotionError:
@@ -392,15 +392,15 @@ def multipliers(slopes: Array, period: float, first_order: int = 0) -> Array:
         first_order: how many of the coordinates, the last ones, have no inertia.
     """
     A = _halved(_state_matrix(slopes, first_order))
-    coarse, found = _passed(A, period), np.empty(0)
+    coarse, eigenvalues = _passed(A, period), np.empty(0)
     for _ in range(HALVINGS):
         A = _halved(A)
         fine = _passed(A, period)
-        before, found = found, _sorted(np.linalg.eigvals((4 * fine - coarse) / 3))
-        if before.size and np.abs(found - before).max() < MULTIPLIER:
+        before, eigenvalues = eigenvalues, _sorted(np.linalg.eigvals((4 * fine - coarse) / 3))
+        if before.size and np.abs(eigenvalues - before).max() < MULTIPLIER:
             break
         coarse = fine
-    return found
+    return eigenvalues
 
 
 def _state_matrix(slopes: Array, first_order: int) -> Array:

@@ -39,8 +39,8 @@ class Linear:
         """Complex (n,) reading of a sensor over the acceleration of the base."""
         s = 2j * np.pi * np.asarray(frequency_hz, float)
         read = self._balance.reading(sensor) @ self._dynamic(s)
-        found: Array = np.einsum("nc,nc->n", read, self._motion(s))
-        return found
+        ratio: Array = np.einsum("nc,nc->n", read, self._motion(s))
+        return ratio
 
     def start(self, frequency_hz: float, base: Sequence[complex] | Array) -> tuple[Array, Array, Array]:
         """qpos, qvel and act at time zero of the steady motion under harmonics (h,) of the base [m/s^2]."""

@@ -56,10 +56,10 @@ class Sensor(Tabled):
         """The vertical reading (...) of sensordata (..., n)."""
         along = np.flatnonzero(self.axis)
         if along.size == 1 and self.axis[along[0]] == 1.0:
-            found: np.ndarray = sensordata[..., self.first + along[0]]
+            reading: np.ndarray = sensordata[..., self.first + along[0]]
         else:
-            found = sensordata[..., self.first : self.first + 3] @ np.array(self.axis)
-        return found - self.offset if self.offset else found
+            reading = sensordata[..., self.first : self.first + 3] @ np.array(self.axis)
+        return reading - self.offset if self.offset else reading
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -170,7 +170,7 @@ def load(model: str | Path | mujoco.MjSpec) -> Foot:
 
 
 def _checked(read: Callable[[], mujoco.MjSpec], place: str | Path, name: str = "") -> Foot:
-    """The foot that MuJoCo makes of a model; it is called as it calls itself where it has no name.
+    """The foot that MuJoCo makes of a model; without a name it has the one in its MJCF.
 
     Raises:
         InputFileError: it cannot compile it. ModelError: see `load`.
@@ -194,7 +194,7 @@ def _called(model: mujoco.MjModel) -> str:
 
 
 def _check_masses(spec: mujoco.MjSpec, name: str) -> None:
-    """Refuse masses that MuJoCo passes over without a word, or spreads over the table, too."""
+    """Refuse masses that MuJoCo ignores without a warning, or also spreads over the table."""
     if spec.compiler.settotalmass > 0:
         raise ModelError(
             f'{name}: <compiler settotalmass="{spec.compiler.settotalmass:g}"/> scales all masses until they come to '
@@ -205,13 +205,13 @@ def _check_masses(spec: mujoco.MjSpec, name: str) -> None:
         for geom in body.geoms:
             dense = f"density {geom.density:g}" if geom.density != _WATER else ""
             if body.explicitinertial and not by_geoms and (geom.mass > 0 or dense):
-                given, ruled = dense or f"mass {geom.mass:g}", f"body {body.name!r} has an <inertial>"
+                quantity, ruled = dense or f"mass {geom.mass:g}", f"body {body.name!r} has an <inertial>"
             elif geom.mass == 0 and dense:
-                given, ruled = dense, 'its mass is written, too: mass="0", maybe of a default class'
+                quantity, ruled = dense, 'its mass is written, too: mass="0", maybe of a default class'
             else:
                 continue
             raise ModelError(
-                f"{name}: geom {geom.name!r} has the {given}, which counts for nothing, as {ruled}; write the mass "
+                f"{name}: geom {geom.name!r} has the {quantity}, which counts for nothing, as {ruled}; write the mass "
                 "there."
             )
 
@@ -227,12 +227,12 @@ def check(model: mujoco.MjModel, name: str) -> Foot:
         ModelError: see `load`.
     """
     for kind, needed in REQUIRED.items():
-        found = names(model, kind)
-        missing = [element for element in needed if element not in found]
+        elements = names(model, kind)
+        missing = [element for element in needed if element not in elements]
         if missing:
             needs = ", ".join(f"{k} {' and '.join(n)}" for k, n in REQUIRED.items())
             raise ModelError(
-                f"{name}: {unknown(kind, missing[0], found).replace('unknown', 'there is no')}; "
+                f"{name}: {unknown(kind, missing[0], elements).replace('unknown', 'there is no')}; "
                 f"every foot model needs {needs}."
             )
     check_constants(model, name)
@@ -266,14 +266,14 @@ def check(model: mujoco.MjModel, name: str) -> Foot:
 
 
 def solve_exactly(model: mujoco.MjModel) -> None:
-    """Let the solver of constraints go on until nothing improves, whichever the file asks for: the solution is one."""
+    """Iterate the constraint solver to convergence: the solution is unique, so the file's solver does not matter."""
     model.opt.solver = mujoco.mjtSolver.mjSOL_NEWTON
     model.opt.tolerance = min(model.opt.tolerance, _IMPROVEMENT)
     model.opt.iterations = max(model.opt.iterations, _ITERATIONS)
 
 
 def _check_options(model: mujoco.MjModel, name: str) -> None:
-    """Slides and hinges alone, and nothing of the physics switched off: no equation would know."""
+    """Require slides and hinges only, and no physics switched off, which no equation would follow."""
     for j in range(model.njnt):
         if int(model.jnt_type[j]) not in (int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE)):
             raise ModelError(f"{name}: joint {model.joint(j).name!r} is a ball or free; use slides and hinges.")
@@ -293,7 +293,7 @@ def _check_options(model: mujoco.MjModel, name: str) -> None:
 
 
 def _check_shaker(model: mujoco.MjModel, name: str, first: int) -> None:
-    """The shaker is on, and gives whatever is asked of it."""
+    """Require that the shaker is on and its force unlimited."""
     for actuator in range(model.nactuator):
         control = int(model.actuator_ctrladr[actuator])
         called, out = model.actuator(actuator).name, int(model.actuator_outadr[actuator])
@@ -310,9 +310,9 @@ def _check_shaker(model: mujoco.MjModel, name: str, first: int) -> None:
 
 def _check_sensors(model: mujoco.MjModel, name: str, sensors: Mapping[str, Sensor]) -> None:
     """Base and malleolus are sensed where they are, and all by a velocity where the acceleration comes early."""
-    wanted = {"base": model.body_weldid[model.jnt_bodyid[model.joint("base").id]]}
-    wanted["malleolus"] = model.body_weldid[model.site_bodyid[model.site("malleolus").id]]
-    for sensor, body in wanted.items():
+    expected = {"base": model.body_weldid[model.jnt_bodyid[model.joint("base").id]]}
+    expected["malleolus"] = model.body_weldid[model.site_bodyid[model.site("malleolus").id]]
+    for sensor, body in expected.items():
         on = body_of(model, model.sensor(sensor).id)
         if model.body_weldid[on] != body:
             place = "the table" if sensor == "base" else "the body of the site 'malleolus'"
@@ -386,7 +386,7 @@ def accelerometers(model: mujoco.MjModel, up: tuple[float, float, float]) -> dic
     """The accelerometers of a model by name, read along the vertical.
 
     A `framelinacc` reads in the world's axes. An `accelerometer` reads in those of its site, and is read along the one
-    that is nearest to the vertical: a sensor that leans reads what leans with it. What gravity adds is taken out.
+    that is nearest to the vertical, without correcting the tilt. The contribution of gravity is subtracted.
 
     Args:
         model: the compiled model.
@@ -394,11 +394,11 @@ def accelerometers(model: mujoco.MjModel, up: tuple[float, float, float]) -> dic
     """
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    found = {}
+    sensors = {}
     for number in range(model.nsensor):
         kind, first, called = model.sensor_type[number], int(model.sensor_adr[number]), model.sensor(number).name
         if kind == _IN_WORLD:
-            found[called] = Sensor(called, first, up, float(-model.opt.gravity @ up))
+            sensors[called] = Sensor(called, first, up, float(-model.opt.gravity @ up))
         elif kind == _IN_SITE:
             turned = data.site_xmat[model.sensor_objid[number]].reshape(3, 3).T
             seen = turned @ up
@@ -406,8 +406,8 @@ def accelerometers(model: mujoco.MjModel, up: tuple[float, float, float]) -> dic
             axis = np.zeros(3)
             axis[nearest] = np.sign(seen[nearest])
             x, y, z = (float(part) for part in axis)
-            found[called] = Sensor(called, first, (x, y, z), float(-(turned @ model.opt.gravity) @ axis))
-    return found
+            sensors[called] = Sensor(called, first, (x, y, z), float(-(turned @ model.opt.gravity) @ axis))
+    return sensors
 
 
 def _check_base(model: mujoco.MjModel, name: str, shaker: int) -> tuple[float, float, float]:
@@ -453,13 +453,13 @@ def _check_base(model: mujoco.MjModel, name: str, shaker: int) -> tuple[float, f
 
 
 def _check_held(model: mujoco.MjModel, name: str) -> None:
-    """Nothing that is tied to the table is a match for its weight, as a spring or an equality in the world could be."""
-    dof, data, found = int(model.jnt_dofadr[model.joint("base").id]), mujoco.MjData(model), []
+    """Refuse a spring or equality between table and world whose force is not small against the table's inertia."""
+    dof, data, accelerations = int(model.jnt_dofadr[model.joint("base").id]), mujoco.MjData(model), []
     for place in (0.0, _MOVED):
         data.qpos[model.jnt_qposadr[model.joint("base").id]] = place
         mujoco.mj_forward(model, data)
-        found.append(float(data.qacc[dof]))
-    if abs(found[1] - found[0]) < _HELD:
+        accelerations.append(float(data.qacc[dof]))
+    if abs(accelerations[1] - accelerations[0]) < _HELD:
         return
     rows = data.efc_J.reshape(-1, model.nv)[:, dof] != 0 if data.nefc else np.zeros(0, bool)
     equal = data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY
@@ -534,10 +534,10 @@ def _check_laws(model: mujoco.MjModel, name: str) -> None:
     for actuator in range(model.nactuator):
         row = model.actuator_biasprm[actuator]
         if row[0] in damper.MEMORY:
-            here = f"{name}: the biasprm of actuator {model.actuator(actuator).name!r}"
-            _check_law(row[: damper.USER_SIZE], memory, here)
+            where = f"{name}: the biasprm of actuator {model.actuator(actuator).name!r}"
+            _check_law(row[: damper.USER_SIZE], memory, where)
             if model.actuator_actnum[actuator] != damper.MEMORY[row[0]]:
-                raise ModelError(f'{here} names the law {row[0]:g}, which needs actdim="{damper.MEMORY[row[0]]}".')
+                raise ModelError(f'{where} names the law {row[0]:g}, which needs actdim="{damper.MEMORY[row[0]]}".')
 
 
 def _check_dampers(model: mujoco.MjModel, name: str) -> None:
@@ -555,27 +555,27 @@ def _check_dampers(model: mujoco.MjModel, name: str) -> None:
                 )
 
 
-def _check_law(row: np.ndarray, laws: list[damper.Law], here: str) -> None:
+def _check_law(row: np.ndarray, laws: list[damper.Law], where: str) -> None:
     """One law's parameters: pads need positive stiffness, thickness and static strain."""
     law = next((law for law in laws if law.code == row[0]), None)
     if law is None:
         valid = "; ".join(f"{law.equation} {' '.join(law.parameters)}" for law in laws)
-        raise ModelError(f"{here} names the law {row[0]:g} (valid: {valid}).")
+        raise ModelError(f"{where} names the law {row[0]:g} (valid: {valid}).")
     if not np.isfinite(row).all():
-        raise ModelError(f"{here} gives a parameter that is no number to the law {law.equation}.")
+        raise ModelError(f"{where} gives a parameter that is no number to the law {law.equation}.")
     if law.code == damper.DAMPER and row[1] == 0:
-        raise ModelError(f"{here} names the law 4.25 with c1 = 0, no damper; write 4.25 c1 c2 c3, or no user field.")
+        raise ModelError(f"{where} names the law 4.25 with c1 = 0, no damper; write 4.25 c1 c2 c3, or no user field.")
     if law.code in damper.ONE_SIDED and row[len(law.parameters)] not in (-1, 1):
-        raise ModelError(f"{here} gives side = {row[len(law.parameters)]:g} to the law {law.equation}; write 1 for an "
+        raise ModelError(f"{where} gives side = {row[len(law.parameters)]:g} to the law {law.equation}; write 1 for an "
                          "element that is pulled, -1 for one that is pressed.")  # fmt: skip
     free = ("eta", "W", "side") if law.code in damper.ONE_SIDED else ("l", "eta", "c", "m", "n")
     if law.code != damper.DAMPER:
         for parameter, value in zip(law.parameters, row[1:], strict=False):
             short = parameter.split()[0]
             if (value <= 0 and short not in free) or (value < 0 and short in ("eta", "W")):
-                wanted = f"{law.equation} {' '.join(law.parameters)}"
+                form = f"{law.equation} {' '.join(law.parameters)}"
                 raise ModelError(
-                    f"{here} gives {short} = {value:g} to the law {law.equation}; write {wanted}, all positive."
+                    f"{where} gives {short} = {value:g} to the law {law.equation}; write {form}, all positive."
                 )
 
 
@@ -644,8 +644,8 @@ def compiler_complaint(message: str) -> tuple[str, int | None]:
         message: what MuJoCo raised.
     """
     text = " ".join(message.split())
-    found = re.search(r"[Ll]ine(?: number=|\s)(\d+)", text)
-    line = int(found[1]) if found else None
+    line_match = re.search(r"[Ll]ine(?: number=|\s)(\d+)", text)
+    line = int(line_match[1]) if line_match else None
     broken = re.search(r"Error=XML_ERROR_(\w+)", text)
     if broken:
         element = re.search(r"XMLElement name=(\S+)", text)

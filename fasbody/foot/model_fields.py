@@ -1,7 +1,7 @@
 """Fields of a compiled model that some command would follow and another would not: each must have its default.
 
-One table in place of a test an attribute. A command that steps with MuJoCo follows everything, one that linearises or
-has equations of its own does not; what stands here is refused for all of them when a model is loaded.
+A command that steps with MuJoCo follows every field; one that linearises or has separate equations does not. The fields
+in these tables are therefore refused for all commands when a model is loaded.
 """
 
 from collections.abc import Iterable
@@ -95,17 +95,17 @@ def check_fields(model: mujoco.MjModel, name: str) -> None:
         ModelError: the first field found that has not its default, or is no number; the message names its element.
     """
     _check_numbers(model, name)
-    for each in FIELDS:
-        _check_default(model, name, each)
+    for field in FIELDS:
+        _check_default(model, name, field)
     base = int(model.joint("base").id)
     first = int(model.actuator_ctrladr[model.actuator("shaker").id])
     on_table = (model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT) & (model.actuator_trnid[:, 0] == base)
     on_table |= model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINTINPARENT
     drives = np.flatnonzero((model.actuator_ctrladr >= first) & (model.actuator_ctrladr < first + SHAKER_CONTROLS))
-    for each in TABLE:
-        _check_default(model, name, each, [int(model.jnt_dofadr[base]) if each.name.startswith("dof") else base])
-    for each in DRIVES:
-        _check_default(model, name, each, drives)
+    for field in TABLE:
+        _check_default(model, name, field, [int(model.jnt_dofadr[base]) if field.name.startswith("dof") else base])
+    for field in DRIVES:
+        _check_default(model, name, field, drives)
     for number in map(int, drives):
         if model.actuator_biastype[number] and number != model.actuator("shaker").id:
             raise ModelError(f"{name}: {_called(model, 'actuator', number)} has a biastype; {_ASKED}, so remove it.")
@@ -115,8 +115,8 @@ def check_fields(model: mujoco.MjModel, name: str) -> None:
             "remove it."
         )
     read = np.isin(model.sensor_type, [getattr(mujoco.mjtSensor, f"mjSENS_{kind}") for kind in READ])
-    for each in SENSED:
-        _check_default(model, name, each, np.flatnonzero(read))
+    for field in SENSED:
+        _check_default(model, name, field, np.flatnonzero(read))
     if model.opt.enableflags & mujoco.mjtEnableBit.mjENBL_SLEEP:
         raise ModelError(f'{name}: <flag sleep="enable"/> stops bodies that move little; remove it.')
 
@@ -131,8 +131,8 @@ def _check_default(model: mujoco.MjModel, name: str, field: Field, among: Iterab
     kind = _KINDS[field.name.split("_")[0]]
     for number in range(len(values)) if among is None else among:
         if np.any(values[number] != field.default):
-            found = " ".join(f"{value:g}" for value in np.ravel(values[number]) if value != field.default)
-            of = f" ({found})" if values.dtype != bool and field.default == 0 else ""
+            numbers = " ".join(f"{value:g}" for value in np.ravel(values[number]) if value != field.default)
+            of = f" ({numbers})" if values.dtype != bool and field.default == 0 else ""
             raise ModelError(
                 f"{name}: {_called(model, kind, int(number))} has the attribute {field.attribute!r}{of}; {field.why}, "
                 "so remove it."

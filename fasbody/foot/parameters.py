@@ -139,12 +139,12 @@ class Parameter(Tabled):
         Raises:
             SettingError: one is not finite, or below zero where none may be.
         """
-        given = np.atleast_1d(np.asarray(value, float))
-        bad = given[~np.isfinite(given) | ((given < 0) & (self.lower >= 0))]
+        values = np.atleast_1d(np.asarray(value, float))
+        bad = values[~np.isfinite(values) | ((values < 0) & (self.lower >= 0))]
         if bad.size:
-            wanted = "a number of zero or more" if self.lower >= 0 else "a finite number"
+            valid = "a number of zero or more" if self.lower >= 0 else "a finite number"
             raise SettingError(
-                f"{self.name} is {bad[0]:g}; it must be {wanted}{f', in {self.unit}' if self.unit else ''}."
+                f"{self.name} is {bad[0]:g}; it must be {valid}{f', in {self.unit}' if self.unit else ''}."
             )
 
     def write(self, target: Mapping[str, np.ndarray], value: np.ndarray | float) -> None:
@@ -205,16 +205,17 @@ class Parameters(Mapping[str, Parameter]):
         Raises:
             SettingError: names that the model does not have, all of them in one sentence, or a value that is no number.
         """
-        given: Any = values if hasattr(values, "items") else values.values()
-        constants = {str(name): value for name, value in given.items() if not of_channel(str(name))}
-        lost = [name for name in constants if name not in self]
-        if len(lost) > 1:
-            raise SettingError(f"model {self.model_name} has no {', '.join(lost)} (valid: {', '.join(self)}).")
-        found = {self[name].name: value for name, value in constants.items()}  # a single lost name: what is near
-        for name, value in found.items():
+        mapping: Any = values if hasattr(values, "items") else values.values()
+        constants = {str(name): value for name, value in mapping.items() if not of_channel(str(name))}
+        missing = [name for name in constants if name not in self]
+        if len(missing) > 1:
+            raise SettingError(f"model {self.model_name} has no {', '.join(missing)} (valid: {', '.join(self)}).")
+        # a single unknown name is refused by self[name], with the nearest valid one
+        by_symbol = {self[name].name: value for name, value in constants.items()}
+        for name, value in by_symbol.items():
             if not np.issubdtype(np.asarray(value).dtype, np.number):
                 raise SettingError(f"{name} is {value!r}; give a number, or the whole result of a fit.")
-        return found
+        return by_symbol
 
     @property
     def fields(self) -> tuple[str, ...]:
@@ -239,7 +240,7 @@ def declared(model: "mujoco.MjModel", name: str) -> Parameters:
         symbol = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_TEXT, number)
         start = model.text_adr[number]
         data = model.text_data[start : start + model.text_size[number]].decode().rstrip("\0")
-        if "|" in data:  # other custom texts are none of ours
+        if "|" in data:  # other custom texts declare no parameter
             items.append(_parse(model, symbol, data, name))
     return Parameters(_follow_laws(model, _without_laws(model, items)), name)
 
@@ -268,13 +269,13 @@ def _without_laws(model: "mujoco.MjModel", items: list[Parameter]) -> list[Param
 def _follow_laws(model: "mujoco.MjModel", items: list[Parameter]) -> list[Parameter]:
     """Where the law on an element is another than its declarations were made for, its own names and units.
 
-    Where a declaration in a `user` field has another unit than the law's parameter there, it is dropped with all that
-    stand beside it but those with the law's own symbol and unit, and the law declares the others: `fat_pad_E` [N],
+    Where a declaration in a `user` field has another unit than the law's parameter there, it is dropped with all others
+    of the element but those with the law's symbol and unit, and the law declares the rest: `fat_pad_E` [N],
     from a hundredth to a hundred times its value.
     """
     from fasbody.foot import damper  # compiles; names and units are wanted without it
 
-    own: list[Parameter] = []
+    law_parameters: list[Parameter] = []
     for kind, field in (("joint", "jnt_user"), ("tendon", "tendon_user")):
         rows = getattr(model, field)
         for number, row in enumerate(rows):
@@ -283,20 +284,22 @@ def _follow_laws(model: "mujoco.MjModel", items: list[Parameter]) -> list[Parame
                 continue
             width, label = len(row), getattr(model, kind)(number).name
             units = [symbol_and_bracket(text) for text in law.parameters]
-            here = [p for p in items if any(x.field == field and x.index // width == number for x in p.places)]
-            columns = {x.index % width: p.unit for p in here for x in p.places}
+            on_element = [p for p in items if any(x.field == field and x.index // width == number for x in p.places)]
+            columns = {x.index % width: p.unit for p in on_element for x in p.places}
             if all(0 < c <= len(units) and units[c - 1][1] == unit for c, unit in columns.items()):
                 continue
-            its = dict(enumerate(units, 1))
-            meant = {c for p in here for x in p.places if its.get(c := x.index % width) == (p.name, p.unit)}
-            items = [p for p in items if p not in here or {x.index % width for x in p.places} <= meant]
+            expected = dict(enumerate(units, 1))
+            meant = {c for p in on_element for x in p.places if expected.get(c := x.index % width) == (p.name, p.unit)}
+            items = [p for p in items if p not in on_element or {x.index % width for x in p.places} <= meant]
             for column, (symbol, unit) in enumerate(units, 1):
                 value = float(row[column])
                 if column not in meant and symbol not in damper.FIXED and value > 0:
                     place = Place(field, number * width + column, 1.0)
                     source = f"as written; law {law.equation}"
-                    own.append(Parameter(f"{label}_{symbol}", unit, value / 100, 100 * value, (place,), source))
-    return items + own
+                    law_parameters.append(
+                        Parameter(f"{label}_{symbol}", unit, value / 100, 100 * value, (place,), source)
+                    )
+    return items + law_parameters
 
 
 def symbol_and_bracket(text: str) -> tuple[str, str]:
@@ -306,23 +309,23 @@ def symbol_and_bracket(text: str) -> tuple[str, str]:
 
 
 def _parse(model: "mujoco.MjModel", symbol: str, data: str, name: str) -> Parameter:
-    here = f"{name}: parameter {symbol!r}"
+    where = f"{name}: parameter {symbol!r}"
     parts = [part.strip() for part in data.split("|")]
     if len(parts) != 5:
-        raise ModelError(f"{here} has {len(parts)} parts; needed are unit | lower | upper | where | source.")
+        raise ModelError(f"{where} has {len(parts)} parts; needed are unit | lower | upper | where | source.")
     unit, lower, upper, places, source = parts
     if unit not in UNITS:
-        raise ModelError(f"{here} has the unit {unit!r} (valid: {', '.join(filter(None, UNITS))}).")
+        raise ModelError(f"{where} has the unit {unit!r} (valid: {', '.join(filter(None, UNITS))}).")
     try:
         low, high = float(lower), float(upper)
     except ValueError:
-        raise ModelError(f"{here} has bounds {lower!r} and {upper!r}; both must be numbers.") from None
+        raise ModelError(f"{where} has bounds {lower!r} and {upper!r}; both must be numbers.") from None
     if not low < high:
-        raise ModelError(f"{here} has a lower bound {low:g} that is not below its upper bound {high:g}.")
-    return Parameter(symbol, unit, low, high, tuple(_place(model, p, here) for p in places.split(",")), source)
+        raise ModelError(f"{where} has a lower bound {low:g} that is not below its upper bound {high:g}.")
+    return Parameter(symbol, unit, low, high, tuple(_place(model, p, where) for p in places.split(",")), source)
 
 
-def _place(model: "mujoco.MjModel", text: str, here: str) -> Place:
+def _place(model: "mujoco.MjModel", text: str, where: str) -> Place:
     words = text.split()
     share, reciprocal = 1.0, bool(words) and words[0].endswith("/")
     try:
@@ -331,25 +334,25 @@ def _place(model: "mujoco.MjModel", text: str, here: str) -> Place:
     except (ValueError, IndexError):
         pass
     partner = words[4:]  # "times" or "against" another column of the same element
-    field, index = _slot(model, words[:4], text, here)
+    field, index = _slot(model, words[:4], text, where)
     if not partner:
         return Place(field, index, share, reciprocal)
     if len(partner) != 3 or partner[0] not in ("times", "against"):
-        raise ModelError(f"{here} stands at {text.strip()!r}; behind it only 'times' or 'against ATTRIBUTE column'.")
-    other = _slot(model, [*words[:2], *partner[1:]], text, here)
+        raise ModelError(f"{where} stands at {text.strip()!r}; behind it only 'times' or 'against ATTRIBUTE column'.")
+    other = _slot(model, [*words[:2], *partner[1:]], text, where)
     return Place(field, index, share, reciprocal, **{partner[0]: other})
 
 
-def _slot(model: "mujoco.MjModel", words: list[str], text: str, here: str) -> tuple[str, int]:
+def _slot(model: "mujoco.MjModel", words: list[str], text: str, where: str) -> tuple[str, int]:
     """Field and flat index of `kind name attribute [column]`."""
     if len(words) not in (3, 4) or (words[0], words[2]) not in _FIELDS:
         valid = ", ".join(f"{kind} NAME {attribute}" for kind, attribute in _FIELDS)
         raise ModelError(
-            f"{here} stands at {text.strip()!r}, which is no place (valid: {valid}, with a number behind)."
+            f"{where} stands at {text.strip()!r}, which is no place (valid: {valid}, with a number behind)."
         )
     kind, element, attribute = words[:3]
     if element not in names(model, kind):
-        raise ModelError(f"{here}: {unknown(kind, element, names(model, kind))}.")
+        raise ModelError(f"{where}: {unknown(kind, element, names(model, kind))}.")
     number = getattr(model, kind)(element).id
     field = _FIELDS[kind, attribute]
     if field.startswith("dof_"):
@@ -357,11 +360,11 @@ def _slot(model: "mujoco.MjModel", words: list[str], text: str, here: str) -> tu
     array = getattr(model, field)
     width = array.size // array.shape[0]
     if (len(words) == 4) != (width > 1) or not (width == 1 or words[3].isdigit()):
-        wanted = f"{kind} {element} {attribute}" + (f" and a column from 0 to {width - 1}" if width > 1 else "")
-        raise ModelError(f"{here} stands at {text.strip()!r}; write {wanted}.")
+        expected = f"{kind} {element} {attribute}" + (f" and a column from 0 to {width - 1}" if width > 1 else "")
+        raise ModelError(f"{where} stands at {text.strip()!r}; write {expected}.")
     column = int(words[3]) if width > 1 else 0
     if column >= width:
-        raise ModelError(f"{here} stands in column {column} of {attribute!r}, which has {width} (0 to {width - 1}).")
+        raise ModelError(f"{where} stands in column {column} of {attribute!r}, which has {width} (0 to {width - 1}).")
     return field, number * width + column
 
 

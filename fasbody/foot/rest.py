@@ -13,18 +13,18 @@ _PASSES, _HALVINGS = 60, 20
 
 
 def standing(foot: Foot) -> np.ndarray:
-    """The pose (nq,) of rest, by Newton's method from that of the file; which is it where nothing pulls.
+    """The pose (nq,) of rest, by Newton's method from the pose of the file.
 
     Raises:
         SimulationError: there is none.
     """
     model, data = foot.model, mujoco.MjData(foot.model)
-    own = np.delete(np.arange(model.nv), foot.base)
+    dofs = np.delete(np.arange(model.nv), foot.base)
 
     def acceleration(q: np.ndarray) -> np.ndarray:
         data.qpos[:], data.qvel[:], data.ctrl[:] = q, 0.0, 0.0
         mujoco.mj_forward(model, data)
-        return data.qacc[own].copy()
+        return data.qacc[dofs].copy()
 
     q = model.qpos0.copy()
     with callbacks():
@@ -32,17 +32,17 @@ def standing(foot: Foot) -> np.ndarray:
         for _ in range(_PASSES):
             if np.abs(a).max(initial=0.0) < _STILL:
                 return q
-            slope = np.empty((own.size, own.size))
-            for column, i in enumerate(own):
+            slope = np.empty((dofs.size, dofs.size))
+            for column, i in enumerate(dofs):
                 ends = [acceleration(q + sign * _NUDGE * (np.arange(model.nq) == i)) for sign in (1, -1)]
                 slope[:, column] = (ends[0] - ends[1]) / (2 * _NUDGE)
             step = np.zeros(model.nq)
-            step[own] = np.linalg.lstsq(slope, -a, rcond=1e-14)[0]
+            step[dofs] = np.linalg.lstsq(slope, -a, rcond=1e-14)[0]
             for halving in range(_HALVINGS):
                 tried = q + step / 2**halving
-                found = acceleration(tried)
-                if np.abs(found).max() < np.abs(a).max():
-                    q, a = tried, found
+                residual = acceleration(tried)
+                if np.abs(residual).max() < np.abs(a).max():
+                    q, a = tried, residual
                     break
             else:
                 break

@@ -1,7 +1,7 @@
 """Motion of the shaker's table: a prescribed acceleration, followed exactly by the model's base.
 
-The base is a slide of huge armature, so the force armature x a(t) moves it with the acceleration a(t) whatever the foot
-does. Within each time step a(t) is a cubic, evaluated by the native callback at the integrator's own stage times
+The base is a slide of huge armature, so the force armature x a(t) moves it with the acceleration a(t) independently of
+the foot. Within each time step a(t) is a cubic, evaluated by the native callback at the integrator's own stage times
 (engine.py), which keeps fourth-order Runge-Kutta fourth order. Only acceleration matters to the foot: the base position
 may drift, and a constant offset of an accelerometer is taken out of a recording beforehand.
 """
@@ -24,7 +24,7 @@ CLOCK = 2.0**-10
 #: Samples finer than this need no band-limited curve [Hz]; its filter reaches so far [samples]; so large a difference
 #: from the spline counts, as a share of the motion.
 _FINE_HZ, _REACH, _ALIKE = 4000.0, 64, 1e-3
-#: Exponentials of a motion that are kept: those of a period, not those of a whole recording.
+#: Largest array of exponentials that is cached: one of a period fits, one of a whole recording does not.
 _KEPT = 20_000
 
 
@@ -69,7 +69,7 @@ class BaseMotion(Tabled):
 
 
 def at_half_steps(controls: np.ndarray, step: float) -> np.ndarray:
-    """What controls (n, 5) of steps [s] ask for at the stage times of Runge-Kutta: (2 n + 1,) values [m/s^2]."""
+    """Acceleration by controls (n, 5) of steps [s] at the stage times of Runge-Kutta: (2 n + 1,) values [m/s^2]."""
     _, a0, a1, a2, a3 = controls.T
     whole = step / CLOCK
     half = 0.5 * whole
@@ -108,7 +108,7 @@ def _lines(name: str, duration: float, omega: np.ndarray, U: np.ndarray) -> Base
 
 
 def _turning(t: np.ndarray, omega: np.ndarray) -> np.ndarray:
-    """exp(omega t) of times (n,) and lines (k,): (n, k); a period's are kept, as a fit asks for them again."""
+    """exp(omega t) of times (n,) and lines (k,): (n, k); those of a period are cached for fits."""
     t = np.asarray(t, float)
     if t.ndim != 1 or t.size == 1 or t.size * omega.size > _KEPT:
         return np.exp(np.multiply.outer(t, omega))

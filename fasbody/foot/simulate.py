@@ -188,14 +188,14 @@ class Batch:
             for name, sensor in self.foot.sensors.items()
             if name != "base"
         }
-        wanted = controls[..., 1]
-        peak = np.abs(wanted).max() or 1.0
+        commanded = controls[..., 1]
+        peak = np.abs(commanded).max() or 1.0
         return Simulation(
             time_s=np.broadcast_to(controls[..., 0], base.shape),
             base_m_s2=base,
             malleolus_m_s2=sensors["malleolus"],
             qpos=qpos_all, qvel=qvel_all, act=act_all,
-            base_error=float(np.abs(base - wanted).max() / peak),
+            base_error=float(np.abs(base - commanded).max() / peak),
             sensors=sensors,
         )  # fmt: skip
 
@@ -296,15 +296,15 @@ class _Shares:
             ("jnt_user", "dof_damping", model.jnt_dofadr, np.where(hinge, hinge_share, SHARE)),
             ("tendon_user", "tendon_damping", np.arange(model.ntendon), np.full(model.ntendon, SHARE)),
         )
-        found = []
+        shares = []
         for user, damping, address, share in kinds:
             laws = getattr(model, user)
             at = np.flatnonzero(laws[:, :1] == DAMPER)
             if at.size:
                 of, to = (batch.expand(field).reshape(batch.nsim, -1) for field in (user, damping))
                 of = of.reshape(batch.nsim, *laws.shape)
-                found.append(cls(to, of, address[at], at, share[at]))
-        return found
+                shares.append(cls(to, of, address[at], at, share[at]))
+        return shares
 
 
 def _velocity_sensors(foot: Foot) -> dict[str, Sensor]:
@@ -357,12 +357,14 @@ def simulate(
         raise SettingError(f"simulate takes a model, not {foot!r}; load it first: load({str(foot)!r}).")
     step = step or foot.step
     listed = [motions] if isinstance(motions, BaseMotion) else list(motions)
-    given = {name: np.asarray(value) for name, value in foot.parameters.named({} if values is None else values).items()}
-    for name, value in given.items():
+    parameters = {
+        name: np.asarray(value) for name, value in foot.parameters.named({} if values is None else values).items()
+    }
+    for name, value in parameters.items():
         foot.parameters[name].check(value)
-    sizes = {len(listed), *(value.size for value in given.values())} - {1}
+    sizes = {len(listed), *(value.size for value in parameters.values())} - {1}
     if len(sizes) > 1:
         raise SettingError(f"base motions and parameter values must be as many as each other, not {sorted(sizes)}.")
     batch = Batch(foot, sizes.pop() if sizes else 1, threads)
-    batch.set(given)
+    batch.set(parameters)
     return batch.run_checked(listed, step, qpos, qvel, accept)

@@ -8,10 +8,10 @@
     orbit.stable, orbit.initial_state()                         # Floquet; to start a rollout from
 
 At instants of a period MuJoCo is given position, velocity and acceleration of a Fourier series, and
-answers with the force that nobody supplies (`mj_inverse` less `mj_fwdActuation`) and with the rate
-of each activation; Newton's method makes both fit. So all that the MJCF has is in the motion, be it
-tendons, equalities or dampers with memory. There is no time step and no error of one, and the base
-moves exactly as asked.
+returns the unbalanced force (`mj_inverse` less `mj_fwdActuation`) and the rate
+of each activation. Newton's method makes the force zero and the rates consistent. All elements of
+the MJCF act in the motion: tendons, equalities, dampers with memory. There is no time step and no
+error of one. The base follows the prescribed motion exactly.
 """
 
 import copy
@@ -90,8 +90,8 @@ class Engine:
         return np.concatenate([inverse - actuator, -rate, sensors], axis=-1)
 
     def _read(self, state: Sequence[Array], row: Array) -> None:
-        for values, given in zip(self._state, state, strict=True):
-            values[:] = given
+        for values, source in zip(self._state, state, strict=True):
+            values[:] = source
         self._compute(0, row)
 
     def _compute(self, done: int, row: Array) -> None:
@@ -109,20 +109,20 @@ class Engine:
         Forces are linear in accelerations and activations, whose differences are one-sided.
         """
         (qpos, qvel, qacc, act), nv = self._state, self.model.nv
-        here = np.empty(self._raw)
-        self._read(state, here)
+        centre = np.empty(self._raw)
+        self._read(state, centre)
         self._central(qpos, POSITION, 0, out[0, :nv])
-        self._read(state, here)
-        self._linear(act, here, out[0, nv:])
-        self._linear(qacc, here, out[2, :nv])
+        self._read(state, centre)
+        self._linear(act, centre, out[0, nv:])
+        self._linear(qacc, centre, out[2, :nv])
         self._central(qvel, RATE, 1, out[1, :nv])
 
-    def _linear(self, values: Array, here: Array, out: Array) -> None:
+    def _linear(self, values: Array, centre: Array, out: Array) -> None:
         for value, row, j in zip(values.tolist(), out, range(values.size), strict=True):
             values[j] = value + 1.0
             self._compute(2, row)
             values[j] = value
-            row -= here
+            row -= centre
 
     def _central(self, values: Array, size: float, done: int, out: Array) -> None:
         other = np.empty(self._raw)
@@ -181,8 +181,8 @@ class Shaken:
     def slopes(self, series: Fourier, x: Array, share: float = 1.0) -> Array:
         """Derivatives (3, N, r - 1, n) of rows, `Engine.slopes`, but for those of the base."""
         self.balance.set(self.values)
-        found = self.balance.engine.slopes(self.motion(series, x, share))
-        return np.delete(np.delete(found, self.balance.base, 2), self.balance.base, 3)
+        rows = self.balance.engine.slopes(self.motion(series, x, share))
+        return np.delete(np.delete(rows, self.balance.base, 2), self.balance.base, 3)
 
     def residual(self, series: Fourier, x: Array, share: float) -> Array:
         """See `harmonic_balance.System`."""
@@ -270,7 +270,7 @@ class Orbit:
 
     @property
     def stable(self) -> bool:
-        """Whether every small departure dies out."""
+        """Whether every small departure decays."""
         return bool(np.abs(self.multipliers[0]) < 1)
 
 
@@ -298,7 +298,7 @@ class Balance:
         model.opt.enableflags &= ~int(mujoco.mjtEnableBit.mjENBL_INVDISCRETE)
         self.engine = Engine(model)
         self.free = np.delete(np.arange(self.engine.size), self.base)
-        #: Mass that is the table's own, of which the shaker takes care [kg].
+        #: Mass of the table, which the shaker moves [kg].
         table = model.body_mass[model.dof_bodyid[self.base]]
         self.table_kg = float(model.dof_armature[self.base] + table)
         for name in sensors:
@@ -357,7 +357,7 @@ class Balance:
             start: a motion nearby, from which the search begins.
 
         Raises:
-            SettingError: an unknown parameter or value, or a base that cannot be meant.
+            SettingError: an unknown parameter or value, or an invalid base.
             PeriodicMotionError: there is no such motion.
             NotSmoothError: a contact, a stop or dry friction acts in it.
         """
@@ -418,11 +418,11 @@ class Balance:
 
 
 def _check(frequency_hz: float, base: Array) -> None:
-    """Refuse a motion of the base that cannot be meant or balanced."""
+    """Refuse a motion of the base that is invalid or cannot be balanced."""
     if not (np.isfinite(frequency_hz) and frequency_hz > 0):
         raise SettingError(f"a periodic motion needs a frequency above 0 Hz, not {frequency_hz}.")
     if not (np.isfinite(base).all() and base.any()):
-        given = ", ".join(f"{amplitude:g}" for amplitude in base)
-        raise SettingError(f"harmonics of the base are {given}; give finite m/s^2, one not zero.")
+        amplitudes = ", ".join(f"{amplitude:g}" for amplitude in base)
+        raise SettingError(f"harmonics of the base are {amplitudes}; give finite m/s^2, one not zero.")
     if base.size > MOST_HARMONICS:
         raise SettingError(f"a base of {base.size} harmonics has more than {MOST_HARMONICS}.")

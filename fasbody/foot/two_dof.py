@@ -2,7 +2,7 @@
 
 States are x = (z1, z2, z1', z2'): z1 = y1 - y2 across the talocrural joint, z2 = y2 - y0 across the fat pad. The input
 is the base acceleration, the output the malleolus acceleration. The twin integrates the states and their derivatives
-with respect to the four initial states, the eight parameters and, if asked, the two masses together, with the same
+with respect to the four initial states, the eight parameters and, optionally, the two masses together, with the same
 Runge-Kutta scheme, step and input as the MuJoCo model, so that the two differ by rounding only.
 """
 
@@ -20,7 +20,7 @@ NAMES = ("k_T", "k_F", "c_11", "c_12", "c_13", "c_21", "c_22", "c_23")
 MASSES = ("m_S", "m_F")
 STATES = 4
 _COLUMNS = STATES + len(NAMES)
-#: Columns that are computed: registers take several at once, and a loop of a length that is known has no loose ends.
+#: Columns that are computed: a constant number, so that the compiler vectorises the loop without a remainder.
 _ROW = 16
 
 
@@ -77,9 +77,9 @@ class TwoDof:
     def state_space(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """A (4, 4), B (4,), C (4,) of the linear model, with c_T = c_11 and c_F = c_21."""
         k_T, k_F, c_T, c_F, m_S, m_F = self.k_T, self.k_F, self.c_11, self.c_21, self.m_S, self.m_F
-        both = (m_S + m_F) / (m_S * m_F)
+        inverse_mass = (m_S + m_F) / (m_S * m_F)
         A = np.array(  # Eq. (4.30)
-            [[0, 0, 1, 0], [0, 0, 0, 1], [-both * k_T, k_F / m_F, -both * c_T, c_F / m_F],
+            [[0, 0, 1, 0], [0, 0, 0, 1], [-inverse_mass * k_T, k_F / m_F, -inverse_mass * c_T, c_F / m_F],
              [k_T / m_F, -k_F / m_F, c_T / m_F, -c_F / m_F]]
         )  # fmt: skip
         return A, np.array([0.0, 0.0, 0.0, -1.0]), -np.array([k_T, 0.0, c_T, 0.0]) / m_S
@@ -91,7 +91,7 @@ class TwoDof:
         return np.linalg.solve(s[:, None, None] * np.eye(STATES) - A, B[:, None])[..., 0] @ C
 
     def mirror(self) -> "TwoDof":
-        """The other foot with the same linear response: stiffness and damping change places.
+        """The mirror image: the other foot with the same linear response, stiffness and damping exchanged.
 
         They are scaled by a = m_S / (m_S + m_F), exactly for the linear part. The nonlinear constants change places
         unscaled, a starting point for a fit.

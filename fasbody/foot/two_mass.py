@@ -42,7 +42,7 @@ class Orbits:
         foot: (B, H) harmonics of the foot's acceleration [m/s^2].
         converged: (B,) whether there is such a motion. Where there is none, the motion that grows with the base ends
             at a fold below the full one: a damper that bends takes no more power than it takes there.
-        slopes: (B, 2, H, 13) derivatives of shank and foot to the parameters; None where not asked for.
+        slopes: (B, 2, H, 13) derivatives of shank and foot to the parameters; None where not requested.
         stretch_slopes: (B, 2, H, 13) derivatives of the stretches.
         jacobian: (B, 4 H, 4 H) of the balance at the motion.
         force_by_stretch: (B, 2, 2 H, 2 H) of the joint forces.
@@ -112,7 +112,7 @@ class Orbits:
 
 def _largest_multiplier(A: np.ndarray, step: np.ndarray) -> np.ndarray:
     """(B,) largest modulus of the multipliers of linear systems A (B, n, s, s) constant over steps (B,) [s]."""
-    from scipy.linalg import expm  # a fit in which all is well never asks
+    from scipy.linalg import expm  # slow to import, and needed for stability only
 
     with np.errstate(over="ignore", invalid="ignore"):
         parts = expm(A * step[:, None, None, None])
@@ -142,8 +142,8 @@ def orbits(
 ) -> Orbits:
     """Periodic motions of feet, each on a base of its own, with the harmonics that `base` has.
 
-    Newton starts from `start` or from the linear motion; where that fails, the foot is shaken a little first, then
-    more.
+    Newton starts from `start` or from the linear motion; where that fails, the amplitude is raised from a small
+    one step by step.
 
     Example:
         ``orbits(parameters(foot.values())[None], np.array([w]), 9.0 * np.eye(1, 6))``
@@ -162,9 +162,9 @@ def orbits(
     result = _newton(system, Z, tolerance, passes)
     if result.converged.all() or passes < _PASSES:
         return result
-    lost = np.flatnonzero(~result.converged)
-    again = _grown(_System(theta[lost], omega[lost], base[lost], slopes), tolerance)
-    return _merged(result, again, lost)
+    failed = np.flatnonzero(~result.converged)
+    again = _grown(_System(theta[failed], omega[failed], base[failed], slopes), tolerance)
+    return _merged(result, again, failed)
 
 
 def resolved(theta: np.ndarray, omega: np.ndarray, base: np.ndarray, slopes: bool = False) -> Orbits:
@@ -370,7 +370,7 @@ def _orbits_of(
 
 
 def _grown(system: _System, tolerance: float) -> Orbits:
-    """The motions by continuation in amplitude: each foot is shaken a little first, and its motion followed up."""
+    """The motions by continuation in amplitude, from a small one to the full one."""
     B = len(system.theta)
     level, stride = np.zeros(B), np.full(B, 0.25)
     at = np.zeros((B, 2, system.H), complex)

@@ -20,7 +20,7 @@ from fasbody.heel.population import Observed, Population, estimate, of_documents
 from fasbody.heel.study import HeelStudy
 from fasbody.presentation import Tabled
 
-#: How a law is held against strikes that it was not fitted to.
+#: Tests of a law on strikes that it was not fitted to.
 TESTS = ("other_speed", "other_person")
 #: What the compression of these studies is.
 INCLUDES = "everything between the skin of the heel and the shank: fat pad, bones, arch and ankle"

@@ -1,4 +1,4 @@
-"""One law held against everybody: each person and speed, another speed, and a person left out."""
+"""One law compared with all strikes: each person and speed, another speed, and a person left out."""
 
 import hashlib
 from collections.abc import Mapping, Sequence
@@ -20,7 +20,7 @@ Document = dict[str, Any]
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """A law, the window of the strikes that it is held against, and the strikes.
+    """A law, the window of the strikes that it is compared with, and the strikes.
 
     Attributes:
         law: key of the law.

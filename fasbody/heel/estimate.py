@@ -3,7 +3,7 @@
 Least squares of the force over the peak, every strike with the same weight. The first newtons of a
 contact lie in the noise of the plate, so the contact is detected early or late; each strike
 therefore has an offset of its compression, estimated with the law and small by its prior: the worse
-the law fits anyway, the less the offset may imitate. Samples of one strike are not independent and
+the law fits, the smaller the offset is held. Samples of one strike are not independent and
 no law is the truth, so intervals come from the scatter between strikes: the jackknife that leaves
 one strike out, linearised, with Student's t.
 """
@@ -19,15 +19,15 @@ from fasbody.heel.strike import Strike
 from fasbody.presentation import Tabled
 
 Array = np.ndarray
-#: What a law is held against: contact to first force peak, or to standstill.
+#: Window that a law is compared with: contact to first force peak, or to standstill.
 WINDOWS = ("loading", "whole")
-#: Standard deviation of the offsets beforehand [m], and the bound that they cannot pass.
+#: Standard deviation of the offsets' prior [m], and their bound.
 OFFSET_STD_M, OFFSET_M = 1e-3, 3e-3
 #: Samples of a strike that count as independent at the start, before the errors' correlation.
 _INDEPENDENT = 5.0
 #: How often misfit and prior are weighed anew.
 _ROUNDS = 6
-#: Samples of a strike that are used: more at 3 kHz say the same, as the path is filtered at 97 Hz.
+#: Samples of a strike that are used: the path is filtered at 97 Hz, so more samples add no information.
 _SAMPLES = 40
 #: Level of the intervals.
 LEVEL = 0.95
@@ -58,7 +58,7 @@ class Interval:
 
 @dataclass(frozen=True, eq=False)
 class Paths:
-    """Strikes behind each other, thinned.
+    """Strikes concatenated and thinned.
 
     Attributes:
         time_s: (n,).

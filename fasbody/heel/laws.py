@@ -2,9 +2,9 @@
 
 The three of the thesis (Eqs. (4.22) to (4.24), functions of strain) and four beside them (power, exponential,
 Hunt-Crossley, Ogden). Forces are compressive [N], compressions x [m] and rates v [m/s] positive while the heel is
-pressed. The strain is x/h with a nominal thickness h: nobody measured it on these people, and only the products with h
-are found. Where a law gives a pull (a damper that outruns its spring) the force is nothing, as a heel does not stick
-to a plate.
+pressed. The strain is x/h with a nominal thickness h, which was not measured on these people; only products with h are
+identifiable. Where a law gives tension (the damper exceeds the spring) the force is zero, as a heel does not stick to a
+plate.
 """
 
 from collections.abc import Callable, Mapping
@@ -19,7 +19,7 @@ from fasbody.foot import damper
 Array = np.ndarray
 #: Thickness of an unloaded heel pad [m]: nominal, as ultrasound finds it in adults.
 THICKNESS_M = 0.018
-#: Relaxation times of Eq. (4.22) [s]: a strike of 40 ms sampled at 3 kHz tells nothing beyond these, so they are held.
+#: Relaxation times of Eq. (4.22) [s], held: a strike of 40 ms sampled at 3 kHz does not identify others.
 TAU_S = (1e-3, 1.0)
 
 
@@ -45,7 +45,7 @@ class HeelLaw:
         formula: as one writes it.
         parameters: what is estimated.
         force: of time [s], compression [m], rate [m/s] (n,) and parameters (p,), [N].
-        rate: whether it knows the rate or the past.
+        rate: whether it depends on the rate or the history.
     """
 
     key: str
@@ -69,18 +69,6 @@ class HeelLaw:
                 1.0 + theta[2] * np.log(TAU_S[1] / TAU_S[0])
             )
         return self.force(np.arange(x.size, dtype=float), x, np.zeros_like(x), theta)
-
-    def stiffness_at(self, force_n: float, theta: Array) -> float:
-        """Tangent stiffness [N/m] of the resting pad that carries a force [N]; NaN where it cannot carry it."""
-        from scipy.optimize import brentq
-
-        top = 0.98 * THICKNESS_M if self.key == "ogden" else 0.1
-        if not self.static_force(np.array([top]), theta)[0] > force_n:
-            return float("nan")
-        x = brentq(lambda at: float(self.static_force(np.array([at]), theta)[0]) - force_n, 0.0, top, xtol=1e-12)
-        step = 1e-4 * x
-        low, high = self.static_force(np.array([x - step, x + step]), theta)
-        return float(high - low) / (2 * step)
 
 
 def _quasilinear(t: Array, x: Array, v: Array, theta: Array) -> Array:

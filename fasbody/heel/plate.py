@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fasbody.constants import MODEL_GRAVITY
 from fasbody.exceptions import RecordingError
 
 
@@ -25,7 +26,7 @@ class Plate:
 
     rate_hz: float = 3000.0
     mass_kg: float = 25.01
-    gravity_m_s2: float = 9.81
+    gravity_m_s2: float = MODEL_GRAVITY
     centre_m: tuple[float, float] = (0.2, 0.3)
     reach_m: tuple[float, float] = (0.12, 0.2)
 

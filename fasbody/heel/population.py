@@ -25,7 +25,7 @@ FEWEST = 4
 LEVEL = 0.95
 #: Smallest and largest standard deviation of a logarithm, in parts of its scatter.
 _RANGE = (1e-3, 5.0)
-#: Variance of a correlation's slope beforehand: nearly flat, and few people do not make it one.
+#: Variance of a correlation's slope under the prior, nearly flat; with few people a correlation of one is avoided.
 _SLOPE_VARIANCE = 4.0
 #: Samples: standard deviations of a logarithm are one half, times or divided by e, beforehand.
 _SCATTER = np.log(0.5)
@@ -236,7 +236,7 @@ def estimate(names: Sequence[str], observed: Sequence[Observed]) -> Population:
 
 
 def _inside(model: Hierarchy, between: Array, within: Array) -> float | None:
-    """Share of persons and speeds inside the 95 % region that the others predict for somebody new.
+    """Share of persons and speeds inside the 95 % region that the others predict for a new person.
 
     The means are estimated anew without the person, the covariances are not: that would take a
     search for each.

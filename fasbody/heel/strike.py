@@ -1,4 +1,4 @@
-"""One heel strike: force over compression and rate, by the published procedure, each correction a named step.
+"""One heel strike: force over compression and rate, by the published procedure with each correction a named step.
 
 The procedure is that of Baines, Schwab and van Soest (2018), doi 10.1371/journal.pone.0197428, as their public scripts
 do it. The compression is the fall of a heel point fixed to the shank, so everything between the skin of the heel and
@@ -290,10 +290,10 @@ def _check_markers(lower: np.ndarray, upper: np.ndarray, distance_m: float) -> N
     """At contact the lower marker is the lower one, and both are as far apart as on the standing person."""
     if lower[2] >= upper[2]:
         raise RecordingError("the markers are exchanged: the one that is lower on the standing person is higher here.")
-    found = float(np.linalg.norm(upper - lower))
-    if abs(found - distance_m) > RIGID * distance_m:
+    gap_m = float(np.linalg.norm(upper - lower))
+    if abs(gap_m - distance_m) > RIGID * distance_m:
         raise RecordingError(
-            f"the markers are {1e3 * found:.0f} mm apart and {1e3 * distance_m:.0f} mm on the standing person, so they "
+            f"the markers are {1e3 * gap_m:.0f} mm apart and {1e3 * distance_m:.0f} mm on the standing person, so they "
             "are not on one rigid shank."
         )
 
@@ -329,9 +329,9 @@ def _standstill(velocity: np.ndarray, contact: int, peak: int) -> tuple[int, boo
     """Frame where the heel point stands, and whether it does; else where its acceleration turns, as the authors do."""
     window = slice(peak, peak + 2 * (peak - contact) + 1)
     for values, turned in ((velocity, True), (-np.gradient(velocity), False)):
-        found = np.flatnonzero(values[window] >= 0.0)
-        if found.size:
-            return peak + int(found[0]), turned
+        crossings = np.flatnonzero(values[window] >= 0.0)
+        if crossings.size:
+            return peak + int(crossings[0]), turned
     raise RecordingError("the heel point never comes to a stand, nor does its acceleration turn.")
 
 

@@ -69,11 +69,11 @@ class HeelStudy(Tabled):
 
     def groups(self) -> dict[tuple[str, str], tuple[Strike, ...]]:
         """The strikes of each person and speed, in order."""
-        found: dict[tuple[str, str], tuple[Strike, ...]] = {}
+        by_person: dict[tuple[str, str], tuple[Strike, ...]] = {}
         for strike in self.strikes:
             key = strike.subject, strike.speed
-            found[key] = (*found.get(key, ()), strike)
-        return found
+            by_person[key] = (*by_person.get(key, ()), strike)
+        return by_person
 
     @classmethod
     def read(cls, folder: Path | str = BUNDLED) -> "HeelStudy":
@@ -102,16 +102,18 @@ class HeelStudy(Tabled):
         else:
             threshold = _number(file, "threshold_n", about.get("threshold_n", THRESHOLD_N))
             outcomes, weights = list(_tables(folder, threshold, about["origin"])), {}
-        strikes = tuple(found for found in outcomes if isinstance(found, Strike))
-        problems = tuple(found for found in outcomes if isinstance(found, str))
+        strikes = tuple(outcome for outcome in outcomes if isinstance(outcome, Strike))
+        problems = tuple(outcome for outcome in outcomes if isinstance(outcome, str))
         if not strikes:
             raise InputFileError(folder, f"no heel strike can be used ({problems[0] if problems else 'no files'})")
         digest = hashlib.sha256()
         for strike in strikes:
             for field in fields(strike):
                 value = getattr(strike, field.name)
-                told = np.ascontiguousarray(value).tobytes() if isinstance(value, np.ndarray) else repr(value).encode()
-                digest.update(field.name.encode() + told)
+                content = (
+                    np.ascontiguousarray(value).tobytes() if isinstance(value, np.ndarray) else repr(value).encode()
+                )
+                digest.update(field.name.encode() + content)
         return cls(
             about["name"], about["origin"], about["licence"], about["doi"], about["description"].strip(), strikes,
             problems, weights, digest.hexdigest(),
@@ -150,7 +152,7 @@ def _document(file: Path) -> dict[str, Any]:
 def _raw(files: list[Path], document: dict[str, Any]) -> tuple[list[Strike | str], dict[str, float]]:
     """Strikes and sentences of raw files, and the body weights [N]."""
     plate, rate, known = _plate(document)
-    found: list[Strike | str] = [f"{name}: is listed in study.toml and is not there."
+    outcomes: list[Strike | str] = [f"{name}: is listed in study.toml and is not there."
                                  for name in known if name not in {file.name for file in files}]  # fmt: skip
     weights = {}
     for file in files:
@@ -158,31 +160,31 @@ def _raw(files: list[Path], document: dict[str, Any]) -> tuple[list[Strike | str
         try:
             person = Person.read(file, plate, rate, known.get(file.name))
             weights[subject] = person.body_weight_n
-            found += person.strikes()
+            outcomes += person.strikes()
         except RecordingError as error:
-            found.append(f"{file.name}: {error}")
+            outcomes.append(f"{file.name}: {error}")
         except (ValueError, TypeError, IndexError, KeyError) as error:  # an array of another kind or shape
-            found.append(
+            outcomes.append(
                 f"{file.name}: holds arrays that no raw file has ({error}); see README.md of the bundled study."
             )
         except FasError as error:
-            found.append(str(error))
-    return found, weights
+            outcomes.append(str(error))
+    return outcomes, weights
 
 
 def _plate(document: dict[str, Any]) -> tuple[Plate, float, dict[str, str]]:
     """The plate, the markers' rate [Hz] and the digests that study.toml gives."""
-    given: dict[str, Any] = {}
+    settings: dict[str, Any] = {}
     for key, value in document.get("plate", {}).items():
         where = Path("study.toml")
         if isinstance(value, list):
             if len(value) != 2:
                 raise InputFileError(where, f"[plate] {key} has {len(value)} numbers", "give two, [x, y]")
-            given[key] = tuple(_number(where, f"[plate] {key}", each) for each in value)
+            settings[key] = tuple(_number(where, f"[plate] {key}", coordinate) for coordinate in value)
         else:
-            given[key] = _number(where, f"[plate] {key}", value)
+            settings[key] = _number(where, f"[plate] {key}", value)
     rate = _number(Path("study.toml"), "[markers] rate_hz", document.get("markers", {}).get("rate_hz", 1293.5))
-    return Plate(**given), rate, document.get("sha256", {})
+    return Plate(**settings), rate, document.get("sha256", {})
 
 
 def _number(file: Path, name: str, value: object) -> float:
@@ -280,7 +282,7 @@ class Person(Tabled):
 
     def strikes(self) -> list[Strike | str]:
         """Every strike, or the sentence on why it cannot be used; trials without markers share one."""
-        found: list[Strike | str] = []
+        outcomes: list[Strike | str] = []
         without = 0
         for speed, number in self.names():
             try:
@@ -288,14 +290,14 @@ class Person(Tabled):
                 if not len(trial.markers_m):
                     without += 1
                     continue
-                found.append(heel_strike(trial, self.plate, self.gain, self.distance_m, self.rate_hz))
+                outcomes.append(heel_strike(trial, self.plate, self.gain, self.distance_m, self.rate_hz))
             except RecordingError as error:
-                found.append(str(error))
+                outcomes.append(str(error))
         if without:
-            found.append(
+            outcomes.append(
                 f"subject {self.subject}: {without} trials have no markers, so they have a force and no compression."
             )
-        return found
+        return outcomes
 
 
 def _arrays(file: Path, sha256: str | None) -> dict[str, np.ndarray]:

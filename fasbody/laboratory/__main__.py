@@ -101,8 +101,8 @@ def main(
     if before:
         console.print(f"replaced the study that was there, {len(before)} recordings", markup=False, soft_wrap=True)
     noun = "recording" if len(after) == 1 else "recordings"
-    told = f"{len(after)} synthetic {noun} in {made}; the truth is in {made / 'truth.json'}"
-    console.print(told, markup=False, soft_wrap=True)
+    message = f"{len(after)} synthetic {noun} in {made}; the truth is in {made / 'truth.json'}"
+    console.print(message, markup=False, soft_wrap=True)
 
 
 def _written(folder: Path) -> set[Path]:

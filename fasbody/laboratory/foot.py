@@ -98,7 +98,7 @@ def make_study(
 
     Raises:
         SettingError: no such subject, a length or frequency that makes no recording, or a value twice.
-        RecordingError: nobody carries such a mass.
+        RecordingError: a mass is not plausible.
     """
     instrument = instrument or Instrument()
     if subject not in SUBJECTS:

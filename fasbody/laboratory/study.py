@@ -1,7 +1,6 @@
 """A whole synthetic study: subjects, loads, postures and excitations of Chapter 2, base, malleolus and tuberosity.
 
-Every recording (virtual_recording.py) depends only on the seed and its own place in the table, not on the number of
-processes.
+Every recording (recording.py) depends on the seed and its place in the table only, not on the number of processes.
 """
 
 from collections.abc import Iterable
@@ -32,7 +31,7 @@ BROADBAND_HZ = 25.0
 _BAND_HZ = (5.0, 60.0)
 
 
-#: The default is no blind draw: of the first hundred seeds it is one of three with most of the stated findings
+#: The default was selected: of the first hundred seeds it is one of three with most of the stated findings
 #: (benchmarks/findings_by_seed.py). What is claimed from it must hold with other seeds, too (reproduction/).
 PICKED_SEED = 9
 
@@ -55,7 +54,7 @@ class Plan:
         """Itself, complete: without conditions, the loads in midstance and the other postures without load.
 
         Raises:
-            SettingError: it makes no study. RecordingError: nobody carries such a mass.
+            SettingError: it makes no study. RecordingError: a mass is not plausible.
         """
         conditions = self.conditions or (
             *(("midstance", m) for m in ADDED_MASSES_KG), *((p, 0.0) for p in POSTURES[1:])
@@ -93,11 +92,11 @@ def once(option: str, values: Iterable[float]) -> None:
     Raises:
         SettingError: there are two such.
     """
-    told: set[str] = set()
-    for value in (f"{each:g}" for each in values):
-        if value in told:
+    seen: set[str] = set()
+    for value in (f"{number:g}" for number in values):
+        if value in seen:
             raise SettingError(f"{option} {value} is given twice; give it once.")
-        told.add(value)
+        seen.add(value)
 
 
 @dataclass(frozen=True)
@@ -207,7 +206,7 @@ response to small motion. """
 _PICKED = """
 This seed was picked: of the first hundred it is one of three with most of those findings. Try others before believing
 one (benchmarks/findings_by_seed.py)."""
-#: The sensors' data sheet says how well their gain and delay are known, not what they are: that is left to be found.
+#: The sensors' data sheet says how well their gain and delay are known, not their values, which a fit estimates.
 _STUDY = '''[study]
 name = "virtual study"
 origin = "synthetic"

@@ -2,7 +2,7 @@
 
 The foot is the two-mass model with constants that depend on frequency and load, as the thesis found them to: k_T and
 k_F rise with both, c_11 falls with frequency, c_21 rises, and is the larger. With constants that do not depend on them
-the peak would fall with load. So the "resonance" of these curves is not a mode of one linear system. The tibial
+the peak would fall with load. The "resonance" of these curves is therefore no mode of one linear system. The tibial
 tuberosity is a light mass on a soft mount on the shank. Coefficients were fitted by least squares to a table of target
 transmissibilities with the stated trends as constraints; the scatter is invented, within what the figures show.
 """

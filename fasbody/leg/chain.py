@@ -228,6 +228,6 @@ def _law(model: mujoco.MjModel, joint: int, name: str) -> tuple[float, float]:
         k, c = damper.at_rest(user)
     except ValueError as error:
         raise ModelError(f"{name}: joint {model.joint(joint).name!r} {error}.") from None
-    own = float(model.dof_damping[model.jnt_dofadr[joint]])
-    own = 0.0 if user[0] == damper.DAMPER else own  # there the own damping is a share of the law's
-    return float(model.jnt_stiffness[joint]) + k, own + c
+    native = float(model.dof_damping[model.jnt_dofadr[joint]])
+    native = 0.0 if user[0] == damper.DAMPER else native  # with the damper law, native damping is a share of it
+    return float(model.jnt_stiffness[joint]) + k, native + c

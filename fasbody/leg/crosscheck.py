@@ -26,7 +26,7 @@ FINE = 2.5e-4
 BY_DIFFERENCES, STRETCH, RATE, SMALLER = 1e-8, 1e-6, 1e-3, 1e-4
 #: Central difference of fourth order: nudge, weight.
 DIFFERENCES = ((-2.0, 1 / 12), (-1.0, -8 / 12), (1.0, 8 / 12), (2.0, -1 / 12))
-#: Seconds before the last period is read: transients from the step's own error fade.
+#: Seconds before the last period is read, in which transients of the step's error decay.
 SETTLING = 0.6
 
 
@@ -180,7 +180,7 @@ def stepped_response(
     motion = harmonics(frequency_hz, [-1j * peak], periods * period)
     out = Batch(foot, 1).run(motion.controls(step, periods * count)[None], step, qpos, qvel)
     data = mujoco.MjData(foot.model)
-    found: dict[str, list[float]] = {s: [] for s in sites}
+    readings: dict[str, list[float]] = {s: [] for s in sites}
     first = (periods - 1) * count
     with callbacks():
         controls = motion.controls(step, periods * count)[first:]
@@ -190,6 +190,6 @@ def stepped_response(
             data.ctrl[foot.shaker : foot.shaker + controls.shape[1]] = controls[k]
             mujoco.mj_forward(foot.model, data)
             for s in sites:
-                found[s].append(float(foot.sensors[s].read(data.sensordata)))
+                readings[s].append(float(foot.sensors[s].read(data.sensordata)))
     wave = np.exp(-1j * omega * step * np.arange(first, first + count)) * 2 / count
-    return {s: complex(np.array(values) @ wave / (-1j * peak)) for s, values in found.items()}
+    return {s: complex(np.array(values) @ wave / (-1j * peak)) for s, values in readings.items()}

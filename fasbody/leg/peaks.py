@@ -80,10 +80,10 @@ def peaks(leg: Leg, model: str) -> Peaks:
     legs = [leg.with_added(added) for added in ADDED_KG]
 
     def at(site: str, frequency_hz: Array) -> Array:
-        return np.array([each.at(site, frequency_hz) for each in legs])
+        return np.array([loaded.at(site, frequency_hz) for loaded in legs])
 
     f = np.array(FREQUENCIES_HZ)
     MB, TB = at("malleolus", FINE_HZ), at("tuberosity", FINE_HZ)
     held = judge(Curves(at("malleolus", f), at("tuberosity", f) / at("malleolus", f)))
-    lowest = tuple(float(each.modes()[0][0]) for each in legs)
+    lowest = tuple(float(loaded.modes()[0][0]) for loaded in legs)
     return Peaks(model, FINE_HZ, MB, TB, TB / MB, tuple(bool(h) for h in held), lowest)

@@ -1,6 +1,6 @@
 """What sections 2.3.1, 2.3.2 and 2.4 state about the load, as data that a model without subjects can be held against.
 
-The thesis compares means by tests; a model has one number. So "greater" asks for `GREATER` more, "equal" and "close to"
+The thesis compares means by tests; a model has one number. So "greater" needs `GREATER` more, "equal" and "close to"
 allow `EQUAL`, and what the thesis prints as a trend may break by `GREATER`. Both tolerances are assumptions: the thesis
 gives none. The statements that need a scatter (subjects that differ) are left to transmissibility/findings.py.
 """
@@ -41,7 +41,7 @@ class Curves:
 
 @dataclass(frozen=True)
 class Statement:
-    """One statement: section, pair, what it says, and the judge of many models at once."""
+    """One statement: section, pair, text, and the function that tests many models at once."""
 
     section: str
     pair: str

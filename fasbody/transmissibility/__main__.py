@@ -203,8 +203,8 @@ def _single_mass(table: "Table"):  # type: ignore[no-untyped-def]
     """Figure 2.10 with the study's own mean MB in it, unloaded or of the first condition."""
     import numpy as np
 
+    from fasbody.constants import Z95
     from fasbody.transmissibility import figures, sdof
-    from fasbody.transmissibility.statistics import Z95
 
     condition = table.conditions[0]
     c = table.curves("MB", *condition)

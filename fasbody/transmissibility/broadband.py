@@ -1,6 +1,6 @@
 """The response to motion of many frequencies: period by period where it repeats itself, by local models where not.
 
-H1, H2 and Hv by Welch's method stand beside, with the error by their resolution named.
+H1, H2 and Hv by Welch's method are available, too, with their resolution error.
 """
 
 import numpy as np
@@ -51,7 +51,7 @@ def broadband(
 def _averaged(
     channels: dict[str, np.ndarray], rate_hz: float, resolution_hz: float, kind: str, best: Response
 ) -> Response:
-    """By Welch's method; its error by the resolution is told where it differs from the best estimate beyond noise."""
+    """By Welch's method; its resolution error is stated where it differs from the best estimate beyond noise."""
     use = excited(channels["base"], rate_hz, resolution_hz)
     H, bias, frequency = {}, {}, np.empty(0)
     outs = [name for name in channels if name != "base"]

@@ -1,4 +1,4 @@
-"""Every test of a study in tables: those for repeated measures, corrected, and apart from them the thesis' own.
+"""Every test of a study in tables: those for repeated measures, corrected, and separately those of the thesis.
 
 A family is all tests of one pair of channels in one table; Holm's correction is over it, and verdicts are by what is
 left. Columns that begin with `thesis_` are the tests of section 2.3 as printed, uncorrected.

@@ -8,10 +8,10 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.interpolate import Akima1DInterpolator
 
+from fasbody.constants import Z95
 from fasbody.presentation import COLOURS, MARKS, PAGE, picture, printed
 from fasbody.transmissibility import sdof
 from fasbody.transmissibility.labels import label_lines
-from fasbody.transmissibility.statistics import Z95
 from fasbody.transmissibility.table import Condition, Table
 
 

@@ -5,7 +5,7 @@ smooth term T / A for what rings on from before the record and beyond its end (P
 Identification, 2nd ed., section 7.2; with a denominator: McKelvey & Guérin 2012). The denominator follows a resonance
 that a polynomial of the same window cannot, so that the window may be wide and the noise small. Noise of the base, seen
 beyond the band that the shaker excites, is taken out of the normal equations, where it would make the response too
-small. Windows of half the width tell what is lost by the resolution.
+small. Windows of half the width give the resolution error.
 """
 
 from dataclasses import replace

@@ -1,4 +1,4 @@
-"""The response to motion that repeats itself: means over the periods, noise and nonlinear distortion told apart.
+"""The response to motion that repeats itself: means over the periods, with noise and nonlinear distortion separated.
 
 What differs from period to period is noise, what repeats at lines that the shaker does not drive is distortion of the
 foot (Pintelon & Schoukens, System Identification, 2nd ed., chapter 4). The ratio of means over periods is unbiased
@@ -30,7 +30,7 @@ def period_of(base: np.ndarray, rate_hz: float, band_hz: tuple[float, float]) ->
     n = base.size
     size = 1 << (2 * n - 1).bit_length()
     f = np.fft.rfftfreq(size, 1 / rate_hz)
-    inside = (f > 0.5 * band_hz[0]) & (f < 1.2 * band_hz[1])  # white noise and drift outside tell nothing
+    inside = (f > 0.5 * band_hz[0]) & (f < 1.2 * band_hz[1])  # outside is white noise and drift
     power = np.abs(np.fft.rfft(base - base.mean(), size)) ** 2 * inside
     covariance = np.fft.irfft(power, size)[: n // _FEWEST + 1]
     alike = covariance / max(1e-300, covariance[0]) * n / (n - np.arange(covariance.size))
@@ -139,7 +139,7 @@ def by_periods(
 
 
 def _steady(spectra: dict[str, np.ndarray]) -> dict[str, np.ndarray]:
-    """Without the first periods while the foot still settles."""
+    """Without the first periods, in which the transient of the foot decays."""
     while len(spectra["base"]) > _FEWEST:
         worst = 0.0
         later = spectra["base"][1:]
@@ -176,7 +176,7 @@ def _distorted(
     if silent.size < 3 or driven.sum() < 3:
         return np.full(frequency.size, np.nan)
     response = np.interp(frequency[silent], frequency[driven], H[driven])
-    left = out[:, silent] - response * base[:, silent]  # what the base itself does there is no distortion of the foot
+    left = out[:, silent] - response * base[:, silent]  # what the response to the base explains is no distortion
     P = len(left)
     noise = np.sum(np.abs(left - left.mean(axis=0)) ** 2, axis=0) / (P - 1) / P
     power = np.abs(left.mean(axis=0)) ** 2

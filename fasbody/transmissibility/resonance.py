@@ -1,9 +1,9 @@
-"""Where a transmissibility has its peak or plateau: the rule of section 2.3.1, and one that shows what it claims.
+"""Where a transmissibility has its peak or plateau: the rule of section 2.3.1, and one by significance tests.
 
 The thesis calls two frequencies equal where a paired t test finds no difference; the fewer the subjects, the more is
-then equal. `shown` claims a plateau only where an equivalence test finds the differences smaller than a margin, a peak
-only where Holm's correction over all pairs of frequencies leaves it standing, the lack of both only where the curve
-falls from each frequency to the next; all else is undecided.
+then equal. `by_tests` claims a plateau only where an equivalence test finds the differences smaller than a margin. It
+claims a peak only where the tests are significant after Holm's correction over all pairs of frequencies, and neither
+only where the curve falls from each frequency to the next. All else is undecided.
 """
 
 from collections.abc import Callable
@@ -27,7 +27,7 @@ class Resonance(Tabled):
     """What a rule finds.
 
     Attributes:
-        kind: "peak", "plateau", "none", "undecided" (`shown` only) or "not tested".
+        kind: "peak", "plateau", "none", "undecided" (`by_tests` only) or "not tested".
         low: lower end of its range [Hz], NaN without peak or plateau.
         high: upper end [Hz].
         top: where its mean is highest [Hz].
@@ -134,8 +134,8 @@ def by_thesis(frequency_hz: np.ndarray, T: np.ndarray) -> Resonance:
 
 
 @_tested
-def shown(frequency_hz: np.ndarray, T: np.ndarray, margin: float = MARGIN) -> Resonance:
-    """What the subjects show beyond chance.
+def by_tests(frequency_hz: np.ndarray, T: np.ndarray, margin: float = MARGIN) -> Resonance:
+    """Resonance range of one condition by tests with corrected error rates.
 
     Peak: the highest mean is greater than some frequency on both of its sides, by paired t tests with Holm's correction
     over all pairs of frequencies, so that choosing the highest costs nothing; the range holds the neighbours that are

@@ -5,8 +5,8 @@ from dataclasses import dataclass, field
 import numpy as np
 from scipy import stats
 
+from fasbody.constants import Z95
 from fasbody.presentation import Tabled
-from fasbody.transmissibility.statistics import Z95
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,7 +20,7 @@ class Response(Tabled):
         covariance: (channel, channel) -> (f,) complex covariance of two estimates, widened so that 1.96 standard
             deviations are a 95 % interval for however few segments there were.
         distortion: channel -> (f,) standard deviation by nonlinear distortion, contained in the covariance; nan where
-            it cannot be told from the noise.
+            it cannot be distinguished from the noise.
         bias: channel -> (f,) relative error by the resolution, as far as it shows; nan where there is no such error.
     """
 
@@ -47,7 +47,7 @@ class Response(Tabled):
         return H, np.sqrt(np.maximum(0.0, power) / 2) / np.abs(self.H[into])
 
     def distorted(self, out: str, into: str = "base") -> np.ndarray:
-        """(f,) standard deviation by nonlinear distortion of a ratio, nan where it cannot be told."""
+        """(f,) standard deviation by nonlinear distortion of a ratio, nan where noise hides it."""
         H, _ = self.ratio(out, into)
         unknown = np.full(self.frequency_hz.size, np.nan)
         total = self.distortion.get(out, unknown) / np.abs(self.H[out])

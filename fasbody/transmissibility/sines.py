@@ -1,8 +1,8 @@
 """The response to one sine, by segments: what amplitude and frequency of the shaker do is common to all channels.
 
-Each segment has its own complex amplitudes, with its own offset and slope, so that drift stays out of them. Their ratio
-is what the foot does; what the shaker's wander does to one channel it does to the other, and what is left of one
-channel when the ratio times the base is taken off is the noise that the interval holds.
+Complex amplitudes are fitted to each segment with an offset and a slope, which take up drift. Their ratio is the
+response of the foot. A varying amplitude of the shaker is common to both channels. What remains of a channel after
+subtracting the ratio times the base is the noise that the interval accounts for.
 """
 
 from itertools import pairwise
@@ -15,7 +15,7 @@ from fasbody.transmissibility.response import Response, widening
 _SEGMENTS, _PERIODS = 20, 3
 #: From so many on their scatter is the noise, below it is what the fits leave.
 _ENOUGH = 6
-#: The shaker wanders where that explains all but this part of the scatter.
+#: The amplitude of the shaker varies if that explains all but this part of the scatter.
 _WANDERS = 3.0
 #: Harmonics taken along, so that they do not leak into the fundamental.
 _HARMONICS = 20
@@ -68,7 +68,7 @@ def by_segments(time_s: np.ndarray, channels: dict[str, np.ndarray], frequency_h
 def _common(base: np.ndarray, moved: np.ndarray) -> tuple[np.ndarray, np.ndarray, float, int]:
     """Ratios (channels,) of amplitudes by segment, what they leave, their variance for unit scatter, and its freedom.
 
-    A foot answers a wander of its base with the slope and curvature of its response: where the first and second
+    A foot follows a varying base with the slope and curvature of its response: where the first and second
     differences of the base's amplitude explain most of what a constant ratio leaves, they are taken along.
 
     Args:

@@ -12,12 +12,11 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special, stats
 
+from fasbody.constants import Z95 as Z95  # identification.blackbox imports it from here
 from fasbody.exceptions import RecordingError
 from fasbody.presentation import Tabled
 
 ALPHA = 0.05
-#: Standard deviations that a 95 % interval reaches to each side.
-Z95 = float(special.ndtri(0.975))
 
 
 @dataclass(frozen=True)
@@ -103,7 +102,7 @@ def repeated_measures(levels: np.ndarray) -> Variance:
     level. Its F has (k - 1) and N - n - (k - 1) degrees of freedom for N values of n subjects,
     exactly where differences between levels are alike in variance; a Wald test of a mixed model,
     which takes the variance for known, rejects twice too often with five subjects. Subjects with a
-    single value tell nothing of levels and are not counted.
+    single value give no information on levels and are not counted.
 
     Args:
         levels: (subjects, levels), NaN where nothing was measured.

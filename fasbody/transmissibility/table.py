@@ -19,7 +19,7 @@ from fasbody.recording.study import Study, StudyFolder
 from fasbody.recording.trials import Trial
 from fasbody.runner import run
 from fasbody.transmissibility.estimate import PAIRS, Row, rows, unwrapped
-from fasbody.transmissibility.resonance import Resonance, by_thesis, shown
+from fasbody.transmissibility.resonance import Resonance, by_tests, by_thesis
 
 #: An error by the resolution is stated from here on, as a share.
 _NOTABLE_BIAS = 0.01
@@ -68,7 +68,7 @@ class Curves(Tabled):
     @cached_property
     def shown(self) -> Resonance:
         """By tests that can show a plateau, or its lack."""
-        return shown(self.frequency_hz, self.T)
+        return by_tests(self.frequency_hz, self.T)
 
     def on(self, frequency_hz: np.ndarray) -> "Curves":
         """The same on other frequencies, NaN where nothing was measured."""
@@ -116,7 +116,7 @@ class Table(Presented):
         """Analyse a study; of a folder, one recording in memory a process."""
         if isinstance(study, Study):
             return cls.of_recordings(study.recordings, resolution_hz, estimate)
-        light = StudyFolder(study.name, study.origin, "", (), study.layout)  # what a process needs besides its trial
+        light = StudyFolder(study.name, study.origin, "", (), study.layout)  # all that a worker needs besides its trial
         jobs = [(light, trial, resolution_hz, estimate) for trial in study.trials]
         results = sorted(run(_analyse, jobs, "transmissibility", processes), key=lambda result: result[0])
         return cls._made_of([part for _, part in results], study.origin, _stated(study.layout))
@@ -194,7 +194,7 @@ class Table(Presented):
 
     @cached_property
     def _known(self) -> dict[tuple[str, str, float], Curves]:
-        """Curves made so far: tests, figures and tables ask again."""
+        """Curves computed so far, cached for tests, figures and tables."""
         return {}
 
     def _curves(self, pair: str, posture: str, added_mass_kg: float) -> Curves:
@@ -296,7 +296,7 @@ def covered(channels: Mapping[str, Channel]) -> str:
 
 
 def _mean(values: np.ndarray) -> np.ndarray:
-    """Over the subjects; NaN at a frequency that nobody was measured at."""
+    """Over the subjects; NaN at a frequency without a measurement."""
     known = np.isfinite(values).any(axis=0)
     mean = np.full(values.shape[1], np.nan)
     mean[known] = np.nanmean(values[:, known], axis=0)

@@ -1,1 +1,1 @@
-"""Rival models of the foot, compared on the same recordings: which departure of the world do they speak for?"""
+"""Rival models of the foot, compared on the same recordings: which departure from the model do they support?"""

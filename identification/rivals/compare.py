@@ -25,7 +25,7 @@ from identification.rivals.ladder import (
     edited,
     rungs_of,
 )
-from identification.rivals.result import MODEL, Own, Point, Rival, Rivals, preferred
+from identification.rivals.result import MODEL, Point, Rival, RivalConstant, Rivals, preferred
 from identification.rivals.search import Advance, Contender, climb, held_out
 from identification.setup import is_steady
 
@@ -55,7 +55,7 @@ def compare_rivals(
         files: edited MJCF models to compare, too.
         mass_std, gain_std, delay_std_s: what masses, gain and delay may be off, as in `fit_foot`.
         source: name of the data, if not that of the study.
-        advance: called with what is done, how many of how many.
+        advance: called with the stage, the number done and the total.
 
     Raises:
         RecordingError: a recording is not steady, or they are of several persons. ModelError: the model is not the
@@ -70,8 +70,8 @@ def compare_rivals(
             "file as --rival."
         )
     models = [load(file) for file in files]
-    given = [study] if isinstance(study, Recording) else list(study)
-    data = _checked(given)
+    recordings = [study] if isinstance(study, Recording) else list(study)
+    data = _checked(recordings)
     known = Known.of_all([r.known for r in data]).told(mass_std=mass_std, gain_std=gain_std, delay_std_s=delay_std_s)
     ladder, others = rungs_of(foot, data, known, chosen), [edited(model, data, known) for model in models]
     contenders = climb([*ladder, *others], advance)
@@ -100,16 +100,16 @@ def _rungs(names: Sequence[str] | None) -> list[Rung]:
     return [rung for rung in LADDER if names is None or rung.name in (LINEAR, MODEL, *names)]
 
 
-def _checked(given: Sequence[Recording]) -> list[Recording]:
+def _checked(recordings: Sequence[Recording]) -> list[Recording]:
     """Steady recordings of one person.
 
     Raises:
         RecordingError: see `compare_rivals`.
     """
-    if not given:
+    if not recordings:
         raise RecordingError("there is no recording to compare rivals on.")
-    apart(given)
-    data = [checked(recording) for recording in given]
+    apart(recordings)
+    data = [checked(recording) for recording in recordings]
     for r in data:
         if r.condition.frequency_hz is None:
             raise RecordingError(f"{r.file}: is not periodic; rivals are compared on steady vibration, one sine each.")
@@ -148,7 +148,7 @@ def _rival(contender: Contender, best: Solution) -> Rival:
         bic=deviances[0] + candidate.free * float(np.log(problem.size)), held_out=scores, error=error,
         branch=end.branch, log_odds=0.5 * (deviances[1] - deviances[0]) if others else None,
         k_T=k_T, k_F=k_F, log_ratio=_log_ratio(end) if k_T and k_F else None,
-        other=(across[0], across[1]) if across[0] and across[1] else None, own=_own(candidate, end),
+        other=(across[0], across[1]) if across[0] and across[1] else None, own=_constants(candidate, end),
         values=v.named(end.q) if isinstance(v, RungVariables) else {},
         predicted=tuple(y[ok] for y, ok in zip(Y, valid, strict=True)), converged=end.optimum.converged,
         extra=candidate.extra, repeatability=contender.repeatability,
@@ -172,15 +172,15 @@ def _log_ratio(end: Solution) -> tuple[float, float]:
     return float(value(end.q)[0]), float(end.spread(end.slopes(value))[0])
 
 
-def _own(candidate: Candidate, end: Solution) -> tuple[Own, ...]:
-    """The rival's own constants; 1 / f^2 of a mount is reported as its frequency."""
+def _constants(candidate: Candidate, end: Solution) -> tuple[RivalConstant, ...]:
+    """The constants that only this rival has; 1 / f^2 of a mount is reported as its frequency."""
     rows, items = dict(zip(end.problem.variables.nuisances, end.allowances(), strict=True)), []
-    for symbol, item in candidate.rung.own.items():
+    for symbol, item in candidate.rung.constants.items():
         name, does, unit, row = symbol, item.does, item.unit, rows[item]
         numbers = (row.value, row.lower, row.upper)
         if symbol == "u":
             name, does, unit = "f_u", "frequency of the sensor on its tissue", "Hz"
             value, upper, lower = (x**-0.5 if x > 0 else np.inf for x in numbers)
             numbers = (value, lower, upper)
-        items.append(Own(name, does, unit, *numbers, item.source))
+        items.append(RivalConstant(name, does, unit, *numbers, item.source))
     return tuple(items)

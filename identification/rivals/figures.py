@@ -1,4 +1,4 @@
-"""The printed figures of a comparison: what rivals predict over frequency, and what they say of the springs."""
+"""The printed figures of a comparison: predictions over frequency, and stiffness of the springs."""
 
 from itertools import product
 from typing import TYPE_CHECKING
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from identification.rivals.naming import Naming
     from identification.rivals.result import Rivals
 
-#: Colours that the colour-blind tell apart (Okabe and Ito), with marks of their own.
+#: Colours that the colour-blind can distinguish (Okabe and Ito), each with a mark.
 _COLOURS = (*COLOURS, "#8c6d31", "#7f7f7f", "#000000")
 _MARKS = ("o", "s", "^", "v", "D", "P", "X", "<", ">")
 #: An interval is drawn whole up to this factor from its value; beyond it, it is cut at the frame.
@@ -38,8 +38,8 @@ def predictions(result: "Rivals") -> Figure:
     """
     loads = sorted({p.load_kg for p in result.points})
     figure, axes = panels(3, len(loads), 3.0 * len(loads) + 0.6, 6.4, sharex=True, sharey="row")
-    shown = list(result.rivals[:_DRAWN])
-    shown += [r for r in result.rivals[_DRAWN:] if r.name == "model"]
+    drawn = list(result.rivals[:_DRAWN])
+    drawn += [r for r in result.rivals[_DRAWN:] if r.name == "model"]
     look = _colours(result)
     for column, load in enumerate(loads):
         places = [i for i, p in enumerate(result.points) if p.load_kg == load]
@@ -52,7 +52,7 @@ def predictions(result: "Rivals") -> Figure:
         size.plot(f, np.abs(Y / U), "o", ms=5, mfc="white", mec="#2b2b2b", label="measured", zorder=3)
         lag.plot(f, _lag(Y / U), "o", ms=5, mfc="white", mec="#2b2b2b", zorder=3)
         gap.fill_between(f, 1e-7, 100 * noise, color="#d9d9d9", lw=0, label="standard error")
-        for r in shown:
+        for r in drawn:
             colour, mark = look[r.name]
             y = np.array([r.predicted[i][0] for i in places])
             size.plot(f, np.abs(y / U), color=colour, lw=1.1, label=r.title)
@@ -60,15 +60,15 @@ def predictions(result: "Rivals") -> Figure:
             gap.semilogy(f, 100 * np.abs(y - Y) / np.abs(Y), color=colour, marker=mark, ms=3.5, lw=0.9)
         size.set_title(f"{load:g} kg on the knee")
         gap.set_xlabel("frequency [Hz]")
-    worst = [100 * abs(r.predicted[i][0] / p.malleolus[0] - 1) for r in shown for i, p in enumerate(result.points)]
+    worst = [100 * abs(r.predicted[i][0] / p.malleolus[0] - 1) for r in drawn for i, p in enumerate(result.points)]
     axes[2, 0].set_ylim(min(1e-3, 0.5 * float(np.quantile(worst, 0.02))), 2 * max(worst))
     axes[0, 0].set_ylabel("transmissibility")
     axes[1, 0].set_ylabel("phase lag [deg]")
     axes[2, 0].set_ylabel("distance [%]")
     handles, labels = axes[0, 0].get_legend_handles_labels()
-    more, said = axes[2, 0].get_legend_handles_labels()
+    more, more_labels = axes[2, 0].get_legend_handles_labels()
     figure.legend(
-        [*handles, *more], [*labels, *said], loc="outside lower center", ncols=min(3, 1 + len(loads)),
+        [*handles, *more], [*labels, *more_labels], loc="outside lower center", ncols=min(3, 1 + len(loads)),
     )  # fmt: skip
     return figure
 
@@ -90,10 +90,12 @@ def constants(result: "Rivals") -> Figure:
         values = []
         for place, r in enumerate(rivals):
             alpha = 1.0 if r in adequate else 0.45
-            told = [(r.k_T if name == "k_T" else r.k_F, 0.0, "#0072B2", "#0072B2", "likelier branch")]
+            estimates = [(r.k_T if name == "k_T" else r.k_F, 0.0, "#0072B2", "#0072B2", "likelier branch")]
             if r.other and not r.decided:
-                told.append((r.other[name == "k_F"], 0.24, "#D55E00", "white", "other branch, where it stays open"))
-            for e, lower, colour, face, label in told:
+                estimates.append(
+                    (r.other[name == "k_F"], 0.24, "#D55E00", "white", "other branch, where it stays open")
+                )
+            for e, lower, colour, face, label in estimates:
                 assert e is not None
                 low, high = max(e.lower, e.value / _CUT), min(e.upper, e.value * _CUT)
                 values += [low / 1e3, e.value / 1e3, high / 1e3]

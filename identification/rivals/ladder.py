@@ -43,14 +43,14 @@ class Rung:
     Attributes:
         name: for options and files.
         title: for people.
-        own: what it frees beside the foot, by the symbol of `steady.CONSTANTS`.
+        constants: what it frees beside the foot, by the symbol of `steady.CONSTANTS`.
         held: what it holds at zero.
         loads: recorded loads that it takes to tell it from the model.
     """
 
     name: str
     title: str
-    own: Mapping[str, Nuisance] = field(default_factory=dict)
+    constants: Mapping[str, Nuisance] = field(default_factory=dict)
     held: tuple[str, ...] = ()
     loads: int = 1
 
@@ -107,9 +107,9 @@ class RungVariables(Variables):
 
     rung: Rung = LADDER[0]
 
-    def _own(self, Q: np.ndarray, symbol: str) -> np.ndarray:
+    def _rung_constant(self, Q: np.ndarray, symbol: str) -> np.ndarray:
         """A constant (...,) of the rung in its unit, at rest if it has none of this symbol."""
-        item = self.rung.own.get(symbol)
+        item = self.rung.constants.get(symbol)
         if item is None:
             return np.full(Q.shape[:-1], _AT_REST[symbol])
         x = self.value(Q, self.place(item))
@@ -123,12 +123,12 @@ class RungVariables(Variables):
         """(..., R, P) parameters of each recording's foot, `EXTRA` last if the rung has any."""
         theta = super().theta(Q)
         for symbol, names in (("e_T", ("k_T", "c_11")), ("e_F", ("k_F", "c_21"))):
-            grown = np.exp(self._own(Q, symbol)[..., None] * self.loads / LOAD_KG)
+            grown = np.exp(self._rung_constant(Q, symbol)[..., None] * self.loads / LOAD_KG)
             theta[..., [AT[name] for name in names]] *= grown[..., None]
-        if not set(EXTRA) & set(self.rung.own):
+        if not set(EXTRA) & set(self.rung.constants):
             return theta
         alike = np.ones(theta.shape[:-1])  # in all recordings, but for the share of what swings
-        more = {name: self._own(Q, name)[..., None] * alike for name in EXTRA}
+        more = {name: self._rung_constant(Q, name)[..., None] * alike for name in EXTRA}
         more["w"] *= 1 - self._carried(Q) / theta[..., AT["m_S"]]
         return np.concatenate([theta, np.stack(list(more.values()), -1)], -1)
 
@@ -140,7 +140,7 @@ class RungVariables(Variables):
         for item in self.nuisances:
             if item.kind in ("gain", "delay", "drift"):
                 values[item.kind] = item.value(q[self.place(item)] * item.std)
-        return values | {symbol: float(self._own(q, symbol)) for symbol in self.rung.own}
+        return values | {symbol: float(self._rung_constant(q, symbol)) for symbol in self.rung.constants}
 
     def carried_over(self, q: np.ndarray, of: Variables) -> np.ndarray:
         """(n,) a place of another rung; what that has not is where its prior is centred."""
@@ -159,7 +159,7 @@ class Candidate:
     @property
     def free(self) -> int:
         """Parameters that BIC counts: all but the nuisances, which every rival has."""
-        return len(self.problem.variables.constants) + len(self.rung.own)
+        return len(self.problem.variables.constants) + len(self.rung.constants)
 
     @property
     def extra(self) -> bool:
@@ -171,10 +171,10 @@ def rungs_of(
     foot: Foot, data: Sequence[Recording], known: Known, rungs: Sequence[Rung]
 ) -> list[Candidate]:  # fmt: skip
     """The rungs that recordings of one person can tell."""
-    measured, own = Measured.of([Line.of(r) for r in data], MALLEOLUS), foot.values()
-    masses = [name for name in own if name in MASSES]
+    measured, values = Measured.of([Line.of(r) for r in data], MALLEOLUS), foot.values()
+    masses = [name for name in values if name in MASSES]
     items = nuisances(data, known.told(exclude=EXCLUDED), masses, True)
-    ratio = branches.ratio([r.condition.masses for r in data], own)
+    ratio = branches.ratio([r.condition.masses for r in data], values)
     loads = {r.condition.added_mass_kg for r in data}
     candidates = []
     for rung in rungs:
@@ -183,8 +183,8 @@ def rungs_of(
         names = [name for name in foot.parameters if name not in (*MASSES, *rung.held)]
         space = space_of(foot, names, delay=False)
         space = replace(space, fixed={**space.fixed, **dict.fromkeys(rung.held, 0.0)})
-        variables = RungVariables(space, (*items, *rung.own.values()), data, own, True, ratio, rung)
-        kind = RivalMotion if set(EXTRA) & set(rung.own) else TwoMassMotion
+        variables = RungVariables(space, (*items, *rung.constants.values()), data, values, True, ratio, rung)
+        kind = RivalMotion if set(EXTRA) & set(rung.constants) else TwoMassMotion
         motion = kind(measured, variables.omega, (False,), HARMONICS)
         candidates.append(Candidate(rung, Problem.of(measured, variables, motion)))
     return candidates

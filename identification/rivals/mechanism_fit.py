@@ -2,7 +2,7 @@
 
 Each mechanism is fitted to the complex responses of a plan (loads, frequencies, amplitudes,
 sensors) over the scatter of a recording, with body mass, gains and the softness of both sensors'
-seats free within what is stated of them. The one with the largest evidence within its bounds
+seats free within their stated uncertainty. The one with the largest evidence within its bounds
 (Laplace's approximation) is named; below odds of 1000 to 1 the answer is "undecided", and where
 none fits it is "none of these".
 """
@@ -84,13 +84,13 @@ class Plan:
 
 @dataclass(frozen=True)
 class Recordings:
-    """What a plan's recordings give, (n,), complex unless said otherwise.
+    """Responses of a plan's recordings, (n,), complex unless stated otherwise.
 
     Attributes:
         MB: malleolus over the table.
         TB: tuberosity over the table.
         second: second harmonic of the malleolus over its first.
-        air: share of the time without contact, as a simulator knows it, real.
+        air: share of the time without contact, known to a simulator only, real.
         repeats: whether each motion repeats after one period, bool.
     """
 
@@ -214,7 +214,7 @@ class Fitted:
 
 @dataclass(frozen=True)
 class Verdict:
-    """The answer for one subject.
+    """The verdict for one subject.
 
     Attributes:
         named: mechanism, `UNDECIDED` or `NONE`.
@@ -222,7 +222,7 @@ class Verdict:
         margin: to the next one.
         per_dof: sum of squares of the best per degree of freedom.
         criteria: of every mechanism.
-        lost: recordings that do not repeat after one period and are left out.
+        left_out: number of recordings left out, as they do not repeat after one period.
     """
 
     named: str
@@ -230,7 +230,7 @@ class Verdict:
     margin: float
     per_dof: float
     criteria: dict[str, float]
-    lost: int
+    left_out: int
 
 
 class Analysis:
@@ -370,7 +370,7 @@ class _Search:
         )
 
     def residuals(self, theta: Array, start: Array | None, nearby: bool = False) -> tuple[Array, Predicted]:
-        """Misfit and what is stated beforehand, (d, m), for theta (d, p)."""
+        """Whitened residuals and prior rows, (d, m), for theta (d, p)."""
         read = self.read(theta, start, nearby)
         misfit = _misfit(self.plan, self.data, self.departure, read.MB, read.TB, read.second)
         return np.concatenate([misfit, theta[:, self.free : self.free + 3]], axis=1), read
@@ -405,7 +405,7 @@ class _Search:
             for _ in range(6):
                 step = np.linalg.solve(N + np.diag(damp * (N.diagonal() + 1e-3)), gradient)
                 new = np.clip(theta - step, low, high)
-                later, there = self.residuals(new[None], now.x)
+                later, reached = self.residuals(new[None], now.x)
                 total = float((later**2).sum())
                 if total < best:
                     break
@@ -415,7 +415,7 @@ class _Search:
             ahead = best - self.goal
             enough = 0.15 * ahead if ahead > FAR else 0.1
             small = small + 1 if best - total < enough else 0
-            theta, rest, now, best, damp = new, later, there, total, max(damp / 8, 1e-6)
+            theta, rest, now, best, damp = new, later, reached, total, max(damp / 8, 1e-6)
             if small >= 2:
                 break
         J = self.slope(theta, 0.5 * (low + high), now.x)
@@ -468,7 +468,7 @@ class Confusion:
         return sum(wins) / max(1, len(wins))
 
     def record(self) -> dict[str, Any]:
-        """As a document: counts, and what share of each pair is told apart."""
+        """As a document: counts, and the share of each pair that is distinguished."""
         names, truths = (*MECHANISMS, UNDECIDED, NONE), list(self.verdicts)
         pairs = {f"{a} | {b}": self.separated(a, b) for a, b in combinations(truths, 2)}
         named = {truth: {name: self.count(truth, name) for name in names} for truth in truths}

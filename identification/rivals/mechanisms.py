@@ -10,7 +10,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identification.rivals.pad_balance import HARMONICS, G, Pressed
+from fasbody.constants import MODEL_GRAVITY
+from identification.rivals.pad_balance import HARMONICS, Pressed
 
 Array = np.ndarray
 #: Mean body mass of Chapter 2 [kg].
@@ -153,7 +154,7 @@ def pressed(
     def flat(value: Array | float) -> Array:
         return np.ascontiguousarray(np.broadcast_to(value, mass.shape[:-1])).ravel()
 
-    static = flat(values["rest"] + G * added_kg)  # the load's weight presses, moving or not
+    static = flat(values["rest"] + MODEL_GRAVITY * added_kg)  # the load's weight presses, moving or not
     k, exponent, c = (flat(values[name]) for name in ("k", "exponent", "c"))
     masses = mass.reshape(-1, mass.shape[-1])
     return Pressed(flat(2 * np.pi * frequency_hz), masses, static, k, exponent, c, flat(table))
@@ -197,7 +198,7 @@ PRESSED_PAD = (
 )
 MOVING = Constant("share", "", 0, 1, "from a load that presses to one that moves along", True)
 
-#: The mechanisms that an analysis tells apart, the simple ones first.
+#: The mechanisms that an analysis distinguishes, the simple ones first.
 MECHANISMS = {
     mechanism.name: mechanism
     for mechanism in (

@@ -8,7 +8,7 @@ What each rung writes:
   either way, by the sign of its gear.
 - relaxing: a Maxwell element beside each spring, an actuator of the law 4.22 of which nearly all relaxes.
 - mount: the site malleolus moves onto a body of a milligram on a spring and a damper.
-- third: a share of the shank's mass moves to a body on a spring and a damper; the load gets a body of its own.
+- third: a share of the shank's mass moves to a body on a spring and a damper; the load gets a separate body.
 - load: one file a load, with the springs and dampers that hold under it.
 """
 
@@ -25,7 +25,7 @@ from fasbody.foot.steady_state import Balance
 from identification.rivals.result import Rivals
 from identification.rivals.steady import CONSTANTS, LOAD_KG, SERIES, Feet
 
-#: Mass of the sensor's body [kg], so little that the shank does not feel it, and its inertia [kg m^2].
+#: Mass of the sensor's body [kg], too small to act on the shank, and its inertia [kg m^2].
 _SENSOR_KG, _TINY = 1e-6, "1e-9 1e-9 1e-9"
 #: Strain at rest of a pad of 1 m, farther than it moves, and the least exponent that is written as one [1/m].
 _REST, _LEAST = 0.02, 1e-3
@@ -52,7 +52,7 @@ def write_models(result: Rivals, file: Path, folder: Path) -> dict[Path, float]:
     hz = min((p.frequency_hz for p in result.points), key=lambda f: abs(f - 20.0))
     U = next(p.base for p in result.points if p.frequency_hz == hz)
     loads = sorted({p.load_kg for p in result.points})
-    found = {}
+    differences = {}
     for rival in result.rivals:
         if not rival.values:
             continue
@@ -61,8 +61,8 @@ def write_models(result: Rivals, file: Path, folder: Path) -> dict[Path, float]:
             name = f"{rival.name}_{load_kg:g}kg.xml" if len(by_load) > 1 else f"{rival.name}.xml"
             text = edited_text(file, rival.name, rival.title, rival.values, load_kg)
             path = write_whole(folder / name, text)
-            found[path] = difference(path, rival.name, rival.values, hz, U, load_kg)
-    return found
+            differences[path] = difference(path, rival.name, rival.values, hz, U, load_kg)
+    return differences
 
 
 def edited_text(file: Path, name: str, title: str, values: Mapping[str, float], load_kg: float = 0.0) -> str:
@@ -80,13 +80,13 @@ def edited_text(file: Path, name: str, title: str, values: Mapping[str, float], 
         raise InputFileError(file, f"cannot be edited as XML ({error})") from None
     v = dict(values)
     for joint, names in _JOINTS.items():
-        for each in (f"k_{joint}", names[1]):
-            v[each] *= float(np.exp(v[f"e_{joint}"] * load_kg / LOAD_KG))
+        for constant in (f"k_{joint}", names[1]):
+            v[constant] *= float(np.exp(v[f"e_{joint}"] * load_kg / LOAD_KG))
     bodies = {joint: _body_of(root, names[0], file) for joint, names in _JOINTS.items()}
     for joint, (element, c1, c2, c3) in _JOINTS.items():
         at = _joint(bodies[joint], element)
         at.set("user", f"4.25 {v[c1]:.9g} {v[c2]:.9g} {v[c3]:.9g}")
-        at.set("damping", f"{v[c1]:.9g}")  # for MuJoCo alone
+        at.set("damping", f"{v[c1]:.9g}")  # for MuJoCo without the callbacks
         bent = [v[f"k_{joint}"] * v[f"{letter}_{joint}"] for letter in ("p", "d")]
         at.set("stiffness", " ".join(f"{x:.12g}" for x in (v[f"k_{joint}"], *(bent if any(bent) else ()))))
     _mass(bodies["T"], v["m_S"])
@@ -141,13 +141,13 @@ def difference(file: Path, name: str, values: Mapping[str, float], hz: float, U:
 def _body_of(root: ET.Element, joint: str, file: Path) -> ET.Element:
     """The body that a joint moves."""
     for body in root.iter("body"):
-        if any(each.get("name") == joint for each in body.findall("joint")):
+        if any(element.get("name") == joint for element in body.findall("joint")):
             return body
     raise ModelError(f"{file.name}: there is no body with the joint {joint!r}, so rivals cannot be made from it.")
 
 
 def _joint(body: ET.Element, name: str) -> ET.Element:
-    return next(each for each in body.findall("joint") if each.get("name") == name)
+    return next(element for element in body.findall("joint") if element.get("name") == name)
 
 
 def _mass(body: ET.Element, mass: float) -> None:
@@ -173,18 +173,18 @@ def _declare(root: ET.Element, name: str, data: str) -> None:
     custom = root.find("custom")
     if custom is None:
         custom = ET.SubElement(root, "custom")
-    for each in custom.findall("text"):
-        if each.get("name") == name:
-            each.set("data", data)
+    for element in custom.findall("text"):
+        if element.get("name") == name:
+            element.set("data", data)
             return
     ET.SubElement(custom, "text", name=name, data=data)
 
 
 def _declared(root: ET.Element, name: str) -> list[str]:
     """The five parts of a declaration."""
-    for each in root.iter("text"):
-        if each.get("name") == name:
-            return [part.strip() for part in each.get("data", "").split("|")]
+    for element in root.iter("text"):
+        if element.get("name") == name:
+            return [part.strip() for part in element.get("data", "").split("|")]
     return ["N/m", "1e3", "1e7", "", "fitted"]
 
 
@@ -218,15 +218,15 @@ def _maxwell(root: ET.Element, joint: str, letter: str, v: Mapping[str, float]) 
     place = f"{share:.17g} actuator {name} biasprm 1"
     _declare(root, f"k_R{letter}", f"N/m | 1 | 1e7 | {place} | spring of the Maxwell element beside k_{letter}")
     times = ", ".join(
-        f"{ratio:.17g} actuator relaxing_{each} biasprm {column}"
-        for each in "TF" for column, ratio in ((4, 1 / (1 + _APART)), (5, 1 + _APART))
+        f"{ratio:.17g} actuator relaxing_{side} biasprm {column}"
+        for side in "TF" for column, ratio in ((4, 1 / (1 + _APART)), (5, 1 + _APART))
     )  # fmt: skip
-    if letter == "F":  # both are there now
+    if letter == "F":  # after both elements
         _declare(root, "tau_R", f"s | 5e-4 | 5e-2 | {times} | their relaxation time")
 
 
 def _mount(root: ET.Element, shank: ET.Element, v: Mapping[str, float], file: Path) -> None:
-    site = next((each for each in shank.findall("site") if each.get("name") == "malleolus"), None)
+    site = next((element for element in shank.findall("site") if element.get("name") == "malleolus"), None)
     if site is None:
         raise ModelError(f"{file.name}: the site malleolus is not on the body that the joint talocrural moves.")
     hz = max(v["u"], 1e-8) ** -0.5
@@ -243,9 +243,9 @@ def _third(root: ET.Element, shank: ET.Element, v: Mapping[str, float]) -> None:
     load_body = ET.SubElement(shank, "body", name="load")
     ET.SubElement(load_body, "inertial", pos="0 0.42 0", mass="1e-9", diaginertia=_TINY)
     custom = root.find("custom")
-    for each in [] if custom is None else custom.findall("text"):
-        if each.get("name") == "m_S":  # a load is rigid, so it is told from the shank
-            custom.remove(each)  # type: ignore[union-attr]
+    for element in [] if custom is None else custom.findall("text"):
+        if element.get("name") == "m_S":  # a load is rigid, so its mass is separate from the shank's
+            custom.remove(element)  # type: ignore[union-attr]
     _declare(root, "added_mass", "kg | 0 | 100 | body load mass | on the knee")
     _declare(root, "k_W", "N/m | 10 | 1e6 | joint tissue stiffness | spring of what swings")
     _declare(root, "c_W", "N s/m | 0.1 | 1e4 | joint tissue damping | damper of what swings")

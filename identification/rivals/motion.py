@@ -1,4 +1,4 @@
-"""The motion of rivals whose springs bend or whose shank swings, as the fit asks for it."""
+"""The motion of rivals whose springs bend or whose shank swings, with the interface of the fit."""
 
 from dataclasses import dataclass
 from typing import Any

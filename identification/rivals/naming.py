@@ -1,7 +1,7 @@
 """Which mechanism made the recordings of a person: the sines of a study, read and analysed.
 
-The same analysis is tried on virtual subjects who are shaken as the person was, so that its answer
-comes with how many of them it names rightly.
+The same analysis is applied to virtual subjects shaken as the person was. The result states how
+many of them it names rightly.
 """
 
 from collections.abc import Iterator, Sequence
@@ -35,7 +35,7 @@ from identification.rivals.mechanism_fit import (
 from identification.rivals.mechanisms import BODY_KG, MECHANISMS
 
 Array = np.ndarray
-#: Share of the table's second harmonic above which the malleolus' says nothing of the foot.
+#: Share of the table's second harmonic above which that of the malleolus is not used.
 CLEAN = 0.01
 #: A motion does not repeat where its subharmonics, at half and one and a half times the frequency,
 #: exceed this share of the malleolus' acceleration,
@@ -271,7 +271,7 @@ class Naming(Presented):
 
     @property
     def notes(self) -> list[str]:
-        """What the reader has to know beside it."""
+        """Limitations and notes on the result."""
         plan, seen = self.seen.plan, self.seen
         notes = [*(f"Left out: {text}" for text in seen.left_out), *seen.notes]
         if seen.body_kg is None:

@@ -1,8 +1,8 @@
 """Steady motion of any linear structure on a pad that cannot pull, by harmonic balance.
 
 Only the pad is nonlinear, P = max(0, A d^n + c(d) d') for a compression d > 0, else 0; its damper
-goes with the tangent stiffness. So d(t) is all that is unknown. What stands on the pad answers
-harmonic k of the table with a dynamic mass M_k, force over acceleration at the pad. With the static
+goes with the tangent stiffness. So d(t) is all that is unknown. What stands on the pad has at
+harmonic k of the table the dynamic mass M_k, force over acceleration at the pad. With the static
 force W and the table's acceleration a cos(w t), every harmonic of the pad's force must be
 
     P_0 = W,    P_k = M_k (a delta_k1 + (k w)^2 d_k)
@@ -19,8 +19,6 @@ import numpy as np
 from fasbody.foot.harmonic_balance import Fourier, newton
 
 Array = np.ndarray
-#: Gravity [m/s^2].
-G = 9.81
 #: Force at which a pad's stiffness is named [N].
 REFERENCE_N = 43.0
 #: Acceleration of the table in Chapter 2 [m/s^2].

@@ -1,4 +1,4 @@
-"""What rivals say of the same recordings, side by side, and what they all agree on."""
+"""Estimates and scores of rivals on the same recordings, and the conclusions that they share."""
 
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
@@ -6,6 +6,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from fasbody.constants import Z95
 from fasbody.exceptions import SettingError, unknown
 from fasbody.presentation import Presented, Sheet, Tabled
 from identification.branches import DECISIVE_ODDS
@@ -19,8 +20,8 @@ MODEL = "model"
 
 
 @dataclass(frozen=True)
-class Own:
-    """A rival's own constant: name, what it is, its unit, value and 95 % limits, source of its prior and bounds."""
+class RivalConstant:
+    """A constant that only a rival has: name, meaning, unit, value, 95 % limits, source of prior and bounds."""
 
     name: str
     says: str
@@ -53,7 +54,7 @@ class Rival(Tabled):
             model has none.
         log_ratio: of k_T over k_F with its standard error.
         other: k_T and k_F of the other branch where it stays open.
-        own: the rival's own constants.
+        own: the constants that only this rival has.
         values: all constants.
         predicted: harmonics of each recording [m/s^2].
         converged: the descent came to rest.
@@ -75,7 +76,7 @@ class Rival(Tabled):
     k_F: Estimate | None
     log_ratio: tuple[float, float] | None
     other: tuple[Estimate, Estimate] | None
-    own: tuple[Own, ...]
+    own: tuple[RivalConstant, ...]
     values: Mapping[str, float]
     predicted: tuple[np.ndarray, ...]
     converged: bool
@@ -103,16 +104,16 @@ class Rival(Tabled):
         if self.log_ratio is None or (self.log_odds is not None and not self.decided):
             return ""
         value, std = self.log_ratio
-        return "" if not abs(value) > 1.96 * std else "k_T" if value > 0 else "k_F"
+        return "" if not abs(value) > Z95 * std else "k_T" if value > 0 else "k_F"
 
 
 @dataclass(frozen=True)
 class Conclusion:
-    """Something said of the foot, and whether every adequate rival says it.
+    """A conclusion on the foot, and whether every adequate rival supports it.
 
     Attributes:
         what: "k_T", "k_F", "branch" or "stiffer".
-        shared: all adequate rivals say so.
+        shared: all adequate rivals support it.
         text: a sentence.
         lower, upper: of a constant, over all adequate rivals [N/m]; None else.
     """
@@ -142,7 +143,7 @@ class Rivals(Presented):
 
     Attributes:
         repeatability: relative standard deviation of a harmonic from recording to recording beside the sensors' noise,
-            as the rival says that asks for least; all are weighed with it.
+            by the rival that needs the least; all are weighted with it.
     """
 
     figures: ClassVar[str] = "identification.rivals.figures"
@@ -177,7 +178,7 @@ class Rivals(Presented):
 
     @property
     def conclusions(self) -> tuple[Conclusion, ...]:
-        """What is said of k_T, of k_F, of the branch, and of which is stiffer."""
+        """Conclusions on k_T, k_F, the branch, and which spring is stiffer."""
         return conclusions(self.adequate)
 
     def sentence(self) -> str:
@@ -283,7 +284,7 @@ def preferred(rivals: list[Rival]) -> list[Rival]:
 
 
 def conclusions(adequate: tuple[Rival, ...]) -> tuple[Conclusion, ...]:
-    """What adequate rivals say, and whether they agree.
+    """Conclusions of adequate rivals, and whether they agree.
 
     A value is shared if the interval of each rival holds the estimate of the first; a branch or an order of the springs
     if all decide it, and alike.
@@ -296,8 +297,8 @@ def conclusions(adequate: tuple[Rival, ...]) -> tuple[Conclusion, ...]:
         estimates = [e for r in rivals for e in _open(r, name)]
         first, low, high = estimates[0], min(e.lower for e in estimates), max(e.upper for e in estimates)
         shared = all(e.lower <= first.value <= e.upper for e in estimates)
-        both = replace(first, value=0.5 * (low + high), lower=low, upper=high)
-        text = f"{name} is {both.text(low)} to {both.text(high)} N/m"
+        union = replace(first, value=0.5 * (low + high), lower=low, upper=high)
+        text = f"{name} is {union.text(low)} to {union.text(high)} N/m"
         items.append(Conclusion(name, shared, text, low, high))
     compared = [r for r in rivals if r.log_odds is not None]
     if compared:

@@ -1,4 +1,4 @@
-"""Where rivals end on each branch, how well recordings repeat, what is predicted of others."""
+"""Optima of rivals on each branch, repeatability of recordings, held-out predictions."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -14,10 +14,10 @@ from identification.steady import SIDES
 
 #: Random starts of a side beside simpler rungs' ends, ends to go on from, and steps of a refit.
 _STARTS, _NEAREST, _REFIT = 2, 3, 15
-#: Prior of what neither prior nor recordings tell, so weak that it says nothing.
+#: Prior of variables that neither a prior nor the recordings determine, too weak to matter.
 _FLAT = 1e-9
 
-#: Called with what is done, how many of how many.
+#: Called with the stage, the number done and the total.
 Advance = Callable[[str, int, int], None]
 
 
@@ -37,14 +37,14 @@ class Contender:
 
 
 def climb(candidates: Sequence[Candidate], advance: Advance) -> list[Contender]:
-    """Every rival's ends, the same recordings weighed alike.
+    """The optima of every rival, with the same weights of the recordings.
 
-    Each rival says how well recordings repeat if it is right. They repeat to what the one asks for
-    that asks for least, and it says how the noise of the base is seen.
+    Each rival gives an estimate of the repeatability. The smallest one is used for all, and with it
+    the covariance of the base's noise.
 
     Args:
         candidates: simpler ones first.
-        advance: called with what is done, how many of how many.
+        advance: called with the stage, the number done and the total.
     """
     searched: list[optimiser.Searched] = []
     for number, candidate in enumerate(candidates):
@@ -60,7 +60,7 @@ def climb(candidates: Sequence[Candidate], advance: Advance) -> list[Contender]:
 
 
 def _search(problem: Problem, simpler: Sequence[optimiser.Searched]) -> optimiser.Searched:
-    """From random starts, from the model's own constants, and from the ends of simpler rungs."""
+    """From random starts, from the constants of the model, and from the optima of simpler rungs."""
     v = problem.variables
     first = [v.start(v.own)]
     if not isinstance(v, RungVariables):

@@ -37,7 +37,7 @@ _NUDGES = np.array([
 ])  # fmt: skip
 #: Harmonics of the motion, and instants of a period.
 HARMONICS, INSTANTS = 8, 32
-#: Load at which e_T and e_F are told [kg].
+#: Load to which e_T and e_F refer [kg].
 LOAD_KG = 2.3
 SERIES = Fourier(HARMONICS, INSTANTS)
 #: Constants of ankle and pad.
@@ -53,7 +53,7 @@ _TIGHT = 1e-8
 
 @dataclass(frozen=True, eq=False)
 class Feet:
-    """Feet with constants of their own, each in one recording: `harmonic_balance.Equations`.
+    """One foot for each recording, with separate constants: `harmonic_balance.Equations`.
 
     Unknowns (n, 34) are the coefficients of z1, then those of z2 [m].
 
@@ -90,9 +90,9 @@ class Feet:
     @cached_property
     def _joints(self) -> Array:
         """Constants of both joints (8, n, 2, 1), k and c_1 as the load makes them."""
-        found = np.moveaxis(self.constants[:, _JOINTS], -1, 0)[..., None].copy()
-        found[:2] *= np.exp(found[-1] * self.loads_kg[:, None, None] / LOAD_KG)
-        return found
+        constants = np.moveaxis(self.constants[:, _JOINTS], -1, 0)[..., None].copy()
+        constants[:2] *= np.exp(constants[-1] * self.loads_kg[:, None, None] / LOAD_KG)
+        return constants
 
     @cached_property
     def _stiffness(self) -> tuple[Array, Array, Array, Array]:
@@ -100,8 +100,8 @@ class Feet:
         r_T, r_F, tau, m_S, m_F = self._v("r_T", "r_F", "tau", "m_S", "m_F")
         w, f_w, zeta = self._v("w", "f_w", "zeta_w")
         k, relax = self._joints[0], self.s * tau / (1 + self.s * tau)
-        own = self.s / (2 * np.pi * f_w)
-        hangs = (1 + 2 * zeta * own) / (1 + 2 * zeta * own + own**2)
+        ratio = self.s / (2 * np.pi * f_w)
+        hangs = (1 + 2 * zeta * ratio) / (1 + 2 * zeta * ratio + ratio**2)
         M = self.loads_kg[:, None] + m_S * (1 - w + w * hangs)
         return M, r_T * k[:, 0] * relax, r_F * k[:, 1] * relax, m_F
 
@@ -168,12 +168,12 @@ class Feet:
 
     def solve(self, start: Array) -> tuple[Array, Array]:
         """Motions (n, 34) and which there are, (n,); from rest where a start leads to none."""
-        x, _, found = newton(self, start, tight=_TIGHT)
-        if not found.all():
-            x[~found] = 0.0
-            x, _, found = newton(self, x, tight=_TIGHT)
-        x[~found] = 0.0
-        return x, found
+        x, _, converged = newton(self, start, tight=_TIGHT)
+        if not converged.all():
+            x[~converged] = 0.0
+            x, _, converged = newton(self, x, tight=_TIGHT)
+        x[~converged] = 0.0
+        return x, converged
 
     def felt(self, x: Array) -> Array:
         """What the malleolus' sensor gives of motions (n, 34): harmonics (n, 8) [m/s^2]."""
@@ -184,7 +184,7 @@ class Feet:
         return (self.s**2 * sum(_harmonics(x)) + self.U) * above / (above - f**2 * u) * chain
 
     def by_constants(self, x: Array) -> Array:
-        """Derivatives (n, 8, 29) of what is felt at motions x (n, 34)."""
+        """Derivatives (n, 8, 29) of the sensed acceleration at motions x (n, 34)."""
         nudges = np.diag(_NUDGES)
         many = self._copies(2 * len(nudges))
         nudged = many.constants + np.repeat(np.concatenate([nudges, -nudges]), len(x), axis=0)
@@ -196,7 +196,7 @@ class Feet:
         return self._following(x, left, felt)
 
     def by_base(self, x: Array) -> Array:
-        """Derivatives (n, 8, 16) of what is felt to the base's harmonics, real parts first."""
+        """Derivatives (n, 8, 16) of the sensed acceleration to the base's harmonics, real parts first."""
         unit = np.concatenate([np.eye(HARMONICS), 1j * np.eye(HARMONICS)])
         many = self._copies(2 * len(unit))
         nudged = many.U + np.repeat(np.concatenate([unit, -unit]), len(x), axis=0)
@@ -211,7 +211,7 @@ class Feet:
         """Half of what p copies of the feet have more than p others, at motions x that stay.
 
         Returns:
-            Forces that are linear (p, n, 34), and what is felt (p, n, 8).
+            Forces that are linear (p, n, 34), and sensed accelerations (p, n, 8).
         """
         still, shape = np.tile(x, (len(many) // len(x), 1)), (2, -1, len(x))
         force = many._inertia(still).reshape(*shape, _SIZE)
@@ -219,7 +219,7 @@ class Feet:
         return (force[0] - force[1]) / 2, (felt[0] - felt[1]) / 2
 
     def _following(self, x: Array, left: Array, felt: Array) -> Array:
-        """What is felt more, (n, 8, p), as motions x follow forces left, beside felt (p, n, 8)."""
+        """Change of the sensed acceleration (n, 8, p): motions x follow residual forces, `felt` (p, n, 8) is direct."""
         moved = np.linalg.solve(self.jacobian(x, np.arange(len(x))), -np.moveaxis(left, 0, -1))
         many = replace(self, U=0 * self.U)._copies(len(left))  # felt is linear in x and U
         follows = many.felt(np.moveaxis(moved, -1, 0).reshape(-1, _SIZE))

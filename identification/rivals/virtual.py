@@ -1,6 +1,6 @@
 """Virtual subjects of each mechanism, stepped in time: what a recording of them would give.
 
-A simulator apart: masses with absolute forces, a step at a time (Runge-Kutta, fourth order), and no
+A separate simulator: masses with absolute forces, a step at a time (Runge-Kutta, fourth order), and no
 line shared with the responses that an analysis fits. A subject's masses differ from those that
 body-segment tables give for the body mass that is stated, and the sensors sit on soft tissue and
 are a little out of gauge.
@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numba import njit
 
+from fasbody.constants import MODEL_GRAVITY
 from fasbody.leg.statements import ADDED_KG, Curves, judge, ranges_met
 from fasbody.transmissibility.findings import FREQUENCIES_HZ
 from identification.rivals.mechanism_fit import (
@@ -26,13 +27,13 @@ from identification.rivals.mechanism_fit import (
     predict,
 )
 from identification.rivals.mechanisms import BODY_KG, MASSES, MECHANISMS, TISSUE_KG
-from identification.rivals.pad_balance import REFERENCE_N, TABLE_M_S2, G
+from identification.rivals.pad_balance import REFERENCE_N, TABLE_M_S2
 
 Array = np.ndarray
 #: Frequencies [Hz] and damping ratios of the sensors on the skin, drawn evenly.
 MOUNT_HZ, MOUNT_ZETA = (80.0, 200.0), (0.1, 0.3)
 #: Periods and seconds before the motion is read, periods read.
-SETTLING, SETTLED_S, READ = 16, 2.0, 3
+SETTLING, SETTLING_S, READ = 16, 2.0, 3
 #: Longest step [s]; what still counts as repeated.
 LONGEST, SAME = 1.3e-4, 0.03
 #: Width of a departure's bumps, in the logarithm of the frequency.
@@ -107,7 +108,7 @@ class Subject:
         if "rest" in v:
             n = v["exponent"]
             A = (v["k"] / (n * REFERENCE_N ** (1 - 1 / n))) ** n
-            pad = np.array([A, n, v["c"] * n * A / v["k"], v["rest"] + G * added_kg])
+            pad = np.array([A, n, v["c"] * n * A / v["k"], v["rest"] + MODEL_GRAVITY * added_kg])
         arrays = (np.array(mass), np.array(below), np.array(k), np.array(c), pad)
         return np.array(_shake(frequency_hz, table, *arrays, *at))
 
@@ -137,7 +138,7 @@ def _shake(frequency_hz, table, m, below, k, c, pad, one, two):  # type: ignore[
     """Harmonics 1, 2 of mass `one`, 1 of mass `two` [m/s^2], share in the air, gap of the foot."""
     n, omega = m.size, 2 * np.pi * frequency_hz
     count = max(120, int(np.ceil(1 / (frequency_hz * LONGEST))))
-    settling = max(SETTLING, int(np.ceil(SETTLED_S * frequency_hz)))
+    settling = max(SETTLING, int(np.ceil(SETTLING_S * frequency_hz)))
     h = 1 / (frequency_hz * count)
     u, v, F = np.zeros(n), np.zeros(n), np.zeros(n)
     x, y, du, dv = np.zeros(n), np.zeros(n), np.zeros(n), np.zeros(n)

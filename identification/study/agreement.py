@@ -61,7 +61,7 @@ class Steadiness:
 
     @property
     def reasons(self) -> tuple[str, ...]:
-        """What departs from a steady sine, in words with numbers."""
+        """Departures from a steady sine, as a sentence with numbers."""
         limit = max(_NOTABLE, 4 * self.noise)
         reasons = (
             (self.onset, f"a transient: its first part differs by {100 * self.onset:.1f} %"),
@@ -91,7 +91,7 @@ class Agreement:
 
     @property
     def agrees(self) -> bool | None:
-        """Every parameter that both know within three joint standard errors; None where there is none to compare."""
+        """Every parameter that both estimate within three joint standard errors; None without one to compare."""
         known = [d for d in self.differences if np.isfinite(d.z)]
         return all(d.agrees for d in known) if known else None
 

@@ -1,4 +1,4 @@
-"""Checks of a study's fits, each one a job of its own: profile, validation, agreement of the two domains."""
+"""Checks of a study's fits, each a separate job: profile, validation, agreement of the two domains."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -23,7 +23,7 @@ from identification.study.validation import NONLINEAR, compare_damping, held, le
 
 
 def ensure(mode: str, settings: Settings, foot: Foot, profile: Sequence[str]) -> Space:
-    """The space of a study's fits, if its checks can be meant.
+    """The space of a study's fits, its checks validated.
 
     Args:
         mode: of the fits.

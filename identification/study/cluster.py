@@ -19,7 +19,7 @@ from identification.study import job, plan
 from identification.study.job import Document
 from identification.study.plan import Work
 
-#: Takes work as it is asked for, gives documents as they are ready.
+#: Takes work lazily and yields documents as they are ready.
 Crew = Callable[[Iterable[Work]], Iterator[Document]]
 #: Fewer jobs than this are done here: starting processes takes longer.
 FEW = 8
@@ -29,15 +29,15 @@ _AHEAD = 2
 _PATIENCE_S = 15
 _GONE = "the connection to the scheduler is lost; the same command goes on from here."
 _QUIET = {"distributed.worker.daemon": True, "distributed.comm.timeouts.connect": f"{_PATIENCE_S}s"}
-#: A worker that looks at its own stack a hundred times a second does less else.
+#: Sampling of the worker's stack a hundred times a second is switched off, as it costs time.
 _PLAIN = {"distributed.nanny.pre-spawn-environ.NUMBA_NUM_THREADS": 1, "distributed.worker.profile.enabled": False}
 
 
 @contextlib.contextmanager
-def here() -> Iterator[Crew]:
+def in_process() -> Iterator[Crew]:
     """One after another in this process; Ctrl-C ends the job that it meets, whose document is not given."""
     with once():
-        yield lambda works: (document for _, document in runner.here(job.run, works))
+        yield lambda works: (document for _, document in runner.in_turn(job.run, works))
 
 
 @contextlib.contextmanager
@@ -51,7 +51,7 @@ def local(processes: int) -> Iterator[Crew]:
     import dask
 
     with dask.config.set({**_QUIET, **_PLAIN}):
-        with held():  # by the thread that starts processes, and so by these, now and in the place of lost ones
+        with held():  # processes inherit the blocked signal, also those that replace ended ones
             cluster = distributed.LocalCluster(
                 n_workers=processes, threads_per_worker=1, processes=True, host="127.0.0.1",
                 dashboard_address="127.0.0.1:0", scheduler_kwargs={"dashboard": False},  # its port is of no use here
@@ -98,7 +98,7 @@ def remote(address: str) -> Iterator[Crew]:
 
 @contextlib.contextmanager
 def _silent(logger: str) -> Iterator[None]:
-    """Keep a logger quiet: of a scheduler that is lost it prints a traceback above our own sentence."""
+    """Silence a logger, which prints a traceback when the scheduler is gone."""
     log = logging.getLogger(logger)
     level = log.level
     log.setLevel(logging.CRITICAL)
@@ -109,7 +109,7 @@ def _silent(logger: str) -> Iterator[None]:
 
 
 def _ensure(address: str) -> None:
-    """The address is one, whoever lives there."""
+    """Refuse what is no address."""
     try:
         parts = urlsplit(address)
         meant = parts.scheme in ("tcp", "tls") and parts.hostname and parts.port
@@ -128,7 +128,7 @@ def _same_program(client: Any, address: str) -> None:
         raise SettingError(f"the workers of {address} have another version of this program; install the same one.")
 
 
-def _there(work: Work, program: str) -> Document:
+def _run_on_worker(work: Work, program: str) -> Document:
     """A job on a worker, which may have joined later than the others."""
     if plan.program() != program:
         raise FasError("this worker has another version of the program.")
@@ -139,7 +139,7 @@ def _on(client: Any, works: Iterable[Work]) -> Iterator[Document]:
     """Documents in the order in which they are ready; at most a few jobs a thread are with the cluster at a time.
 
     Raises:
-        FasError: the scheduler is gone, whether it is met while a job is sent, asked for, or while workers are counted.
+        FasError: the scheduler is gone, whether a job is sent or awaited, or workers are counted.
     """
     from distributed.client import CancelledError, ClosedClientError
 
@@ -160,7 +160,7 @@ def _sent(client: Any, works: Iterable[Work]) -> Iterator[Document]:
         most = _AHEAD * max(1, sum(client.nthreads().values()))
         while len(sent) < most and (work := next(waiting, None)) is not None:
             # the key is new in each run, as a shared scheduler may still hold an old result
-            future = client.submit(_there, work, program, key=f"fit-{work.job.key}-{run}", pure=False)
+            future = client.submit(_run_on_worker, work, program, key=f"fit-{work.job.key}-{run}", pure=False)
             sent[future.key] = work
             ready.add(future)
 

@@ -191,7 +191,7 @@ def crew(count: int, scheduler: str | None, workers: int) -> "Iterator[Crew]":
         with cluster.remote(scheduler) as do:
             yield do
     elif cores == 1 or (not workers and (count < cluster.FEW or not cluster.installed())):
-        with cluster.here() as do:
+        with cluster.in_process() as do:
             yield do
     else:
         with cluster.local(cores) as do:
@@ -213,15 +213,15 @@ def failures(failed: Sequence[Mapping[str, Any]]) -> list[str]:
 
 def show(documents: "Sequence[Document]", findings: "Findings", run: Mapping[str, Any], as_json: bool) -> None:
     """What is in the folder now, for people or as JSON: counts by mode, findings, and what failed."""
-    from identification.study.summary import counts, first, poor_fits
+    from identification.study.summary import counts, first, unfollowed_fits
 
     failed = [d for d in (*documents, *findings.checks) if d["status"] == "failed"]
     counted = counts(documents, findings.tracked).to_dict("records")
     if as_json:
         errors = [{name: d[name] for name in ("mode", "kind", "parameter", "files", "error")} for d in failed]
-        poor = [{"mode": d["mode"], "files": d["files"], "fit_percent": fit}
-                for d, fit in poor_fits(documents, findings.tracked)]  # fmt: skip
-        print_json({**run, "modes": counted, "failed": errors, "poor": poor, **findings.document()})
+        unfollowed = [{"mode": d["mode"], "files": d["files"], "fit_percent": fit}
+                for d, fit in unfollowed_fits(documents, findings.tracked)]  # fmt: skip
+        print_json({**run, "modes": counted, "failed": errors, "poor": unfollowed, **findings.document()})
     else:
         what = f"{run['computed']} fits and {run['checked']} checks" if run["checked"] else f"{run['computed']} fits"
         title = f"{what} computed in {run['seconds']:.0f} s; {run['done']} of {run['wanted']} fits done"

@@ -37,10 +37,10 @@ CONSTANTS = ("k_T", "c_11", "c_12", "c_13", "k_F", "c_21", "c_22", "c_23")
 _LETTERS = 17
 #: Constants that differ by powers of ten, and get such an axis.
 _LOGARITHMIC = ("k_T", "k_F", "c_11", "c_21")
-#: How dark an estimate is whose branch is decided, and one whose branch is not.
+#: Opacity of an estimate whose branch is decided, and of one whose branch is not.
 _DECIDED, _OPEN, _FAINT = 0.8, 0.65, 0.35
 #: Line of a model, and of one that does not follow its recordings.
-_LINE, _POOR = "-", ":"
+_SOLID, _DOTTED = "-", ":"
 _TRUTH: dict[str, Any] = {"lw": 1.3, "ls": (0, (4, 2))}
 _SCALE = {"N/m": (1e-3, "kN/m"), "s": (1e3, "ms")}
 
@@ -54,7 +54,7 @@ def save(figure: Figure, ending: str) -> bytes:
 
 
 def noted(figure: Figure, text: str) -> Figure:
-    """Write a remark below a figure, in as many lines as its width asks for."""
+    """Write a remark below a figure, wrapped to its width."""
     figure.supxlabel(fill(text, int(_LETTERS * figure.get_figwidth())), color=GREY)
     return figure
 
@@ -216,7 +216,7 @@ def transmissibility(cycles: Sequence[Mapping[str, Any]], origin: str) -> Figure
         f = [nominal(c["frequency_hz"]) for c in under]
         good = [c.get("follows", True) for c in under]
         dots: dict[str, Any] = {"ls": "", "marker": mark, "ms": 4.5, "mfc": "none"}
-        styles = {"measured": dots, "model": {"ls": _LINE if any(good) else _POOR}}
+        styles = {"measured": dots, "model": {"ls": _SOLID if any(good) else _DOTTED}}
         for kind, style in styles.items():
             H = np.array([complex(*c["transmissibility"][kind]) for c in under])
             label = f"{load:g} kg added" if kind == "measured" else None
@@ -230,8 +230,8 @@ def transmissibility(cycles: Sequence[Mapping[str, Any]], origin: str) -> Figure
         axis.set_xlabel("frequency [Hz]")
     handles, _ = size.get_legend_handles_labels()
     handles.append(_key("model", ls="-", marker=".", ms=3.5))
-    if any(line.get_linestyle() == _POOR for line in size.lines):
-        handles.append(_key("model that does not follow", ls=_POOR))
+    if any(line.get_linestyle() == _DOTTED for line in size.lines):
+        handles.append(_key("model that does not follow", ls=_DOTTED))
     figure.legend(handles=handles, loc="outside upper center", ncols=len(handles))
     mode = str(cycles[0].get("mode", "")) if cycles else ""
     fitted = {
@@ -281,7 +281,7 @@ def loops(cycles: Sequence[Mapping[str, Any]], origin: str) -> Figure:
         shades = ScalarMappable(norm, _shades(colour))
         for c in under:
             style = "-" if c.get("decided", True) else (0, (2.5, 1.5))
-            style = style if c.get("follows", True) else _POOR
+            style = style if c.get("follows", True) else _DOTTED
             shade = shades.to_rgba(np.array(nominal(c["frequency_hz"])))
             for axis, part in zip(column, ("ankle", "fat_pad"), strict=True):
                 x, F = (np.append(c[part][k], c[part][k][0]) for k in ("displacement_m", "force_n"))
@@ -377,7 +377,7 @@ def energies(table: pd.DataFrame, origin: str) -> Figure:
 
 @printed
 def persons(populations: Sequence["Population"], origin: str) -> Figure:
-    """Each person's constants with 95 %, faint, and the population's mean with its own.
+    """Each person's constants with 95 %, faint, and the population's mean with its interval.
 
     Args:
         populations: of one posture; each constant has a column a load and branch.

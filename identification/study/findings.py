@@ -113,7 +113,7 @@ def gather(
         if d["status"] == "done" and d["mode"] in _TRACKED_MODES:
             subjects.setdefault((d["mode"], d["subject"], d["posture"]), []).append(d)
     tracked = [_tracked(*who, fits, prior) for who, fits in subjects.items()]
-    keys = {d["key"] for d in documents}  # of the recordings, too: nobody counts twice
+    keys = {d["key"] for d in documents}  # holds the recordings' content, so that no fit counts twice
     everyone = [*documents, *(d for d in others if d["key"] not in keys)]
     return Findings(tracked, checks, prior_text, populations=populations(everyone), no_population=without(everyone))
 

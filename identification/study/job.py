@@ -65,7 +65,7 @@ def _done(work: Work, left_out: list[str]) -> Document:
 
 
 def sampled(work: Work) -> Settings:
-    """The settings of a fit: in the time domain MuJoCo runs every twentieth fit throughout, if not told otherwise."""
+    """The settings of a fit: in the time domain MuJoCo runs every twentieth fit throughout, unless set otherwise."""
     by_key = int(int(work.job.key, 16) % SAMPLE == 0)
     return replace(work.settings, replay=work.settings.replay or by_key)
 

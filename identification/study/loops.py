@@ -8,7 +8,7 @@ damper's force, and in a closed cycle the two must be equal: the imbalance is pr
   is the rate of change of the momentum on the base.
 - Any other MJCF foot with a `talocrural` and a `fat_pad` (joint or tendon, or the pads of foot_arch): harmonic balance
   on MuJoCo's inverse dynamics. The force of each part comes from the model with all other parts silenced, so any law
-  that MuJoCo or our callbacks know will do; the shaker's is what the table needs of it.
+  of MuJoCo or of the callbacks is allowed. The shaker's force is that on the table.
 """
 
 import copy

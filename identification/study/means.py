@@ -58,8 +58,8 @@ def spline(f: np.ndarray, values: np.ndarray, at: np.ndarray) -> np.ndarray:
 def mean_curve(rows: pd.DataFrame, recorded: Iterable[float] = ()) -> MeanCurve:
     """The curve of rows of the tidy table that share parameter and condition.
 
-    Estimates at a bound or without a standard error, and of fits that do not follow their recordings, say nothing of
-    the foot, and are left out, as outliers are; so is a frequency where fewer than three subjects are left, which make
+    Estimates at a bound or without a standard error, and of fits that do not follow their recordings, are left
+    out, as outliers are; so is a frequency where fewer than three subjects are left, which make
     no mean. The band is the jackknife over subjects, which is Student's interval of the mean where there is no gap,
     with the degrees of freedom of those subjects who have an estimate there.
 

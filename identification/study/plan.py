@@ -103,7 +103,7 @@ class Plan:
         model: what is fitted.
 
     Raises:
-        SettingError: a domain or number of starts that cannot be meant.
+        SettingError: an invalid domain or number of starts.
     """
 
     def __init__(self, study: StudyFolder, trials: Sequence[Trial], settings: Settings, model: Model) -> None:

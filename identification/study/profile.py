@@ -1,4 +1,4 @@
-"""Profile likelihood: what the data say about one parameter when all others do their best to make up for it.
+"""Profile likelihood: the least deviance at each value of one parameter, all others fitted again.
 
 The parameter is moved away from its estimate and held, the others are fitted again, from where they were at the last
 place. Twice the fall of the log likelihood is chi-square with one degree of freedom, so the 95 % limits are where the
@@ -15,9 +15,9 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.stats import chi2
 
+from fasbody.constants import Z95
 from fasbody.exceptions import SettingError, unknown
 from fasbody.foot.parameters import Parameter
-from fasbody.transmissibility.statistics import Z95
 from identification.estimates import identifiability
 from identification.intervals import Solution, inverse_of_gram, size_that_matters
 from identification.parameters import delay_of
@@ -29,7 +29,7 @@ RISE = float(chi2.ppf(0.95, 1))
 _FIRST, _GROWTH, _STEPS = 0.5, 1.3, 40
 #: Shares of the range by which parameters are moved off their bounds before the others are fitted again.
 _OFF_BOUND = (1e-9, 0.02)
-#: Verdicts, from what is known best.
+#: Verdicts, the best first.
 _ORDER = ("identified", "weak", "not identifiable")
 #: Steps to the limit at most, and the error of the rise there that is none.
 _REFINED, _CLOSE = 15, 0.01

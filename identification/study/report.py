@@ -144,7 +144,7 @@ def example(
     and how many of its fits failed.
     """
     fits = _of(documents, mode, posture, "done")
-    good = {d["key"]: bool(follows(summary.shown_fit(d, tracked))) for d in fits}
+    good = {d["key"]: bool(follows(summary.displayed_fit(d, tracked))) for d in fits}
     counts, followed = Counter[Any](), Counter[Any]()
     for d in fits:
         files = len({c["file"] for c in d["cycles"]})
@@ -156,7 +156,7 @@ def example(
     whose = {"subject": subject, "subjects": len(counts), "failed": failed, "mode": mode}
     cycles: list[Mapping[str, Any]] = []
     for d in (d for d in fits if d["subject"] == subject):
-        name, by = summary.shown(d, tracked)
+        name, by = summary.displayed_branch(d, tracked)
         marks = whose | {"decided": by not in summary.OPEN, "follows": good[d["key"]]}
         cycles += [{**c, **marks} for c in d["cycles"] if c["branch"] == name]
     return str(subject), cycles

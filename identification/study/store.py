@@ -1,4 +1,4 @@
-"""The fits of a study on disk: one JSON document each, there whole or not at all, found again by its key."""
+"""The fits of a study on disk: one JSON document each, written whole or not at all, by its key."""
 
 import json
 import re
@@ -9,9 +9,9 @@ from typing import Any
 from fasbody import runner
 from fasbody.console import plain
 
-#: What becomes of a document of one's own study that cannot be used.
+#: Consequence of a document of this study that cannot be used.
 AGAIN = " and is computed again."
-#: What a document must hold to be believed.
+#: Entries that a valid document has.
 _NEEDED = {"digest", "key", "mode", "subject", "posture", "files", "status", "error", "result", "cycles"}
 #: What the name of a document looks like.
 _KEY = re.compile("[0-9a-f]{24}")

@@ -19,7 +19,7 @@ COLUMNS = (
 )  # fmt: skip
 #: What the subjects of one box have in common.
 GROUP = ["mode", "posture", "added_mass_kg", "frequency_hz", "parameter"]
-#: What may choose the branch that is shown, see `shown`; and those of them that leave it open.
+#: What may choose the branch that is shown, see `displayed_branch`; and those that leave it open.
 DECIDED_BY = ("tracking", "likelihood", "undecided", "not compared", "no mirror")
 OPEN = ("undecided", "not compared")
 #: How well an estimate is known, best first.
@@ -28,11 +28,11 @@ VERDICTS = ("identified", "weak", "not identifiable")
 FEWEST, _WHISKER = 4, 1.5
 #: Difference of two costs that is none, in itself and as a share.
 _SAME, _SAME_SHARE = 1e-2, 1e-6
-#: Poor fits that are named, and the mode that is expected to have some.
+#: Most fits below the limit that are named, and the mode that is expected to have some.
 _LISTED, _POOLED = 10, "pooled"
 
 
-def shown(document: Mapping[str, Any], tracked: Mapping[str, str] | None = None) -> tuple[str, str]:
+def displayed_branch(document: Mapping[str, Any], tracked: Mapping[str, str] | None = None) -> tuple[str, str]:
     """The branch of a fit that every table and figure shows, and what chose it.
 
     Args:
@@ -40,7 +40,7 @@ def shown(document: Mapping[str, Any], tracked: Mapping[str, str] | None = None)
         tracked: key of a fit -> its branch among all of the subject, or "undecided".
 
     Returns:
-        Its name, and "tracking" where all fits of the subject together decide; else the fit's own likelier branch, and
+        Its name, and "tracking" where all fits of the subject together decide; else the likelier branch of the fit, and
         "likelihood" where its data decide alone, "undecided" where nothing does, "not compared" where it has no other
         (out of bounds, unstable), "no mirror" where the model has none that is known.
     """
@@ -71,14 +71,14 @@ def tidy(
     Args:
         documents: fits as `OUT/fits` has them.
         truth: of a synthetic study.
-        tracked: see `shown`.
+        tracked: see `displayed_branch`.
         profiles: (key of a fit, parameter's key) -> profile of its chosen branch, whose verdict replaces that of the
             standard error, and whose open sides are empty.
     """
     rows = []
     for document in documents:
         if document["status"] == "done":
-            name, by = shown(document, tracked)
+            name, by = displayed_branch(document, tracked)
             choice = {"tracked": (tracked or {}).get(document["key"], ""), "decided_by": by}
             of_fit = _rows(document, truth, profiles or {})
             rows += [{**row, **choice, "shown": row["branch"] == name} for row in of_fit]
@@ -121,7 +121,7 @@ def word(mode: str, branch: Mapping[str, Any], verdict: str, profile: str | None
     """The verdict of an estimate in the study, by that of its fit and that of its profile: the worse of both.
 
     One frequency identifies nothing (`truth.LIMITS`), however small its standard error; neither does a fit that
-    assumes the model exact, and one of several that does not follow them knows nothing.
+    assumes the model exact, nor one of several recordings that does not follow them.
     """
     worst = max((v.partition(",")[0] for v in (verdict, profile) if v), key=VERDICTS.index)
     if mode == _POOLED and not follows(branch["fit_percent"]):
@@ -147,9 +147,9 @@ def outliers(values: np.ndarray) -> np.ndarray:
     return known & ((values < low - reach) | (values > high + reach))
 
 
-def shown_fit(document: Mapping[str, Any], tracked: Mapping[str, str] | None = None) -> float:
+def displayed_fit(document: Mapping[str, Any], tracked: Mapping[str, str] | None = None) -> float:
     """Fit percentage of the branch that is shown, the mean over its recordings."""
-    name, _ = shown(document, tracked)
+    name, _ = displayed_branch(document, tracked)
     return float(next(b["fit_percent"] for b in document["result"]["branches"] if b["name"] == name))
 
 
@@ -161,24 +161,24 @@ def place(document: Mapping[str, Any]) -> str:
     return ", ".join(words)
 
 
-def poor_fits(
+def unfollowed_fits(
     documents: Iterable[Mapping[str, Any]], tracked: Mapping[str, str] | None = None
 ) -> list[tuple[Mapping[str, Any], float]]:
-    """Fits whose shown branch does not follow its recordings, with its fit percentage, the poorest first."""
-    fits = [(d, shown_fit(d, tracked)) for d in documents if d["status"] == "done"]
+    """Fits whose shown branch does not follow its recordings, with its fit percentage, the lowest first."""
+    fits = [(d, displayed_fit(d, tracked)) for d in documents if d["status"] == "done"]
     return sorted(((d, fit) for d, fit in fits if not follows(fit)), key=lambda pair: pair[1])
 
 
-def poor_sentence(documents: Sequence[Mapping[str, Any]], tracked: Mapping[str, str] | None = None) -> str:
+def unfollowed_sentence(documents: Sequence[Mapping[str, Any]], tracked: Mapping[str, str] | None = None) -> str:
     """How many fits failed to fit, and which; empty where none did."""
-    poor, done = poor_fits(documents, tracked), sum(d["status"] == "done" for d in documents)
-    if not poor:
+    unfollowed, done = unfollowed_fits(documents, tracked), sum(d["status"] == "done" for d in documents)
+    if not unfollowed:
         return ""
-    listed = "; ".join(f"{d['mode']}, {place(d)}: {fit:.1f} %" for d, fit in poor[:_LISTED])
-    more = f"; and {len(poor) - _LISTED} more" if len(poor) > _LISTED else ""
+    listed = "; ".join(f"{d['mode']}, {place(d)}: {fit:.1f} %" for d, fit in unfollowed[:_LISTED])
+    more = f"; and {len(unfollowed) - _LISTED} more" if len(unfollowed) > _LISTED else ""
     return (
-        f"{len(poor)} of {done} fits follow their recordings to less than {POOR_FIT:g} % ({listed}{more}). They are "
-        "left out of means, bands, boxes and energies; more --starts or wider --bounds may find better ones."
+        f"{len(unfollowed)} of {done} fits follow their recordings to less than {POOR_FIT:g} % ({listed}{more}). They "
+        "are left out of means, bands, boxes and energies; more --starts or wider --bounds may find better ones."
     )
 
 
@@ -204,11 +204,11 @@ def one_set(documents: Iterable[Mapping[str, Any]]) -> str:
 def first(documents: Sequence[Mapping[str, Any]], tracked: Mapping[str, str] | None = None) -> str:
     """What matters first, in one sentence: that constants change, else which fits do not follow their recordings.
 
-    A fit of constants that change follows its recordings badly whatever it starts from, so the two are not said
-    together; nor is that all is well, where something is not.
+    A fit of constants that change does not follow its recordings from any start, so only the first of the two is
+    stated.
     """
     serves, count = _serving(documents)
-    return (serves == count and poor_sentence(documents, tracked)) or one_set(documents)
+    return (serves == count and unfollowed_sentence(documents, tracked)) or one_set(documents)
 
 
 def cycle_table(documents: Sequence[Mapping[str, Any]], tracked: Mapping[str, str] | None = None) -> pd.DataFrame:
@@ -216,7 +216,7 @@ def cycle_table(documents: Sequence[Mapping[str, Any]], tracked: Mapping[str, st
 
     Cycles may be of a foot that is no branch of the fit, such as the one a synthetic recording was made from.
     """
-    choice = {d["key"]: shown(d, tracked) for d in documents if d["status"] == "done"}
+    choice = {d["key"]: displayed_branch(d, tracked) for d in documents if d["status"] == "done"}
     rows = [
         {
             **{name: d[name] for name in ("mode", "subject", "posture", "key")},
@@ -256,7 +256,7 @@ def counts(documents: Sequence[Mapping[str, Any]], tracked: Mapping[str, str] | 
         of_mode = [d for d in documents if d["mode"] == mode]
         done = [d["result"] for d in of_mode if d["status"] == "done"]
         verdicts = [r.get("verdict", "") for r in done]
-        fits = [shown_fit(d, tracked) for d in of_mode if d["status"] == "done"]
+        fits = [displayed_fit(d, tracked) for d in of_mode if d["status"] == "done"]
         started = [r["starts"] for r in done if len(r.get("starts") or ()) > 1]
         rows.append({
             "mode": mode, "fits": len(of_mode), "done": len(done), "failed": len(of_mode) - len(done),

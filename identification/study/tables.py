@@ -213,16 +213,16 @@ def left_out(populations: Sequence[Population]) -> str:
 
 
 def circled(populations: Sequence[Population]) -> str:
-    """Whom the figure circles, in a sentence; empty where all belong together."""
+    """The outliers that the figure circles, in a sentence; empty where there are none."""
     odd = dict.fromkeys(q.subject for p in populations for c in p.constants for q in c.odd)
     return f"Circled, kept in the means: what does not belong to the other persons' ({', '.join(odd)}). " if odd else ""
 
 
 def odds(populations: Sequence[Population]) -> list[str]:
-    """How far all persons together speak for a branch, a sentence a condition; then who does not belong."""
+    """Odds of the branches over all persons, a sentence a condition; then persons who are outliers."""
     first = {(p.posture, p.added_mass_kg): p for p in reversed(populations)}
-    both_odds = [f"{posture}, {load:g} kg: {p.odds_text}." for (posture, load), p in sorted(first.items())]
-    return [*both_odds, *(sentence for p in populations for sentence in p.odd())]
+    branch_odds = [f"{posture}, {load:g} kg: {p.odds_text}." for (posture, load), p in sorted(first.items())]
+    return [*branch_odds, *(sentence for p in populations for sentence in p.odd())]
 
 
 def tracking(findings: Findings) -> pd.DataFrame:

@@ -27,7 +27,7 @@ from identification.parameters import limits
 
 #: Curves whose continuity counts.
 CURVES = EXCHANGED
-#: Odds that a believed order of the stiffnesses is given in each fit.
+#: Prior odds for each fit of the stated order of the stiffnesses.
 BELIEVED = 1e4
 #: A value outside a prior's range costs one standard deviation for this change of its logarithm.
 _OUTSIDE = 0.1
@@ -71,7 +71,7 @@ class Fit:
 
         Where the model misfits, the deviances of a model assumed exact are scaled by the reduced chi-square as in
         branches.judge; where the scatter of the recordings was estimated, they are Student's. As in branches.judge
-        nothing speaks against a branch whose stiffness or damping rests on a bound: it would fit better beyond.
+        a branch whose stiffness or damping rests on a bound is not penalised, as it would fit better beyond.
         """
         result = document["result"]
         weighed = deviances(result)
@@ -105,10 +105,10 @@ def deviances(result: Mapping[str, Any]) -> list[float]:
 
 @dataclass(frozen=True)
 class Prior:
-    """What is believed beforehand.
+    """Prior knowledge of the constants.
 
     Attributes:
-        ranges: name -> (lower, upper) that the constant is believed to lie in.
+        ranges: name -> (lower, upper) in which the constant lies.
         stiff_ankle_odds: of k_T above k_F over the contrary, 1 for none.
     """
 
@@ -168,12 +168,12 @@ class Choice:
 
 @dataclass(frozen=True)
 class Tracking:
-    """What all fits say together.
+    """The branches of all fits, chosen together.
 
     Attributes:
         choices: one a fit.
-        overall: odds of each branch for all fits, over the other one for all; of assignments that mix branches it says
-            nothing.
+        overall: odds of each branch for all fits, over the other one for all. Assignments that mix branches are not in
+            it.
         sentence: for people.
     """
 
@@ -191,7 +191,7 @@ def track(fits: Sequence[Fit], *, prior: Prior | None = None) -> Tracking:
 
     Args:
         fits: per recording, or pooled (frequency None), of one subject and posture.
-        prior: what is believed beforehand.
+        prior: of the constants.
 
     Raises:
         SettingError: no fit, one without branches, or too many at one frequency.

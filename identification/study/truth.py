@@ -1,8 +1,8 @@
-"""How much of a synthetic study's truth the fits found again.
+"""How many true values of a synthetic study the fits recover.
 
 A virtual study stores the foot's constants of every recording (`constants.csv`); a study of one foot has them once
-(`truth.json`). What a fit can be right about depends on its mode: a recording has its own constants, and a pooled fit
-is compared with the mean over its frequencies.
+(`truth.json`). The reference depends on the mode. A recording has separate constants; a pooled fit is
+compared with the mean over its frequencies.
 """
 
 import json
@@ -23,7 +23,7 @@ from fasbody.recording.csv import read_table
 WITHIN = 2.0
 #: What tells one fit's branches apart in the tidy table.
 UNIT = ["mode", "key", "added_mass_kg", "frequency_hz"]
-#: What recordings of one frequency cannot tell, whatever the fit; printed in every report.
+#: What recordings of one frequency cannot determine, whatever the fit; printed in every report.
 LIMITS = (
     "A recording of one frequency is worth its harmonics: amplitude and phase of the fundamental, and what the bend of "
     "the dampers leaves in the few harmonics below 100 Hz. Two numbers are known well, and eight constants are asked "
@@ -48,7 +48,7 @@ class Truth:
 
     @classmethod
     def read(cls, study: Path) -> Self | None:
-        """The truth of a study folder, None where nobody stored one.
+        """The truth of a study folder, None where there is none.
 
         Raises:
             InputFileError: it is there and cannot be read.
@@ -90,8 +90,8 @@ def recovery(table: pd.DataFrame) -> pd.DataFrame:
 
     Returns:
         One row a mode and parameter, and one of all parameters: `estimates` (with a truth, one a fit), and for each way
-        of taking a branch, `chosen` (the fit's own), `tracked` (that of the subject's fits together where they decide,
-        else the fit's own: what is shown) and `either` (the nearer to the truth, which nobody can choose without it):
+        of taking a branch, `chosen` (by the fit), `tracked` (that of the subject's fits together where they decide,
+        else by the fit: what is shown) and `either` (the nearer to the truth, which needs the truth):
         WAY, how many are within two standard errors, of WAY_of that have one (the others are at a bound or not
         seen), and WAY_error, the median relative error of all. Of `tracked` also `identified` and `identified_of`
         (those that say so of themselves), and the median relative `std_error`.

@@ -1,4 +1,4 @@
-"""Leave one frequency out: what a model is worth where it was not fitted, and which law of the dampers predicts better.
+"""Leave one frequency out: prediction error of a model where it was not fitted, and which damper law predicts better.
 
 Per recording, a left-out recording is predicted from the estimates at the neighbouring frequencies under the same load;
 pooled, from constants fitted to the other frequencies under that load. The lowest and the highest frequency are

@@ -10,15 +10,15 @@ from typing import Any
 import numpy as np
 
 from fasbody.arch.kinematics import Array
-from fasbody.arch.load import G
 from fasbody.arch.mounted import PAD_N, PAD_POWER
+from fasbody.constants import MODEL_GRAVITY
 
 #: Kinoshita 1993: mass [kg], speed at touch [m/s]; what was measured, lowest, mean and highest.
 MASS_KG, SPEED_M_S = 5.0, 0.93
 #: Peak [g] and depth [mm] have no published scatter: 20 % is an assumption. Energy absorbed [%] has its own.
 MEASURED = {"peak_g": (9.3, 11.6, 13.9), "depth_mm": (9.0, 11.3, 13.6), "absorbed_percent": (75.0, 79.0, 89.0)}
 #: Descente Sports Science 12, the same from 30 mm on the heels of 14 adults (abstract; it gives no speed: free fall).
-LOW_M_S = float(np.sqrt(2 * G * 0.03))
+LOW_M_S = float(np.sqrt(2 * MODEL_GRAVITY * 0.03))
 LOW = {"peak_g": (6.8, 8.5, 10.2), "depth_mm": (8.0, 10.0, 12.0), "absorbed_percent": (72.0, 76.0, 84.0)}
 #: Longest drop, in times that the mass needs across its depth without gravity or damper.
 LONGEST = 20
@@ -33,7 +33,7 @@ def absorbed(touched_m_s: float, depth: Any, x: Any, v: Any) -> Any:
         touched_m_s: speed of the mass at touch. depth: deepest compression [m].
         x, v: compression [m] and its rate [m/s] where the drop ends.
     """
-    return 1 - (v**2 / 2 + G * (depth - x)) / (touched_m_s**2 / 2 + G * depth)
+    return 1 - (v**2 / 2 + MODEL_GRAVITY * (depth - x)) / (touched_m_s**2 / 2 + MODEL_GRAVITY * depth)
 
 
 def fall(k_F: Any, eta: Any, speed_m_s: float = SPEED_M_S, steps: int = 150) -> Array:
@@ -54,7 +54,7 @@ def fall(k_F: Any, eta: Any, speed_m_s: float = SPEED_M_S, steps: int = 150) -> 
         return np.maximum(PAD_N * (np.maximum(x, 0) / d) ** n * (1 + eta * v), 0)
 
     def rate(x: Array, v: Array) -> tuple[Array, Array]:
-        return v, G - force(x, v) / MASS_KG
+        return v, MODEL_GRAVITY - force(x, v) / MASS_KG
 
     x, v = np.zeros_like(h), np.full_like(h, speed_m_s)
     peak, depth, lost = x, x, np.full_like(h, np.nan)
@@ -71,7 +71,7 @@ def fall(k_F: Any, eta: Any, speed_m_s: float = SPEED_M_S, steps: int = 150) -> 
         lost = np.where(over, absorbed(speed_m_s, depth, x, v), lost)
         if not np.isnan(lost).any():
             break
-    return np.stack([peak / (MASS_KG * G), 1e3 * depth, 100 * lost], axis=-1)
+    return np.stack([peak / (MASS_KG * MODEL_GRAVITY), 1e3 * depth, 100 * lost], axis=-1)
 
 
 @cache

@@ -9,9 +9,10 @@ import numpy as np
 
 from fasbody.arch.bones import Arch
 from fasbody.arch.kinematics import Array, arms, deformations, gradients
-from fasbody.arch.load import ARANGIO_CUT, ARANGIO_LOAD, ARANGIO_SAG, MEASURED_HZ, G, poses, tangent
+from fasbody.arch.load import ARANGIO_CUT, ARANGIO_LOAD, ARANGIO_SAG, MEASURED_HZ, poses, tangent
 from fasbody.arch.mounted import PAD_POWER, SEATED_N, STANDING_N, Mounted, Stance, pad, stance
 from fasbody.arch.tissue import Tissue
+from fasbody.constants import MODEL_GRAVITY
 from reproduction.arch_validation.drop import LOW, LOW_M_S, MEASURED, SPEED_M_S, falls
 
 
@@ -137,7 +138,7 @@ class Statics:
             points = 2
         tissue = Tissue(arm=arm[:, None, None], slack=slack[None, :, None])
         shape = (points, points)
-        self.loads = np.array([SEATED_N + G * added for added in MEASURED_HZ] + [STANDING_N])
+        self.loads = np.array([SEATED_N + MODEL_GRAVITY * added for added in MEASURED_HZ] + [STANDING_N])
         stood = self._stances(arch, tissue, shape)
         parts = [part.reshape(*shape, -1) for part in (stood.rate, stood.apex, stood.bones, stood.joint)]
         parts += [elongation(arch, KER_WHOLE[KER_POINTS], tissue, shape)]

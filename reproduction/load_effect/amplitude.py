@@ -5,8 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fasbody.constants import MODEL_GRAVITY
 from fasbody.leg.statements import ADDED_KG
-from identification.rivals.pad_balance import TABLE_M_S2, G
+from identification.rivals.pad_balance import TABLE_M_S2
 from reproduction.load_effect.lift_off import NONE, NOT_SETTLED, steady
 
 #: What is said of motions without a period.
@@ -42,7 +43,7 @@ def halved(values: Mapping[str, float]) -> list[Row]:
     rows = []
     for table in (TABLE_M_S2, TABLE_M_S2 / 2):
         k, exponent, c = (ones * values[name] for name in ("k", "exponent", "c"))
-        motion = steady(_FINE_HZ, mass, values["rest"] + G * added, k, exponent, c, table)
+        motion = steady(_FINE_HZ, mass, values["rest"] + MODEL_GRAVITY * added, k, exponent, c, table)
         for load, kg in enumerate(ADDED_KG):
             at = int(np.abs(motion.response[load]).argmax())
             periods = sorted({int(p) for p in motion.period[load]}, key=lambda p: (p <= 0, abs(p)))

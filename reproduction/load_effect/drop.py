@@ -8,11 +8,12 @@ from dataclasses import dataclass
 import mujoco
 import numpy as np
 
+from fasbody.constants import MODEL_GRAVITY
 from fasbody.exceptions import SettingError, SimulationError
 from fasbody.foot import damper
 from fasbody.foot.engine import callbacks
 from fasbody.presentation import Tabled
-from identification.rivals.pad_balance import REFERENCE_N, G
+from identification.rivals.pad_balance import REFERENCE_N
 from reproduction.arch_validation.drop import MASS_KG, MEASURED, SPEED_M_S, absorbed
 
 #: Laws 2 and 1 fitted to the three numbers of the drop (three constants each), so no evidence for either.
@@ -87,7 +88,7 @@ def drop(user: str = DROPPED, stiffness: float | str = 0.0, damping: float = 0.0
             raise SimulationError(f"the mass does not come back within {LONGEST:g} s.")
     F, x = np.array(push), np.array(down)
     lost = 100 * float(absorbed(speed_m_s, x.max(), x[-1], rate[-1]))
-    return Drop(float(F.max() / (mass_kg * G)), 1e3 * float(x.max()), lost, _tangent(model) / 1e3)
+    return Drop(float(F.max() / (mass_kg * MODEL_GRAVITY)), 1e3 * float(x.max()), lost, _tangent(model) / 1e3)
 
 
 def walked(F_5: float, n: float, eta: float = WALKED_ETA) -> str:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fasbody.constants import MODEL_GRAVITY
 from fasbody.leg.statements import ADDED_KG, RANGES_HZ, STATEMENTS, Curves, judge, ranges_met
 from fasbody.transmissibility.findings import FREQUENCIES_HZ
 from identification.rivals import pad_balance
@@ -23,7 +24,7 @@ from identification.rivals.mechanisms import (
     standing_chain,
     two_masses,
 )
-from identification.rivals.pad_balance import TABLE_M_S2, G
+from identification.rivals.pad_balance import TABLE_M_S2
 from reproduction.load_effect.lift_off import steady
 
 Array = np.ndarray
@@ -52,7 +53,7 @@ def linear(mechanism: Mechanism) -> Response:
 def lift_off(frequency_hz: Array, values: dict[str, Array]) -> tuple[Array, Array]:
     """One mass on a pad that cannot pull, stepped in time; it has no tibia, so TM is NaN."""
     share = values.get("share", np.zeros_like(values["m"]))
-    static = values["rest"][:, None] + G * np.array(ADDED_KG)  # its weight presses in either case
+    static = values["rest"][:, None] + MODEL_GRAVITY * np.array(ADDED_KG)  # its weight presses in either case
     mass = values["m"][:, None] + share[:, None] * ADDED_KG
     pads = [np.broadcast_to(values[n][:, None], static.shape) for n in ("k", "exponent", "c")]
     k, exponent, c = (pad.ravel() for pad in pads)

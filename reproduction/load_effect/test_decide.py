@@ -98,7 +98,7 @@ def test_a_motion_that_no_rival_makes_is_none_of_these_and_one_that_does_not_rep
     lost = true.repeats.copy()
     lost[:2] = False
     verdict = quick.verdict(type(true)(true.MB, true.TB, true.second, true.air, lost))
-    assert verdict.lost == 2
+    assert verdict.left_out == 2
     assert np.isinf(list(verdict.criteria.values())).all()
 
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
+from fasbody.constants import MODEL_GRAVITY
 from fasbody.exceptions import SettingError
 from fasbody.foot import damper
 from fasbody.leg import __main__ as leg_command
-from identification.rivals.pad_balance import G
 from reproduction.load_effect.drop import DROPPED, DROPPED_POWER, checked, drop, drops, walked
 
 
@@ -28,7 +28,7 @@ def test_the_drop_is_met_and_its_energy_is_that_of_the_closed_form() -> None:
     )
     k, m = 1e5, 5.0  # a plain spring gives everything back, and the depth of a falling mass
     plain = drop("", k, 0.0)
-    depth = (m * G + np.sqrt((m * G) ** 2 + k * m * v**2)) / k
+    depth = (m * MODEL_GRAVITY + np.sqrt((m * MODEL_GRAVITY) ** 2 + k * m * v**2)) / k
     assert plain.depth_mm == pytest.approx(1e3 * depth, rel=1e-4)
     assert plain.absorbed_percent == pytest.approx(0, abs=0.2)
 

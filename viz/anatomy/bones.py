@@ -81,17 +81,17 @@ def cuneiforms() -> dict[str, Shape]:
 def metatarsals() -> dict[str, Shape]:
     """Metatarsals and sesamoids: the last segment of the arch."""
     parts = {}
-    for i, (base, head, wide, thin, knob) in enumerate(METATARSALS):
+    for i, (base, head, width, thickness, knob) in enumerate(METATARSALS):
         a, b = np.asarray(base, float), np.asarray(head, float)
 
         def at(t: float, lift: float = 0.0, a: np.ndarray = a, b: np.ndarray = b) -> np.ndarray:
             return a + (b - a) * t + (0, 0, lift)
 
         pieces = [
-            ellipsoid(at(0.05), (7.5, 0.8 * wide, wide), 22),
-            round_cone(at(0.05), at(0.36, 1.2), 0.75 * wide, thin),
-            round_cone(at(0.3, 1.2), at(0.72, 1.8), thin, thin * 1.02),
-            round_cone(at(0.7, 1.8), at(0.96), thin, 0.85 * knob),
+            ellipsoid(at(0.05), (7.5, 0.8 * width, width), 22),
+            round_cone(at(0.05), at(0.36, 1.2), 0.75 * width, thickness),
+            round_cone(at(0.3, 1.2), at(0.72, 1.8), thickness, thickness * 1.02),
+            round_cone(at(0.7, 1.8), at(0.96), thickness, 0.85 * knob),
             ellipsoid(at(1.0), (knob, 0.88 * knob, knob), 20),
         ]
         if i == 4:  # the styloid process of the fifth

@@ -28,13 +28,13 @@ SEGMENT_BODIES: dict[str, dict[str, str]] = {
     },
 }  # fmt: skip
 
-#: Models that wear the meshes of another one: name -> the other, segment -> body, and the other's body in whose place a
+#: Models with the meshes of another one: name -> the other, segment -> body, and the other's body in whose place a
 #: body rests. The shank of the mounted arch begins at the apex.
 BORROWED: dict[str, tuple[str, dict[str, str], dict[str, str]]] = {
     "mounted_arch": ("foot_arch", SEGMENT_BODIES["foot_arch"] | {"tibia": "shank"}, {"shank": "apex"}),
 }
 
-#: Geoms (name, body) of other shipped models that the meshes stand for: the lower end of the tibia, in leg.xml.
+#: Geoms (name, body) of other shipped models that the meshes replace: the lower end of the tibia, in leg.xml.
 _MESHED = {("malleolus", "malleolus")}
 
 
@@ -67,14 +67,14 @@ def segment_frames(shipped: str) -> dict[str, Frame]:
 
 def segment_bodies(model: mujoco.MjModel) -> tuple[str, Mapping[str, str]] | None:
     """The shipped model whose body names a model has, with segment -> body; None if it has neither's."""
-    there = {model.body(i).name for i in range(model.nbody)}
+    present = {model.body(i).name for i in range(model.nbody)}
     known = SEGMENT_BODIES | {name: bodies for name, (_, bodies, _) in BORROWED.items()}
-    return next(((name, b) for name, b in known.items() if set(b.values()) <= there), None)
+    return next(((name, b) for name, b in known.items() if set(b.values()) <= present), None)
 
 
 @dataclass(frozen=True)
-class Own:
-    """What an edited model has of its own, beside the meshes that dress it.
+class ExtraGeoms:
+    """Geoms and colours of an edited model that the shipped meshes do not show.
 
     Attributes:
         geoms: numbers of the geoms that are no bone of a shipped model.
@@ -85,28 +85,28 @@ class Own:
     tints: Mapping[str, np.ndarray]
 
 
-def own(model: mujoco.MjModel) -> Own:
-    """The geoms that the meshes do not stand for: all of a model with body names of its own."""
-    found = segment_bodies(model)
-    there = [
+def extra_geoms(model: mujoco.MjModel) -> ExtraGeoms:
+    """The geoms that the meshes do not replace: all of them where the bodies have other names."""
+    match = segment_bodies(model)
+    geoms = [
         (i, model.geom(i).name, model.body(model.geom_bodyid[i]).name)
         for i in range(model.ngeom)
         if model.geom_rgba[i, 3] > 0
     ]
-    if found is None:
-        return Own(tuple(i for i, _, _ in there), {})
-    shipped = _shipped(found[0])
+    if match is None:
+        return ExtraGeoms(tuple(i for i, _, _ in geoms), {})
+    shipped = _shipped(match[0])
     known = {
         (shipped.geom(i).name, shipped.body(shipped.geom_bodyid[i]).name): shipped.geom_rgba[i]
         for i in range(shipped.ngeom)
-        if shipped.body(shipped.geom_bodyid[i]).name in found[1].values()
+        if shipped.body(shipped.geom_bodyid[i]).name in match[1].values()
     }
     tints = {
         body: model.geom_rgba[i, :3].copy()
-        for i, name, body in there
+        for i, name, body in geoms
         if (name, body) in known and np.abs(known[name, body] - model.geom_rgba[i]).max() > 1e-6
     }
-    return Own(tuple(i for i, name, body in there if (name, body) not in {*known, *_MESHED}), tints)
+    return ExtraGeoms(tuple(i for i, name, body in geoms if (name, body) not in {*known, *_MESHED}), tints)
 
 
 @cache
@@ -126,17 +126,17 @@ class Carried:
 
 
 def carried(model: mujoco.MjModel) -> dict[str, Carried] | None:
-    """Every segment of the foot on a model; None if its bodies have names of their own.
+    """Every segment of the foot on a model; None where its bodies have other names.
 
     Toes keep the attitude of their mesh, so that they stay on the table under an arch that was made flatter: their
     frame is moved by as much as the heads of the metatarsals are, and not turned.
     """
-    found = segment_bodies(model)
-    if found is None:
+    match = segment_bodies(model)
+    if match is None:
         return None
-    other, _, place = BORROWED.get(found[0], (found[0], {}, {}))
+    other, _, place = BORROWED.get(match[0], (match[0], {}, {}))
     made, rest = segment_frames(other), frames(model)
-    segments = {name: Carried(body, made[place.get(body, body)], rest[body]) for name, body in found[1].items()}
+    segments = {name: Carried(body, made[place.get(body, body)], rest[body]) for name, body in match[1].items()}
     toes, heads = segments["toes"], np.mean([head for _, head, *_ in METATARSALS], 0)[[0, 2, 1]] * (1e-3, 1e-3, -1e-3)
     turn = _rotation(toes.rest) * _rotation(toes.bind).inv()
     moved = toes.rest.position + turn.apply(heads - toes.bind.position) - heads

@@ -1,4 +1,4 @@
-"""What server and export need of anything that is shown, and the page's files: `page/*.html` extend `page.html`."""
+"""The interface of what is displayed, for server and export, and the page's files: `page/*.html` extend `page.html`."""
 
 import json
 import re
@@ -17,7 +17,7 @@ SCRIPT = re.compile(r'<script src="([^"]+)"></script>')
 STYLE = re.compile(r'<link rel="stylesheet" href="([^"]+)">')
 
 
-class Shown(Protocol):
+class Display(Protocol):
     """The foot (`viz.feet.Show`) or the cell (`viz.modes.ModeShow`)."""
 
     #: Name of the page in the folder `page`.
@@ -30,7 +30,7 @@ class Shown(Protocol):
         """What a page needs to know before anything else."""
 
     def answer(self, settings: Settings) -> dict[str, Any]:
-        """The answer to a page's settings."""
+        """The motion or scene for a page's settings."""
 
     def exported(self, live: bool) -> dict[str, Any]:
         """The documents that an exported page carries, by name; `live` with what moves its sliders."""
@@ -50,7 +50,7 @@ def markup(page: str, key: str = "") -> str:
     return templates.get_template(page).render(key=key)
 
 
-def said(document: Any) -> str:
+def page_json(document: Any) -> str:
     """A document as a page reads it: JSON, which has no NaN and no infinity; null stands for them."""
     try:
         return json.dumps(document, allow_nan=False)
