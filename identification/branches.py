@@ -19,7 +19,7 @@ DECISIVE_ODDS = 1000.0
 #: Log of the odds up to which branches are tied: rounding alone then orders them, and the name does it instead.
 TIE = 0.01
 LEFT_OUT = "The {name} branch is left out: the motions at its best ends do not last in MuJoCo."
-LOST = (
+DOES_NOT_FOLLOW = (
     "No branch is decided, as the model does not follow the recordings: they would have to repeat no better than to "
     "{percent:.3g} %, and {bound:.3g} % is what people do at most."
 )

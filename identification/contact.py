@@ -30,7 +30,7 @@ class Contact:
         static_force_n: that rests on the table without vibration.
         stated: it stands in study.toml, else it is the weight of the model's masses and the load.
         time_s, force_n: (n,) over one cycle.
-        added: harmonics above the first that lifting would add at the malleolus, and found: what
+        added: harmonics above the first that lifting would add at the malleolus, and measured: what
             the recording has beyond the model's, both over the first; None where nothing is known.
     """
 
@@ -43,7 +43,7 @@ class Contact:
     time_s: np.ndarray
     force_n: np.ndarray
     added: float | None = None
-    found: float | None = None
+    measured: float | None = None
 
     @property
     def share(self) -> float:
@@ -58,9 +58,9 @@ class Contact:
     @property
     def harmonics(self) -> str:
         """What the harmonics say of lifting: "for", "against", "neither", or nothing."""
-        if not self.share or not self.added or self.found is None:
+        if not self.share or not self.added or self.measured is None:
             return ""
-        seen = self.found / self.added
+        seen = self.measured / self.added
         return "for" if seen > _FOR else "against" if seen < _AGAINST else "neither"
 
     def __repr__(self) -> str:
@@ -71,7 +71,7 @@ class Contact:
         names = ("file", "frequency_hz", "added_mass_kg", "element", "static_force_n", "stated")
         about: dict[str, Any] = {name: getattr(self, name) for name in names}
         about |= {"share": self.share, "missing_n": self.missing_n}
-        about |= {"harmonics_added": self.added, "harmonics_found": self.found, "harmonics_speak": self.harmonics}
+        about |= {"harmonics_added": self.added, "harmonics_found": self.measured, "harmonics_speak": self.harmonics}
         return about | {"time_s": self.time_s.tolist(), "force_n": self.force_n.tolist()}
 
     def sentence(self) -> str:
@@ -86,7 +86,7 @@ class Contact:
             f"to {source} ({self.static_force_n:.3g} N)."
         )
         if self.harmonics:
-            added, estimated = 100 * (self.added or 0.0), 100 * (self.found or 0.0)
+            added, estimated = 100 * (self.added or 0.0), 100 * (self.measured or 0.0)
             word = {"for": "so it probably did", "against": "so it probably did not", "neither": "which leaves it open"}
             text += (
                 f" A foot that lifts would add harmonics of about {added:.2g} % of the first at the malleolus. "

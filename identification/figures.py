@@ -87,8 +87,8 @@ def trace_rows(result: FitResult) -> list[Row]:
     rows: list[Row] = []
     for recording in result.recordings:
         start, length = _window(recording)
-        shown = (recording.time_s >= start) & (recording.time_s < start + length)
-        columns = (recording.time_s[shown] - start, recording.measured[shown], recording.model[shown])
+        window = (recording.time_s >= start) & (recording.time_s < start + length)
+        columns = (recording.time_s[window] - start, recording.measured[window], recording.model[window])
         rows += [
             {"file": recording.file, "time_s": float(t), "measured_m_s2": float(x), "model_m_s2": float(y)}
             for t, x, y in zip(*columns, strict=True)
@@ -186,9 +186,9 @@ def chi_square(result: FitResult) -> Figure:
     for load, (colour, mark) in _loads(result).items():
         mine = [row for row in rows if row["added_mass_kg"] == load]
         for first in (True, False):
-            shown = [row for row in mine if (row["harmonic"] == 1) == first]
-            x = [row["frequency_hz"] * row["harmonic"] for row in shown]
-            y = [max(row[key], _LEAST) for row in shown]
+            part = [row for row in mine if (row["harmonic"] == 1) == first]
+            x = [row["frequency_hz"] * row["harmonic"] for row in part]
+            y = [max(row[key], _LEAST) for row in part]
             face = colour if first else "white"
             which = "fundamental" if first else "higher harmonics"
             axis.semilogy(x, y, mark, ms=5, color=colour, mfc=face, label=f"{which}, {load:g} kg added")

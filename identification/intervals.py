@@ -141,7 +141,7 @@ class Solution:
         variables = self.problem.variables
         theta = variables.theta(self.q if q is None else q)[number]
         return {
-            **variables.own,
+            **variables.model_values,
             **variables.space.fixed,
             **dict(zip(variables.motion_names, map(float, theta), strict=True)),
         }

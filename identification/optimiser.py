@@ -17,7 +17,7 @@ from identification.residual import Problem
 STARTS, ROUNDS = 12, 4
 #: Steps of a round, and the decrease of the sum of squares that is worth no further step.
 _STEPS, _PROMISED = 40, 0.02
-_THERE = (_STEPS, _PROMISED)
+_AT_THE_GOAL = (_STEPS, _PROMISED)
 #: The same on the way down, and the factor by which the scatter falls there.
 _ON_THE_WAY, _FALL = (_STEPS, 0.2), 5.0
 #: Two descents came to the same end where their sums of squares, and their places, differ by less.
@@ -166,7 +166,7 @@ def random_starts(problem: Problem, sign: int, count: int, rng: np.random.Genera
     """(count, n) places that fill one side of the mirror: stiffness, damping and bends; nuisances at their priors."""
     v = problem.variables
     low, high = problem.bounds(sign)
-    Q = np.tile(v.start(v.own), (count, 1))
+    Q = np.tile(v.start(v.model_values), (count, 1))
     for name, i in v.index.items():
         item = v.space.free[v._item[name]]
         if v.two_mass and name in ("c_12", "c_22"):
@@ -336,7 +336,7 @@ def _annealed(problem: Problem, groups: Mapping[float, Population], last: float 
         while rest and (level == goal or rest[0][0] > 0.99 * level):
             population = population.joined(rest.pop(0)[1])
         problem = problem.with_repeatability(level)
-        population = _down(problem, population, *_THERE if level == goal else _ON_THE_WAY).distinct(_ONE)
+        population = _down(problem, population, *_AT_THE_GOAL if level == goal else _ON_THE_WAY).distinct(_ONE)
         if last is None:
             best = population.Q[population.best()]
             problem = problem.weighed(best)

@@ -20,14 +20,14 @@ def write(result: Presented, folder: Path, command: str) -> list[Path]:
         folder: to write into.
         command: that made it, as it was typed.
     """
-    files, shown = result.write(folder), []
+    files, pictures = result.write(folder), []
     for kind in result.plots:
         figure = result.plot(kind)
-        shown.append((Markup(inline(picture(figure, "svg"))), _caption(result, kind)))
+        pictures.append((Markup(inline(picture(figure, "svg"))), _caption(result, kind)))
         files += write_figure(figure, folder / f"{kind}.svg", folder / f"{kind}.png")
     environment = Environment(loader=PackageLoader("identification"), autoescape=select_autoescape(default=True))
     text = environment.get_template("page.html").render(
-        sheet=result.sheet(), figures=shown, command=command, day=date.today().isoformat()
+        sheet=result.sheet(), figures=pictures, command=command, day=date.today().isoformat()
     )
     return [*files, write_whole(folder / "report.html", text)]
 

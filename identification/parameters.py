@@ -119,8 +119,8 @@ class Space:
         """95 % confidence limits (p,), (p,): symmetric in q, cut at the bounds."""
         q = self.to_q(theta)
         low, high = self.bounds
-        wide = np.where(np.isfinite(std_q), std_q, np.inf)
-        return self.to_theta(np.maximum(q - _Z95 * wide, low)), self.to_theta(np.minimum(q + _Z95 * wide, high))
+        finite = np.where(np.isfinite(std_q), std_q, np.inf)
+        return self.to_theta(np.maximum(q - _Z95 * finite, low)), self.to_theta(np.minimum(q + _Z95 * finite, high))
 
 
 def _unit(item: Parameter) -> float:

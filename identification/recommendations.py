@@ -15,7 +15,7 @@ from identification.parameters import Space
 from identification.result import UNLIKELY, Branch, Departures, chance
 
 #: Fit below which something is wrong [%], and error of the base above which the shaker is.
-POOR_FIT, _BASE_ERROR = 85.0, 1e-4
+LEAST_FIT, _BASE_ERROR = 85.0, 1e-4
 #: A line counts if its amplitude exceeds this share of the largest one, and five times its noise.
 _SHARE, _NOISE = 1e-3, 5.0
 
@@ -25,7 +25,7 @@ def follows(fit_percent: Any) -> Any:
 
     One that does not fails to fit, and says nothing of the foot. A percentage that is not known (NaN) fails nothing.
     """
-    return ~np.less(fit_percent, POOR_FIT)
+    return ~np.less(fit_percent, LEAST_FIT)
 
 
 def advice(
@@ -57,9 +57,9 @@ def advice(
             f"The model alone does not describe the recordings to their noise (chi-square {best.chi_square:.4g} for "
             f"{best.dof} degrees of freedom, {chance(best.p_value)}); the standard errors are widened accordingly."
         )
-    poor = [(fit, r.file) for fit, r in zip(fits, data, strict=True) if not follows(fit)]
-    if poor:
-        fit, file = min(poor)
+    below = [(fit, r.file) for fit, r in zip(fits, data, strict=True) if not follows(fit)]
+    if below:
+        fit, file = min(below)
         texts.append(
             f"The model follows {file} only to {fit:.0f} %: check that its channels are aligned and in the right unit, "
             "that it is this foot, and that the bounds hold the answer."
@@ -216,16 +216,16 @@ def _ruler(departures: Departures) -> list[str]:
     return texts
 
 
-def _shows(each: Allowance) -> bool:
+def _shows(allowance: Allowance) -> bool:
     """Whether the recordings show it: beyond its prior where that is narrow, beyond its standard error elsewhere."""
-    if each.group in ("masses", "gain", "delay", "drift"):
-        return abs(each.off) > _FAR
-    return (_parts(each)[0] in _SIGNS or each.group == "load") and abs(each.seen) > _FAR
+    if allowance.group in ("masses", "gain", "delay", "drift"):
+        return abs(allowance.off) > _FAR
+    return (_parts(allowance)[0] in _SIGNS or allowance.group == "load") and abs(allowance.seen) > _FAR
 
 
-def _parts(each: Allowance) -> tuple[str, str]:
+def _parts(allowance: Allowance) -> tuple[str, str]:
     """What it is, and of which sensor or person; the malleolus has none to its name."""
-    kind, _, whose = each.name.partition(" of ")
+    kind, _, whose = allowance.name.partition(" of ")
     return kind, whose or "malleolus"
 
 
@@ -258,43 +258,43 @@ def _share(x: float) -> str:
     return f"{100 * x:.3g} %"
 
 
-def _sign(each: Allowance) -> str:
-    kind, whose = _parts(each)
+def _sign(item: Allowance) -> str:
+    kind, whose = _parts(item)
     if kind == "mount":
-        low = f"{each.upper**-0.5:.0f}"
-        high = f"{each.lower**-0.5:.0f} Hz" if each.lower > 0 else "beyond any"
+        low = f"{item.upper**-0.5:.0f}"
+        high = f"{item.lower**-0.5:.0f} Hz" if item.lower > 0 else "beyond any"
         return (
             f"A sign of a sensor on soft tissue: the mount of {_owner(whose)} sensor would ring at "
-            f"{each.value**-0.5:.0f} Hz ({low} to {high}). Tap the sensor to know it (mount in [known] of study.toml)."
+            f"{item.value**-0.5:.0f} Hz ({low} to {high}). Tap the sensor to know it (mount in [known] of study.toml)."
         )
-    if each.group == "relaxation":
+    if item.group == "relaxation":
         return (
-            f"A sign that the spring {each.name.split()[1]} relaxes: {_share(each.value)} of it beside it "
-            f"({_share(each.lower)} to {_share(each.upper)})."
+            f"A sign that the spring {item.name.split()[1]} relaxes: {_share(item.value)} of it beside it "
+            f"({_share(item.lower)} to {_share(item.upper)})."
         )
-    if each.group == "load":
+    if item.group == "load":
         return (
-            f"A sign that constants follow the load: {each.name} is {_share(each.value - 1)} off its value without "
-            f"({_share(each.lower - 1)} to {_share(each.upper - 1)})."
+            f"A sign that constants follow the load: {item.name} is {_share(item.value - 1)} off its value without "
+            f"({_share(item.lower - 1)} to {_share(item.upper - 1)})."
         )
-    if each.group == "rocking":
+    if item.group == "rocking":
         return (
-            f"A sign that the leg rocks: rotation adds {_share(each.value)} of the base ({_share(each.lower)} to "
-            f"{_share(each.upper)})."
+            f"A sign that the leg rocks: rotation adds {_share(item.value)} of the base ({_share(item.lower)} to "
+            f"{_share(item.upper)})."
         )
-    if each.group == "delay":
+    if item.group == "delay":
         return (
-            f"A sign of a wrong model: the delay of {_owner(whose)} channel, {1e3 * each.value:.3g} ms, is "
-            f"{abs(each.off):.1f} standard deviations of what the instrument can have, so it stands for something else."
+            f"A sign of a wrong model: the delay of {_owner(whose)} channel, {1e3 * item.value:.3g} ms, is "
+            f"{abs(item.off):.1f} standard deviations of what the instrument can have, so it stands for something else."
         )
-    if each.group == "masses":
+    if item.group == "masses":
         return (
-            f"A sign of a wrong model or a wrong body mass: the {each.name} is {_share(each.value - 1)} off what was "
+            f"A sign of a wrong model or a wrong body mass: the {item.name} is {_share(item.value - 1)} off what was "
             "expected."
         )
     return (
-        f"A sign of a wrong calibration or model: the {kind} of {_owner(whose)} channel is {_share(each.value)}, "
-        f"{abs(each.off):.1f} standard deviations of what was expected."
+        f"A sign of a wrong calibration or model: the {kind} of {_owner(whose)} channel is {_share(item.value)}, "
+        f"{abs(item.off):.1f} standard deviations of what was expected."
     )
 
 

@@ -231,12 +231,12 @@ def interval(value: float, lower: float, upper: float, scale: float = 1.0) -> st
     return Estimate(scale * value, scale * std, scale * lower, scale * upper, False, "").interval()
 
 
-def allowed(each: Allowance) -> str:
+def allowed(allowance: Allowance) -> str:
     """What else may be true as the recordings have it; at the bound of a half-normal prior, as that."""
-    size = max(abs(each.prior_upper), abs(each.prior_lower))
-    if each.prior == each.prior_lower and abs(each.value - each.prior_lower) < _NOTHING * size:
-        return f"{each.prior_lower:g} (bound)"
-    return "0" if abs(each.value) < _NOTHING * size else f"{each.value:.2g}"
+    size = max(abs(allowance.prior_upper), abs(allowance.prior_lower))
+    if allowance.prior == allowance.prior_lower and abs(allowance.value - allowance.prior_lower) < _NOTHING * size:
+        return f"{allowance.prior_lower:g} (bound)"
+    return "0" if abs(allowance.value) < _NOTHING * size else f"{allowance.value:.2g}"
 
 
 def _counted(result: FitResult) -> str:

@@ -18,7 +18,7 @@ MALLEOLUS = ("malleolus",)
 
 
 def chosen(
-    recordings: Sequence["Recording"], foot: "Foot", wanted: Sequence[str] | None
+    recordings: Sequence["Recording"], foot: "Foot", chosen: Sequence[str] | None
 ) -> tuple[tuple[str, ...], list[str]]:
     """The sensors to fit, the malleolus first, and a sentence on each column that is not fitted.
 
@@ -27,18 +27,18 @@ def chosen(
     Args:
         recordings: checked.
         foot: the model.
-        wanted: names that were asked for, None for all that match.
+        chosen: names that were asked for, None for all that match.
 
     Raises:
         SettingError: a sensor that the model, or no recording, has; or the malleolus is left out.
     """
     available = [name for name in foot.sensors if name != "base"]
     read = list(dict.fromkeys(name for recording in recordings for name in recording.sensors))
-    if wanted is None:
-        lost = [name for name in read if name not in available]
-        text = f"Not fitted, as no accelerometer of the model {foot.name} has such a name: {', '.join(lost)}."
-        return (*MALLEOLUS, *(n for n in available if n in read and n not in MALLEOLUS)), [text] if lost else []
-    for name in wanted:
+    if chosen is None:
+        missing = [name for name in read if name not in available]
+        text = f"Not fitted, as no accelerometer of the model {foot.name} has such a name: {', '.join(missing)}."
+        return (*MALLEOLUS, *(n for n in available if n in read and n not in MALLEOLUS)), [text] if missing else []
+    for name in chosen:
         if name not in available:
             raise SettingError(
                 f"{unknown('sensor', name, available)} in model {foot.name}; an accelerometer has its name."
@@ -47,9 +47,9 @@ def chosen(
             raise SettingError(
                 f"sensor {name!r} is asked for, and no recording has a column {name}_m_s2 that can serve."
             )
-    if MALLEOLUS[0] not in wanted:
-        raise SettingError(f"the malleolus is always fitted; give malleolus,{','.join(wanted)}.")
-    return (*MALLEOLUS, *(name for name in dict.fromkeys(wanted) if name not in MALLEOLUS)), []
+    if MALLEOLUS[0] not in chosen:
+        raise SettingError(f"the malleolus is always fitted; give malleolus,{','.join(chosen)}.")
+    return (*MALLEOLUS, *(name for name in dict.fromkeys(chosen) if name not in MALLEOLUS)), []
 
 
 @dataclass(frozen=True)

@@ -211,19 +211,19 @@ def tells_delay(data: Sequence[Recording]) -> bool:
     return len(frequencies) > 1 or None in frequencies
 
 
-def choose_domain(recordings: Sequence[Recording], wanted: str) -> tuple[str, list[str]]:
+def choose_domain(recordings: Sequence[Recording], domain: str) -> tuple[str, list[str]]:
     """Periodic if every recording is steady, else time; the reason is said where it is not the usual one.
 
     Raises:
         SettingError: no such domain, or periodic for a recording that is not.
     """
-    if wanted not in DOMAINS:
-        raise SettingError(f"the domain is {wanted!r} (valid: {', '.join(DOMAINS)}).")
-    if wanted == "time":
+    if domain not in DOMAINS:
+        raise SettingError(f"the domain is {domain!r} (valid: {', '.join(DOMAINS)}).")
+    if domain == "time":
         return "time", []
     aperiodic = [recording.file for recording in recordings if recording.condition.frequency_hz is None]
     if aperiodic:
-        if wanted == "periodic":
+        if domain == "periodic":
             raise SettingError(
                 f"{aperiodic[0]} is not periodic, so it cannot be fitted on harmonics; use --domain time."
             )
@@ -231,7 +231,7 @@ def choose_domain(recordings: Sequence[Recording], wanted: str) -> tuple[str, li
     scatter, file = _worst(recordings)
     if scatter > STEADY:
         text = f"{file} is not steady: its amplitude scatters by {100 * scatter:.0f} % (drift or beating)"
-        if wanted == "periodic":
+        if domain == "periodic":
             return "periodic", [f"{text}; the weights follow the scatter."]
         return "time", [f"{text}, so all recordings are fitted in the time domain."]
     return "periodic", []

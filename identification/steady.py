@@ -144,7 +144,7 @@ def fit(
     signs = (1, -1) if variables.ratio is not None else (0,)
     held = variables.held([item.kind for item in variables.nuisances if item.kind != "delay"])
     exact = problem.with_held(held)
-    first = variables.start(variables.own)[None]
+    first = variables.start(variables.model_values)[None]
     settings = _SETTINGS[variables.two_mass]
     search = optimiser.search(
         problem if allow else exact, signs, starts=min(starts, settings.starts), seed=seed, estimate=allow,
@@ -257,7 +257,7 @@ def verdict_of(fitted: Fitted, built: Sequence[Branch], recorded: Recorded, why_
     verdict = branches.judge([b.name for b in built], objectives, excess, dof, rests, recorded)
     departures = built[0].departures
     if departures is not None and not departures.follows and len(built) > 1:
-        text = branches.LOST.format(percent=100 * best.problem.repeatability, bound=100 * FOLLOWS)
+        text = branches.DOES_NOT_FOLLOW.format(percent=100 * best.problem.repeatability, bound=100 * FOLLOWS)
         return Verdict("undecided", verdict.log_likelihood_ratio, text)
     if verdict.word == "decided" and not all(solution.optimum.exhausted for solution in solutions):
         return Verdict("undecided", verdict.log_likelihood_ratio, branches.NOT_EXHAUSTED)

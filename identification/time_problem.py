@@ -23,7 +23,7 @@ from identification.parameters import Space, delay_of
 #: Every residual of a parameter set whose motion is unstable.
 UNSTABLE = 1e6
 #: Bound of the scaled initial states.
-_WIDE = 1e3
+_STATE_LIMIT = 1e3
 
 
 class TimeProblem:
@@ -61,8 +61,8 @@ class TimeProblem:
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """Lower and upper bounds (n,) of the search variable."""
         low, high = self.space.bounds
-        wide = np.full(self._states * len(self.recordings), _WIDE)
-        return np.concatenate([low, -wide]), np.concatenate([high, wide])
+        limit = np.full(self._states * len(self.recordings), _STATE_LIMIT)
+        return np.concatenate([low, -limit]), np.concatenate([high, limit])
 
     @property
     def _states(self) -> int:

@@ -37,7 +37,7 @@ class Variables:
         space: the free constants, with bounds, and the values of the others.
         nuisances: what else may be true.
         recordings: in the order of the session.
-        own: the model's own values, masses among them.
+        model_values: the model's own values, masses among them.
         two_mass: the model is the two-mass foot.
         ratio: a of the mirror image, None where there is none.
     """
@@ -45,7 +45,7 @@ class Variables:
     space: Space
     nuisances: tuple[Nuisance, ...]
     recordings: Sequence[Recording]
-    own: Mapping[str, float]
+    model_values: Mapping[str, float]
     two_mass: bool
     ratio: float | None
 
@@ -103,7 +103,7 @@ class Variables:
         mean, std = np.zeros(self.size), np.full(self.size, np.inf)
         for name, i in self.index.items() if self.two_mass else ():
             if name in ("c_11", "c_21"):
-                mean[i], std[i] = np.log(self.own[name]), _DAMPER_STD
+                mean[i], std[i] = np.log(self.model_values[name]), _DAMPER_STD
             elif name in ("c_12", "c_22", *self._squared):
                 std[i] = 1.0
         p = len(self.constants)
@@ -174,8 +174,8 @@ class Variables:
     def stated(self) -> dict[str, np.ndarray]:
         """(R,) masses [kg] that the model declares, without the load; the model's own where nobody stated any."""
         bare = [replace(recording.condition, added_mass_kg=0.0).masses for recording in self.recordings]
-        names = [name for name in MASSES if name in self.own and name != "added_mass"]
-        return {name: np.array([m.get(name, self.own[name]) for m in bare]) for name in names}
+        names = [name for name in MASSES if name in self.model_values and name != "added_mass"]
+        return {name: np.array([m.get(name, self.model_values[name]) for m in bare]) for name in names}
 
     def _acts(self, item: Nuisance) -> np.ndarray:
         """(R,) in which recordings a nuisance acts."""
@@ -217,7 +217,7 @@ class Variables:
         """Parameters of a motion: all of the two-mass foot, or the free constants and the masses of any model."""
         if self.two_mass:
             return PARAMETERS
-        load = ("added_mass",) if "added_mass" in self.own else ()
+        load = ("added_mass",) if "added_mass" in self.model_values else ()
         return (*self.constants, *self.stated, *load)
 
     def theta(self, Q: np.ndarray) -> np.ndarray:
@@ -277,7 +277,7 @@ class Variables:
         for name, kg in self.stated.items():
             grown = kg * factor["foot mass" if name == "m_F" else "shank mass"]
             weights[name] = grown + share * self.loads if name in _SHANK else grown
-        if "added_mass" in self.own:
+        if "added_mass" in self.model_values:
             weights["added_mass"] = share * self.loads
         return weights
 
@@ -340,7 +340,9 @@ class Variables:
         q = mean.copy()
         for name, i in self.index.items():
             item = self._item[name]
-            x = float(np.clip(values.get(name, self.own[name]), self.space.lower[item], self.space.upper[item]))
+            x = float(
+                np.clip(values.get(name, self.model_values[name]), self.space.lower[item], self.space.upper[item])
+            )
             if name in self._squared:
                 q[i] = x * x / self.scale[i]
             else:

@@ -60,7 +60,7 @@ def test_what_cannot_be_is_said_and_shown(fitted: FitResult) -> None:
 def test_harmonics_speak_for_or_against_lifting() -> None:
     t = np.linspace(0, 1, 100, endpoint=False)
     about = ("x.csv", 20.0, 0.0, "fat_pad", 40.0, True, t, 40 + 80 * np.cos(2 * np.pi * t))
-    words = [Contact(*about, added=0.1, found=found).harmonics for found in (0.09, 0.04, 0.01)]
+    words = [Contact(*about, added=0.1, measured=found).harmonics for found in (0.09, 0.04, 0.01)]
     assert words == ["for", "neither", "against"] and Contact(*about).harmonics == ""
     assert "stated in study.toml (known.static_force_n)" in summary([Contact(*about)]) and summary([]) == ""
 

@@ -115,7 +115,7 @@ def test_each_person_has_a_mass_that_is_a_little_wrong(two_loads: list[Recording
     made = problem([replace(r, condition=replace(r.condition, subject=s, body_mass_kg=kg)) for r, s, kg in people])
     v = made.variables
     assert [n.name for n in v.nuisances if "shank" in n.name] == ["shank mass of ann", "shank mass of bo"]
-    q = v.start(v.own)
+    q = v.start(v.model_values)
     (bo,) = (v.place(n) for n in v.nuisances if n.name == "shank mass of bo")
     heavier = q.copy()
     heavier[bo] += np.log(1.1) / v.scale[bo]

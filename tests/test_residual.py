@@ -28,7 +28,7 @@ def everything() -> Problem:
 def away(problem: Problem, seed: int = 0) -> Array:
     """A place off the priors' means and off all bounds."""
     v, (_, high) = problem.variables, problem.bounds()
-    q, std = v.start(v.own), v.prior[1]
+    q, std = v.start(v.model_values), v.prior[1]
     step = 0.3 * np.random.default_rng(seed).uniform(0.3, 1, q.size) * np.where(np.isfinite(std), std, 0.1)
     return np.where(q + step < high, q + step, q - step)
 

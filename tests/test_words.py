@@ -13,8 +13,8 @@ BANNED = {
 }  # fmt: skip
 #: Rooms and files that still have such names; each is to be deleted from here when it is renamed.
 UNFINISHED = (
-    "fasbody/acquire", "fasbody/cell", "fasbody/recording", "identification/*.py", "identification/blackbox",
-    "identification/engines", "identification/plan",
+    "fasbody/acquire", "fasbody/cell", "fasbody/recording", "identification/blackbox",
+    "identification/plan",
 )  # fmt: skip
 #: Arguments and attributes that users write.
 PUBLIC = {

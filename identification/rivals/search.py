@@ -62,7 +62,7 @@ def climb(candidates: Sequence[Candidate], advance: Advance) -> list[Contender]:
 def _search(problem: Problem, simpler: Sequence[optimiser.Searched]) -> optimiser.Searched:
     """From random starts, from the constants of the model, and from the optima of simpler rungs."""
     v = problem.variables
-    first = [v.start(v.own)]
+    first = [v.start(v.model_values)]
     if not isinstance(v, RungVariables):
         return optimiser.search(problem, (0,), starts=1, rounds=1, first=np.stack(first))
     first += _over(v, simpler)

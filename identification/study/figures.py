@@ -21,7 +21,7 @@ from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, StrMethodF
 from fasbody.presentation import PAGE, counted, picture, printed
 from identification.branches import EXCHANGED
 from identification.figures import label_of, of_loads, panels
-from identification.recommendations import POOR_FIT, follows
+from identification.recommendations import LEAST_FIT, follows
 from identification.study.means import BAND, FEWEST, POSITIVE, mean_curve
 from identification.study.summary import FEWEST as FEWEST_OF_A_BOX
 from identification.study.summary import OPEN, measured, nominal
@@ -241,7 +241,7 @@ def transmissibility(cycles: Sequence[Mapping[str, Any]], origin: str) -> Figure
     text = f"Marks: {origin} data{_whose(cycles)}. Lines: the model{fitted.get(mode, '')}."
     good_count = sum(c.get("follows", True) for c in cycles)
     if good_count < len(cycles):
-        text += f" A dot: it follows to {POOR_FIT:g} % or more in the mean, "
+        text += f" A dot: it follows to {LEAST_FIT:g} % or more in the mean, "
         text += f"{good_count} of {len(cycles)} recordings."
     return noted(figure, text)
 
@@ -306,7 +306,7 @@ def loops(cycles: Sequence[Mapping[str, Any]], origin: str) -> Figure:
         text += " Dashed: no branch is decided, ankle and pad may have changed places, and the "
         text += "likelier branch is drawn."
     if not all(c.get("follows", True) for c in cycles):
-        text += f" Dotted: the fit follows its recordings to less than {POOR_FIT:g} % in the mean."
+        text += f" Dotted: the fit follows its recordings to less than {LEAST_FIT:g} % in the mean."
     return noted(figure, text)
 
 

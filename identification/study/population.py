@@ -31,7 +31,7 @@ from fasbody.exceptions import RecordingError
 from fasbody.heel.population import FEWEST, Observed, estimate
 from fasbody.presentation import Tabled, readable
 from identification.branches import DECISIVE_ODDS, EXCHANGED, STIFF_ANKLE, STIFF_PAD
-from identification.recommendations import POOR_FIT, follows
+from identification.recommendations import LEAST_FIT, follows
 from identification.study.tracking import deviances
 
 _LEVEL = 0.95
@@ -343,7 +343,7 @@ def _unfit(document: Mapping[str, Any]) -> str:
     if all(b.get("world") for b in branches):
         return ""
     if not follows(branches[0]["fit_percent"]):  # the likeliest: job.py asks the same
-        return f"the fit follows the recordings to less than {POOR_FIT:g} %"
+        return f"the fit follows the recordings to less than {LEAST_FIT:g} %"
     return "the fit allows for nothing but the model"
 
 

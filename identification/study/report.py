@@ -15,7 +15,7 @@ from markupsafe import Markup
 from fasbody import console
 from fasbody.presentation import counted, inline
 from identification.estimates import RULE
-from identification.recommendations import POOR_FIT, follows
+from identification.recommendations import LEAST_FIT, follows
 from identification.study import summary, tables
 from identification.study.findings import Findings, gather
 from identification.study.population import Population
@@ -25,7 +25,7 @@ from identification.study.truth import LIMITS, Truth, recovery
 _EXAMPLE = "16"
 _LISTED = 20
 _NONE_FOLLOWS = (
-    f" No fit of any subject here follows its recordings to {POOR_FIT:g} %, so what the model does between foot and "
+    f" No fit of any subject here follows its recordings to {LEAST_FIT:g} %, so what the model does between foot and "
     "ground is not shown."
 )
 #: Names of the figures that `pictures` gives, or gave before.

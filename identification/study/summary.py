@@ -8,7 +8,7 @@ import pandas as pd
 
 from fasbody.foot.parameters import symbol_and_unit
 from identification.branches import STIFF_ANKLE, STIFF_PAD
-from identification.recommendations import POOR_FIT, follows
+from identification.recommendations import LEAST_FIT, follows
 from identification.study.truth import Truth
 
 #: Columns of summary.csv.
@@ -177,7 +177,7 @@ def unfollowed_sentence(documents: Sequence[Mapping[str, Any]], tracked: Mapping
     listed = "; ".join(f"{d['mode']}, {place(d)}: {fit:.1f} %" for d, fit in unfollowed[:_LISTED])
     more = f"; and {len(unfollowed) - _LISTED} more" if len(unfollowed) > _LISTED else ""
     return (
-        f"{len(unfollowed)} of {done} fits follow their recordings to less than {POOR_FIT:g} % ({listed}{more}). They "
+        f"{len(unfollowed)} of {done} fits follow their recordings to less than {LEAST_FIT:g} % ({listed}{more}). They "
         "are left out of means, bands, boxes and energies; more --starts or wider --bounds may find better ones."
     )
 

@@ -141,7 +141,7 @@ def quick_fit(recordings: Sequence[Recording], foot: Foot, settings: Settings) -
     problem = held(Setup.of(recordings, foot, replace(settings, domain="periodic")))
     variables = problem.variables
     signs = (1, -1) if variables.ratio is not None else (0,)
-    first = variables.start(variables.own)[None]
+    first = variables.start(variables.model_values)[None]
     search = optimiser.search(
         problem, signs, starts=settings.starts, rounds=1, seed=settings.seed, estimate=False, first=first
     )
