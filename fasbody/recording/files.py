@@ -91,7 +91,11 @@ def reading(file: Path, layout: Layout | None = None) -> Reading:
     channels, unlike = layout.aligned(file, channels, clocks)
     if channels["time_s"].size < 2:
         raise InputFileError(file, f"holds {channels['time_s'].size} samples", "a recording needs at least two")
-    return Reading(channels, *_ledger(source, uses), (*found.remarks, *others, *filter(None, [unlike])))
+    used, unused = _ledger(source, uses)
+    if not {"time", "time_s"} & uses.keys() and (rate or layout.rate_hz):
+        counted = f"time: counted at {rate or layout.rate_hz:.6g} Hz, as {'the file' if rate else 'study.toml'} says"
+        used = (*((counted,) if "base_m_s2" not in clocks else ()), *used)
+    return Reading(channels, used, unused, (*found.remarks, *others, *filter(None, [unlike])))
 
 
 def _numbers(source: "TextTable | _SeriesTable", uses: Mapping[str, Use], layout: Layout) -> Channels:
