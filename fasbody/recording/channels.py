@@ -295,6 +295,9 @@ class Layout(Tabled):
         if slow and fast in taken:
             taken |= {name: t for name in rates if name not in taken}
             t = taken.pop(fast)
+        if slow:  # where splines end they swing
+            edge = min(_SWINGS, _SWINGING * min(channels[name].size for name in slow)) / min(slow.values())
+            first, last = first + edge, last - edge
         rounding = 1e-9 * (t[-1] - t[0])
         covered = t[(t >= first - rounding) & (t <= last + rounding)]
         made = {name: _brought(taken.get(name, t), values, covered) for name, values in channels.items()
@@ -328,6 +331,8 @@ def _brought(time_s: np.ndarray, values: np.ndarray, to_s: np.ndarray) -> np.nda
 
 #: Two clocks run alike within this share: crystals do, and sensors that send by radio nearly.
 _SAME_CLOCK = 1e-2
+#: Slow samples at each end that a spline gives wrong, and the share of them that is given up at most.
+_SWINGS, _SWINGING = 8, 0.05
 #: Larger numbers are of no body and overflow a spline; the checks refuse them, and what is no number.
 _SPLINED = 1e100
 #: Delays may take this share of a recording.
