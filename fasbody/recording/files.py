@@ -84,13 +84,13 @@ def reading(file: Path, layout: Layout | None = None) -> Reading:
     channels = layout.timed(file, channels, rate)
     if not clocks and source.takes == 1:
         channels = _one_take(file, channels, layout)
+    if channels["time_s"].size < 2:
+        raise InputFileError(file, f"holds {channels['time_s'].size} samples", "a recording needs at least two")
     others = [*source.remarks(channels["time_s"]), *_other_clocks(source, uses, channels["time_s"])]
     clocks |= source.clocks(uses, channels["time_s"], rate)
     if clocks:
         channels["time_s"] = straightened(channels["time_s"])
     channels, unlike = layout.aligned(file, channels, clocks)
-    if channels["time_s"].size < 2:
-        raise InputFileError(file, f"holds {channels['time_s'].size} samples", "a recording needs at least two")
     used, unused = _ledger(source, uses)
     if not {"time", "time_s"} & uses.keys() and (rate or layout.rate_hz):
         counted = f"time: counted at {rate or layout.rate_hz:.6g} Hz, as {'the file' if rate else 'study.toml'} says"
