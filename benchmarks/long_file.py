@@ -1,6 +1,6 @@
 """A long CSV: seconds and memory to read it and to check it, each in a process of its own.
 
-python -m benchmarks.long_file --megabytes 380
+python -m benchmarks.long_file --megabytes 380.
 """
 
 import resource

@@ -13,7 +13,7 @@ from fasbody.presentation import counted
 from fasbody.recording.channels import Layout
 from fasbody.recording.checks import QUALITIES, checked, quality_cells, reasons, understood, verdict
 from fasbody.recording.files import read_one
-from fasbody.recording.proposal import TABLES, propose
+from fasbody.recording.proposal import propose
 from fasbody.recording.recording import Recording
 from fasbody.recording.report import excerpt
 from fasbody.recording.report import write as write_report
@@ -270,7 +270,8 @@ def init(
 ) -> None:
     """Make a study of a folder of recordings: study.toml, subjects.csv and recordings.csv, to be completed.
 
-    File names are scanned and one file of each kind is read. Nothing is overwritten.
+    File names are scanned and one file of each kind is read. Nothing is overwritten; a study that is there gets a line
+    for each new recording.
 
     Examples:
       python -m fasbody.recording init my_study
@@ -283,11 +284,14 @@ def init(
         keys = ("pattern", "count", "left_out", "missing")
         print_json({"folder": str(folder)} | {key: getattr(found, key) for key in keys})
         return
-    results.print(f"{found.count} recordings named {found.pattern}", markup=False, soft_wrap=True)
+    results.print(f"{counted(found.count, 'recording')} named {found.pattern}", markup=False, soft_wrap=True)
     if found.left_out:
         named = ", ".join(found.left_out[:5]) + (" ..." if len(found.left_out) > 5 else "")
         results.print(f"left out, named otherwise: {len(found.left_out)} ({named})", markup=False, soft_wrap=True)
-    results.print(f"written: {', '.join(TABLES)} in {folder}; still missing:", markup=False, soft_wrap=True)
+    if not found.tables:
+        results.print(f"{folder} lists them all; nothing is added.", markup=False, soft_wrap=True)
+        return
+    results.print(f"written: {', '.join(found.tables)} in {folder}; still missing:", markup=False, soft_wrap=True)
     for text in found.missing:
         results.print(f"  {text}", markup=False, soft_wrap=True)
 
