@@ -17,6 +17,8 @@ _STRAIGHT = 3e-5
 _FEWEST = 10
 #: The longest interval of a slow channel that is looked for in noise, and the power between its samples over theirs.
 _SLOWEST, _SMALL = 20, 0.05
+#: Samples that show it.
+_ENOUGH = 200_000
 #: Steps of a slow channel are larger than so many of a converter.
 _COARSE = 8.0
 #: A sample stands out where its neighbours miss it by this times what they usually do.
@@ -85,11 +87,12 @@ def _uneven(steps: np.ndarray, grid: float) -> float:
     A sine has as much in each class of samples up to a third of its period, and noise in any; a spike is in few samples
     of its class, and steps of a converter are no larger than a few of its grid.
     """
-    power = steps**2
-    for interval in range(min(_SLOWEST, steps.size // _FEWEST), 1, -1):
+    power = steps[:_ENOUGH] ** 2
+    for interval in range(min(_SLOWEST, power.size // _FEWEST), 1, -1):
         by_class = power[: power.size // interval * interval].reshape(-1, interval)
-        *others, largest = np.sort(by_class.mean(axis=0))
-        usual = np.median(by_class[:, by_class.mean(axis=0).argmax()])
+        means = by_class.mean(axis=0)
+        *others, largest = np.sort(means)
+        usual = np.median(by_class[:, means.argmax()])
         if others[-1] < _SMALL * largest and usual > 0.1 * largest and largest > (_COARSE * grid) ** 2:
             return float(interval)
     return 0.0
