@@ -74,7 +74,11 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 def main(
     megabytes: Annotated[int, typer.Option(min=1, max=480, help="size of the file")] = 380, json_: JsonOption = False
 ) -> None:
-    """Seconds and memory that a long CSV takes."""
+    """Seconds and memory that a long CSV takes.
+
+    Examples:
+      python -m benchmarks.long_file --megabytes 380
+    """
     report("A long CSV", measure(megabytes), json_)
 
 
