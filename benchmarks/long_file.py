@@ -1,7 +1,4 @@
-"""A long CSV: seconds and memory to read it and to check it, each in a process of its own.
-
-python -m benchmarks.long_file --megabytes 380.
-"""
+"""A long CSV: seconds and memory to read it and to check it, each in a process of its own."""
 
 import resource
 import subprocess
