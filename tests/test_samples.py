@@ -196,3 +196,12 @@ def test_a_slow_channel_is_seen_through_noise_added_later(noise: float, seen: bo
     values = np.repeat(own, 5) if held else np.interp(t, t[::5], own)
     found = samples.slow(values + noise * rng.standard_normal(t.size))
     assert (None if found is None else (found.interval, found.held)) == ((5, held) if seen else None)
+
+
+@pytest.mark.parametrize("phase", [0.0, 0.25 * np.pi, 0.5 * np.pi])
+def test_four_samples_a_period_are_no_slow_channel(phase: float) -> None:
+    """They are equal in pairs, or every second one is in the middle of its neighbours, at these phases."""
+    t, rng = np.arange(2000) / 160, np.random.default_rng(0)
+    turn = 80 * np.pi * t + phase
+    base, later = (a * np.sin(turn - lag) + 0.01 * rng.standard_normal(t.size) for a, lag in ((9.0, 0.0), (8.0, 0.2)))
+    assert not any("was sampled at" in text for text in checked(Recording(t, base, later)).warnings)

@@ -429,6 +429,8 @@ def _slow(recording: Recording, name: str, frequency: float | None, warnings: li
     values, rate, f = recording.channels[name], recording.rate_hz, frequency or 20.0
     grid = samples.step(values)
     found = samples.slow(values, grid)
+    if found is not None and frequency and rate / found.interval < OVERSAMPLING * frequency:
+        found = None  # four samples a period can be equal in pairs by themselves
     if found is not None:
         change, delay_s = found.effect(f, rate)
         kept = "held until the next one" if found.held else "joined by straight lines"
