@@ -11,6 +11,7 @@ import resource
 import sys
 import tempfile
 import time
+import zipfile
 from collections import Counter
 from collections.abc import Callable
 from functools import partial
@@ -38,11 +39,20 @@ ENDINGS: tuple[str, ...] = (
     "tdms.gz",
     "nc",
     "npz",
+    "zip",
+    "takes.csv",
 )
 #: Formats whose libraries may be missing.
 ENDINGS += tuple(
     ending
-    for ending, library in {"xlsx": "openpyxl", "wav": "soundfile", "flac": "soundfile", "c3d": "ezc3d"}.items()
+    for ending, library in {
+        "xlsx": "openpyxl",
+        "wav": "soundfile",
+        "flac": "soundfile",
+        "c3d": "ezc3d",
+        "parquet": "pyarrow",
+        "edf": "edfio",
+    }.items()
     if find_spec(library)
 )
 #: Channels and units of a valid file whose format does not state them.
@@ -89,7 +99,7 @@ def sound(samples: int = 200) -> dict[str, bytes]:
     return made | {
         ending: _read_only(ending, channels)
         for ending in ENDINGS
-        if ending in ("xlsx", "wav", "flac", "c3d", "nc", "npz")
+        if ending in ("xlsx", "wav", "flac", "c3d", "nc", "npz", "zip", "takes.csv", "parquet", "edf")
     }
 
 
@@ -117,6 +127,28 @@ def _read_only(ending: str, channels: dict[str, np.ndarray]) -> bytes:
         for row in table.tolist():
             book.active.append(row)
         book.save(file)
+        return file.getvalue()
+    if ending in ("zip", "takes.csv"):
+        rows = "".join(",".join(f"{v:.6g}" for v in row) + "\n" for row in table)
+        text = f"Interval= 0.001 s\nGain 10 1\n{','.join(channels)}\n{rows}\nTrajectories\n100\nFrame,X,Y,Z\n"
+        text += rows[: len(rows) // 2]
+        if ending == "takes.csv":
+            return text.encode()
+        with zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as packed:
+            packed.writestr("Accelerometer.csv", text)
+            packed.writestr("meta/device.csv", "property,value\n")
+        return file.getvalue()
+    if ending == "parquet":
+        import pandas as pd
+
+        pd.DataFrame(channels).to_parquet(file)
+        return file.getvalue()
+    if ending == "edf":
+        import edfio
+
+        signals = [edfio.EdfSignal(v, 1000, label=n.removesuffix("_m_s2"), physical_dimension="m/s^2")
+                   for n, v in channels.items() if n != "time_s"]  # fmt: skip
+        edfio.Edf(signals, data_record_duration=0.1).write(file)
         return file.getvalue()
     if ending in ("wav", "flac"):
         import soundfile

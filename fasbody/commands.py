@@ -265,6 +265,7 @@ GROUPS: dict[str, tuple[Command, ...]] = {
         ),
         Command("bench findings-by-seed", "benchmarks.findings_by_seed", "", "Print how often each finding holds."),
         Command("bench fitting", "benchmarks.fitting", "", "Compare fits with those of scipy, which take minutes."),
+        Command("bench long-file", "benchmarks.long_file", "", "Seconds and memory that a long CSV takes."),
         Command(
             "bench responses", "benchmarks.responses", "",
             "Frequency responses with a known answer, for every kind of excitation, beside the earlier estimates.",

@@ -160,7 +160,7 @@ def test_clocks_of_other_rates_or_without_common_time_are_refused(tmp_path: Path
     head = "Time (s),Base (g),Time 2 (s),Malleolus (g)\n"
     with pytest.raises(InputFileError, match="too short for the start times"):
         read(text(tmp_path / "a.csv", head, [TIME, base(TIME), TIME + 0.5, base(TIME)]))
-    with pytest.raises(InputFileError, match=r"different rates \(1000 Hz, malleolus 980.\d+ Hz\)"):
+    with pytest.raises(InputFileError, match=r"different rates \(base at 1000 Hz, malleolus at 980.\d+ Hz\)"):
         read(text(tmp_path / "b.csv", head, [TIME, base(TIME), 1.02 * TIME, base(TIME)]))
     drifting = 1.002 * TIME  # a crystal that runs 0.2 % slow is brought to the base's clock
     right(read(text(tmp_path / "c.csv", head, [TIME, base(TIME), drifting, malleolus(drifting)])))

@@ -107,9 +107,13 @@ def test_contradicting_units_and_missing_sensitivity(tmp_path: Path) -> None:
 
 def test_mixed_rates_and_lengths(tmp_path: Path) -> None:
     write_tdms(tmp_path / "a.tdms", base=(BASE, 1000), malleolus=(BASE, 500))
-    with pytest.raises(InputFileError, match=r"different rates \(500, 1000 Hz\)"):
+    with pytest.raises(InputFileError, match=r"different rates \(base at 1000 Hz, malleolus at 500 Hz\)"):
         Recording.read(tmp_path / "a.tdms")
     write_tdms(tmp_path / "b.tdms", base=(BASE, 1000), malleolus=(BASE[::2], 500))
+    back = Recording.read(tmp_path / "b.tdms")
+    assert back.malleolus_m_s2 == pytest.approx(back.base_m_s2, abs=1e-6) and back.rate_hz == pytest.approx(1000)
+    assert "malleolus at 500 Hz), brought to the highest by a spline" in back.warnings[0]
+    write_tdms(tmp_path / "b.tdms", base=(BASE, 1000), malleolus=(BASE[:150], 1000))
     with pytest.raises(InputFileError, match=r"different lengths \(base_m_s2 300, malleolus_m_s2 150\)"):
         Recording.read(tmp_path / "b.tdms")
     savemat(tmp_path / "c.mat", {"base_g": BASE, "malleolus_g": BASE})

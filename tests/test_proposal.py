@@ -64,7 +64,7 @@ def test_patterns(tmp_path: Path) -> None:
     logger(tmp_path / "left-7-at-25.tdms")
     found = propose(tmp_path, "{any}-{subject}-at-{frequency}")
     assert "left-7-at-25.tdms,7,,,25" in found.tables["recordings.csv"]
-    with pytest.raises(SettingError, match=r"unknown field 'hz' \(valid: subject, posture, load, frequency, any\)"):
+    with pytest.raises(SettingError, match=r"unknown field 'hz' \(valid: subject, posture, load, mass"):
         propose(tmp_path, "{hz}")
     with pytest.raises(InputFileError, match=r"no file is named S\{subject\}; the first is left-7-at-25"):
         propose(tmp_path, "S{subject}")
@@ -85,8 +85,8 @@ def test_the_command(tmp_path: Path) -> None:
     words = ["fasbody.recording", "init", str(tmp_path), "--json"]
     done = in_process.command(*words)
     assert json.loads(done.stdout)["pattern"] == "S{subject}_{frequency}Hz_{load}kg"
-    again = in_process.command(*words)
-    assert again.returncode == 2 and "exists, and nothing is overwritten" in again.stderr.replace("\n", " ")
+    again = in_process.command(*words[:-1])
+    assert again.returncode == 0 and "lists them all; nothing is added" in again.stdout.replace("\n", " ")
 
 
 @pytest.mark.parametrize(
@@ -110,3 +110,38 @@ def test_a_column_that_rises_evenly_is_the_time_under_any_name(
         found.write()
         (tmp_path / "subjects.csv").write_text("subject,mass_kg\n1,70\n")
         assert Study.read(tmp_path).recordings[0].rate_hz == pytest.approx(2000)
+
+
+def test_several_schemes_of_names_persons_by_word_and_masses(tmp_path: Path) -> None:
+    for name in ("S1_20Hz_0kg", "S2_30Hz_0kg", "P3 at 25 Hz", "anna_61kg_20Hz_2.3kg", "bert_80kg_20Hz_0kg"):
+        logger(tmp_path / f"{name}.tdms")
+    (tmp_path / "lunch.csv").write_text("a,b\n1,2\n")
+    found = propose(tmp_path)
+    table = found.tables["recordings.csv"]
+    for line in ("S1_20Hz_0kg.tdms,1,,0,20", "P3 at 25 Hz.tdms,3,,,25", "anna_61kg_20Hz_2.3kg.tdms,anna,,2.3,20",
+                 "bert_80kg_20Hz_0kg.tdms,bert,,0,20"):  # fmt: skip
+        assert line in table.splitlines()
+    assert found.pattern.count(" or ") == 2 and found.left_out == ("lunch.csv",)
+    assert "anna,,,61" in found.tables["subjects.csv"] and "bert,,,80" in found.tables["subjects.csv"]
+    assert found.missing == (
+        "recordings.csv: added_mass_kg, which the names do not say", "subjects.csv: mass_kg of 3 subjects"
+    )  # fmt: skip
+
+
+def test_a_growing_folder_gets_a_line_for_each_new_recording(tmp_path: Path) -> None:
+    logger(tmp_path / "S1_20Hz_0kg.tdms")
+    propose(tmp_path).write()
+    people, toml = tmp_path / "subjects.csv", (tmp_path / "study.toml").read_text()
+    people.write_text("sex,subject,mass_kg\nf,1,70\n")
+    logger(tmp_path / "S1_30Hz_0kg.tdms", frequency=30.0)
+    logger(tmp_path / "S2_20Hz_2.3kg.tdms")
+    grown = propose(tmp_path)
+    assert (grown.count, sorted(grown.tables)) == (2, ["recordings.csv", "subjects.csv"])
+    grown.write()
+    assert people.read_text() == "sex,subject,mass_kg\nf,1,70\n,2,\n" and (tmp_path / "study.toml").read_text() == toml
+    people.write_text(people.read_text().replace(",2,", "m,2,80"))
+    assert len(Study.read(tmp_path).recordings) == 3 and not propose(tmp_path).tables
+    people.write_text(people.read_text().replace(",", ";"))
+    logger(tmp_path / "S3_20Hz_2.3kg.tdms")
+    with pytest.raises(InputFileError, match="is not separated by commas"):
+        propose(tmp_path)

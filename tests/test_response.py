@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fasbody.exceptions import RecordingError
+from fasbody.recording import harmonics
 from fasbody.recording.harmonics import find_frequency, fit_harmonics, harmonic_count, sine_share
 
 T = np.arange(1000) / 500.0
@@ -115,3 +116,16 @@ def test_harmonic_count() -> None:
 def test_too_few_samples_get_a_sentence() -> None:
     with pytest.raises(RecordingError, match="10 samples are too few for"):
         fit_harmonics(T[:10], T[:10], 20.0, 6)
+
+
+def test_a_long_recording_is_fitted_in_blocks_as_a_short_one_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """With the frequency from means of its samples first; noise and a second harmonic beside the sine."""
+    rng, t = np.random.default_rng(1), np.arange(12_000) / 1000
+    signal = 8.95 * np.sin(2 * np.pi * 19.37 * t) + 0.4 * np.sin(4 * np.pi * 19.37 * t + 1) + rng.normal(0, 0.3, t.size)
+    once = fit_harmonics(t, signal, 19.37, 3), find_frequency(t, signal), sine_share(t, signal, 19.37)
+    monkeypatch.setattr(harmonics, "_LONG", 5000)
+    monkeypatch.setattr(harmonics, "_BLOCK", 1700)
+    blocks = fit_harmonics(t, signal, 19.37, 3), find_frequency(t, signal), sine_share(t, signal, 19.37)
+    assert blocks[0].amplitudes == pytest.approx(once[0].amplitudes, rel=1e-9)
+    assert blocks[0].std == pytest.approx(once[0].std, rel=1e-6)
+    assert blocks[1:] == pytest.approx(once[1:], rel=1e-9)

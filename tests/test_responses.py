@@ -12,6 +12,7 @@ from fasbody.transmissibility.broadband import broadband
 from fasbody.transmissibility.estimate import rows
 from fasbody.transmissibility.periodic import period_of
 from fasbody.transmissibility.sines import by_segments
+from fasbody.transmissibility.steps import steps_of
 from fasbody.transmissibility.table import Table
 from simulator.mass import Case, recorded, truth
 
@@ -146,6 +147,21 @@ def test_steps_of_sines_are_cut() -> None:
         assert row.phase_deg == pytest.approx(np.degrees(np.angle(right)), abs=5 * row.phase_std_deg)
         assert row.method.startswith("sine")
     assert not Table.of_recordings([made]).broadband
+
+
+@pytest.mark.parametrize("share", [0.05, 0.15])
+def test_each_step_in_pink_noise_is_one_row(share: float) -> None:
+    """Noise of 15 % of the sine, its power falling with frequency; half of that already lost or split steps."""
+    steps = [10.0, 15.0, 20.0, 25.0, 30.0, 40.0]
+    f = np.repeat(steps, 6000)
+    lines = np.fft.rfftfreq(f.size, 1 / RATE)
+    for seed in range(8):
+        rng = np.random.default_rng(seed)
+        spectrum = (rng.normal(size=lines.size) + 1j * rng.normal(size=lines.size)) / np.sqrt(np.maximum(lines, 1e-9))
+        noise = np.fft.irfft(np.where(lines < 0.3, 0, spectrum), f.size)
+        base = np.cos(2 * np.pi * np.cumsum(f) / RATE) + share * noise / noise.std()
+        found = steps_of(np.arange(f.size) / RATE, base)
+        assert [step for _, step in found] == pytest.approx(steps, abs=0.1)
 
 
 def test_too_few_segments_take_the_noise_from_the_residual() -> None:

@@ -183,3 +183,25 @@ def test_the_bundled_study_is_in_line() -> None:
     from fasbody.recording.study import bundled
 
     assert bundled().check().remarks == ()
+
+
+@pytest.mark.parametrize(
+    ("noise", "seen", "held"),
+    [(0.005, True, True), (0.02, True, True), (0.3, False, True), (0.003, True, False), (0.03, False, False)],
+)
+def test_a_slow_channel_is_seen_through_noise_added_later(noise: float, seen: bool, held: bool) -> None:
+    """Noise of a wire or of rounding behind the slow converter; as large as the steps themselves it hides them."""
+    rng, t = np.random.default_rng(2), np.arange(4000) / 1000
+    own = np.sin(2 * np.pi * 20 * t[::5])
+    values = np.repeat(own, 5) if held else np.interp(t, t[::5], own)
+    found = samples.slow(values + noise * rng.standard_normal(t.size))
+    assert (None if found is None else (found.interval, found.held)) == ((5, held) if seen else None)
+
+
+@pytest.mark.parametrize("phase", [0.0, 0.25 * np.pi, 0.5 * np.pi])
+def test_four_samples_a_period_are_no_slow_channel(phase: float) -> None:
+    """They are equal in pairs, or every second one is in the middle of its neighbours, at these phases."""
+    t, rng = np.arange(2000) / 160, np.random.default_rng(0)
+    turn = 80 * np.pi * t + phase
+    base, later = (a * np.sin(turn - lag) + 0.01 * rng.standard_normal(t.size) for a, lag in ((9.0, 0.0), (8.0, 0.2)))
+    assert not any("was sampled at" in text for text in checked(Recording(t, base, later)).warnings)

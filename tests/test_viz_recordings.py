@@ -224,7 +224,8 @@ def test_bar_is_in_sight_and_nothing_is_small(opened: Any, tmp_path: Path) -> No
 @pytest.mark.parametrize(
     ("name", "body", "load"),
     [("20hz_2.3kg.csv", None, 2.3), ("20hz_25kg.csv", None, 25), ("anna_26kg.csv", 26, None),
-     ("p61,5 kg.csv", 61.5, None),     ("61kg_2.3kg.csv", None, None), ("20hz.csv", None, None)],
+     ("p61,5 kg.csv", 61.5, None),     ("61kg_2.3kg.csv", 61.0, 2.3), ("61kg_62kg_1kg_2kg.csv", None, None),
+     ("20hz.csv", None, None)],
 )  # fmt: skip
 def test_masses_that_a_name_states(bench: Bench, name: str, body: float | None, load: float | None) -> None:
     assert (body_mass_in_name(name), load_in_name(name)) == (body, load)

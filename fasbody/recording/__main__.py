@@ -9,11 +9,14 @@ from rich.markup import escape
 
 from fasbody.console import command_line, console, print_json, results, to_json, write_whole
 from fasbody.exceptions import FasError, InputFileError, RecordingError, SettingError, unknown
+from fasbody.presentation import counted
 from fasbody.recording.channels import Layout
-from fasbody.recording.checks import QUALITIES, checked, quality_cells, understood, verdict
+from fasbody.recording.checks import QUALITIES, checked, quality_cells, reasons, understood, verdict
 from fasbody.recording.files import read_one
-from fasbody.recording.proposal import TABLES, propose
+from fasbody.recording.proposal import propose
 from fasbody.recording.recording import Recording
+from fasbody.recording.report import excerpt
+from fasbody.recording.report import write as write_report
 from fasbody.recording.study import StudyFolder, understood_trial
 from fasbody.recording.together import out_of_line
 from fasbody.recording.trials import describe, posture_remarks
@@ -21,6 +24,11 @@ from fasbody.runner import run
 
 #: Of more recordings only those are listed that are not sound.
 _MANY = 100
+
+#: Characters of a file's name that stay in one line.
+_NAME = 20
+#: Kinds of files, by what their columns are used for, that are listed.
+_LEDGERS = 6
 
 #: What is shown of a sine, and how.
 _OF_A_SINE = {"transmissibility": "f", "phase_deg": "g"}
@@ -31,6 +39,7 @@ _Columns = Annotated[
     str | None, typer.Option("--columns", help="columns of a text file without a header, separated by commas")
 ]
 _Study = Annotated[Path | None, typer.Option("--study", help="study.toml that maps channels, units and sensitivities")]
+_Take = Annotated[int | None, typer.Option("--take", min=1, help="which recording of a file that holds several")]
 
 
 @app.callback()
@@ -49,6 +58,8 @@ def check(
     ],
     study: _Study = None,
     columns: _Columns = None,
+    take: _Take = None,
+    report: Annotated[Path | None, typer.Option(help="write a page with a second of the traces, .html")] = None,
     json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
     jobs: Annotated[int, typer.Option(help="processes for a study; 0 for all cores")] = 0,
 ) -> None:
@@ -59,9 +70,12 @@ def check(
     Examples:
       python -m fasbody.recording check measured.tdms --study study.toml --json
 
-      python -m fasbody.recording check bare.log --columns time_s,base_g,malleolus_g
+      python -m fasbody.recording check bare.log --columns time_s,base_g,malleolus_g --report check.html
     """
     from fasbody.heel.study import is_heel_study
+
+    if report is not None and report.suffix.lower() not in (".html", ".htm"):
+        raise InputFileError(report, f"has the ending {report.suffix!r}", "a report is written as .html")
 
     rows: list[dict[str, Any]] = []
     path = paths[0]
@@ -75,30 +89,38 @@ def check(
         for remark in posture_remarks(folder.trials):
             console.print(f"[yellow]warning:[/] {escape(remark)}", soft_wrap=True)
         light = replace(folder, trials=())  # what a process needs besides its trial
-        found = dict(run(understood_trial, [(light, trial) for trial in folder.trials], "checking", jobs))
+        tasks = [(light, trial, report is not None) for trial in folder.trials]
+        found = dict(run(understood_trial, tasks, "checking", jobs))
         rows += [found[i] for i in range(len(found))]
         for remark in out_of_line(rows):
             console.print(f"[yellow]warning:[/] {escape(remark)}", soft_wrap=True)
-    elif len(paths) == 1:
-        recording = Recording.read(path, layout=_layout(study, columns))  # unreadable: one sentence
-        rows.append(understood(recording))
     else:
-        layout = _layout(study, columns)
-        for one in paths:
-            try:
-                rows.append(understood(Recording.read(one, layout=layout)))
-            except FasError as error:
-                rows.append({"file": one.name, "problem": str(error)})
+        layout = _layout(study, columns, take)
+        rows += [_of_file(one, layout, report is not None) for one in paths]
+    if report is not None:
+        write_report(report, f"Recordings of {path.name}" if path.is_dir() else "Recordings", rows)
+        rows = [{key: value for key, value in row.items() if key != "excerpt"} for row in rows]
     if json_:
         print_json({"path": str(path), "recordings": rows})
     else:
         _show(rows)
         _by_subject(rows)
     wrong = [row for row in rows if row["problem"]]
+    if len(wrong) == 1:
+        raise RecordingError(wrong[0]["problem"])
     if wrong:
-        raise RecordingError(
-            wrong[0]["problem"].rstrip(".") + (f" (and {len(wrong) - 1} more)." if len(wrong) > 1 else ".")
-        )
+        for text in reasons(rows):
+            console.print(text, markup=False, soft_wrap=True)
+        raise RecordingError(f"{len(wrong)} of {counted(len(rows), 'recording')} cannot be used.")
+
+
+def _of_file(file: Path, layout: Layout | None, drawn: bool) -> dict[str, Any]:
+    """What was understood of a file, or why it cannot be read."""
+    try:
+        recording = Recording.read(file, layout=layout)
+    except FasError as error:
+        return {"file": file.name, "problem": str(error)}
+    return understood(recording) | ({"excerpt": excerpt(recording)} if drawn else {})
 
 
 def _by_subject(rows: list[dict[str, Any]]) -> None:
@@ -161,6 +183,7 @@ def convert(
     target: Annotated[Path, typer.Argument(help="file to write: .csv, .mat, .h5, .uff or .tdms")],
     study: _Study = None,
     columns: _Columns = None,
+    take: _Take = None,
     matlab: Annotated[
         str | None, typer.Option(help="version of a .mat file: 5 (default), or 7.3 (which is HDF5)")
     ] = None,
@@ -172,7 +195,7 @@ def convert(
     Examples:
       python -m fasbody.recording convert measured.tdms measured.csv --study study.toml
 
-      python -m fasbody.recording convert measured.csv measured.mat --matlab 7.3
+      python -m fasbody.recording convert session.csv second.csv --take 2
     """
     if target.exists():
         raise InputFileError(target, "exists", "name a new file")
@@ -180,7 +203,7 @@ def convert(
         raise SettingError(f"--matlab {matlab} is not written (valid: 5, 7.3).")
     if matlab and target.suffix.lower() != ".mat":
         raise SettingError(f"--matlab {matlab} is for .mat files, and {target} is not one.")
-    recording = Recording.read(source, layout=_layout(study, columns))
+    recording = Recording.read(source, layout=_layout(study, columns, take))
     recording.write(target, matlab or "5")
     try:
         remarks = checked(recording).warnings
@@ -220,7 +243,7 @@ def merge(
         raise SettingError(f"{unknown('way to merge', way, WAYS)}.")
     if target.suffix.lower() != ".csv":
         raise InputFileError(target, f"has the ending {target.suffix!r}", "a merged recording is written as .csv")
-    layout = _layout(study, None)
+    layout = _layout(study, None, None)
     made = merged(
         *read_one(table, "base", layout, base), *read_one(foot, "malleolus", layout, malleolus), way, target.name
     )
@@ -247,7 +270,8 @@ def init(
 ) -> None:
     """Make a study of a folder of recordings: study.toml, subjects.csv and recordings.csv, to be completed.
 
-    File names are scanned and one file of each kind is read. Nothing is overwritten.
+    File names are scanned and one file of each kind is read. Nothing is overwritten; a study that is there gets a line
+    for each new recording.
 
     Examples:
       python -m fasbody.recording init my_study
@@ -260,20 +284,23 @@ def init(
         keys = ("pattern", "count", "left_out", "missing")
         print_json({"folder": str(folder)} | {key: getattr(found, key) for key in keys})
         return
-    results.print(f"{found.count} recordings named {found.pattern}", markup=False, soft_wrap=True)
+    results.print(f"{counted(found.count, 'recording')} named {found.pattern}", markup=False, soft_wrap=True)
     if found.left_out:
         named = ", ".join(found.left_out[:5]) + (" ..." if len(found.left_out) > 5 else "")
         results.print(f"left out, named otherwise: {len(found.left_out)} ({named})", markup=False, soft_wrap=True)
-    results.print(f"written: {', '.join(TABLES)} in {folder}; still missing:", markup=False, soft_wrap=True)
+    if not found.tables:
+        results.print(f"{folder} lists them all; nothing is added.", markup=False, soft_wrap=True)
+        return
+    results.print(f"written: {', '.join(found.tables)} in {folder}; still missing:", markup=False, soft_wrap=True)
     for text in found.missing:
         results.print(f"  {text}", markup=False, soft_wrap=True)
 
 
-def _layout(study: Path | None, columns: str | None) -> Layout | None:
+def _layout(study: Path | None, columns: str | None, take: int | None) -> Layout | None:
     layout = None if study is None else describe(study)[1]
-    if columns is None:
-        return layout
-    return replace(layout or Layout(), columns=tuple(name.strip() for name in columns.split(",")))
+    if columns is not None:
+        layout = replace(layout or Layout(), columns=tuple(name.strip() for name in columns.split(",")))
+    return layout if take is None else replace(layout or Layout(), take=take)
 
 
 def _show(rows: list[dict[str, Any]]) -> None:
@@ -288,6 +315,8 @@ def _show(rows: list[dict[str, Any]]) -> None:
     names = {row["file"]: Path(row["file"]).name if len(folders) == 1 else row["file"] for row in rows}
     table = Table(*(escape(head.replace(" ", "\n")) for head in heads), box=SIMPLE_HEAD, pad_edge=False)
     table.columns[0].overflow = "fold"
+    table.columns[0].min_width = min(_NAME, max((len(name) for name in names.values()), default=0))
+    table.columns[-1].min_width = len("unusable")
     for column in table.columns[1:-1]:
         column.justify = "right"
     listed = [row for row in rows if len(rows) <= _MANY or verdict(row) != "sound"]
@@ -307,12 +336,18 @@ def _show(rows: list[dict[str, Any]]) -> None:
         results.print(table)
     if len(listed) < len(rows):
         results.print(f"{len(rows) - len(listed)} more recordings are sound (--json lists them).", markup=False)
+    alike: dict[tuple[tuple[str, ...], tuple[str, ...]], list[str]] = {}
     for row in rows:
-        if len(rows) == 1 and row.get("used"):
-            results.print("; ".join(row["used"]), markup=False, soft_wrap=True)
-            results.print(f"not used: {'; '.join(row['unused']) or 'nothing'}", markup=False, soft_wrap=True)
+        if row.get("used"):
+            alike.setdefault((row["used"], row["unused"]), []).append(names[row["file"]])
         for text in row.get("warnings", []):
             console.print(text, markup=False, soft_wrap=True)
+    for (used, unused), files in list(alike.items())[:_LEDGERS]:
+        of = "" if len(rows) == 1 else f"{', '.join(files[:3])}{f' and {len(files) - 3} more' * (len(files) > 3)}: "
+        left = f"not used: {'; '.join(unused) or 'nothing'}"
+        results.print(f"{of}{'; '.join(used)}\n{left}", markup=False, soft_wrap=True)
+    if len(alike) > _LEDGERS:
+        results.print(f"{len(alike) - _LEDGERS} more kinds of files (--json lists them, --report draws them).")
 
 
 if __name__ == "__main__":

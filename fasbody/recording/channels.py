@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 
@@ -22,11 +22,13 @@ UNITS = {"m_s2": 1.0, "g": _G, "mg": 1e-3 * _G, "mm_s2": 1e-3, "cm_s2": 1e-2}
 TIME_UNITS = {
     "s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9, "sec": 1.0, "second": 1.0, "seconds": 1.0,
     "msec": 1e-3, "milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9, "min": 60.0, "minutes": 60.0,
+    "h": 3600.0, "d": 86400.0, "days": 86400.0,
 }  # fmt: skip
 #: Those and what else instruments write into their files.
 ACCELERATIONS = UNITS | {
     "m/s^2": 1.0, "m/s2": 1.0, "m/s²": 1.0, "m/s**2": 1.0, "m/s/s": 1.0, "m s-2": 1.0, "m s^-2": 1.0, "m*s^-2": 1.0,
-    "gn": _G, "mm/s^2": 1e-3, "mm/s2": 1e-3, "mm/s²": 1e-3, "cm/s^2": 1e-2, "cm/s2": 1e-2, "cm/s²": 1e-2,
+    "m/(s^2)": 1.0, "gn": _G,
+    "mm/s^2": 1e-3, "mm/s2": 1e-3, "mm/s²": 1e-3, "cm/s^2": 1e-2, "cm/s2": 1e-2, "cm/s²": 1e-2,
 }  # fmt: skip
 VOLTAGES = {"v": 1.0, "mv": 1e-3, "volt": 1.0, "volts": 1.0}
 KNOWN_UNITS = frozenset(ACCELERATIONS | VOLTAGES | TIME_UNITS)
@@ -119,7 +121,7 @@ class Layout(Tabled):
         channels: by name, "time" included; those not listed are found by name and unit in the file.
         rate_hz: sampling rate of files that have no time.
         columns: names of the columns of text files without a header. units: of those columns, if known apart.
-        beyond: what the laboratory knows beyond the recordings.
+        beyond: what the laboratory knows beyond the recordings. take: which recording of a file with several, from 1.
         apart: patterns of file names, and the layout of the files that fit one.
     """
 
@@ -128,7 +130,19 @@ class Layout(Tabled):
     columns: tuple[str, ...] = ()
     units: tuple[str, ...] = ()
     beyond: Known = field(default_factory=Known)
+    take: int | None = None
     apart: tuple[tuple[str, "Layout"], ...] = field(default=(), repr=False)
+
+    def one_of(self, file: Path, takes: "Sequence[_Take]") -> "_Take":
+        """The take that is meant, the first unless study.toml says which.
+
+        Raises:
+            InputFileError: there is no such take.
+        """
+        if self.take is not None and self.take > len(takes):
+            count = f"{len(takes)} takes" if len(takes) > 1 else "one take"
+            raise InputFileError(file, f"holds {count}, and take {self.take} is asked for", "name another, or none")
+        return takes[(self.take or 1) - 1]
 
     def of(self, file: Path) -> "Layout":
         """The layout of one file: that of the pattern that its name fits, else this one.
@@ -150,6 +164,7 @@ class Layout(Tabled):
         rate_hz: object = None,
         columns: object = (),
         known: Mapping[str, Any] | None = None,
+        take: object = None,
     ) -> "Layout":
         """From the [channels.*] tables of study.toml, and its [known].
 
@@ -169,6 +184,8 @@ class Layout(Tabled):
             channels[name] = _channel(file, name, table)
         if rate_hz is not None and not (_is_number(rate_hz) and 0 < rate_hz < 1e7):  # type: ignore[operator]
             raise InputFileError(file, f"sampling_rate_hz = {rate_hz!r}", "valid: a positive number")
+        if take is not None and not (isinstance(take, int) and not isinstance(take, bool) and take > 0):
+            raise InputFileError(file, f"take = {take!r}", "valid: the number of a take, from 1")
         if not (isinstance(columns, list | tuple) and all(isinstance(name, str) for name in columns)):
             raise InputFileError(file, f"columns = {columns!r}", 'valid: a list of names, ["time_s", "base_g"]')
         for key in ("gain_std", "delay_std_s"):
@@ -176,7 +193,7 @@ class Layout(Tabled):
             if key in (known or {}) and twice:
                 raise InputFileError(file, f"states {key} in [known] and in {', '.join(twice)}", "keep one of them")
         rate = None if rate_hz is None else float(rate_hz)  # type: ignore[arg-type]
-        return cls(channels, rate, tuple(columns), beyond=Known.from_toml(file, known or {}))
+        return cls(channels, rate, tuple(columns), beyond=Known.from_toml(file, known or {}), take=take)
 
     def known(self, names: Sequence[str]) -> int:
         """How many of a line's cells are channels by their names, or begin the name of one."""
@@ -235,18 +252,21 @@ class Layout(Tabled):
             )
         return channels
 
-    def aligned(self, file: Path, channels: Channels, times: Mapping[str, np.ndarray] | None = None) -> Channels:
-        """The channels on the base's clock, their known delays undone (by a spline), over the time that all cover.
+    def aligned(
+        self, file: Path, channels: Channels, times: Mapping[str, np.ndarray] | None = None
+    ) -> tuple[Channels, str]:
+        """The channels on the fastest clock, known delays undone, over the time that all cover; and what that took.
+
+        Splines of the seventh degree bring a sine from one clock to another: they are wrong by 2 (f / rate)^8.
 
         Args:
-            file: for messages. channels: with ``time_s``. times: of the channels that have a clock of their own
-                (n,) [s], on which a clock of another start or a little other speed is brought to ``time_s``.
+            file: for messages.
+            channels: with ``time_s``, the base's clock.
+            times: (n,) of the channels that have a clock of their own [s].
 
         Raises:
-            InputFileError: clocks and delays that leave less than nine tenths of the recording; unlike rates.
+            InputFileError: clocks and delays that leave less than nine tenths of the recording.
         """
-        from scipy.interpolate import CubicSpline
-
         t = channels["time_s"]
         delays = {f"{name}_m_s2": c.delay_s for name, c in self.channels.items() if name != "time" and c.delay_s}
         taken = {name: at - delays.get(name, 0.0) for name, at in (times or {}).items()}
@@ -254,7 +274,7 @@ class Layout(Tabled):
         taken = {name: at for name, at in taken.items() if at.size != t.size or np.abs(at - t).max() > 1e-9}
         every = (t, *taken.values())
         if not taken or any(at.size < 2 or not np.isfinite(at).all() or np.diff(at).min() <= 0 for at in every):
-            return channels  # the checks will say what is wrong with such a time
+            return channels, ""  # the checks will say what is wrong with such a time
         first, last = max(at[0] for at in every), min(at[-1] for at in every)
         if last - first < (1 - _LONGEST_DELAY) * (t[-1] - t[0]):
             late = ", ".join(f"{name.removesuffix('_m_s2')} {t[0] - at[0]:.6g} s" for name, at in taken.items())
@@ -263,25 +283,56 @@ class Layout(Tabled):
                 file, f"lasts {t[-1] - t[0]:.4g} s, too short for {starts}delay_s of study.toml ({late})",
                 f"valid: delays that leave {100 - 100 * _LONGEST_DELAY:.0f} % of a recording",
             )  # fmt: skip
-        for name, at in taken.items():
-            rate, other = (float((one.size - 1) / (one[-1] - one[0])) for one in (t, at))
-            if abs(other / rate - 1) > _SAME_CLOCK:
-                raise InputFileError(
-                    file, f"its channels have different rates ({rate:.6g} Hz, {name.removesuffix('_m_s2')} "
-                    f"{other:.6g} Hz)", "resample them to one rate",
-                )  # fmt: skip
+        rates = {name: _rate(taken.get(name, t)) for name in channels if name != "time_s"}
+        fast = max(rates, key=lambda name: rates[name])
+        slow = {name: rate for name, rate in rates.items() if rate < (1 - _SAME_CLOCK) * rates[fast]}
+        listed = ", ".join(f"{name.removesuffix('_m_s2')} at {rate:.6g} Hz" for name, rate in rates.items())
+        if any(channels[name].size == channels[fast].size for name in slow):
+            raise InputFileError(
+                file, f"its channels have different rates ({listed}) and as many samples: a clock is wrong",
+                "correct it, or resample them to one rate",
+            )  # fmt: skip
+        if slow and fast in taken:
+            taken |= {name: t for name in rates if name not in taken}
+            t = taken.pop(fast)
+        if slow:  # where splines end they swing
+            edge = min(_SWINGS, _SWINGING * min(channels[name].size for name in slow)) / min(slow.values())
+            first, last = first + edge, last - edge
         rounding = 1e-9 * (t[-1] - t[0])
-        covered = (t >= first - rounding) & (t <= last + rounding)
-        return {
-            name: CubicSpline(taken[name], values)(t[covered])
-            if name in taken and np.abs(values).max() < _SPLINED
-            else values[covered]
-            for name, values in channels.items()
-        }
+        covered = t[(t >= first - rounding) & (t <= last + rounding)]
+        made = {name: _brought(taken.get(name, t), values, covered) for name, values in channels.items()
+                if name != "time_s"}  # fmt: skip
+        remark = (
+            f"its channels have different rates ({listed}), brought to the highest by a spline, which costs less than "
+            f"0.1 % below {min(slow.values()) / 2.6:.3g} Hz"
+        ) if slow else ""  # fmt: skip
+        return {"time_s": covered} | made, remark
+
+
+_Take = TypeVar("_Take")
+
+
+def _rate(time_s: np.ndarray) -> float:
+    return float((time_s.size - 1) / (time_s[-1] - time_s[0]))
+
+
+def _brought(time_s: np.ndarray, values: np.ndarray, to_s: np.ndarray) -> np.ndarray:
+    """Values (n,) at other times, by a spline unless they are so large that it would overflow."""
+    from scipy.interpolate import make_interp_spline
+
+    if values.size != time_s.size or np.abs(values).max() >= _SPLINED:
+        return values[: to_s.size]
+    places = np.searchsorted(time_s, to_s).clip(max=time_s.size - 1)
+    if np.array_equal(time_s[places], to_s):
+        return values[places]
+    order = next(k for k in (7, 5, 3, 1) if values.size > 2 * k or k == 1)
+    return make_interp_spline(time_s, values, order)(to_s.clip(time_s[0], time_s[-1]))
 
 
 #: Two clocks run alike within this share: crystals do, and sensors that send by radio nearly.
 _SAME_CLOCK = 1e-2
+#: Slow samples at each end that a spline gives wrong, and the share of them that is given up at most.
+_SWINGS, _SWINGING = 8, 0.05
 #: Larger numbers are of no body and overflow a spline; the checks refuse them, and what is no number.
 _SPLINED = 1e100
 #: Delays may take this share of a recording.

@@ -1,15 +1,17 @@
 """Is a recording fit for identification? Each problem gets one sentence: the file, the place and the remedy."""
 
 import functools
+import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from hashlib import sha256
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from fasbody.exceptions import RecordingError, by_name
-from fasbody.presentation import Presented, Sheet
+from fasbody.presentation import Presented, Sheet, counted
 from fasbody.recording import samples
 from fasbody.recording.clock import uniform
 from fasbody.recording.harmonics import find_frequency, fit_harmonics, narrow_share, sine_share
@@ -20,6 +22,8 @@ from fasbody.recording.recording import Recording, gain_and_delay
 OVERSAMPLING, COMFORTABLE = 2.5, 10.0
 #: No foot is recorded more slowly than this.
 SLOWEST_HZ = 50.0
+#: None is shaken faster: gloves are tried up to 1250 Hz (ISO 10819).
+_FASTEST_HZ = 1250.0
 #: A sine has this share of its power near one frequency and its harmonics, drift and white noise not counted.
 PERIODIC_SHARE = 0.9
 #: Less than this share by one frequency is told, with what it costs.
@@ -110,8 +114,9 @@ def _all_alike(recording: Recording) -> Recording:
     _moving(recording, channels, found if share > 0.5 else None)
     frequency = _excitation(recording, found, share, warnings)
     for name in channels:
-        _clipping(recording, name, frequency)
-        if not _slow(recording, name, frequency, warnings):
+        interval = _slow(recording, name, frequency, warnings)
+        _clipping(recording, name, frequency, interval)
+        if interval == 1:
             _odd(recording, name, frequency, offsets[name], warnings)
     if frequency is not None:
         _level(recording, frequency, warnings)
@@ -202,6 +207,25 @@ def _measured(good: Recording, unfit: bool) -> dict[str, Any]:
     about = quality_of(good, frequency)
     sine = {} if frequency is None else {"transmissibility": about.ratio, "phase_deg": about.lead_deg}
     return {"rms_m_s2": levels, "sine_share": share, "quality": about.row()} | sine
+
+
+def reasons(rows: Sequence[Mapping[str, Any]]) -> list[str]:
+    """Why recordings cannot be used, once for all that share a reason, most first: how many, which, and why.
+
+    Args:
+        rows: of `understood`.
+    """
+    groups: dict[str, list[tuple[str, str]]] = {}
+    for row in rows:
+        if row["problem"]:
+            _, _, told = row["problem"].partition(Path(row["file"]).name)
+            why = (told or row["problem"]).lstrip(":, ")
+            groups.setdefault(re.sub(r"[\d.]+|'[^']*'", "#", why), []).append((row["file"], why))
+    return [
+        f"{counted(len(group), 'recording')} ({', '.join(name for name, _ in group[:5])}"
+        f"{' ...' if len(group) > 5 else ''}): {group[0][1]}"
+        for group in sorted(groups.values(), key=len, reverse=True)
+    ]
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -343,15 +367,19 @@ def _channel(recording: Recording, name: str, values: np.ndarray) -> None:
         )
 
 
-def _clipping(recording: Recording, name: str, frequency: float | None) -> None:
-    """Refuse flat tops: longer runs at an extreme value than the converter's step gives a sine, in many periods."""
+def _clipping(recording: Recording, name: str, frequency: float | None, interval: float) -> None:
+    """Refuse flat tops: longer runs at an extreme value than the converter's step gives a sine, in many periods.
+
+    A channel with one sample of its own in several (`interval`) stays so much longer at its top.
+    """
     values, t = recording.channels[name], recording.time_s
     levels = np.unique(values)
     step, size = float(np.diff(levels).min()), 0.5 * float(np.ptp(values))
-    shortest = _CLIPPED_RUN
+    shortest: float = _CLIPPED_RUN
     if frequency is not None:  # how long a quantised sine stays at its top, and one sample more at each end
         shortest = int(np.ceil(2 * np.sqrt(2 * min(step / size, 1)) / (2 * np.pi * frequency) * recording.rate_hz)) + 2
         shortest = max(3, shortest)
+    shortest = shortest if interval == 1 else (shortest + 1) * interval
     periods = 10 if frequency is None else (t[-1] - t[0]) * frequency
     for extreme in (levels[-1], levels[0]):
         edges = np.flatnonzero(np.diff(np.concatenate([[0], (values == extreme).view(np.int8), [0]])))
@@ -396,11 +424,13 @@ def _odd(recording: Recording, name: str, frequency: float | None, offset: float
         )
 
 
-def _slow(recording: Recording, name: str, frequency: float | None, warnings: list[str]) -> bool:
-    """Tell with what it costs whether a channel has fewer samples than the file; and of a coarse converter."""
+def _slow(recording: Recording, name: str, frequency: float | None, warnings: list[str]) -> float:
+    """Tell with what it costs that a channel has one sample in several of the file (returned); and of coarse steps."""
     values, rate, f = recording.channels[name], recording.rate_hz, frequency or 20.0
     grid = samples.step(values)
     found = samples.slow(values, grid)
+    if found is not None and frequency and rate / found.interval < OVERSAMPLING * frequency:
+        found = None  # four samples a period can be equal in pairs by themselves
     if found is not None:
         change, delay_s = found.effect(f, rate)
         kept = "held until the next one" if found.held else "joined by straight lines"
@@ -415,7 +445,7 @@ def _slow(recording: Recording, name: str, frequency: float | None, warnings: li
             f"{recording.file}: {name} has steps of {grid:.3g} m/s^2 (its converter, or numbers saved "
             f"with few digits), which leave its amplitude uncertain by {100 * error:.2g} %, whatever the interval says."
         )
-    return found is not None
+    return 1.0 if found is None else found.interval
 
 
 def _moving(recording: Recording, channels: Mapping[str, np.ndarray], frequency: float | None) -> None:
@@ -498,6 +528,11 @@ def _excitation(recording: Recording, found: float, share: float, warnings: list
         )
     if nominal is not None and abs(found - nominal) > max(0.02 * nominal, 1.5 / (t[-1] - t[0])):
         raise _fail(recording, f"base_m_s2 vibrates at {found:.4g} Hz and recordings.csv says {nominal:g} Hz")
+    if found > _FASTEST_HZ:
+        warnings.append(
+            f"{recording.file}: base_m_s2 vibrates at {found:.4g} Hz, faster than any foot is shaken; check the unit "
+            "of its time."
+        )
     if recording.rate_hz < OVERSAMPLING * found * (1 - 1e-3):
         raise _fail(
             recording,

@@ -34,7 +34,7 @@ class Columns:
     Attributes:
         names, units: of each, a unit "" where only the name may say it. groups: sheet, structure or folder of each.
         sizes: samples of each, if they may differ. passed: what else the file holds and why it is no column.
-        line: of the headings, if it is text. clocked: the file says its rate.
+        line: of the headings, if it is text. clocked: the file says its rate. rates: of each [Hz], if they may differ.
     """
 
     names: Sequence[str]
@@ -44,6 +44,7 @@ class Columns:
     passed: Sequence[str] = ()
     line: int | None = None
     clocked: bool = False
+    rates: Sequence[float | None] = ()
 
     def called(self, index: int, column: str) -> bool:
         """Whether study.toml means a column: by name, by name without its unit, with `` 2`` if two are called so, or by
@@ -169,6 +170,8 @@ def _found(
         and len({columns.groups[i] for i, _ in found} if columns.groups else ()) > 1
     ):
         return found[0]  # a clock for each sheet, structure or group
+    if len(found) > 1 and channel == "time" and all(_between(columns, index) for index, _ in found[1:]):
+        return found[0]  # a clock in front of each sensor
     if len(found) > 1:
         numbers = " or ".join(f"column = {index + 1}" for index, _ in found[:3])
         hint = f"keep one of them, or say which in study.toml ([channels.{channel}] {numbers})"
@@ -178,6 +181,11 @@ def _found(
         column = repr(stated.column) if stated.column[:1] != "#" else f"number {stated.column[1:]}"
         raise InputFileError(file, f"has no column {column} for {channel} ({columns.listed})", hint)
     return found[0] if found else None
+
+
+def _between(columns: Columns, index: int) -> bool:
+    """Whether a column of times stands between two that are none."""
+    return index - 1 not in columns.times and index + 1 not in (*columns.times, len(columns.names))
 
 
 def _unit(file: Path, channel: str, behind: str, beside: str, stated: str, remarks: list[str]) -> str:
@@ -224,7 +232,7 @@ def _complete(file: Path, columns: Columns, layout: Layout, wanted: Mapping[str,
             f"call its columns time_s, base_m_s2, malleolus_m_s2, or say in study.toml which is which: {listed}",
             line=columns.line,
         )  # fmt: skip
-    clock = ("time_s",) if columns.line and layout.rate_hz is None else ()  # only text has no rate of its own
+    clock = ("time_s",) if columns.line and layout.rate_hz is None and not columns.clocked else ()
     for name in (*clock, "base_m_s2", "malleolus_m_s2"):
         if name not in wanted:
             hint = _CLOCK if name in clock else _HELP.format(name=name.removesuffix("_m_s2"))
@@ -285,6 +293,8 @@ def _one_length(
     """Refuse channels of other lengths than the others that share their time."""
     sizes = {key: columns.sizes[index] for key, (index, _) in wanted.items()} if columns.sizes else {}
     odd = {key for key, size in sizes.items() if key in clocks and columns.sizes[clocks[key]] == size}
+    if columns.rates and len({columns.rates[index] for index, _ in wanted.values()}) > 1:  # a clock for each rate
+        odd |= {key for key, (index, _) in wanted.items() if columns.rates[index]}
     shared = {key: size for key, size in sizes.items() if key not in odd}
     if len(set(shared.values())) > 1:
         listed = ", ".join(f"{name} {size}" for name, size in shared.items())

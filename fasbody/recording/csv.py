@@ -3,14 +3,10 @@
 Encoding, separator, decimal comma, comments and quotes are understood, and what is wrong is named with its place.
 """
 
-import codecs
-import csv
-import gzip
 import re
 import sys
-import zlib
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from functools import cached_property
 from io import BytesIO, StringIO
 from itertools import islice, zip_longest
@@ -20,174 +16,52 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from fasbody.exceptions import InputFileError, shown
-from fasbody.recording.channels import KNOWN_UNITS, Channels, Layout
-from fasbody.recording.columns import Columns, Use
+from fasbody.recording.channels import Channels, Layout
+from fasbody.recording.columns import Columns, Use, assign
+from fasbody.recording.headings import (
+    STAMP,
+    Headings,
+    above_numbers,
+    first_samples,
+    headed,
+    header,
+    headless,
+    row_after,
+    stated,
+    value,
+    without_footer,
+)
+from fasbody.recording.text import COMMENT, PIECE, Passage, lines, number, numeric, offset, read_text, rows, split
 
 if TYPE_CHECKING:
     import pandas as pd
 
-#: Larger files are refused before they are read [bytes].
-_LARGEST = 500_000_000
-#: What separates columns, in the order in which they are tried; a blank stands for any run of them.
-SEPARATORS = ("\t", ";", "|", ",", " ")
 #: A column of a file without a header, by its number.
 UNNAMED = "column {}"
-#: A line that begins so is a comment.
-COMMENT = re.compile(r"\s*(#|%|//)")
-_BINARY = re.compile(r"[\x00-\x08\x0e-\x1f]")
-_CONTROL = bytes([*range(0x09), *range(0x0E, 0x20)])  # the same, before they are letters
-#: A line of measured numbers, which is no header.
-_SAMPLES = re.compile(r"[\s\d.,;|eE+-]*\.[\s\d.,;|eE+-]*")
-_MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
-#: A time of the day, with or without its date before it.
-_STAMP = re.compile(
-    r"(?:[\d./-]{8,10}[T ]+)?(\d{1,2}):(\d\d):(\d\d(?:[.,]\d+)?)(?:Z|[+-]\d\d:?\d\d|\s*([AaPp])\.?[Mm]\.?)?"
-)
 #: Longer texts are parsed by pandas, several times as fast as numpy's parser; importing it costs what this long takes.
 _LONG = 5_000_000
 _PLAIN = b"0123456789+-.eE,;|\t\n "
-_QUOTE = "opens a quotation mark that nothing closes"
-
-
-def read_text(file: Path) -> str:
-    """The text of a file in UTF-8, UTF-16 or the Latin alphabet of Windows, lines ended by a line feed.
-
-    Raises:
-        InputFileError: no such file, too large, or no text.
-    """
-    if not file.is_file():
-        raise InputFileError(file, "no such file" if not file.is_dir() else "is a folder, not a file")
-    if file.stat().st_size > _LARGEST:
-        raise InputFileError(file, f"is larger than {_LARGEST // 1_000_000} MB", "split it into recordings")
-    try:
-        if file.suffix.lower() == ".gz":
-            with gzip.open(file, "rb") as packed:
-                data = packed.read(_LARGEST + 1)
-        else:
-            data = file.read_bytes()
-    except (EOFError, zlib.error, gzip.BadGzipFile):
-        raise InputFileError(file, "is not a sound .gz file; it is damaged, cut off, or of another format") from None
-    except OSError as error:
-        raise InputFileError(file, f"cannot be read ({error.strerror})") from None
-    if len(data) > _LARGEST:
-        raise InputFileError(file, f"unpacks to more than {_LARGEST // 1_000_000} MB", "split it into recordings")
-    for encoding in _encodings(data):
-        try:
-            text = data.decode(encoding)
-        except UnicodeDecodeError:
-            continue
-        clear = not encoding.startswith("utf-16") and len(data.translate(None, _CONTROL)) == len(data)
-        if clear or not _BINARY.search(text):
-            return text.replace("\r\n", "\n").replace("\r", "\n")
-    raise InputFileError(file, "is not a text file", "a CSV file with a header line is needed")
-
-
-def _encodings(data: bytes) -> tuple[str, ...]:
-    if data.startswith(_MARKS):
-        return ("utf-16",)
-    start = data[:400]
-    for first, name in ((1, "utf-16-le"), (0, "utf-16-be")):  # without its mark every other byte is still zero
-        if len(start) >= 8 and start[first::2].count(0) > 0.9 * len(start[first::2]) and 0 not in start[1 - first :: 2]:
-            return (name,)
-    return ("utf-8-sig", "cp1252")
-
-
-def split(line: str, separator: str) -> list[str]:
-    """The cells of one line without blanks and quotation marks around them."""
-    if separator == " ":
-        return [cell.strip('"') for cell in line.split()]
-    try:
-        return [cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])]
-    except csv.Error:  # a cell longer than the module reads
-        return [cell.strip() for cell in line.split(separator)]
-
-
-def header(text: str, score: Callable[[Sequence[str]], int]) -> tuple[int, str, list[str]]:
-    """Where the header is, below whatever a program wrote first: number of its line, separator, names.
-
-    Args:
-        text: of the file. score: how many of a line's cells are known names; the first line with most of them wins,
-            and without any the first line that is not a comment.
-    """
-    best, found = 0, (1, ",", [""])
-    for number, line in enumerate(islice(lines(text), 200), 1):
-        if best and _SAMPLES.fullmatch(line):
-            continue
-        bare = re.sub(r"^\s*(#|%|//)\s*", "", line)  # some programs write the header as a comment
-        for separator in SEPARATORS:
-            if separator not in bare:
-                continue
-            names = split(bare, separator)
-            if score(names) > best:
-                best, found = score(names), (number, separator, names)
-        if not best and not found[2][0] and line.strip() and not COMMENT.match(line):
-            separator = next((s for s in SEPARATORS if s in line.strip()), ",")
-            found = (number, separator, split(line, separator))
-    return found
-
-
-def lines(text: str, at: int = 0, longest: int = 20_000) -> Iterator[str]:
-    """The lines of a text from a place on, each cut off where it is longer than any sensible one."""
-    while at <= len(text):
-        end = text.find("\n", at)
-        end = len(text) if end < 0 else end
-        yield text[at : min(end, at + longest)]
-        at = end + 1
-
-
-def offset(text: str, count: int) -> int:
-    """Where the line after so many begins."""
-    at = 0
-    for _ in range(count):
-        at = text.find("\n", at) + 1
-        if not at:
-            return len(text)
-    return at
-
-
-def rows(file: Path, text: str, separator: str, after: int) -> Iterator[tuple[int, list[str]]]:
-    """Number and cells of each line after one, without comments and empty lines.
-
-    Raises:
-        InputFileError: a quotation mark is never closed.
-    """
-    for number, line in enumerate(text.split("\n")[after:], after + 1):
-        if not line.strip() or COMMENT.match(line):
-            continue
-        if line.count('"') % 2:
-            raise InputFileError(file, _QUOTE, line=number)
-        yield number, split(line, separator)
-
-
-def number(cell: str) -> float:
-    """A cell as a number, with decimal point or comma.
-
-    Raises:
-        ValueError: it is none.
-    """
-    if "_" in cell or ("," in cell and "." in cell):
-        raise ValueError(cell)
-    return float(cell.replace(",", "."))
 
 
 @dataclass(frozen=True, eq=False)
 class TextTable:
-    """A recording's text: rows of headings, and below them the numbers, which are parsed when they are asked for.
+    """A recording's text: headings, and below them the numbers, which are parsed when they are asked for.
 
     Attributes:
-        file: for messages. text: whole. separator: of its columns. names, units: of the columns, a unit "" if no row
-            says it. line: of the headings, 0 without. first: how many lines stand above the numbers.
-        skipped: rows among the headings that were not used, in words.
+        passage: its lines in the file.
+        head: the first piece of them.
+        headings: what stands above the numbers, its lines counted from the first of the passage.
+        passed: what else the file holds, in words.
+        takes: how many tables of the file hold the channels.
+        footer: lines of words behind the numbers, once these are read.
     """
 
-    file: Path
-    text: str
-    separator: str
-    names: tuple[str, ...]
-    units: tuple[str, ...]
-    line: int
-    first: int
-    skipped: tuple[str, ...] = ()
+    passage: Passage
+    head: str
+    headings: Headings
+    passed: tuple[str, ...] = ()
+    takes: int = 1
+    footer: list[str] = field(default_factory=list)
 
     @classmethod
     def open(cls, file: Path, layout: Layout, strict: bool = True) -> "TextTable":
@@ -197,241 +71,226 @@ class TextTable:
             file: the file. layout: what study.toml says of its columns. strict: refuse columns without names.
 
         Raises:
-            InputFileError: it is no text or empty; or it has no header, and study.toml names its columns wrongly.
+            InputFileError: it is no text or empty; it has no header, and study.toml names its columns wrongly; it holds
+                several takes, and nothing says which is meant.
         """
-        text, skipped = _without_footer(read_text(file))
-        line, separator, names = header(text, layout.known)
-        if not any(names):
-            raise InputFileError(file, "is empty", "the first line must be time_s,base_m_s2,malleolus_m_s2")
-        bare = None if layout.known(names) and not layout.columns else _headless(text, names, line, separator, layout)
-        if bare is None:
-            if not layout.known(names) and any(c.column[:1] == "#" for c in layout.channels.values()):
-                line, separator, names = _above_numbers(text) or (line, separator, names)
-            return _headed(file, text, line, separator, names, skipped)
-        line, separator, width = bare
-        if strict and not layout.columns:
-            raise InputFileError(
-                file, "has no header line",
-                "the first line must be time_s,base_m_s2,malleolus_m_s2, or --columns time_s,base_g,... (study.toml: "
-                "columns) must name its columns",
-            )  # fmt: skip
-        if layout.columns and width != len(layout.columns):
-            listed = shown(", ".join(layout.columns))
-            raise InputFileError(
-                file, f"has {width} columns, and {len(layout.columns)} are named ({listed})",
-                "name every column, with any word for those that are no channel", line,
-            )  # fmt: skip
-        units = layout.units or ("",) * len(layout.columns)
-        return cls(file, text, separator, layout.columns, units, 0, line - 1, skipped)
+        tables = list(_sections(file, layout, strict))
+        if len(tables) == 1:
+            return tables[0]
+        takes = [table for table in tables if table.holds(layout)] or tables[:1]
+        if layout.take is None and len(takes) > 1:
+            places = ", ".join(str(table.passage.first + 1) for table in takes)
+            raise several_takes(file, len(takes), f"tables with the channels begin in lines {places}")
+        taken = layout.one_of(file, takes)
+        others = (
+            f"the table from line {table.passage.first + 1} on ({shown(', '.join(table.names))})"
+            for table in tables if table is not taken
+        )  # fmt: skip
+        return cls(taken.passage, taken.head, taken.headings, tuple(others), len(takes))
+
+    @property
+    def file(self) -> Path:
+        """For messages."""
+        return self.passage.file
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Of the columns."""
+        return self.headings.names
 
     @property
     def columns(self) -> Columns:
         """Its columns; a time of the day is in seconds."""
-        units = ["s" if index in self.stamped else unit for index, unit in enumerate(self.units)]
-        return Columns(self.names, units, line=self.line or 1)
+        units = ["s" if index in self.stamped else unit for index, unit in enumerate(self.headings.units)]
+        line = self.passage.first + (self.headings.line or 1)
+        return Columns(self.names, units, line=line, clocked=self.headings.rate_hz is not None)
 
-    def rate_hz(self, uses: Mapping[str, Use], layout: Layout) -> None:
-        """A text states no rate."""
+    @property
+    def skipped(self) -> tuple[str, ...]:
+        """What of the text is in no use, in words."""
+        return (*self.headings.skipped, *self.footer, *self.passed)
 
-    def starts(self, uses: Mapping[str, Use], time_s: np.ndarray) -> Channels:
-        """A text states no start."""
+    def holds(self, layout: Layout) -> bool:
+        """Whether the channels are among its columns."""
+        try:
+            assign(self.file, self.columns, layout)
+        except InputFileError:
+            return False
+        return True
+
+    def rate_hz(self, uses: Mapping[str, Use], layout: Layout) -> float | None:
+        """The rate [Hz] that a line of the text states; a column of times knows better."""
+        return None if "time_s" in uses else self.headings.rate_hz
+
+    def clocks(self, uses: Mapping[str, Use], time_s: np.ndarray, rate_hz: float | None) -> Channels:
+        """A text states no start of a channel."""
         return {}
+
+    def remarks(self, time_s: np.ndarray) -> list[str]:
+        """What the text states that its numbers deny, in sentences without the file's name."""
+        rate, span = self.headings.rate_hz, float(time_s[-1] - time_s[0])
+        if rate is None or not span > 0 or abs((time_s.size - 1) / span / rate - 1) < 1e-2:
+            return list(self.headings.remarks)
+        counted = (time_s.size - 1) / span
+        says = f"a line above its numbers states {rate:g} Hz, and its time runs at {counted:.6g} Hz, which counts"
+        return [says, *self.headings.remarks]
 
     @cached_property
     def stamped(self) -> frozenset[int]:
         """Columns of times of the day."""
-        cells = _row(self.text, self.first, self.separator)
-        return frozenset(i for i, cell in enumerate(cells[: len(self.names)]) if _STAMP.fullmatch(cell))
+        cells = row_after(self.head, self.headings.first, self.headings.separator)
+        return frozenset(i for i, cell in enumerate(cells[: len(self.names)]) if STAMP.fullmatch(cell))
 
     def numbers(self, wanted: Mapping[str, int]) -> Channels:
-        """Columns as floats (n,), times of the day in seconds: by name, from their index.
+        """Columns as floats (n,), NaN where a cell is empty, times of the day in seconds: by name, from their index.
 
         Raises:
             InputFileError: a cell is no finite number; a row has more cells than headings, or fewer.
         """
+        _no_narrower(self, wanted)
         times = {name: index for name, index in wanted.items() if index in self.stamped}
         rest = {name: index for name, index in wanted.items() if index not in self.stamped}
-        _no_narrower(self, wanted)
-        found = _numbers(self.file, self.text, self.separator, self.names, rest, self.first) if rest else {}
-        for name, values in found.items():
-            _no_thousands(self, name, rest[name], values)
-        clocks = {name: _seconds(self.file, self.text, self.separator, i, self.first) for name, i in times.items()}
-        return {name: (clocks | found)[name] for name in wanted}
+        parts: dict[str, list[np.ndarray]] = {name: [] for name in wanted}
+        for after, body in self.bodies():
+            for name, values in _numbers(self, body, after, rest).items() if rest else ():
+                parts[name].append(values)
+            for name, index in times.items():
+                parts[name].append(_seconds(self.file, body, self.headings.separator, index, after))
+        found = {name: _joined(pieces) for name, pieces in parts.items()}
+        for name, index in rest.items():
+            _no_thousands(self, name, index, found[name])
+        return {name: _past_midnight(values) if name in times else values for name, values in found.items()}
+
+    def bodies(self) -> Iterator[tuple[int, str]]:
+        """How many lines of the file stand above each piece of the numbers, and the piece, without a footer."""
+        above, pieces = self.passage.first + self.headings.first, self.passage.pieces()
+        following = next(pieces, None)
+        while following is not None:
+            (at, piece), following = following, next(pieces, None)
+            piece = piece[offset(piece, above - at) :] if at < above else piece
+            if following is None:
+                piece, self.footer[:] = without_footer(piece)
+            yield max(at, above), piece
+
+    def rising(self, time_s: np.ndarray) -> list[int]:
+        """Columns whose first rows rise as a time does and do not say so."""
+        first = self.sample()
+        steps = float(np.median(np.diff(time_s[: max(2, first.shape[1])])))
+        found = []
+        for index, values in enumerate(first):
+            rise = np.diff(values)
+            even = rise.size > 8 and bool(rise.min() > 0) and np.ptp(rise) < 0.1 * np.median(rise)
+            found += [index] if even and any(abs(np.median(rise) / steps / u - 1) < 1e-2 for u in (1, 1e3, 1e6)) else []
+        return found
 
     def sample(self, most: int = 500) -> np.ndarray:
         """The first rows of numbers, (columns, rows); NaN where a cell is none."""
         kept: list[list[float]] = []
-        for row in lines(self.text, offset(self.text, self.first)):
-            cells = [] if COMMENT.match(row) else split(row, self.separator)
+        for row in lines(self.head, offset(self.head, self.headings.first)):
+            cells = [] if COMMENT.match(row) else split(row, self.headings.separator)
             if len(kept) < most and len(cells) == len(self.names) and any(map(numeric, cells)):
                 kept.append([number(cell) if numeric(cell) else np.nan for cell in cells])
         return np.array(kept, float).reshape(-1, len(self.names)).T
 
-
-def _headless(
-    text: str, names: Sequence[str], line: int, separator: str, layout: Layout
-) -> tuple[int, str, int] | None:  # fmt: skip
-    """Line, separator and width of the first row of numbers where no line is a header, None where one is.
-
-    Args:
-        text: whole. names, line, separator: what `header` took for headings.
-        layout: where study.toml names the columns, lines of words above as many numbers are a preamble.
-    """
-    if all(_value(cell) for cell in names if cell):
-        return line, separator, len(names)
-    rows_of_numbers = _rows_of_numbers(text) if layout.columns else iter(())
-    return next((row for row in rows_of_numbers if row[2] == len(layout.columns)), None)
+    def refuse_gap(self, name: str, index: int) -> InputFileError:
+        """A sentence on the first empty cell of a column."""
+        for after, body in self.bodies():
+            for line, cells in rows(self.file, body, self.headings.separator, after):
+                if not (cells[index] if index < len(cells) else ""):
+                    return InputFileError(self.file, f"{name} is '', not a number", line=line)
+        return InputFileError(self.file, f"{name} lacks a number")
 
 
-def _rows_of_numbers(text: str) -> Iterator[tuple[int, str, int]]:
-    """Line, separator and width of the first rows of samples alone."""
-    for number, row in enumerate(islice(lines(text), 200), 1):
-        separator = next((s for s in SEPARATORS if s in row.strip()), ",")
-        cells = split(row, separator)
-        if row.strip() and not COMMENT.match(row) and all(map(_value, cells)) and len(cells) > 1:
-            yield number, separator, len(cells)
+def several_takes(file: Path, count: int, where: str) -> InputFileError:
+    """A sentence on a file with more than one recording."""
+    return InputFileError(
+        file, f"holds {count} takes ({where})",
+        f"say which one is meant: --take 1 to {count} (study.toml: [study] take = 1); python -m fasbody.recording "
+        "convert --take writes one as a file of its own",
+    )  # fmt: skip
 
 
-def _above_numbers(text: str) -> tuple[int, str, list[str]] | None:
-    """The row of headings above the first row of samples, and above its units: line, separator, names."""
-    for first, separator, width in _rows_of_numbers(text):
-        above = list(enumerate(islice(lines(text), first - 1), 1))
-        for number, row in reversed(above):
-            names = split(row, separator)
-            worded = len(names) > width // 2 and not any(map(numeric, names))
-            if worded and not any(_bare(name).lower() in KNOWN_UNITS for name in names):
-                return number, separator, names
-        return None
+def _sections(file: Path, layout: Layout, strict: bool) -> Iterator[TextTable]:
+    """The tables of a text, one below the other: each begins with headings of its own."""
+    passage: Passage | None = Passage(file)
+    while passage is not None:
+        table, passage = _table(passage, layout, strict), None
+        if len(table.head) < PIECE and (end := _end(table)) is not None:
+            passage = Passage(file, end)
+            table = _table(Passage(file, table.passage.first, end), layout, strict)
+        yield table
+
+
+#: A line that begins with a letter.
+_WORDED = re.compile(r"^[ \t\"',;|]*[^\W\d_][^\n]*$", re.MULTILINE)
+
+
+def _end(table: TextTable) -> int | None:
+    """How many lines of the file stand above the next headings below the numbers, None where there are none."""
+    text, separator = table.head, table.headings.separator
+    start = offset(text, table.headings.first)
+    if _WORDED.match(text, start):
+        return None  # each row begins with a word
+    for match in _WORDED.finditer(text, start):
+        if not any(map(value, split(match[0], separator))):
+            below = text[match.start() :]
+            more = above_numbers(below)
+            return None if more is None else table.passage.first + text.count("\n", 0, match.start())
     return None
 
 
-def _without_footer(text: str) -> tuple[str, tuple[str, ...]]:
-    """The text without lines of words behind the last number, and what was left out."""
-    end, words = len(text), list[str]()
-    while end > 0 and len(words) < _HEADING_ROWS:
-        start = text.rfind("\n", 0, end - 1) + 1
-        line = text[start:end].strip()
-        if COMMENT.match(line) or any(map(numeric, re.split(r"[,;|\s]+", line))):
-            break
-        words += [line] if line else []
-        end = start
-    if not words or end == 0:
-        return text, ()
-    return text[:end], tuple(f"a footer ({shown(word)})" for word in reversed(words))
+def _table(passage: Passage, layout: Layout, strict: bool) -> TextTable:
+    """The headings of a passage, and where its numbers begin."""
+    file, head = passage.file, next((piece for _, piece in passage.pieces()), "")
+    line, separator, names = header(head, layout.known)
+    if not any(names):
+        raise InputFileError(file, "is empty", "the first line must be time_s,base_m_s2,malleolus_m_s2")
+    bare = None if layout.known(names) and not layout.columns else headless(head, names, line, separator, layout)
+    if bare is None:
+        if not layout.known(names) and any(c.column[:1] == "#" for c in layout.channels.values()):
+            line, separator, names = above_numbers(head) or (line, separator, names)
+        return TextTable(passage, head, headed(head, line, separator, names))
+    line, separator, width = bare
+    rate, others = stated([row for row in islice(lines(head), line - 1) if row.strip()])
+    if strict and not layout.columns:
+        raise InputFileError(
+            file, "has no header line",
+            "the first line must be time_s,base_m_s2,malleolus_m_s2, or --columns time_s,base_g,... (study.toml: "
+            "columns) must name its columns",
+        )  # fmt: skip
+    if layout.columns and width != len(layout.columns):
+        listed = shown(", ".join(layout.columns))
+        raise InputFileError(
+            file, f"has {width} columns, and {len(layout.columns)} are named ({listed})",
+            "name every column, with any word for those that are no channel", line,
+        )  # fmt: skip
+    units = layout.units or ("",) * len(layout.columns)
+    skipped = tuple(f"a line above the numbers ({shown(row)})" for row in others)
+    return TextTable(passage, head, Headings(separator, layout.columns, units, 0, line - 1, skipped, rate))
 
 
-def _bare(cell: str) -> str:
-    """A unit without the brackets around it."""
-    return re.sub(r"^[\[(]\s*|\s*[\])]$", "", cell)
-
-
-def _value(cell: str) -> bool:
-    """Whether a cell is a sample: a number or a time of the day."""
-    return numeric(cell) or _STAMP.fullmatch(cell) is not None
-
-
-def _headed(
-    file: Path, text: str, line: int, separator: str, names: Sequence[str], footer: Sequence[str]
-) -> TextTable:  # fmt: skip
-    """The rows of headings from one line to the first row of numbers: names, parts of names, units, counts."""
-    names, rows_above = list(names), line
-    body = _first_samples(text, line, separator)
-    width = len(body)
-    if len(names) == width + 1 and _TITLED.fullmatch(names[0]):  # as Qualisys: CHANNEL_NAMES in front of the names
-        names = names[1:]
-    names = _merged(names, body)
-    above = _above(text, line, separator, names)
-    if above is not None:
-        names = [f"{group} {name}".strip() for group, name in zip(_merged(above, body), names, strict=True)]
-    units, skipped = [""] * len(names), list(footer)
-    while rows_above < line + _HEADING_ROWS:
-        cells = (_row(text, rows_above, separator) + [""] * len(names))[: len(names)]
-        bare = [_bare(cell) for cell in cells]
-        if any(map(numeric, cells)):
-            if not _counts(text, cells, body, rows_above, separator):
-                break
-            skipped.append(f"a row of counts ({shown(separator.join(cells))})")
-        elif any(cell.lower() in KNOWN_UNITS for cell in bare):
-            units = bare
-        elif not any(units) and _parts(cells, names):
-            names = [f"{name} {part}".strip() for name, part in zip(names, cells, strict=True)]
-        else:
-            break
-        rows_above = _line_of_row(text, rows_above)
-    return TextTable(file, text, separator, tuple(names), tuple(units), line, rows_above, tuple(skipped))
-
-
-#: Rows of headings, units and counts at most.
-_HEADING_ROWS = 12
-#: What stands in front of a row of names and is none.
-_TITLED = re.compile(r"[A-Z]+_NAMES", re.IGNORECASE)
-
-
-def _first_samples(text: str, line: int, separator: str) -> list[str]:
-    """The cells of the fullest of the first rows of numbers below a line."""
-    found: list[str] = []
-    for row in islice(lines(text, offset(text, line)), _HEADING_ROWS):
-        cells = [] if COMMENT.match(row) else split(row, separator)
-        if sum(map(_value, cells)) > sum(map(_value, found)):
-            found = cells
-    while found and not found[-1]:
-        found.pop()
-    return found
-
-
-def _merged(names: Sequence[str], body: Sequence[str]) -> list[str]:
-    """Names with that of a merged cell over each of its columns, as far as these hold numbers."""
-    filled: list[str] = []
-    for index, name in enumerate(names):
-        over = not name and index < len(body) and numeric(body[index]) and any(filled)
-        filled.append(filled[-1] if over else name)
-    return filled
-
-
-def _above(text: str, line: int, separator: str, names: Sequence[str]) -> list[str] | None:
-    """The row of merged cells above headings that repeat themselves, as X, Y, Z, X, Y, Z."""
-    some = [name for name in names if name]
-    if line < 2 or len(set(some)) == len(some):
-        return None
-    cells = split(next(lines(text, offset(text, line - 2))), separator)
-    cells = (cells + [""] * len(names))[: len(names)]
-    return cells if any(cells) and not any(map(numeric, cells)) and "" in cells else None
-
-
-def _parts(cells: Sequence[str], names: Sequence[str]) -> bool:
-    """Whether a row of words holds parts of the names above it: one for each column under a merged name."""
-    repeated = [cell for name, cell in zip(names, cells, strict=True) if name and names.count(name) > 1]
-    return bool(repeated) and all(repeated)
-
-
-def _counts(text: str, cells: Sequence[str], body: Sequence[str], line: int, separator: str) -> bool:
-    """Whether a row holds counts of samples: one whole number in all cells, and none where samples have one."""
-    given = {cell for cell in cells if cell}
-    lacking = any(not cell and index < len(body) and _value(body[index]) for index, cell in enumerate(cells))
-    return lacking and len(given) == 1 and given.pop().isdigit()
-
-
-def _line_of_row(text: str, after: int) -> int:
-    """The number of the first line that holds cells after so many lines."""
-    for number, row in enumerate(lines(text, offset(text, after)), after + 1):
-        if row.strip() and not COMMENT.match(row):
-            return number
-    return after + 1
+def _joined(parts: list[np.ndarray]) -> np.ndarray:
+    """One array of several, which are let go of."""
+    if len(parts) == 1:
+        return parts.pop()
+    joined = np.concatenate(parts) if parts else np.empty(0)
+    parts.clear()
+    return joined
 
 
 def _no_narrower(table: TextTable, wanted: Mapping[str, int]) -> None:
     """Refuse headings that are more than the cells below them, unless a time of its name shows which are which."""
-    body = _first_samples(table.text, table.first, table.separator)
+    body = first_samples(table.head, table.headings.first, table.headings.separator)
     surplus = len(table.names) - len(body)
     while surplus > 0 and not table.names[len(body) + surplus - 1]:
         surplus -= 1
-    if not body or surplus <= 0 or not table.line or "time_s" in wanted or "time" in wanted:
+    if not body or surplus <= 0 or not table.headings.line or "time_s" in wanted or "time" in wanted:
         return
     raise InputFileError(
         table.file, f"names {len(body) + surplus} columns ({shown(', '.join(table.names))}), and its rows have "
         f"{len(body)} cells: which heading is whose cannot be known",
         "delete the heading that is none, or name the columns in study.toml (columns) and delete the header",
-        table.line,
+        table.columns.line,
     )  # fmt: skip
 
 
@@ -441,21 +300,18 @@ _THOUSANDS = re.compile(r"[-+]?[1-9]\d{0,2}(?:[.,]\d{3})+")
 
 def _no_thousands(table: TextTable, name: str, index: int, values: np.ndarray) -> None:
     """Refuse a column in which a mark between thousands would be taken for that of decimals: 8,100 beside 950."""
-    thousandths = np.round(1e3 * values)
-    whole = thousandths % 1000 == 0
-    if whole.all() or not whole.any() or np.abs(1e3 * values - thousandths).max() > 1e-6:
-        return  # numbers with other than three decimals
-    if np.abs(values[~whole]).min() < 1:
+    if not all(map(_like_thousands, (values[:10_000], values))):
         return
     marked = bare = ""
-    for _, cells in rows(table.file, table.text, table.separator, table.first):
-        cell = cells[index]
-        if _THOUSANDS.fullmatch(cell):
-            marked = marked or cell
-        elif re.search(r"[.,eE]", cell):
-            return
-        elif abs(float(cell)) >= 1:
-            bare = bare or cell
+    for after, body in table.bodies():
+        for _, cells in rows(table.file, body, table.headings.separator, after):
+            cell = cells[index] if index < len(cells) else ""
+            if _THOUSANDS.fullmatch(cell):
+                marked = marked or cell
+            elif re.search(r"[.,eE]", cell):
+                return
+            elif cell and abs(float(cell)) >= 1:
+                bare = bare or cell
     if marked and bare:
         raise InputFileError(
             table.file, f"{name} is {marked!r} and {bare!r}: a mark between thousands would be read as that of "
@@ -463,68 +319,66 @@ def _no_thousands(table: TextTable, name: str, index: int, values: np.ndarray) -
         )  # fmt: skip
 
 
-def _row(text: str, after: int, separator: str) -> list[str]:
-    """The cells of the first row after so many lines."""
-    found = (line for line in lines(text, offset(text, after)) if line.strip() and not COMMENT.match(line))
-    return split(next(found, ""), separator)
-
-
-def numeric(cell: str) -> bool:
-    """Whether a cell is a number, with decimal point or comma."""
-    try:
-        number(cell)
-    except ValueError:
+def _like_thousands(values: np.ndarray) -> bool:
+    """Whether numbers (n,) have three decimals or none, and none of the first kind is below 1."""
+    thousandths = np.round(1e3 * values[np.isfinite(values)])
+    if np.abs(1e3 * values[np.isfinite(values)] - thousandths).max(initial=0.0) > 1e-6:
         return False
-    return True
+    marked = thousandths[thousandths % 1000 != 0]
+    return values.size > 0 and bool(np.abs(marked).min(initial=np.inf) >= 1000)
 
 
-def _numbers(
-    file: Path, text: str, separator: str, names: Sequence[str], wanted: Mapping[str, int], first: int
-) -> Channels:
-    """The wanted columns as floats: fast for a sound file, and line by line to find what is wrong with another."""
-    sample = _row(text, first, separator)
+def _numbers(table: TextTable, body: str, after: int, wanted: Mapping[str, int]) -> Channels:
+    """The wanted columns of a piece: fast for a sound one, and line by line to find what is wrong with another."""
+    separator, width = table.headings.separator, len(table.names)
+    sample = row_after(table.head, table.headings.first, separator)
     decimal = "," if any("," in sample[i] for i in wanted.values() if i < len(sample)) else "."
-    _no_wider(file, text, separator, len(names), first)
-    body = text[offset(text, first) :]
     marked = any(mark in body for mark in ("#", "%", "//"))  # a search by pattern takes as long as the parser
+    plain = body
     if marked and (COMMENT.match(body) or re.search(rf"\n{COMMENT.pattern}", body)):
-        body = "\n".join(line for line in body.split("\n") if not COMMENT.match(line))
+        plain = "\n".join(line for line in body.split("\n") if not COMMENT.match(line))
+    data = plain.encode()
+    _no_wider(table, body, data, after)
     order = list(wanted.values())
     try:
-        table = _parsed(body, separator, decimal, order, max(len(names), len(sample)))
-        if order and np.isfinite(table).all():
-            return dict(zip(wanted, table.T.copy(), strict=True))
+        columns = _parsed(data, separator, decimal, order, max(width, len(sample)))
+        return dict(zip(wanted, columns, strict=True))
     except (ValueError, TypeError):  # pandas' errors are ValueErrors, too
         pass
     kept: list[list[float]] = []
-    for line, cells in rows(file, text, separator, first):
-        kept.append([_cell(file, name, cells, index, line) for name, index in wanted.items()])
-    table = np.array(kept, float).reshape(-1, len(wanted))
-    return dict(zip(wanted, table.T, strict=True))
+    for line, cells in rows(table.file, body, separator, after):
+        kept.append([_cell(table.file, name, cells, index, line, empty=True) for name, index in wanted.items()])
+    return dict(zip(wanted, np.array(kept, float).reshape(-1, len(wanted)).T.copy(), strict=True))
 
 
-def _parsed(body: str, separator: str, decimal: str, order: Sequence[int], width: int) -> np.ndarray:
-    """Columns of a sound table (n, columns), in this order.
+def _parsed(data: bytes, separator: str, decimal: str, order: Sequence[int], width: int) -> list[np.ndarray]:
+    """Columns (n,) of a sound table, in this order, NaN where a cell is empty.
 
     Raises:
-        ValueError, TypeError: something in them is no number.
+        ValueError, TypeError: something in them is no finite number.
     """
-    if not body.strip():
-        return np.empty((0, len(order)))
+    if not data.strip():
+        return [np.empty(0) for _ in order]
     # pandas takes for numbers, or for none, what numpy refuses: 1_0, NA; where it is not needed it gets plain numbers
-    plain = "pandas" in sys.modules and not body.encode().translate(None, _PLAIN)
-    if len(body) < _LONG and not plain:
-        body = body.replace(",", ".") if decimal == "," else body
+    plain = "pandas" in sys.modules and not data.translate(None, _PLAIN)
+    if len(data) < _LONG and not plain:
+        body = data.decode().replace(",", ".") if decimal == "," else data.decode()
         delimiter = None if separator == " " else separator
-        return np.loadtxt(StringIO(body), delimiter=delimiter, usecols=order, ndmin=2, comments=None, quotechar='"')
+        table = np.loadtxt(StringIO(body), delimiter=delimiter, usecols=order, ndmin=2, comments=None, quotechar='"')
+        if not np.isfinite(table).all():
+            raise ValueError
+        return list(table.T.copy())
     import pandas as pd
 
     frame = pd.read_csv(
-        BytesIO(body.encode()), sep=r"\s+" if separator == " " else separator, decimal=decimal, header=None,
+        BytesIO(data), sep=r"\s+" if separator == " " else separator, decimal=decimal, header=None,
         names=list(range(width)), usecols=sorted(order), index_col=False, skipinitialspace=True,
-        float_precision=None if _exact(pd.__version__) else "round_trip",
+        float_precision=None if _exact(pd.__version__) else "round_trip", keep_default_na=False, na_values=[""],
     )  # fmt: skip
-    return np.column_stack([frame[index].to_numpy(float) for index in order])
+    columns = [frame.pop(index) if order.count(index) == 1 else frame[index] for index in order]
+    if any(column.dtype.kind not in "fiu" or np.isinf(column).any() for column in columns):
+        raise ValueError
+    return [column.to_numpy(float).copy() for column in columns]
 
 
 def _exact(version: str) -> bool:
@@ -532,46 +386,57 @@ def _exact(version: str) -> bool:
     return tuple(map(int, version.split(".")[:2])) >= (3, 1)
 
 
-def _seconds(file: Path, text: str, separator: str, index: int, first: int) -> np.ndarray:
-    """A column of times of the day (n,) [s]; a recording may pass midnight."""
+def _seconds(file: Path, body: str, separator: str, index: int, after: int) -> np.ndarray:
+    """A column of times of the day (n,) [s]."""
     found = []
-    for line, cells in rows(file, text, separator, first):
+    for line, cells in rows(file, body, separator, after):
         cell = cells[index] if index < len(cells) else ""
-        stamp = _STAMP.fullmatch(cell)
+        stamp = STAMP.fullmatch(cell)
         if stamp is None:
             raise InputFileError(file, f"time is {shown(cell)!r}, not a time of the day as above it", line=line)
-        hour = int(stamp[1]) if stamp[4] is None else int(stamp[1]) % 12 + 12 * (stamp[4] in "Pp")
+        hour = int(stamp[1] or 0) if stamp[4] is None else int(stamp[1] or 0) % 12 + 12 * (stamp[4] in "Pp")
         found.append(3600 * hour + 60 * int(stamp[2]) + float(stamp[3].replace(",", ".")))
-    times = np.array(found)
+    return np.array(found, float)
+
+
+def _past_midnight(times: np.ndarray) -> np.ndarray:
+    """Times of the day (n,) [s] that go on rising where a recording passes midnight."""
     passed = np.concatenate([[0], np.cumsum(np.diff(times) < -43_200)]) if times.size else times
     return times + 86_400 * passed
 
 
-def _no_wider(file: Path, text: str, separator: str, width: int, first: int) -> None:
+def _no_wider(table: TextTable, body: str, data: bytes, after: int) -> None:
     """Refuse a row with more cells than the header: its numbers would get into wrong columns."""
-    if _widest(text[offset(text, first) :], separator) <= width:
+    separator, width = table.headings.separator, len(table.names)
+    if _widest(data, separator) <= width:
         return
-    for line, cells in rows(file, text, separator, first):
+    for line, cells in rows(table.file, body, separator, after):
         if any(cells[width:]):
             hint = "if its decimals have commas, separate the columns by ;" if separator == "," else ""
-            raise InputFileError(file, f"has {len(cells)} cells, and the header {width}", hint, line)
+            raise InputFileError(table.file, f"has {len(cells)} cells, and the header {width}", hint, line)
 
 
-def _widest(body: str, separator: str) -> int:
+def _widest(data: bytes, separator: str) -> int:
     """Cells of the line with most of them, those in quotes counted apart."""
     if separator == " ":
-        return max(len(line.split()) for line in body.split("\n"))
-    letters = np.frombuffer(f"{body}\n".encode(), np.uint8)
+        return max(len(line.split()) for line in data.split(b"\n"))
+    letters = np.frombuffer(data + b"\n", np.uint8)
     ends, cuts = (np.flatnonzero(letters == ord(letter)) for letter in ("\n", separator))
     return int(np.diff(np.searchsorted(cuts, ends), prepend=0).max()) + 1
 
 
-def _cell(file: Path, name: str, cells: Sequence[str], index: int, line: int) -> float:
+def _cell(file: Path, name: str, cells: Sequence[str], index: int, line: int, empty: bool = False) -> float:
     cell = cells[index] if index < len(cells) else ""
+    if empty and not cell:
+        return np.nan
     try:
         value = number(cell)
     except ValueError:
-        hint = "write numbers without marks between thousands" if re.fullmatch(r"[-+\d.,]*\d[-+\d.,]*", cell) else ""
+        hint = ""
+        if re.fullmatch(r"[-+\d.,'’  \u202f]*\d[-+\d.,'’  \u202f]*", cell):
+            hint = "write numbers without marks between thousands"
+        if "∞" in cell:
+            hint = "the instrument was out of its range; record with a larger one"
         raise InputFileError(file, f"{name} is {shown(cell)!r}, not a number", hint, line) from None
     if not np.isfinite(value):
         raise InputFileError(file, f"{name} is {shown(cell)!r}", "every sample must be finite", line=line)
@@ -599,7 +464,7 @@ def read_table(file: Path, needed: Sequence[str]) -> Rows:
         twice = next(name for name in names if names.count(name) > 1)
         raise InputFileError(file, f"has two columns {shown(twice)!r}", "keep one of them", line=line)
     found: Rows = {}
-    for place, cells in rows(file, text, separator, line):
+    for place, cells in rows(file, text[offset(text, line) :], separator, line):
         if any(cells[len(names) :]):
             raise InputFileError(file, f"has {len(cells)} cells, and the header {len(names)}", line=place)
         found[place] = {name: cell or None for name, cell in zip_longest(names, cells[: len(names)])}

@@ -4,6 +4,7 @@ import importlib
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -13,10 +14,11 @@ from fasbody.exceptions import InputFileError
 from fasbody.recording.channels import NAMES, TIME_UNITS, Channel, Channels, Layout, name_and_unit
 from fasbody.recording.clock import straightened
 from fasbody.recording.columns import Columns, Use, assign
-from fasbody.recording.csv import TextTable, read_table, read_text
+from fasbody.recording.csv import TextTable, read_table, several_takes
 from fasbody.recording.formats import ENDINGS, READ, ending
 from fasbody.recording.formats.reader import read_series
 from fasbody.recording.formats.series import FormatError, Series, need
+from fasbody.recording.text import read_text
 
 #: Endings of tables that no reader here opens.
 _SHEETS = (".xls", ".xlsb", ".ods", ".numbers")
@@ -60,30 +62,40 @@ def reading(file: Path, layout: Layout | None = None) -> Reading:
         layout = beside(file, layout)
         source = TextTable.open(file, layout)
     else:
-        source = _SeriesTable.open(file)
-    columns = source.columns
-    found = assign(file, columns, layout)
+        source = _SeriesTable.open(file, layout)
+    found = assign(file, source.columns, layout)
     numbers = _numbers(source, found.uses, layout)
     uses = {key: use for key, use in found.uses.items() if key in numbers}
-    channels = {key: numbers[key] * use.factor for key, use in uses.items()}
     rate = source.rate_hz(uses, layout)
+    numbers, places = _without_gaps(source, uses, numbers)
+    channels = {key: _scaled(numbers.pop(key), use.factor) for key, use in uses.items()}
+    if places and not {"time", "time_s"} & channels.keys():
+        counts = (places[key][-1] + 1 if key in places else values.size for key, values in channels.items())
+        channels["time_s"] = np.arange(max(counts)) / (rate or layout.rate_hz or 1.0)
     if {"time", "time_s"} & channels.keys():
         channels = layout.timed(file, channels, rate)
     clocks = _clocks(source, uses, channels, layout, rate)
     uses = {key: use if key in clocks else replace(use, clock=None) for key, use in uses.items()}
+    clocks |= {key: channels["time_s"][rows] for key, rows in places.items() if key not in clocks}
     if "base_m_s2" in clocks:
         shared = channels.pop("time_s", None)
         clocks |= {} if shared is None else {key: shared for key in channels if key not in clocks}
         channels = {"time_s": clocks.pop("base_m_s2")} | channels
     channels = layout.timed(file, channels, rate)
-    others = _other_clocks(source, uses, channels["time_s"])
-    clocks |= source.starts(uses, channels["time_s"])
-    if clocks:
-        channels["time_s"] = straightened(channels["time_s"])
-    channels = layout.aligned(file, channels, clocks)
+    if not clocks and source.takes == 1:
+        channels = _one_take(file, channels, layout)
     if channels["time_s"].size < 2:
         raise InputFileError(file, f"holds {channels['time_s'].size} samples", "a recording needs at least two")
-    return Reading(channels, *_ledger(source, uses), (*found.remarks, *others))
+    others = [*source.remarks(channels["time_s"]), *_other_clocks(source, uses, channels["time_s"])]
+    clocks |= source.clocks(uses, channels["time_s"], rate)
+    if clocks:
+        channels["time_s"] = straightened(channels["time_s"])
+    channels, unlike = layout.aligned(file, channels, clocks)
+    used, unused = _ledger(source, uses)
+    if not {"time", "time_s"} & uses.keys() and (rate or layout.rate_hz):
+        counted = f"time: counted at {rate or layout.rate_hz:.6g} Hz, as {'the file' if rate else 'study.toml'} says"
+        used = (*((counted,) if "base_m_s2" not in clocks else ()), *used)
+    return Reading(channels, used, unused, (*found.remarks, *others, *filter(None, [unlike])))
 
 
 def _numbers(source: "TextTable | _SeriesTable", uses: Mapping[str, Use], layout: Layout) -> Channels:
@@ -97,6 +109,73 @@ def _numbers(source: "TextTable | _SeriesTable", uses: Mapping[str, Use], layout
         if own == every:
             raise
         return source.numbers(own)
+
+
+def _scaled(values: np.ndarray, scale: float) -> np.ndarray:
+    return values if scale == 1 else scale * values
+
+
+def _without_gaps(
+    source: "TextTable | _SeriesTable", uses: Mapping[str, Use], numbers: Channels
+) -> tuple[Channels, dict[str, np.ndarray]]:
+    """Columns without their empty cells, and the rows that a slower channel has of those that share one time.
+
+    Raises:
+        InputFileError: a column lacks a number where others have one.
+    """
+    time = next((numbers[key] for key in ("time_s", "time") if key in numbers), None)
+    ends = {key: _end(values) for key, values in numbers.items()}
+    shared = [ends[key] for key, use in uses.items() if use.clock is None]
+    size = max(shared, default=0) if time is None else _end(time)
+    made, places = dict[str, np.ndarray](), dict[str, np.ndarray]()
+    for key, values in numbers.items():
+        end = ends[key]
+        made[key] = values if end == values.size else values[:end]
+        good = np.isfinite(made[key])
+        rows = np.flatnonzero(good)
+        if good.all() and (end == size or uses[key].clock is not None or not isinstance(source, TextTable)):
+            continue
+        if uses[key].clock is None and _every_few(rows) and size - end <= rows[1] - rows[0]:
+            made[key], places[key] = values[rows], rows
+        elif isinstance(source, TextTable):
+            raise source.refuse_gap(key, uses[key].index)
+    return made, places
+
+
+def _end(values: np.ndarray) -> int:
+    """How many values (n,) there are without the empty ones at the end."""
+    if values.size == 0 or not np.isnan(values[-1]):
+        return values.size
+    there = np.flatnonzero(~np.isnan(values))
+    return int(there[-1]) + 1 if there.size else 0
+
+
+def _every_few(rows: np.ndarray) -> bool:
+    """Whether rows (n,) lie evenly two or more apart, as those of a slower channel."""
+    gaps = np.diff(rows)
+    return rows.size > 8 and int(gaps.min()) >= 2 and int(np.ptp(gaps)) <= 1
+
+
+#: Samples of a take at least, and the share of its length within which its time begins as the first.
+_TAKE, _ANEW = 50, 0.1
+
+
+def _one_take(file: Path, channels: Channels, layout: Layout) -> Channels:
+    """The channels of one take, where the time begins anew.
+
+    Raises:
+        InputFileError: there are several, and nothing says which is meant; or there is no such take.
+    """
+    t = channels["time_s"]
+    back = np.flatnonzero(np.diff(t) < 0) + 1
+    edges = [0, *back.tolist(), t.size]
+    anew = back.size and all(abs(t[i] - t[0]) < _ANEW * np.ptp(t) for i in back) and np.diff(edges).min() >= _TAKE
+    takes = [slice(*pair) for pair in pairwise(edges)] if anew else [slice(None)]
+    if len(takes) > 1 and layout.take is None:
+        listed = ", ".join(map(str, edges[1:-1]))
+        raise several_takes(file, len(takes), f"its time begins anew at sample {listed}")
+    one = layout.one_of(file, takes)
+    return channels if len(takes) == 1 else {key: values[one] for key, values in channels.items()}
 
 
 def _clocks(
@@ -132,9 +211,10 @@ def _clocks(
 def _rising(source: "TextTable | _SeriesTable", index: int, size: int) -> np.ndarray | None:
     """A column of as many numbers (n,) that rise from row to row, once they are not rounded any more; else None."""
     try:
-        times = straightened(source.numbers({"time": index})["time"])
+        times = source.numbers({"time": index})["time"]
     except InputFileError:  # words
         return None
+    times = straightened(times[: _end(times)])
     return times if times.size == size > 2 and np.diff(times).min() > 0 else None
 
 
@@ -148,7 +228,7 @@ def _other_clocks(source: "TextTable | _SeriesTable", uses: Mapping[str, Use], t
     """Columns of times that are in no use, stand with no other column, and tell another time than those that are."""
     columns, told = source.columns, []
     taken = {use.index for use in uses.values()} | {use.clock for use in uses.values()}
-    for index in columns.times:
+    for index in sorted({*columns.times, *source.rising(time_s)}):
         next_one = index + 1
         of_another = next_one < len(columns.names) and not columns.groups and next_one not in {*taken, *columns.times}
         groups = {columns.groups[i] for i in taken if i is not None} if columns.groups else {""}
@@ -192,8 +272,11 @@ class _SeriesTable:
     passed: tuple[str, ...]
     skipped: tuple[str, ...] = ()
 
+    takes: int = 1
+
     @classmethod
-    def open(cls, file: Path) -> "_SeriesTable":
+    def open(cls, file: Path, layout: Layout) -> "_SeriesTable":
+        """The series of a file, those of one take where study.toml says which."""
         if ending(file) not in READ:
             listed = f"valid: {', '.join((*TEXTS, *READ))}, and .gz behind any"
             if ending(file) in _SHEETS:
@@ -201,45 +284,99 @@ class _SeriesTable:
             raise InputFileError(file, f"no format has the ending {ending(file)!r}", listed)
         found = read_series(file)
         passed = tuple(f"{s.name!r} is {s.what}" for s in found if s.what)
-        return cls(file, tuple(s for s in found if not s.what), passed)
+        whole = cls(file, tuple(s for s in found if not s.what), passed)
+        takes = whole._takes(layout)
+        if len(takes) > 1 and layout.take is None:
+            raise several_takes(file, len(takes), ", ".join(repr(take.series[0].group) for take in takes))
+        return layout.one_of(file, takes) if len(takes) > 1 else whole
+
+    def _takes(self, layout: Layout) -> "list[_SeriesTable]":
+        """A table of each group that holds the channels for itself, where several do."""
+        groups = list(dict.fromkeys(s.group for s in self.series))
+        parts = {group: tuple(_ungrouped(s) for s in self.series if s.group == group) for group in groups}
+        tables = [
+            replace(self, series=part, skipped=(f"the other takes ({len(groups) - 1})",), takes=len(groups))
+            for part in parts.values()
+        ]
+        return [table for table in tables if len(groups) > 1 and table.holds(layout)]
+
+    def holds(self, layout: Layout) -> bool:
+        """Whether the channels are among its columns."""
+        try:
+            assign(self.file, self.columns, layout)
+        except InputFileError:
+            return False
+        return True
 
     @property
     def columns(self) -> Columns:
         names, groups = [s.name for s in self.series], [s.group for s in self.series]
         units = [s.unit.partition(" since ")[0] for s in self.series]  # a date is of no interest
-        clocked = any(s.rate_hz for s in self.series)
+        rates = [s.rate_hz for s in self.series]
         sizes = [s.values.size for s in self.series]
-        return Columns(names, units, groups, sizes, self.passed, clocked=clocked)
+        return Columns(names, units, groups, sizes, self.passed, clocked=any(rates), rates=rates)
 
     def numbers(self, wanted: Mapping[str, int]) -> Channels:
         return {key: self.series[index].values for key, index in wanted.items()}
 
+    def rising(self, time_s: np.ndarray) -> list[int]:
+        """Columns that rise as a time does and do not say so."""
+        return [index for index, s in enumerate(self.series) if s.values.size == time_s.size and
+                _as_time(s.values, time_s)]  # fmt: skip
+
+    def remarks(self, time_s: np.ndarray) -> list[str]:
+        """What the file states that its numbers deny."""
+        return []
+
     def rate_hz(self, uses: Mapping[str, Use], layout: Layout) -> float | None:
-        """The rate [Hz] that the file states for the channels in use, else for any.
+        """The rate [Hz] that the file states for the base, else for any channel in use, else for any.
 
         Raises:
-            InputFileError: two of them, or a scale that may be applied twice or not at all.
+            InputFileError: a scale that may be applied twice or not at all; a time for channels of different rates.
         """
         sources = self._sources(uses)
         for key, source in sources.items():
             _one_scale(self.file, key.removesuffix("_m_s2"), source, layout)
-        rates = {s.rate_hz for s in sources.values() if s.rate_hz}
-        if len(rates) > 1:
-            listed = ", ".join(f"{rate:g}" for rate in sorted(rates))
+        rates = {key: s.rate_hz for key, s in sources.items() if s.rate_hz}
+        if len(set(rates.values())) > 1 and {"time", "time_s"} & uses.keys():
+            listed = ", ".join(f"{rate:g}" for rate in sorted(set(rates.values())))
             raise InputFileError(
-                self.file, f"its channels have different rates ({listed} Hz)", "resample them to one rate"
+                self.file, f"its channels have different rates ({listed} Hz) and one time", "resample them to one rate"
             )
-        return next(iter(rates), None) or next((s.rate_hz for s in self.series if s.rate_hz), None)
+        own = rates.get("base_m_s2") or next(iter(rates.values()), None)
+        return own or next((s.rate_hz for s in self.series if s.rate_hz), None)
 
-    def starts(self, uses: Mapping[str, Use], time_s: np.ndarray) -> Channels:
-        """Times (n,) [s] of channels that the file says to start later than another."""
+    def clocks(self, uses: Mapping[str, Use], time_s: np.ndarray, rate_hz: float | None) -> Channels:
+        """Times (n,) [s] of channels that the file says to start later than another, or to be of another rate."""
         sources = self._sources(uses)
         known = _starts(self.file, sources, bool({"time", "time_s"} & uses.keys()))
-        first = min(known.values(), default=0.0)
-        return {key: time_s + start - first for key, start in known.items()} if np.ptp([*known.values(), first]) else {}
+        first, unlike = min(known.values(), default=0.0), {s.rate_hz for s in sources.values() if s.rate_hz}
+        if len(unlike) < 2:
+            late = np.ptp([*known.values(), first])
+            return {key: time_s + start - first for key, start in known.items()} if late else {}
+        return {
+            key: np.arange(s.values.size) / (s.rate_hz or rate_hz or 1.0) + known.get(key, first) - first
+            for key, s in sources.items()
+        }
 
     def _sources(self, uses: Mapping[str, Use]) -> dict[str, Series]:
         return {key: self.series[use.index] for key, use in uses.items() if not key.startswith("time")}
+
+
+def _ungrouped(series: Series) -> Series:
+    """A series of one take, under its own name."""
+    return replace(series, name=series.name.removeprefix(f"{series.group}/"))
+
+
+#: A column is a time if it rises by the same span within this share.
+_AS_FAST = 1e-3
+
+
+def _as_time(values: np.ndarray, time_s: np.ndarray) -> bool:
+    """Whether values (n,) rise as a time in seconds or milliseconds does."""
+    span, own = float(time_s[-1] - time_s[0]), float(values[-1] - values[0])
+    alike = span > 0 and any(abs(own / span / scale - 1) < _AS_FAST for scale in (1.0, 1e3, 1e6))
+    return alike and values.size > 8 and bool(np.diff(values).min() > 0)
 
 
 def read_one(file: Path, channel: str, layout: Layout | None = None, named: str = "") -> tuple[np.ndarray, np.ndarray]:
@@ -278,7 +415,7 @@ def columns_of(file: Path, layout: Layout | None = None) -> Columns:
     """
     if ending(file) in TEXTS:
         return TextTable.open(file, beside(file, layout or Layout()), strict=False).columns
-    return _SeriesTable.open(file).columns
+    return _SeriesTable.open(file, layout or Layout()).columns
 
 
 def beside(file: Path, layout: Layout) -> Layout:

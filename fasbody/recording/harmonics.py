@@ -6,6 +6,7 @@ itself is refined from the base channel (four-parameter sine fit, IEEE Std 1057)
 """
 
 import functools
+from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -68,9 +69,9 @@ def fit_harmonics(time_s: np.ndarray, signal: np.ndarray, frequency_hz: float, c
     rate = (time_s.size - 1) / (time_s[-1] - time_s[0])
     fitted = max(count, min(_FITTED, int(0.45 * rate // frequency_hz)))
     basis = _basis(time_s, frequency_hz, fitted)
-    P, coefficients = basis.P, basis.solve(signal)
-    residual = signal - P @ coefficients
-    dof = max(1, signal.size - P.shape[1])
+    coefficients = basis.solve(signal)
+    residual = basis.residual(signal, coefficients)
+    dof = max(1, signal.size - coefficients.size)
     sigma = float(np.sqrt(residual @ residual / dof))
     amplitudes = coefficients[1::2] - 1j * coefficients[2::2]
     power = np.abs(np.fft.rfft(residual)) ** 2
@@ -86,26 +87,59 @@ def find_frequency(time_s: np.ndarray, signal: np.ndarray) -> float:
     Args:
         time_s: (n,) [s]. signal: (n,), offset removed.
     """
+    thin = max(1, min(-(-time_s.size // _LONG), int((time_s.size - 1) / (time_s[-1] - time_s[0]) / _SLOW_HZ)))
+    if thin == 1:
+        return _refined(time_s, signal, _highest(time_s, signal))
+    kept = time_s.size // thin * thin  # a long signal is looked through in means of a few samples first
+    few = [x[:kept].reshape(-1, thin).mean(axis=1) for x in (time_s, signal)]
+    return _refined(time_s, signal, _refined(few[0], few[1], _highest(few[0], few[1])))
+
+
+def _highest(time_s: np.ndarray, signal: np.ndarray) -> float:
+    """Where the spectrum is highest [Hz]."""
     rate = (time_s.size - 1) / (time_s[-1] - time_s[0])
     spectrum = np.abs(np.fft.rfft(signal * np.hanning(signal.size), 4 * signal.size))
     lowest = int(np.ceil(4 * signal.size * 0.5 / rate))
-    peak = (lowest + int(np.argmax(spectrum[lowest:]))) * rate / (4 * signal.size)
-    f, passed = peak, time_s - time_s.mean()  # from the middle, where phase and frequency hardly share an error
+    return float((lowest + int(np.argmax(spectrum[lowest:]))) * rate / (4 * signal.size))
+
+
+def _refined(time_s: np.ndarray, signal: np.ndarray, peak: float) -> float:
+    """A frequency near a peak [Hz] by least squares."""
+    f, middle = peak, float(time_s.mean())  # from the middle, where phase and frequency hardly share an error
     half = 0.5 * (time_s[-1] - time_s[0])
+    blocks = [slice(a, a + _LONG) for a in range(0, time_s.size, _LONG)]
     for _ in range(20):  # Gauss-Newton on amplitude, phase and frequency
-        wt = 2 * np.pi * f * passed
-        cos, sin = np.cos(wt), np.sin(wt)
-        P = np.column_stack([np.ones_like(wt), cos, sin])
-        c = _Basis(P).solve(signal)
+        N, right = np.zeros((5, 5)), np.zeros(5)
+        for part in blocks:
+            P = _with_slopes(time_s[part] - middle, f, half)
+            N, right = N + P.T @ P, right + P.T @ signal[part]
+        c = _solved(P[:, :3], N[:3, :3], right[:3], signal)
         size = np.hypot(c[1], c[2]) or 1.0
-        slope = passed / half * (c[2] * cos - c[1] * sin) / size
-        step = _Basis(np.column_stack([P, slope])).solve(signal)[3] / (2 * np.pi * half * size)
+        slope = np.eye(5, 4)
+        slope[3:, 3] = c[2] / size, -c[1] / size  # of a change of frequency
+        step = _solved(P @ slope, slope.T @ N @ slope, slope.T @ right, signal)[3] / (2 * np.pi * half * size)
         f += step
         if not 0.5 * peak < f < 2 * peak:
-            return float(peak)
+            return peak
         if abs(step) < 1e-9 * peak:
             break
     return float(f)
+
+
+def _with_slopes(passed: np.ndarray, f: float, half: float) -> np.ndarray:
+    """1, cos, sin, and the latter two times the time (n,) over its half length."""
+    turn = 2 * np.pi * f * passed
+    cos, sin = np.cos(turn), np.sin(turn)
+    return np.column_stack([np.ones_like(turn), cos, sin, passed / half * cos, passed / half * sin])
+
+
+def _solved(P: np.ndarray, N: np.ndarray, right: np.ndarray, signal: np.ndarray) -> np.ndarray:
+    """Coefficients of columns P (n, p), or of all blocks of a long signal by their sum N of P^T P."""
+    return _Basis(P, N).solve(signal) if len(P) == signal.size else np.linalg.solve(N, right)
+
+
+#: Means of a long signal are not slower than this: feet are shaken at less than a quarter of it.
+_SLOW_HZ = 500.0
 
 
 def sine_share(time_s: np.ndarray, signal: np.ndarray, frequency_hz: float) -> float:
@@ -113,7 +147,7 @@ def sine_share(time_s: np.ndarray, signal: np.ndarray, frequency_hz: float) -> f
     rate = (time_s.size - 1) / (time_s[-1] - time_s[0])
     basis = _basis(time_s, frequency_hz, max(1, min(_FITTED, int(0.45 * rate // frequency_hz))))
     centred = signal - signal.mean()
-    residual = signal - basis.P @ basis.solve(signal)
+    residual = basis.residual(signal, basis.solve(signal))
     return float(1 - residual @ residual / max(1e-300, centred @ centred))
 
 
@@ -146,15 +180,19 @@ class _Basis:
     """Columns P (n, p) of a least-squares fit, and what all signals on them share."""
 
     def __init__(self, P: np.ndarray, N: np.ndarray | None = None) -> None:
-        self.P, self._N = P, P.T @ P if N is None else N
-        self._normal = np.linalg.cond(self._N) < 1e4
+        self.P, self.N = P, P.T @ P if N is None else N
+        self._normal = np.linalg.cond(self.N) < 1e4
         self._parts: dict[tuple[int, int], list[tuple[slice, _Basis]]] = {}
 
     def solve(self, signal: np.ndarray) -> np.ndarray:
         """Coefficients (p,); harmonics over whole periods are nearly orthogonal: normal equations lose no digits."""
         if self._normal:
-            return np.linalg.solve(self._N, self.P.T @ signal)
+            return np.linalg.solve(self.N, self.P.T @ signal)
         return np.linalg.lstsq(self.P, signal, rcond=None)[0]
+
+    def residual(self, signal: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
+        """What the columns leave of a signal (n,)."""
+        return signal - self.P @ coefficients
 
     def parts(self, count: int, parts: int) -> "list[tuple[slice, _Basis]]":
         """The first `count` harmonics on each of so many parts of the time."""
@@ -165,13 +203,53 @@ class _Basis:
         return self._parts[count, parts]
 
 
-def _basis(time_s: np.ndarray, frequency_hz: float, count: int) -> _Basis:
+class _LongBasis:
+    """The same of harmonics over so many samples that their columns are made anew, block by block, for each use."""
+
+    def __init__(self, time_s: np.ndarray, frequency_hz: float, count: int) -> None:
+        self._time, self._frequency, self._count = time_s, frequency_hz, count
+
+    def solve(self, signal: np.ndarray) -> np.ndarray:
+        """Coefficients (p,), from the normal equations: so many periods are nearly orthogonal."""
+        N, right = np.zeros((2 * self._count + 1,) * 2), np.zeros(2 * self._count + 1)
+        for part, basis in self._blocks():
+            N, right = N + basis.N, right + basis.P.T @ signal[part]
+        return np.linalg.solve(N, right)
+
+    def residual(self, signal: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
+        """What the columns leave of a signal (n,)."""
+        left = np.empty_like(signal)
+        for part, basis in self._blocks():
+            left[part] = basis.residual(signal[part], coefficients)
+        return left
+
+    def parts(self, count: int, parts: int) -> "Iterator[tuple[slice, _Basis | _LongBasis]]":
+        """The first `count` harmonics on each of so many parts of the time."""
+        for a, b in pairwise(np.linspace(0, self._time.size, parts + 1).astype(int)):
+            yield slice(a, b), _LongBasis(self._time[a:b], self._frequency, count)
+
+    def _blocks(self) -> "Iterator[tuple[slice, _Basis]]":
+        for a in range(0, self._time.size, _BLOCK):
+            part = slice(a, min(self._time.size, a + _BLOCK))
+            yield part, _made(self._time[part], self._frequency, self._count)
+
+
+#: Samples whose columns fit a processor's memory, and from which on they are not kept: a basis of 41 takes 1 GB of 3e6.
+_BLOCK, _LONG = 1 << 15, 1_500_000
+
+
+def _basis(time_s: np.ndarray, frequency_hz: float, count: int) -> "_Basis | _LongBasis":
+    if time_s.size > _LONG:
+        return _LongBasis(time_s, frequency_hz, count)
     return _kept_basis(time_s.tobytes(), frequency_hz, count)
 
 
 @functools.lru_cache(maxsize=4)  # the channels of a recording have one basis
 def _kept_basis(times: bytes, frequency_hz: float, count: int) -> _Basis:
-    time_s = np.frombuffer(times)
+    return _made(np.frombuffer(times), frequency_hz, count)
+
+
+def _made(time_s: np.ndarray, frequency_hz: float, count: int) -> _Basis:
     if time_s.size <= 2 * count + 1:
         raise RecordingError(f"{time_s.size} samples are too few for {count} harmonics; record at least one period.")
     P = np.ones((2 * count + 1, time_s.size))
@@ -223,7 +301,7 @@ def _colour(power: np.ndarray, bin_hz: float, frequency_hz: float, count: int) -
 
 
 def _with_scatter(
-    basis: _Basis,
+    basis: _Basis | _LongBasis,
     time_s: np.ndarray,
     signal: np.ndarray,
     frequency_hz: float,

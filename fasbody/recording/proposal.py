@@ -3,29 +3,34 @@
 import json
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import numpy as np
 
 from fasbody.console import write_whole
 from fasbody.exceptions import FasError, InputFileError, SettingError, unknown
+from fasbody.presentation import counted
 from fasbody.recording.channels import KNOWN_UNITS, NAMES, TIME_UNITS, VOLTAGES, Layout, heading, name_and_unit
 from fasbody.recording.condition import POSTURES
-from fasbody.recording.csv import TextTable
+from fasbody.recording.csv import TextTable, read_table
 from fasbody.recording.files import TEXTS, beside, columns_of
 from fasbody.recording.formats import READ, ending
 from fasbody.recording.formats.reader import read_series
+from fasbody.recording.headings import header
 from fasbody.recording.recording import Recording
+from fasbody.recording.text import read_text
 from fasbody.recording.trials import parsed
 
 #: What a pattern of file names may hold; {any} is what says nothing.
-FIELDS = ("subject", "posture", "load", "frequency", "any")
+FIELDS = ("subject", "posture", "load", "mass", "frequency", "any")
 TABLES = ("study.toml", "subjects.csv", "recordings.csv")
 _NUMBER = r"\d+(?:[.,p]\d+)?"
 _MATCHES = {
     "load": _NUMBER,
+    "mass": _NUMBER,
     "frequency": _NUMBER,
     "subject": r"[^\W_]+",  # names with accents, too
     "posture": r"[A-Za-z]+",
@@ -54,21 +59,24 @@ _WORDS = {
 def load_in_name(name: str) -> float | None:
     """The load [kg] that a file's name states, "rec_20hz_2.3kg.csv" for example; None where it states none.
 
-    A name with several says nothing, and neither does one above what a knee carries: that is a body mass.
+    A name with several says nothing, and one above what a knee carries is a body mass.
     """
-    mass = _mass_in_name(name)
-    return mass if mass is not None and mass <= _MOST_LOAD_KG else None
+    return _only(mass for mass in _masses(name) if mass <= _MOST_LOAD_KG)
 
 
 def body_mass_in_name(name: str) -> float | None:
     """The body mass [kg] that a file's name states, "anna_61kg.csv" for example; None where it states none."""
-    mass = _mass_in_name(name)
-    return mass if mass is not None and mass > _MOST_LOAD_KG else None
+    return _only(mass for mass in _masses(name) if mass > _MOST_LOAD_KG)
 
 
-def _mass_in_name(name: str) -> float | None:
-    masses = {float(_plain(match.group(1).lower())) for match in dict(_SIGNS)["load"].finditer(name)}
-    return masses.pop() if len(masses) == 1 else None
+def _masses(name: str) -> list[float]:
+    return [float(_plain(match[1].lower())) for match in dict(_SIGNS)["load"].finditer(name)]
+
+
+def _only(values: Iterable[float]) -> float | None:
+    """The value of all, None where they differ or there is none."""
+    found = set(values)
+    return found.pop() if len(found) == 1 else None
 
 
 @dataclass(frozen=True)
@@ -76,8 +84,12 @@ class Proposal:
     """What a folder of recordings could be as a study.
 
     Attributes:
-        folder: of the study. pattern: of the names. tables: text of each of `TABLES`.
-        count: recordings listed. left_out: files that the pattern does not match. missing: what is still to be given.
+        folder: of the study.
+        pattern: of the names, or several.
+        tables: text of each of `TABLES`; where the folder is a study, those that have grown.
+        count: recordings listed, without those of a study that is there.
+        left_out: files that no pattern matches.
+        missing: what is still to be given.
     """
 
     folder: Path
@@ -88,30 +100,30 @@ class Proposal:
     missing: tuple[str, ...]
 
     def write(self) -> None:
-        """Write the three tables.
+        """Write the tables; a study that is there gets new lines only.
 
         Raises:
-            InputFileError: one of them is there already.
+            InputFileError: a table is there, and not all of them.
         """
-        _free(self.folder)
+        _listed(self.folder)
         for name, text in self.tables.items():
             write_whole(self.folder / name, text)
 
 
 def propose(folder: Path, pattern: str | None = None) -> Proposal:
-    """Look at a folder's file names and at one file of each kind.
+    """Look at a folder's file names and at one file of each kind; of a study that is there, at files not listed yet.
 
     Args:
         folder: with recordings, also in folders of its own. pattern: of their names without ending, such as
-            ``S{subject}_{frequency}Hz_{load}kg``; with a / it holds folders, too. None guesses it.
+            ``S{subject}_{frequency}Hz_{load}kg``; with a / it holds folders, too. None guesses it, or several.
 
     Raises:
-        InputFileError: no such folder, no recordings in it, none that match, or it is a study already.
+        InputFileError: no such folder, no recordings in it, none that match, or tables of a study that are not whole.
         SettingError: the pattern has a field that does not exist, or none.
     """
     if not folder.is_dir():
         raise InputFileError(folder, "is no folder", "give the folder that holds the recordings")
-    _free(folder)
+    known = _listed(folder)
     found = sorted(
         (p for p in folder.rglob("*") if p.is_file() and ending(p) in (*TEXTS, *READ) and not _aside(p, folder)),
         key=lambda p: [int(x) if x.isdigit() else x for x in re.split(r"(\d+)", p.relative_to(folder).as_posix())],
@@ -120,50 +132,147 @@ def propose(folder: Path, pattern: str | None = None) -> Proposal:
         listed = ", ".join((*TEXTS, *READ))
         raise InputFileError(folder, "holds no recording", f"valid endings: {listed}, and .gz behind any")
     stems = {p: _stem(p, folder) for p in found}
-    pattern = pattern or Counter(map(_template, stems.values())).most_common(1)[0][0]
-    match = _compiled(pattern)
-    told = {
-        p: m for p, stem in stems.items() if (m := match.fullmatch(stem if "/" in pattern else stem.split("/")[-1]))
-    }
-    if not told:
-        raise InputFileError(folder, f"no file is named {pattern}", f"the first is {stems[found[0]]}")
+    patterns = [pattern] if pattern else _patterns(list(stems.values()))
+    rows = {p: row for p, stem in stems.items() if (row := _row(patterns, stem)) is not None}
+    if not rows:
+        raise InputFileError(folder, f"no file is named {patterns[0]}", f"the first is {stems[found[0]]}")
+    new = {p: row for p, row in rows.items() if known is None or p.relative_to(folder).as_posix() not in known}
     missing: list[str] = []
-    toml = _toml(folder, list({ending(p): p for p in reversed(told)}.values())[::-1], missing)
-    rows = [{name: value for name, value in m.groupdict().items() if value} for m in told.values()]
-    subjects = list(dict.fromkeys(row.get("subject", "") for row in rows))
-    for field, column in (("subject", "subject"), ("load", "added_mass_kg")):
-        if not all(field in row for row in rows):
-            missing.append(f"recordings.csv: {column}, which the names do not say")
-    if not any("frequency" in row for row in rows):
-        missing.append("recordings.csv: frequency_hz of sines (leave it empty for sweeps and random input)")
-    missing.append(f"subjects.csv: mass_kg of {len(subjects)} subject{'s' * (len(subjects) > 1)}")
-    table = [
-        f"# Proposed from the names {pattern}; an empty frequency_hz is found in the recording.",
-        "file,subject,posture,added_mass_kg,frequency_hz",
+    tables = {} if known is not None else {
+        "study.toml": _toml(folder, list({ending(p): p for p in reversed(rows)}.values())[::-1], missing)
+    }  # fmt: skip
+    missing += _unsaid(list(new.values()))
+    people, more = _people(folder, list(new.values()), known is not None)
+    missing += more
+    tables |= people | (_recordings(folder, new, " or ".join(patterns), known is not None) if new else {})
+    left = tuple(p.relative_to(folder).as_posix() for p in found if p not in rows)
+    return Proposal(folder, " or ".join(patterns), tables, len(new), left, tuple(missing))
+
+
+def _patterns(stems: Sequence[str]) -> list[str]:
+    """The patterns of names that say something, most first; the most frequent one where none does."""
+    named = _with_people(list(map(_template, stems)))
+    every = [pattern for pattern, _ in Counter(named).most_common()]
+    return [pattern for pattern in every if _says(pattern)] or every[:1]
+
+
+def _says(pattern: str) -> bool:
+    return any(f"{{{field}}}" in pattern for field in FIELDS[:-1])
+
+
+def _with_people(templates: list[str]) -> list[str]:
+    """Templates with {subject} for the only word in which those of several persons differ: anna_20Hz, bert_20Hz."""
+    some = [template for template in templates if _says(template) and "{subject}" not in template]
+    split = {template: re.split(r"([_ /-]+)", template) for template in some}
+    shapes = Counter(len(parts) for parts in split.values()).most_common(1)
+    like = {template: parts for template, parts in split.items() if shapes and len(parts) == shapes[0][0]}
+    columns = list(zip(*like.values(), strict=True))
+    apart = [i for i, words in enumerate(columns) if len(set(words)) > 1 and all(word.isalpha() for word in words)]
+    if len(apart) != 1:
+        return templates
+    made = {t: "".join("{subject}" if i == apart[0] else x for i, x in enumerate(parts)) for t, parts in like.items()}
+    return [made.get(template, template) for template in templates]
+
+
+def _row(patterns: Sequence[str], stem: str) -> dict[str, str] | None:
+    """What a name says by the first pattern that it follows."""
+    for pattern in patterns:
+        if match := _compiled(pattern).fullmatch(stem if "/" in pattern else stem.split("/")[-1]):
+            return {name: value for name, value in match.groupdict().items() if value}
+    return None
+
+
+def _unsaid(rows: Sequence[Mapping[str, str]]) -> list[str]:
+    """What the names of recordings leave open."""
+    missing = [
+        f"recordings.csv: {column}, which the names do not say"
+        for field, column in (("subject", "subject"), ("load", "added_mass_kg"))
+        if not all(field in row for row in rows)
     ]
-    for p, row in zip(told, rows, strict=True):
-        name = p.relative_to(folder).as_posix()
-        cells = [
-            row.get("subject", ""),
-            row.get("posture", "").lower(),
-            *(_plain(row.get(k, "")) for k in ("load", "frequency")),
-        ]
-        table.append(",".join([f'"{name}"' if "," in name else name, *cells]))
-    people = ["# mass_kg is needed; age_yr and height_m may stay empty.", "subject,age_yr,height_m,mass_kg"]
-    people += [f"{subject or '?'},,," for subject in subjects]
-    texts = (toml, "\n".join(people) + "\n", "\n".join(table) + "\n")
-    left = tuple(p.relative_to(folder).as_posix() for p in found if p not in told)
-    return Proposal(folder, pattern, dict(zip(TABLES, texts, strict=True)), len(told), left, tuple(missing))
+    if rows and not any("frequency" in row for row in rows):
+        missing.append("recordings.csv: frequency_hz of sines (leave it empty for sweeps and random input)")
+    return missing
 
 
-def _free(folder: Path) -> None:
-    for name in TABLES:
-        if (folder / name).exists():
-            raise InputFileError(folder / name, "exists, and nothing is overwritten", "delete it to have it made anew")
+def _people(folder: Path, rows: Sequence[Mapping[str, str]], grows: bool) -> tuple[dict[str, str], list[str]]:
+    """subjects.csv with the new subjects and the body masses that names state, and what it lacks."""
+    file = folder / "subjects.csv"
+    there = {row["subject"] for row in read_table(file, ("subject", "mass_kg")).values()} if grows else set()
+    subjects = [name for name in dict.fromkeys(row.get("subject", "") for row in rows) if name not in there]
+    if not subjects:
+        return {}, []
+    masses = {
+        name: _only(float(_plain(row["mass"])) for row in rows if row.get("subject", "") == name and "mass" in row)
+        for name in subjects
+    }
+    lacking = sum(mass is None for mass in masses.values())
+    head = "# mass_kg is needed; age_yr and height_m may stay empty.\nsubject,age_yr,height_m,mass_kg\n"
+    names, above = (_heads(file) if grows else ("subject", "age_yr", "height_m", "mass_kg")), _whole(file, head, grows)
+    lines = [_line(names, {"subject": name or "?", "mass_kg": "" if masses[name] is None else f"{masses[name]:g}"})
+             for name in subjects]  # fmt: skip
+    missing = [f"subjects.csv: mass_kg of {counted(lacking, 'subject')}"] if lacking else []
+    return {"subjects.csv": above + "\n".join(lines) + "\n"}, missing
+
+
+def _recordings(folder: Path, rows: Mapping[Path, Mapping[str, str]], pattern: str, grows: bool) -> dict[str, str]:
+    """recordings.csv with a line for each new file."""
+    file = folder / "recordings.csv"
+    head = (
+        f"# Proposed from the names {pattern}; an empty frequency_hz is found in the recording.\n"
+        "file,subject,posture,added_mass_kg,frequency_hz\n"
+    )
+    names = _heads(file) if grows else ("file", "subject", "posture", "added_mass_kg", "frequency_hz")
+    lines = [
+        _line(names, {
+            "file": path.relative_to(folder).as_posix(), "subject": row.get("subject", ""),
+            "posture": row.get("posture", "").lower(), "added_mass_kg": _plain(row.get("load", "")),
+            "frequency_hz": _plain(row.get("frequency", "")),
+        })
+        for path, row in rows.items()
+    ]  # fmt: skip
+    return {file.name: _whole(file, head, grows) + "\n".join(lines) + "\n"}
+
+
+def _line(names: Sequence[str], cells: Mapping[str, str]) -> str:
+    """One line of a table with these columns."""
+    return ",".join(f'"{cell}"' if "," in (cell := cells.get(name, "")) else cell for name in names)
+
+
+def _heads(file: Path) -> tuple[str, ...]:
+    """The columns of a table, separated by commas.
+
+    Raises:
+        InputFileError: they are separated otherwise, so that lines cannot be added.
+    """
+    _, separator, names = header(read_text(file), lambda cells: len({*cells} & {"file", "subject"}))
+    if separator != ",":
+        raise InputFileError(file, "is not separated by commas", "save it so, and its new lines are added")
+    return tuple(names)
+
+
+def _whole(file: Path, head: str, grows: bool) -> str:
+    """What stands above new lines: the table as it is, or its head."""
+    return read_text(file).rstrip("\n") + "\n" if grows else head
+
+
+def _listed(folder: Path) -> set[str] | None:
+    """The files that a study lists, None where there is none yet.
+
+    Raises:
+        InputFileError: some of its tables are there, and not all.
+    """
+    there = [name for name in TABLES if (folder / name).exists()]
+    if there and len(there) < len(TABLES):
+        raise InputFileError(folder / there[0], "exists, and nothing is overwritten", "delete it to have it made anew")
+    if not there:
+        return None
+    return {row["file"] or "" for row in read_table(folder / "recordings.csv", ("file", "subject")).values()}
 
 
 def _aside(file: Path, folder: Path) -> bool:
     """What lies in a folder of recordings and is none: hidden files, tables of BIDS, notes."""
+    if file.name in TABLES and file.parent == folder:
+        return True
     hidden = any(part.startswith(".") for part in file.relative_to(folder).parts)
     name = file.name.lower()
     return hidden or name.endswith(("_channels.tsv", "participants.tsv", "_scans.tsv")) or name.startswith("readme")
@@ -177,11 +286,15 @@ def _stem(file: Path, folder: Path) -> str:
 def _template(stem: str) -> str:
     """The pattern that a name follows: what is known by its sign, and any other number as {any}."""
     for field, sign in _SIGNS:
-        if m := sign.search(stem):
-            stem = f"{stem[: m.start(1)]}{{{field}}}{stem[m.end(1) :]}"
+        for m in reversed(list(sign.finditer(stem))):
+            heavy = field == "load" and float(_plain(m[1].lower())) > _MOST_LOAD_KG
+            sort = "mass" if heavy else field
+            if f"{{{sort}}}" not in stem:
+                stem = f"{stem[: m.start(1)]}{{{sort}}}{stem[m.end(1) :]}"
     return re.sub(r"\d+", "{any}", stem)
 
 
+@cache
 def _compiled(pattern: str) -> re.Pattern[str]:
     parts = re.split(r"\{(\w*)\}", pattern)
     for field in parts[1::2]:
@@ -210,9 +323,8 @@ def _toml(folder: Path, kinds: Sequence[Path], missing: list[str]) -> str:
             packed = [json.dumps(f"*{ending(file)}{end}") for end in ("", ".gz")]
             lines += ["", f"[{layout[:-1]}]  # the files that are otherwise", f"files = [{', '.join(packed)}]"]
         lines += _of_one(file, layout, missing)
-    if not missing:
-        for file in kinds:
-            missing += _unread(folder, file, "\n".join(lines))
+    for file in kinds if not missing else ():
+        missing += _unread(folder, file, "\n".join(lines))
     return "\n".join(lines) + "\n"
 
 

@@ -81,7 +81,7 @@ def quality(time_s: np.ndarray, channels: dict[str, np.ndarray], frequency_hz: f
     rate = (time_s.size - 1) / (time_s[-1] - time_s[0])
     count = max(1, min(_DISTORTING, int(0.45 * rate // frequency_hz)))
     found, amplitudes, fits = {}, {}, {}
-    all_parts = _segments(time_s, np.column_stack(list(channels.values())), frequency_hz, edges)
+    all_parts = _segments(time_s, list(channels.values()), frequency_hz, edges)
     for place, (name, values) in enumerate(channels.items()):
         whole = fits[name] = fit_harmonics(time_s, values, frequency_hz, count)
         parts = all_parts[:, :, place]
@@ -110,12 +110,13 @@ def _edges(time_s: np.ndarray, frequency_hz: float) -> np.ndarray:
     return np.linspace(0, time_s.size, max(1, min(_SEGMENTS, int(periods / _PERIODS))) + 1).astype(int)
 
 
-def _segments(time_s: np.ndarray, values: np.ndarray, frequency_hz: float, edges: np.ndarray) -> np.ndarray:
-    """Offset and complex amplitude (segments, 2, channels) of values (n, channels) between edges."""
-    turn = 2 * np.pi * frequency_hz * time_s
-    basis, found = np.column_stack([np.ones_like(turn), np.cos(turn), np.sin(turn)]), []
+def _segments(time_s: np.ndarray, values: list[np.ndarray], frequency_hz: float, edges: np.ndarray) -> np.ndarray:
+    """Offset and complex amplitude (segments, 2, channels) of values (n,) of each channel between edges."""
+    found = []
     for a, b in pairwise(edges):
-        offset, real, imaginary = np.linalg.lstsq(basis[a:b], values[a:b], rcond=None)[0]
+        turn = 2 * np.pi * frequency_hz * time_s[a:b]
+        basis = np.column_stack([np.ones_like(turn), np.cos(turn), np.sin(turn)])
+        offset, real, imaginary = np.linalg.lstsq(basis, np.column_stack([x[a:b] for x in values]), rcond=None)[0]
         found.append(np.stack([offset + 0j, real - 1j * imaginary]))
     return np.array(found)
 

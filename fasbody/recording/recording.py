@@ -4,7 +4,7 @@ import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
-from hashlib import sha256
+from hashlib import file_digest
 from pathlib import Path
 from typing import Any
 
@@ -180,7 +180,7 @@ class Recording(Tabled):
             key: _seconds(arrays[use.index], name) if stamped[use.index] else use.factor * arrays[use.index]
             for key, use in assign(file, table, layout).uses.items()
         }
-        rows = layout.aligned(file, layout.timed(file, rows))
+        rows, _ = layout.aligned(file, layout.timed(file, rows))
         others = {key.removesuffix("_m_s2"): values for key, values in rows.items() if key not in HEADER}
         time, base, malleolus = (rows[key] for key in HEADER[:3])
         made = cls.from_arrays(time, base, malleolus, rows.get(HEADER[3]), others=others, **about)
@@ -222,7 +222,7 @@ class Recording(Tabled):
             warnings=(*_remarks(Path(file).with_suffix(".json")), *(f"{shown_as}: {w}." for w in found.warnings)),
             calibration=_with_delays(layout.channels if layout else {}, Path(file).with_suffix(".json")),
             known=layout.beyond if layout else Known(),
-            digest=sha256(Path(file).read_bytes()).hexdigest(),
+            digest=_digest(Path(file)),
             others={name.removesuffix("_m_s2"): values for name, values in channels.items() if name not in HEADER},
             used=found.used,
             unused=found.unused,
@@ -264,6 +264,11 @@ class Recording(Tabled):
         frame = pd.DataFrame({k: np.round(v, digits if k == "time_s" else 6) for k, v in columns.items()})
         write_whole(file, frame.to_csv(index=False))
         return None
+
+
+def _digest(file: Path) -> str:
+    with file.open("rb") as raw:
+        return file_digest(raw, "sha256").hexdigest()
 
 
 def _row(values: ArrayLike, channel: str, name: str) -> np.ndarray:

@@ -15,6 +15,12 @@ _REPEATED = 0.02
 _STRAIGHT = 3e-5
 #: Fewest changes of a slow channel.
 _FEWEST = 10
+#: The longest interval of a slow channel that is looked for in noise, and the power between its samples over theirs.
+_SLOWEST, _SMALL = 20, 0.05
+#: Samples that show it.
+_ENOUGH = 200_000
+#: Steps of a slow channel are larger than so many of a converter.
+_COARSE = 8.0
 #: A sample stands out where its neighbours miss it by this times what they usually do.
 _BEYOND = 12.0
 #: And by this share of the channel's standard deviation.
@@ -60,7 +66,7 @@ def slow(values: np.ndarray, grid: float | None = None) -> Slow | None:
     change, bend = np.abs(np.diff(values)), np.abs(np.diff(values, 2))
     grid = step(values) if grid is None else grid
     changes = np.flatnonzero(change > 0)
-    interval = _regular(changes)
+    interval = _regular(changes) or _uneven(change, grid)
     if interval:
         return Slow(interval, True, 0.5 * (interval - float(interval % 1 == 0)))
     before, after = np.diff(values)[:-2], np.diff(values)[2:]
@@ -71,8 +77,25 @@ def slow(values: np.ndarray, grid: float | None = None) -> Slow | None:
     bends = np.flatnonzero(bend > max(4 * grid, _STRAIGHT * float(bend.max())))
     starts = bends[np.diff(bends, prepend=-9) > 1]  # a line that bends between two samples bends at both
     straight = bends.size <= 2.2 * starts.size and bend.max() > 80 * grid
-    interval = _regular(starts) if straight else 0.0
+    interval = (_regular(starts) if straight else 0.0) or _uneven(bend, grid)
     return Slow(interval, False) if interval else None
+
+
+def _uneven(steps: np.ndarray, grid: float) -> float:
+    """Every how many samples steps (n,) are large and small between, noise on all of them; else 0.
+
+    A sine has as much in each class of samples up to a third of its period, and noise in any; a spike is in few samples
+    of its class, and steps of a converter are no larger than a few of its grid.
+    """
+    power = steps[:_ENOUGH] ** 2
+    for interval in range(min(_SLOWEST, power.size // _FEWEST), 1, -1):
+        by_class = power[: power.size // interval * interval].reshape(-1, interval)
+        means = by_class.mean(axis=0)
+        *others, largest = np.sort(means)
+        usual = np.median(by_class[:, means.argmax()])
+        if others[-1] < _SMALL * largest and usual > 0.1 * largest and largest > (_COARSE * grid) ** 2:
+            return float(interval)
+    return 0.0
 
 
 def _regular(places: np.ndarray) -> float:

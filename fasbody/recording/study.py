@@ -12,6 +12,7 @@ from fasbody.presentation import Sheet, Tabled
 from fasbody.recording.channels import Layout
 from fasbody.recording.checks import Checked, understood
 from fasbody.recording.recording import Recording
+from fasbody.recording.report import excerpt
 from fasbody.recording.together import out_of_line
 from fasbody.recording.trials import Trial, describe, is_listed, listed
 
@@ -120,11 +121,12 @@ class Study(Tabled):
         return cls(study.name, study.origin, study.description, recordings)
 
 
-def understood_trial(task: tuple[StudyFolder, Trial]) -> dict[str, Any]:
-    """What was understood of one trial of a study, and whose it is; a task of a process."""
-    folder, trial = task
+def understood_trial(task: tuple[StudyFolder, Trial, bool]) -> dict[str, Any]:
+    """What was understood of one trial of a study, and whose it is, perhaps with an excerpt; a task of a process."""
+    folder, trial, drawn = task
     try:
-        row = understood(folder.read(trial))
+        recording = folder.read(trial)
+        row = understood(recording) | ({"excerpt": excerpt(recording)} if drawn else {})
     except FasError as error:
         row = {"file": trial.label, "problem": str(error), "subject": trial.condition.subject}
     return row

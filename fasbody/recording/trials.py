@@ -70,14 +70,14 @@ def parsed(file: Path, text: str) -> tuple[dict[str, str], Layout]:
     about |= {key: str(value) for key, value in given.items() if key in about}
     if about["origin"] not in ("measured", "synthetic"):
         raise InputFileError(file, f"origin is {about['origin']!r}", 'valid: "measured", "synthetic"')
-    rate, columns = given.get("sampling_rate_hz"), given.get("columns", ())
+    rate, columns, take = given.get("sampling_rate_hz"), given.get("columns", ()), given.get("take")
     known, apart = _table(file, document, "known"), list[tuple[str, Layout]]()
     for name, table in _table(file, document, "layouts").items():
         patterns, own = _apart(file, name, table)
-        told = (table.get("sampling_rate_hz", rate), table.get("columns", columns), known)
+        told = (table.get("sampling_rate_hz", rate), table.get("columns", columns), known, table.get("take", take))
         layout = Layout.from_toml(file, {**channels, **own}, *told)
         apart += [(pattern, layout) for pattern in patterns]
-    return about, replace(Layout.from_toml(file, channels, rate, columns, known), apart=tuple(apart))
+    return about, replace(Layout.from_toml(file, channels, rate, columns, known, take), apart=tuple(apart))
 
 
 def _apart(file: Path, name: str, table: Any) -> tuple[list[str], dict[str, Any]]:
@@ -88,7 +88,7 @@ def _apart(file: Path, name: str, table: Any) -> tuple[list[str], dict[str, Any]
     """
     if not isinstance(table, dict):
         raise InputFileError(file, f"layouts.{name} is {table!r}", f"it must be a table, [layouts.{name}]")
-    _known(file, table, f"key of [layouts.{name}]", ("files", "sampling_rate_hz", "columns", "channels"))
+    _known(file, table, f"key of [layouts.{name}]", ("files", "sampling_rate_hz", "columns", "take", "channels"))
     files = table.get("files")
     patterns = [files] if isinstance(files, str) else files
     if not (isinstance(patterns, list) and patterns and all(isinstance(p, str) and p.strip() for p in patterns)):
@@ -97,7 +97,7 @@ def _apart(file: Path, name: str, table: Any) -> tuple[list[str], dict[str, Any]
     return patterns, _table(file, table, "channels")
 
 
-_KEYS = ("name", "origin", "description", "sampling_rate_hz", "columns")
+_KEYS = ("name", "origin", "description", "sampling_rate_hz", "columns", "take")
 
 
 def _known(file: Path, table: dict[str, Any], kind: str, valid: tuple[str, ...]) -> None:

@@ -1,4 +1,4 @@
-"""Files of measuring instruments: MATLAB 5 and 7.3, HDF5, NetCDF, UFF 58, TDMS, LVM, Excel, sound, C3D and numpy.
+"""Files of measuring instruments: MATLAB, HDF5, NetCDF, UFF 58, TDMS, LVM, Excel, sound, C3D, Parquet, EDF, archives.
 
 Each module turns a file into `Series`, named columns with a unit and a rate, and writes channels. Files are read in a
 child process of limited memory and time (reader.py), so that a broken or hostile file ends in a sentence.
@@ -12,7 +12,8 @@ ENDINGS = {
 }  # fmt: skip
 #: Those, and what is only read.
 READ = ENDINGS | {".xlsx": "xlsx", ".xlsm": "xlsx", ".lvm": "lvm", ".wav": "audio", ".flac": "audio", ".c3d": "c3d"}
-READ |= {".nc": "netcdf", ".npz": "npz"}
+READ |= {".nc": "netcdf", ".nc4": "netcdf", ".npz": "npz", ".parquet": "parquet", ".edf": "edf", ".bdf": "edf"}
+READ |= {".zip": "archive"}
 
 
 def ending(file: Path) -> str:

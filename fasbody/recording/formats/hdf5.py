@@ -1,5 +1,6 @@
 """HDF5 by h5py: every numeric dataset of one or two dimensions, with its `units` and `rate_hz` attributes."""
 
+import re
 from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
@@ -65,7 +66,32 @@ def decode(file: Path) -> list[Series]:
             values, scaled, unclear = _scaled(item)
             columns = columns_of(name, values, text, _rate(source, name))
             found += [replace(s, scaled=scaled, unclear=unclear, start_s=_start(item.attrs)) for s in columns]
+        found = _named(source, found)
     return short(with_rate(found))
+
+
+#: What Rattlesnake, a controller of shakers, calls the matrices of its streams.
+_STREAM = re.compile(r"(time_data(?:_\d+)?)_(\d+)")
+
+
+def _named(source: Any, found: list[Series]) -> list[Series]:
+    """Series under the names and units of Rattlesnake's table of channels, a group for each of its streams."""
+    table = source.get("channels/node_number"), source.get("channels/node_direction"), source.get("channels/comment")
+    if "time_data" not in source or None in table or "channels/unit" not in source:
+        return found
+    nodes, ways, comments = ([str(x) for x in column.asstr()[()]] for column in table)
+    units = [str(x) for x in source["channels/unit"].asstr()[()]]
+    apart = all(comments) and len(set(comments)) == len(comments)
+    names = comments if apart else [node + way for node, way in zip(nodes, ways, strict=True)]
+    made = []
+    for one in found:
+        match = _STREAM.fullmatch(one.name)
+        if match and match[1] in source and source[match[1]].ndim == 2 and int(match[2]) <= len(names):
+            place = int(match[2]) - 1
+            made.append(replace(one, name=f"{match[1]}/{names[place]}", unit=units[place]))
+        elif not one.name.startswith(("channels/", "environment_")):
+            made.append(one)
+    return made
 
 
 def _is_table(item: Any) -> bool:

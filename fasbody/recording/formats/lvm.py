@@ -1,5 +1,7 @@
-"""LabVIEW's measurement files, .lvm: text of one segment, with its increment, starts and units."""
+"""LabVIEW's measurement files, .lvm: text of one segment or several, with increments, starts and units."""
 
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -11,24 +13,43 @@ _END = "***End_of_Header***"
 
 
 def decode(file: Path) -> list[Series]:
-    """The channels of the only segment, named by the row below its header."""
+    """The channels of each segment, named by the row below its header; a group for each where there are several."""
     text = file.read_bytes().decode("utf-8-sig", "replace").replace("\r\n", "\n").replace("\r", "\n")
     if not text.startswith("LabVIEW Measurement"):
         raise FormatError("is not a LabVIEW measurement file: it does not begin with those words")
     lines = text.split("\n")
     comma = any(line.split(",")[:2] == ["Separator", "Comma"] for line in lines[:40])
-    mark = "," if comma else "\t"
-    table = [line.split(mark) for line in lines]
-    about = {row[0].strip(): [cell.strip() for cell in row[1:]] for row in table[: _ends(table)[0]]}
+    table = [line.split("," if comma else "\t") for line in lines]
     ends = _ends(table)
-    if len(ends) != 2:
-        raise FormatError(f"holds {len(ends) - 1} segments; save each segment as a file of its own")
-    told = {row[0].strip(): [cell.strip() for cell in row[1:]] for row in table[ends[0] + 1 : ends[1]]}
+    about = _statements(table[: ends[0]])
+    heads = [i for i, row in enumerate(table) if i > ends[0] and row[0].strip() == "Channels"]
+    if len(heads) != len(ends) - 1 or not heads:
+        raise FormatError(f"has {len(heads)} headers of segments, and {len(ends) - 1} ends of them")
+    found = list[Series]()
+    for k, (head, end, stop) in enumerate(zip(heads, ends[1:], [*heads[1:], len(table)], strict=True), 1):
+        series = _segment(about, _statements(table[head:end]), table[end + 1], table[end + 2 : stop])
+        group = f"segment {k}" if len(heads) > 1 else ""
+        found += [replace(s, name=f"{group}/{s.name}".lstrip("/"), group=group) for s in series]
+    return found
+
+
+def _statements(rows: Sequence[Sequence[str]]) -> dict[str, list[str]]:
+    return {row[0].strip(): [cell.strip() for cell in row[1:]] for row in rows}
+
+
+def _segment(
+    about: Mapping[str, list[str]], told: Mapping[str, list[str]], heading: Sequence[str], rows: Sequence[Sequence[str]]
+) -> list[Series]:  # fmt: skip
+    """The channels of one segment.
+
+    Args:
+        about: what the file states. told: what the segment states. heading: its names. rows: its numbers, in words.
+    """
     decimal = about.get("Decimal_Separator", ["."])[0]
     x_columns = about.get("X_Columns", ["One"])[0].lower()
-    names = [cell.strip() for cell in table[ends[1] + 1]]
+    names = [cell.strip() for cell in heading]
     count = int(told.get("Channels", ["0"])[0] or 0)
-    body = [row for row in table[ends[1] + 2 :] if any(cell.strip() for cell in row)]
+    body = [row for row in rows if any(cell.strip() for cell in row)]
     check_size(len(body) * max(1, len(names)), len(names))
     first = [2 * i + 1 for i in range(count)] if x_columns == "multi" else [i + 1 for i in range(count)]
     if not 0 < count < len(names) + 1 or first[-1] >= len(names):

@@ -1,0 +1,27 @@
+"""EDF, EDF+ and BDF of biosignals by edfio: every signal with its label, physical dimension and rate."""
+
+from pathlib import Path
+
+import numpy as np
+
+from fasbody.recording.formats.series import FormatError, Series, check_size, passed_over
+
+LIBRARY = "edfio"
+
+
+def decode(file: Path) -> list[Series]:
+    """The signals; annotations are none."""
+    import edfio
+
+    with file.open("rb") as start:
+        head = start.read(8)
+    read = {b"0       ": edfio.read_edf, b"\xffBIOSEMI": edfio.read_bdf}.get(head)
+    if read is None:
+        raise FormatError("is neither an EDF nor a BDF file: it does not begin as they do")
+    check_size(file.stat().st_size / 2)
+    source = read(file)
+    found = [
+        Series(s.label, s.physical_dimension, np.array(s.data, float), float(s.sampling_frequency))
+        for s in source.signals
+    ]
+    return found + [passed_over("EDF Annotations", f"{len(source.annotations)} annotations")] * bool(source.annotations)
