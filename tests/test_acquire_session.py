@@ -167,6 +167,7 @@ def test_failing_ramp_still_gives_the_recording(tmp_path: Path, board: Board, mo
     monkeypatch.setattr(generator, "ramp_down", ramp_down)
     monkeypatch.setattr(generator, "off", lambda: told.append("off"))
     monkeypatch.setattr(session, "reach", lambda *args: Level(17.9, 1.0, 3))
+    monkeypatch.setattr(session.Monitor, "add", lambda *args: [])  # the feeder shakes nothing
     with pytest.raises(AcquisitionError, match="no answer to VOLT"):
         Session(Plan(tmp_path / "study", (20.0,), CONDITION, seconds=0.4), board, generator).run()
     assert told == ["off"] and (tmp_path / "study" / "recordings" / "20hz_0kg.csv").is_file()
@@ -285,6 +286,21 @@ def _pump_on(board: Board) -> None:
     end = time.monotonic() + 120.0
     while time.monotonic() < end:
         board.pump()
+
+
+@pytest.mark.parametrize(("share", "calm"), [(0.6, False), (0.7, True), (1.4, True), (1.6, False)])
+def test_after_a_stall_samples_count_once_they_come_evenly(
+    board: Board, monkeypatch: pytest.MonkeyPatch, share: float, calm: bool
+) -> None:
+    """Otherwise nobody knows when they were taken, however long one waits."""
+    board.reader.patience = 0.4
+    monkeypatch.setattr(board, "watch_for", lambda seconds: setattr(board, "_kept", share * seconds * 1000))
+    monkeypatch.setattr(board, "forget", lambda: time.sleep(0.1))
+    if calm:
+        board.revive()
+    else:
+        with pytest.raises(Stalled, match=r"samples come unevenly for 0\.4 s after a stall"):
+            board.revive()
 
 
 def test_board_that_trickles_samples_ends_at_the_deadline(

@@ -197,7 +197,7 @@ class Board:
         What a board or a computer held back comes in a hurry and shows the base as it was.
 
         Raises:
-            Stalled: none came.
+            Stalled: none came, or they never calm down.
         """
         self.watch = None
         self._lateness.forget()  # what was lost without a word in the stall would count as lateness for minutes
@@ -215,13 +215,20 @@ class Board:
         assert self.decoder.hello is not None  # without it there are no samples
         taken = _CALM_S * self.decoder.hello.rate_hz
         self._since = 0.0
-        while time.monotonic() < deadline:
-            self.forget()
-            with contextlib.suppress(Stalled):
-                self.watch_for(_CALM_S)
-            if taken / _HURRY <= self._kept <= _HURRY * taken:
-                break
+        while not self._calm(taken):
+            if time.monotonic() > deadline:
+                raise Stalled(
+                    f"{self.reader.port_name}: samples come unevenly for {self.reader.patience:g} s after a stall, so "
+                    "that nobody knows when they were taken; close other programs, check cable and supply."
+                )
         self._lateness.forget()
+
+    def _calm(self, taken: float) -> bool:
+        """Whether in the next _CALM_S about as many samples come as are taken in it."""
+        self.forget()
+        with contextlib.suppress(Stalled):
+            self.watch_for(_CALM_S)
+        return taken / _HURRY <= self._kept <= _HURRY * taken
 
     @property
     def patience(self) -> float:

@@ -16,9 +16,15 @@ from fasbody.acquire.capture import SUFFIX, Capture
 from fasbody.acquire.folder import Converted, convert
 from fasbody.acquire.generator import Excitation
 from fasbody.acquire.level import Level, reach
+from fasbody.acquire.monitor import Drive, Fault, Monitor
 from fasbody.acquire.plan import Plan
 from fasbody.console import console
 from fasbody.exceptions import AcquisitionError, FasError
+
+
+class Faulty(AcquisitionError):
+    """What the sensors show is not what the drive predicts; a repeated recording may succeed."""
+
 
 #: So many samples over range end a recording early.
 _OVER_RANGE = 3
@@ -87,21 +93,26 @@ class Session:
         return [ones[0].file.name for ones in by_condition.values() if all(one.problems for one in ones)]
 
     def _record_well(self, frequency: float | None) -> None:
-        """One recording, repeated while the line loses samples, the base's sine breaks or the board stalls."""
+        """One recording, repeated while the line loses samples, a sensor fails or the board stalls."""
         for left in reversed(range(self.plan.retries + 1)):
             try:
                 self.board.wait_for_hello()
                 one = self._attempt(frequency)
+            except Faulty as fault:
+                if not left:
+                    raise
+                console.print(f"{fault} This recording is repeated.", soft_wrap=True, markup=False)
+                continue
             except Stalled as stall:
                 if not left:
                     raise
                 console.print(f"{stall} This recording is repeated as soon as samples come.", soft_wrap=True)
                 self.board.revive()
                 continue
-            if not one.quality.gaps and not one.quality.breaks:
+            if not one.quality.gaps and not one.quality.faults:
                 return
             if left:
-                what = "samples were lost" if one.quality.gaps else "the base's sine broke"
+                what = "samples were lost" if one.quality.gaps else "a sensor or the drive failed"
                 console.print(f"{what}, so this recording is repeated")
 
     def _attempt(self, frequency: float | None) -> Converted:
@@ -115,7 +126,7 @@ class Session:
         self.board.doing = f"{stem}: recording {self.plan.seconds:g} s"
         try:
             capture.add("M", time.monotonic(), self._about(frequency, level))
-            self._record(capture)
+            self._record(capture, frequency, level)
             self.board.stop()
             if self.generator is not None:
                 self.generator.ramp_down()
@@ -154,20 +165,29 @@ class Session:
             with contextlib.suppress(AcquisitionError):
                 self.generator.off()
 
-    def _record(self, capture: Capture) -> None:
+    def _record(self, capture: Capture, frequency: float | None, level: Level | None) -> None:
         """Until the planned samples are there.
 
         Raises:
             Stalled: no samples, or too few in time.
-            AcquisitionError: over range, a full disk, or the board is gone.
+            Faulty: a sensor fails.
+            AcquisitionError: the base is lost, over range, a full disk, or the board is gone.
         """
         board, generator = self.board, self.generator
         timeline = board.start(capture)
+        hello = timeline.hello
+        both = [hello.roles.index("base"), hello.roles.index("malleolus")]
+        drive = Drive(frequency, 0.5 * level.peak_to_peak) if level else Drive()  # by hand, it is about as stated
+        monitor = Monitor(hello.rate_hz, drive)
         wanted = round(self.plan.seconds * timeline.hello.rate_hz)
-        unplugs = board.unplugs
+        unplugs, judged = board.unplugs, 0
         latest = time.monotonic() + 1.01 * self.plan.seconds + STALLED_S + board.reader.patience
         while timeline.length < wanted:
             board.pump()
+            blocks = timeline.blocks(judged)
+            judged += len(blocks)
+            for start, samples in blocks:
+                _refuse(monitor.add(start, samples[:, both]))
             over = {role: count for role, count in timeline.over_range.items() if count >= _OVER_RANGE}
             if over:
                 raise AcquisitionError(
@@ -220,6 +240,13 @@ class Session:
             "wanted_peak_to_peak_m_s2": self.plan.peak_to_peak if level else None,
             "level": asdict(level) if level else None,
         }
+
+
+def _refuse(faults: list[Fault]) -> None:
+    """Raise what the sensors show: Faulty, or AcquisitionError where the base is lost and nothing is tried again."""
+    if faults:
+        kind = AcquisitionError if any(fault.rule.lost for fault in faults) else Faulty
+        raise kind(f"{faults[0]}; output off.")
 
 
 def _go_on(left: list[float], again: str) -> str:
