@@ -79,7 +79,7 @@ def test_planned_session_goes_on_where_it_stopped(
 
     monkeypatch.setattr("fasbody.acquire.commands.Session", Recorded)
     monkeypatch.setattr("fasbody.acquire.commands.Display", lambda board: contextlib.nullcontext())
-    monkeypatch.setattr("fasbody.acquire.commands._open", lambda *words: (None, None))
+    monkeypatch.setattr("fasbody.acquire.devices.Equipment.open", lambda *words: (None, None))
     capture = capture_of(study, "20hz_0kg", b"")
     words = ["record", "--port", "p", "--generator", "g", "--plan", str(file), "--out", str(study)]
     app([*words, "--first", "2", "--added-mass", "0"], standalone_mode=False)

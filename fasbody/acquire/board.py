@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fasbody.acquire.capture import Capture
+from fasbody.acquire.person import Meter
 from fasbody.acquire.port import HELLO_S, WAIT_S, Opener, Port, Reader
 from fasbody.acquire.timeline import Lateness, Timeline
 from fasbody.acquire.wire import Block, Decoder, Hello, Message
@@ -70,6 +71,7 @@ class Board:
         timeline: of the recording, while there is one.
         unplugs: how often the plug was pulled.
         watch: on the base, while the shaker is on.
+        meter: of what the person gets meanwhile.
         doing: what for, in words.
         listener: called after each look at the port.
 
@@ -84,6 +86,7 @@ class Board:
         self.unplugs = 0
         self._away = False
         self.watch: Watch | None = None
+        self.meter: Meter | None = None
         self.doing = ""
         self.listener: Callable[[Board], None] | None = None
         self._recent: deque[np.ndarray] = deque()
@@ -179,6 +182,8 @@ class Board:
                     "larger range on the board or a lower acceleration."
                 )
             watch.check(block.samples[:, self.base])
+            if self.meter is not None:
+                self.meter.add(block.samples[:, self.base])
         if blocks and watch.looked is not None:
             watch.looked()
 

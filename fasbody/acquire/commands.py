@@ -19,7 +19,8 @@ from fasbody.acquire.devices import SERIAL, Equipment, file_of, kind
 from fasbody.acquire.display import Display
 from fasbody.acquire.folder import Converted, convert
 from fasbody.acquire.level import Safety
-from fasbody.acquire.plan import Plan, PlannedStep, steps_in
+from fasbody.acquire.person import ACTION, CHECKLIST, Dose, note, today
+from fasbody.acquire.plan import Plan, PlannedStep, steps_in, within
 from fasbody.acquire.port import ports, probe
 from fasbody.acquire.session import Session, terminated
 from fasbody.acquire.wire import ROLES
@@ -63,6 +64,9 @@ def record(
     max_displacement: Annotated[
         float, typer.Option(help="largest base motion in m, peak to peak")
     ] = Safety.displacement_m,
+    max_exposure: Annotated[
+        float, typer.Option(help="largest daily exposure A(8) of the subject in m/s^2, W_k-weighted")
+    ] = ACTION,
     retries: Annotated[int, typer.Option(min=0, help="how often to repeat a recording that lost samples")] = 2,
     baud: Annotated[int, typer.Option(min=1, help="baud rate of the board")] = 921600,
     generator_baud: Annotated[int, typer.Option(min=1, help="baud rate of the generator")] = 115200,
@@ -173,7 +177,7 @@ def record(
         peak_to_peak=peak_to_peak,
         retries=retries,
         origin="synthetic" if simulate else "measured",
-        safety=Safety(max_volts, peak_m_s2=max_acceleration, displacement_m=max_displacement),
+        safety=Safety(max_volts, peak_m_s2=max_acceleration, displacement_m=max_displacement, daily_a8=max_exposure),
         truth=truth,
     )
     # Then another program plays, or another shaker is used; the card only records.
@@ -184,6 +188,13 @@ def record(
         plans = [replace(step.of(plan), again=f"{again} --first {number}") for number, step in steps.items()]
     for each in plans:
         each.check(excited and not by_hand)
+    if excited and not by_hand:
+        dose = sum((each.dose for each in plans), Dose())
+        within(out, subject, dose, max_exposure)
+        console.print(dose.sentence(), soft_wrap=True, markup=False)
+        if not simulate:
+            console.print("\n".join(f"[ ] {text}" for text in CHECKLIST), soft_wrap=True, markup=False)
+            note(out, checklist={"printed": today(), "items": CHECKLIST})
     if left := folder.left_behind(out):
         text = (
             f"{counted(len(left), 'capture')} of {out} became no recording, as after a crash: {folder.recovery(left)}"

@@ -6,6 +6,7 @@ import numpy as np
 
 from fasbody.acquire.board import Board, Stalled, Watch
 from fasbody.acquire.generator import Excitation
+from fasbody.acquire.person import ACTION
 from fasbody.exceptions import AcquisitionError, SettingError
 
 
@@ -19,6 +20,7 @@ class Safety:
         peak_m_s2: highest base acceleration, either sign.
         displacement_m: largest peak-to-peak motion of the base.
         growth: the amplitude rises by at most this factor a step.
+        daily_a8: largest daily exposure A(8) of a person [m/s^2].
     """
 
     volts: float = 5.0
@@ -26,6 +28,7 @@ class Safety:
     peak_m_s2: float = 15.0
     displacement_m: float = 0.008
     growth: float = 2.0
+    daily_a8: float = ACTION
 
     def check(self, frequency_hz: float, peak_to_peak: float) -> None:
         """Refuse an excitation before anything moves.

@@ -10,7 +10,7 @@ from datetime import UTC, datetime
 from types import FrameType
 from typing import Any
 
-from fasbody.acquire import folder
+from fasbody.acquire import folder, person
 from fasbody.acquire.board import STALLED_S, Board, Stalled
 from fasbody.acquire.capture import SUFFIX, Capture
 from fasbody.acquire.folder import Converted, convert
@@ -79,11 +79,19 @@ class Session:
         for number, frequency in enumerate(frequencies):
             try:
                 self._record_well(frequency)
+                self._note_dose()
             except BaseException:
                 left = [f for f in frequencies[number:] if f is not None]
                 console.print(_go_on(left, self.plan.again), soft_wrap=True, markup=False)
+                self._note_dose()
                 raise
         return self.made
+
+    def _note_dose(self) -> None:
+        """Keep what the person had so far; the next level begins with it."""
+        meter, self.board.meter = self.board.meter, None
+        if meter is not None:
+            person.keep(self.plan.study, self.plan.condition.subject, meter.dose)
 
     def unusable(self) -> list[str]:
         """Recordings that no attempt made usable, by their first file."""
@@ -148,6 +156,10 @@ class Session:
 
     def _level(self, generator: Excitation, frequency: float) -> Level:
         self.board.doing = f"{frequency:g} Hz: finding the level"
+        hello = self.board.decoder.hello
+        if self.board.meter is None and hello is not None:
+            before = person.dose_of(self.plan.study, self.plan.condition.subject)
+            self.board.meter = person.Meter(before, self.plan.safety.daily_a8, hello.rate_hz)
         wanted = self.plan.peak_to_peak
         try:
             level = reach(generator, self.board, frequency, wanted, self.plan.safety, self._volts_per * wanted)
