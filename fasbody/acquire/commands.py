@@ -19,7 +19,7 @@ from fasbody.acquire.devices import SERIAL, Equipment, file_of, kind
 from fasbody.acquire.display import Display
 from fasbody.acquire.folder import Converted, convert
 from fasbody.acquire.level import Safety
-from fasbody.acquire.person import ACTION, CHECKLIST, Dose, note, today
+from fasbody.acquire.person import ACTION, Dose
 from fasbody.acquire.plan import Plan, PlannedStep, steps_in, within
 from fasbody.acquire.port import ports, probe
 from fasbody.acquire.session import Session, terminated
@@ -32,6 +32,8 @@ from fasbody.recording.recording import Condition
 
 _BOARDS = "serial; audio, a sound card that plays and records; ni, mcc, labjack; or a device of a package of yours"
 _CALIBRATION = "settings of a device that is no serial board (default sound_card.json, ni.json and so on)"
+#: A mass has no exposure; this is a day at 20 g.
+_NOBODY_A8 = 200.0
 #: No calibration listens longer [s].
 _LONGEST_S = 600.0
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
@@ -192,9 +194,6 @@ def record(
         dose = sum((each.dose for each in plans), Dose())
         within(out, subject, dose, max_exposure)
         console.print(dose.sentence(), soft_wrap=True, markup=False)
-        if not simulate:
-            console.print("\n".join(f"[ ] {text}" for text in CHECKLIST), soft_wrap=True, markup=False)
-            note(out, checklist={"printed": today(), "items": CHECKLIST})
     if left := folder.left_behind(out):
         text = (
             f"{counted(len(left), 'capture')} of {out} became no recording, as after a crash: {folder.recovery(left)}"
@@ -233,6 +232,68 @@ def record(
         raise AcquisitionError(
             f"{counted(len(bad), 'recording')} {are} unusable and not listed in recordings.csv: {', '.join(bad)}."
         )
+
+
+@app.command()
+def check(
+    out: Annotated[Path, typer.Option(help="study folder, made if needed: check.json and study.toml are written")],
+    port: Annotated[str | None, typer.Option(help="port of the accelerometer board")] = None,
+    generator: Annotated[str | None, typer.Option(help="SCPI function generator: its port or VISA name")] = None,
+    board: Annotated[str, typer.Option(help=_BOARDS)] = SERIAL,
+    calibration: Annotated[Path | None, typer.Option(help=_CALIBRATION)] = None,
+    frequencies: Annotated[str, typer.Option(help="of the sines in Hz, at least two")] = "10,20,40",
+    seconds: Annotated[float, typer.Option(help="length of each recording in s")] = 4.0,
+    peak_to_peak: Annotated[float, typer.Option(help="wanted base acceleration in m/s^2")] = 10.0,
+    max_volts: Annotated[float, typer.Option(help="highest generator amplitude in V peak to peak")] = Safety.volts,
+    baud: Annotated[int, typer.Option(min=1, help="baud rate of the board")] = 921600,
+    generator_baud: Annotated[int, typer.Option(min=1, help="baud rate of the generator")] = 115200,
+    simulate: Annotated[bool, typer.Option("--simulate", help="a virtual bench instead of hardware")] = False,
+    json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
+) -> None:
+    """Measure the chain with both sensors on one mass, and nobody on the shaker: their ratio must be 1.
+
+    Gain and delay, with their standard deviations, go into study.toml, where every fit of this study finds them.
+
+    Examples:
+      python -m fasbody.acquire check --port /dev/ttyACM0 --generator /dev/ttyUSB0 --out study
+
+      python -m fasbody.acquire check --simulate --seconds 1 --out my_study
+    """
+    from fasbody.acquire.one_mass import measure
+
+    try:
+        each = tuple(float(part) for part in frequencies.split(","))
+    except ValueError:
+        raise SettingError(f"--frequencies {frequencies!r} holds no numbers with commas between them.") from None
+    if len(set(each)) < 2:
+        raise SettingError("--frequencies needs at least two: one cannot tell a delay from a gain that turns.")
+    equipment = Equipment(board, port, baud, generator, generator_baud, calibration)
+    origin = "synthetic" if simulate else "measured"
+    plan = Plan(
+        out / "check", each, Condition("one mass"), seconds, peak_to_peak, origin=origin,
+        safety=Safety(max_volts, daily_a8=_NOBODY_A8), one_mass=True,
+    )  # fmt: skip
+    plan.check(True)
+    with ExitStack() as stack:
+        stack.enter_context(terminated())
+        if simulate:
+            from fasbody.acquire.bench import Bench
+
+            bench = stack.enter_context(Bench(one_mass=1.02))
+            equipment = Equipment(port=bench.board_port, generator=bench.generator_port)
+        equipment.check()
+        source_board, source = equipment.open(stack)
+        if source is None:
+            raise SettingError("the check needs a generator: give --generator, or --board audio.")
+        stack.enter_context(Display(source_board))
+        found = measure(plan, source_board, source)
+    files = found.write(out, origin)
+    if json_:
+        print_json(vars(found) | {"files": list(map(str, files))})
+    else:
+        results.print(f"{found}; written to {', '.join(map(str, files))}", soft_wrap=True, markup=False)
+    if texts := found.remarks():
+        raise AcquisitionError(f"{'; '.join(texts)}.")
 
 
 @app.command()

@@ -436,12 +436,17 @@ def _differ(known: float | None, given: float | None) -> bool:
     return known is not None and given is not None and not math.isclose(known, given, rel_tol=1e-5)
 
 
-def _enter(study: Path, name: str, condition: Condition, origin: str, usable: bool) -> None:
-    """Enter a recording into study.toml, subjects.csv and, if it is usable, recordings.csv."""
+def begin(study: Path, origin: str) -> None:
+    """Write study.toml, if there is none."""
     if not (study / "study.toml").is_file():
         title = json.dumps(study.resolve().name)
         text = f'[study]\nname = {title}\norigin = "{origin}"\ndescription = "Recorded by python -m fasbody.acquire."\n'
         write_whole(study / "study.toml", text)
+
+
+def _enter(study: Path, name: str, condition: Condition, origin: str, usable: bool) -> None:
+    """Enter a recording into study.toml, subjects.csv and, if it is usable, recordings.csv."""
+    begin(study, origin)
     subject = {"subject": condition.subject, "mass_kg": _text(condition.body_mass_kg)}
     _put(study / "subjects.csv", subject, keep=True)
     row = {

@@ -32,6 +32,7 @@ class Plan:
         safety: limits of the excitation.
         limits: of the recordings.
         truth: of a synthetic study, written with its first recording.
+        one_mass: both sensors are on one mass.
         again: options with which the command begins at this recording; empty if its frequencies say them.
     """
 
@@ -46,6 +47,7 @@ class Plan:
     safety: Safety = field(default_factory=Safety)
     limits: Limits = field(default_factory=Limits)
     truth: Mapping[str, Any] | None = None
+    one_mass: bool = False
     again: str = ""
 
     @property

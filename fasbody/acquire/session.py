@@ -65,6 +65,7 @@ class Session:
     def __init__(self, plan: Plan, board: Board, generator: Excitation | None = None) -> None:
         self.plan, self.board, self.generator = plan, board, generator
         self.made: list[Converted] = []
+        self._listed = False
         self._volts_per = 0.0  # [V per m/s^2], of the latest level
 
     def run(self) -> list[Converted]:
@@ -75,6 +76,7 @@ class Session:
         """
         self.plan.check(self.generator is not None)
         folder.check_writable(self.plan.study)
+        self._checklist()
         frequencies = self.plan.frequencies_hz
         for number, frequency in enumerate(frequencies):
             try:
@@ -86,6 +88,14 @@ class Session:
                 self._note_dose()
                 raise
         return self.made
+
+    def _checklist(self) -> None:
+        """Print and keep what whoever runs it confirms, once, if a person is to be shaken."""
+        if self.generator is None or self._listed or self.plan.one_mass or self.plan.origin != "measured":
+            return
+        self._listed = True
+        console.print("\n".join(f"[ ] {text}" for text in person.CHECKLIST), soft_wrap=True, markup=False)
+        person.note(self.plan.study, checklist={"printed": person.today(), "items": person.CHECKLIST})
 
     def _note_dose(self) -> None:
         """Keep what the person had so far; the next level begins with it."""
@@ -189,7 +199,9 @@ class Session:
         timeline = board.start(capture)
         hello = timeline.hello
         both = [hello.roles.index("base"), hello.roles.index("malleolus")]
-        drive = Drive(frequency, 0.5 * level.peak_to_peak) if level else Drive()  # by hand, it is about as stated
+        drive = Drive()  # what is set by hand is only about as stated
+        if level is not None:
+            drive = Drive(frequency, 0.5 * level.peak_to_peak, self.plan.one_mass)
         monitor = Monitor(hello.rate_hz, drive)
         wanted = round(self.plan.seconds * timeline.hello.rate_hz)
         unplugs, judged = board.unplugs, 0
@@ -251,6 +263,7 @@ class Session:
             "generator": None if self.generator is None else self.generator.identity,
             "wanted_peak_to_peak_m_s2": self.plan.peak_to_peak if level else None,
             "level": asdict(level) if level else None,
+            "one_mass": self.plan.one_mass,
         }
 
 

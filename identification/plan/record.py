@@ -11,12 +11,14 @@ from fasbody.acquire.bench import Bench
 from fasbody.acquire.board import Stalled
 from fasbody.acquire.devices import Equipment
 from fasbody.acquire.display import Display
+from fasbody.acquire.folder import RECORDINGS
 from fasbody.acquire.level import Safety
 from fasbody.acquire.plan import Plan
 from fasbody.acquire.session import Session
 from fasbody.console import console
 from fasbody.exceptions import AcquisitionError, SettingError
 from fasbody.recording.recording import Recording
+from fasbody.recording.study import Study
 from identification.plan.candidates import Step
 from identification.plan.prior import Person
 from identification.plan.session import Offering
@@ -71,7 +73,8 @@ class Laboratory:
         if not good:
             why = "; ".join(problem for one in session.made[before:] for problem in one.problems) or "nothing was made"
             raise AcquisitionError(f"no attempt was usable: {why}.")
-        return replace(good[-1].recording, origin=plan.origin)
+        name = f"{RECORDINGS}/{good[-1].file.name}"  # as every fit reads it: with the calibration of study.toml
+        return next(r for r in Study.read(self._study).recordings if r.file.endswith(name))
 
     def _plan(self, step: Step) -> Plan:
         condition = replace(self._person.condition(step), frequency_hz=None)
