@@ -54,7 +54,8 @@ def advice(
             f"{best.dof} degrees of freedom, {chance(best.p_value)}); the standard errors are widened accordingly."
         )
     poor = [(fit, r.file) for fit, r in zip(fits, data, strict=True) if not follows(fit)]
-    if poor:
+    likely = best.p_value is not None and best.p_value >= UNLIKELY
+    if poor and not likely and not (best.world is not None and best.world.follows):  # else it is the sensors' noise
         fit, file = min(poor)
         texts.append(
             f"The model follows {file} only to {fit:.0f} %: check that its channels are aligned and in the right unit, "
