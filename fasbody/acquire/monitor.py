@@ -318,7 +318,8 @@ class Monitor:
         self._first: Window | None = None
         self._waiting: list[Fault] = []
         self._turns: list[complex] = []
-        self._basis = self._inverse = np.zeros((0, 0))
+        self._basis: np.ndarray = np.zeros((0, 0))
+        self._inverse = self._basis
         if drive.frequency_hz:
             self._basis = _harmonics(drive.frequency_hz / rate_hz, 2 * self.hop)
             self._inverse = np.linalg.pinv(self._basis)

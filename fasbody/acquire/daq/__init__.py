@@ -64,7 +64,8 @@ class Wiring:
             raise InputFileError(file, "is no JSON document", _EXAMPLE) from None
         if not isinstance(known, dict) or set(known) - set(cls.__dataclass_fields__):
             raise InputFileError(file, "describes no device", _EXAMPLE)
-        made = cls(**{key: tuple(value) if isinstance(value, list) else value for key, value in known.items()})
+        values: dict[str, Any] = {k: tuple(value) if isinstance(value, list) else value for k, value in known.items()}
+        made = cls(**values)
         if problem := made._problem():
             raise InputFileError(file, problem, _EXAMPLE)
         for sensitivity in made.sensitivity:
