@@ -13,7 +13,7 @@ from fasbody.acquire.board import Board, Watch
 from fasbody.acquire.level import Safety
 from fasbody.acquire.person import W_D, W_H, W_K, Dose, Meter, Weighting
 from fasbody.acquire.plan import Plan
-from fasbody.exceptions import AcquisitionError, SettingError
+from fasbody.exceptions import AcquisitionError, InputFileError, SettingError
 
 #: One-third-octave bands: ISO 2631-1:1997, table 3 (times 1000), and ISO 5349-1:2001, table A.2.
 BANDS = (0.5, 0.63, 0.8, 1, 1.25, 1.6, 2, 2.5, 3.15, 4, 5, 6.3, 8, 10, 12.5, 16, 20, 25, 31.5, 40, 50, 63, 80)
@@ -96,6 +96,11 @@ def test_days_and_subjects_stay_beside_what_else_a_session_says(tmp_path: Path) 
     assert person.dose_of(tmp_path, "16").a8 == pytest.approx(one.a8)
     (tmp_path / person.SESSION).write_text("[")
     assert person.noted(tmp_path) == {}
+    much = {"16": {person.today(): {"square": "much", "fourth": 1, "seconds": 2}}}
+    for spoilt in ("[1]", '{"16": 3}', json.dumps(much)):
+        (tmp_path / person.SESSION).write_text(f'{{"exposure": {spoilt}}}')
+        with pytest.raises(InputFileError, match="as numbers"):
+            person.dose_of(tmp_path, "16")
 
 
 def test_a_board_adds_up_what_the_base_does_while_the_shaker_is_on(feeder: Feeder, board: Board) -> None:

@@ -189,18 +189,17 @@ def reach(
         if board.unplugs > unplugs:  # what it shows since then may belong to no amplitude, or to none that was set
             raise Stalled(f"{board.reader.port_name}: unplugged while the shaker was on; output off.")
         found = peak_to_peak(values, hello.rate_hz, frequency_hz)
-        if found >= max(_ANSWER, _HEARD * noise):
-            if found < _LINEAR * gain * volts:
-                if not doubted:  # measured once more before the shaker is blamed: a busy computer may have played late
-                    doubted = True
-                    continue
-                raise AcquisitionError(
-                    f"the base does not follow the amplitude: {found:.3g} m/s^2 peak to peak at {volts:.3g} V, where "
-                    f"lower levels predict {gain * volts:.3g}; does its sensor clip, or the amplifier? Output off."
-                )
-            doubted = False
-            if volts > highest:  # not on the way down, where a slow shaker still shows what was
-                highest, gain = volts, max(gain, found / volts)
+        if found < _LINEAR * gain * volts:  # also one that is silent now: its voltage must not be raised
+            if not doubted:  # measured once more before the shaker is blamed: a busy computer may have played late
+                doubted = True
+                continue
+            raise AcquisitionError(
+                f"the base does not follow the amplitude: {found:.3g} m/s^2 peak to peak at {volts:.3g} V, where "
+                f"lower levels predict {gain * volts:.3g}; does its sensor clip, or the amplifier? Output off."
+            )
+        doubted = False
+        if found >= max(_ANSWER, _HEARD * noise) and volts > highest:  # on the way down it shows what was
+            highest, gain = volts, max(gain, found / volts)
         if abs(found / wanted - 1) <= TOLERANCE:
             return Level(found, volts, step)
         if found < _ANSWER and volts >= 0.1 * safety.volts:

@@ -20,7 +20,7 @@ from typing import Any, Self
 import numpy as np
 
 from fasbody.console import to_json, write_whole
-from fasbody.exceptions import AcquisitionError
+from fasbody.exceptions import AcquisitionError, InputFileError
 
 SESSION = "session.json"
 #: Exposure action value and limit of Directive 2002/44/EC, article 3: A(8) [m/s^2] and VDV [m/s^1.75].
@@ -209,8 +209,15 @@ def note(study: Path, **values: Any) -> Path:
 
 def dose_of(study: Path, subject: str) -> Dose:
     """What a subject had today, by session.json."""
-    row = noted(study).get("exposure", {}).get(subject, {}).get(today(), {})
-    return Dose(*(float(row.get(name, 0.0)) for name in ("square", "fourth", "seconds")))
+    try:
+        row = noted(study)["exposure"][subject][today()]
+        return Dose(*(float(row[name]) for name in ("square", "fourth", "seconds")))
+    except KeyError:
+        return Dose()
+    except (TypeError, ValueError):
+        raise InputFileError(
+            study / SESSION, f"does not say what subject {subject!r} had today as numbers", "take exposure out of it"
+        ) from None
 
 
 def keep(study: Path, subject: str, dose: Dose) -> None:

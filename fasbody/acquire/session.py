@@ -85,7 +85,8 @@ class Session:
             except BaseException:
                 left = [f for f in frequencies[number:] if f is not None]
                 console.print(_go_on(left, self.plan.again), soft_wrap=True, markup=False)
-                self._note_dose()
+                with contextlib.suppress(FasError):  # on a full disk, too, what ended it is said
+                    self._note_dose()
                 raise
         return self.made
 

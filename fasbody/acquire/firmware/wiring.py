@@ -26,16 +26,17 @@ SPI: list[Wire] = [
 ROLES = ("base", "malleolus")
 #: Boxes of a bench: text, and where [column, row]; arrows: from, to, and what goes along them.
 Bench = tuple[list[tuple[str, float, float]], list[tuple[int, int, str]]]
+_SENSORS = ("base sensor\non the table", "malleolus sensor\non the skin")
+_SHAKER = [("amplifier,\nemergency stop", 2.0, 0.0), ("shaker and table", 3.0, 0.0)]
 BOARD: Bench = (
-    [("computer", 0, 1), ("Uno or Nano", 1, 2), ("base sensor\non the table", 2, 2.5),
-     ("malleolus sensor\non the skin", 2, 1.5), ("SCPI generator", 1, 0), ("amplifier,\nemergency stop", 2, 0), ("shaker and table", 3, 0)],
-    [(0, 1, "USB"), (2, 1, ""), (3, 1, ""), (0, 4, "USB or LAN"), (4, 5, "BNC"), (5, 6, "")],
+    [("computer", 0, 1), ("Uno or Nano", 1, 2), (_SENSORS[0], 2, 2.5), (_SENSORS[1], 2, 1.5), *_SHAKER,
+     ("SCPI generator", 1, 0)],
+    [(0, 1, "USB"), (2, 1, ""), (3, 1, ""), (0, 6, "USB or LAN"), (6, 4, "BNC"), (4, 5, "")],
 )  # fmt: skip
 CARD: Bench = (
-    [("computer", 0, 1), ("audio interface,\nNI, MCC or LabJack", 1, 1),
-     ("IEPE conditioner\n(one kind for both)", 2, 2), ("base sensor\non the table", 3, 2.5), ("malleolus sensor\non the skin", 3, 1.5),
-     ("amplifier,\nemergency stop", 2, 0), ("shaker and table", 3, 0)],
-    [(0, 1, "USB"), (2, 1, "in 1, in 2"), (3, 2, ""), (4, 2, ""), (1, 5, "out 1, or a generator"), (5, 6, "")],
+    [("computer", 0, 1), ("audio interface,\nNI, MCC or LabJack", 1, 1), (_SENSORS[0], 3, 2.5), (_SENSORS[1], 3, 1.5),
+     *_SHAKER, ("IEPE conditioner\n(one kind for both)", 2, 2)],
+    [(0, 1, "USB"), (6, 1, "in 1, in 2"), (2, 6, ""), (3, 6, ""), (1, 4, "out 1, or a generator"), (4, 5, "")],
 )  # fmt: skip
 
 
