@@ -149,6 +149,8 @@ def test_from_the_shaker_to_the_parameters(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     assert [one["usable"] for one in json.loads(done.stdout)["recordings"]] == [True] * 3
     assert json.loads((study / "truth.json").read_text())["parameters"] == TRUTH
+    ((day, dose),) = json.loads((study / "session.json").read_text())["exposure"]["16"].items()
+    assert dose["seconds"] > 3 * 1.5 and 2 < dose["a_w_m_s2"] < 6 and len(day) == 10  # 17.9 m/s^2 peak to peak
     fit = in_process.command("identification.fit", str(study), "--starts", "2", "--out", str(out), "--json")
     result = json.loads(fit.stdout)
     assert result["origin"] == "synthetic"

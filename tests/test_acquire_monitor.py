@@ -84,6 +84,11 @@ def removed(bench: Bench, seconds: float, at: float, sensor: int | None = None) 
     return moved if sensor is None else column(bench.sound(), sensor, lambda x: moved[:, sensor])
 
 
+def sparse(bench: Bench, since: np.ndarray) -> np.ndarray:
+    """Where samples are spikes: the first, and some later ones."""
+    return (some(bench, 1) > 2.7) | (np.abs(since) < 0.5 / bench.rate)
+
+
 def contact(bench: Bench) -> np.ndarray:
     """A loose contact: open for 5 ms at random, a quarter of the time."""
     return np.repeat(np.random.default_rng(3).random(bench.t.size // 5 + 1) < 0.25, 5)[: bench.t.size]
@@ -137,7 +142,7 @@ FAULTS: list[tuple[str, float, Maker, bool]] = [
     ("base hum 50 Hz from the start", 0.0, lambda b, at: after(b, 0, lambda x, s: x + mains(b, 50, 1), at), False),
     ("base noise", AT_S, lambda b, at: after(b, 0, lambda x, s: x + some(b, 0.7), at), False),
     ("base one spike", AT_S, lambda b, at: after(b, 0, lambda x, s: x + 5 * (np.abs(s) < 0.5 / b.rate), at), False),
-    ("base spikes", AT_S, lambda b, at: after(b, 0, lambda x, s: x + 5 * (some(b, 1) > 2.7), at), False),
+    ("base spikes", AT_S, lambda b, at: after(b, 0, lambda x, s: x + 5 * sparse(b, s), at), False),
     ("base clipped before its filter", AT_S, clipped(0.5, 0), False),
     ("base slow", AT_S, lambda b, at: after(b, 0, lambda x, s: low_pass(x, 0.1), at), False),
     ("base has a bit stuck", AT_S,
@@ -159,7 +164,7 @@ FAULTS: list[tuple[str, float, Maker, bool]] = [
     ("malleolus turned in gravity", AT_S, lambda b, at: after(b, 1, lambda x, s: x - 4, at), False),
     ("malleolus hum 50 Hz", AT_S, lambda b, at: after(b, 1, lambda x, s: x + mains(b, 50, 1), at), False),
     ("malleolus hum 50 Hz from the start", 0.0, lambda b, at: after(b, 1, lambda x, s: x + mains(b, 50, 1), at), False),
-    ("malleolus spikes", AT_S, lambda b, at: after(b, 1, lambda x, s: x + 6 * (some(b, 1) > 2.7), at), False),
+    ("malleolus spikes", AT_S, lambda b, at: after(b, 1, lambda x, s: x + 6 * sparse(b, s), at), False),
     ("malleolus clipped before its filter", AT_S, clipped(0.3, 1), False),
     ("malleolus late by 5 ms", AT_S, lambda b, at: removed(b, -0.005, at, 1), False),
     ("malleolus equal to the base", AT_S, lambda b, at: after(b, 1, lambda x, s: b.sound()[:, 0], at), False),
@@ -282,6 +287,15 @@ def test_sound_broadband_raises_no_alarm_and_its_faults_do(made: Callable[[float
 def test_white_noise_of_a_skin_sensor_raises_no_alarm() -> None:
     bench = Bench(60.0, noise=0.3)
     assert not heard(bench, bench.sound())
+
+
+@pytest.mark.parametrize("hz", [10.0, 16.0, 25.0])
+def test_a_foot_that_lifts_and_lands_each_period_is_no_spike(hz: float) -> None:
+    """A landing is a pulse of 12 ms, as through a heel pad, as large as the base; it comes with every period."""
+    bench = Bench(hz)
+    since = bench.t % (1 / hz)
+    landing = 9 * np.where(since < 0.012, np.sin(np.pi * since / 0.012), 0.0)
+    assert not heard(bench, bench.sound() + np.column_stack([0 * landing, landing]))
 
 
 def test_a_gap_begins_anew_and_short_ends_are_judged() -> None:

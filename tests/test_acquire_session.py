@@ -306,6 +306,7 @@ def test_a_base_that_goes_flat_switches_off_and_is_not_listed(
     assert 0 < np.sum(base == 0) < 700  # half a second, and what a busy machine delivers at once
     with pytest.raises(InputFileError, match="lists no recording"):
         Study.read(study)
+    assert len(json.loads((study / "session.json").read_text())["checklist"]["items"]) == 5
 
 
 def test_a_malleolus_that_fails_is_said_and_recorded_again(

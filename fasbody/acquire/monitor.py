@@ -19,7 +19,7 @@ SENSORS = _BASE, _MALLEOLUS = 0, 1
 #: Length of a window [s], and fewest periods of the drive in it: from 5 Hz on, the length.
 WINDOW_S, _PERIODS = 0.25, 1.25
 #: Harmonics of the drive that are no noise: a foot that lifts makes many; and samples for each.
-_HARMONICS, _SAMPLES_EACH = 12, 8
+_HARMONICS, _SAMPLES_EACH = 20, 6
 #: The same value for so long [s]: a coarse converter at the crest of a slow sine shows it for a quarter of that.
 FLAT_S = 0.1
 #: The base's line is off what the amplitude loop reached by this share; a body that leans makes 0.05.
@@ -40,6 +40,8 @@ WAVEFORM, _NOISE = 0.1, 0.15
 GROWS, _GROWS_BY = 2.0, 0.03
 #: Share of it that is within a bin of the mains' frequency or a multiple [Hz], and its size over the base's line.
 HUM, _HUM_SIZE, _MAINS = 0.6, 0.02, (50.0, 60.0, 100.0, 120.0, 150.0, 180.0)
+#: A tone so near to a harmonic of the drive is one of the foot [Hz].
+_APART_HZ = 1.0
 #: Largest sample of it, in its own robust standard deviations: normal noise reaches 5.5 once in 2.6e7 samples; and over
 #: the base's line.
 SPIKE, _SPIKE_SIZE = 8.0, 0.1
@@ -318,6 +320,8 @@ class Monitor:
         self._first: Window | None = None
         self._waiting: list[Fault] = []
         self._turns: list[complex] = []
+        f = drive.frequency_hz or math.inf
+        self._mains = [hz for hz in _MAINS if abs(hz - f * round(hz / f)) > _APART_HZ] or [math.inf]
         self._basis: np.ndarray = np.zeros((0, 0))
         self._inverse = self._basis
         if drive.frequency_hz:
@@ -402,9 +406,7 @@ class Monitor:
         """Share (2,) of the power that is at the mains, where the drive has no harmonic."""
         power = np.abs(np.fft.rfft(rest, axis=0)) ** 2
         hz, bin_hz = np.fft.rfftfreq(len(rest), 1 / self.rate_hz), self.rate_hz / len(rest)
-        near = np.min(np.abs(hz[:, None] - _MAINS), axis=1) < bin_hz
-        if self.drive.frequency_hz:
-            near &= np.abs(hz - self.drive.frequency_hz * np.round(hz / self.drive.frequency_hz)) > bin_hz
+        near = np.min(np.abs(hz[:, None] - self._mains), axis=1) < bin_hz
         return np.asarray(power[near].sum(axis=0) / np.maximum(power.sum(axis=0), _TINY))
 
 
