@@ -212,7 +212,7 @@ class Session:
             blocks = timeline.blocks(judged)
             judged += len(blocks)
             for start, samples in blocks:
-                _refuse(monitor.add(start, samples[:, both]))
+                _refuse(monitor.add(start, samples[:, both]), generator is not None)
             over = {role: count for role, count in timeline.over_range.items() if count >= _OVER_RANGE}
             if over:
                 raise AcquisitionError(
@@ -268,11 +268,11 @@ class Session:
         }
 
 
-def _refuse(faults: list[Fault]) -> None:
+def _refuse(faults: list[Fault], excited: bool) -> None:
     """Raise what the sensors show: Faulty, or AcquisitionError where the base is lost and nothing is tried again."""
     if faults:
         kind = AcquisitionError if any(fault.rule.lost for fault in faults) else Faulty
-        raise kind(f"{faults[0]}; output off.")
+        raise kind(f"{faults[0]}{'; output off' if excited else ''}.")
 
 
 def _go_on(left: list[float], again: str) -> str:
