@@ -366,7 +366,7 @@ def long(minutes: float) -> list[Check]:
         card.foot()
         one, made = card.record("--frequency", "20", "--seconds", f"{60 * minutes:g}")
     losses = [(gap["after_s"], gap["cause"]) for gap in made["quality"]["gaps"]]
-    losses += [(after, "the sine broke") for after in made["quality"]["breaks"]]
+    losses += [(after, text) for after, text in made["quality"]["faults"]]
     jumps = phase_jumps(one.time_s, one.base_m_s2, 20.0)
     unnamed = [t for t in jumps if not any(-2.0 <= t - after <= 15.0 for after, _ in losses)]
     named = ", ".join(f"{cause} after {after:.2f} s" for after, cause in sorted(losses))

@@ -1,7 +1,8 @@
 """A board of your own behind `Board`: `python examples/another_board.py [FOLDER]`.
 
-Whatever gives samples (an NI, MCC or LabJack device, a file, another program) becomes a board by one class with four
-methods. `Device` stands for the maker's library here; replace what is marked. Needs `pip install 'fasbody[acquire]'`.
+Whatever gives samples (a device, a file, another program) becomes a board by one class with four methods. `Device`
+stands for the maker's library here; replace what is marked. Needs `pip install 'fasbody[acquire]'`. For `--board`, see
+fasbody/acquire/devices.py.
 """
 
 import sys

@@ -123,6 +123,11 @@ GROUPS: dict[str, tuple[Command, ...]] = {
             "fasbody.acquire.commands",
         ),
         Command(
+            "record check", "fasbody.acquire", "check",
+            "Measure the chain with both sensors on one mass, and nobody on the shaker: their ratio must be 1.",
+            "fasbody.acquire.commands",
+        ),
+        Command(
             "recover", "fasbody.acquire", "recover",
             "Make a recording from a capture file, for example after a crash; several captures make one each.",
             "fasbody.acquire.commands",

@@ -58,7 +58,9 @@ def advice(
             f"{best.dof} degrees of freedom, {chance(best.p_value)}); the standard errors are widened accordingly."
         )
     below = [(fit, r.file) for fit, r in zip(fits, data, strict=True) if not follows(fit)]
-    if below:
+    likely = best.p_value is not None and best.p_value >= UNLIKELY
+    followed = best.departures is not None and best.departures.follows
+    if below and not likely and not followed:  # else it is the sensors' noise
         fit, file = min(below)
         texts.append(
             f"The model follows {file} only to {fit:.0f} %: check that its channels are aligned and in the right unit, "

@@ -79,7 +79,7 @@ def test_planned_session_goes_on_where_it_stopped(
 
     monkeypatch.setattr("fasbody.acquire.commands.Session", Recorded)
     monkeypatch.setattr("fasbody.acquire.commands.Display", lambda board: contextlib.nullcontext())
-    monkeypatch.setattr("fasbody.acquire.commands._open", lambda *words: (None, None))
+    monkeypatch.setattr("fasbody.acquire.devices.Equipment.open", lambda *words: (None, None))
     capture = capture_of(study, "20hz_0kg", b"")
     words = ["record", "--port", "p", "--generator", "g", "--plan", str(file), "--out", str(study)]
     app([*words, "--first", "2", "--added-mass", "0"], standalone_mode=False)
@@ -151,6 +151,8 @@ def test_from_the_shaker_to_the_parameters(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     assert [one["usable"] for one in json.loads(done.stdout)["recordings"]] == [True] * 3
     assert json.loads((study / "truth.json").read_text())["parameters"] == TRUTH
+    ((day, dose),) = json.loads((study / "session.json").read_text())["exposure"]["16"].items()
+    assert dose["seconds"] > 3 * 1.5 and 2 < dose["a_w_m_s2"] < 6 and len(day) == 10  # 17.9 m/s^2 peak to peak
     fit = in_process.command("identification.fit", str(study), "--starts", "2", "--out", str(out), "--json")
     result = json.loads(fit.stdout)
     assert result["origin"] == "synthetic"

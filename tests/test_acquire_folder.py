@@ -11,7 +11,7 @@ from feeder import CONDITION, capture_of, hello, refusal, sine_frames
 from fasbody.acquire import folder
 from fasbody.acquire.capture import Capture, grouped
 from fasbody.acquire.commands import app
-from fasbody.acquire.folder import at_rest, convert, torn
+from fasbody.acquire.folder import at_rest, convert
 from fasbody.acquire.plan import Plan
 from fasbody.acquire.wire import Channel, Hello, encode_data, encode_hello
 from fasbody.exceptions import AcquisitionError, InputFileError, RecordingError
@@ -231,29 +231,6 @@ def test_short_of_what_was_planned_is_not_listed_until_asked_for(tmp_path: Path)
         convert([capture_of(tmp_path, "none", encode_hello(hello()), condition=CONDITION)], tmp_path)
 
 
-@pytest.mark.parametrize("hz", [12.3, 20.0, 50.0])
-def test_a_sine_that_breaks_is_found_where_it_does(hz: float) -> None:
-    """A slip of 12 ms, a silence of 0.2 s; noise, harmonics, another clock and a slow fade are no breaks."""
-    rate, rng = 1000.0, np.random.default_rng(7)
-    t = np.arange(30_000) / rate
-
-    def shaken(at: np.ndarray) -> np.ndarray:
-        phase = 2 * np.pi * hz * 1.0003 * at
-        return (9 + 0.1 * at) * (np.sin(phase) + 0.05 * np.sin(2 * phase + 0.3)) + rng.normal(0, 0.1, at.size) + 0.4
-
-    index = np.arange(t.size)
-    assert not torn(index, shaken(t), rate, hz).any()
-    assert not torn(index, rng.normal(size=t.size), rate, hz).any()  # no such sine
-    slipped = shaken(t - 0.012 * (t > 7.3)) * ~((t > 18.1) & (t < 18.3))
-    broken = torn(index, slipped, rate, hz)
-    begins = np.flatnonzero(np.diff(broken.astype(int)) == 1) / rate
-    size = max(0.25, 5 / hz)
-    assert begins.size == 2 and abs(begins[0] - 7.3) < 2 * size and abs(begins[1] - 18.1) < 2 * size
-    assert broken[7310] and broken[18200] and broken.mean() < 0.1
-    kept = index[(index < 7300) | (index >= 8000)]  # a gap is no break
-    assert not torn(kept, shaken(t[kept]), rate, hz).any()
-
-
 def test_a_broken_sine_is_refused_and_its_longest_part_kept(tmp_path: Path) -> None:
     rate, hz = 1000.0, 20.0
     t = np.arange(10_000) / rate
@@ -270,8 +247,8 @@ def test_a_broken_sine_is_refused_and_its_longest_part_kept(tmp_path: Path) -> N
     written.add("B", 1.0, data)
     written.close()
     whole = convert([written.file], study)
-    (after,) = whole.quality.breaks
-    assert abs(after - 3.05) <= 0.5 and "the base's sine breaks after" in whole.problems[0]
+    assert all(3.05 < after < 3.55 for after, _ in whole.quality.faults)
+    assert any(text.startswith("base breaks by 3.") for text in whole.problems)
     assert any(text.startswith("usable: 6.") for text in whole.remarks)
     part = convert([written.file], study, longest=True)
     assert part.problems == () and 6.0 < part.recording.time_s[-1] < 7.0

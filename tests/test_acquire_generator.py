@@ -413,6 +413,31 @@ def test_samples_that_come_late_once_are_no_sensor_that_clips(late: int) -> None
         rig.reach()
 
 
+@pytest.mark.parametrize("late", range(4, 12))
+@pytest.mark.parametrize("gain", [40.0, 200.0])
+def test_a_base_sensor_lost_while_the_level_is_found_raises_nothing(late: int, gain: float) -> None:
+    """Where little voltage shakes strongly, a loop that saw nothing would go on doubling it."""
+
+    class Lost(Rig):
+        looks, before = 0, 0.0
+
+        def collect(self, seconds: float) -> np.ndarray:
+            found = super().collect(seconds)
+            self.looks += self.is_on
+            if self.looks < late:
+                self.before = self.highest
+            return found * (self.looks < late)
+
+    rig = Lost(gain)
+    try:
+        rig.reach()
+    except AcquisitionError as error:
+        assert "does not follow the amplitude: 0 m/s^2" in str(error)
+        assert rig.highest <= 2.1 * max(rig.before, 0.5 * gain * Safety.start_volts)
+    else:
+        assert rig.looks < late  # it was there before
+
+
 @pytest.mark.parametrize("gain", [4.5, 14.0, 200.0])
 @pytest.mark.parametrize("guess", [0.0, 1.28])
 @pytest.mark.parametrize("lag", [0.001, 0.1, 0.2])

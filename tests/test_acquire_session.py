@@ -167,6 +167,7 @@ def test_failing_ramp_still_gives_the_recording(tmp_path: Path, board: Board, mo
     monkeypatch.setattr(generator, "ramp_down", ramp_down)
     monkeypatch.setattr(generator, "off", lambda: told.append("off"))
     monkeypatch.setattr(session, "reach", lambda *args: Level(17.9, 1.0, 3))
+    monkeypatch.setattr(session.Monitor, "add", lambda *args: [])  # the feeder shakes nothing
     with pytest.raises(AcquisitionError, match="no answer to VOLT"):
         Session(Plan(tmp_path / "study", (20.0,), CONDITION, seconds=0.4), board, generator).run()
     assert told == ["off"] and (tmp_path / "study" / "recordings" / "20hz_0kg.csv").is_file()
@@ -262,6 +263,65 @@ def test_a_board_that_falls_silent_in_a_frame_is_called_silent(
         _pump_on(board)
 
 
+class Shaker:
+    """A generator that is on from the level to its end, and a sine that a fault spoils in the first recording."""
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, fault: int, times: int = 1) -> None:
+        self.identity, self.is_on, self.volts, self.latency_s, self.levels = "fake", False, 1.0, 0.0, 0
+        self._fault, self._times, self._board = fault, times, None
+        monkeypatch.setattr("feeder.counts_of", self.counts)
+        monkeypatch.setattr(session, "reach", self.reach)
+
+    def reach(self, generator: object, board: Board, *others: object) -> Level:
+        self.is_on, self._board, self.levels = True, board, self.levels + 1
+        board.watch = Watch(15.0, 0.0)
+        return Level(17.9, 1.0, 3)
+
+    def counts(self, index: np.ndarray, channels: int) -> np.ndarray:
+        wt = 2 * np.pi * 20 * index / 1000
+        both = 8.95 * COUNTS * np.column_stack([np.sin(wt), 1.2 * np.sin(wt - 0.4)])
+        both += np.random.default_rng(index[0]).normal(0, 40, both.shape)
+        timeline = self._board.timeline if self._board else None
+        if timeline is not None and timeline.length > 500 and self.levels <= self._times:
+            both[:, self._fault] = 0
+        return np.round(both).astype(np.int32)[:, :channels]
+
+    def off(self) -> None:
+        self.is_on = False
+
+    ramp_down = off
+
+
+def test_a_base_that_goes_flat_switches_off_and_is_not_listed(
+    tmp_path: Path, feeder: Feeder, board: Board, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    shaker = Shaker(monkeypatch, fault=0)
+    study = tmp_path / "study"
+    with pytest.raises(AcquisitionError, match=r"^base (flat|lost|not as driven) by .*; output off\.$"):
+        Session(Plan(study, (20.0,), CONDITION, seconds=60.0, settle_s=0.1), board, shaker).run()
+    assert not shaker.is_on and shaker.levels == 1 and board.watch is None
+    details = json.loads((study / "recordings" / "20hz_0kg.json").read_text())
+    assert not details["usable"] and "ended early: base" in " ".join(details["remarks"])
+    base = np.loadtxt(study / "recordings" / "20hz_0kg.csv", delimiter=",", skiprows=1)[:, 1]
+    assert 0 < np.sum(base == 0) < 700  # half a second, and what a busy machine delivers at once
+    with pytest.raises(InputFileError, match="lists no recording"):
+        Study.read(study)
+    assert len(json.loads((study / "session.json").read_text())["checklist"]["items"]) == 5
+
+
+def test_a_malleolus_that_fails_is_said_and_recorded_again(
+    tmp_path: Path, feeder: Feeder, board: Board, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    shaker = Shaker(monkeypatch, fault=1)
+    made = Session(Plan(tmp_path / "study", (20.0,), CONDITION, seconds=1.5, settle_s=0.1), board, shaker).run()
+    assert [bool(one.problems) for one in made] == [True, False] and shaker.levels == 2
+    assert "This recording is repeated." in " ".join(capsys.readouterr().err.split())
+    shaker = Shaker(monkeypatch, fault=1, times=9)
+    with pytest.raises(session.Faulty, match="malleolus"):
+        Session(Plan(tmp_path / "other", (20.0,), CONDITION, seconds=60.0, retries=1), board, shaker).run()
+    assert shaker.levels == 2 and not shaker.is_on
+
+
 @pytest.mark.parametrize("instead", ["noise", "hello", "text"])
 def test_bytes_without_samples_are_as_blind_as_silence(
     feeder: Feeder, board: Board, instead: str, monkeypatch: pytest.MonkeyPatch
@@ -285,6 +345,21 @@ def _pump_on(board: Board) -> None:
     end = time.monotonic() + 120.0
     while time.monotonic() < end:
         board.pump()
+
+
+@pytest.mark.parametrize(("share", "calm"), [(0.6, False), (0.7, True), (1.4, True), (1.6, False)])
+def test_after_a_stall_samples_count_once_they_come_evenly(
+    board: Board, monkeypatch: pytest.MonkeyPatch, share: float, calm: bool
+) -> None:
+    """Otherwise nobody knows when they were taken, however long one waits."""
+    board.reader.patience = 0.4
+    monkeypatch.setattr(board, "watch_for", lambda seconds: setattr(board, "_kept", share * seconds * 1000))
+    monkeypatch.setattr(board, "forget", lambda: time.sleep(0.1))
+    if calm:
+        board.revive()
+    else:
+        with pytest.raises(Stalled, match=r"samples come unevenly for 0\.4 s after a stall"):
+            board.revive()
 
 
 def test_board_that_trickles_samples_ends_at_the_deadline(

@@ -27,7 +27,7 @@ from fasbody.laboratory.foot import make_study
 
 NOT_RUN = {
     r"^(make|pip|git|source)\b": "changes the environment; `make test` is what runs this",
-    r"--port|--probe|--list|acquire (recover|calibrate)|--board audio|--firmware": "needs a board, or a capture of one",
+    r"--port|--probe|--list|acquire (recover|calibrate)|--board (audio|ni|mcc|labjack)|--firmware": "needs a board",
     r"-m viz\.(foot|cell)\b(?!.*--export \S+\.html)": "serves a page, or needs Chromium",
     r"-m mujoco\.viewer": "needs a screen",
     r"recording merge|\*\.tdms|\dhz\.tdms": "needs files of an instrument; test_merge.py and test_layouts.py do it",

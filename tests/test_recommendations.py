@@ -5,10 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from fasbody.foot.model import load
 from fasbody.recording.checks import checked
 from fasbody.recording.recording import Condition, Recording
+from fasbody.recording.study import bundled
 from identification.estimates import Mass
-from identification.recommendations import about_departures, excitation_rank
+from identification.fitting import fit_foot
+from identification.recommendations import LEAST_FIT, about_departures, excitation_rank
 from identification.result import Departures
 
 T = np.arange(2000) / 1000
@@ -77,3 +80,16 @@ def test_nothing_is_advised_that_was_done(
     (text,) = about_departures(some_departures(prior_std, assumed), loads=loads)
     assert all(each in text for each in said)
     assert not any(each in text for each in unsaid)
+
+
+@pytest.mark.parametrize(("noise", "times", "warns"), [(3.0, 1.0, False), (0.03, 3.0, True)])
+def test_white_noise_alone_is_no_misfit_and_a_wrong_unit_is(noise: float, times: float, warns: bool) -> None:
+    """A fit percentage below the rule's, from noise alone, or from one recording of three in another unit."""
+    rng = np.random.default_rng(1)
+    recordings = [
+        replace(r, malleolus_m_s2=scale * r.malleolus_m_s2 + rng.normal(0, noise, r.malleolus_m_s2.size))
+        for r, scale in zip(bundled().recordings[:3], (1.0, times, 1.0), strict=True)
+    ]
+    result = fit_foot(recordings, load("two_dof"))
+    assert min(r.fit_percent for r in result.recordings) < LEAST_FIT
+    assert any("only to" in text for text in result.warnings) == warns

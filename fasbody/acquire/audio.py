@@ -20,7 +20,7 @@ from typing import Any, Self
 
 import numpy as np
 
-from fasbody.acquire.board import Board
+from fasbody.acquire.calibrate import FULL, STRAY, within
 from fasbody.acquire.generator import Refused
 from fasbody.acquire.port import WAIT_S, Unplugged
 from fasbody.acquire.wire import Channel, Hello, encode_data, encode_hello, over_range
@@ -44,8 +44,6 @@ _SAMPLES = 16
 _BITS = 24
 _RAIL = 2 ** (_BITS - 1)
 _BLOCK = 960
-#: So much of full scale is clipping; so many samples of it are a click and no signal that is cut off.
-_FULL, _STRAY = 0.999, 1
 #: After the coupling is undone, all inputs fall off here [Hz]: far below every excitation, and drift stays bounded.
 _COMMON_HZ = 0.1
 #: The output changes by full scale in so long [s]; without a sign of life it goes off after so long.
@@ -60,7 +58,6 @@ _STARTS_S = 7.0
 _AT_ONCE = 2048
 #: The input's buffer is no longer [s].
 _INPUT_S = 0.25
-_G = 9.80665
 #: What a card gives in so long after its start counts for nothing [s].
 _BEGINS_S = 1.0
 #: Of the loopback signal [s], and its peak (share of full scale): an amplifier that was left on shakes nobody hard.
@@ -72,10 +69,6 @@ _CUT_S = 0.05
 _TRIES, _LINES = 3, 600
 #: Two periods differ by so much of their size if a sample is lost between them; noise makes less.
 _ALIKE = 0.05
-#: A calibrator's third harmonic is smaller (share of its tone), unless something on the way clips.
-_THIRD = 0.03
-#: A calibrator's tone is measured in pieces [s].
-_PIECE_S = 0.25
 #: Inputs that are apart by more [s] are not in step: 0.04 degrees at 50 Hz.
 _IN_STEP_S = 2e-6
 
@@ -139,6 +132,16 @@ class Calibration:
         """As JSON."""
         write_whole(file, to_json(asdict(self)) + "\n")
 
+    def at_corner(self, channel: int) -> float:
+        """Of an input's high-pass [Hz]."""
+        return self.corner_hz[channel]
+
+    def with_scale(self, channel: int, scale_m_s2: float) -> Self:
+        """The same with a sensor for which full scale is this acceleration [m/s^2]."""
+        scales = list(self.scale_m_s2)
+        scales[channel] = scale_m_s2
+        return replace(self, scale_m_s2=(scales[0], scales[1]))
+
     def check(self) -> None:
         """Raise SettingError if nothing can be recorded with it."""
         for role, scale in zip(ROLES, self.scale_m_s2, strict=True):
@@ -158,7 +161,7 @@ class Calibration:
         text += f", delay {1e3 * self.delay_s:.1f} ms, malleolus {1e6 * self.skew_s:+.2f} us behind base"
         for name, corner in zip((*ROLES, "output"), (*self.corner_hz, self.output_corner_hz), strict=True):
             text += f"; {name} " + (f"falls off below {corner:.3g} Hz" if corner > 0 else "is direct")
-        return text
+        return f"{text}; full scale {self.scale_m_s2[0]:.5g} and {self.scale_m_s2[1]:.5g} m/s^2"
 
 
 #: Values of a calibration file: those that are pairs, those that are not negative, those that are positive.
@@ -222,6 +225,37 @@ class SoundCard:
         ]
         name = f"sound card {calibration.device}".encode()[:32].decode(errors="ignore")
         self._hello = encode_hello(Hello(name, RATE_HZ, tuple(kinds), _BITS, _SAMPLES, int(time.time()) % 65536))
+
+    @classmethod
+    def settings(cls, file: Path) -> Calibration:
+        """A calibration that allows a recording.
+
+        Raises:
+            InputFileError: it is none. SettingError: something is not calibrated yet.
+        """
+        known = Calibration.read(file)
+        known.check()
+        return known
+
+    @staticmethod
+    def known(file: Path) -> Calibration:
+        """A calibration, perhaps without sensitivities."""
+        return Calibration.read(file)
+
+    @staticmethod
+    def output(calibration: Calibration, card: "Callable[[], SoundCard]") -> "AudioGenerator":
+        """Its output as the generator of a session."""
+        return AudioGenerator(calibration, card)
+
+    @staticmethod
+    def listed() -> "list[CardInfo]":
+        """Cards of this computer."""
+        return listed()
+
+    @staticmethod
+    def listen(calibration: Calibration, seconds: float) -> tuple[np.ndarray, float]:
+        """Both inputs in shares of full scale (n, 2), and their rate [Hz]."""
+        return capture(calibration.device, seconds, calibration.latency_s), CARD_HZ
 
     def _serve(self, inputs: np.ndarray, outputs: np.ndarray, frames: int, when: object, status: Any) -> None:
         """In PortAudio's thread: take a block, give a block."""
@@ -293,7 +327,7 @@ class SoundCard:
                 self._greeted = second
                 out += self._hello
             counts = np.clip(np.round(_RAIL * ready[start : start + _SAMPLES]), -_RAIL, _RAIL - 1).astype(np.int32)
-            over = over_range(full[start : start + _SAMPLES].sum(axis=0) > _STRAY)
+            over = over_range(full[start : start + _SAMPLES].sum(axis=0) > STRAY)
             out += encode_data(self._frame, round(1e6 * self._time / RATE_HZ), counts, _BITS, over)
             self._frame += 1
             self._time += _SAMPLES
@@ -392,23 +426,6 @@ class AudioGenerator:
         self._card().drive(share=0.0)
 
 
-def open_card(calibration: Calibration) -> tuple[Board, AudioGenerator]:
-    """Board and generator of one card.
-
-    Raises:
-        SettingError: the calibration does not allow a recording. Unplugged: there is no such card.
-    """
-    calibration.check()
-    card: list[SoundCard] = []
-
-    def opened(name: str, baud: int) -> SoundCard:
-        card[:] = [SoundCard(calibration)]
-        return card[0]
-
-    board = Board(calibration.device, CARD_HZ, opener=opened)
-    return board, AudioGenerator(calibration, lambda: card[0])
-
-
 class Decimator:
     """From CARD_HZ to RATE_HZ, by a filter of linear phase: flat to 1.5 kHz, and 80 dB down above 2.5 kHz."""
 
@@ -430,7 +447,7 @@ class Decimator:
             return np.zeros((0, 2)), np.zeros((0, 2), int)
         windows = np.lib.stride_tricks.sliding_window_view(data, _TAPS, axis=0)[::_DOWN][:count]
         around = windows[:, :, _TAPS // 2 - _DOWN // 2 :][:, :, :_DOWN]
-        return np.asarray(windows @ self._taps), np.sum(np.abs(around) >= _FULL, axis=2)
+        return np.asarray(windows @ self._taps), np.sum(np.abs(around) >= FULL, axis=2)
 
 
 class Uncoupler:
@@ -574,16 +591,6 @@ def capture(
     return heard[first : first + count].astype(float)
 
 
-def _within(values: np.ndarray, what: str) -> None:
-    """Raise AcquisitionError if a signal (n,) of full scale is cut off at it, where nobody knows how far it went."""
-    count = int(np.sum(np.abs(values) >= _FULL))
-    if count > _STRAY:
-        raise AcquisitionError(
-            f"{what} is at full scale in {count} of {values.size} samples, so its peaks are cut off; turn the input's "
-            "gain down and calibrate anew, loopback first."
-        )
-
-
 def loop_signal() -> np.ndarray:
     """One period of noise with a flat spectrum from 0.25 Hz to 4 kHz."""
     n = round(PERIOD_S * CARD_HZ)
@@ -623,7 +630,7 @@ def analyse_loop(device: str, heard: np.ndarray, signal: np.ndarray) -> Calibrat
     from scipy.optimize import least_squares
 
     for role, column in zip(ROLES, heard.T, strict=True):
-        _within(column, f"{device}: the input of {role}")
+        within(column, f"{device}: the input of {role}")
     n = signal.size
     whole = heard[len(heard) // n * n - n :][:n]
     played = np.fft.rfft(signal)
@@ -661,79 +668,3 @@ def analyse_loop(device: str, heard: np.ndarray, signal: np.ndarray) -> Calibrat
         device, (0.0, 0.0), (base, malleolus), out, (float(gain[0] * best.x[3]), float(gain[1] * best.x[4])),
         float(late + delays[0]), float(delays[1] - delays[0]),
     )  # fmt: skip
-
-
-def calibrator(values: np.ndarray, corner_hz: float, frequency_hz: float = 159.155, rms_m_s2: float = 10.0) -> float:
-    """Acceleration at full scale [m/s^2] of a sensor on a hand calibrator.
-
-    Args:
-        values: (n,) of full scale, at CARD_HZ.
-        corner_hz: of the input's high-pass; 0 if direct.
-        frequency_hz: of the calibrator.
-        rms_m_s2: of the calibrator.
-
-    Raises:
-        AcquisitionError: no such tone, or one that is cut off on its way.
-    """
-    from scipy.optimize import minimize_scalar
-
-    _within(values, "the sensor on the calibrator")
-    t = np.arange(values.size) / CARD_HZ
-
-    def fit(hz: float, part: slice) -> tuple[float, float]:
-        """Amplitude of a sine in a part, and the rms of what it leaves."""
-        wt = 2 * np.pi * hz * t[part]
-        basis = np.column_stack([np.cos(wt), np.sin(wt), np.ones(wt.size)])
-        c, *_ = np.linalg.lstsq(basis, values[part], rcond=None)
-        return float(np.hypot(c[0], c[1])), float(np.std(values[part] - basis @ c))
-
-    spectrum, hz = np.abs(np.fft.rfft(values * np.hanning(values.size))), np.fft.rfftfreq(values.size, 1 / CARD_HZ)
-    near = np.abs(hz / frequency_hz - 1) < 0.03
-    peak, width = float(hz[near][np.argmax(spectrum[near])]), CARD_HZ / values.size
-    found = float(
-        minimize_scalar(lambda f: fit(f, slice(None))[1], bounds=(peak - width, peak + width), method="bounded").x
-    )
-    piece = round(_PIECE_S * CARD_HZ)
-    starts = range(0, values.size - piece + 1, piece)
-    parts = [fit(found, slice(start, start + piece)) for start in starts]
-    size, rest = (float(np.median(column)) for column in zip(*parts, strict=True))  # a knock spoils one of them
-    if not size > 10 * rest:
-        raise AcquisitionError(f"no tone of {frequency_hz:g} Hz stands out; is the sensor on the running calibrator?")
-    third = float(np.median([fit(3 * found, slice(start, start + piece))[0] for start in starts])) / size
-    if not third < _THIRD:
-        raise AcquisitionError(
-            f"the tone's third harmonic is {100 * third:.2g} % of it (at most {100 * _THIRD:g}); does the sensor's "
-            "amplifier clip, or does the sensor rattle?"
-        )
-    return float(math.sqrt(2) * rms_m_s2 / size / math.hypot(1, corner_hz / frequency_hz))
-
-
-def flip(values: np.ndarray, corner_hz: float, rate_hz: float = CARD_HZ) -> float:
-    """Acceleration at full scale [m/s^2] of a sensor that was turned upside down once, upright first: a step of -2 g.
-
-    The coupling is undone exactly, as an integral; an offset makes a straight line of it, which the step stands on.
-
-    Args:
-        values: (n,) of full scale, with a second and a half of rest on either side of the turn.
-        corner_hz: of the input's high-pass; 0 if direct.
-        rate_hz: of the values.
-
-    Raises:
-        AcquisitionError: no such step, or one that is cut off.
-    """
-    _within(values, "the sensor that is turned over")
-    t = np.arange(values.size) / rate_hz
-    whole = values + 2 * np.pi * corner_hz * np.cumsum(values) / rate_hz
-    short, rest_s, turn_s = round(0.1 * rate_hz), 1.5, 0.6
-    means = whole[: whole.size // short * short].reshape(-1, short).mean(axis=1)
-    turn = (0.5 + float(np.argmax(np.abs(means[4:] - means[:-4]))) + 2) * short / rate_hz
-    near = np.abs(t - turn)
-    rest = (near > turn_s) & (near < turn_s + rest_s)
-    if min(np.sum(rest & (t < turn)), np.sum(rest & (t > turn))) < 0.9 * rest_s * rate_hz:
-        raise AcquisitionError("the turn is too near an end; hold still three seconds, turn over, hold still again.")
-    basis = np.column_stack([np.ones(t.size), t > turn, (t - turn) * (corner_hz > 0)])[rest]
-    c, *_ = np.linalg.lstsq(basis, whole[rest], rcond=None)
-    noise = float(np.std(whole[rest] - basis @ c))
-    if not abs(c[1]) > 4 * noise:
-        raise AcquisitionError("no step stands out; hold the sensor still, turn it over once, hold it still again.")
-    return float(-2 * _G / c[1])

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fasbody.acquire.capture import Capture
+from fasbody.acquire.person import Meter
 from fasbody.acquire.port import HELLO_S, WAIT_S, Opener, Port, Reader
 from fasbody.acquire.timeline import Lateness, Timeline
 from fasbody.acquire.wire import Block, Decoder, Hello, Message
@@ -70,6 +71,7 @@ class Board:
         timeline: of the recording, while there is one.
         unplugs: how often the plug was pulled.
         watch: on the base, while the shaker is on.
+        meter: of what the person gets meanwhile.
         doing: what for, in words.
         listener: called after each look at the port.
 
@@ -84,6 +86,7 @@ class Board:
         self.unplugs = 0
         self._away = False
         self.watch: Watch | None = None
+        self.meter: Meter | None = None
         self.doing = ""
         self.listener: Callable[[Board], None] | None = None
         self._recent: deque[np.ndarray] = deque()
@@ -179,6 +182,8 @@ class Board:
                     "larger range on the board or a lower acceleration."
                 )
             watch.check(block.samples[:, self.base])
+            if self.meter is not None:
+                self.meter.add(block.samples[:, self.base])
         if blocks and watch.looked is not None:
             watch.looked()
 
@@ -197,7 +202,7 @@ class Board:
         What a board or a computer held back comes in a hurry and shows the base as it was.
 
         Raises:
-            Stalled: none came.
+            Stalled: none came, or they never calm down.
         """
         self.watch = None
         self._lateness.forget()  # what was lost without a word in the stall would count as lateness for minutes
@@ -215,13 +220,20 @@ class Board:
         assert self.decoder.hello is not None  # without it there are no samples
         taken = _CALM_S * self.decoder.hello.rate_hz
         self._since = 0.0
-        while time.monotonic() < deadline:
-            self.forget()
-            with contextlib.suppress(Stalled):
-                self.watch_for(_CALM_S)
-            if taken / _HURRY <= self._kept <= _HURRY * taken:
-                break
+        while not self._calm(taken):
+            if time.monotonic() > deadline:
+                raise Stalled(
+                    f"{self.reader.port_name}: samples come unevenly for {self.reader.patience:g} s after a stall, so "
+                    "that nobody knows when they were taken; close other programs, check cable and supply."
+                )
         self._lateness.forget()
+
+    def _calm(self, taken: float) -> bool:
+        """Whether in the next _CALM_S about as many samples come as are taken in it."""
+        self.forget()
+        with contextlib.suppress(Stalled):
+            self.watch_for(_CALM_S)
+        return taken / _HURRY <= self._kept <= _HURRY * taken
 
     @property
     def patience(self) -> float:

@@ -13,26 +13,27 @@ from typing import Annotated, Any
 import typer
 
 from fasbody.acquire import firmware, folder
-from fasbody.acquire.board import Board
+from fasbody.acquire.calibrate import calibrator, flip
 from fasbody.acquire.capture import grouped
+from fasbody.acquire.devices import SERIAL, Equipment, file_of, kind
 from fasbody.acquire.display import Display
 from fasbody.acquire.folder import Converted, convert
-from fasbody.acquire.generator import Excitation, Generator
 from fasbody.acquire.level import Safety
-from fasbody.acquire.plan import Plan, PlannedStep, steps_in
-from fasbody.acquire.port import Unplugged, ports, probe, swapped
+from fasbody.acquire.person import ACTION, Dose
+from fasbody.acquire.plan import Plan, PlannedStep, steps_in, within
+from fasbody.acquire.port import ports, probe
 from fasbody.acquire.session import Session, terminated
-from fasbody.acquire.visa import is_visa
+from fasbody.acquire.wire import ROLES
 from fasbody.console import console, print_json, results, run_app
 from fasbody.exceptions import AcquisitionError, FasError, SettingError
 from fasbody.foot.shaker import PEAK_TO_PEAK
 from fasbody.presentation import counted
 from fasbody.recording.recording import Condition
 
-#: Where the calibration of the sound card is, unless told otherwise.
-SOUND_CARD = Path("sound_card.json")
-#: How long a sound card may take for its first sample [s]; a sound server on a busy computer takes seconds.
-_CARD_STARTS_S = 40.0
+_BOARDS = "serial; audio, a sound card that plays and records; ni, mcc, labjack; or a device of a package of yours"
+_CALIBRATION = "settings of a device that is no serial board (default sound_card.json, ni.json and so on)"
+#: A mass has no exposure; this is a day at 20 g.
+_NOBODY_A8 = 200.0
 #: No calibration listens longer [s].
 _LONGEST_S = 600.0
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
@@ -65,6 +66,9 @@ def record(
     max_displacement: Annotated[
         float, typer.Option(help="largest base motion in m, peak to peak")
     ] = Safety.displacement_m,
+    max_exposure: Annotated[
+        float, typer.Option(help="largest daily exposure A(8) of the subject in m/s^2, W_k-weighted")
+    ] = ACTION,
     retries: Annotated[int, typer.Option(min=0, help="how often to repeat a recording that lost samples")] = 2,
     baud: Annotated[int, typer.Option(min=1, help="baud rate of the board")] = 921600,
     generator_baud: Annotated[int, typer.Option(min=1, help="baud rate of the generator")] = 115200,
@@ -73,10 +77,8 @@ def record(
         bool, typer.Option("--list", help="show the serial ports, or with --board audio the sound cards, and stop")
     ] = False,
     probe_: Annotated[bool, typer.Option("--probe", help="say what answers on --port (or on all) and stop")] = False,
-    board_: Annotated[str, typer.Option("--board", help="serial, or audio: a sound card plays and records")] = "serial",
-    calibration: Annotated[
-        Path, typer.Option(help="calibration of the sound card, written by python -m fasbody.acquire calibrate")
-    ] = SOUND_CARD,
+    board_: Annotated[str, typer.Option("--board", help=_BOARDS)] = SERIAL,
+    calibration: Annotated[Path | None, typer.Option(help=_CALIBRATION)] = None,
     firmware_: Annotated[
         Path | None, typer.Option("--firmware", help="write the firmware for an Arduino into this folder and stop")
     ] = None,
@@ -125,16 +127,13 @@ def record(
         raise SettingError("where to? Give --out STUDY, a folder that is made if needed.")
     if port is not None and generator is not None and Path(port).resolve() == Path(generator).resolve():
         raise SettingError(f"--port and --generator are both {port}; give the board's and the generator's.")
-    if board_ not in ("serial", "audio"):
-        raise SettingError(f"--board {board_!r} is neither serial nor audio.")
-    audio = board_ == "audio"
-    if calibration != SOUND_CARD and not audio:
-        raise SettingError("--calibration belongs to a sound card: add --board audio, or leave it out.")
-    if audio and (simulate or port is not None):
-        raise SettingError(f"--board audio is no serial port: leave out {'--simulate' if simulate else '--port'}.")
-    if not simulate and port is None and not audio:
-        raise SettingError("give --port (python -m fasbody.acquire --list shows them) or --simulate.")
-    if (sweep or plan_) and not (generator or simulate or audio):
+    equipment = Equipment(board_, port, baud, generator, generator_baud, calibration)
+    if simulate and board_ != SERIAL:
+        raise SettingError(f"--simulate brings its own board: leave out --board {board_}.")
+    if not simulate:
+        equipment.check()
+    excited = simulate or equipment.excites
+    if (sweep or plan_) and not excited:
         option = "--sweep" if sweep else "--plan"
         raise SettingError(f"{option} needs a function generator: give --generator PORT, or --frequency one by one.")
     steps: Mapping[int, PlannedStep] | None = None
@@ -180,17 +179,21 @@ def record(
         peak_to_peak=peak_to_peak,
         retries=retries,
         origin="synthetic" if simulate else "measured",
-        safety=Safety(max_volts, peak_m_s2=max_acceleration, displacement_m=max_displacement),
+        safety=Safety(max_volts, peak_m_s2=max_acceleration, displacement_m=max_displacement, daily_a8=max_exposure),
         truth=truth,
     )
     # Then another program plays, or another shaker is used; the card only records.
-    by_hand = audio and generator is None and sweep is None and frequency is None and steps is None
+    by_hand = generator is None and not simulate and sweep is None and frequency is None and steps is None
     plans = [plan]
     if steps is not None:
         again = f"--plan {shlex.quote(str(plan_))}" + ("" if added_mass is None else f" --added-mass {added_mass:g}")
         plans = [replace(step.of(plan), again=f"{again} --first {number}") for number, step in steps.items()]
     for each in plans:
-        each.check(not by_hand and (generator is not None or simulate or audio))
+        each.check(excited and not by_hand)
+    if excited and not by_hand:
+        dose = sum((each.dose for each in plans), Dose())
+        within(out, subject, dose, max_exposure)
+        console.print(dose.sentence(), soft_wrap=True, markup=False)
     if left := folder.left_behind(out):
         text = (
             f"{counted(len(left), 'capture')} of {out} became no recording, as after a crash: {folder.recovery(left)}"
@@ -209,17 +212,10 @@ def record(
                 from fasbody.acquire.bench import Bench
 
                 bench = stack.enter_context(Bench(added_mass=load))
-                port, generator = bench.board_port, bench.generator_port
-            board: Board
-            source: Excitation | None
-            if audio:
-                board, source = _open_card(stack, calibration, generator, generator_baud)
-                source = None if by_hand else source
-            else:
-                assert port is not None
-                board, source = _open(stack, port, baud, generator, generator_baud)
+                equipment = Equipment(port=bench.board_port, generator=bench.generator_port)
+            board, source = equipment.open(stack)
             stack.enter_context(Display(board))
-            session = Session(group[0], board, source)
+            session = Session(group[0], board, None if by_hand else source)
             for each in group:
                 session.plan = each
                 session.run()
@@ -236,6 +232,68 @@ def record(
         raise AcquisitionError(
             f"{counted(len(bad), 'recording')} {are} unusable and not listed in recordings.csv: {', '.join(bad)}."
         )
+
+
+@app.command()
+def check(
+    out: Annotated[Path, typer.Option(help="study folder, made if needed: check.json and study.toml are written")],
+    port: Annotated[str | None, typer.Option(help="port of the accelerometer board")] = None,
+    generator: Annotated[str | None, typer.Option(help="SCPI function generator: its port or VISA name")] = None,
+    board: Annotated[str, typer.Option(help=_BOARDS)] = SERIAL,
+    calibration: Annotated[Path | None, typer.Option(help=_CALIBRATION)] = None,
+    frequencies: Annotated[str, typer.Option(help="of the sines in Hz, at least two")] = "10,20,40",
+    seconds: Annotated[float, typer.Option(help="length of each recording in s")] = 4.0,
+    peak_to_peak: Annotated[float, typer.Option(help="wanted base acceleration in m/s^2")] = 10.0,
+    max_volts: Annotated[float, typer.Option(help="highest generator amplitude in V peak to peak")] = Safety.volts,
+    baud: Annotated[int, typer.Option(min=1, help="baud rate of the board")] = 921600,
+    generator_baud: Annotated[int, typer.Option(min=1, help="baud rate of the generator")] = 115200,
+    simulate: Annotated[bool, typer.Option("--simulate", help="a virtual bench instead of hardware")] = False,
+    json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
+) -> None:
+    """Measure the chain with both sensors on one mass, and nobody on the shaker: their ratio must be 1.
+
+    Gain and delay, with their standard deviations, go into study.toml, where every fit of this study finds them.
+
+    Examples:
+      python -m fasbody.acquire check --port /dev/ttyACM0 --generator /dev/ttyUSB0 --out study
+
+      python -m fasbody.acquire check --simulate --seconds 1 --out my_study
+    """
+    from fasbody.acquire.one_mass import measure
+
+    try:
+        each = tuple(float(part) for part in frequencies.split(","))
+    except ValueError:
+        raise SettingError(f"--frequencies {frequencies!r} holds no numbers with commas between them.") from None
+    if len(set(each)) < 2:
+        raise SettingError("--frequencies needs at least two: one cannot tell a delay from a gain that turns.")
+    equipment = Equipment(board, port, baud, generator, generator_baud, calibration)
+    origin = "synthetic" if simulate else "measured"
+    plan = Plan(
+        out / "check", each, Condition("one mass"), seconds, peak_to_peak, origin=origin,
+        safety=Safety(max_volts, daily_a8=_NOBODY_A8), one_mass=True,
+    )  # fmt: skip
+    plan.check(True)
+    with ExitStack() as stack:
+        stack.enter_context(terminated())
+        if simulate:
+            from fasbody.acquire.bench import Bench
+
+            bench = stack.enter_context(Bench(one_mass=1.02))
+            equipment = Equipment(port=bench.board_port, generator=bench.generator_port)
+        equipment.check()
+        source_board, source = equipment.open(stack)
+        if source is None:
+            raise SettingError("the check needs a generator: give --generator, or --board audio.")
+        stack.enter_context(Display(source_board))
+        found = measure(plan, source_board, source)
+    files = found.write(out, origin)
+    if json_:
+        print_json(vars(found) | {"files": list(map(str, files))})
+    else:
+        results.print(f"{found}; written to {', '.join(map(str, files))}", soft_wrap=True, markup=False)
+    if texts := found.remarks():
+        raise AcquisitionError(f"{'; '.join(texts)}.")
 
 
 @app.command()
@@ -314,15 +372,11 @@ def _planned(
 def _look(port: str | None, probing: bool, json_: bool, board: str) -> None:
     """--list and --probe."""
     found: list[object]
-    if board == "audio":
-        from fasbody.acquire.audio import listed
-
+    if board != SERIAL:
         if probing:
-            raise SettingError("--probe listens on serial ports; for sound cards give --board audio --list.")
-        found, none = (
-            list(listed()),
-            "this computer has no sound card; is it plugged in, and may you use it (group audio)?",
-        )
+            raise SettingError(f"--probe listens on serial ports; for others give --board {board} --list.")
+        found = list(getattr(kind(board), "listed", list)())
+        none = f"--board {board} lists nothing; is it plugged in, and may you use it (groups audio, plugdev)?"
     else:
         found = list(ports())
         if probing:
@@ -338,54 +392,15 @@ def _look(port: str | None, probing: bool, json_: bool, board: str) -> None:
         console.print(none, soft_wrap=True)
 
 
-def _open(
-    stack: ExitStack, port: str, baud: int, generator: str | None, generator_baud: int
-) -> tuple[Board, Generator | None]:
-    """Board and generator, both known to be what they should be."""
-    try:
-        with ExitStack() as opened:
-            board = Board(port, baud)
-            opened.callback(board.close)
-            board.wait_for_hello()
-            source = opened.enter_context(Generator(generator, generator_baud)) if generator else None
-            stack.push(opened.pop_all())
-            return board, source
-    except Unplugged:
-        raise
-    except AcquisitionError:
-        if generator and not is_visa(generator) and (sentence := swapped(port, baud, generator, generator_baud)):
-            raise SettingError(sentence) from None
-        raise
-
-
-def _open_card(
-    stack: ExitStack, calibration: Path, generator: str | None, generator_baud: int
-) -> tuple[Board, Excitation]:
-    """A sound card, whose output is the generator unless another one is named."""
-    from fasbody.acquire.audio import Calibration, open_card
-
-    board, output = open_card(Calibration.read(calibration))
-    stack.callback(board.close)
-    try:
-        board.wait_for_hello(_CARD_STARTS_S)
-    except Unplugged:
-        raise
-    except AcquisitionError:
-        raise AcquisitionError(
-            f"{board.reader.port_name}: the card is open and gave no sample in {_CARD_STARTS_S:g} s; does another "
-            "program use it, and can it do 48 kHz in two channels?"
-        ) from None
-    if generator:
-        return board, stack.enter_context(Generator(generator, generator_baud))
-    return board, stack.enter_context(output)
-
-
 @app.command()
 def calibrate(
     what: Annotated[str, typer.Argument(help="loopback, calibrator or flip")],
     role: Annotated[str, typer.Argument(help="base or malleolus, for calibrator and flip")] = "",
     device: Annotated[str | None, typer.Option(help="sound card, by part of its name; for loopback")] = None,
-    calibration: Annotated[Path, typer.Option(help="file to write, or to add to")] = SOUND_CARD,
+    board: Annotated[str, typer.Option(help="what digitises: audio, ni, mcc, labjack")] = "audio",
+    calibration: Annotated[
+        Path | None, typer.Option(help="file to write, or to add to (default sound_card.json, ni.json and so on)")
+    ] = None,
     seconds: Annotated[float, typer.Option(help="how long to listen to a calibrator or a flip")] = 9.0,
     hz: Annotated[float, typer.Option(help="of the hand calibrator")] = 159.155,
     rms: Annotated[float, typer.Option(help="of the hand calibrator in m/s^2")] = 10.0,
@@ -412,15 +427,19 @@ def calibrate(
 
       python -m fasbody.acquire calibrate flip malleolus
     """
-    from fasbody.acquire import audio
-
     given = {"--seconds": seconds, "--hz": hz, "--rms": rms, "--latency": latency}
     for name, value in (given | {"--full-scale-volts": full_scale_volts}).items():
         if not 0 < value < math.inf:
             raise SettingError(f"{name} is {value:g}; it must be positive.")
     if seconds > _LONGEST_S:
         raise SettingError(f"--seconds is {seconds:g}; {_LONGEST_S:g} are enough for any calibration.")
+    known: Any
+    calibration = file_of(board, calibration)
     if what == "loopback":
+        if board != "audio":
+            raise SettingError(f"the loopback is for a sound card, --board audio, and not for --board {board}.")
+        from fasbody.acquire import audio
+
         if device is None or not device.strip():
             raise SettingError(f"which card? Give --device; {audio.cards()}.")
         before = audio.Calibration.read(calibration) if calibration.is_file() else audio.Calibration(device)
@@ -429,29 +448,20 @@ def calibrate(
             found = audio.measure_loop(device, latency, output)
         known = replace(found, full_scale_v=full_scale_volts, scale_m_s2=before.scale_m_s2)  # the sensors' stay
     elif what in ("calibrator", "flip"):
-        if role not in audio.ROLES:
+        if role not in ROLES[:2]:
             raise SettingError(f"the sensor of which input? {role or 'nothing'!r} is neither base nor malleolus.")
-        known = audio.Calibration.read(calibration)
-        channel = audio.ROLES.index(role)
-        heard = audio.capture(known.device, seconds, known.latency_s)[:, channel]
-        if what == "flip":
-            scale = audio.flip(heard, known.corner_hz[channel])
-        else:
-            scale = audio.calibrator(heard, known.corner_hz[channel], hz, rms)
-        scales = list(known.scale_m_s2)
-        scales[channel] = scale
-        known = replace(known, scale_m_s2=(scales[0], scales[1]))
+        digitiser = kind(board)
+        known, channel = digitiser.known(calibration), ROLES.index(role)
+        both, rate_hz = digitiser.listen(known, seconds)
+        how = (both[:, channel], known.at_corner(channel), rate_hz)
+        known = known.with_scale(channel, flip(*how) if what == "flip" else calibrator(*how, hz, rms))
     else:
         raise SettingError(f"{what!r} is none of loopback, calibrator, flip.")
     known.write(calibration)
     if json_:
         print_json(vars(known))
     else:
-        results.print(
-            f"{known}; full scale {known.scale_m_s2[0]:.5g} and {known.scale_m_s2[1]:.5g} m/s^2",
-            soft_wrap=True,
-            markup=False,
-        )
+        results.print(str(known), soft_wrap=True, markup=False)
 
 
 def _amplifier_is_off(output: int, full_scale_volts: float, peak: float, seconds: float, yes: bool) -> None:

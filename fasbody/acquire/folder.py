@@ -19,22 +19,23 @@ from typing import Any
 import numpy as np
 
 from fasbody.acquire import capture
+from fasbody.acquire.monitor import Drive, faults, named
 from fasbody.acquire.timeline import Limits, Quality, Timeline
 from fasbody.acquire.wire import Decoder, Hello
 from fasbody.console import to_json, write_whole
 from fasbody.exceptions import AcquisitionError, InputFileError, RecordingError
 from fasbody.presentation import counted
 from fasbody.recording.checks import checked
+from fasbody.recording.harmonics import find_frequency
 from fasbody.recording.recording import Condition, Recording
 
 CAPTURES, RECORDINGS, TRUTH = "captures", "recordings", "truth.json"
 #: Excitation begins here [Hz]; slower motion is drift and leaning.
 _SLOWEST_HZ = 3.0
+#: A sine that is set by hand has the stated frequency within this share.
+_AS_STATED = 0.05
 #: A base that moves by less [m/s^2 rms] is at rest: simple sensors have 0.03 to 0.1 of noise, the thesis shakes at 6.3.
 _AT_REST = 0.2
-#: A sine is judged in pieces at least so long; one that differs from the next by a larger share (0.15 are 15 % or
-#: 9 degrees) is broken. Noise and a body that sways make a hundredth.
-_PIECE_S, _PIECE_PERIODS, _BREAK = 0.25, 5.0, 0.15
 
 
 @dataclass(frozen=True)
@@ -105,13 +106,17 @@ def convert(
     index, values = index[kept], values[kept]
     known = about.get("condition", {})
     condition = Condition(**{key: known[key] for key in asdict(Condition()) if key in known})
-    broken = torn(index, values[:, hello.roles.index("base")], hello.rate_hz, condition.frequency_hz)
+    both, drive = [hello.roles.index(role) for role in ("base", "malleolus")], drive_of(about, index, values, hello)
+    found = faults(index, values[:, both], hello.rate_hz, drive)
+    broken = np.zeros(index.size, bool)
+    for fault in found:
+        broken |= (index >= fault.start) & (index < fault.end)
     if longest and index.size:
         kept = _longest(index, broken)
         index, values, broken = index[kept], values[kept], broken[kept]
+        found = faults(index, values[:, both], hello.rate_hz, drive)
         quality = replace(quality, gaps=())
-    begins = np.flatnonzero(broken & ~np.concatenate([[False], broken[:-1]]))
-    quality = replace(quality, breaks=tuple(float(index[i]) / hello.rate_hz for i in begins))
+    quality = replace(quality, faults=named(found))
     if index.size < 2:
         many = "one sample" if index.size else "no samples"
         raise AcquisitionError(f"{files[0]}: the board's description is there, but {many}; no recording can be made.")
@@ -199,6 +204,20 @@ def replay(files: Sequence[Path]) -> tuple[dict[str, Any], Timeline, list[dict[s
     return about, timeline, events
 
 
+def drive_of(about: Mapping[str, Any], index: np.ndarray, values: np.ndarray, hello: Hello) -> Drive:
+    """What the shaker was to do, by a capture's first record; a sine set by hand is as it is, if about as stated."""
+    frequency, level = about.get("condition", {}).get("frequency_hz"), (about.get("level") or {}).get("peak_to_peak")
+    one_mass = bool(about.get("one_mass"))
+    if frequency and level:
+        return Drive(frequency, 0.5 * level, one_mass)
+    if frequency and index.size * frequency > 3 * hello.rate_hz:
+        base = values[:, hello.roles.index("base")]
+        shaken = find_frequency(index / hello.rate_hz, base - base.mean())
+        if abs(shaken / frequency - 1) < _AS_STATED:
+            return Drive(shaken, None, one_mass)
+    return Drive(one_mass=one_mass)
+
+
 def _check_plan(file: Path, about: dict[str, Any]) -> None:
     """Refuse a plan of senseless content, which acquisition never writes."""
     condition = about.get("condition", {})
@@ -213,41 +232,6 @@ def _check_plan(file: Path, about: dict[str, Any]) -> None:
     for name in ("subject", "posture"):
         if not isinstance(condition.get(name, ""), str):
             raise InputFileError(file, f"its plan has {name} {condition[name]!r}", "a text is needed")
-
-
-def torn(index: np.ndarray, base: np.ndarray, rate_hz: float, frequency_hz: float | None) -> np.ndarray:
-    """Where a sine is none: mask (n,) of the pieces whose line differs from a neighbour's by more than _BREAK.
-
-    A card's driver need not report that it ran dry, nor a board that it skipped: then the sine jumps, or stops a while.
-
-    Args:
-        index: (n,) of each sample on the grid of samples; what lies on both sides of a gap is not compared.
-        base: (n,) [m/s^2].
-        rate_hz: of the samples.
-        frequency_hz: of the excitation; None, or one that does not stand out, is not judged.
-    """
-    out = np.zeros(index.size, bool)
-    if not frequency_hz:
-        return out
-    size = round(np.ceil(max(_PIECE_S * frequency_hz, _PIECE_PERIODS)) / frequency_hz * rate_hz)  # whole periods
-    wave = (base - base.mean()) * np.exp(-2j * np.pi * frequency_hz / rate_hz * index)
-    edges = np.concatenate([[0], np.flatnonzero(np.diff(index) != 1) + 1, [index.size]])
-    pieces = [
-        (start, wave[start : start + size].mean())
-        for first, last in itertools.pairwise(edges)
-        for start in range(first, last - size + 1, size)
-    ]
-    if len(pieces) < 3:
-        return out
-    starts, lines = np.array([start for start, _ in pieces]), np.array([line for _, line in pieces])
-    if not 2 * np.median(np.abs(lines)) > base.std():  # no such sine: the checks of identification say it
-        return out
-    near = np.diff(index[starts]) == size
-    turns = lines[1:][near] / lines[:-1][near]
-    drift = np.exp(-1j * np.angle(np.median(turns.real) + 1j * np.median(turns.imag)))  # of the generator's clock
-    for start in starts[:-1][near][np.abs(turns * drift - 1) > _BREAK]:
-        out[start : start + 2 * size] = True
-    return out
 
 
 def _longest(index: np.ndarray, broken: np.ndarray) -> np.ndarray:
@@ -452,12 +436,17 @@ def _differ(known: float | None, given: float | None) -> bool:
     return known is not None and given is not None and not math.isclose(known, given, rel_tol=1e-5)
 
 
-def _enter(study: Path, name: str, condition: Condition, origin: str, usable: bool) -> None:
-    """Enter a recording into study.toml, subjects.csv and, if it is usable, recordings.csv."""
+def begin(study: Path, origin: str) -> None:
+    """Write study.toml, if there is none."""
     if not (study / "study.toml").is_file():
         title = json.dumps(study.resolve().name)
         text = f'[study]\nname = {title}\norigin = "{origin}"\ndescription = "Recorded by python -m fasbody.acquire."\n'
         write_whole(study / "study.toml", text)
+
+
+def _enter(study: Path, name: str, condition: Condition, origin: str, usable: bool) -> None:
+    """Enter a recording into study.toml, subjects.csv and, if it is usable, recordings.csv."""
+    begin(study, origin)
     subject = {"subject": condition.subject, "mass_kg": _text(condition.body_mass_kg)}
     _put(study / "subjects.csv", subject, keep=True)
     row = {

@@ -6,6 +6,7 @@ import numpy as np
 
 from fasbody.acquire.board import Board, Stalled, Watch
 from fasbody.acquire.generator import Excitation
+from fasbody.acquire.person import ACTION
 from fasbody.exceptions import AcquisitionError, SettingError
 
 
@@ -19,6 +20,7 @@ class Safety:
         peak_m_s2: highest base acceleration, either sign.
         displacement_m: largest peak-to-peak motion of the base.
         growth: the amplitude rises by at most this factor a step.
+        daily_a8: largest daily exposure A(8) of a person [m/s^2].
     """
 
     volts: float = 5.0
@@ -26,6 +28,7 @@ class Safety:
     peak_m_s2: float = 15.0
     displacement_m: float = 0.008
     growth: float = 2.0
+    daily_a8: float = ACTION
 
     def check(self, frequency_hz: float, peak_to_peak: float) -> None:
         """Refuse an excitation before anything moves.
@@ -186,18 +189,17 @@ def reach(
         if board.unplugs > unplugs:  # what it shows since then may belong to no amplitude, or to none that was set
             raise Stalled(f"{board.reader.port_name}: unplugged while the shaker was on; output off.")
         found = peak_to_peak(values, hello.rate_hz, frequency_hz)
-        if found >= max(_ANSWER, _HEARD * noise):
-            if found < _LINEAR * gain * volts:
-                if not doubted:  # measured once more before the shaker is blamed: a busy computer may have played late
-                    doubted = True
-                    continue
-                raise AcquisitionError(
-                    f"the base does not follow the amplitude: {found:.3g} m/s^2 peak to peak at {volts:.3g} V, where "
-                    f"lower levels predict {gain * volts:.3g}; does its sensor clip, or the amplifier? Output off."
-                )
-            doubted = False
-            if volts > highest:  # not on the way down, where a slow shaker still shows what was
-                highest, gain = volts, max(gain, found / volts)
+        if found < _LINEAR * gain * volts:  # also one that is silent now: its voltage must not be raised
+            if not doubted:  # measured once more before the shaker is blamed: a busy computer may have played late
+                doubted = True
+                continue
+            raise AcquisitionError(
+                f"the base does not follow the amplitude: {found:.3g} m/s^2 peak to peak at {volts:.3g} V, where "
+                f"lower levels predict {gain * volts:.3g}; does its sensor clip, or the amplifier? Output off."
+            )
+        doubted = False
+        if found >= max(_ANSWER, _HEARD * noise) and volts > highest:  # on the way down it shows what was
+            highest, gain = volts, max(gain, found / volts)
         if abs(found / wanted - 1) <= TOLERANCE:
             return Level(found, volts, step)
         if found < _ANSWER and volts >= 0.1 * safety.volts:

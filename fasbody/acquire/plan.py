@@ -9,6 +9,7 @@ from typing import Any
 
 from fasbody.acquire import folder
 from fasbody.acquire.level import Safety
+from fasbody.acquire.person import LEVEL_S, Dose, dose_of
 from fasbody.acquire.timeline import Limits
 from fasbody.exceptions import InputFileError, SettingError
 from fasbody.foot.shaker import PEAK_TO_PEAK
@@ -31,6 +32,7 @@ class Plan:
         safety: limits of the excitation.
         limits: of the recordings.
         truth: of a synthetic study, written with its first recording.
+        one_mass: both sensors are on one mass.
         again: options with which the command begins at this recording; empty if its frequencies say them.
     """
 
@@ -45,7 +47,15 @@ class Plan:
     safety: Safety = field(default_factory=Safety)
     limits: Limits = field(default_factory=Limits)
     truth: Mapping[str, Any] | None = None
+    one_mass: bool = False
     again: str = ""
+
+    @property
+    def dose(self) -> Dose:
+        """What the subject will get, finding each level included."""
+        each = [f for f in self.frequencies_hz if f is not None]
+        sines = (Dose.of_sine(f, 0.5 * self.peak_to_peak, self.seconds + LEVEL_S) for f in each)
+        return sum(sines, Dose())
 
     def check(self, generator: bool) -> None:
         """Refuse what cannot be meant, before anything moves.
@@ -76,6 +86,23 @@ class Plan:
             if generator:
                 self.safety.check(frequency, self.peak_to_peak)
         folder.check(self.study, self.condition, self.origin, self.truth)
+        if generator:
+            within(self.study, self.condition.subject, self.dose, self.safety.daily_a8)
+
+
+def within(study: Path, subject: str, dose: Dose, limit_a8: float) -> None:
+    """Refuse a dose that, with what the subject had today, is beyond a limit of A(8) [m/s^2].
+
+    Raises:
+        SettingError: it is.
+    """
+    before = dose_of(study, subject)
+    if (total := before + dose).a8 > limit_a8:
+        had = f", with A(8) {before.a8:.3g} had today" if before.seconds else ""
+        raise SettingError(
+            f"the exposure planned is A(8) {total.a8:.3g} m/s^2{had}, beyond {limit_a8:g} (--max-exposure); record "
+            "less, for a shorter time, at a lower level, or on another day."
+        )
 
 
 #: What a file of planned steps says of itself.

@@ -10,15 +10,21 @@ from datetime import UTC, datetime
 from types import FrameType
 from typing import Any
 
-from fasbody.acquire import folder
+from fasbody.acquire import folder, person
 from fasbody.acquire.board import STALLED_S, Board, Stalled
 from fasbody.acquire.capture import SUFFIX, Capture
 from fasbody.acquire.folder import Converted, convert
 from fasbody.acquire.generator import Excitation
 from fasbody.acquire.level import Level, reach
+from fasbody.acquire.monitor import Drive, Fault, Monitor
 from fasbody.acquire.plan import Plan
 from fasbody.console import console
 from fasbody.exceptions import AcquisitionError, FasError
+
+
+class Faulty(AcquisitionError):
+    """What the sensors show is not what the drive predicts; a repeated recording may succeed."""
+
 
 #: So many samples over range end a recording early.
 _OVER_RANGE = 3
@@ -59,6 +65,7 @@ class Session:
     def __init__(self, plan: Plan, board: Board, generator: Excitation | None = None) -> None:
         self.plan, self.board, self.generator = plan, board, generator
         self.made: list[Converted] = []
+        self._listed = False
         self._volts_per = 0.0  # [V per m/s^2], of the latest level
 
     def run(self) -> list[Converted]:
@@ -69,15 +76,33 @@ class Session:
         """
         self.plan.check(self.generator is not None)
         folder.check_writable(self.plan.study)
+        self._checklist()
         frequencies = self.plan.frequencies_hz
         for number, frequency in enumerate(frequencies):
             try:
                 self._record_well(frequency)
+                self._note_dose()
             except BaseException:
                 left = [f for f in frequencies[number:] if f is not None]
                 console.print(_go_on(left, self.plan.again), soft_wrap=True, markup=False)
+                with contextlib.suppress(FasError):  # on a full disk, too, what ended it is said
+                    self._note_dose()
                 raise
         return self.made
+
+    def _checklist(self) -> None:
+        """Print and keep what whoever runs it confirms, once, if a person is to be shaken."""
+        if self.generator is None or self._listed or self.plan.one_mass or self.plan.origin != "measured":
+            return
+        self._listed = True
+        console.print("\n".join(f"[ ] {text}" for text in person.CHECKLIST), soft_wrap=True, markup=False)
+        person.note(self.plan.study, checklist={"printed": person.today(), "items": person.CHECKLIST})
+
+    def _note_dose(self) -> None:
+        """Keep what the person had so far; the next level begins with it."""
+        meter, self.board.meter = self.board.meter, None
+        if meter is not None:
+            person.keep(self.plan.study, self.plan.condition.subject, meter.dose)
 
     def unusable(self) -> list[str]:
         """Recordings that no attempt made usable, by their first file."""
@@ -87,21 +112,26 @@ class Session:
         return [ones[0].file.name for ones in by_condition.values() if all(one.problems for one in ones)]
 
     def _record_well(self, frequency: float | None) -> None:
-        """One recording, repeated while the line loses samples, the base's sine breaks or the board stalls."""
+        """One recording, repeated while the line loses samples, a sensor fails or the board stalls."""
         for left in reversed(range(self.plan.retries + 1)):
             try:
                 self.board.wait_for_hello()
                 one = self._attempt(frequency)
+            except Faulty as fault:
+                if not left:
+                    raise
+                console.print(f"{fault} This recording is repeated.", soft_wrap=True, markup=False)
+                continue
             except Stalled as stall:
                 if not left:
                     raise
                 console.print(f"{stall} This recording is repeated as soon as samples come.", soft_wrap=True)
                 self.board.revive()
                 continue
-            if not one.quality.gaps and not one.quality.breaks:
+            if not one.quality.gaps and not one.quality.faults:
                 return
             if left:
-                what = "samples were lost" if one.quality.gaps else "the base's sine broke"
+                what = "samples were lost" if one.quality.gaps else "a sensor or the drive failed"
                 console.print(f"{what}, so this recording is repeated")
 
     def _attempt(self, frequency: float | None) -> Converted:
@@ -115,7 +145,7 @@ class Session:
         self.board.doing = f"{stem}: recording {self.plan.seconds:g} s"
         try:
             capture.add("M", time.monotonic(), self._about(frequency, level))
-            self._record(capture)
+            self._record(capture, frequency, level)
             self.board.stop()
             if self.generator is not None:
                 self.generator.ramp_down()
@@ -137,6 +167,10 @@ class Session:
 
     def _level(self, generator: Excitation, frequency: float) -> Level:
         self.board.doing = f"{frequency:g} Hz: finding the level"
+        hello = self.board.decoder.hello
+        if self.board.meter is None and hello is not None:
+            before = person.dose_of(self.plan.study, self.plan.condition.subject)
+            self.board.meter = person.Meter(before, self.plan.safety.daily_a8, hello.rate_hz)
         wanted = self.plan.peak_to_peak
         try:
             level = reach(generator, self.board, frequency, wanted, self.plan.safety, self._volts_per * wanted)
@@ -154,20 +188,31 @@ class Session:
             with contextlib.suppress(AcquisitionError):
                 self.generator.off()
 
-    def _record(self, capture: Capture) -> None:
+    def _record(self, capture: Capture, frequency: float | None, level: Level | None) -> None:
         """Until the planned samples are there.
 
         Raises:
             Stalled: no samples, or too few in time.
-            AcquisitionError: over range, a full disk, or the board is gone.
+            Faulty: a sensor fails.
+            AcquisitionError: the base is lost, over range, a full disk, or the board is gone.
         """
         board, generator = self.board, self.generator
         timeline = board.start(capture)
+        hello = timeline.hello
+        both = [hello.roles.index("base"), hello.roles.index("malleolus")]
+        drive = Drive()  # what is set by hand is only about as stated
+        if level is not None:
+            drive = Drive(frequency, 0.5 * level.peak_to_peak, self.plan.one_mass)
+        monitor = Monitor(hello.rate_hz, drive)
         wanted = round(self.plan.seconds * timeline.hello.rate_hz)
-        unplugs = board.unplugs
+        unplugs, judged = board.unplugs, 0
         latest = time.monotonic() + 1.01 * self.plan.seconds + STALLED_S + board.reader.patience
         while timeline.length < wanted:
             board.pump()
+            blocks = timeline.blocks(judged)
+            judged += len(blocks)
+            for start, samples in blocks:
+                _refuse(monitor.add(start, samples[:, both]), generator is not None)
             over = {role: count for role, count in timeline.over_range.items() if count >= _OVER_RANGE}
             if over:
                 raise AcquisitionError(
@@ -219,7 +264,15 @@ class Session:
             "generator": None if self.generator is None else self.generator.identity,
             "wanted_peak_to_peak_m_s2": self.plan.peak_to_peak if level else None,
             "level": asdict(level) if level else None,
+            "one_mass": self.plan.one_mass,
         }
+
+
+def _refuse(faults: list[Fault], excited: bool) -> None:
+    """Raise what the sensors show: Faulty, or AcquisitionError where the base is lost and nothing is tried again."""
+    if faults:
+        kind = AcquisitionError if any(fault.rule.lost for fault in faults) else Faulty
+        raise kind(f"{faults[0]}{'; output off' if excited else ''}.")
 
 
 def _go_on(left: list[float], again: str) -> str:

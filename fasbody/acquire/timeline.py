@@ -105,7 +105,7 @@ class Quality:
         drift_ppm: device clock against the host's.
         drift_std_ppm: its standard error.
         changed: the board described itself differently during the recording.
-        breaks: when the base's sine stopped or jumped [s], without a gap that says why.
+        faults: of the sensors and the drive (`fasbody.acquire.monitor`): when each was seen [s], and the sentence.
     """
 
     frames: int = 0
@@ -120,7 +120,7 @@ class Quality:
     drift_ppm: float = 0.0
     drift_std_ppm: float = float("inf")
     changed: bool = False
-    breaks: tuple[float, ...] = ()
+    faults: tuple[tuple[float, str], ...] = ()
 
     @property
     def lost_samples(self) -> int:
@@ -138,13 +138,7 @@ class Quality:
             many = "is" if self.lost_samples == 1 else "are"
             gaps = counted(len(self.gaps), "gap")
             texts.append(f"{counted(self.lost_samples, 'sample')} {many} missing in {gaps} ({named}{more})")
-        if self.breaks:
-            named = ", ".join(f"{after:.6g}" for after in self.breaks[:_NAMED])
-            more = f" and {len(self.breaks) - _NAMED} more times" if len(self.breaks) > _NAMED else ""
-            texts.append(
-                f"the base's sine breaks after {named} s{more}: the excitation stopped, or samples are missing that "
-                "nobody counted"
-            )
+        texts += [text for _, text in self.faults]
         over = {name: count for name, count in self.over_range.items() if count}
         if over:
             texts.append("over range: " + ", ".join(f"{name} {counted(n, 'sample')}" for name, n in over.items()))
@@ -188,8 +182,8 @@ class Quality:
         if self.stamps_advance and _SURE * self.drift_std_ppm <= Limits.clock_ppm:  # else it says nothing
             clock = f", clock {self.drift_ppm:+.0f} +- {_SURE * self.drift_std_ppm:.0f} ppm"
         lines = f"{counted(self.frames, 'frame')}, {self.lost_frames} lost, {self.damaged} damaged"
-        breaks = f", {counted(len(self.breaks), 'break')}" if self.breaks else ""
-        return f"{lines}, {counted(len(self.gaps), 'gap')}{breaks}{clock}"
+        faults = f", {counted(len(self.faults), 'fault')}" if self.faults else ""
+        return f"{lines}, {counted(len(self.gaps), 'gap')}{faults}{clock}"
 
 
 @dataclass(frozen=True)
@@ -224,6 +218,7 @@ class Timeline:
     def __init__(self, hello: Hello) -> None:
         self.hello = hello
         self._samples: list[np.ndarray] = []
+        self._starts: list[int] = []  # of each block, as far as its number tells
         self._jumps: list[int] = []  # samples missing before each block
         self._causes: list[str] = []
         self._note = ""  # what the port said since the last blocks
@@ -253,6 +248,10 @@ class Timeline:
     def __str__(self) -> str:
         frames, gaps = counted(len(self._jumps), "frame"), counted(self._gaps, "gap")
         return f"{frames}, {self._lost} lost, {self._damaged} damaged, {gaps}"
+
+    def blocks(self, first: int) -> list[tuple[int, np.ndarray]]:
+        """Index of the first sample, as far as its number tells, and samples (n, channels) of block `first` and on."""
+        return list(zip(self._starts[first:], self._samples[first:], strict=True))
 
     @property
     def over_range(self) -> dict[str, int]:
@@ -314,6 +313,7 @@ class Timeline:
         self._causes.append(cause)
         self._stamps.append(stamp)
         self._samples.append(block.samples)
+        self._starts.append(self._next + jump)
         self._next += jump + n
         self._over += block.over
         self._sequence, self._time_us = block.sequence, block.time_us

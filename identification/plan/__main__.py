@@ -181,10 +181,15 @@ def run(
     auto: Annotated[bool, typer.Option("--auto", help="take each step without asking")] = False,
     port: Annotated[str | None, typer.Option(help="port of the accelerometer board")] = None,
     generator: Annotated[str | None, typer.Option(help="SCPI function generator: its port or VISA name")] = None,
+    board: Annotated[str, typer.Option(help="serial, audio, ni, mcc, labjack, or a device of a package")] = "serial",
+    calibration: Annotated[
+        Path | None, typer.Option(help="settings of a device that is no serial board (default sound_card.json ...)")
+    ] = None,
     baud: Annotated[int, typer.Option(help="baud rate of the board")] = 921600,
     generator_baud: Annotated[int, typer.Option(help="baud rate of the generator")] = 115200,
     max_volts: Annotated[float, typer.Option(help="highest generator amplitude in V peak to peak")] = 5.0,
     max_acceleration: Annotated[float, typer.Option(help="highest base acceleration in m/s^2")] = 15.0,
+    max_exposure: Annotated[float, typer.Option(help="largest daily exposure A(8) of the person in m/s^2")] = 0.5,
     simulate: Annotated[bool, typer.Option("--simulate", help="a virtual bench instead of hardware")] = False,
     subject: Annotated[str, typer.Option(help="name or number of the subject")] = "1",
     model: _Model = "two_dof",
@@ -222,7 +227,10 @@ def run(
       python -m identification.plan run --simulate --auto --seconds 4 --out my_study
 
       python -m identification.plan run --port /dev/ttyACM0 --generator /dev/ttyUSB0 --body-mass 72 --out my_study
+
+      python -m identification.plan run --board audio --body-mass 72 --out my_study
     """
+    from fasbody.acquire.devices import Equipment
     from fasbody.acquire.level import COMMANDED, Safety
     from fasbody.acquire.session import terminated
     from identification.plan.record import Laboratory, Offer
@@ -233,11 +241,15 @@ def run(
     if simulate:
         from fasbody.acquire.bench import foot as bench
 
-        if given := [n for n, v in (("--port", port), ("--generator", generator), ("--body-mass", body_mass)) if v]:
+        own = {"--port": port, "--generator": generator, "--body-mass": body_mass, "--calibration": calibration}
+        if given := [name for name, value in own.items() if value] + ["--board"] * (board != "serial"):
             raise SettingError(f"--simulate brings its own board, generator and subject: leave out {', '.join(given)}.")
         body_mass, subject = bench.BODY_MASS_KG, str(bench.SUBJECT)
-    elif port is None or generator is None:
-        raise SettingError("give --port and --generator (python -m fasbody.acquire --list shows them), or --simulate.")
+    equipment = None if simulate else Equipment(board, port, baud, generator, generator_baud, calibration)
+    if equipment is not None:
+        equipment.check()
+        if not equipment.excites:
+            raise SettingError("a session needs a generator: give --generator, --board audio, or --simulate.")
     if not auto and not sys.stdin.isatty():
         raise SettingError("nobody is at the terminal to take a step: give --auto.")
     if amplitude > COMMANDED * max_acceleration:
@@ -254,11 +266,10 @@ def run(
         earlier = [r for r in earlier if r.condition.subject == subject]
     person = _person(model, body_mass, earlier, exclude, mass_std, gain_std, delay_std, subject)
     asked = _director(person, shaker, ask, (), seed, draws).asked if ask == [_AS_THESIS] else _asked(ask)
-    safety = Safety(max_volts, peak_m_s2=max_acceleration, displacement_m=displacement)
-    ports = None if simulate else (port or "", baud, generator or "", generator_baud)
+    safety = Safety(max_volts, peak_m_s2=max_acceleration, displacement_m=displacement, daily_a8=max_exposure)
     with ExitStack() as stack:
         stack.enter_context(terminated())
-        laboratory = stack.enter_context(Laboratory(out, person, safety, ports))
+        laboratory = stack.enter_context(Laboratory(out, person, safety, equipment))
         session = Session(
             person, shaker, asked, recordings, 60 * minutes, seed, draws, laboratory.record, Offer(auto), earlier,
             load_change,

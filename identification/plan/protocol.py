@@ -5,6 +5,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
+from fasbody.acquire.person import LEVEL_S, Dose
 from fasbody.acquire.plan import PROTOCOL, steps_in
 from fasbody.console import to_json, write_whole
 from fasbody.exceptions import InputFileError
@@ -70,6 +71,13 @@ class Protocol:
             str(document.get("posture", "midstance")),
         )
         return cls(tuple(steps), *person, seed if isinstance(seed, int) else 0)
+
+
+def exposure(steps: Sequence[Step]) -> Dose:
+    """What a person gets of steps; those of several tones count as one at their frequency, of the same amplitude."""
+    return sum(
+        (Dose.of_sine(s.frequency_hz, s.amplitude_m_s2, s.seconds + LEVEL_S) for s in steps if s.frequency_hz), Dose()
+    )
 
 
 def shaking_s(steps: Sequence[Step]) -> float:

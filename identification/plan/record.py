@@ -8,15 +8,17 @@ from typing import Any, Self
 import typer
 
 from fasbody.acquire.bench import Bench
-from fasbody.acquire.board import Board, Stalled
+from fasbody.acquire.board import Stalled
+from fasbody.acquire.devices import Equipment
 from fasbody.acquire.display import Display
-from fasbody.acquire.generator import Generator
+from fasbody.acquire.folder import RECORDINGS
 from fasbody.acquire.level import Safety
 from fasbody.acquire.plan import Plan
 from fasbody.acquire.session import Session
 from fasbody.console import console
 from fasbody.exceptions import AcquisitionError, SettingError
 from fasbody.recording.recording import Recording
+from fasbody.recording.study import Study
 from identification.plan.candidates import Step
 from identification.plan.prior import Person
 from identification.plan.session import Offering
@@ -28,12 +30,12 @@ class Laboratory:
 
     Args:
         study: folder. person: on the shaker. safety: what guard and level keep to.
-        ports: board, its baud rate, generator, its baud rate; None for the virtual bench. On hardware a person at the
-            terminal lays the loads, and says so.
+        equipment: board and generator; None for the virtual bench. On hardware a person at the terminal lays the
+            loads, and says so.
     """
 
-    def __init__(self, study: Path, person: Person, safety: Safety, ports: tuple[str, int, str, int] | None) -> None:
-        self._study, self._person, self._safety, self._ports = study, person, safety, ports
+    def __init__(self, study: Path, person: Person, safety: Safety, equipment: Equipment | None) -> None:
+        self._study, self._person, self._safety, self._equipment = study, person, safety, equipment
         self._stack = ExitStack()
         self._load: float | None = None
         self._session: Session | None = None
@@ -71,12 +73,13 @@ class Laboratory:
         if not good:
             why = "; ".join(problem for one in session.made[before:] for problem in one.problems) or "nothing was made"
             raise AcquisitionError(f"no attempt was usable: {why}.")
-        return replace(good[-1].recording, origin=plan.origin)
+        name = f"{RECORDINGS}/{good[-1].file.name}"  # as every fit reads it: with the calibration of study.toml
+        return next(r for r in Study.read(self._study).recordings if r.file.endswith(name))
 
     def _plan(self, step: Step) -> Plan:
         condition = replace(self._person.condition(step), frequency_hz=None)
         truth: dict[str, Any] | None = None
-        if self._ports is None:
+        if self._equipment is None:
             from fasbody.laboratory.foot import TRUTH
 
             truth = {"origin": "synthetic", "parameters": TRUTH, "instrument": {"delay_s": 0.0}}
@@ -89,19 +92,15 @@ class Laboratory:
         """The session under a load: on the bench a new one, as the virtual foot has its masses from the start."""
         if self._session is not None and load_kg == self._load:
             return self._session
-        if self._ports is None:
+        equipment = self._equipment
+        if equipment is None:
             self._stack.close()
             bench = self._stack.enter_context(Bench(added_mass=load_kg))
-            ports = bench.board_port, 921600, bench.generator_port, 115200
-        else:
-            ports = self._ports
-            if self._load is not None or load_kg:
-                self._lay(load_kg)
-        if self._session is None or self._ports is None:
-            board = Board(ports[0], ports[1])
-            self._stack.callback(board.close)
-            board.wait_for_hello()
-            generator = self._stack.enter_context(Generator(ports[2], ports[3]))
+            equipment = Equipment(port=bench.board_port, generator=bench.generator_port)
+        elif self._load is not None or load_kg:
+            self._lay(load_kg)
+        if self._session is None or self._equipment is None:
+            board, generator = equipment.open(self._stack)
             self._stack.enter_context(Display(board))
             self._session, self._stalled = Session(plan, board, generator), False
         self._load = load_kg

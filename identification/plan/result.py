@@ -13,7 +13,7 @@ from identification.branches import EXCHANGED
 from identification.plan.candidates import PLANNED, THESIS, THESIS_AMPLITUDE, UNLOADED, Step, thesis
 from identification.plan.director import GOAL, SHARE, Director
 from identification.plan.feet import Outlook, Score
-from identification.plan.protocol import Protocol, shaking_s
+from identification.plan.protocol import Protocol, exposure, shaking_s
 from identification.plan.words import in_the_way, listed, minutes, percent, plain, repeating, span, whole
 
 _TITLES = {PLANNED: "planned", THESIS: "the thesis, three loads", UNLOADED: "the thesis, unloaded"}
@@ -348,6 +348,7 @@ class Planned(Presented):
             f"Averages over {counted(self.feet, 'foot', 'feet')} of persons of {self.body_mass_kg:g} kg; {also}; "
             f"{repeating(self.repeatability)}. Seed {self.seed}."
         )
+        notes.append(exposure(self.steps).sentence())
         if self.said:
             notes.append(self.said)
         return Sheet(f"{self.model}: the next session of subject {self.subject}", columns, rows, notes)

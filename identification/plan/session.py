@@ -8,7 +8,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from fasbody.acquire.board import Stalled
-from fasbody.console import heeded, to_json, write_whole
+from fasbody.acquire.person import note
+from fasbody.console import heeded
 from fasbody.exceptions import AcquisitionError, FasError, RecordingError, SettingError, SimulationError
 from fasbody.presentation import Presented, Sheet, counted
 from fasbody.recording.checks import checked
@@ -106,8 +107,8 @@ class Shaken(Presented):
     left: tuple[Step, ...]
 
     def write(self, folder: Path | str) -> list[Path]:
-        """Write session.json into a folder."""
-        return [write_whole(Path(folder) / "session.json", to_json(self.document()) + "\n")]
+        """Write session.json into a folder; the exposure that it keeps of each day stays."""
+        return [note(Path(folder), **self.document())]
 
     @property
     def good(self) -> tuple[Taken, ...]:

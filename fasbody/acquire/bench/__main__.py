@@ -34,6 +34,9 @@ def board(
     added_mass: Annotated[float, typer.Option(help="mass on the knee in kg")] = 0.0,
     seed: Annotated[int, typer.Option(help="seed of noise and damage")] = 1,
     damage: Annotated[float, typer.Option(help="share of bytes that arrive wrong")] = 0.0,
+    one_mass: Annotated[
+        float, typer.Option(help="both sensors on the base, the malleolus' with this gain; 0 for a foot")
+    ] = 0.0,
 ) -> None:
     """The accelerometer board: samples the shaken foot and sends frames (or, with --bits 0, text lines).
 
@@ -45,7 +48,7 @@ def board(
       python -m fasbody.acquire.bench board /tmp/board /tmp/cable --rate 4000 --channels 3 --damage 0.01
     """
     rng = np.random.default_rng(seed)
-    foot = ShakenFoot(rate, added_mass, rng)
+    foot = ShakenFoot(rate, added_mass, rng, one_mass)
     speaker = VirtualBoard(rate, channels, bits, boot=seed)
     n = speaker.samples
     listener = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)

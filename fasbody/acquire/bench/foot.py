@@ -22,9 +22,10 @@ class ShakenFoot:
         rate_hz: sampling rate.
         added_mass_kg: on the knee.
         rng: noise of the sensors.
+        one_mass: both sensors are on the base, the malleolus' with this gain; 0 for a foot.
     """
 
-    def __init__(self, rate_hz: float, added_mass_kg: float, rng: np.random.Generator) -> None:
+    def __init__(self, rate_hz: float, added_mass_kg: float, rng: np.random.Generator, one_mass: float = 0.0) -> None:
         from fasbody.foot.model import load
         from fasbody.foot.simulate import Batch
         from fasbody.laboratory.foot import TRUTH
@@ -35,7 +36,7 @@ class ShakenFoot:
         self._step = 1 / rate_hz / self._stride
         self._batch = Batch(self.foot, 1, 1)
         self._qpos, self._qvel = self.foot.model.qpos0.copy(), np.zeros(self.foot.model.nv)
-        self._rng = rng
+        self._rng, self._one_mass = rng, one_mass
         self._omega, self._phase = 2 * np.pi * 20.0, 0.0
         self._amplitude = self._wanted = 0.0  # [m/s^2], of the first harmonic
         self.advance(4)  # compiles
@@ -57,7 +58,7 @@ class ShakenFoot:
         self._qpos[base] = self._qvel[base] = 0.0  # the foot does not feel them, and they would drift
         self._phase = (self._phase + self._omega * length) % (2 * np.pi)
         self._amplitude = self._wanted + (self._amplitude - self._wanted) * np.exp(-length / LAG_S)
-        y = out.malleolus[0, :: self._stride]
+        y = (self._one_mass * out.base if self._one_mass else out.malleolus)[0, :: self._stride]
         clean = np.column_stack([out.base[0, :: self._stride], y, y])
         return clean + self._rng.normal(size=clean.shape) * [NOISE_BASE, NOISE_MALLEOLUS, NOISE_MALLEOLUS]
 

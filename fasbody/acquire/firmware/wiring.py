@@ -1,4 +1,7 @@
-"""The wiring of docs/acquisition.md: `python -m fasbody.acquire.firmware.wiring docs/figures/wiring.svg` draws it."""
+"""Wiring: `python -m fasbody.acquire.firmware.wiring docs/figures/wiring.svg` draws that of docs/acquisition.md.
+
+A file whose name begins with benches gets the two benches of docs/laboratory.md.
+"""
 
 import sys
 from pathlib import Path
@@ -21,6 +24,20 @@ SPI: list[Wire] = [
     ("D10", "CS", 0, "tab:blue"), ("D8", "CS", 1, "tab:orange"),
 ]  # fmt: skip
 ROLES = ("base", "malleolus")
+#: Boxes of a bench: text, and where [column, row]; arrows: from, to, and what goes along them.
+Bench = tuple[list[tuple[str, float, float]], list[tuple[int, int, str]]]
+_SENSORS = ("base sensor\non the table", "malleolus sensor\non the skin")
+_SHAKER = [("amplifier,\nemergency stop", 2.0, 0.0), ("shaker and table", 3.0, 0.0)]
+BOARD: Bench = (
+    [("computer", 0, 1), ("Uno or Nano", 1, 2), (_SENSORS[0], 2, 2.5), (_SENSORS[1], 2, 1.5), *_SHAKER,
+     ("SCPI generator", 1, 0)],
+    [(0, 1, "USB"), (2, 1, ""), (3, 1, ""), (0, 6, "USB or LAN"), (6, 4, "BNC"), (4, 5, "")],
+)  # fmt: skip
+CARD: Bench = (
+    [("computer", 0, 1), ("audio interface,\nNI, MCC or LabJack", 1, 1), (_SENSORS[0], 3, 2.5), (_SENSORS[1], 3, 1.5),
+     *_SHAKER, ("IEPE conditioner\n(one kind for both)", 2, 2)],
+    [(0, 1, "USB"), (6, 1, "in 1, in 2"), (2, 6, ""), (3, 6, ""), (1, 4, "out 1, or a generator"), (4, 5, "")],
+)  # fmt: skip
 
 
 def draw(ax: "Axes", title: str, wires: list[Wire], between: str = "", reference: bool = False) -> None:
@@ -56,6 +73,23 @@ def draw(ax: "Axes", title: str, wires: list[Wire], between: str = "", reference
     ax.axis("off")
 
 
+def chain(ax: "Axes", title: str, bench: Bench) -> None:
+    """Boxes and arrows of a bench."""
+    boxes, arrows = bench
+    ax.set_title(title, loc="left", fontsize=11)
+    for text, column, row in boxes:
+        ax.add_patch(_box(3.4 * column, 1.6 * row, 2.2, 1.0))
+        ax.text(3.4 * column + 1.1, 1.6 * row + 0.5, text, ha="center", va="center", fontsize=8.5)
+    for first, last, text in arrows:
+        (_, x0, y0), (_, x1, y1) = boxes[first], boxes[last]
+        begin = (3.4 * x0 + (2.2 if x1 > x0 else 0.0), 1.6 * y0 + 0.5)
+        end = (3.4 * x1 + (0.0 if x1 > x0 else 2.2), 1.6 * y1 + 0.5)
+        ax.annotate("", end, begin, arrowprops={"arrowstyle": "-|>", "color": "0.2"})
+        ax.text((begin[0] + end[0]) / 2, (begin[1] + end[1]) / 2 + 0.12, text, ha="center", fontsize=7.5)
+    ax.set(xlim=(-0.3, 12.8), ylim=(-0.3, 5.4), aspect="equal")
+    ax.axis("off")
+
+
 def _row(wires: list[Wire], pin: str) -> int:
     return len(wires) - 1 - [wire[0] for wire in wires].index(pin)
 
@@ -75,6 +109,12 @@ def main(file: Path | None = None) -> Path:
     with rc_context({"svg.hashsalt": "wiring", "svg.fonttype": "none"}):
         figure = Figure(figsize=(12, 6), layout="constrained")
         left, right = figure.subplots(1, 2)
+        if file.name.startswith("benches"):
+            figure.set_size_inches(15, 3.8)
+            chain(left, "A board and a generator", BOARD)
+            chain(right, "One device that plays and records", CARD)
+            figure.savefig(file, metadata={"Date": None} if file.suffix == ".svg" else None, dpi=110)
+            return file
         draw(left, "Analog pair (ADXL335)", ANALOG, "wires that cross without a dot do not touch", reference=True)
         note = "ADXL345: no wire to D9. 5 V board: all of D8 to D13\nbut D12 through a level shifter"
         draw(right, "SPI pair (ADXL355, ADXL345)", SPI, note)

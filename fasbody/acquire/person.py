@@ -1,0 +1,226 @@
+r"""Limits for the person on the shaker: weighted exposure, and what is checked before anything moves.
+
+The base's acceleration is weighted by ISO 2631-1 (W_k vertical, W_d horizontal) or ISO 5349-1 (W_h), whose transfer
+functions ISO 8041 states. From the weighted acceleration a_w come the daily exposure of Directive 2002/44/EC and the
+vibration dose value:
+
+    A(8) = (int a_w^2 dt / 8 h)^(1/2)        VDV = (int a_w^4 dt)^(1/4)
+
+The limits are made for people who sit or stand with their whole body on what shakes, or hold a tool. For one foot on a
+shaker no standard has any: these are stricter, as less of the body moves.
+"""
+
+import json
+import math
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+
+from fasbody.console import to_json, write_whole
+from fasbody.exceptions import AcquisitionError, InputFileError
+
+SESSION = "session.json"
+#: Exposure action value and limit of Directive 2002/44/EC, article 3: A(8) [m/s^2] and VDV [m/s^1.75].
+ACTION, LIMIT = 0.5, 1.15
+VDV_ACTION, VDV_LIMIT = 9.1, 21.0
+_DAY_S = 8 * 3600.0
+#: The weighted signal is judged in pieces so long [s]: four periods of the slowest excitation.
+_PIECE_S = 1.0
+#: So long is the base at its level before a recording, finding it included, by the virtual bench [s].
+LEVEL_S = 4.0
+#: What whoever runs the session confirms.
+CHECKLIST = (
+    "The person has agreed, knows that they can stop at any time, and says stop or lifts the foot if it hurts.",
+    "The amplifier's emergency stop is within reach of the person or of whoever watches them, and was tried.",
+    "Sitting or standing as planned, the foot flat, nobody leaning on table or shaker.",
+    "The load lies on the knee alone, and cannot slip.",
+    "No pregnancy, pacemaker, fresh injury, thrombosis, neuropathy or implant in the leg.",
+)
+
+
+@dataclass(frozen=True)
+class Weighting:
+    """A frequency weighting: second-order limits at f1 and f2, a transition at f3 and f4, and perhaps a step.
+
+    Attributes:
+        name: as the standard has it.
+        f1: lower limit [Hz].
+        f2: upper limit [Hz].
+        f3: zero of the transition from acceleration to velocity [Hz].
+        f4: its poles [Hz].
+        q4: their quality.
+        step: zeros and poles of the upward step [Hz], and their quality; None without one.
+    """
+
+    name: str
+    f1: float
+    f2: float
+    f3: float
+    f4: float
+    q4: float
+    step: tuple[float, float, float] | None = None
+
+    def __call__(self, hz: np.ndarray | float) -> np.ndarray:
+        """Its magnitude at frequencies (n,) [Hz]; ISO 8041, section 5.6."""
+        f = np.maximum(np.asarray(hz, float), 1e-9)
+        s, q = 1j * f, 1 / math.sqrt(2)
+        low = 1 / (1 + self.f1 / (q * s) + (self.f1 / s) ** 2)
+        high = 1 / (1 + s / (q * self.f2) + (s / self.f2) ** 2)
+        transition = (1 + s / self.f3) / (1 + s / (self.q4 * self.f4) + (s / self.f4) ** 2)
+        whole = low * high * transition
+        if self.step is not None:
+            f5, f6, q5 = self.step
+            rise = (1 + s / (q5 * f5) + (s / f5) ** 2) / (1 + s / (q5 * f6) + (s / f6) ** 2)
+            whole = whole * rise * (f5 / f6) ** 2
+        return np.abs(whole)
+
+
+W_K = Weighting("W_k", 0.4, 100.0, 12.5, 12.5, 0.63, (2.37, 3.35, 0.91))
+W_D = Weighting("W_d", 0.4, 100.0, 2.0, 2.0, 0.63)
+W_H = Weighting("W_h", 10**0.8, 10**3.1, 15.915, 15.915, 0.64)
+
+
+@dataclass(frozen=True)
+class Dose:
+    """Weighted exposure; doses add.
+
+    Attributes:
+        square: integral of a_w^2 [m^2/s^3].
+        fourth: integral of a_w^4 [m^4/s^7].
+        seconds: of shaking.
+
+    Example:
+        >>> print(Dose.of_sine(20.0, 8.95, 90.0))
+        a_w 4.03 m/s^2 for 90 s: A(8) 0.225 m/s^2, VDV 13.7 m/s^1.75
+    """
+
+    square: float = 0.0
+    fourth: float = 0.0
+    seconds: float = 0.0
+
+    def __add__(self, other: "Dose") -> "Dose":
+        return Dose(self.square + other.square, self.fourth + other.fourth, self.seconds + other.seconds)
+
+    @classmethod
+    def of_sine(cls, hz: float, amplitude_m_s2: float, seconds: float, weighting: Weighting = W_K) -> Self:
+        """Of a sine of this amplitude, not rms."""
+        a = float(weighting(hz)) * amplitude_m_s2
+        return cls(a**2 / 2 * seconds, 3 / 8 * a**4 * seconds, seconds)
+
+    @classmethod
+    def of(cls, values: np.ndarray, rate_hz: float, weighting: Weighting = W_K) -> Self:
+        """Of a signal (n,) [m/s^2]; its mean does not count."""
+        spectrum = np.fft.rfft(values - values.mean())
+        weighted = np.fft.irfft(spectrum * weighting(np.fft.rfftfreq(values.size, 1 / rate_hz)), values.size)
+        return cls(float(np.sum(weighted**2) / rate_hz), float(np.sum(weighted**4) / rate_hz), values.size / rate_hz)
+
+    @property
+    def a_w(self) -> float:
+        """Weighted acceleration [m/s^2 rms] while it shakes."""
+        return math.sqrt(self.square / self.seconds) if self.seconds else 0.0
+
+    @property
+    def a8(self) -> float:
+        """Daily exposure A(8) [m/s^2]."""
+        return math.sqrt(self.square / _DAY_S)
+
+    @property
+    def vdv(self) -> float:
+        """Vibration dose value [m/s^1.75]."""
+        return self.fourth**0.25
+
+    def __str__(self) -> str:
+        return (
+            f"a_w {self.a_w:.3g} m/s^2 for {self.seconds:.3g} s: A(8) {self.a8:.3g} m/s^2, VDV {self.vdv:.3g} m/s^1.75"
+        )
+
+    def sentence(self) -> str:
+        """With what the directive has, and for whom it was made."""
+        return (
+            f"Exposure, {W_K.name}-weighted: {self}. The directive on work acts from A(8) {ACTION:g} or VDV "
+            f"{VDV_ACTION:g} on, and allows {LIMIT:g} or {VDV_LIMIT:g}; made for seated and standing people, not for "
+            "a foot."
+        )
+
+    def document(self) -> dict[str, float]:
+        """As plain data."""
+        return {
+            "square": self.square, "fourth": self.fourth, "seconds": self.seconds, "a_w_m_s2": self.a_w,
+            "a8_m_s2": self.a8, "vdv_m_s175": self.vdv,
+        }  # fmt: skip
+
+
+class Meter:
+    """Adds up what a person gets while the shaker is on, and ends it at a limit.
+
+    Args:
+        before: what they had that day.
+        limit_a8: A(8) beyond which nothing goes on [m/s^2].
+        rate_hz: of the samples.
+    """
+
+    def __init__(self, before: Dose, limit_a8: float, rate_hz: float) -> None:
+        self._sum, self._limit, self._rate_hz = before, limit_a8, rate_hz
+        self._piece: list[np.ndarray] = []
+
+    def add(self, base: np.ndarray) -> None:
+        """The base's next samples (n,) [m/s^2].
+
+        Raises:
+            AcquisitionError: the limit of the day is reached.
+        """
+        self._piece.append(base)
+        if sum(map(len, self._piece)) >= _PIECE_S * self._rate_hz:
+            self._sum, self._piece = self.dose, []
+        if self._sum.a8 > self._limit:
+            raise AcquisitionError(
+                f"the day's exposure is A(8) {self._sum.a8:.3g} m/s^2, beyond the limit of {self._limit:g} "
+                "(--max-exposure); output off. Go on another day."
+            )
+
+    @property
+    def dose(self) -> Dose:
+        """Of the day, to the last sample."""
+        values = np.concatenate(self._piece) if self._piece else np.zeros(0)
+        return self._sum + (Dose.of(values, self._rate_hz) if values.size > 1 else Dose())
+
+
+def today() -> str:
+    """The day, for a table of days."""
+    return datetime.now(UTC).astimezone().date().isoformat()
+
+
+def noted(study: Path) -> dict[str, Any]:
+    """What session.json of a study says; nothing, where there is none that can be read."""
+    try:
+        found = json.loads((study / SESSION).read_text())
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def note(study: Path, **values: Any) -> Path:
+    """Put values into session.json of a study, and leave what else is there."""
+    return write_whole(study / SESSION, to_json(noted(study) | values) + "\n")
+
+
+def dose_of(study: Path, subject: str) -> Dose:
+    """What a subject had today, by session.json."""
+    try:
+        row = noted(study)["exposure"][subject][today()]
+        return Dose(*(float(row[name]) for name in ("square", "fourth", "seconds")))
+    except KeyError:
+        return Dose()
+    except (TypeError, ValueError):
+        raise InputFileError(
+            study / SESSION, f"does not say what subject {subject!r} had today as numbers", "take exposure out of it"
+        ) from None
+
+
+def keep(study: Path, subject: str, dose: Dose) -> None:
+    """Write what a subject had today, beside the other days."""
+    days = noted(study).get("exposure", {})
+    note(study, exposure=days | {subject: days.get(subject, {}) | {today(): dose.document()}})
