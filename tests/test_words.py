@@ -12,10 +12,7 @@ BANNED = {
     "wanted", "given", "wide", "lost", "poor", "heard", "shown", "settle",
 }  # fmt: skip
 #: Rooms and files that still have such names; each is to be deleted from here when it is renamed.
-UNFINISHED = (
-    "fasbody/acquire", "fasbody/cell", "fasbody/recording", "identification/blackbox",
-    "identification/plan",
-)  # fmt: skip
+UNFINISHED = ("fasbody/acquire", "fasbody/cell", "fasbody/recording", "identification/blackbox")
 #: Arguments and attributes that users write.
 PUBLIC = {
     ("fasbody/laboratory/foot.py", "settle"),

@@ -97,9 +97,13 @@ class Channel(Tabled):
 
     Attributes:
         column: its name in the files, or its number from 1; default the channel's own name.
-        unit: of the numbers, if the files do not say, or are wrong. clock: the column of its times, if it has its own.
-        sign: +1 or -1. sensitivity: recorded unit per m/s^2, or in V per m/s^2 if `volts`. delay_s: how late it is.
-        gain_std: relative standard uncertainty of the sensitivity, mounting included. delay_std_s: that of the delay.
+        unit: of the numbers, if the files do not say, or are wrong.
+        clock: the column of its times, if it has its own.
+        sign: +1 or -1.
+        sensitivity: recorded unit per m/s^2, or in V per m/s^2 if `volts`.
+        delay_s: how late it is.
+        gain_std: relative standard uncertainty of the sensitivity, mounting included.
+        delay_std_s: that of the delay.
     """
 
     column: str = ""
@@ -120,8 +124,10 @@ class Layout(Tabled):
     Attributes:
         channels: by name, "time" included; those not listed are found by name and unit in the file.
         rate_hz: sampling rate of files that have no time.
-        columns: names of the columns of text files without a header. units: of those columns, if known apart.
-        beyond: what the laboratory knows beyond the recordings. take: which recording of a file with several, from 1.
+        columns: names of the columns of text files without a header.
+        units: of those columns, if known apart.
+        beyond: what the laboratory knows beyond the recordings.
+        take: which recording of a file with several, from 1.
         apart: patterns of file names, and the layout of the files that fit one.
     """
 
@@ -210,7 +216,8 @@ class Layout(Tabled):
         """The channels with ``time_s``: the file's own, or counted from a sampling rate.
 
         Args:
-            file: for messages. channels: with ``time_s``, with ``time`` of unknown unit, or without.
+            file: for messages.
+            channels: with ``time_s``, with ``time`` of unknown unit, or without.
             rate_hz: sampling rate that the file states.
 
         Raises:

@@ -233,7 +233,9 @@ class Checked(Presented):
     """What the checks say of a study.
 
     Attributes:
-        name: of the study. rows: of each recording, as `understood` gives them. remarks: on the whole.
+        name: of the study.
+        rows: of each recording, as `understood` gives them.
+        remarks: on the whole.
     """
 
     name: str

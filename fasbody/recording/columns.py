@@ -32,9 +32,13 @@ class Columns:
     """A file's columns.
 
     Attributes:
-        names, units: of each, a unit "" where only the name may say it. groups: sheet, structure or folder of each.
-        sizes: samples of each, if they may differ. passed: what else the file holds and why it is no column.
-        line: of the headings, if it is text. clocked: the file says its rate. rates: of each [Hz], if they may differ.
+        names, units: of each, a unit "" where only the name may say it.
+        groups: sheet, structure or folder of each.
+        sizes: samples of each, if they may differ.
+        passed: what else the file holds and why it is no column.
+        line: of the headings, if it is text.
+        clocked: the file says its rate.
+        rates: of each [Hz], if they may differ.
     """
 
     names: Sequence[str]
@@ -82,7 +86,9 @@ class Use(Tabled):
     """What a column is used for.
 
     Attributes:
-        index: of the column. factor: to SI. unit: what its numbers are in.
+        index: of the column.
+        factor: to SI.
+        unit: what its numbers are in.
         clock: index of the column of its times, None for the time of all channels.
     """
 
@@ -109,7 +115,9 @@ def assign(file: Path, columns: Columns, layout: Layout) -> Assignment:
     """Find the channels among a file's columns: those of section 2.2.2, and every other that is an acceleration.
 
     Args:
-        file: for messages. columns: of the file. layout: what study.toml says of them.
+        file: for messages.
+        columns: of the file.
+        layout: what study.toml says of them.
 
     Raises:
         InputFileError: a unit is unknown or missing, or the file gives two; a channel is missing or there twice.
@@ -192,8 +200,11 @@ def _unit(file: Path, channel: str, behind: str, beside: str, stated: str, remar
     """The unit of a channel's numbers: what study.toml says, which may overrule the file, or the file.
 
     Args:
-        file, channel: for messages. behind: by the heading. beside: by a row or attribute of units. stated: in
-            study.toml. remarks: gets a sentence where study.toml overrules.
+        file, channel: for messages.
+        behind: by the heading.
+        beside: by a row or attribute of units.
+        stated: in study.toml.
+        remarks: gets a sentence where study.toml overrules.
     """
     valid = TIME_UNITS if channel == "time" else ACCELERATIONS | VOLTAGES
     known = [unit for unit in (beside, behind) if unit.lower() in valid]

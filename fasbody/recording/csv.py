@@ -68,7 +68,9 @@ class TextTable:
         """Find the headings, their units and where the numbers begin.
 
         Args:
-            file: the file. layout: what study.toml says of its columns. strict: refuse columns without names.
+            file: the file.
+            layout: what study.toml says of its columns.
+            strict: refuse columns without names.
 
         Raises:
             InputFileError: it is no text or empty; it has no header, and study.toml names its columns wrongly; it holds

@@ -31,9 +31,12 @@ class Reading:
     """What a file gave.
 
     Attributes:
-        channels: ``time_s``, ``base_m_s2``, ``malleolus_m_s2`` and perhaps more, each (n,), delays undone.
-        used: on each channel its column, unit and clock, in words. unused: what else the file holds.
-        warnings: what was decided that could have been otherwise, in sentences without the file's name.
+        channels: ``time_s``, ``base_m_s2``, ``malleolus_m_s2`` and perhaps more, each (n,), delays
+            undone.
+        used: on each channel its column, unit and clock, in words.
+        unused: what else the file holds.
+        warnings: what was decided that could have been otherwise, in sentences without the file's
+            name.
     """
 
     channels: Channels
@@ -51,7 +54,8 @@ def reading(file: Path, layout: Layout | None = None) -> Reading:
     """A recording in any format, by the file's ending, with what became of each of its columns.
 
     Args:
-        file: the file. layout: what study.toml says of its channels.
+        file: the file.
+        layout: what study.toml says of its channels.
 
     Raises:
         InputFileError: what is wrong with the file, in one sentence.
@@ -383,8 +387,10 @@ def read_one(file: Path, channel: str, layout: Layout | None = None, named: str 
     """Time [s] and one channel [m/s^2], (n,) each, of a file that holds no other.
 
     Args:
-        file: the file. channel: "base" or "malleolus". layout: what study.toml says. named: the column, if it is named
-            otherwise.
+        file: the file.
+        channel: "base" or "malleolus".
+        layout: what study.toml says.
+        named: the column, if it is named otherwise.
 
     Raises:
         InputFileError: as `read`.
@@ -408,7 +414,8 @@ def columns_of(file: Path, layout: Layout | None = None) -> Columns:
     """The columns of a recording, whatever they are; none of a text without a header that study.toml does not name.
 
     Args:
-        file: the file. layout: what study.toml says of its channels.
+        file: the file.
+        layout: what study.toml says of its channels.
 
     Raises:
         InputFileError: it cannot be read.
@@ -491,7 +498,9 @@ def write(file: Path, channels: Channels, matlab: str = "5") -> None:
     """Write channels in the format of the file's ending.
 
     Args:
-        file: to write. channels: as `read` gives them. matlab: version of a .mat file, "5" or "7.3".
+        file: to write.
+        channels: as `read` gives them.
+        matlab: version of a .mat file, "5" or "7.3".
 
     Raises:
         InputFileError: no such format, or the folder cannot be written.

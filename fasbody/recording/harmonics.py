@@ -29,13 +29,15 @@ class Harmonics(Tabled):
     """Complex amplitudes of one channel: signal = offset + sum over h of Re(amplitude_h exp(i 2 pi h f t)).
 
     Attributes:
-        frequency_hz: fundamental. amplitudes: (H,) complex [m/s^2].
+        frequency_hz: fundamental.
+        amplitudes: (H,) complex [m/s^2].
         std: (H,) standard deviation of the real, and of the imaginary, part of each.
-        offset: mean [m/s^2]. sigma: standard deviation of the noise in a sample [m/s^2].
-        scatter: relative standard deviation of the fundamental over the recording's parts, less what white noise makes
-            of it: how periodic it is.
-        onset: relative difference of the first part's fundamental from the others', where it is more than noise: a
-            start-up transient.
+        offset: mean [m/s^2].
+        sigma: standard deviation of the noise in a sample [m/s^2].
+        scatter: relative standard deviation of the fundamental over the recording's parts, less
+            what white noise makes of it: how periodic it is.
+        onset: relative difference of the first part's fundamental from the others', where it is
+            more than noise: a start-up transient.
     """
 
     frequency_hz: float
@@ -64,7 +66,10 @@ def fit_harmonics(time_s: np.ndarray, signal: np.ndarray, frequency_hz: float, c
     and from the scatter between parts of the recording where that is larger than the noise explains.
 
     Args:
-        time_s: (n,) [s]. signal: (n,) [m/s^2]. frequency_hz: fundamental. count: how many harmonics to return.
+        time_s: (n,) [s].
+        signal: (n,) [m/s^2].
+        frequency_hz: fundamental.
+        count: how many harmonics to return.
     """
     rate = (time_s.size - 1) / (time_s[-1] - time_s[0])
     fitted = max(count, min(_FITTED, int(0.45 * rate // frequency_hz)))
@@ -85,7 +90,8 @@ def find_frequency(time_s: np.ndarray, signal: np.ndarray) -> float:
     """Fundamental frequency [Hz] of a periodic signal, to a small fraction of the inverse length.
 
     Args:
-        time_s: (n,) [s]. signal: (n,), offset removed.
+        time_s: (n,) [s].
+        signal: (n,), offset removed.
     """
     thin = max(1, min(-(-time_s.size // _LONG), int((time_s.size - 1) / (time_s[-1] - time_s[0]) / _SLOW_HZ)))
     if thin == 1:
@@ -157,7 +163,9 @@ def narrow_share(time_s: np.ndarray, signal: np.ndarray, frequency_hz: float) ->
     Unlike `sine_share` it allows for a shaker that wanders in amplitude and frequency.
 
     Args:
-        time_s: (n,) [s]. signal: (n,), offset removed. frequency_hz: fundamental.
+        time_s: (n,) [s].
+        signal: (n,), offset removed.
+        frequency_hz: fundamental.
     """
     n = signal.size
     rate = (n - 1) / (time_s[-1] - time_s[0])

@@ -70,7 +70,8 @@ def header(text: str, score: Callable[[Sequence[str]], int]) -> tuple[int, str, 
     """Where the header is, below whatever a program wrote first: number of its line, separator, names.
 
     Args:
-        text: of the file. score: how many of a line's cells are known names; the first line with most of them wins,
+        text: of the file.
+        score: how many of a line's cells are known names; the first line with most of them wins,
             and without any the first line that is not a comment.
     """
     best, found = 0, (1, ",", [""])
@@ -128,8 +129,10 @@ def headless(
     """Line, separator and width of the first row of numbers where no line is a header, None where one is.
 
     Args:
-        text: whole. names, line, separator: what `header` took for headings.
-        layout: where study.toml names the columns, lines of words above as many numbers are a preamble.
+        text: whole.
+        names, line, separator: what `header` took for headings.
+        layout: where study.toml names the columns, lines of words above as many numbers are a
+            preamble.
     """
     if all(value(cell) for cell in names if cell):
         return line, separator, len(names)
@@ -196,7 +199,8 @@ def headed(text: str, line: int, separator: str, names: Sequence[str]) -> Headin
     """The rows of headings from one line to the first row of numbers: names, parts of names, units, counts.
 
     Args:
-        text: from its first line on. line, separator, names: what `header` found.
+        text: from its first line on.
+        line, separator, names: what `header` found.
     """
     names, rows_above = list(names), line
     body = first_samples(text, line, separator)

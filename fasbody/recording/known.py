@@ -27,11 +27,14 @@ class Known(Tabled):
     """What is known; None where nothing is said.
 
     Attributes:
-        mass_std: relative standard deviation of the segment masses, 0 where they are exact. gain_std: that of the
-            malleolus' gain against the base's. delay_std_s: standard deviation of the delay between them [s].
-        excluded: departures that cannot be (`DEPARTURES`). static_forces: load on the knee [kg] and force [N] with
-            which the foot rests on the table under it without vibration; default the weight of leg and load.
-        load_share: of the added mass that the leg carries, as stated or as two static forces tell; None if unknown.
+        mass_std: relative standard deviation of the segment masses, 0 where they are exact.
+        gain_std: that of the malleolus' gain against the base's.
+        delay_std_s: standard deviation of the delay between them [s].
+        excluded: departures that cannot be (`DEPARTURES`).
+        static_forces: load on the knee [kg] and force [N] with which the foot rests on the table
+            under it without vibration; default the weight of leg and load.
+        load_share: of the added mass that the leg carries, as stated or as two static forces tell.
+            None if unknown.
     """
 
     mass_std: float | None = None

@@ -31,9 +31,11 @@ class Merged:
     """One recording of two loggers.
 
     Attributes:
-        recording: on the clock of the first; its calibration holds the uncertainty of the delay. way: one of `WAYS`.
-        delay_s: how much later the second started. delay_std_s: its standard deviation. clock: how much faster the
-            second's clock runs, as a share (0 with a single knock).
+        recording: on the clock of the first; its calibration holds the uncertainty of the delay.
+        way: one of `WAYS`.
+        delay_s: how much later the second started.
+        delay_std_s: its standard deviation.
+        clock: how much faster the second's clock runs, as a share (0 with a single knock).
     """
 
     recording: Recording
@@ -61,8 +63,10 @@ def merge(
     """One recording of a logger on the table and one on the foot.
 
     Args:
-        time_s, base: (n,) of the table's logger [s, m/s^2]. other_time_s, other: (m,) of that on the malleolus.
-        way: "knock" or "correlation"; a knock if there is one, unless given. name: for messages.
+        time_s, base: (n,) of the table's logger [s, m/s^2].
+        other_time_s, other: (m,) of that on the malleolus.
+        way: "knock" or "correlation"; a knock if there is one, unless given.
+        name: for messages.
 
     Raises:
         RecordingError: no knock in both, nothing that correlates, or less than a second in common.

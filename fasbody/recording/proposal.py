@@ -114,8 +114,9 @@ def propose(folder: Path, pattern: str | None = None) -> Proposal:
     """Look at a folder's file names and at one file of each kind; of a study that is there, at files not listed yet.
 
     Args:
-        folder: with recordings, also in folders of its own. pattern: of their names without ending, such as
-            ``S{subject}_{frequency}Hz_{load}kg``; with a / it holds folders, too. None guesses it, or several.
+        folder: with recordings, also in folders of its own.
+        pattern: of their names without ending, such as ``S{subject}_{frequency}Hz_{load}kg``; with
+            a / it holds folders, too. None guesses it, or several.
 
     Raises:
         InputFileError: no such folder, no recordings in it, none that match, or tables of a study that are not whole.

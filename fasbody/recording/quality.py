@@ -42,9 +42,12 @@ class Quality:
     """A recording.
 
     Attributes:
-        coherence: of malleolus and base, at the excitation; for broadband the mean over the base's power to 100 Hz.
-        lead_deg: how far the malleolus is ahead, and its standard deviation `lead_std_deg`; likewise for broadband.
-        channels: by name. ratio: how much more the malleolus moves than the base, nan for broadband.
+        coherence: of malleolus and base, at the excitation; for broadband the mean over the base's
+            power to 100 Hz.
+        lead_deg: how far the malleolus is ahead, and its standard deviation `lead_std_deg`.
+            likewise for broadband.
+        channels: by name.
+        ratio: how much more the malleolus moves than the base, nan for broadband.
     """
 
     coherence: float
@@ -73,7 +76,9 @@ def quality(time_s: np.ndarray, channels: dict[str, np.ndarray], frequency_hz: f
     """Of channels "base", "malleolus" and perhaps more, (n,) each.
 
     Args:
-        time_s: (n,) [s]. channels: (n,) each [m/s^2]. frequency_hz: of the excitation, None for broadband.
+        time_s: (n,) [s].
+        channels: (n,) each [m/s^2].
+        frequency_hz: of the excitation, None for broadband.
     """
     if frequency_hz is None:
         return _broadband(time_s, channels)
@@ -164,7 +169,9 @@ def still(
     """A channel that stands still while another moves: its name, and from when to when [s].
 
     Args:
-        time_s: (n,) [s]. channels: (n,) each. frequency_hz: of a signal that is mostly one sine, else None.
+        time_s: (n,) [s].
+        channels: (n,) each.
+        frequency_hz: of a signal that is mostly one sine, else None.
     """
     rate = (time_s.size - 1) / (time_s[-1] - time_s[0])
     window = max(16, time_s.size // 50, round(rate / frequency_hz) if frequency_hz else 0)

@@ -32,13 +32,15 @@ class Recording(Tabled):
 
     Attributes:
         time_s: (n,) sample times [s].
-        base_m_s2: (n,) base acceleration; malleolus_m_s2: (n,) medial malleolus [m/s^2].
+        base_m_s2: (n,) base acceleration;
+        malleolus_m_s2: (n,) medial malleolus [m/s^2].
         tuberosity_m_s2: (n,) tibial tuberosity [m/s^2], if recorded.
         condition: how it was made.
         file: where it came from, for messages.
         origin: "measured", "synthetic" or "of unstated origin" (a bare file).
         warnings: what the checks found that does not forbid its use.
-        calibration: what study.toml says of the channels, by name; uncertainties are taken from there.
+        calibration: what study.toml says of the channels, by name; uncertainties are taken from
+            there.
         known: what the laboratory knows beyond the recording.
         digest: sha256 of the file that it was read from, in hexadecimal; "" where there was none.
         others: (n,) of further accelerometers by name, such as ``foot`` [m/s^2].
@@ -115,11 +117,15 @@ class Recording(Tabled):
         is that: ``Recording.from_arrays(base.index, base, malleolus)``.
 
         Args:
-            time_s: (n,) sample times [s]. base, malleolus, tuberosity: (n,) accelerations [m/s^2].
-            others: (n,) accelerations of further sensors by name [m/s^2]. body_mass_kg: of the subject.
+            time_s: (n,) sample times [s].
+            base, malleolus, tuberosity: (n,) accelerations [m/s^2].
+            others: (n,) accelerations of further sensors by name [m/s^2].
+            body_mass_kg: of the subject.
             added_mass_kg: on the knee.
             frequency_hz: of a sine, None where the checks are to find it.
-            subject, posture: who and how. name: what to call it in messages. origin: "measured" or "synthetic".
+            subject, posture: who and how.
+            name: what to call it in messages.
+            origin: "measured" or "synthetic".
 
         Raises:
             RecordingError: an array is no row of numbers, their lengths differ, or a mass is not plausible.
@@ -151,7 +157,8 @@ class Recording(Tabled):
         an index of datetimes or time differences is the time. Any other index is not looked at.
 
         Args:
-            table: the table. layout: what its columns are, if their names do not say so. about: as `from_arrays`.
+            table: the table.
+            layout: what its columns are, if their names do not say so. about: as `from_arrays`.
 
         Raises:
             InputFileError: a channel or its unit is missing. RecordingError: as `from_arrays`.
@@ -249,7 +256,8 @@ class Recording(Tabled):
         """Write in the format of the file's ending; as CSV numbers are as short as they are exact to 1e-6.
 
         Args:
-            file: to write. matlab: version of a .mat file, "5" or "7.3".
+            file: to write.
+            matlab: version of a .mat file, "5" or "7.3".
         """
         import pandas as pd
 
@@ -335,7 +343,8 @@ def gain_and_delay(recording: Recording, out: str, into: str) -> tuple[float, fl
     The channels are taken for independent. Repeating a recording with the same sensors does not make these smaller.
 
     Args:
-        recording: with its calibration. out, into: names of the channels.
+        recording: with its calibration.
+        out, into: names of the channels.
     """
     a, b = (recording.calibration.get(name, Channel()) for name in (out, into))
     return float(np.hypot(a.gain_std, b.gain_std)), float(np.hypot(a.delay_std_s, b.delay_std_s))

@@ -60,7 +60,9 @@ def write(file: Path, title: str, rows: Sequence[Mapping[str, Any]]) -> None:
     """Write the page.
 
     Args:
-        file: to write. title: of the page. rows: of `checks.understood`, with an `excerpt` each where there is one.
+        file: to write.
+        title: of the page.
+        rows: of `checks.understood`, with an `excerpt` each where there is one.
     """
     from jinja2 import Environment, select_autoescape
 

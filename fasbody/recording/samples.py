@@ -42,7 +42,8 @@ class Slow:
     """A channel that was sampled more slowly than its file is.
 
     Attributes:
-        interval: samples of the file from one of its own to the next. held: steps, else joined by straight lines.
+        interval: samples of the file from one of its own to the next.
+        held: steps, else joined by straight lines.
         age: of a held sample in the mean, in samples of the file.
     """
 
@@ -61,7 +62,8 @@ def slow(values: np.ndarray, grid: float | None = None) -> Slow | None:
     """Whether a channel (n,) is one of fewer samples, each held, or joined by lines, up to the next.
 
     Args:
-        values: (n,). grid: the `step` of its converter, if that is known already.
+        values: (n,).
+        grid: the `step` of its converter, if that is known already.
     """
     change, bend = np.abs(np.diff(values)), np.abs(np.diff(values, 2))
     grid = step(values) if grid is None else grid
@@ -113,8 +115,10 @@ class Odd:
     """Samples that their neighbours do not explain.
 
     Attributes:
-        spikes: places of single samples that stand out. jumps: where the motion goes on elsewhere, samples lost.
-        size: of the largest [m/s^2]. mark: the number that all spikes are, None where they differ.
+        spikes: places of single samples that stand out.
+        jumps: where the motion goes on elsewhere, samples lost.
+        size: of the largest [m/s^2].
+        mark: the number that all spikes are, None where they differ.
     """
 
     spikes: np.ndarray
@@ -127,7 +131,8 @@ def odd(values: np.ndarray, periods: float | None) -> Odd:
     """The samples of a channel (n,) that stand out of their neighbours.
 
     Args:
-        values: (n,). periods: of its sine, None for broadband.
+        values: (n,).
+        periods: of its sine, None for broadband.
     """
     missed = np.zeros(values.size)
     middle = values[2:-2] - (4 * (values[1:-3] + values[3:-1]) - values[:-4] - values[4:]) / 6

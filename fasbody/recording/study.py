@@ -26,8 +26,11 @@ class StudyFolder(Tabled):
     """A study on disk: its tables are read, its recordings one at a time when they are asked for.
 
     Attributes:
-        name: its title. origin: "measured" or "synthetic". description: one paragraph.
-        trials: what recordings.csv lists. layout: what study.toml says of the channels.
+        name: its title.
+        origin: "measured" or "synthetic".
+        description: one paragraph.
+        trials: what recordings.csv lists.
+        layout: what study.toml says of the channels.
     """
 
     name: str
@@ -65,7 +68,10 @@ class Study(Tabled):
         study.check()
 
     Attributes:
-        name: its title. origin: "measured" or "synthetic". description: one paragraph. recordings: in table order.
+        name: its title.
+        origin: "measured" or "synthetic".
+        description: one paragraph.
+        recordings: in table order.
     """
 
     name: str
@@ -161,7 +167,8 @@ def read_file(file: Path, study: Path | None = None) -> Recording:
     """A recording with its conditions where it lies in a study that lists it, else as a bare file.
 
     Args:
-        file: the recording. study: study.toml that says what its channels are, if it lies in no study.
+        file: the recording.
+        study: study.toml that says what its channels are, if it lies in no study.
 
     Raises:
         InputFileError: it, or the study around it, cannot be read.

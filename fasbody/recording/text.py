@@ -168,7 +168,10 @@ def rows(file: Path, body: str, separator: str, after: int) -> Iterator[tuple[in
     """Number and cells of each line of a body, without comments and empty lines.
 
     Args:
-        file: for messages. body: the lines. separator: of their cells. after: how many lines of the file stand above.
+        file: for messages.
+        body: the lines.
+        separator: of their cells.
+        after: how many lines of the file stand above.
 
     Raises:
         InputFileError: a quotation mark is never closed.

@@ -19,7 +19,8 @@ def expected(frequency_hz: np.ndarray, H: np.ndarray) -> np.ndarray:
     medians (Theil 1950, Sen 1968), which one wrong sine of five does not move.
 
     Args:
-        frequency_hz: (n,) all different. H: (n,) complex, measured.
+        frequency_hz: (n,) all different.
+        H: (n,) complex, measured.
     """
     stiffness = np.log(frequency_hz**2 / (1 - 1 / H))
     stiffness = stiffness.real + 1j * (

@@ -129,7 +129,8 @@ def listed(folder: Path, only: Path | None = None) -> tuple[Trial, ...]:
     """The trials of `recordings.csv`, with the body masses of `subjects.csv`.
 
     Args:
-        folder: the study. only: list just this one of its recordings.
+        folder: the study.
+        only: list just this one of its recordings.
 
     Raises:
         InputFileError: a table is missing, has a wrong place in it, or lists a recording or subject twice.

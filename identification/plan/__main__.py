@@ -241,9 +241,11 @@ def run(
     if simulate:
         from fasbody.acquire.bench import foot as bench
 
-        own = {"--port": port, "--generator": generator, "--body-mass": body_mass, "--calibration": calibration}
-        if given := [name for name, value in own.items() if value] + ["--board"] * (board != "serial"):
-            raise SettingError(f"--simulate brings its own board, generator and subject: leave out {', '.join(given)}.")
+        of_bench = {"--port": port, "--generator": generator, "--body-mass": body_mass, "--calibration": calibration}
+        if misplaced := [name for name, value in of_bench.items() if value] + ["--board"] * (board != "serial"):
+            raise SettingError(
+                f"--simulate brings its own board, generator and subject: leave out {', '.join(misplaced)}."
+            )
         body_mass, subject = bench.BODY_MASS_KG, str(bench.SUBJECT)
     equipment = None if simulate else Equipment(board, port, baud, generator, generator_baud, calibration)
     if equipment is not None:
@@ -308,18 +310,18 @@ def _numbers(text: str | None, option: str) -> tuple[float, ...]:
 
 def _asked(texts: Sequence[str] | None) -> dict[str, float]:
     """Half-widths by constant; none where nobody asks."""
-    found: dict[str, float] = {}
+    shares: dict[str, float] = {}
     for text in texts or ():
         name, _, share = (part.strip() for part in text.partition("="))
         if text.strip() == _AS_THESIS:
             raise SettingError(f"--ask {_AS_THESIS} asks for all intervals; leave out the other --ask.")
-        if name in found:
-            raise SettingError(f"--ask names {name} twice, {found[name]:g} and {share}; give it once.")
+        if name in shares:
+            raise SettingError(f"--ask names {name} twice, {shares[name]:g} and {share}; give it once.")
         try:
-            found[name] = float(share)
+            shares[name] = float(share)
         except ValueError:
             raise SettingError(f"--ask {text!r} is not NAME=SHARE, for example k_T=0.05.") from None
-    return found
+    return shares
 
 
 def _earlier(data: Sequence[Path] | None, body_mass: float | None) -> "list[Recording]":
@@ -329,10 +331,10 @@ def _earlier(data: Sequence[Path] | None, body_mass: float | None) -> "list[Reco
     from fasbody.recording.checks import checked
     from fasbody.recording.sources import gather
 
-    found = [checked(recording) for recording in gather(data, None if body_mass is None else [body_mass], None)[1]]
-    if other := [r.file for r in found if r.condition.frequency_hz is None]:
+    recordings = [checked(recording) for recording in gather(data, None if body_mass is None else [body_mass], None)[1]]
+    if other := [r.file for r in recordings if r.condition.frequency_hz is None]:
         raise SettingError(f"{other[0]} is no sine; the director goes on from settled sines.")
-    return found
+    return recordings
 
 
 def _of(earlier: "list[Recording]", subject: str | None, posture: str | None) -> "list[Recording]":
@@ -341,16 +343,16 @@ def _of(earlier: "list[Recording]", subject: str | None, posture: str | None) ->
     Raises:
         SettingError: nobody is called so, or they are of several people or postures.
     """
-    for option, wanted, name in (("--subject", subject, "subject"), ("--posture", posture, "posture")):
-        there = list(dict.fromkeys(str(getattr(r.condition, name)) for r in earlier))
-        if wanted is not None and wanted not in there:
-            raise SettingError(f"{option}: {unknown(name, wanted, there)}.")
-        if wanted is None and len(there) > 1:
+    for option, named, name in (("--subject", subject, "subject"), ("--posture", posture, "posture")):
+        recorded = list(dict.fromkeys(str(getattr(r.condition, name)) for r in earlier))
+        if named is not None and named not in recorded:
+            raise SettingError(f"{option}: {unknown(name, named, recorded)}.")
+        if named is None and len(recorded) > 1:
             raise SettingError(
                 f"the earlier recordings are of several {'people' if name == 'subject' else 'postures'} "
-                f"({', '.join(there)}); choose one with {option}."
+                f"({', '.join(recorded)}); choose one with {option}."
             )
-        earlier = [r for r in earlier if wanted is None or str(getattr(r.condition, name)) == wanted]
+        earlier = [r for r in earlier if named is None or str(getattr(r.condition, name)) == named]
     return earlier
 
 

@@ -25,9 +25,13 @@ class Step:
     """One recording.
 
     Attributes:
-        kind: "sine", or "multisine": harmonics of one fundamental at once. frequency_hz: the fundamental.
-        added_mass_kg: on the knee. amplitude_m_s2: of the base, half of peak to peak. seconds: of shaking.
-        tones: harmonics that a multisine plays. sensors: that are read.
+        kind: "sine", or "multisine": harmonics of one fundamental at once.
+        frequency_hz: the fundamental.
+        added_mass_kg: on the knee.
+        amplitude_m_s2: of the base, half of peak to peak.
+        seconds: of shaking.
+        tones: harmonics that a multisine plays.
+        sensors: that are read.
     """
 
     kind: str
@@ -72,7 +76,8 @@ class Candidates:
     """What could be recorded with a shaker.
 
     Attributes:
-        shaker: its limits. leg_kg: shank and foot of the person.
+        shaker: its limits.
+        leg_kg: shank and foot of the person.
     """
 
     shaker: Shaker
@@ -81,30 +86,32 @@ class Candidates:
     @cached_property
     def steps(self) -> tuple[Step, ...]:
         """Every recording that the limits allow, in a fixed order."""
-        s, found = self.shaker, []
+        s, trials = self.shaker, []
         for load in dict.fromkeys(s.loads_kg):
             moving = weight(self.leg_kg, load)
             for f in s.frequencies_hz:
                 for a in s.amplitudes(f, moving) if SINE in s.kinds else ():
-                    found.append(Step(SINE, f, load, a, s.seconds, sensors=s.sensors))
+                    trials.append(Step(SINE, f, load, a, s.seconds, sensors=s.sensors))
                 tones = min(harmonic_count(f, s.rate_hz), int(1.001 * s.highest_hz // f))
                 for a in s.amplitudes(f, moving) if MULTISINE in s.kinds and tones > 1 else ():
-                    found.append(Step(MULTISINE, f, load, a, s.seconds, tones, s.sensors))
-        return tuple(found)
+                    trials.append(Step(MULTISINE, f, load, a, s.seconds, tones, s.sensors))
+        return tuple(trials)
 
 
 def within(shaker: Shaker, leg_kg: float, steps: Sequence[Step]) -> tuple[Step, ...]:
     """Sines as far as a shaker can make them: without frequencies beyond its own, and no stronger than it allows.
 
     Args:
-        shaker: its limits. leg_kg: shank and foot of the person. steps: of a protocol made for another shaker.
+        shaker: its limits.
+        leg_kg: shank and foot of the person.
+        steps: of a protocol made for another shaker.
     """
-    found = []
+    candidates = []
     for step in steps:
         if shaker.lowest_hz <= step.frequency_hz <= shaker.highest_hz:
             most = shaker.allowed(step.frequency_hz, weight(leg_kg, step.added_mass_kg))
-            found.append(replace(step, amplitude_m_s2=min(step.amplitude_m_s2, most)))
-    return tuple(found)
+            candidates.append(replace(step, amplitude_m_s2=min(step.amplitude_m_s2, most)))
+    return tuple(candidates)
 
 
 def thesis(loads_kg: tuple[float, ...] = ADDED_MASSES_KG, seconds: float = THESIS_S) -> tuple[Step, ...]:

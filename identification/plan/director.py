@@ -374,10 +374,10 @@ class Director:
         key = (tuple(sorted(plan.items())), pieces, feet)
         if key not in self._scored:
             self._scored[key] = self._feet.gains(self._sums(()), plan, pieces, feet).sum(1)
-        gains, there = self._scored[key], sorted(plan)
-        if len(there) < most:
+        gains, order = self._scored[key], sorted(plan)
+        if len(order) < most:
             return int(np.argmax(gains)), gains
-        return there[int(np.argmax(gains[there]))], gains
+        return order[int(np.argmax(gains[order]))], gains
 
     def _met(self, plan: Counter[int]) -> bool:
         """What is asked is expected to be met, by all feet."""
@@ -397,10 +397,10 @@ class Director:
 def _refuse(person: Person, shaker: Shaker, ask: Mapping[str, float], earlier: Sequence[Recording], draws: int) -> None:
     """Raise SettingError where something cannot be meant."""
     _refuse_ask(ask)
-    there = [name for name in person.foot.sensors if name != "base"]
+    available = [name for name in person.foot.sensors if name != "base"]
     for name in shaker.sensors:
-        if name not in there:
-            raise SettingError(f"{unknown('sensor', name, there)} in model {person.foot.name}.")
+        if name not in available:
+            raise SettingError(f"{unknown('sensor', name, available)} in model {person.foot.name}.")
     if shaker.sensors[:1] != MALLEOLUS:
         raise SettingError("the malleolus is always worn; name it first, malleolus,foot for example.")
     if len(set(shaker.sensors)) < len(shaker.sensors):

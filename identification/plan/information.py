@@ -141,8 +141,8 @@ class Sight:
         gain = size[..., :1] / np.abs(measured.base[:, None, :1])
         std = self._shaker.noise_m_s2 * np.sqrt(2 / (self._seconds * self._shaker.rate_hz))
         noise = np.broadcast_to(std[:, None, None] ** 2 * (1 + gain**2), size.shape)
-        both = (noise, (self._shaker.repeatability * size) ** 2)
-        noise, scatter = (np.tile(x.reshape(D, R, -1), 2)[:, measured.rows] for x in both)
+        variances = (noise, (self._shaker.repeatability * size) ** 2)
+        noise, scatter = (np.tile(x.reshape(D, R, -1), 2)[:, measured.rows] for x in variances)
         return noise, scatter
 
 

@@ -19,9 +19,11 @@ class Observed:
     """One recording.
 
     Attributes:
-        level_m_s2: amplitude of the base's fundamental. distortion: its harmonics over that, as a share.
+        level_m_s2: amplitude of the base's fundamental.
+        distortion: its harmonics over that, as a share.
         coherence: of malleolus and base at the fundamental, over segments.
-        transmissibility: with its 95 % limits lower and upper. phase_deg: of the malleolus against the base.
+        transmissibility: with its 95 % limits lower and upper.
+        phase_deg: of the malleolus against the base.
         noise_m_s2: rms of a sample, of both channels together.
     """
 
@@ -48,10 +50,10 @@ def observed(recording: Recording) -> Observed:
     U, f = line.base.amplitudes, line.base.frequency_hz
     channels = {"base": recording.base_m_s2, "malleolus": recording.malleolus_m_s2}
     H, std = by_segments(recording.time_s, channels, f).ratio("malleolus")
-    size, wide = float(abs(H[0])), _Z95 * float(std[0])
+    size, half = float(abs(H[0])), _Z95 * float(std[0])
     return Observed(
         float(abs(U[0])), float(np.linalg.norm(U[1:]) / abs(U[0])), coherence(recording, f), size,
-        max(0.0, size - wide), size + wide, float(np.degrees(np.angle(H[0]))),
+        max(0.0, size - half), size + half, float(np.degrees(np.angle(H[0]))),
         float(np.sqrt(0.5 * (line.base.sigma**2 + line.malleolus.sigma**2))),
     )  # fmt: skip
 

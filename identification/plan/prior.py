@@ -109,9 +109,9 @@ class PlanVariables(Variables):
     def carried(self, Q: np.ndarray, other: "PlanVariables") -> np.ndarray:
         """(..., n) what other variables Q (..., m) are here; what they lack is as expected."""
         mean, _ = self.prior
-        there = {name: Q[..., i] * other.scale[i] for i, name in enumerate(other.names)}
+        values = {name: Q[..., i] * other.scale[i] for i, name in enumerate(other.names)}
         columns = [
-            there[name] / self.scale[i] if name in there else np.full(Q.shape[:-1], mean[i])
+            values[name] / self.scale[i] if name in values else np.full(Q.shape[:-1], mean[i])
             for i, name in enumerate(self.names)
         ]
         return np.clip(np.stack(columns, -1), *self.bounds)

@@ -20,7 +20,9 @@ class Protocol:
     """Steps in the order in which they are recorded, and whom they are for.
 
     Attributes:
-        steps: recordings. subject, body_mass_kg, posture: of the person. seed: of the plan.
+        steps: recordings.
+        subject, body_mass_kg, posture: of the person.
+        seed: of the plan.
     """
 
     steps: tuple[Step, ...]

@@ -29,9 +29,11 @@ class Laboratory:
     """Records steps into a study, one after the other, the output off between them.
 
     Args:
-        study: folder. person: on the shaker. safety: what guard and level keep to.
-        equipment: board and generator; None for the virtual bench. On hardware a person at the terminal lays the
-            loads, and says so.
+        study: folder.
+        person: on the shaker.
+        safety: what guard and level keep to.
+        equipment: board and generator; None for the virtual bench. On hardware a person at the
+            terminal lays the loads, and says so.
     """
 
     def __init__(self, study: Path, person: Person, safety: Safety, equipment: Equipment | None) -> None:

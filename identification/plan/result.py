@@ -24,9 +24,12 @@ class Expected:
     """What a protocol is expected to leave.
 
     Attributes:
-        steps: of it. half_width: half of the 95 % interval as a share of the value, by constant; the geometric mean
-            over the feet. least, most: over the feet. met: share of the feet for whom all that is asked is met.
-            decided: share of the feet whose branch is decided.
+        steps: of it.
+        half_width: half of the 95 % interval as a share of the value, by constant; the geometric
+            mean over the feet.
+        least, most: over the feet.
+        met: share of the feet for whom all that is asked is met.
+        decided: share of the feet whose branch is decided.
     """
 
     steps: tuple[Step, ...]
@@ -79,19 +82,21 @@ class Longer:
     """What it takes where the noise is what is in the way.
 
     Attributes:
-        times: how often the steps must be recorded, once for as they are planned. shaking_s: that takes.
-        steps: "the plan", or every candidate where that is quicker. given_s: of shaking, that there was.
+        times: how often the steps must be recorded, once for as they are planned.
+        shaking_s: that takes.
+        steps: "the plan", or every candidate where that is quicker.
+        available_s: of shaking, that there was.
     """
 
     times: float
     shaking_s: float
     steps: str
-    given_s: float
+    available_s: float
 
     def __str__(self) -> str:
         if self.steps != EVERY:
             return f"It would take {self.steps} {plain(self.times)} times over, {span(self.shaking_s)} of shaking."
-        if self.shaking_s <= self.given_s:
+        if self.shaking_s <= self.available_s:
             return (
                 f"The number of recordings is the limit: spread over {EVERY}, {span(self.shaking_s)} of shaking would "
                 "do."
@@ -100,15 +105,20 @@ class Longer:
 
     @classmethod
     def of(
-        cls, director: Director, steps: Mapping[str, Sequence[Step]], names: Sequence[str], branch: bool, given_s: float
+        cls,
+        director: Director,
+        steps: Mapping[str, Sequence[Step]],
+        names: Sequence[str],
+        branch: bool,
+        available_s: float,
     ) -> "Longer | None":
         """The quickest of some protocols, by what they are called; None where none ever does."""
-        found = []
-        for what, each in steps.items():
-            times = director.times(each, names, branch)
+        sessions = []
+        for what, chosen in steps.items():
+            times = director.times(chosen, names, branch)
             if np.isfinite(times):
-                found.append(cls(times, times * shaking_s(each), what, given_s))
-        return min(found, key=lambda x: x.shaking_s, default=None)
+                sessions.append(cls(times, times * shaking_s(chosen), what, available_s))
+        return min(sessions, key=lambda x: x.shaking_s, default=None)
 
 
 @dataclass(frozen=True)
@@ -116,7 +126,9 @@ class Offer:
     """One more sensor in the same recordings.
 
     Attributes:
-        sensor: of the model. expected: what the plan leaves with it. adds: to the plan, in nats.
+        sensor: of the model.
+        expected: what the plan leaves with it.
+        adds: to the plan, in nats.
     """
 
     sensor: str
@@ -143,16 +155,24 @@ class Planned(Presented):
     """A session in advance.
 
     Attributes:
-        model, subject, body_mass_kg, posture, seed: whose plan, and of which draws. feet: how many draws.
-        steps: to record, in order. adds: what each adds to all the others. expected: by protocol.
+        model, subject, body_mass_kg, posture, seed: whose plan, and of which draws.
+        feet: how many draws.
+        steps: to record, in order.
+        adds: what each adds to all the others.
+        expected: by protocol.
         asked: half-widths by constant; those that are not asked for are left out.
-        reached: half-widths if every candidate were recorded until no noise is left, and the share decided then.
+        reached: half-widths if every candidate were recorded until no noise is left, and the share
+            decided then.
         causes: what keeps each constant uncertain then, in words.
         longer: what it takes to meet what the noise is in the way of; None where nothing is.
-        excluding: half-widths after the plan if one group of what is uncertain were known, by its name.
+        excluding: half-widths after the plan if one group of what is uncertain were known, by its
+            name.
         offers: sensors that could be worn besides.
-        earlier: how many recordings there are. places: the map. said: what they say. computing_s: that the
-            planning took. uncertain: what is not known beforehand, beside the constants.
+        earlier: how many recordings there are.
+        places: the map.
+        findings: what they say.
+        computing_s: that the planning took.
+        uncertain: what is not known beforehand, beside the constants.
         repeatability: relative scatter of a harmonic from recording to recording.
     """
 
@@ -176,7 +196,7 @@ class Planned(Presented):
     offers: tuple[Offer, ...]
     earlier: int
     places: tuple[Place, ...]
-    said: str
+    findings: str
     computing_s: float
     uncertain: tuple[str, ...] = ()
     repeatability: float = 0.0
@@ -185,9 +205,9 @@ class Planned(Presented):
     def limited(self) -> str:
         """What of the thesis' protocol this shaker cannot do, in a sentence; empty where it can do it all."""
         theirs = self.expected[THESIS].steps
-        lost = sorted({s.frequency_hz for s in thesis()} - {s.frequency_hz for s in theirs})
+        unreachable = sorted({s.frequency_hz for s in thesis()} - {s.frequency_hz for s in theirs})
         weaker = [s for s in theirs if s.amplitude_m_s2 < THESIS_AMPLITUDE]
-        parts = [f"without {listed([f'{f:g}' for f in lost])} Hz"] if lost else []
+        parts = [f"without {listed([f'{f:g}' for f in unreachable])} Hz"] if unreachable else []
         if weaker:
             f, least = [s.frequency_hz for s in weaker], min(s.amplitude_m_s2 for s in weaker)
             where = f"at {min(f):g} to {max(f):g} Hz" if max(f) > min(f) else f"at {f[0]:g} Hz"
@@ -349,8 +369,8 @@ class Planned(Presented):
             f"{repeating(self.repeatability)}. Seed {self.seed}."
         )
         notes.append(exposure(self.steps).sentence())
-        if self.said:
-            notes.append(self.said)
+        if self.findings:
+            notes.append(self.findings)
         return Sheet(f"{self.model}: the next session of subject {self.subject}", columns, rows, notes)
 
     def records(self) -> list[dict[str, Any]]:
@@ -400,7 +420,10 @@ def planned(director: Director, most: int, seconds: float, took_s: float = 0.0) 
     """A whole session of a director, and what is expected of it.
 
     Args:
-        director: of the person. most: recordings. seconds: of shaking. took_s: that making the director took.
+        director: of the person.
+        most: recordings.
+        seconds: of shaking.
+        took_s: that making the director took.
     """
     import time
 
@@ -413,7 +436,8 @@ def planned(director: Director, most: int, seconds: float, took_s: float = 0.0) 
         UNLOADED: director.thesis((0.0,)),
     }
     expected = {
-        name: Expected.of(each, director.outlook(each, fresh=name != PLANNED)) for name, each in protocols.items()
+        name: Expected.of(protocol, director.outlook(protocol, fresh=name != PLANNED))
+        for name, protocol in protocols.items()
     }
     whole = director.outlook(steps).utility
     adds = []
@@ -439,14 +463,14 @@ def _offer(director: Director, sensor: str, steps: Sequence[Step], without: np.n
 
 
 def _longer(
-    director: Director, steps: Sequence[Step], mine: Expected, reached: Expected, given_s: float
+    director: Director, steps: Sequence[Step], mine: Expected, reached: Expected, available_s: float
 ) -> Longer | None:
     """What it takes to meet what can be met and is not."""
     asked, branch = director.asked, mine.decided < SHARE <= reached.decided
     names = [name for name, share in asked.items() if mine.half_width[name] > share >= reached.half_width[name]]
     if not names and not branch:
         return None
-    return Longer.of(director, {"the plan": steps, EVERY: director.candidates}, names, branch, given_s)
+    return Longer.of(director, {"the plan": steps, EVERY: director.candidates}, names, branch, available_s)
 
 
 def believed(director: Director) -> str:
@@ -478,10 +502,10 @@ def _widths(half: Mapping[str, float], names: Sequence[str] = ()) -> str:
 
 def goal(asked: Mapping[str, float]) -> str:
     """What is asked for, in full."""
-    wide = _widths(asked)
+    widths = _widths(asked)
     rest = ", ".join(name for name in EXCHANGED if name not in asked)
     usual = " (the usual goal, whatever the rig)" if asked == GOAL else ""
-    return f"Asked: {wide}{usual}, and the branch.{f' Not asked: {rest}.' if rest else ''}"
+    return f"Asked: {widths}{usual}, and the branch.{f' Not asked: {rest}.' if rest else ''}"
 
 
 def unreachable(name: str, reached: float, asked: float, cause: str) -> str:

@@ -89,8 +89,13 @@ class Shaken(Presented):
     """A session that has ended.
 
     Attributes:
-        taken: steps in order. ended: one of the words above. reason: in a sentence. said: what is known of the foot.
-        asked: half-widths by constant. recordings: all that count, the earlier ones first. bands: of the constants.
+        taken: steps in order.
+        ended: one of the words above.
+        reason: in a sentence.
+        findings: what is known of the foot.
+        asked: half-widths by constant.
+        recordings: all that count, the earlier ones first.
+        bands: of the constants.
         left: steps that the last plan has and nobody has taken.
     """
 
@@ -100,7 +105,7 @@ class Shaken(Presented):
     taken: tuple[Taken, ...]
     ended: str
     reason: str
-    said: str
+    findings: str
     asked: Mapping[str, float]
     recordings: tuple[Recording, ...]
     bands: Mapping[str, Band]
@@ -118,7 +123,7 @@ class Shaken(Presented):
     def sentence(self) -> str:
         """How it ended, and with what."""
         shaken = minutes(shaking_s([t.step for t in self.good]))
-        return f"{self.reason} {counted(len(self.good), 'recording')}, {shaken} of shaking. {self.said}"
+        return f"{self.reason} {counted(len(self.good), 'recording')}, {shaken} of shaking. {self.findings}"
 
     def sheet(self) -> Sheet:
         """Step by step, with the bands that narrow."""
@@ -165,7 +170,7 @@ class Shaken(Presented):
             "steps": self.records(), "ended": self.ended, "reason": self.reason, "sentence": self.sentence(),
             "shaking_s": shaking_s([t.step for t in self.good]), "recordings": len(self.good),
             "asked": {name: self.asked.get(name) for name in EXCHANGED},
-            "fit": {name: asdict(band) for name, band in self.bands.items()}, "said": self.said,
+            "fit": {name: asdict(band) for name, band in self.bands.items()}, "said": self.findings,
             "left": [asdict(step) for step in self.left],
         }  # fmt: skip
 
@@ -174,10 +179,16 @@ class Session:
     """Recordings one by one, each chosen after the last.
 
     Args:
-        person: on the shaker. shaker: its limits. ask: half-widths that are asked for, and no others; none for the
-            usual goal. most: recordings. seconds: of shaking in all. seed, draws: of the director. record: makes a
-            recording. offering: tells and asks.
-        earlier: recordings that exist, checked. change_s: what laying another load costs, in seconds of shaking.
+        person: on the shaker.
+        shaker: its limits.
+        ask: half-widths that are asked for, and no others; none for the usual goal.
+        most: recordings.
+        seconds: of shaking in all.
+        seed, draws: of the director.
+        record: makes a recording.
+        offering: tells and asks.
+        earlier: recordings that exist, checked.
+        change_s: what laying another load costs, in seconds of shaking.
     """
 
     def __init__(
@@ -260,15 +271,15 @@ class Session:
         belief = director.belief
         count, spent = len(self._recordings) - self._before, shaking_s([t.step for t in self._taken if t.observed])
         if belief is not None:
-            bands, wide = belief.open_bands(EXCHANGED), self._wide(director)
-            if belief.decided and not wide:
+            bands, missed = belief.open_bands(EXCHANGED), self._wide(director)
+            if belief.decided and not missed:
                 return MET, "What is asked is met."
             ever = director.for_ever()
-            never = [name for name in wide if ever.half_width[name] > director.asked[name]]
+            never = [name for name in missed if ever.half_width[name] > director.asked[name]]
             open_ = not belief.decided and ever.decided <= 1 - SHARE
             # it goes on while anything that is asked for comes nearer with more minutes
             near = [n for n in never if bands[n].half_width <= _NEARLY * ever.half_width[n]]
-            if len(near) == len(wide) and (belief.decided or open_):
+            if len(near) == len(missed) and (belief.decided or open_):
                 return NEVER, _unreachable(director, ever, never, open_)
         if count >= self._most or spent + self._shaker.seconds > self._seconds + 1e-9:
             return SPENT, f"The recordings or minutes that were given are spent. {self._missing(director)}".strip()
@@ -285,11 +296,11 @@ class Session:
         if belief is None or not rest:
             return None
         now, then, bands = director.outlook(()), director.outlook(rest), belief.open_bands(EXCHANGED)
-        wide = self._wide(director)
-        helps = any(then.half_width[name] < _HELPS * now.half_width[name] for name in wide)
+        missed = self._wide(director)
+        helps = any(then.half_width[name] < _HELPS * now.half_width[name] for name in missed)
         if helps or (not belief.decided and then.decided > now.decided):
             return None
-        still = [f"{name} stays at +-{percent(bands[name].half_width)}" for name in wide]
+        still = [f"{name} stays at +-{percent(bands[name].half_width)}" for name in missed]
         still += ["the branch stays open"] * (not belief.decided)
         return NEVER, (
             f"Nothing more helps: with {counted(len(rest), 'more recording')} of {minutes(shaking_s(rest))} in all, "
@@ -301,10 +312,10 @@ class Session:
         belief, good = director.belief, [t.step for t in self._taken if t.observed]
         if belief is None or not good:
             return ""
-        ever, wide = director.for_ever(), self._wide(director)
-        names = [n for n in wide if director.asked[n] >= ever.half_width[n]]
+        ever, missed = director.for_ever(), self._wide(director)
+        names = [n for n in missed if director.asked[n] >= ever.half_width[n]]
         branch = not belief.decided and ever.decided >= SHARE
-        never, open_ = [n for n in wide if n not in names], not belief.decided and not branch
+        never, open_ = [n for n in missed if n not in names], not belief.decided and not branch
         text = _unreachable(director, ever, never, open_) if never or open_ else ""
         done = [replace(step, seconds=self._shaker.seconds) for step in good]
         steps = {"these recordings": [s for s in done if s in director.candidates], EVERY: director.candidates}
@@ -340,20 +351,20 @@ class Session:
         # the first ones are for a look: what follows depends on them
         longest = self._shaker.seconds * (_LONGEST if self._recordings else 1)
         rest = [replace(s, seconds=min(s.seconds, longest, left)) for s in rest]
-        here = [step for step in rest if step.added_mass_kg == self._load]
-        there = [step for step in rest if step.added_mass_kg != self._load]
-        if there and self._load is not None:
+        same_load = [step for step in rest if step.added_mass_kg == self._load]
+        other_load = [step for step in rest if step.added_mass_kg != self._load]
+        if other_load and self._load is not None:
             stay = [step for step in director.candidates if step.added_mass_kg == self._load]
             longer = [replace(step, seconds=step.seconds + self._change_s) for step in stay if not _among(step, barred)]
-            pays = not longer or director.gains(there).max() > director.gains(longer).max()
-            rest = there if pays or not here else here
+            pays = not longer or director.gains(other_load).max() > director.gains(longer).max()
+            rest = other_load if pays or not same_load else same_load
         return rest[int(np.argmax(director.gains(rest)))]
 
     def _take(self, step: Step) -> None:
         self._load, self._again = step.added_mass_kg, None
         try:
             recording = checked(self._record(step))
-            found = observed(recording)
+            lines = observed(recording)
         except Stalled as error:
             self._again = step
             self._taken.append(Taken(step, None, str(error), stalled=True))
@@ -365,14 +376,14 @@ class Session:
             self._offering.told(f"{step}: failed, {error}")
             return
         self._recordings.append(recording)
-        self._taken.append(Taken(step, found))
+        self._taken.append(Taken(step, lines))
         self._left = tuple(s for s in self._left if not _among(s, [step]))
         notes = []
-        if found.distortion > DISTORTED:
+        if lines.distortion > DISTORTED:
             notes.append("the base is distorted")
-        if found.coherence < INCOHERENT:
+        if lines.coherence < INCOHERENT:
             notes.append("the foot does not follow the base alone")
-        self._offering.told(f"{step}: {found}{'; ' + ', '.join(notes) if notes else ''}")
+        self._offering.told(f"{step}: {lines}{'; ' + ', '.join(notes) if notes else ''}")
 
     def _end(self, ended: str, reason: str) -> Shaken:
         director = self._director

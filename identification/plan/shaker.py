@@ -22,13 +22,19 @@ class Shaker:
 
     Attributes:
         lowest_hz, highest_hz, every_hz: frequencies, and the grid on which they are searched.
-        amplitude_m_s2: largest amplitude of the base: half of peak to peak. The foot stays on the plate below gravity.
-        displacement_m: largest travel of the base, peak to peak. force_n: largest force, None where it does not matter.
+        amplitude_m_s2: largest amplitude of the base: half of peak to peak. The foot stays on the
+            plate below gravity.
+        displacement_m: largest travel of the base, peak to peak.
+        force_n: largest force, None where it does not matter.
         table_kg: moving mass of the shaker and its plate, for the force.
         amplitudes_m_s2: that are tried; none for the largest alone.
-        loads_kg: masses for the knee. kinds: of `KINDS`. sensors: that are worn, the malleolus' first.
-        seconds: length of a recording. rate_hz: sampling rate. noise_m_s2: rms in a sample: of
-            a sensor (0.05), and of a person, who trembles and sways where a rig does not.
+        loads_kg: masses for the knee.
+        kinds: of `KINDS`.
+        sensors: that are worn, the malleolus' first.
+        seconds: length of a recording.
+        rate_hz: sampling rate.
+        noise_m_s2: rms in a sample: of a sensor (0.05), and of a person, who trembles and sways
+            where a rig does not.
         repeatability: relative standard deviation of a harmonic from one recording to the next.
 
     Raises:
@@ -94,7 +100,8 @@ class Shaker:
         """The largest amplitude at a frequency [m/s^2]: by acceleration, force, and displacement with acquire's room.
 
         Args:
-            frequency_hz: the lowest of the excitation. moving_kg: what the shaker feels of foot and load.
+            frequency_hz: the lowest of the excitation.
+            moving_kg: what the shaker feels of foot and load.
         """
         by_travel = 0.5 * COMMANDED * self.displacement_m * (2 * np.pi * frequency_hz) ** 2
         by_force = np.inf if self.force_n is None else self.force_n / max(self.table_kg + moving_kg, 1e-9)

@@ -43,7 +43,10 @@ def _segment(
     """The channels of one segment.
 
     Args:
-        about: what the file states. told: what the segment states. heading: its names. rows: its numbers, in words.
+        about: what the file states.
+        told: what the segment states.
+        heading: its names.
+        rows: its numbers, in words.
     """
     decimal = about.get("Decimal_Separator", ["."])[0]
     x_columns = about.get("X_Columns", ["One"])[0].lower()

@@ -44,7 +44,8 @@ def read_series(file: Path, patience_s: float | None = None) -> list[Series]:
     """All numeric columns of a binary file, and by name what else there is.
 
     Args:
-        file: to read. patience_s: on the clock, None for five minutes and more for a large file.
+        file: to read.
+        patience_s: on the clock, None for five minutes and more for a large file.
 
     Raises:
         InputFileError: no such file, too large, or not what its ending says.

@@ -24,10 +24,14 @@ class Series:
     """One column of a file.
 
     Attributes:
-        name, unit: as in the file, unit "" if it does not say. values: (n,). rate_hz: if the file says.
+        name, unit: as in the file, unit "" if it does not say.
+        values: (n,).
+        rate_hz: if the file says.
         what: empty, or what this is instead of a column of real numbers; it then has no values.
-        start_s: when the first sample was taken [s], on one clock for the whole file, if the file says.
-        scaled: by which statement of the file its values were scaled. unclear: a scale that was not applied.
+        start_s: when the first sample was taken [s], on one clock for the whole file, if the file
+            says.
+        scaled: by which statement of the file its values were scaled.
+        unclear: a scale that was not applied.
         group: sheet, structure or folder in which it lies.
     """
 
