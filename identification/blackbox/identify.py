@@ -145,7 +145,10 @@ def identify(
         condition.examine(series.cut(0, min(len(series), LOOKED_AT)).centred()) for series in pooled
     ])  # fmt: skip
     notes += state.warnings()
-    referee = Referee([first for first, _ in parts], state.by_prediction, poor=seen.rank <= FEW, steps=state.steps)
+    referee = Referee(
+        [first for first, _ in parts], state.by_prediction, poor=seen.rank <= FEW, steps=state.steps,
+        least_delay=int(state.feedback),
+    )  # fmt: skip
     chooser = _Chooser(referee, [second for _, second in parts], orders or {}, step, state)
     models, failures = {}, []
     for name in structures:
@@ -187,10 +190,11 @@ class _Chooser:
         return self.done[name]
 
     @cached_property
-    def delay(self) -> int:
-        """The plant's delay n_k in samples; a controller that answers at once leaves at least one."""
+    def delays(self) -> tuple[int, ...]:
+        """Delays n_k that compete: the one that is read off and its neighbours; a controller leaves at least one."""
         delay = search.delay(self.referee.estimation, far=not self.referee.poor)
-        return max(delay, 1) if self.state.feedback else delay
+        least = self.referee.least_delay
+        return tuple(nk for nk in (delay - 1, delay, delay + 1) if nk >= least) or (least,)
 
     def _model(self, name: str) -> PolynomialModel:
         return self.select(name).best.model  # type: ignore[return-value]  # arx and oe are polynomial
@@ -200,21 +204,29 @@ class _Chooser:
         if name in self.orders:
             return Selection((selection.judge(self._given(name, self.orders[name]), self.validation),), 1, (), ())
         if name == "arx":
-            return search.select_arx(referee, self.delay)
+            return search.select_arx(referee, self.delays)
         if name == "oe":
-            return search.select_oe(referee, self.delay)
+            return search.select_oe(referee, self.delays)
         if name == "armax":
             from_oe = None if self.state.unstable else self._model("oe").orders
             return search.select_armax(referee, self._model("arx").orders, from_oe)
         if name == "bj":
-            return search.select_bj(referee, self._model("oe"), self.delay)
+            return search.select_bj(referee, self._model("oe"), self.delays)
         if name == "ss":
             return search.select_state_space(referee)
         if name == "hw":
             return self._hammerstein_wiener()
-        best = narx.estimate(referee.fitted, referee.check, nk=self.delay)
+        return self._narx()
+
+    def _narx(self) -> Selection:
+        """The delay that simulates best; its coefficients from all data that orders may be chosen on."""
+        referee = self.referee
+        tried = [narx.estimate(referee.fitted, referee.check, nk=nk) for nk in self.delays]
+        best, *others = sorted(tried, key=lambda c: -c.fit_percent)
         whole = narx.refine(best.model, referee.estimation)  # type: ignore[arg-type]
-        return Selection((replace(best, model=whole),), narx.LARGEST_TERMS, (whole.label,), ())
+        alike = tuple((1.0, c.model) for c in others if c.no_worse_than(best))
+        count = narx.LARGEST_TERMS * len(tried)
+        return Selection((replace(best, model=whole), *others), count, (whole.label,), (), alike)
 
     def _hammerstein_wiener(self) -> Selection:
         referee, linear = self.referee, self._model("oe")
@@ -246,6 +258,8 @@ def _judge(chosen: Selection, chooser: _Chooser, seen: Excitation) -> Found:
     tests = [residual_test(model.residuals(series), series, noise) for series in chooser.validation]
     test = max(tests, key=lambda t: -min(t.cross_p, t.white_p))
     warnings = [*model.warnings, *chosen.warnings]
+    if len(chosen.delays) > 1:
+        warnings.append(f"the delay is not decided: n_k = {' or '.join(map(str, chosen.delays))} serve alike")
     why = _no_intervals(model, test, chooser)
     if why:
         warnings.append(f"no standard errors or band: {why}")
