@@ -7,6 +7,7 @@ from scipy import signal
 
 from identification.blackbox import criteria, pem, search, selection
 from identification.blackbox.data import Series
+from identification.blackbox.identify import identify
 from identification.blackbox.polynomial import Orders
 from identification.blackbox.selection import Referee
 from identification.blackbox.validation import residual_test
@@ -155,6 +156,21 @@ def lag(wait: int, n: int = 800) -> Series:
     for t in range(1, n):
         y[t] = 0.8 * y[t - 1] + (0.5 * u[t - wait] if t >= wait else 0.0)
     return Series(u, y + 0.1 * rng.standard_normal(n), 1.0, f"lag {wait}").centred()
+
+
+@pytest.mark.parametrize(("read", "wait"), [((0, 1), 0), ((1, 2, 3), 1), ((1, 2, 3), 3)])
+def test_neighbours_of_the_delay_compete(read: tuple[int, ...], wait: int) -> None:
+    """Whatever was read off a long ARX model, the plant's own delay is chosen, and is the only one."""
+    chosen = search.select_oe(Referee([lag(wait)]), read)
+    assert selection.begins(chosen.best.model) == wait and chosen.delays == (wait,)
+
+
+def test_a_delay_that_is_not_decided_is_said() -> None:
+    """A sine of 40 samples a period, and noise: one sample more or less is a small turn of phase."""
+    u = np.sin(2 * np.pi * np.arange(600) / 40)
+    y = np.r_[np.zeros(2), u[:-2]] + 0.3 * np.random.default_rng(1).standard_normal(600)
+    found = identify(Series(u, y, 1.0, "sine").centred(), ("oe",))
+    assert any("the delay is not decided: n_k = " in text for text in found.models["oe"].warnings)
 
 
 @pytest.mark.parametrize("wait", [0, 1, 41])
