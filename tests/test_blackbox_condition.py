@@ -50,6 +50,15 @@ def test_spikes_are_found_and_mended() -> None:
     assert "5 outliers in the output (samples 101, 334, 335" in condition.examine(replace(series, y=y)).warnings()[0]
 
 
+@pytest.mark.parametrize(("share", "says"), [(0.985, True), (0.995, False)])
+def test_an_overflow_is_no_outlier(share: float, says: bool) -> None:
+    """An output cut at its own 98.5th percentile stands there for 1.5 % of the samples."""
+    series = clean(n=2000)
+    found = condition.examine(replace(series, y=np.minimum(series.y, np.quantile(series.y, share))))
+    assert any("at an end of its range for 1." in text for text in found.warnings()) == says
+    assert not (says and found.spikes)
+
+
 def test_drift_is_found_and_taken_off() -> None:
     series = clean()
     drifting = replace(series, y=series.y + 2 * np.std(series.y) * np.linspace(0, 1, len(series)))

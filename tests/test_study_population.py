@@ -36,9 +36,8 @@ def test_the_posterior_is_that_of_plain_sums() -> None:
     mu, tau = np.linspace(-3.0, 4.0, 561), np.linspace(0.0025, 5.0, 1000)[:, None]
     known, likely = 1 / np.sqrt(np.mean(1 / s**2)), []
     for nu in TAILS.ravel():
-        each = [student.logpdf(v, nu, mu, np.hypot(tau, e)) for v, e in zip(y, s, strict=True)]
-        likely.append(each - np.log(np.hypot(tau, known)) / 5)
-    weight = np.exp(np.sum(likely, axis=1))
+        likely.append([student.logpdf(v, nu, mu, np.hypot(tau, e)) for v, e in zip(y, s, strict=True)])
+    weight = np.exp(np.sum(likely, axis=1)) / np.hypot(tau, known)
     weight /= weight.sum()
     half = np.array([tau[:, 0] * student.ppf(0.5 + MIDDLE / 2, nu) for nu in TAILS.ravel()])
     order, mass = np.argsort(half, axis=None), weight.sum(axis=2).ravel()
@@ -54,7 +53,7 @@ def test_the_posterior_is_that_of_plain_sums() -> None:
     own = m + share * (y[4] - m) + np.sqrt(lam * share) * s[4] * rng.standard_normal(nu.size)
     assert posterior.persons(0.95)[4] == pytest.approx(np.quantile(own, (0.5, 0.025, 0.975)), abs=0.02)
 
-    others = np.exp(np.sum(likely, axis=1) - np.array(likely)[:, 4])
+    others = np.exp(np.sum(likely, axis=1) - np.array(likely)[:, 4]) / np.hypot(tau, known)
     above = [student.sf(y[4], v, mu, np.hypot(tau, s[4])) for v in TAILS.ravel()]
     assert posterior.chances()[4] == pytest.approx(5 * 2 * np.sum(others * above) / others.sum(), rel=0.03)
 

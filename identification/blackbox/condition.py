@@ -17,6 +17,7 @@ ANSWER = 0.02  # share of the input's news that errors must foretell: a nonlinea
 LAGS = 25  # of the long ARX model whose errors stand for e(t)
 SPIKE = 6.0  # robust standard deviations from which a sample is no noise: 1e-5 of a Gaussian recording has one
 MOST = 0.1  # of all samples that may be spikes; more are the signal
+LIMIT, OFTEN = 1e-4, 0.01  # of its range from its end, and share of samples there: an output that overflows
 FAINT = 1e-6  # of the output's standard deviation: smaller errors are those of rounding
 CERTAIN = 1e-6  # p-value below which drift or feedback is said: both tests are led astray by a nonlinear plant
 SHORT = 3  # errors in which a weak loop stands out
@@ -37,6 +38,7 @@ class Condition:
         steps: whether the input is a few steps or pulses and constant otherwise.
         unstable: whether the plant grows on its own, held by a loop.
         suspect: whether a loop is possible, too weak to be certain of.
+        limited: share of samples at which the output stands at an end of its range.
     """
 
     spikes: tuple[int, ...] = ()
@@ -45,6 +47,7 @@ class Condition:
     steps: bool = False
     unstable: bool = False
     suspect: bool = False
+    limited: float = 0.0
 
     @property
     def by_prediction(self) -> str:
@@ -61,14 +64,17 @@ class Condition:
         if self.spikes:
             where = ", ".join(str(k + 1) for k in self.spikes[:5]) + (", ..." if len(self.spikes) > 5 else "")
             sentences.append(f"{len(self.spikes)} outliers in the output (samples {where}): --robust mends them")
+        if self.limited:
+            sentences.append(
+                f"the output stands at an end of its range for {self.limited:.1%} of the samples (overflow, a sensor "
+                "that saturates): no linear model holds there"
+            )
         if self.drift:
             sentences.append(f"the output drifts by {self.drift:.2g} of its standard deviation: --detrend 1 removes it")
         if self.by_prediction:
             sentences.append(f"{self.by_prediction}: orders are chosen by one-step prediction errors and BIC")
         if self.suspect and not self.feedback:
-            sentences.append(
-                "the input may answer the output (weak feedback, or a nonlinear plant): no intervals"
-            )
+            sentences.append("the input may answer the output (weak feedback, or a nonlinear plant): no intervals")
         return sentences
 
 
@@ -77,15 +83,22 @@ def examine(series: Series) -> Condition:
     lags = min(LAGS, len(series) // 20)
     if lags < 3 or not np.ptp(series.u):
         return Condition()
-    repaired, spikes = mend(series)
+    limit = limited(series.y)
+    repaired, spikes = (series, ()) if limit else mend(series)
     phi, y = _regression(repaired, lags)
     errors = y - phi @ pem.solve([(phi, y)])
     share, p = _feedback(repaired, errors, lags)
     feedback = p < CERTAIN and share > ANSWER
     return Condition(
         spikes, _drift(repaired, errors, phi), feedback, few_steps(series.u), feedback and _unstable(repaired, lags),
-        p < SUSPECT or _at_once(phi, y, lags),
+        p < SUSPECT or _at_once(phi, y, lags), limit,
     )  # fmt: skip
+
+
+def limited(y: np.ndarray) -> float:
+    """Share of an output (N,) at an end of its range, where jumps to and from it are no outliers; 0 for few."""
+    share = max(float(np.mean(np.abs(y - end) <= LIMIT * np.ptp(y))) for end in (y.min(), y.max()))
+    return share if share >= OFTEN else 0.0
 
 
 def few_steps(u: np.ndarray) -> bool:
@@ -219,4 +232,5 @@ def together(conditions: Sequence[Condition]) -> Condition:
         tuple(k for one in conditions for k in one.spikes), max(one.drift for one in conditions),
         any(one.feedback for one in conditions), any(one.steps for one in conditions),
         any(one.unstable for one in conditions), any(one.suspect for one in conditions),
+        max(one.limited for one in conditions),
     )  # fmt: skip

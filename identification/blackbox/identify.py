@@ -27,12 +27,13 @@ from identification.blackbox.excitation import Excitation
 from identification.blackbox.frequency import Rational, Response
 from identification.blackbox.keep import Single
 from identification.blackbox.polynomial import STRUCTURES, Orders, PolynomialModel
-from identification.blackbox.selection import ALIKE, Candidate, Referee, Selection
+from identification.blackbox.selection import Candidate, Referee, Selection
 from identification.blackbox.validation import ResidualTest, residual_test
 
 DEGREES = ((3, 1), (1, 3), (3, 3), (5, 3))  # of the Hammerstein-Wiener polynomials tried
 WHITE = ("arx", "armax", "bj")  # their standard errors assume that e(t) is white; those of OE do not
 CALM = 0.05  # p-values of both residual tests from which those standard errors hold
+WORSE = 4.0  # N times the log of held-out one-step losses by which another noise model refutes one
 STRONGLY = 5.0  # times its whitened variance that noise may have before output errors follow it
 FEW = 20  # excitation rank up to which a pulse response cannot be seen
 #: Half-widths from a resonance at which its curve is drawn.
@@ -206,7 +207,7 @@ class _Chooser:
             if name in WHITE
         }
         best = min(losses, key=lambda label: losses[label])
-        return best if _log_loss(model, self.validation) - losses[best] > ALIKE else ""
+        return best if _log_loss(model, self.validation) - losses[best] > WORSE else ""
 
     def _model(self, name: str) -> PolynomialModel:
         return self.select(name).best.model  # type: ignore[return-value]  # arx and oe are polynomial
