@@ -280,6 +280,10 @@ GROUPS: dict[str, tuple[Command, ...]] = {
             "Plant faults in decision rules, one at a time, and say which the tests kill. Takes some minutes.",
         ),
         Command(
+            "bench public-data", "benchmarks.public_data", "",
+            "Black-box models of public recordings. Takes some minutes.",
+        ),
+        Command(
             "bench peak-to-peak", "benchmarks.peak_to_peak", "",
             "Sine fit and peak to peak on signals whose answer is known.",
         ),

@@ -50,6 +50,15 @@ def test_spikes_are_found_and_mended() -> None:
     assert "5 outliers in the output (samples 101, 334, 335" in condition.examine(replace(series, y=y)).warnings()[0]
 
 
+@pytest.mark.parametrize(("share", "says"), [(0.985, True), (0.995, False)])
+def test_an_overflow_is_no_outlier(share: float, says: bool) -> None:
+    """An output cut at its own 98.5th percentile stands there for 1.5 % of the samples."""
+    series = clean(n=2000)
+    found = condition.examine(replace(series, y=np.minimum(series.y, np.quantile(series.y, share))))
+    assert any("at an end of its range for 1." in text for text in found.warnings()) == says
+    assert not (says and found.spikes)
+
+
 def test_drift_is_found_and_taken_off() -> None:
     series = clean()
     drifting = replace(series, y=series.y + 2 * np.std(series.y) * np.linspace(0, 1, len(series)))
@@ -73,6 +82,46 @@ def test_feedback_and_unstable_plants_in_a_loop() -> None:
     assert found.models["arx"].best.one_step_percent > 50 and not np.isfinite(found.models["arx"].best.fit_percent)
     assert np.isnan(found.models["oe"].response.gain_std).all()
     assert any("feedback biases it" in text for text in found.models["oe"].warnings)
+
+
+def weak(gain: float, colour: float, seed: int, n: int = 2000) -> Series:
+    """A second-order plant under noise of half its output, and a controller that answers within the sample."""
+    rng = np.random.default_rng(seed)
+    reference, v = rng.standard_normal(n), lfilter([1.0], [1.0, -colour], rng.standard_normal(n))
+    v *= 0.5 * np.std(lfilter([0, 1, 0.5], DEN, reference)) / np.std(v)
+    u, w = np.zeros(n), np.zeros(n)
+    for t in range(n):
+        w[t] = (u[t - 1] - DEN[1] * w[t - 1] if t else 0.0) + (0.5 * u[t - 2] - DEN[2] * w[t - 2] if t > 1 else 0.0)
+        u[t] = reference[t] - gain * (w[t] + v[t])
+    return Series(u, w + v, 1.0, "weak").centred()
+
+
+@pytest.mark.parametrize("colour", [0.0, 0.7])
+def test_weak_loops_are_suspected_and_get_no_intervals(colour: float) -> None:
+    """Of white noise only the sample itself shows the loop: its error comes back before the next."""
+    found = [condition.examine(weak(0.05, colour, seed)) for seed in range(6)]
+    assert sum(c.suspect for c in found) >= 5 and not any(c.feedback for c in found)
+    assert not any(condition.examine(weak(0.0, colour, seed)).suspect for seed in range(6))
+    report = identify(weak(0.1, 0.0, 0), ("bj",), {"bj": (3, 0, 1, 2, 0)})
+    assert any("input may answer the output" in text for text in report.models["bj"].warnings)
+    assert np.isnan(report.models["bj"].response.gain_std).all()
+
+
+@pytest.mark.parametrize(("noise", "suspect"), [(0.3, False), (2.0, True)])
+def test_a_feedthrough_is_one_where_it_is_most_of_the_news(noise: float, suspect: bool) -> None:
+    rng = np.random.default_rng(3)
+    u = rng.standard_normal(2000)
+    y = lfilter([1.0, 0.5], [1.0, -0.5], u) + noise * rng.standard_normal(2000)
+    assert condition.examine(Series(u, y, 1.0, "direct").centred()).suspect == suspect
+
+
+def test_a_noise_model_that_another_refutes_has_no_intervals() -> None:
+    """White noise on the output is none of ARX: what predicts better is named."""
+    found = identify(clean(n=4000), ("arx", "bj"), {"arx": (8, 8, 1), "bj": (2, 0, 0, 2, 1)})
+    assert any("BJ (2, 0, 0, 2, 1) predicts the held-out part better" in w or "valid only for white" in w
+               for w in found.models["arx"].warnings)  # fmt: skip
+    assert np.isnan(found.models["arx"].response.gain_std).all()
+    assert np.isfinite(found.models["bj"].response.gain_std).all()
 
 
 def test_steps() -> None:

@@ -20,7 +20,7 @@ from fasbody.cell.mesh import default_size, fill
 from fasbody.cell.modal import CellModel, solve
 from fasbody.cell.viscoelastic import ReducedCell, StandardLinearSolid, damped_modes, force_response, point_load
 from fasbody.exceptions import FasError, InputFileError, SettingError
-from simulator.bodies import block, box, cell, timoshenko, two_part_rod
+from simulator.bodies import block, box, cell, lamb_torsional, timoshenko, two_part_rod
 
 SOFT, STIFF = Material(2e6, 0.0, 200.0), Material(3e7, 0.0, 1200.0)
 BONE = Material(7.3e9, 0.3, 1500.0)
@@ -267,7 +267,17 @@ def test_a_shell_with_a_chamber_has_the_error_that_is_printed(tmp_path: Path) ->
     fine = fill(surface.copy().apply_scale(1e3), default_size(surface.apply_scale(1e3)).coarser(0.7))
     exact = solve(CellModel(assemble(fine, held=FREE), (BONE,)), 5).frequencies_hz
     assert (np.abs(found.frequencies_hz / exact - 1) < found.errors).all()
-    assert found.errors.max() < 0.02
+    assert found.errors.max() < 0.03
+
+
+def test_the_printed_error_of_a_ball_of_flat_triangles_holds(tmp_path: Path) -> None:
+    """Beside Lamb's sphere, 0.9 % of whose volume 1,280 triangles leave out; elements alone err by a fifth of that."""
+    found = _surface(tmp_path, trimesh.creation.icosphere(3, 10.0))
+    speed = np.sqrt(BONE.E / (2 * (1 + BONE.nu) * BONE.rho))
+    off = np.abs(found.frequencies_hz / (lamb_torsional(2) * speed / (2 * np.pi * 0.01)) - 1)
+    assert found.errors.max() - found.body.changed < off.max() < found.errors.min()
+    assert "0.88% of each error is for a shape of flat triangles" in str(found)
+    assert found.document()["shape_error"] == found.body.changed
 
 
 @pytest.mark.parametrize("curved", [False, True])

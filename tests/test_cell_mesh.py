@@ -19,6 +19,7 @@ from fasbody.cell.mesh import (
     default_size,
     dome_mesh,
     filled,
+    rounded,
     strays,
     surface_mesh,
     unknowns,
@@ -154,6 +155,19 @@ def test_elements_that_lose_a_part_of_the_surface_are_refused(size: float, keeps
         return
     with pytest.raises(MeshError, match="elements of this size lose a part of the surface"):
         surface_mesh(bone, size=MeshSize.of(size))
+
+
+@pytest.mark.parametrize("sections", [16, 64])
+def test_what_flat_triangles_leave_of_a_cylinder_is_its_closed_form(sections: int) -> None:
+    surface = trimesh.creation.cylinder(5.0, 40.0, sections=sections)
+    turn = 2 * np.pi / sections
+    assert rounded(surface) == pytest.approx(turn / np.sin(turn) - 1, rel=0.01)
+
+
+def test_sharp_edges_are_no_round_shape() -> None:
+    """An octagonal bar turns by 45 degrees at its edges, one of ten sides by 36."""
+    assert rounded(trimesh.creation.cylinder(5.0, 40.0, sections=8)) < 1e-6
+    assert rounded(trimesh.creation.cylinder(5.0, 40.0, sections=10)) > 0.05
 
 
 def test_a_closed_cavity_stays_empty() -> None:

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 from made_fits import failed, plain
-from scipy.stats import chi2
+from scipy.optimize import brentq
 from scipy.stats import t as student
 
 from fasbody.console import make_folder
@@ -14,7 +14,8 @@ from fasbody.exceptions import InputFileError, RecordingError
 from identification.study import figures, report, tables
 from identification.study.findings import Findings, gather
 from identification.study.persons import joining
-from identification.study.population import chances, constant, populations, spread_interval, without
+from identification.study.population import constant, populations, without
+from identification.study.posterior import MIDDLE, TAILS, Posterior
 from identification.study.store import Store
 
 LOGS = np.array([0.0, 0.1, 0.3, 0.5, 0.9])
@@ -23,15 +24,38 @@ KEYS = {"k_T_n_per_m": 1e5, "k_F_n_per_m": 9e4, "c_11_n_s_per_m": 300.0, "c_21_n
 
 
 def test_equal_errors_have_closed_forms() -> None:
-    """Then the mean is the arithmetic one with Student's interval, and the spread is what the errors do not explain."""
-    error = 0.1
-    c = constant("k_T", NAMES, LOGS, np.full(5, error))
-    std = LOGS.std(ddof=1)
-    half = student.ppf(0.975, 4) * std / np.sqrt(5)
+    """Then the mean is the arithmetic one with Student's interval."""
+    c = constant("k_T", NAMES, LOGS, np.full(5, 0.1))
+    half = student.ppf(0.975, 4) * LOGS.std(ddof=1) / np.sqrt(5)
     assert np.log([c.mean, c.lower, c.upper]) == pytest.approx([0.36, 0.36 - half, 0.36 + half], rel=1e-3)
-    assert c.spread == pytest.approx(np.sqrt(std**2 - error**2), rel=1e-3)
-    ends = [np.sqrt(4 * std**2 / chi2.ppf(p, 4) - error**2) for p in (0.975, 0.025)]
-    assert (c.spread_lower, c.spread_upper) == pytest.approx(ends, rel=1e-6)
+
+
+def test_the_posterior_is_that_of_plain_sums() -> None:
+    """Spread, a person and a chance by sums over even grids of mu and tau, and a person's value drawn from them."""
+    s, y = np.array([0.1, 0.05, 0.1, 0.2, 0.1]), LOGS
+    mu, tau = np.linspace(-3.0, 4.0, 561), np.linspace(0.0025, 5.0, 1000)[:, None]
+    known, likely = 1 / np.sqrt(np.mean(1 / s**2)), []
+    for nu in TAILS.ravel():
+        likely.append([student.logpdf(v, nu, mu, np.hypot(tau, e)) for v, e in zip(y, s, strict=True)])
+    weight = np.exp(np.sum(likely, axis=1)) / np.hypot(tau, known)
+    weight /= weight.sum()
+    half = np.array([tau[:, 0] * student.ppf(0.5 + MIDDLE / 2, nu) for nu in TAILS.ravel()])
+    order, mass = np.argsort(half, axis=None), weight.sum(axis=2).ravel()
+    spread = np.interp((0.5, 0.975), np.cumsum(mass[order]), half.ravel()[order])
+    posterior = Posterior.of(y, s)
+    assert posterior.spread(0.95)[::2] == pytest.approx(spread, rel=0.03)
+
+    rng = np.random.default_rng(0)
+    cell = np.unravel_index(rng.choice(weight.size, 40_000, p=weight.ravel()), weight.shape)
+    nu, t, m = TAILS.ravel()[cell[0]], tau[cell[1], 0], mu[cell[2]]
+    lam = (nu + (y[4] - m) ** 2 / (t**2 + s[4] ** 2)) / rng.chisquare(nu + 1)  # of the variance, given the estimate
+    share = t**2 / (t**2 + s[4] ** 2)
+    own = m + share * (y[4] - m) + np.sqrt(lam * share) * s[4] * rng.standard_normal(nu.size)
+    assert posterior.persons(0.95)[4] == pytest.approx(np.quantile(own, (0.5, 0.025, 0.975)), abs=0.02)
+
+    others = np.exp(np.sum(likely, axis=1) - np.array(likely)[:, 4]) / np.hypot(tau, known)
+    above = [student.sf(y[4], v, mu, np.hypot(tau, s[4])) for v in TAILS.ravel()]
+    assert posterior.chances()[4] == pytest.approx(5 * 2 * np.sum(others * above) / others.sum(), rel=0.03)
 
 
 def test_what_is_known_badly_is_shrunk_most() -> None:
@@ -61,13 +85,12 @@ def test_a_spread_lies_in_its_interval() -> None:
 
 
 def test_the_spread_of_persons_alike_is_bounded_by_their_errors() -> None:
-    """Four persons who happen to agree exclude no spread that their errors would hide."""
+    """Four persons who happen to agree exclude no spread that their errors would hide; others exclude none."""
     logs = np.array([1.0, 1.01, 0.99, 1.0])
-    low, high = spread_interval(logs, np.full(4, 0.1))
-    assert low == 0.0
-    assert high == pytest.approx(0.1 * np.sqrt(3 / chi2.ppf(0.025, 3) - 1), rel=1e-6)
-    said = constant("k_T", NAMES[:4], logs, np.full(4, 0.1)).spread_text
-    assert said == ("cannot be told from 4 persons", "at most 36 %")
+    c = constant("k_T", NAMES[:4], logs, np.full(4, 0.1))
+    assert c.spread_lower == 0.0 and 0.1 < c.spread_upper < 0.5
+    assert c.spread_text == ("cannot be told from 4 persons", f"at most {100 * c.spread_upper:.2g} %")
+    assert constant("k_T", NAMES[:4], 40 * logs, np.full(4, 0.1)).spread_lower > 0.05
     with pytest.raises(RecordingError, match="3 persons make no population"):
         constant("k_T", NAMES[:3], LOGS[:3], np.full(3, 0.1))
 
@@ -166,12 +189,9 @@ def test_who_is_left_out_is_named_with_the_reason() -> None:
 
 
 def test_who_does_not_belong_is_named_and_kept(tmp_path: Path) -> None:
-    """Of equal errors the chance is Student's, of the residual to the others' mean; here one is ten times off."""
-    logs, error = np.array([0.0, 0.1, -0.1, 0.05, 2.3]), np.full(5, 0.01)
-    others = logs[:-1]
-    off = (logs[-1] - others.mean()) / (others.std(ddof=1) * np.sqrt(1 + 1 / 4))
-    assert chances(logs, error)[-1] == pytest.approx(5 * 2 * student.sf(off, 3), rel=1e-6)
-    assert chances(logs, error)[:-1].min() > 0.5  # the outlier makes room for the others
+    """One is ten times off, and makes room for the others."""
+    chances = Posterior.of(np.array([0.0, 0.1, -0.1, 0.05, 2.3]), np.full(5, 0.01)).chances()
+    assert chances[-1] < 0.01 and chances[:-1].min() > 0.5
     fits = study(20.0)
     for d, y in zip(fits, (0.0, 0.1, -0.1, 0.05, 2.3), strict=True):
         d["result"]["branches"][0]["parameters"]["k_T_n_per_m"] |= {"value": 1e5 * np.exp(y), "std_error": 1e3}
@@ -188,23 +208,24 @@ def test_who_does_not_belong_is_named_and_kept(tmp_path: Path) -> None:
     assert said.replace("'", "&#39;") in (tmp_path / "report.html").read_text()
 
 
-@pytest.mark.parametrize(("chance", "odd"), [(0.045, ("e",)), (0.055, ())])
-def test_the_limit_is_one_population_of_twenty(chance: float, odd: tuple[str, ...]) -> None:
-    """The fifth person so far off that Student's chance, times five, is just below or above it."""
-    logs, error = np.array([0.0, 0.1, -0.1, 0.05, 0.0]), np.full(5, 1e-4)
-    others = logs[:-1]
-    off = student.isf(chance / 10, 3) * others.std(ddof=1) * np.sqrt(1 + 1 / 4)
-    logs[-1] = others.mean() + off
-    assert tuple(p.subject for p in constant("k_T", NAMES, logs, error).odd) == odd
+@pytest.mark.parametrize(("chance", "odd"), [(0.009, ("e",)), (0.011, ())])
+def test_a_person_is_named_below_a_chance_of_one_in_a_hundred(chance: float, odd: tuple[str, ...]) -> None:
+    errors = np.full(5, 0.02)
+
+    def logs(last: float) -> np.ndarray:
+        return np.array([0.0, 0.1, -0.1, 0.05, last])
+
+    last = brentq(lambda far: Posterior.of(logs(far), errors).chances()[-1] - chance, 0.5, 4.0)
+    assert tuple(p.subject for p in constant("k_T", NAMES, logs(last), errors).odd) == odd
 
 
-@pytest.mark.parametrize(("persons", "tau", "errors"), [(5, 0.15, 0.05), (5, 0.05, 0.15), (12, 0.3, 0.1)])
-def test_persons_of_one_population_are_rarely_called_odd(persons: int, tau: float, errors: float) -> None:
-    """In at most one population of twenty, but for chance (400 draws: a standard error of 1.1 %)."""
-    rng = np.random.default_rng(persons)
-    s = errors * np.exp(rng.uniform(-0.5, 0.5, (400, persons)))
-    drawn = tau * rng.normal(size=s.shape) + s * rng.normal(size=s.shape)
-    assert np.mean([chances(y, e).min() < 0.05 for y, e in zip(drawn, s, strict=True)]) < 0.085
+@pytest.mark.parametrize("shape", ["normal", "t3", "gamma"])
+def test_persons_of_one_population_are_rarely_called_odd(shape: str) -> None:
+    """In at most one population of twenty, but for chance (200 draws: a standard error of 1.5 %)."""
+    rng = np.random.default_rng(12)
+    make = {"normal": rng.standard_normal, "t3": lambda n: rng.standard_t(3, n), "gamma": lambda n: rng.gamma(2, 1, n)}
+    drawn = [0.1 * make[shape](12) + 0.05 * rng.normal(size=12) for _ in range(200)]
+    assert np.mean([Posterior.of(y, np.full(12, 0.05)).chances().min() < 0.01 for y in drawn]) < 0.08
 
 
 def test_why_there_is_no_population_is_said() -> None:

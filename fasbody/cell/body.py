@@ -15,7 +15,7 @@ import mjcf
 from fasbody.cell.assembly import FREE, assemble
 from fasbody.cell.companion import pair, richardson, surface_meshes
 from fasbody.cell.materials import Material
-from fasbody.cell.mesh import FACES, MeshSize, TetMesh, volume
+from fasbody.cell.mesh import FACES, MeshSize, TetMesh, rounded, volume
 from fasbody.cell.meshfile import BOTH, SURFACE, VOLUME, read_surface, read_tagged
 from fasbody.cell.modal import CellModel, Modes, solve
 from fasbody.cell.viscoelastic import (
@@ -44,6 +44,8 @@ KINDS = {"triangles": SURFACE, "tetrahedra": VOLUME}
 _CALLED = {kind: word for word, kind in KINDS.items()}
 #: The unit in which the bundled bones are stored (`viz.anatomy.assets`) [um].
 GRAIN_UM = 10.0
+#: Share of an error from which it is worth a sentence.
+ROUND = 1e-4
 #: Share of the kinetic energy from which a direction is named.
 NAMED = 0.05
 
@@ -68,7 +70,8 @@ class Body(Tabled):
         name: of the file or the bone.
         mesh: regions are numbered in the order of `tags`.
         rough: the same body in larger elements, for the error.
-        changed: share of the volume of its surface that the mesh loses or gains; it is added to the error.
+        changed: share of the volume that the mesh loses or gains of its surface, or that flat triangles leave out of a
+            round one; it is added to the error.
         tags: number (r,) of each region in the file; a surface has one region, 0.
         names: number and dimension (2 triangles, 3 tetrahedra) by the names that a .msh file gives to its groups; the
             same number may stand for a group of either.
@@ -238,14 +241,15 @@ def read_body(source: str | Path, *, unit: str = "mm", up: str = "y", size: floa
             unit = "mm" if bone else unit
             sizes = None if size is None else MeshSize.of(size * UNITS[unit])
             fine, rough = (replace(mesh, up=axis) for mesh in surface_meshes(surface, sizes))
-            changed = abs(fine.volume_um3 / volume(surface) - 1)
+            changed = abs(fine.volume_um3 / volume(surface) - 1) + rounded(surface)
             return Body(str(source), fine, rough, unit=unit, changed=changed)
         if size is not None:
             raise SettingError(f"--size serves a surface; {file} brings its own tetrahedra: leave it out.")
         found = read_tagged(file, UNITS[unit])
         tags, region = np.unique(found.tags, return_inverse=True)
         mesh = TetMesh(found.points_um, found.tets, region.astype(np.int64), axis, found.faces).check()
-        return Body(str(source), *pair(mesh), tuple(map(int, tags)), found.names, unit)
+        changed = 0.0 if mesh.curved else rounded(mesh.surface)
+        return Body(str(source), *pair(mesh), tuple(map(int, tags)), found.names, unit, changed)
     except MeshError as error:
         raise InputFileError(file, str(error).rstrip(".")) from error
 
@@ -329,6 +333,12 @@ class BodyModes(Presented):
         highest = f"at most {self.modes.rigid_hz.max():.1g} Hz"
         return f"six rigid motions of the free body, {highest}, are skipped: mode 1 is the first that deforms it"
 
+    @property
+    def flatness(self) -> str:
+        """The sentence on what the error holds of the shape; empty where that is nothing."""
+        share = self.body.changed
+        return f"{share:.2%} of each error is for a shape of flat triangles" if share > ROUND else ""
+
     def sheet(self) -> Sheet:
         """Frequency and directions of each mode."""
         modes = zip(self.frequencies_hz, self.errors, self.descriptions, strict=True)
@@ -338,7 +348,7 @@ class BodyModes(Presented):
         ]
         parts = ", ".join(map(str, self.body.tags))
         columns = ("mode", "frequency [Hz]", "estimated error [%]", "moves along", f"kinetic energy in {parts}")
-        notes = [f"{self.remark}."] if self.remark else []
+        notes = [f"{text}." for text in (self.remark, self.flatness) if text]
         return Sheet(f"{self.title}: {self.model.assembly.dof} degrees of freedom", columns, rows, notes)
 
     def records(self) -> list[dict[str, Any]]:
@@ -364,6 +374,7 @@ class BodyModes(Presented):
             "rigid_hz": self.modes.rigid_hz,
             "frequencies_hz": self.frequencies_hz,
             "estimated_error": self.errors,
+            "shape_error": self.body.changed,
             "modes": [
                 {"label": d.label, "energy_xyz": d.energy, "energy_of_regions": d.parts, "participation_xyz": p,
                  "residual": r}
@@ -377,7 +388,7 @@ class BodyModes(Presented):
         volume = self.model.assembly.volume_um3 * 1e-12
         lines = [f"{self.title}: {volume:.4g} cm^3, {1e3 * self.model.mass_kg:.4g} g, "
                  f"{self.model.assembly.dof} unknowns"]  # fmt: skip
-        lines += [f"  {self.remark}"] if self.remark else []
+        lines += [f"  {text}" for text in (self.remark, self.flatness) if text]
         rows = zip(self.frequencies_hz, self.errors, self.descriptions, strict=True)
         for i, (f, error, d) in enumerate(rows, start=1):
             parts = ", ".join(f"{tag}: {share:.0%}" for tag, share in zip(self.body.tags, d.parts, strict=True))

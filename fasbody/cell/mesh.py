@@ -108,6 +108,14 @@ class TetMesh:
         """Volume [um^3]; of curved elements within some 1e-5."""
         return float(self.det_j.mean(axis=1).sum()) / 6
 
+    @property
+    def curved(self) -> bool:
+        """Whether mid-edge nodes lie off the middles of their edges."""
+        if self.tets.shape[1] == 4:
+            return False
+        off = self.points_um[self.tets[:, 4:]] - self.corners[:, np.array(EDGES)].mean(axis=2)
+        return bool(np.abs(off).max() > FLAT * float(np.ptp(self.points_um, axis=0).max()))
+
     @cached_property
     def surface(self) -> "trimesh.Trimesh":
         """Outer boundary as flat triangles over the corners; `points_um` numbers its vertices."""
@@ -377,6 +385,19 @@ def volume(surface: "trimesh.Trimesh") -> float:
     """Volume that is enclosed, without the cavities [um^3]."""
     parts = sorted((abs(float(part.volume)) for part in surface.split(only_watertight=False)), reverse=True)
     return parts[0] - sum(parts[1:])
+
+
+def rounded(surface: "trimesh.Trimesh") -> float:
+    """Share of its volume between flat triangles and a smooth surface through their corners.
+
+    Edges up to the first angle of `PATCHES` count as round: one that turns by phi between triangles of areas A and B
+    has phi (A^2 + B^2) / (6 L) beside it, exactly so on evenly cut cylinders and spheres.
+    """
+    turn = surface.face_adjacency_angles
+    turn = np.where(turn < np.radians(PATCHES[0]), turn, 0.0)
+    squares = (surface.area_faces[surface.face_adjacency] ** 2).sum(axis=1)
+    length = np.linalg.norm(np.diff(surface.vertices[surface.face_adjacency_edges], axis=1)[:, 0], axis=1)
+    return float((turn * squares / (6 * length)).sum()) / volume(surface)
 
 
 def filled(surface: "trimesh.Trimesh", size: float) -> float:

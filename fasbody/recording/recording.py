@@ -32,7 +32,7 @@ class Recording(Tabled):
 
     Attributes:
         time_s: (n,) sample times [s].
-        base_m_s2: (n,) base acceleration;
+        base_m_s2: (n,) base acceleration.
         malleolus_m_s2: (n,) medial malleolus [m/s^2].
         tuberosity_m_s2: (n,) tibial tuberosity [m/s^2], if recorded.
         condition: how it was made.

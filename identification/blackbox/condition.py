@@ -17,8 +17,12 @@ ANSWER = 0.02  # share of the input's news that errors must foretell: a nonlinea
 LAGS = 25  # of the long ARX model whose errors stand for e(t)
 SPIKE = 6.0  # robust standard deviations from which a sample is no noise: 1e-5 of a Gaussian recording has one
 MOST = 0.1  # of all samples that may be spikes; more are the signal
+LIMIT, OFTEN = 1e-4, 0.01  # of its range from its end, and share of samples there: an output that overflows
 FAINT = 1e-6  # of the output's standard deviation: smaller errors are those of rounding
 CERTAIN = 1e-6  # p-value below which drift or feedback is said: both tests are led astray by a nonlinear plant
+SHORT = 3  # errors in which a weak loop stands out
+SUSPECT = 1e-3  # p-value below which a loop is possible; a nonlinear plant gives such values, too
+MOSTLY = 0.5  # share of the output's news from which the input of the same sample drives it, and does not answer it
 FLAT = 0.02  # of the input's reach that a change must exceed to count as a step
 STEPS = 6  # changes of level up to which an input is a step record
 
@@ -33,6 +37,8 @@ class Condition:
         feedback: whether the input answers past disturbances of the output.
         steps: whether the input is a few steps or pulses and constant otherwise.
         unstable: whether the plant grows on its own, held by a loop.
+        suspect: whether a loop is possible, too weak to be certain of.
+        limited: share of samples at which the output stands at an end of its range.
     """
 
     spikes: tuple[int, ...] = ()
@@ -40,6 +46,8 @@ class Condition:
     feedback: bool = False
     steps: bool = False
     unstable: bool = False
+    suspect: bool = False
+    limited: float = 0.0
 
     @property
     def by_prediction(self) -> str:
@@ -56,10 +64,17 @@ class Condition:
         if self.spikes:
             where = ", ".join(str(k + 1) for k in self.spikes[:5]) + (", ..." if len(self.spikes) > 5 else "")
             sentences.append(f"{len(self.spikes)} outliers in the output (samples {where}): --robust mends them")
+        if self.limited:
+            sentences.append(
+                f"the output stands at an end of its range for {self.limited:.1%} of the samples (overflow, a sensor "
+                "that saturates): no linear model holds there"
+            )
         if self.drift:
             sentences.append(f"the output drifts by {self.drift:.2g} of its standard deviation: --detrend 1 removes it")
         if self.by_prediction:
             sentences.append(f"{self.by_prediction}: orders are chosen by one-step prediction errors and BIC")
+        if self.suspect and not self.feedback:
+            sentences.append("the input may answer the output (weak feedback, or a nonlinear plant): no intervals")
         return sentences
 
 
@@ -68,13 +83,22 @@ def examine(series: Series) -> Condition:
     lags = min(LAGS, len(series) // 20)
     if lags < 3 or not np.ptp(series.u):
         return Condition()
-    repaired, spikes = mend(series)
+    limit = limited(series.y)
+    repaired, spikes = (series, ()) if limit else mend(series)
     phi, y = _regression(repaired, lags)
     errors = y - phi @ pem.solve([(phi, y)])
-    feedback = _feedback(repaired, errors, lags)
+    share, p = _feedback(repaired, errors, lags)
+    feedback = p < CERTAIN and share > ANSWER
     return Condition(
-        spikes, _drift(repaired, errors, phi), feedback, few_steps(series.u), feedback and _unstable(repaired, lags)
-    )
+        spikes, _drift(repaired, errors, phi), feedback, few_steps(series.u), feedback and _unstable(repaired, lags),
+        p < SUSPECT or _at_once(phi, y, lags), limit,
+    )  # fmt: skip
+
+
+def limited(y: np.ndarray) -> float:
+    """Share of an output (N,) at an end of its range, where jumps to and from it are no outliers; 0 for few."""
+    share = max(float(np.mean(np.abs(y - end) <= LIMIT * np.ptp(y))) for end in (y.min(), y.max()))
+    return share if share >= OFTEN else 0.0
 
 
 def few_steps(u: np.ndarray) -> bool:
@@ -149,22 +173,31 @@ def _drift(series: Series, errors: np.ndarray, past: np.ndarray) -> float:
     return size if size > 0.2 else 0.0
 
 
-def _feedback(series: Series, errors: np.ndarray, lags: int) -> bool:
-    """Whether errors of the long model foretell inputs: then something carries the output back to the input.
+def _feedback(series: Series, errors: np.ndarray, lags: int) -> tuple[float, float]:
+    """Share of the input's news that errors of the long model predict, and its p-value: the output's way to the input.
 
-    Both sides are freed of past inputs first. An input that its own past foretells to a hundredth (sines, smooth
-    signals) cannot show it.
+    Both sides are freed of past inputs first. An input that its own past predicts to a hundredth (sines, smooth
+    signals) cannot show it. A weak loop stands out in the last `SHORT` errors, a slow one in more.
     """
     lead = min(10, lags)
     u = series.u
     past = np.column_stack([shifted(u, 2 * lags, 1)[2 * lags :], np.ones(len(u) - 2 * lags)])
     new = u[2 * lags :] - past @ pem.solve([(past, u[2 * lags :])])
     if np.std(new) < 0.01 * np.std(u):
-        return False
+        return 0.0, 1.0
     e = errors[len(errors) - len(new) :]
     ahead = np.column_stack([e[k : len(e) - lead + k] for k in range(lead)])  # e(t - lead) ... e(t - 1)
-    explained, p = _gain(new[lead:], past[lead:], ahead)
-    return p < CERTAIN and explained > ANSWER
+    share, p = _gain(new[lead:], past[lead:], ahead)
+    return share, min(p, _gain(new[lead:], past[lead:], ahead[:, -SHORT:])[1])
+
+
+def _at_once(phi: np.ndarray, y: np.ndarray, lags: int) -> bool:
+    """Whether u(t) tells a little of y(t) beside all that is past.
+
+    A feedthrough and a controller that answers within the sample look alike, unless most of the output's news is u(t).
+    """
+    share, p = _gain(y, np.delete(phi, lags, axis=1), phi[:, lags : lags + 1])
+    return p < SUSPECT and share < MOSTLY
 
 
 def _gain(y: np.ndarray, phi: np.ndarray, more: np.ndarray) -> tuple[float, float]:
@@ -198,5 +231,6 @@ def together(conditions: Sequence[Condition]) -> Condition:
     return Condition(
         tuple(k for one in conditions for k in one.spikes), max(one.drift for one in conditions),
         any(one.feedback for one in conditions), any(one.steps for one in conditions),
-        any(one.unstable for one in conditions),
+        any(one.unstable for one in conditions), any(one.suspect for one in conditions),
+        max(one.limited for one in conditions),
     )  # fmt: skip

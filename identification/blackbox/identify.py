@@ -28,10 +28,12 @@ from identification.blackbox.frequency import Rational, Response
 from identification.blackbox.keep import Single
 from identification.blackbox.polynomial import STRUCTURES, Orders, PolynomialModel
 from identification.blackbox.selection import Candidate, Referee, Selection
-from identification.blackbox.validation import ALARM, ResidualTest, residual_test
+from identification.blackbox.validation import ResidualTest, residual_test
 
 DEGREES = ((3, 1), (1, 3), (3, 3), (5, 3))  # of the Hammerstein-Wiener polynomials tried
 WHITE = ("arx", "armax", "bj")  # their standard errors assume that e(t) is white; those of OE do not
+CALM = 0.05  # p-values of both residual tests from which those standard errors hold
+WORSE = 4.0  # N times the log of held-out one-step losses by which another noise model refutes one
 STRONGLY = 5.0  # times its whitened variance that noise may have before output errors follow it
 FEW = 20  # excitation rank up to which a pulse response cannot be seen
 #: Half-widths from a resonance at which its curve is drawn.
@@ -145,16 +147,20 @@ def identify(
         condition.examine(series.cut(0, min(len(series), LOOKED_AT)).centred()) for series in pooled
     ])  # fmt: skip
     notes += state.warnings()
-    referee = Referee([first for first, _ in parts], state.by_prediction, poor=seen.rank <= FEW, steps=state.steps)
+    referee = Referee(
+        [first for first, _ in parts], state.by_prediction, poor=seen.rank <= FEW, steps=state.steps,
+        least_delay=int(state.feedback),
+    )  # fmt: skip
     chooser = _Chooser(referee, [second for _, second in parts], orders or {}, step, state)
-    models, failures = {}, []
+    failures = []
     for name in structures:
         try:
-            models[name] = _judge(chooser.select(name), chooser, seen)
+            chooser.select(name)
         except FasError as error:
             if len(structures) == 1:
                 raise
             failures.append(f"{name}: {error}")
+    models = {name: _judge(chooser.done[name], chooser, seen) for name in structures if name in chooser.done}
     if not models:
         raise SettingError("; ".join(failures))
     places = shown_frequencies(seen, [m.best.model for m in models.values()], pooled[0].sample_time)
@@ -187,10 +193,21 @@ class _Chooser:
         return self.done[name]
 
     @cached_property
-    def delay(self) -> int:
-        """The plant's delay n_k in samples; a controller that answers at once leaves at least one."""
+    def delays(self) -> tuple[int, ...]:
+        """Delays n_k that compete: the one that is read off and its neighbours; a controller leaves at least one."""
         delay = search.delay(self.referee.estimation, far=not self.referee.poor)
-        return max(delay, 1) if self.state.feedback else delay
+        least = self.referee.least_delay
+        return tuple(nk for nk in (delay - 1, delay, delay + 1) if nk >= least) or (least,)
+
+    def predicts_better(self, model: Single) -> str:
+        """The noise model that predicts held-out data a step ahead decisively better than this one; empty for none."""
+        losses = {
+            chosen.best.model.label: _log_loss(chosen.best.model, self.validation)
+            for name, chosen in self.done.items()
+            if name in WHITE
+        }
+        best = min(losses, key=lambda label: losses[label])
+        return best if _log_loss(model, self.validation) - losses[best] > WORSE else ""
 
     def _model(self, name: str) -> PolynomialModel:
         return self.select(name).best.model  # type: ignore[return-value]  # arx and oe are polynomial
@@ -200,21 +217,29 @@ class _Chooser:
         if name in self.orders:
             return Selection((selection.judge(self._given(name, self.orders[name]), self.validation),), 1, (), ())
         if name == "arx":
-            return search.select_arx(referee, self.delay)
+            return search.select_arx(referee, self.delays)
         if name == "oe":
-            return search.select_oe(referee, self.delay)
+            return search.select_oe(referee, self.delays)
         if name == "armax":
             from_oe = None if self.state.unstable else self._model("oe").orders
             return search.select_armax(referee, self._model("arx").orders, from_oe)
         if name == "bj":
-            return search.select_bj(referee, self._model("oe"), self.delay)
+            return search.select_bj(referee, self._model("oe"), self.delays)
         if name == "ss":
             return search.select_state_space(referee)
         if name == "hw":
             return self._hammerstein_wiener()
-        best = narx.estimate(referee.fitted, referee.check, nk=self.delay)
+        return self._narx()
+
+    def _narx(self) -> Selection:
+        """The delay that simulates best; its coefficients from all data that orders may be chosen on."""
+        referee = self.referee
+        tried = [narx.estimate(referee.fitted, referee.check, nk=nk) for nk in self.delays]
+        best, *others = sorted(tried, key=lambda c: -c.fit_percent)
         whole = narx.refine(best.model, referee.estimation)  # type: ignore[arg-type]
-        return Selection((replace(best, model=whole),), narx.LARGEST_TERMS, (whole.label,), ())
+        alike = tuple((1.0, c.model) for c in others if c.no_worse_than(best))
+        count = narx.LARGEST_TERMS * len(tried)
+        return Selection((replace(best, model=whole), *others), count, (whole.label,), (), alike)
 
     def _hammerstein_wiener(self) -> Selection:
         referee, linear = self.referee, self._model("oe")
@@ -243,9 +268,12 @@ def _judge(chosen: Selection, chooser: _Chooser, seen: Excitation) -> Found:
     """The chosen model on the held-out data, which no choice has seen."""
     model = chosen.best.model
     noise = sum(getattr(getattr(model, "orders", None), key, 0) for key in ("na", "nc", "nd"))
-    tests = [residual_test(model.residuals(series), series, noise) for series in chooser.validation]
+    least = chooser.referee.least_delay
+    tests = [residual_test(model.residuals(series), series, noise, least) for series in chooser.validation]
     test = max(tests, key=lambda t: -min(t.cross_p, t.white_p))
     warnings = [*model.warnings, *chosen.warnings]
+    if len(chosen.delays) > 1:
+        warnings.append(f"the delay is not decided: n_k = {' or '.join(map(str, chosen.delays))} serve alike")
     why = _no_intervals(model, test, chooser)
     if why:
         warnings.append(f"no standard errors or band: {why}")
@@ -266,17 +294,28 @@ def _judge(chosen: Selection, chooser: _Chooser, seen: Excitation) -> Found:
     return Found(chosen, test, model.response([]), tuple(warnings) + test.warnings)
 
 
+def _log_loss(model: Single, recordings: Sequence[Series]) -> float:
+    """N times the logarithm of the mean squared one-step error."""
+    errors = np.concatenate([model.residuals(series) for series in recordings])
+    return float(len(errors) * np.log(max(float(np.mean(errors**2)), 1e-300)))
+
+
 def _no_intervals(model: Single, test: ResidualTest, chooser: _Chooser) -> str:
     """Why the standard errors of a model would mislead, or an empty string."""
     name, state = model.structure.upper(), chooser.state
     errors = [model.residuals(series) for series in chooser.referee.estimation]
     coloured = STRONGLY * criteria.whitened_variance(errors) < np.mean(np.concatenate(errors) ** 2)
-    if model.structure in WHITE and test.white_p < ALARM:
-        return f"those of {name} are valid for white residuals only"
+    if model.structure in WHITE and min(test.white_p, test.cross_p) < CALM:
+        return f"those of {name} are valid only for white residuals that do not depend on past inputs"
+    better = chooser.predicts_better(model) if model.structure in WHITE else ""
+    if better:
+        return f"{better} predicts the held-out part better, so the noise is not that of {name}"
     if model.structure not in WHITE and state.feedback:
         return f"{name} has no noise model, so feedback biases it"
     if model.structure not in WHITE and coloured:
         return f"the errors of {name} are so strongly coloured that it follows them; BJ models them"
+    if state.suspect and not state.feedback:
+        return "the input may answer the output, which biases every structure a little"
     if state.spikes:
         return "outliers are no noise that a standard error describes"
     return ""

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -18,6 +19,7 @@ CERTAIN = 4.0  # standard errors that the coefficient of direct feedthrough must
 DECISIVE = 10.0  # N times the difference of log losses that a later response may lose by
 LONGEST = 1000  # samples searched for the peak
 LARGEST = 12  # n_f up to here
+RACED = 3  # n_b = n_f up to which every delay is tried
 PATIENCE = 3  # growing orders without a better one after which growth ends
 NOISE = 5  # n_c, n_d up to here, as in the thesis
 MOVES = 12  # to neighbouring orders
@@ -65,6 +67,11 @@ class Search:
         return [f"{count} of {len(self.found)} orders had no stable start"] if count else []
 
 
+def best_of(begun: dict[Orders, Candidate], referee: Referee) -> Orders:
+    """Orders of the preferred model."""
+    return rank(list(begun.values()), referee).best.model.orders  # type: ignore[union-attr]  # all are polynomial
+
+
 def climb(
     search: Search, referee: Referee, begun: dict[Orders, Candidate], moves: Callable[[Orders], Iterator[Orders]]
 ) -> Selection:
@@ -85,11 +92,11 @@ def climb(
     return replace(chosen, warnings=(*chosen.warnings, *search.failed))
 
 
-def plant_moves(o: Orders) -> Iterator[Orders]:
-    """Neighbours of an output-error plant: one coefficient more or less of B or F, at either end of B."""
-    steps = ((-1, 0, 0), (-1, 0, 1), (0, -1, 0), (1, 0, 0), (0, 1, 0), (1, 0, -1), (1, 1, 0))
+def plant_moves(o: Orders, least_delay: int) -> Iterator[Orders]:
+    """Neighbours of an output-error plant: a coefficient of B or F more or less, at either end of B, and n_k."""
+    steps = ((-1, 0, 0), (-1, 0, 1), (0, -1, 0), (1, 0, 0), (0, 1, 0), (1, 0, -1), (1, 1, 0), (0, 0, -1), (0, 0, 1))
     for nb, nf, nk in steps:
-        if o.nb + nb >= 1 and o.nf + nf >= 0 and o.nk + nk >= 0:
+        if o.nb + nb >= 1 and o.nf + nf >= 0 and o.nk + nk >= least_delay:
             yield replace(o, nb=o.nb + nb, nf=o.nf + nf, nk=o.nk + nk)
 
 
@@ -103,24 +110,28 @@ def edge(chosen: Selection, **largest: int) -> Selection:
     return replace(chosen, warnings=(*chosen.warnings, text))
 
 
-def select_oe(referee: Referee, nk: int, largest: int = LARGEST) -> Selection:
-    """Output-error orders: n_b = n_f grow while that helps, then neighbours of the preferred model are tried."""
+def select_oe(referee: Referee, delays: Sequence[int], largest: int = LARGEST) -> Selection:
+    """Output-error orders: n_b = n_f grow while that helps, then neighbours of the preferred model are tried.
+
+    Each of the delays n_k runs as far as `RACED`; from there on the one that leads.
+    """
     heavy = sum(len(series) for series in referee.fitted) > HEAVY
-    search = Search("oe", referee.fitted, nk + largest + 2)
+    search = Search("oe", referee.fitted, max(delays) + largest + 2)
     begun: dict[Orders, Candidate] = {}
     better = 0
     for n in range(1, largest + 1):
-        model = search.at(Orders(nb=n, nf=n, nk=nk))
-        if model is None:
-            if n > PATIENCE and not begun:
+        leading = {best_of(begun, referee).nk} if n > RACED and begun else delays
+        models = [search.at(Orders(nb=n, nf=n, nk=nk)) for nk in leading]
+        begun |= {model.orders: referee.judge(model) for model in models if model is not None}
+        if not begun:
+            if n > PATIENCE:
                 break
             continue
-        begun[model.orders] = referee.judge(model)
-        best = rank(list(begun.values()), referee).best.model.orders.nf  # type: ignore[union-attr]
+        best = best_of(begun, referee).nf
         better = n if best == n or not better else better
         if n - better >= (2 if heavy else PATIENCE):
             break
-    chosen = climb(search, referee, begun, plant_moves)
+    chosen = climb(search, referee, begun, partial(plant_moves, least_delay=referee.least_delay))
     return edge(with_rivals(_on_the_whole(chosen, referee, search.first_row)), nf=largest)
 
 
@@ -142,7 +153,7 @@ def _on_the_whole(chosen: Selection, referee: Referee, first_row: int) -> Select
         model = search.at(one.model.orders, one.model)  # type: ignore[union-attr,arg-type]
         if model is not None:
             begun[model.orders] = whole.judge(model)
-    again = climb(search, whole, begun, plant_moves)
+    again = climb(search, whole, begun, partial(plant_moves, least_delay=referee.least_delay))
     again = replace(again, tried=chosen.tried + again.tried, warnings=(*chosen.warnings, *again.warnings))
     return _again(again, "oe", referee)
 
@@ -154,11 +165,11 @@ def _again(chosen: Selection, structure: str, referee: Referee) -> Selection:
     return replace(chosen, candidates=(replace(chosen.best, model=whole), *chosen.candidates[1:]))
 
 
-def select_arx(referee: Referee, nk: int = 1, largest: int = 15) -> Selection:
+def select_arx(referee: Referee, delays: Sequence[int] = (1,), largest: int = 15) -> Selection:
     """ARX over n_a, n_b, n_k = 1..largest: criteria from the grid, then the judge among a shortlist.
 
     The shortlist holds the model of least loss for each number of parameters and those alike by AIC (40 at most). A
-    plant's delay `nk` beyond the grid, 0 or late, joins with the n_a and n_b of the former.
+    plant's `delays` beyond the grid, 0 or late, join with the n_a and n_b of the former.
     """
     shortest = min(len(series) for series in referee.fitted)
     largest = min(largest, max((shortest - 2) // 8, 1))
@@ -181,12 +192,12 @@ def select_arx(referee: Referee, nk: int = 1, largest: int = 15) -> Selection:
         warnings.append(f"{len(alike)} of {aic.size} ARX models lie within 10 in N x AIC: orders are not decided")
     shortlist = leading | {int(k) for k in alike[:40]} | {int(bic.argmin())}
     trials = {_numbers(flat, loss.shape) for flat in shortlist}
-    if not 1 <= nk <= largest:
-        trials |= {(*_numbers(flat, loss.shape)[:2], nk) for flat in leading}
+    beyond = [nk for nk in delays if not 1 <= nk <= largest]
+    trials |= {(*_numbers(flat, loss.shape)[:2], nk) for flat in leading for nk in beyond}
     search = Search("arx", referee.fitted)
     models = [search.at(Orders.of("arx", numbers)) for numbers in sorted(trials)]
     chosen = rank([referee.judge(m) for m in models if m is not None], referee, grid.loss.size, warnings)
-    return edge(_again(chosen, "arx", referee), na=largest, nb=largest, nk=max(largest, nk + 1))
+    return edge(_again(chosen, "arx", referee), na=largest, nb=largest, nk=max(largest, *(nk + 1 for nk in delays)))
 
 
 def _numbers(flat: int, shape: tuple[int, ...]) -> tuple[int, ...]:
@@ -203,6 +214,7 @@ def select_armax(referee: Referee, from_arx: Orders, from_oe: Orders | None) -> 
     search = Search("armax", whole.estimation, from_arx.nk + from_arx.nb + 4)
     plants = [Orders(na=from_arx.na, nb=from_arx.nb, nk=from_arx.nk)]
     plants += [Orders(na=from_oe.nf, nb=from_oe.nb, nk=from_oe.nk)] if from_oe else []
+    steps = ((-1, 0, 0), (-1, -1, 0), (0, -1, 0), (0, -1, 1), (1, 0, 0), (0, 1, 0), (0, 1, -1), (0, 0, -1), (0, 0, 1))
     begun: dict[Orders, Candidate] = {}
     for plant in plants:
         for nc in (1, min(max(plant.na, 1), NOISE)):
@@ -214,14 +226,14 @@ def select_armax(referee: Referee, from_arx: Orders, from_oe: Orders | None) -> 
         for nc in (o.nc - 1, o.nc + 1):
             if 0 <= nc <= NOISE:
                 yield replace(o, nc=nc)
-        for na, nb, nk in ((-1, 0, 0), (-1, -1, 0), (0, -1, 0), (0, -1, 1), (1, 0, 0), (0, 1, 0), (0, 1, -1)):
-            if o.na + na >= 0 and o.nb + nb >= 1 and o.nk + nk >= 0:
+        for na, nb, nk in steps:
+            if o.na + na >= 0 and o.nb + nb >= 1 and o.nk + nk >= referee.least_delay:
                 yield replace(o, na=o.na + na, nb=o.nb + nb, nk=o.nk + nk)
 
     return edge(with_rivals(climb(search, whole, begun, moves)), nc=NOISE)
 
 
-def select_bj(referee: Referee, from_oe: PolynomialModel, nk: int) -> Selection:
+def select_bj(referee: Referee, from_oe: PolynomialModel, delays: Sequence[int]) -> Selection:
     """Box-Jenkins by BIC: noise orders from what the OE model leaves, then neighbours of plant and noise.
 
     Where the noise is coloured, plant orders are searched once more on data that a model of it has whitened.
@@ -233,7 +245,7 @@ def select_bj(referee: Referee, from_oe: PolynomialModel, nk: int) -> Selection:
     plants = [o]
     if nc + nd:
         white = pem.whitened(whole.estimation, noises, NOISE)
-        again: PolynomialModel = select_oe(replace(whole, estimation=white), nk, NOISE + 3).best.model  # type: ignore[assignment]
+        again: PolynomialModel = select_oe(replace(whole, estimation=white), delays, NOISE + 3).best.model  # type: ignore[assignment]
         plants = [again.orders]
     search = Search("bj", whole.estimation, max(plant.nk + plant.nb for plant in plants) + 3)
     begun: dict[Orders, Candidate] = {}
@@ -246,7 +258,7 @@ def select_bj(referee: Referee, from_oe: PolynomialModel, nk: int) -> Selection:
         for c, d in ((-1, 0), (0, -1), (1, 0), (0, 1)):
             if 0 <= o.nc + c <= NOISE and 0 <= o.nd + d <= NOISE:
                 yield replace(o, nc=o.nc + c, nd=o.nd + d)
-        yield from plant_moves(o)
+        yield from plant_moves(o, referee.least_delay)
 
     return edge(with_rivals(climb(search, whole, begun, moves)), nc=NOISE, nd=NOISE)
 

@@ -22,6 +22,7 @@ FITTED = 2 / 3  # of the data to choose on are fitted, the rest simulated
 SHORTEST_CHECK = 40  # samples; fewer do not tell models apart
 NOISE_MODELS = ("arx", "armax", "bj")  # whose one-step errors are meant to be white
 NEGLIGIBLE_WEIGHT = 0.01  # Akaike weight below which a rival is left out
+UNDECIDED = 0.1  # Akaike weight from which another delay is about as likely
 NEARLY = 1.1  # times the least miss in simulation that is as good: errors of a long free motion hang together
 BLOCKS = 20  # of the held-out data, over which two models' squared errors are compared
 
@@ -104,12 +105,14 @@ class Referee:
         reason: why one-step errors and BIC decide; empty where free simulation does.
         poor: whether the input excites too little to tell a forced motion from a free one.
         steps: whether the input is a few steps.
+        least_delay: smallest n_k; 1 where a controller answers at once, whose u(t) would explain e(t).
     """
 
     estimation: Sequence[Series]
     reason: str = ""
     poor: bool = False
     steps: bool = False
+    least_delay: int = 0
     fitted: Sequence[Series] = field(init=False)
     check: Sequence[Series] = field(init=False)
 
@@ -165,12 +168,28 @@ class Selection:
         """The one to report."""
         return self.candidates[0]
 
+    @property
+    def delays(self) -> tuple[int, ...]:
+        """Delays n_k of the best model and of the rivals that are about as likely, rising."""
+        alike = (model for weight, model in self.rivals if weight > UNDECIDED)
+        return tuple(sorted({begins(self.best.model), *map(begins, alike)}))
+
     def curve(self, frequency_hz: ArrayLike) -> Response:
         """Response of the best model; how far the rivals are from it widens the spread (Burnham and Anderson 2002)."""
         response = self.best.model.response(frequency_hz)
         apart = [np.sqrt(w) * (other.response(frequency_hz).value - response.value) for w, other in self.rivals]
         more = [np.stack([gap.real, gap.imag], axis=-1)[:, :, None] for gap in apart]
         return replace(response, spread=np.concatenate([response.spread, *more], axis=2))
+
+
+def begins(model: "Model") -> int:
+    """The lag at which the input of a polynomial or NARX model counts, by two standard errors of B."""
+    orders = getattr(model, "orders", None)
+    if orders is None:
+        return int(getattr(model, "nk", 0))
+    of_b = slice(orders.na, orders.na + orders.nb)
+    counts = np.abs(model.theta[of_b]) > 2.0 * model.std_error[of_b]  # type: ignore[union-attr]
+    return int(orders.nk + np.argmax(counts))
 
 
 def with_rivals(selection: Selection) -> Selection:

@@ -24,7 +24,7 @@ class ResidualTest:
         cross_bound: half-width of its 99 % band, which both autocorrelations widen (Bartlett).
         bound: half-width of the 99 % band of a white sequence.
         white_p: p-value of the Ljung-Box test.
-        cross_p: p-value of no correlation with inputs at lags 0..m, all lags together.
+        cross_p: p-value of no correlation with inputs from the nearest lag on, all lags together.
     """
 
     lags: np.ndarray
@@ -47,13 +47,14 @@ class ResidualTest:
         return tuple(sentences)
 
 
-def residual_test(errors: np.ndarray, series: Series, parameters: int = 0) -> ResidualTest:
+def residual_test(errors: np.ndarray, series: Series, parameters: int = 0, nearest: int = 0) -> ResidualTest:
     """Whiteness and cross-correlation of `errors` (the last samples of `series`).
 
     Args:
         errors: one-step prediction errors, shape (M,), M at most N.
         series: the recording they belong to.
         parameters: number of noise-model coefficients, taken off the degrees of freedom.
+        nearest: lag of the nearest input that errors must not depend on; 1 in a loop, where u(t) answers e(t).
     """
     e = errors - errors.mean()
     u = series.u[len(series) - len(e) :]
@@ -74,7 +75,7 @@ def residual_test(errors: np.ndarray, series: Series, parameters: int = 0) -> Re
     u_auto = np.array([u[k:] @ u[: n - k] for k in range(1, lags + 1)]) / scale_u**2
     spread = max(1 + 2 * float(auto @ u_auto), 0.05)
     z = float(stats.norm.ppf(0.995))
-    cross_p = _independence(e / scale_e, u, lags)
+    cross_p = _independence(e[nearest:] / scale_e, u[: n - nearest], lags)
     return ResidualTest(
         lags=np.arange(1, lags + 1), auto=auto, cross_lags=cross_lags, cross=cross,
         cross_bound=z * float(np.sqrt(spread / n)), bound=z / np.sqrt(n), white_p=white_p, cross_p=cross_p,

@@ -1,15 +1,13 @@
 """The persons behind a study's pooled fits: the mean of each constant, how much persons differ, and each one shrunk.
 
-The logarithm of a constant of person i is mu + u_i, u_i ~ N(0, tau^2), and the fit knows it to its standard error s_i,
-model and sensor errors included. Both are found by restricted maximum likelihood, by the machinery of the heels
-(heel/population.py); the interval of the mean has Student's t with the persons less one, that of the spread inverts
-Cochran's Q, which is chi-square distributed at the true tau. A person's own value is shrunk to the mean by what its fit
-leaves open. What all persons have in common, such as a wrong gain of one laboratory's sensor, no number of persons
-takes away: it is not in these intervals.
+The logarithm of a constant of person i is mu + u_i, and the fit knows it to its standard error s_i, model and sensor
+errors included. The mean is found by restricted maximum likelihood, by the machinery of the heels (heel/population.py),
+with Student's t and the persons less one; no shape of the population enters. How much persons differ, each one's own
+value and whether it belongs to the others' come from a posterior with tails that may be heavy (posterior.py). What all
+persons have in common, such as a wrong gain of one laboratory's sensor, no number of persons takes away: it is not in
+these intervals.
 
-A person whose value does not belong to the others' is named: the other persons predict the value, with the spread
-between them, and it lies further off than chance would have it in one population of twenty (the chance is multiplied by
-the number of persons, any of whom might have been the odd one). That person stays in the estimate.
+A person whose value does not belong to the others' is named, and stays in the estimate.
 
 The odds of the branches multiply over persons whose errors are their own. Gain and mass tables are one laboratory's:
 what a branch needs of them it may need once, and not once a person. So the odds are told twice, with what each fit pays
@@ -18,31 +16,26 @@ depart alike). The branch is decided where both say so, and go on saying so whic
 recordings were mixed up must not decide for the others.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
-from scipy.optimize import brentq
-from scipy.special import chdtri
-from scipy.stats import t as student
 
 from fasbody.exceptions import RecordingError
 from fasbody.heel.population import FEWEST, Observed, estimate
 from fasbody.presentation import Tabled, readable
 from identification.branches import DECISIVE_ODDS, EXCHANGED, STIFF_ANKLE, STIFF_PAD
 from identification.recommendations import LEAST_FIT, follows
+from identification.study.posterior import Posterior
 from identification.study.tracking import deviances
 
 _LEVEL = 0.95
-#: Chance, times the number of persons, below which a value does not belong to the others'.
-_ODD = 0.05
-#: Spread of logarithms that is none.
-_NO_SPREAD = 5e-3
+#: Chance, times the number of persons, below which a value does not belong to the others': so at most one clean
+#: population of twenty has such a person whatever its shape (`python -m benchmarks.study_population`).
+_ODD = 0.01
 #: Logarithm of odds below which they are even.
 _EVEN = 0.05
-#: Largest spread of logarithms that is looked for.
-_MOST = 10.0
 
 
 @dataclass(frozen=True)
@@ -79,7 +72,8 @@ class Constant(Tabled):
         mean: geometric mean over persons, in the constant's unit.
         lower: end of its 95 % interval.
         upper: the other end.
-        spread: standard deviation of the logarithm between persons.
+        spread: half the width that holds the logarithms of the middle two thirds of persons; of Gaussian persons their
+            standard deviation.
         spread_lower: end of its 95 % interval.
         spread_upper: the other end.
         persons: one a person.
@@ -99,7 +93,7 @@ class Constant(Tabled):
     @property
     def spread_text(self) -> tuple[str, str]:
         """The spread between persons and its 95 % interval, in words where none can be told."""
-        if self.spread < _NO_SPREAD:
+        if not self.spread_lower:
             return f"cannot be told from {len(self.persons)} persons", f"at most {100 * self.spread_upper:.2g} %"
         ends = f"{100 * self.spread_lower:.2g} to {100 * self.spread_upper:.2g} %"
         return f"{100 * self.spread:.2g} %", ends
@@ -198,79 +192,11 @@ def constant(name: str, subjects: Sequence[str], logs: np.ndarray, errors: np.nd
             )
     rows = zip(subjects, logs, errors, strict=True)
     fit = estimate((name,), [Observed(who, "", np.array([y]), np.array([[s**2]])) for who, y, s in rows])
-    mu, tau = float(fit.mu[0, 0]), float(np.sqrt(fit.between[0, 0]))
     mean, low, high = fit.interval("", name)
-    least, most = spread_interval(logs, errors)
-    ends = min(least, tau), max(most, tau)  # where the values scatter less than their errors say, Q is no judge
-    share = tau**2 / (tau**2 + errors**2)
-    shrunk = mu + share * (logs - mu)
-    # what the fit leaves open, the mean as far as the value rests on it, and how uncertain the share is (Morris 1983,
-    # with the harmonic mean of the variances: one badly known person says nothing of the others)
-    rests, variance = (1 - share) ** 2, errors**2 + tau**2
-    doubt = 2 / (logs.size - 3) * rests / np.mean(1 / variance) / variance * (logs - mu) ** 2
-    normal, few = (float(student.ppf(0.5 + 0.5 * _LEVEL, dof)) for dof in (np.inf, len(subjects) - 1))
-    width = np.sqrt(normal**2 * share * errors**2 + few**2 * (rests * fit.covariance[0, 0] + doubt))
-    columns = np.column_stack([
-        np.exp(logs), errors, np.exp(shrunk), np.exp(shrunk - width), np.exp(shrunk + width), chances(logs, errors)
-    ])  # fmt: skip
-    people = tuple(Person(who, *row) for who, row in zip(subjects, columns.tolist(), strict=True))
-    return Constant(name, mean, low, high, tau, *ends, people)
-
-
-def chances(logs: np.ndarray, errors: np.ndarray) -> np.ndarray:
-    """Chance that any of n persons lies as far as each (n,) from what the others foretell.
-
-    The others' mean and spread (at which their Q is what chi-square is on average: Paule and Mandel 1982) foretell a
-    value with the variance tau^2 + s_i^2 + that of their mean, and Student's t with the others less one.
-
-    Args:
-        logs: (n,) logarithms.
-        errors: (n,) their standard errors.
-    """
-    chance = []
-    for i in range(logs.size):
-        y, s = np.delete(logs, i), np.delete(errors, i)
-        tau = _spread(y, s, y.size - 1.0)
-        w = 1 / (tau**2 + s**2)
-        off = (logs[i] - w @ y / w.sum()) / np.sqrt(tau**2 + errors[i] ** 2 + 1 / w.sum())
-        chance.append(2 * student.sf(abs(off), y.size - 1))
-    return np.minimum(1.0, logs.size * np.array(chance))
-
-
-def _spread(logs: np.ndarray, errors: np.ndarray, value: float) -> float:
-    """The spread at which Cochran's Q has a value."""
-
-    def Q(tau: float) -> float:
-        w = 1 / (tau**2 + errors**2)
-        return float(w @ (logs - w @ logs / w.sum()) ** 2)
-
-    return _falls_to(Q, value)
-
-
-def _falls_to(Q: Callable[[float], float], value: float) -> float:
-    """Where a falling function of the spread has a value, between 0 and the largest that is looked for."""
-    if Q(0.0) <= value:
-        return 0.0
-    return _MOST if Q(_MOST) >= value else float(brentq(lambda tau: Q(tau) - value, 0.0, _MOST))
-
-
-def spread_interval(logs: np.ndarray, errors: np.ndarray) -> tuple[float, float]:
-    """95 % interval of the standard deviation between persons, where Q is no unlikely chi-square (Viechtbauer 2007).
-
-    Persons who scatter less than their errors say would have an upper end of zero, by luck alone. So it is at least
-    what persons without any spread have on average (a power-constrained limit: Cowan and others 2011).
-
-    Args:
-        logs: (n,) logarithms.
-        errors: (n,) their standard errors.
-    """
-    most, least = (float(chdtri(logs.size - 1, chance)) for chance in (0.5 - 0.5 * _LEVEL, 0.5 + 0.5 * _LEVEL))
-
-    def without(tau: float) -> float:  # what Q is on average at tau where the persons scatter by their errors alone
-        w = 1 / (tau**2 + errors**2)
-        return float(w @ errors**2 - w**2 @ errors**2 / w.sum())
-
-    return _spread(logs, errors, most), max(_spread(logs, errors, least), _falls_to(without, least))
+    behind = Posterior.of(logs, errors)
+    people = np.column_stack([np.exp(logs), errors, np.exp(behind.persons(_LEVEL)), behind.chances()]).tolist()
+    persons = tuple(Person(who, *row) for who, row in zip(subjects, people, strict=True))
+    return Constant(name, mean, low, high, *behind.spread(_LEVEL), persons)
 
 
 def populations(documents: Sequence[Mapping[str, Any]]) -> list[Population]:
