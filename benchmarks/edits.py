@@ -7,6 +7,8 @@ arch). Where laws bend there is none: stepping is then compared with harmonic ba
 """
 
 import contextlib
+import importlib
+import os
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -32,11 +34,9 @@ READ = ("simulate", "balance", "viewer")
 def table_at(hz: float) -> ModuleType:
     """The table of edits with its truths at another frequency."""
     sys.path.append(str(TESTS)) if str(TESTS) not in sys.path else None
-    source = (TESTS / "model_edits.py").read_text().replace("HZ, PEAK = 20.0,", f"HZ, PEAK = {hz},")
-    edits = ModuleType(f"model_edits_{hz:g}")
-    sys.modules[edits.__name__] = edits  # dataclasses look their module up
-    exec(compile(source, edits.__name__, "exec"), edits.__dict__)
-    return edits
+    os.environ["EDITS_HZ"] = str(hz)
+    sys.modules.pop("model_edits", None)
+    return importlib.import_module("model_edits")
 
 
 def readings(edits: ModuleType, file: Path, peak: float) -> dict[str, complex]:

@@ -6,6 +6,7 @@ an independent calculation gives, or refuses it in one sentence that names the e
 down here: masses in absolute coordinates for chains, the equations of the arch with constants that are stated here.
 """
 
+import os
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -35,7 +36,7 @@ from viz.settings import Settings
 
 Array = np.ndarray
 #: Table of all comparisons [Hz], and its acceleration [m/s^2]: so small that every law is what it is at rest.
-HZ, PEAK = 20.0, 0.02
+HZ, PEAK = float(os.environ.get("EDITS_HZ", "20")), 0.02
 S = 2j * np.pi * HZ
 G = 9.81
 
