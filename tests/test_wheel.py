@@ -157,7 +157,7 @@ def test_what_the_packages_import_is_declared(wheel: Path) -> None:
 #: Modules that are imported inside functions only, as they need the extra `view`.
 OF_EXTRA = {"viz.server"}
 #: Modules whose distribution has another name, or brings them as its own dependency.
-BROUGHT_BY = {"pinocchio": {"pin"}, "dask": {"distributed"}, "umsgpack": {"meshcat"}}
+BROUGHT_BY = {"pinocchio": {"pin"}, "dask": {"distributed"}, "umsgpack": {"meshcat"}, "labjack": {"labjack-ljm"}}
 #: Faster where a user has it, never needed.
 USED_IF_THERE = {"pypardiso"}
 
