@@ -95,7 +95,7 @@ class Board:
         self._since, self._older = 0.0, 0  # samples taken before this time of the host's clock are counted, not kept
         self._last = time.monotonic()  # of the last sample, or of the first hello
         self._bytes = 0  # that had come by then
-        self._heard = self._last  # of the last byte
+        self._last_byte = self._last
 
     def wait_for_hello(self, seconds: float | None = None) -> Hello:
         """The board's description, waited for so long [s], or as long as usual.
@@ -140,14 +140,14 @@ class Board:
                     self.timeline.note(arrival.event)
                 continue
             greeted = self.decoder.hello is not None
-            self._heard = arrival.host
-            found = self.decoder.feed(arrival.data)
-            blocks = [message for message in found if isinstance(message, Block)]
+            self._last_byte = arrival.host
+            decoded = self.decoder.feed(arrival.data)
+            blocks = [message for message in decoded if isinstance(message, Block)]
             if blocks or (self.decoder.hello and not greeted):
                 self._last, self._bytes = arrival.host, self.decoder.bytes
             if self.timeline is not None:
-                self.timeline.add(found, arrival.host)
-            messages += found
+                self.timeline.add(decoded, arrival.host)
+            messages += decoded
             for block in blocks:
                 if arrival.host - self._lateness.of(block.time_us, arrival.host) >= self._since:
                     self._keep(block.samples)
@@ -165,7 +165,8 @@ class Board:
         if self.reader.failure is None and stalled:
             came = self.decoder.bytes - self._bytes
             how = "is unplugged" if self._away else "is silent"
-            if came and looked - self._heard < self.patience / 2:  # not the half of a frame after which it fell silent
+            # Not for the half of a frame after which it fell silent.
+            if came and looked - self._last_byte < self.patience / 2:
                 how = f"sent {counted(came, 'byte')} and no sample"
             raise Stalled(
                 f"{self.reader.port_name}: the board {how} for {self.patience:g} s; check its supply and firmware."

@@ -55,16 +55,16 @@ def calibrator(
     spectrum, hz = np.abs(np.fft.rfft(values * np.hanning(values.size))), np.fft.rfftfreq(values.size, 1 / rate_hz)
     near = np.abs(hz / frequency_hz - 1) < 0.03
     peak, width = float(hz[near][np.argmax(spectrum[near])]), rate_hz / values.size
-    found = float(
+    tone_hz = float(
         minimize_scalar(lambda f: fit(f, slice(None))[1], bounds=(peak - width, peak + width), method="bounded").x
     )
     piece = round(_PIECE_S * rate_hz)
     starts = range(0, values.size - piece + 1, piece)
-    parts = [fit(found, slice(start, start + piece)) for start in starts]
+    parts = [fit(tone_hz, slice(start, start + piece)) for start in starts]
     size, rest = (float(np.median(column)) for column in zip(*parts, strict=True))  # a knock spoils one of them
     if not size > 10 * rest:
         raise AcquisitionError(f"no tone of {frequency_hz:g} Hz stands out; is the sensor on the running calibrator?")
-    third = float(np.median([fit(3 * found, slice(start, start + piece))[0] for start in starts])) / size
+    third = float(np.median([fit(3 * tone_hz, slice(start, start + piece))[0] for start in starts])) / size
     if not third < _THIRD:
         raise AcquisitionError(
             f"the tone's third harmonic is {100 * third:.2g} % of it (at most {100 * _THIRD:g}); does the sensor's "

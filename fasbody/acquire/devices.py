@@ -66,15 +66,15 @@ def opened(device: Any, settings: Any) -> tuple[Board, Excitation | None]:
     Raises:
         Unplugged: it cannot be opened.
     """
-    there: list[Source] = []
+    sources: list[Source] = []
 
     def opener(name: str, baud: int) -> Source:
-        there[:] = [device(settings)]
-        return there[0]
+        sources[:] = [device(settings)]
+        return sources[0]
 
     board = Board(getattr(settings, "device", "") or device.__name__, 0, opener=opener)
     output = getattr(device, "output", None)
-    return board, None if output is None else output(settings, lambda: there[0])
+    return board, None if output is None else output(settings, lambda: sources[0])
 
 
 @dataclass(frozen=True)
@@ -128,12 +128,12 @@ class Equipment:
             return self._device(stack)
         assert self.port is not None
         try:
-            with ExitStack() as both:
+            with ExitStack() as inner:
                 board = Board(self.port, self.baud)
-                both.callback(board.close)
+                inner.callback(board.close)
                 board.wait_for_hello()
-                source = both.enter_context(Generator(self.generator, self.generator_baud)) if self.generator else None
-                stack.push(both.pop_all())
+                source = inner.enter_context(Generator(self.generator, self.generator_baud)) if self.generator else None
+                stack.push(inner.pop_all())
                 return board, source
         except Unplugged:
             raise

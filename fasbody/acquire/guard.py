@@ -30,17 +30,17 @@ def main() -> None:
     name, baud, file, silent_s = sys.argv[1], int(sys.argv[2]), int(sys.argv[3]), float(sys.argv[4])
     word, silent = OFF, False
     while word != DONE:
-        if not _heard(silent_s if word == ALIVE else None):
+        if not _message_within(silent_s if word == ALIVE else None):
             silent = True
             break
-        said = os.read(0, 4096)
-        if not said:
+        data = os.read(0, 4096)
+        if not data:
             break
-        word = said[-1:]
+        word = data[-1:]
     else:
         return
     for _ in range(_TRIES):
-        if _told(file, name, baud):
+        if _sent(file, name, baud):
             if silent:
                 _say(f"{name}: nobody has watched the base for {silent_s:g} s; output off.")
             return
@@ -52,13 +52,13 @@ def _say(text: str) -> None:
     print(text, file=sys.stderr, flush=True)
 
 
-def _heard(silent_s: float | None) -> bool:
+def _message_within(silent_s: float | None) -> bool:
     """Whether the driver says something within so long [s], or ends; None waits for ever."""
-    each = None if silent_s is None else silent_s / _LOOKS
-    return any(select.select([0], [], [], each)[0] for _ in range(_LOOKS))
+    wait_s = None if silent_s is None else silent_s / _LOOKS
+    return any(select.select([0], [], [], wait_s)[0] for _ in range(_LOOKS))
 
 
-def _told(file: int, name: str, baud: int) -> bool:
+def _sent(file: int, name: str, baud: int) -> bool:
     """Whether the command went out, through the driver's port or, if that is gone, through one of our own."""
     try:
         return os.write(file, _COMMAND) == len(_COMMAND)

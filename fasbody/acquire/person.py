@@ -196,10 +196,10 @@ def today() -> str:
 def noted(study: Path) -> dict[str, Any]:
     """What session.json of a study says; nothing, where there is none that can be read."""
     try:
-        found = json.loads((study / SESSION).read_text())
+        document = json.loads((study / SESSION).read_text())
     except (OSError, ValueError):
         return {}
-    return found if isinstance(found, dict) else {}
+    return document if isinstance(document, dict) else {}
 
 
 def note(study: Path, **values: Any) -> Path:

@@ -26,7 +26,7 @@ class Plan:
         condition: of all recordings; its frequency is set for each.
         seconds: length of each recording.
         peak_to_peak: wanted base acceleration [m/s^2].
-        settle_s: wait at the level before recording.
+        wait_s: wait at the level before recording.
         retries: so often is a recording repeated that lost samples or whose board stalled.
         origin: "measured" or "synthetic".
         safety: limits of the excitation.
@@ -41,7 +41,7 @@ class Plan:
     condition: Condition
     seconds: float = 10.0
     peak_to_peak: float = PEAK_TO_PEAK
-    settle_s: float = 0.5
+    wait_s: float = 0.5
     retries: int = 2
     origin: str = "measured"
     safety: Safety = field(default_factory=Safety)
@@ -53,8 +53,8 @@ class Plan:
     @property
     def dose(self) -> Dose:
         """What the subject will get, finding each level included."""
-        each = [f for f in self.frequencies_hz if f is not None]
-        sines = (Dose.of_sine(f, 0.5 * self.peak_to_peak, self.seconds + LEVEL_S) for f in each)
+        frequencies_hz = [f for f in self.frequencies_hz if f is not None]
+        sines = (Dose.of_sine(f, 0.5 * self.peak_to_peak, self.seconds + LEVEL_S) for f in frequencies_hz)
         return sum(sines, Dose())
 
     def check(self, generator: bool) -> None:
@@ -151,7 +151,7 @@ def steps_in(path: Path) -> tuple[dict[str, Any], Sequence[PlannedStep]]:
         raise InputFileError(path, f"body_mass_kg = {mass!r}", "valid: 20 to 300 kg")
     if not isinstance(rows, list) or not rows:
         raise InputFileError(path, "holds no steps", "valid: a list of them as protocol")
-    found = []
+    steps = []
     for number, row in enumerate(rows, start=1):
         values: dict[str, float] = {}
         for name, (low, high) in _NUMBERS.items():
@@ -159,5 +159,5 @@ def steps_in(path: Path) -> tuple[dict[str, Any], Sequence[PlannedStep]]:
             if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
                 raise InputFileError(path, f"step {number}: {name} = {value!r}", f"valid: {low:g} to {high:g}")
             values[name] = float(value)
-        found.append(PlannedStep(kind=str(row.get("kind", "sine")), **values))
-    return document, found
+        steps.append(PlannedStep(kind=str(row.get("kind", "sine")), **values))
+    return document, steps

@@ -193,8 +193,8 @@ class PortInfo:
 
 def ports() -> list[PortInfo]:
     """All serial ports of this computer."""
-    found = pyserial().tools.list_ports.comports()
-    return [PortInfo(p.device, p.description or "", p.hwid or "") for p in sorted(found)]
+    infos = pyserial().tools.list_ports.comports()
+    return [PortInfo(p.device, p.description or "", p.hwid or "") for p in sorted(infos)]
 
 
 @dataclass(frozen=True)
@@ -330,7 +330,7 @@ class Reader(threading.Thread):
 
 
 @dataclass(frozen=True)
-class Found:
+class ProbeResult:
     """What answered on a port.
 
     Attributes:
@@ -351,13 +351,13 @@ class Found:
         return f"{self.port}: {self.kind} at {self.baud} baud: {self.identity}"
 
 
-def probe(name: str, rates: tuple[int, ...] = BAUD_RATES) -> Found:
+def probe(name: str, rates: tuple[int, ...] = BAUD_RATES) -> ProbeResult:
     """Find out what speaks on a port.
 
     Raises:
         Unplugged: the port cannot be opened.
     """
-    heard = Found(name, "silence", 0, "")
+    result = ProbeResult(name, "silence", 0, "")
     with contextlib.closing(Port(name, rates[0])) as port:  # once: opening it resets an Arduino
         boots_until = time.monotonic() + HELLO_S
         for baud in rates:
@@ -368,16 +368,16 @@ def probe(name: str, rates: tuple[int, ...] = BAUD_RATES) -> Found:
             if decoder.hello is None:
                 answer, _ = port.ask(b"*CLS\n*IDN?\n", _ASK_S)
                 if is_identity(answer):
-                    return Found(name, "generator", baud, answer)
+                    return ProbeResult(name, "generator", baud, answer)
             while not decoder.bytes and time.monotonic() < boots_until:
                 decoder.feed(port.read())
                 if decoder.bytes:
                     _listen(port, decoder)
             if decoder.hello is not None:
-                return Found(name, "board", baud, str(decoder.hello))
+                return ProbeResult(name, "board", baud, str(decoder.hello))
             if decoder.bytes:
-                heard = Found(name, "unknown bytes", baud, f"{decoder.bytes} bytes, no hello")
-    return heard
+                result = ProbeResult(name, "unknown bytes", baud, f"{decoder.bytes} bytes, no hello")
+    return result
 
 
 def _listen(port: Port, decoder: Decoder) -> None:

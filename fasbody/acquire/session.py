@@ -171,10 +171,10 @@ class Session:
         if self.board.meter is None and hello is not None:
             before = person.dose_of(self.plan.study, self.plan.condition.subject)
             self.board.meter = person.Meter(before, self.plan.safety.daily_a8, hello.rate_hz)
-        wanted = self.plan.peak_to_peak
+        target = self.plan.peak_to_peak
         try:
-            level = reach(generator, self.board, frequency, wanted, self.plan.safety, self._volts_per * wanted)
-            self.board.collect(max(0.1, self.plan.settle_s))
+            level = reach(generator, self.board, frequency, target, self.plan.safety, self._volts_per * target)
+            self.board.collect(max(0.1, self.plan.wait_s))
         except BaseException:
             self._off()
             raise
@@ -199,20 +199,20 @@ class Session:
         board, generator = self.board, self.generator
         timeline = board.start(capture)
         hello = timeline.hello
-        both = [hello.roles.index("base"), hello.roles.index("malleolus")]
+        pair = [hello.roles.index("base"), hello.roles.index("malleolus")]
         drive = Drive()  # what is set by hand is only about as stated
         if level is not None:
             drive = Drive(frequency, 0.5 * level.peak_to_peak, self.plan.one_mass)
         monitor = Monitor(hello.rate_hz, drive)
-        wanted = round(self.plan.seconds * timeline.hello.rate_hz)
+        planned = round(self.plan.seconds * timeline.hello.rate_hz)
         unplugs, judged = board.unplugs, 0
         latest = time.monotonic() + 1.01 * self.plan.seconds + STALLED_S + board.reader.patience
-        while timeline.length < wanted:
+        while timeline.length < planned:
             board.pump()
             blocks = timeline.blocks(judged)
             judged += len(blocks)
             for start, samples in blocks:
-                _refuse(monitor.add(start, samples[:, both]), generator is not None)
+                _refuse(monitor.add(start, samples[:, pair]), generator is not None)
             over = {role: count for role, count in timeline.over_range.items() if count >= _OVER_RANGE}
             if over:
                 raise AcquisitionError(
@@ -224,7 +224,7 @@ class Session:
                 board.watch = None
             if time.monotonic() > latest:
                 raise Stalled(
-                    f"{board.reader.port_name}: {timeline.length} of {wanted} samples came in time; check the board's "
+                    f"{board.reader.port_name}: {timeline.length} of {planned} samples came in time; check the board's "
                     "rate."
                 )
             if capture.trouble:
@@ -271,7 +271,7 @@ class Session:
 def _refuse(faults: list[Fault], excited: bool) -> None:
     """Raise what the sensors show: Faulty, or AcquisitionError where the base is lost and nothing is tried again."""
     if faults:
-        kind = AcquisitionError if any(fault.rule.lost for fault in faults) else Faulty
+        kind = AcquisitionError if any(fault.rule.final for fault in faults) else Faulty
         raise kind(f"{faults[0]}{'; output off' if excited else ''}.")
 
 

@@ -39,7 +39,7 @@ _ENOUGH, _OFF = 8, 0.01
 _COARSE, _LAG = 0.05, 64
 #: Lone late stamps between punctual ones mean nothing: half the width of the running median that drops them, narrow
 #: where they are rare (then a step near an end shows), wide where not; and how many make the stamps unclear.
-_NARROW, _WIDE, _RARE, _FEW = 2, 8, 0.001, 0.02
+_NARROW, _BROAD, _RARE, _FEW = 2, 8, 0.001, 0.02
 #: No stamp counts as farther off than so many times the jitter.
 _CLIP = 3.0
 #: Device time that goes back by more [us] is another clock: the board has restarted.
@@ -230,7 +230,7 @@ class Timeline:
         self._sequence = self._time_us = 0
         self._host = 0.0
         self._damaged_lines = 0  # since the last block
-        self._lost = self._damaged = 0
+        self._missed = self._damaged = 0
         self._over = np.zeros(len(hello.channels), int)
         self._changed = self._restarted = False
         self._boot = hello.boot
@@ -247,7 +247,7 @@ class Timeline:
 
     def __str__(self) -> str:
         frames, gaps = counted(len(self._jumps), "frame"), counted(self._gaps, "gap")
-        return f"{frames}, {self._lost} lost, {self._damaged} damaged, {gaps}"
+        return f"{frames}, {self._missed} lost, {self._damaged} damaged, {gaps}"
 
     def blocks(self, first: int) -> list[tuple[int, np.ndarray]]:
         """Index of the first sample, as far as its number tells, and samples (n, channels) of block `first` and on."""
@@ -302,7 +302,7 @@ class Timeline:
             else:
                 stamp = self._stamps[-1] + (passed if passed < _TURN // 2 or missed else passed - _TURN)
                 jump, cause = missed * n, "lost frames"
-                self._lost += missed
+                self._missed += missed
                 if self._damaged_lines:  # each was probably a sample; the time stamps will tell
                     jump, cause = self._damaged_lines, "damaged lines"
         self._restarted, self._damaged_lines = False, 0
@@ -321,18 +321,18 @@ class Timeline:
     def _placed(self) -> tuple[np.ndarray, np.ndarray, list[str], Stamps | None]:
         """Start of each block, samples missing before it, why, and what the stamps since the last restart tell."""
         sizes = np.array([len(block) for block in self._samples])
-        jumps, causes, told = np.array(self._jumps), list(self._causes), None
+        jumps, causes, stamps = np.array(self._jumps), list(self._causes), None
         restarts = [i for i, cause in enumerate(causes) if cause == "restart"]
         for first, last in pairwise([0, *restarts, sizes.size]):
             part = slice(first, last)
-            own = np.cumsum(sizes[part] + jumps[part]) - sizes[part]
-            told = judge(own, np.array(self._stamps[part]) * 1e-6 * self.hello.rate_hz)
-            for at in np.flatnonzero(told.steps):
+            starts = np.cumsum(sizes[part] + jumps[part]) - sizes[part]
+            stamps = judge(starts, np.array(self._stamps[part]) * 1e-6 * self.hello.rate_hz)
+            for at in np.flatnonzero(stamps.steps):
                 i = first + at
-                found = jumps[i] + min(int(told.steps[at]), _MOST)
+                missing = jumps[i] + min(int(stamps.steps[at]), _MOST)
                 causes[i] = causes[i] if jumps[i] else "skipped"
-                jumps[i] = max(found, 0 if causes[i] == "damaged lines" else 1)
-        return np.cumsum(sizes + jumps) - sizes, jumps, causes, told
+                jumps[i] = max(missing, 0 if causes[i] == "damaged lines" else 1)
+        return np.cumsum(sizes + jumps) - sizes, jumps, causes, stamps
 
     def samples(self) -> tuple[np.ndarray, np.ndarray]:
         """Index (n,) of each received sample on the grid of samples, and its values (n, channels) [m/s^2]."""
@@ -346,13 +346,13 @@ class Timeline:
         """What happened so far, with the gaps of the first `length` samples."""
         rate = self.hello.rate_hz
         kept = Quality(
-            frames=len(self._samples), lost_frames=self._lost, damaged=self._damaged, over_range=self.over_range,
+            frames=len(self._samples), lost_frames=self._missed, damaged=self._damaged, over_range=self.over_range,
             changed=self._changed,
         )  # fmt: skip
         if not self._samples:
             return kept
-        starts, jumps, causes, told = self._placed()
-        assert told is not None
+        starts, jumps, causes, stamps = self._placed()
+        assert stamps is not None
         gaps = []
         for i in np.flatnonzero(jumps):
             at = int(starts[i] - jumps[i])
@@ -361,8 +361,8 @@ class Timeline:
                 gaps.append(Gap((at - 1) / rate, int(jumps[i]), cause))
         drift, drift_std = _drift(self._clock)
         return replace(
-            kept, gaps=tuple(gaps), stamps_advance=told.advance, jitter=told.jitter,
-            rate_ppm=1e6 * (1 / told.slope - 1), rate_std_ppm=1e6 * told.slope_std,
+            kept, gaps=tuple(gaps), stamps_advance=stamps.advance, jitter=stamps.jitter,
+            rate_ppm=1e6 * (1 / stamps.slope - 1), rate_std_ppm=1e6 * stamps.slope_std,
             drift_ppm=drift, drift_std_ppm=drift_std,
         )  # fmt: skip
 
@@ -389,18 +389,18 @@ def judge(x: np.ndarray, y: np.ndarray) -> Stamps:
     jitter = _jitter(late)
     early = float(np.mean(late < -0.5))
     raw = np.concatenate([[0.0], np.cumsum(late)])
-    half = _NARROW if early < _RARE else _WIDE
+    half = _NARROW if early < _RARE else _BROAD
     level = _median(raw, half)
-    each = np.diff(level)
-    if jitter < _CLEAR and np.mean(each < -0.5) < _FEW:
-        steps[1:] = np.where(np.abs(each) >= _SLIP, np.round(each), 0)
+    rises = np.diff(level)
+    if jitter < _CLEAR and np.mean(rises < -0.5) < _FEW:
+        steps[1:] = np.where(np.abs(rises) >= _SLIP, np.round(rises), 0)
         steps += _at_the_ends(raw - level, half, jitter)
     else:
         jitter = max(jitter, _CLEAR)
-        centre = _median(raw, _WIDE)
+        centre = _median(raw, _BROAD)
         off = raw - centre
         steps = _beyond_jitter(x, x + centre + np.clip(off, -_CLIP * jitter, _CLIP * jitter), jitter)
-        steps += _at_the_ends(off, _WIDE, jitter)
+        steps += _at_the_ends(off, _BROAD, jitter)
     slope, std = _line(x + np.cumsum(steps), y)
     return Stamps(steps, jitter, slope, std)
 

@@ -270,9 +270,9 @@ def _read_data(payload: bytes, hello: Hello) -> Block | None:
     if width == 2:
         counts = np.frombuffer(payload, "<i2", offset=_DATA_HEAD.size).astype(np.int32)
     else:
-        wide = np.zeros((count, 4), np.uint8)
-        wide[:, 1:] = np.frombuffer(payload, np.uint8, offset=_DATA_HEAD.size).reshape(-1, 3)
-        counts = wide.view("<i4").ravel() >> 8  # the shift brings the sign down
+        padded = np.zeros((count, 4), np.uint8)
+        padded[:, 1:] = np.frombuffer(payload, np.uint8, offset=_DATA_HEAD.size).reshape(-1, 3)
+        counts = padded.view("<i4").ravel() >> 8  # the shift brings the sign down
     counts = counts.reshape(hello.frame_samples, -1)
     samples = counts / np.array([c.counts_per_m_s2 for c in hello.channels])
     rail = 2 ** (hello.bits - 1)
@@ -297,8 +297,8 @@ def encode_data(sequence: int, time_us: int, counts: np.ndarray, bits: int, flag
     head = _DATA_HEAD.pack(_DATA, flags, sequence % 2**32, time_us % 2**32)
     if bits == 16:
         return wrap(head + counts.astype("<i2").tobytes())
-    wide = counts.astype("<i4").reshape(-1, 1).view(np.uint8)
-    return wrap(head + wide[:, :3].tobytes())
+    octets = counts.astype("<i4").reshape(-1, 1).view(np.uint8)
+    return wrap(head + octets[:, :3].tobytes())
 
 
 def over_range(channels: np.ndarray) -> int:
@@ -373,7 +373,7 @@ class LineReader(PieceReader):
 
     def __init__(self) -> None:
         super().__init__()
-        self._heard = ""  # the latest line on the board
+        self._board_line = ""  # the latest line on the board
         self._doubted = ""  # a header that differs from the one in use, without a check
         self._crc = False  # whether every line promises one
         self._scale: np.ndarray | None = None
@@ -387,7 +387,7 @@ class LineReader(PieceReader):
         except UnicodeDecodeError:
             return Damage("not text", len(piece))
         if text.startswith("# fas "):
-            self._heard = text
+            self._board_line = text
             return None
         if not text or text.startswith("#"):
             return None
@@ -399,7 +399,7 @@ class LineReader(PieceReader):
 
     def _header(self, text: str) -> Hello | None:
         """The columns; a hello if the line before them said enough."""
-        about_line, about_sure = _checked(self._heard)
+        about_line, about_sure = _checked(self._board_line)
         columns, columns_sure = _checked(text)
         if not about_line or not columns:
             return None
@@ -409,7 +409,7 @@ class LineReader(PieceReader):
         known = all(role in ROLES and unit in UNITS for role, unit in parts[1:]) and 2 <= len(parts) <= 17
         if not known or parts[0][1] not in TIME_UNITS or not 0 < rate <= 1e6 or not span > 0:
             return None
-        lines = f"{self._heard}\n{text}\n"
+        lines = f"{self._board_line}\n{text}\n"
         changed = self.hello is not None and lines.encode() != self.preamble
         if changed and not (about_sure and columns_sure) and lines != self._doubted:
             self._doubted = lines

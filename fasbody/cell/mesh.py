@@ -52,7 +52,7 @@ LEAST, DEFAULT = 25_000, 300_000
 #: Angles from which an edge divides a surface into patches [degrees]: those of a machine part, of a rough one, none.
 PATCHES = (40.0, 80.0, 180.0)
 #: Share of the volume that a new mesh may lose or gain, and mean ratio of the worst element with which it is good.
-LOST, SLIVER = 0.02, 0.1
+VOLUME_CHANGE, SLIVER = 0.02, 0.1
 #: How far a vertex may lie from a mesh that follows its surface, of the element size: 0.32 to 0.37 on balls and bones,
 #: 0.98 on a calcaneus that lost a process. By what a size is multiplied that does not do.
 STRAY, FINER = 0.5, 0.75
@@ -152,10 +152,10 @@ class TetMesh:
         height = self.points_um[:, self.up]
         on_base = height <= height.min() + FLAT * float(np.ptp(height))
         faces = np.asarray(self.surface.faces)
-        found = faces[on_base[faces].all(axis=1)]
-        if not len(found):
+        flat = faces[on_base[faces].all(axis=1)]
+        if not len(flat):
             raise MeshError(f"no face lies flat on the lowest plane: it stands on its base with {'xyz'[self.up]} up.")
-        return found
+        return flat
 
     def check(self) -> "TetMesh":
         """Return the mesh if its elements and its surface are sound and it is one body.
@@ -350,7 +350,7 @@ def strays(surface: "trimesh.Trimesh", mesh: TetMesh) -> float:
 
 
 def fill(
-    outer: "trimesh.Trimesh", size: MeshSize, inner: "trimesh.Trimesh | None" = None, lost: float = LOST
+    outer: "trimesh.Trimesh", size: MeshSize, inner: "trimesh.Trimesh | None" = None, tolerance: float = VOLUME_CHANGE
 ) -> TetMesh:
     """The same for surfaces that are known to be sound, by the best of the `PATCHES`, which may lose a share `lost`."""
     best: TetMesh | None = None
@@ -362,7 +362,7 @@ def fill(
             failure = error
             continue
         changed = abs(mesh.volume_um3 / volume(outer) - 1)
-        if changed > lost:
+        if changed > tolerance:
             failure = MeshError(f"elements of this size change its volume by {changed:.1%}: take smaller ones.")
         elif best is None or mesh.quality.mean_ratio_min > best.quality.mean_ratio_min:
             best = mesh

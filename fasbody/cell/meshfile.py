@@ -28,7 +28,7 @@ NUCLEI = (0.002, 0.4)
 _OUTSIDE = 0.5
 SUFFIXES = (".vtu", ".msh", ".stl")
 #: Dimension of a group of triangles, and of one of tetrahedra; a name that both have.
-SURFACE, VOLUME, BOTH = 2, 3, -1
+SURFACE, VOLUME, AMBIGUOUS = 2, 3, -1
 #: Names under which programs store region numbers.
 TAGS = ("region", "gmsh:physical", "medit:ref", "gmsh:geometrical")
 
@@ -71,9 +71,9 @@ def read_mesh(
                 console.print(f"note: {file}: {_listed(parts)}", soft_wrap=True, markup=False)
                 _like_a_nucleus(file, core / float(volumes.sum()), 0.0)
             return _like_a_cell(file, filled, um_per_unit)
-        found = read_tagged(file, um_per_unit)
-        mesh = TetMesh(found.points_um, found.tets, np.zeros(len(found.tets), np.int64)).check()
-        mesh = replace(mesh, region=_nucleus(file, mesh, found.tags, nucleus_tag).astype(np.int64))
+        tagged = read_tagged(file, um_per_unit)
+        mesh = TetMesh(tagged.points_um, tagged.tets, np.zeros(len(tagged.tets), np.int64)).check()
+        mesh = replace(mesh, region=_nucleus(file, mesh, tagged.tags, nucleus_tag).astype(np.int64))
         return _like_a_cell(file, mesh, um_per_unit)
     except MeshError as error:
         raise InputFileError(file, str(error).rstrip(".")) from error
@@ -150,8 +150,8 @@ class Tagged:
     Args:
         points_um: (n, 3) [um]. tets: (m, 4) or (m, 10). tags: region number (m,) of each in the file.
         faces: corners (f, 3) of the triangles that the file holds, by their number.
-        names: number and dimension (2 or 3) by the names that a .msh file gives to its groups; dimension `BOTH` where
-            triangles and tetrahedra share a name.
+        names: number and dimension (2 or 3) by the names that a .msh file gives to its groups. The dimension is
+            `AMBIGUOUS` where triangles and tetrahedra share a name.
     """
 
     points_um: np.ndarray
@@ -198,10 +198,10 @@ def read_tagged(file: Path, um_per_unit: float) -> Tagged:
     triangles, marks = of("triangle", "triangle6")
     corners = np.concatenate([np.empty((0, 3), dtype=np.int64), *(number[t[:, :3]] for t in triangles)])
     mark = np.concatenate([np.empty(0), *marks])
-    faces = {int(each): corners[mark == each] for each in np.unique(mark)}
+    faces = {int(value): corners[mark == value] for value in np.unique(mark)}
     groups = {str(name): (int(group[0]), int(group[1])) for name, group in content.field_data.items()}
     names = {name: group for name, group in groups.items() if group[1] in (SURFACE, VOLUME)}
-    names |= dict.fromkeys(_shared_names(file), (0, BOTH))
+    names |= dict.fromkeys(_shared_names(file), (0, AMBIGUOUS))
     tets = upward(points, renumbered.reshape(tets.shape))
     return Tagged(points, tets, np.concatenate(tags).astype(np.int64), faces, names)
 
@@ -242,7 +242,7 @@ def _listed(parts: Mapping[Any, float]) -> str:
 def _nucleus(file: Path, mesh: TetMesh, tags: np.ndarray, tag: int | None) -> np.ndarray:
     """Which tetrahedra (m,) are of the nucleus; the file's regions and their volumes are said."""
     volumes = tet_volumes(mesh.points_um, mesh.tets)
-    parts = {int(each): float(volumes[tags == each].sum()) for each in np.unique(tags)}
+    parts = {int(region): float(volumes[tags == region].sum()) for region in np.unique(tags)}
     have = _listed(parts)
     if tag is None and len(parts) == 1:
         console.print(f"note: {file} has one region, {have}: a cell without a nucleus", soft_wrap=True, markup=False)
@@ -272,13 +272,13 @@ def _outside(mesh: TetMesh, inside: np.ndarray) -> float:
     """Share of the surface of some tetrahedra (m,) that is the surface of the whole."""
     core = TetMesh(mesh.points_um, mesh.tets[inside], mesh.region[inside]).surface
     skin = {tuple(face) for face in np.sort(mesh.surface.faces, axis=1).tolist()}
-    there = [tuple(face) in skin for face in np.sort(core.faces, axis=1).tolist()]
-    return float(core.area_faces[there].sum() / core.area)
+    on_skin = [tuple(face) in skin for face in np.sort(core.faces, axis=1).tolist()]
+    return float(core.area_faces[on_skin].sum() / core.area)
 
 
 def _like_a_nucleus(file: Path, share: float, outside: float) -> None:
     """Warn of a nucleus whose share of the cell's volume no nucleus has, or that reaches the cell's outside."""
-    least, most = (100 * each for each in NUCLEI)
+    least, most = (100 * limit for limit in NUCLEI)
     if not least <= 100 * share <= most:
         console.print(f"warning: {file}: its nucleus is {100 * share:.2g} % of the cell's volume, and nuclei are "
                       f"{least:g} to {most:g} %; is it that part?", soft_wrap=True, markup=False)  # fmt: skip

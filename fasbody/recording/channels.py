@@ -87,7 +87,7 @@ Channels = dict[str, np.ndarray]
 #: The accelerometers of section 2.2.2; the first two are needed. Others are known by their unit, or by study.toml.
 NAMES = ("base", "malleolus", "tuberosity")
 #: What a sensor of one's own may be called.
-OWN = re.compile(r"[a-z][a-z0-9]*(?:_[a-z0-9]+)*")
+SENSOR_NAME = re.compile(r"[a-z][a-z0-9]*(?:_[a-z0-9]+)*")
 _KEYS = ("unit", "sign", "sensitivity", "delay_s", "column", "gain_std", "delay_std_s", "clock")
 
 
@@ -180,8 +180,8 @@ class Layout(Tabled):
         channels = {}
         for name, table in tables.items():
             known_as = get_close_matches(name, (*NAMES, "time"), cutoff=0.75)  # a slip of the pen is no sensor
-            own = OWN.fullmatch(name) and not known_as and isinstance(table, dict) and table
-            if name not in (*NAMES, "time") and not own:
+            is_sensor = SENSOR_NAME.fullmatch(name) and not known_as and isinstance(table, dict) and table
+            if name not in (*NAMES, "time") and not is_sensor:
                 listed = f"valid: {', '.join(NAMES)}, time, or a sensor of the model, in small letters"
                 raise InputFileError(file, f"describes the channel {name!r}", listed)
             if not isinstance(table, dict):
@@ -203,12 +203,12 @@ class Layout(Tabled):
 
     def known(self, names: Sequence[str]) -> int:
         """How many of a line's cells are channels by their names, or begin the name of one."""
-        given = [c.column.strip().lower() for c in self.channels.values() if c.column]
+        columns = [c.column.strip().lower() for c in self.channels.values() if c.column]
 
         def is_one(name: str) -> bool:
             plain = name.strip().lower()
-            begins = len(plain) > 2 and any(column.startswith(f"{plain} ") for column in given)
-            return {plain, name_and_unit(name)[0]} & {"time", *NAMES, *given} != set() or begins
+            begins = len(plain) > 2 and any(column.startswith(f"{plain} ") for column in columns)
+            return {plain, name_and_unit(name)[0]} & {"time", *NAMES, *columns} != set() or begins
 
         return sum(map(is_one, names))
 
@@ -239,7 +239,7 @@ class Layout(Tabled):
                     file, "has neither a time nor a sampling rate", "give sampling_rate_hz in study.toml"
                 )
             return {"time_s": np.arange(channels["base_m_s2"].size) / rate} | channels
-        said = (
+        stated = (
             f"states {rate:.6g} Hz" if rate_hz else f"is said by study.toml to have sampling_rate_hz = {rate or 0:.6g}"
         )
         span = float(time[-1] - time[0]) if time.size > 1 else 0.0
@@ -249,13 +249,13 @@ class Layout(Tabled):
             units = [unit for unit in TIME_UNITS.values() if rate and abs(counted / unit / rate - 1) <= tolerance]
             if not units:
                 raise InputFileError(
-                    file, f"{said}, and the steps of its time (without unit) are {1 / counted if counted else 0:.6g}",
+                    file, f"{stated}, and the steps of its time (without unit) are {1 / counted if counted else 0:.6g}",
                     "correct one of them, and name the column time_s, time_ms or time_us",
                 )  # fmt: skip
             return {"time_s": time * units[0]} | channels
         if rate and counted and abs(counted / rate - 1) > tolerance:
             raise InputFileError(
-                file, f"{said}, and its time runs at {counted:.6g} Hz", "correct one of them, or delete the rate"
+                file, f"{stated}, and its time runs at {counted:.6g} Hz", "correct one of them, or delete the rate"
             )
         return channels
 
@@ -362,8 +362,8 @@ def _channel(file: Path, name: str, table: Mapping[str, Any]) -> Channel:
             raise InputFileError(
                 file, f"channels.{name}.{key} = {value!r}", f"valid: {', '.join(_KEYS)}, with finite numbers"
             )
-    given = table.get("sensitivity", 1.0)
-    sensitivity, volts = (volts_per_m_s2(file, name, given), True) if isinstance(given, str) else (float(given), False)
+    raw = table.get("sensitivity", 1.0)
+    sensitivity, volts = (volts_per_m_s2(file, name, raw), True) if isinstance(raw, str) else (float(raw), False)
     if sensitivity == 0:
         raise InputFileError(file, f"channels.{name}.sensitivity is zero", "give recorded unit per m/s^2")
     unit = str(table.get("unit", ""))

@@ -85,15 +85,15 @@ class Known(Tabled):
         )
 
     @classmethod
-    def of_all(cls, each: Sequence["Known"]) -> "Known":
+    def of_all(cls, items: Sequence["Known"]) -> "Known":
         """What holds for all of several recordings: the largest uncertainties, and what all exclude."""
 
         def largest(name: str) -> float | None:
-            said = [getattr(known, name) for known in each]
-            return None if None in said or not said else max(said)
+            values = [getattr(known, name) for known in items]
+            return None if None in values or not values else max(values)
 
-        excluded = frozenset.intersection(*(known.excluded for known in each)) if each else frozenset()
-        shares = {known.load_share for known in each}
+        excluded = frozenset.intersection(*(known.excluded for known in items)) if items else frozenset()
+        shares = {known.load_share for known in items}
         share = shares.pop() if len(shares) == 1 else None
         return cls(largest("mass_std"), largest("gain_std"), largest("delay_std_s"), excluded, load_share=share)
 
@@ -109,8 +109,8 @@ class Known(Tabled):
         Raises:
             SettingError: a size or a departure that does not exist.
         """
-        given = {"mass_std": mass_std, "gain_std": gain_std, "delay_std_s": delay_std_s}
-        for name, value in given.items():
+        stated = {"mass_std": mass_std, "gain_std": gain_std, "delay_std_s": delay_std_s}
+        for name, value in stated.items():
             if value is not None and not 0 <= value <= _SIZES[name]:
                 what = name.replace("_", " ").removesuffix(" s")
                 raise SettingError(
@@ -122,7 +122,7 @@ class Known(Tabled):
             if name not in (*DEPARTURES, "all"):
                 raise SettingError(f"{unknown('departure to exclude', name, (*DEPARTURES, 'all'))}.")
             excluded |= set(DEPARTURES) if name == "all" else {name}
-        sizes = {name: getattr(self, name) if value is None else value for name, value in given.items()}
+        sizes = {name: getattr(self, name) if value is None else value for name, value in stated.items()}
         return replace(
             self, mass_std=sizes["mass_std"], gain_std=sizes["gain_std"], delay_std_s=sizes["delay_std_s"],
             excluded=frozenset(excluded),

@@ -73,14 +73,14 @@ def merge(
     """
     t, u = time_s - time_s[0], other_time_s - other_time_s[0]
     base, other = base - np.median(base), other - np.median(other)
-    found = None if way == "correlation" else _by_knocks(t, base, u, other)
-    if found is None and way == "knock":
+    knocks = None if way == "correlation" else _by_knocks(t, base, u, other)
+    if knocks is None and way == "knock":
         raise RecordingError(
             f"{name}: no knock stands out in both recordings; knock on the table before and after, or merge by "
             "correlation."
         )
-    way = "correlation" if found is None else "knock"
-    delay, std, clock = _by_correlation(t, base, u, other, name) if found is None else found
+    way = "correlation" if knocks is None else "knock"
+    delay, std, clock = _by_correlation(t, base, u, other, name) if knocks is None else knocks
     placed = u * (1 + clock) + delay  # on the first logger's clock
     inside = (t >= placed[0]) & (t <= placed[-1])
     if inside.sum() < 2 or np.ptp(t[inside]) < 1.0:
@@ -155,8 +155,8 @@ def _onset_lag(
     p = np.abs(CubicSpline(t, _fast(t, x), extrapolate=False)(a + fine))
     q = np.abs(CubicSpline(u, _fast(u, y), extrapolate=False)(b + fine))
     p, q = np.nan_to_num(p), np.nan_to_num(q)
-    both = np.correlate(p, q, "full")
-    top = int(np.argmax(both))
+    correlation = np.correlate(p, q, "full")
+    top = int(np.argmax(correlation))
     lag = (top - (fine.size - 1)) * step / 5
     return a + lag - b, step / 3
 

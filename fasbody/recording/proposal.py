@@ -75,8 +75,8 @@ def _masses(name: str) -> list[float]:
 
 def _only(values: Iterable[float]) -> float | None:
     """The value of all, None where they differ or there is none."""
-    found = set(values)
-    return found.pop() if len(found) == 1 else None
+    distinct = set(values)
+    return distinct.pop() if len(distinct) == 1 else None
 
 
 @dataclass(frozen=True)
@@ -125,18 +125,18 @@ def propose(folder: Path, pattern: str | None = None) -> Proposal:
     if not folder.is_dir():
         raise InputFileError(folder, "is no folder", "give the folder that holds the recordings")
     known = _listed(folder)
-    found = sorted(
+    files = sorted(
         (p for p in folder.rglob("*") if p.is_file() and ending(p) in (*TEXTS, *READ) and not _aside(p, folder)),
         key=lambda p: [int(x) if x.isdigit() else x for x in re.split(r"(\d+)", p.relative_to(folder).as_posix())],
     )
-    if not found:
+    if not files:
         listed = ", ".join((*TEXTS, *READ))
         raise InputFileError(folder, "holds no recording", f"valid endings: {listed}, and .gz behind any")
-    stems = {p: _stem(p, folder) for p in found}
+    stems = {p: _stem(p, folder) for p in files}
     patterns = [pattern] if pattern else _patterns(list(stems.values()))
     rows = {p: row for p, stem in stems.items() if (row := _row(patterns, stem)) is not None}
     if not rows:
-        raise InputFileError(folder, f"no file is named {patterns[0]}", f"the first is {stems[found[0]]}")
+        raise InputFileError(folder, f"no file is named {patterns[0]}", f"the first is {stems[files[0]]}")
     new = {p: row for p, row in rows.items() if known is None or p.relative_to(folder).as_posix() not in known}
     missing: list[str] = []
     tables = {} if known is not None else {
@@ -146,7 +146,7 @@ def propose(folder: Path, pattern: str | None = None) -> Proposal:
     people, more = _people(folder, list(new.values()), known is not None)
     missing += more
     tables |= people | (_recordings(folder, new, " or ".join(patterns), known is not None) if new else {})
-    left = tuple(p.relative_to(folder).as_posix() for p in found if p not in rows)
+    left = tuple(p.relative_to(folder).as_posix() for p in files if p not in rows)
     return Proposal(folder, " or ".join(patterns), tables, len(new), left, tuple(missing))
 
 
@@ -198,8 +198,8 @@ def _unsaid(rows: Sequence[Mapping[str, str]]) -> list[str]:
 def _people(folder: Path, rows: Sequence[Mapping[str, str]], grows: bool) -> tuple[dict[str, str], list[str]]:
     """subjects.csv with the new subjects and the body masses that names state, and what it lacks."""
     file = folder / "subjects.csv"
-    there = {row["subject"] for row in read_table(file, ("subject", "mass_kg")).values()} if grows else set()
-    subjects = [name for name in dict.fromkeys(row.get("subject", "") for row in rows) if name not in there]
+    listed = {row["subject"] for row in read_table(file, ("subject", "mass_kg")).values()} if grows else set()
+    subjects = [name for name in dict.fromkeys(row.get("subject", "") for row in rows) if name not in listed]
     if not subjects:
         return {}, []
     masses = {
@@ -262,10 +262,10 @@ def _listed(folder: Path) -> set[str] | None:
     Raises:
         InputFileError: some of its tables are there, and not all.
     """
-    there = [name for name in TABLES if (folder / name).exists()]
-    if there and len(there) < len(TABLES):
-        raise InputFileError(folder / there[0], "exists, and nothing is overwritten", "delete it to have it made anew")
-    if not there:
+    tables = [name for name in TABLES if (folder / name).exists()]
+    if tables and len(tables) < len(TABLES):
+        raise InputFileError(folder / tables[0], "exists, and nothing is overwritten", "delete it to have it made anew")
+    if not tables:
         return None
     return {row["file"] or "" for row in read_table(folder / "recordings.csv", ("file", "subject")).values()}
 
@@ -401,8 +401,8 @@ def _clock(file: Path, names: Sequence[str], units: Sequence[str]) -> int | None
         if steps.size > 8 and steps.min() >= 0 and np.ptp(values) > 0 and np.median(steps) > 0:
             typical = float(np.median(steps))
             rising += [index] if np.mean(np.abs(steps - typical) <= 0.51 * typical) > 0.9 else []
-    told = [i for i in rising if {units[i].lower(), name_and_unit(names[i])[1]} & TIME_UNITS.keys()]
-    kept = told or rising
+    timed = [i for i in rising if {units[i].lower(), name_and_unit(names[i])[1]} & TIME_UNITS.keys()]
+    kept = timed or rising
     return kept[0] if len(kept) == 1 else None
 
 

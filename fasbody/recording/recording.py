@@ -87,8 +87,8 @@ class Recording(Tabled):
     def sheet(self) -> Sheet:
         """Range and scatter of each channel, and under what it was recorded."""
         c = self.condition
-        shown = {name: values for name, values in self.channels.items() if name != "time_s"}
-        rows = [(name, *(f"{x:.5g}" for x in (v.min(), v.max(), v.std()))) for name, v in shown.items()]
+        accelerations = {name: values for name, values in self.channels.items() if name != "time_s"}
+        rows = [(name, *(f"{x:.5g}" for x in (v.min(), v.max(), v.std()))) for name, v in accelerations.items()]
         known = [f"body mass {c.body_mass_kg:g} kg"] if c.body_mass_kg else []
         known += [f"{c.added_mass_kg:g} kg on the knee"] if c.added_mass_kg else []
         notes = [", ".join([*([f"subject {c.subject}"] if c.subject else []), f"posture {c.posture}", *known])]
@@ -133,8 +133,8 @@ class Recording(Tabled):
         time = _seconds(time_s, name)
         if not np.all(np.diff(time) > 0):
             raise RecordingError(f"{name}: time_s does not increase from sample to sample; give the times in order.")
-        given = {"base": base, "malleolus": malleolus, "tuberosity": tuberosity} | dict(others or {})
-        rows = {channel: _row(values, channel, name) for channel, values in given.items() if values is not None}
+        inputs = {"base": base, "malleolus": malleolus, "tuberosity": tuberosity} | dict(others or {})
+        rows = {channel: _row(values, channel, name) for channel, values in inputs.items() if values is not None}
         for channel, values in rows.items():
             if values.size != time.size:
                 raise RecordingError(f"{name}: {channel} has {values.size} samples and time_s has {time.size}.")
@@ -145,8 +145,8 @@ class Recording(Tabled):
             raise RecordingError(f"{name}: the frequency is {frequency_hz!r}; give a number of hertz, such as 20.")
         condition = Condition(subject, posture, added_mass_kg, body_mass_kg, frequency_hz)
         rest = {channel: rows[channel] for channel in others or {}}
-        own = (time, rows["base"], rows["malleolus"], rows.get("tuberosity"))
-        return cls(*own, condition=condition, file=name, origin=origin, others=rest)
+        columns = (time, rows["base"], rows["malleolus"], rows.get("tuberosity"))
+        return cls(*columns, condition=condition, file=name, origin=origin, others=rest)
 
     @classmethod
     def from_table(cls, table: Any, layout: Layout | None = None, **about: Any) -> "Recording":
@@ -171,11 +171,11 @@ class Recording(Tabled):
         elif getattr(index, "name", None) is not None:
             table = table.reset_index()
         columns = {str(column): table[column] for column in (*getattr(table, "coords", ()), *table)}
-        said = getattr(table, "attrs", {}).get("units", {})
-        own = [getattr(values, "attrs", {}).get("units") for values in columns.values()]
+        table_units = getattr(table, "attrs", {}).get("units", {})
+        column_units = [getattr(values, "attrs", {}).get("units") for values in columns.values()]
         units = [
-            one if isinstance(one, str) else said.get(column, "") if isinstance(said, dict) else ""
-            for column, one in zip(columns, own, strict=True)
+            one if isinstance(one, str) else table_units.get(column, "") if isinstance(table_units, dict) else ""
+            for column, one in zip(columns, column_units, strict=True)
         ]
         arrays = [plain(values) for values in columns.values()]
         stamped = [values.dtype.kind in "mM" for values in arrays]
@@ -216,30 +216,30 @@ class Recording(Tabled):
         """
         layout = layout.of(Path(file)) if layout else None
         with by_name(label or str(file)):
-            found = files.reading(Path(file), layout)
-        channels, shown_as = found.channels, label or Path(file).name
+            reading = files.reading(Path(file), layout)
+        channels, display_name = reading.channels, label or Path(file).name
         return cls(
             time_s=channels[HEADER[0]],
             base_m_s2=channels[HEADER[1]],
             malleolus_m_s2=channels[HEADER[2]],
             tuberosity_m_s2=channels.get(HEADER[3]),
             condition=condition or Condition(),
-            file=shown_as,
+            file=display_name,
             origin=origin,
-            warnings=(*_remarks(Path(file).with_suffix(".json")), *(f"{shown_as}: {w}." for w in found.warnings)),
+            warnings=(*_remarks(Path(file).with_suffix(".json")), *(f"{display_name}: {w}." for w in reading.warnings)),
             calibration=_with_delays(layout.channels if layout else {}, Path(file).with_suffix(".json")),
             known=layout.beyond if layout else Known(),
             digest=_digest(Path(file)),
             others={name.removesuffix("_m_s2"): values for name, values in channels.items() if name not in HEADER},
-            used=found.used,
-            unused=found.unused,
+            used=reading.used,
+            unused=reading.unused,
         )
 
     @property
     def channels(self) -> Channels:
         """Time and accelerations by their names in `HEADER`, then those of further sensors."""
-        own = {name: getattr(self, name) for name in HEADER if getattr(self, name) is not None}
-        return own | {f"{name}_m_s2": values for name, values in self.others.items()}
+        named = {name: getattr(self, name) for name in HEADER if getattr(self, name) is not None}
+        return named | {f"{name}_m_s2": values for name, values in self.others.items()}
 
     @property
     def sensors(self) -> dict[str, np.ndarray]:
@@ -249,8 +249,8 @@ class Recording(Tabled):
     def with_channels(self, channels: Channels) -> "Recording":
         """The recording with other channels: by their names in `channels`, and no others than the two that it needs."""
         further = {name.removesuffix("_m_s2"): v for name, v in channels.items() if name not in HEADER}
-        own = {name: channels.get(name, getattr(self, name)) for name in HEADER[:3]}
-        return replace(self, **own, tuberosity_m_s2=channels.get(HEADER[3]), others=further)
+        named = {name: channels.get(name, getattr(self, name)) for name in HEADER[:3]}
+        return replace(self, **named, tuberosity_m_s2=channels.get(HEADER[3]), others=further)
 
     def write(self, file: Path, matlab: str = "5") -> None:
         """Write in the format of the file's ending; as CSV numbers are as short as they are exact to 1e-6.
@@ -302,10 +302,10 @@ def _remarks(file: Path) -> tuple[str, ...]:
     if not file.is_file():
         return ()
     try:
-        found = json.loads(file.read_text())["warnings"]
+        texts = json.loads(file.read_text())["warnings"]
     except (ValueError, KeyError, TypeError, OSError):
         return ()
-    return tuple(text for text in found if isinstance(text, str)) if isinstance(found, list) else ()
+    return tuple(text for text in texts if isinstance(text, str)) if isinstance(texts, list) else ()
 
 
 def _with_delays(channels: Mapping[str, Channel], file: Path) -> Mapping[str, Channel]:
@@ -313,14 +313,14 @@ def _with_delays(channels: Mapping[str, Channel], file: Path) -> Mapping[str, Ch
     if not file.is_file():
         return channels
     try:
-        found = json.loads(file.read_text())["delay_std_s"]
-        late = {name: float(value) for name, value in found.items() if 0 <= float(value) <= 1}
+        stds = json.loads(file.read_text())["delay_std_s"]
+        late = {name: float(value) for name, value in stds.items() if 0 <= float(value) <= 1}
     except (ValueError, KeyError, TypeError, OSError, AttributeError):
         return channels
-    told = {name: channels.get(name, Channel()) for name in late}
+    stated = {name: channels.get(name, Channel()) for name in late}
     return {
         **channels,
-        **{name: replace(c, delay_std_s=math.hypot(c.delay_std_s, late[name])) for name, c in told.items()},
+        **{name: replace(c, delay_std_s=math.hypot(c.delay_std_s, late[name])) for name, c in stated.items()},
     }
 
 

@@ -150,8 +150,8 @@ def odd(values: np.ndarray, periods: float | None) -> Odd:
     jumps = rest[np.diff(rest, prepend=-10) > 4]
     if periods is None or jumps.size > max(3, _RARE * periods):
         jumps = jumps[:0]
-    found = np.concatenate([spikes, jumps])
-    size = float(np.abs(missed[found]).max()) if found.size else 0.0
+    outliers = np.concatenate([spikes, jumps])
+    size = float(np.abs(missed[outliers]).max()) if outliers.size else 0.0
     same = spikes.size > 1 and np.unique(values[spikes]).size == 1
     return Odd(spikes, jumps, size, float(values[spikes[0]]) if same else None)
 
@@ -161,9 +161,9 @@ def cost(time_s: np.ndarray, values: np.ndarray, frequency_hz: float, spikes: np
     turn = 2 * np.pi * frequency_hz * time_s
     basis = np.column_stack([np.ones_like(turn), np.cos(turn), np.sin(turn)])
     kept = np.delete(np.arange(values.size), spikes)
-    both = [np.linalg.lstsq(basis[use], values[use])[0] for use in (slice(None), kept)]
-    found, clean = (c[1] - 1j * c[2] for c in both)
-    return complex(found / clean)
+    fits = [np.linalg.lstsq(basis[use], values[use])[0] for use in (slice(None), kept)]
+    with_spikes, clean = (c[1] - 1j * c[2] for c in fits)
+    return complex(with_spikes / clean)
 
 
 def step(values: np.ndarray) -> float:
@@ -181,10 +181,10 @@ def by_steps(values: np.ndarray, grid: float, frequency_hz: float, rate_hz: floa
     Rounding that repeats itself every period does not average out: the samples of one period count, unless noise tells
     the periods apart.
     """
-    each, count = rate_hz / frequency_hz, values.size
-    if abs(each - round(each)) < 1e-3 * each and count > 2 * each:
-        periods = values[: count // round(each) * round(each)].reshape(-1, round(each))
-        count = round(each) if float(np.median(periods.std(axis=0))) < 0.3 * grid else count
+    per_period, count = rate_hz / frequency_hz, values.size
+    if abs(per_period - round(per_period)) < 1e-3 * per_period and count > 2 * per_period:
+        periods = values[: count // round(per_period) * round(per_period)].reshape(-1, round(per_period))
+        count = round(per_period) if float(np.median(periods.std(axis=0))) < 0.3 * grid else count
     return grid / np.sqrt(12) * np.sqrt(2 / count) / (np.sqrt(2) * float(values.std()))
 
 

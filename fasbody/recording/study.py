@@ -113,12 +113,12 @@ class Study(Tabled):
         """Open a study folder as `StudyFolder.open` does, and read every recording it lists."""
         study = StudyFolder.open(folder, only)
         recordings = tuple(study.read(trial) for trial in study.trials)
-        found = {name for recording in recordings for name in recording.sensors}
+        sensors = {name for recording in recordings for name in recording.sensors}
         for name in study.layout.channels if only is None else ():
-            if name != "base" and name != "time" and name not in found:
-                told = study.layout.channels[name].column
-                column = f"a column {told!r}" if told else "a column of that name"
-                listed = f"sensors found: {', '.join(sorted(found)) or 'none'}"
+            if name != "base" and name != "time" and name not in sensors:
+                stated = study.layout.channels[name].column
+                column = f"a column {stated!r}" if stated else "a column of that name"
+                listed = f"sensors found: {', '.join(sorted(sensors)) or 'none'}"
                 raise InputFileError(
                     Path(folder) / "study.toml",
                     f"describes the channel {name!r}, and no recording has {column}",

@@ -148,7 +148,7 @@ def identify(
     ])  # fmt: skip
     notes += state.warnings()
     referee = Referee(
-        [first for first, _ in parts], state.by_prediction, poor=seen.rank <= FEW, steps=state.steps,
+        [first for first, _ in parts], state.by_prediction, weak=seen.rank <= FEW, steps=state.steps,
         least_delay=int(state.feedback),
     )  # fmt: skip
     chooser = _Chooser(referee, [second for _, second in parts], orders or {}, step, state)
@@ -195,7 +195,7 @@ class _Chooser:
     @cached_property
     def delays(self) -> tuple[int, ...]:
         """Delays n_k that compete: the one that is read off and its neighbours; a controller leaves at least one."""
-        delay = search.delay(self.referee.estimation, far=not self.referee.poor)
+        delay = search.delay(self.referee.estimation, far=not self.referee.weak)
         least = self.referee.least_delay
         return tuple(nk for nk in (delay - 1, delay, delay + 1) if nk >= least) or (least,)
 

@@ -43,28 +43,28 @@ class Search:
         self.structure, self.recordings = structure, list(recordings)
         shortest = min(len(series) for series in recordings)
         self.first_row = min(last_lag, shortest // 4)
-        self.found: dict[Orders, PolynomialModel | None] = {}
+        self.models: dict[Orders, PolynomialModel | None] = {}
 
     def at(self, orders: Orders, *starts: PolynomialModel) -> PolynomialModel | None:
         """The model of these orders, or None where it cannot be estimated."""
-        if orders not in self.found:
-            nested = [m for o, m in self.found.items() if m is not None and o.within(orders)]
+        if orders not in self.models:
+            nested = [m for o, m in self.models.items() if m is not None and o.within(orders)]
             nested = sorted(nested, key=lambda model: model.loss)[:2]
             fitting = [model for model in starts if model.orders.within(orders)]
             try:
-                self.found[orders] = pem.estimate(
+                self.models[orders] = pem.estimate(
                     self.structure, self.recordings, orders, starts=[*fitting, *nested], first_row=self.first_row,
                     quick=True,
                 )  # fmt: skip
             except FasError:
-                self.found[orders] = None
-        return self.found[orders]
+                self.models[orders] = None
+        return self.models[orders]
 
     @property
     def failed(self) -> list[str]:
         """A sentence on the orders that could not be estimated, if there are any."""
-        count = sum(model is None for model in self.found.values())
-        return [f"{count} of {len(self.found)} orders had no stable start"] if count else []
+        count = sum(model is None for model in self.models.values())
+        return [f"{count} of {len(self.models)} orders had no stable start"] if count else []
 
 
 def best_of(begun: dict[Orders, Candidate], referee: Referee) -> Orders:

@@ -103,14 +103,14 @@ class Referee:
     Attributes:
         estimation: all data that orders may be chosen on.
         reason: why one-step errors and BIC decide; empty where free simulation does.
-        poor: whether the input excites too little to tell a forced motion from a free one.
+        weak: whether the input excites too little to tell a forced motion from a free one.
         steps: whether the input is a few steps.
         least_delay: smallest n_k; 1 where a controller answers at once, whose u(t) would explain e(t).
     """
 
     estimation: Sequence[Series]
     reason: str = ""
-    poor: bool = False
+    weak: bool = False
     steps: bool = False
     least_delay: int = 0
     fitted: Sequence[Series] = field(init=False)
@@ -226,7 +226,7 @@ def rank(
     shortest = min(len(series) for series in referee.check)
     largest = [float(np.abs(c.model.poles()).max(initial=0.0)) for c in candidates]
     driven = [
-        c for c, pole in zip(candidates, largest, strict=True) if not (referee.poor and outlasting(pole, shortest))
+        c for c, pole in zip(candidates, largest, strict=True) if not (referee.weak and outlasting(pole, shortest))
     ] or list(candidates)
     ordered = sorted(candidates, key=lambda c: (c not in driven, -c.fit_percent))
     if len(driven) < len(candidates):

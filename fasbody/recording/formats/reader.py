@@ -75,10 +75,10 @@ def read_series(file: Path, patience_s: float | None = None) -> list[Series]:
     values = np.frombuffer(data).copy()
     ends = np.cumsum([s["size"] for s in header["series"]])
     parts = np.split(values, ends[:-1]) if len(ends) else []
-    told = header["series"]
+    entries = header["series"]
     return [
         Series(values=v, **{key: value for key, value in s.items() if key != "size"})
-        for s, v in zip(told, parts, strict=True)
+        for s, v in zip(entries, parts, strict=True)
     ]
 
 
@@ -195,11 +195,11 @@ def serve(requests: BinaryIO, answers: BinaryIO) -> None:
             if all(s.what for s in series):
                 others = ", ".join(f"{s.name!r} is {s.what}" for s in series[:5])
                 raise FormatError(f"holds no numeric channel{others and f' ({others})'}; save plain real vectors")
-            told = [
+            entries = [
                 {f.name: getattr(s, f.name) for f in fields(s) if f.name != "values"} | {"size": s.values.size}
                 for s in series
             ]
-            header: dict = {"series": told}
+            header: dict = {"series": entries}
         except FormatError as error:
             series, header = [], {"problem": str(error)}
         except MemoryError:

@@ -95,22 +95,22 @@ STARTS = ("start_s", "start_time_s", "start_time", "t0", "t0_s", "start_value", 
 _ALIKE = 1e-3
 
 
-def stated_rate(told: Iterable[tuple[str, float | None]]) -> float | None:
+def stated_rate(statements: Iterable[tuple[str, float | None]]) -> float | None:
     """The sampling rate [Hz] of names and numbers, None if none of them states it.
 
     Raises:
         FormatError: two of them disagree.
     """
-    found: list[tuple[str, float]] = []
-    for name, value in told:
+    rates: list[tuple[str, float]] = []
+    for name, value in statements:
         key = name.rsplit("/")[-1].lower()
         if value is None or not 0 < value < 1e9 or key not in RATES + STEPS:
             continue
-        found.append((f"{name} = {value:g}", value if key in RATES else 1 / value))
-    for text, rate in found[1:]:
-        if abs(rate - found[0][1]) > _ALIKE * rate:
-            raise FormatError(f"states two sampling rates, {found[0][0]} and {text}; delete the wrong one")
-    return found[0][1] if found else None
+        rates.append((f"{name} = {value:g}", value if key in RATES else 1 / value))
+    for text, rate in rates[1:]:
+        if abs(rate - rates[0][1]) > _ALIKE * rate:
+            raise FormatError(f"states two sampling rates, {rates[0][0]} and {text}; delete the wrong one")
+    return rates[0][1] if rates else None
 
 
 def with_rate(series: list[Series]) -> list[Series]:
@@ -134,8 +134,8 @@ def _folder(series: Series) -> str:
     return series.name.rpartition("/")[0].removesuffix("x_values").rstrip("/")
 
 
-def _start(series: Series, told: Iterable[tuple[str, float]]) -> float | None:
-    stated = (value for name, value in told if name.rpartition("/")[2].lower() in STARTS)
+def _start(series: Series, numbers: Iterable[tuple[str, float]]) -> float | None:
+    stated = (value for name, value in numbers if name.rpartition("/")[2].lower() in STARTS)
     return next(stated, None) if series.start_s is None else series.start_s
 
 
