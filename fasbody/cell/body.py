@@ -408,7 +408,8 @@ def body_modes(
     Args:
         body: of `read_body`.
         materials: by number or name of a region, None for the others.
-        support: "free", "base" or "region". part: the region that is held.
+        support: "free", "base" or "region".
+        part: the region that is held.
         count: number of modes, rigid motions not counted.
         way: solver, None is the fastest.
     """
@@ -473,8 +474,10 @@ def shaken_body(
 
     Args:
         body: of `read_body`.
-        materials, solids: by number or name of a region, None for the others.
-        support: what is shaken; "free" is driven by a force. part: the region that is held.
+        materials: by number or name of a region, None for the others.
+        solids: relaxation, likewise.
+        support: what is shaken; "free" is driven by a force.
+        part: the region that is held.
         count: modes in the basis.
     """
     relaxing = body.by_region("--relaxation", solids)

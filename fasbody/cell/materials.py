@@ -40,7 +40,8 @@ class Preset(Tabled):
 
     Args:
         name: as on the command line.
-        cytoplasm, nucleus: materials.
+        cytoplasm: its material.
+        nucleus: its material.
         height_um: height of the dome [um].
         metres_per_um: length that the analysis takes for a printed micrometre [m]; 1e-6 is the real size.
         meaning: what this reading is, in a clause.

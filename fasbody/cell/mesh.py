@@ -65,7 +65,8 @@ class Quality:
     """Shape of the elements: mean ratio is 1 for a regular tetrahedron, 0 for a flat one; det J is relative.
 
     Args:
-        mean_ratio_min, mean_ratio_mean: 12 (3 V)^(2/3) / sum of squared edge lengths, of the corners' tetrahedra.
+        mean_ratio_min: least 12 (3 V)^(2/3) / sum of squared edge lengths of the corners' tetrahedra.
+        mean_ratio_mean: mean of the same.
         det_j_min: smallest det J of any element at the quadrature points, relative to that element's mean.
     """
 
@@ -316,7 +317,8 @@ def sized_mesh(
     which have triangles of their own. The first angle that gives sound elements and the volume is taken.
 
     Args:
-        outer: of the body. inner: of the nucleus.
+        outer: of the body.
+        inner: of the nucleus.
         size: element sizes, None is `default_size`, or as much smaller as the surface needs.
 
     Raises:

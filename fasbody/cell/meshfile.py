@@ -42,7 +42,7 @@ def read_mesh(
     Args:
         file: VTU or MSH with tetrahedra of 4 or 10 nodes, or a closed STL surface, which gmsh fills.
         um_per_unit: micrometres in one length unit of the file.
-        nucleus_tag: region number of the nucleus in the file's cell data `region`, `gmsh:physical` or `medit:ref`;
+        nucleus_tag: region number of the nucleus in the file's cell data `region`, `gmsh:physical` or `medit:ref`.
             None is 1 where the file has several regions, and no nucleus where it has one.
         nucleus: closed STL surface of the nucleus, for an STL cell.
         size: element sizes for an STL cell; None is two through its thickness.
@@ -148,10 +148,12 @@ class Tagged:
     """What a VTU or MSH file holds.
 
     Args:
-        points_um: (n, 3) [um]. tets: (m, 4) or (m, 10). tags: region number (m,) of each in the file.
+        points_um: (n, 3) [um].
+        tets: (m, 4) or (m, 10).
+        tags: region number (m,) of each in the file.
         faces: corners (f, 3) of the triangles that the file holds, by their number.
-        names: number and dimension (2 or 3) by the names that a .msh file gives to its groups. The dimension is
-            `AMBIGUOUS` where triangles and tetrahedra share a name.
+        names: number and dimension (2 or 3) by the names that a .msh file gives to its groups. The
+            dimension is `AMBIGUOUS` where triangles and tetrahedra share a name.
     """
 
     points_um: np.ndarray

@@ -47,7 +47,8 @@ class CellModel(Tabled):
         assembly: unit matrices of the mesh.
         materials: by region number.
         metres_per_um: size of the mesh's micrometre [m] (see Preset).
-        membrane, cytoskeleton: further stiffness, None leaves it out as the thesis does.
+        membrane: further stiffness, None leaves it out as the thesis does.
+        cytoskeleton: likewise.
     """
 
     assembly: Assembly

@@ -36,8 +36,10 @@ class ModeDescription:
     Args:
         label: such as "z sway", "twist about y" or "z sway, 2 nodes along x".
         energy: share (3,) of the kinetic energy in motion along x, y, z.
-        mirror_x, mirror_z: correlation of the main component with its mirror image in x and in z, 1 even, -1 odd.
-        nodes_x, nodes_z: sign changes of the main component along x and z.
+        mirror_x: correlation of the main component with its mirror image in x, 1 even, -1 odd.
+        mirror_z: the same in z.
+        nodes_x: sign changes of the main component along x.
+        nodes_z: the same along z.
         nucleus_share: share of the kinetic energy that is in the nucleus.
         nucleus_strain_share: share of the strain energy that is in the nucleus.
     """

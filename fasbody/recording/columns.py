@@ -32,7 +32,8 @@ class Columns:
     """A file's columns.
 
     Attributes:
-        names, units: of each, a unit "" where only the name may say it.
+        names: of the columns.
+        units: of the columns, "" where only the name may state it.
         groups: sheet, structure or folder of each.
         sizes: samples of each, if they may differ.
         passed: what else the file holds and why it is no column.
@@ -200,7 +201,8 @@ def _unit(file: Path, channel: str, behind: str, beside: str, stated: str, remar
     """The unit of a channel's numbers: what study.toml says, which may overrule the file, or the file.
 
     Args:
-        file, channel: for messages.
+        file: for messages.
+        channel: its name.
         behind: by the heading.
         beside: by a row or attribute of units.
         stated: in study.toml.

@@ -130,7 +130,9 @@ def headless(
 
     Args:
         text: whole.
-        names, line, separator: what `header` took for headings.
+        names: headings by `header`.
+        line: number of their line.
+        separator: between them.
         layout: where study.toml names the columns, lines of words above as many numbers are a
             preamble.
     """
@@ -200,7 +202,9 @@ def headed(text: str, line: int, separator: str, names: Sequence[str]) -> Headin
 
     Args:
         text: from its first line on.
-        line, separator, names: what `header` found.
+        line: number of the line of headings, by `header`.
+        separator: between them.
+        names: the headings.
     """
     names, rows_above = list(names), line
     body = first_samples(text, line, separator)

@@ -63,9 +63,11 @@ def merge(
     """One recording of a logger on the table and one on the foot.
 
     Args:
-        time_s, base: (n,) of the table's logger [s, m/s^2].
-        other_time_s, other: (m,) of that on the malleolus.
-        way: "knock" or "correlation"; a knock if there is one, unless given.
+        time_s: (n,) times of the logger on the table [s].
+        base: (n,) its acceleration [m/s^2].
+        other_time_s: (m,) times of the logger on the malleolus [s].
+        other: (m,) its acceleration [m/s^2].
+        way: "knock" or "correlation"; by default a knock if there is one.
         name: for messages.
 
     Raises:

@@ -118,13 +118,16 @@ class Recording(Tabled):
 
         Args:
             time_s: (n,) sample times [s].
-            base, malleolus, tuberosity: (n,) accelerations [m/s^2].
+            base: (n,) acceleration of the base [m/s^2].
+            malleolus: (n,) that of the malleolus [m/s^2].
+            tuberosity: (n,) that of the tuberosity [m/s^2].
             others: (n,) accelerations of further sensors by name [m/s^2].
             body_mass_kg: of the subject.
             added_mass_kg: on the knee.
             frequency_hz: of a sine, None where the checks are to find it.
-            subject, posture: who and how.
-            name: what to call it in messages.
+            subject: name or number of the subject.
+            posture: of the foot.
+            name: of the recording in messages.
             origin: "measured" or "synthetic".
 
         Raises:
@@ -158,10 +161,12 @@ class Recording(Tabled):
 
         Args:
             table: the table.
-            layout: what its columns are, if their names do not say so. about: as `from_arrays`.
+            layout: the channels of its columns, where their names do not state them.
+            **about: as `from_arrays`.
 
         Raises:
-            InputFileError: a channel or its unit is missing. RecordingError: as `from_arrays`.
+            InputFileError: a channel or its unit is missing.
+            RecordingError: as `from_arrays`.
         """
         name = str(about.setdefault("name", "table"))
         index = getattr(table, "index", None)
@@ -344,7 +349,8 @@ def gain_and_delay(recording: Recording, out: str, into: str) -> tuple[float, fl
 
     Args:
         recording: with its calibration.
-        out, into: names of the channels.
+        out: name of the channel.
+        into: name of the channel that it is relative to.
     """
     a, b = (recording.calibration.get(name, Channel()) for name in (out, into))
     return float(np.hypot(a.gain_std, b.gain_std)), float(np.hypot(a.delay_std_s, b.delay_std_s))

@@ -55,8 +55,8 @@ class Points(Tabled):
         frequency_hz: rising, shape (M,).
         value: complex output over input, shape (M,).
         std: standard deviation of real and of imaginary part, shape (M,).
-        distortion: largest harmonic of the output that the input's harmonics do not explain, over its fundamental;
-            0 when none stands out of the noise.
+        distortion: largest harmonic of the output that the input's harmonics do not explain, over its fundamental,
+            0 where none stands out of the noise.
     """
 
     frequency_hz: np.ndarray

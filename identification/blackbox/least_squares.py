@@ -18,8 +18,8 @@ class Linearisation:
 
     Attributes:
         errors: of each recording, shape (N_i,) each.
-        gradient: d errors / d theta of each recording, orthogonal to its initial states, shape (N_i, d) each;
-            empty when only the errors were asked for.
+        gradient: d errors / d theta of each recording, orthogonal to its initial states, shape (N_i, d) each.
+            It is empty where only the errors were computed.
     """
 
     errors: list[np.ndarray]

@@ -101,8 +101,8 @@ class MimoModel:
         sample_time: seconds.
         structure: ss or arx.
         numbers: order of ss; n_a, n_b, n_k of arx.
-        theta: ARX coefficients, one column an output: n_a p of past outputs (with a minus), then n_b m of inputs;
-            empty for ss, whose basis is arbitrary.
+        theta: ARX coefficients, one column an output: n_a p of past outputs (with a minus), then n_b m of inputs.
+            It is empty for ss, whose basis is arbitrary.
         std_error: of `theta`, the same shape.
         warnings: sentences for the user.
     """

@@ -24,7 +24,8 @@ class Series:
     """One column of a file.
 
     Attributes:
-        name, unit: as in the file, unit "" if it does not say.
+        name: as in the file.
+        unit: as in the file, "" if it states none.
         values: (n,).
         rate_hz: if the file says.
         what: empty, or what this is instead of a column of real numbers; it then has no values.
