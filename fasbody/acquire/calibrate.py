@@ -4,6 +4,7 @@ import math
 
 import numpy as np
 
+from fasbody.constants import GRAVITY
 from fasbody.exceptions import AcquisitionError
 
 #: So much of full scale is clipping; so many samples of it are a click and no signal that is cut off.
@@ -12,7 +13,6 @@ FULL, STRAY = 0.999, 1
 _THIRD = 0.03
 #: A calibrator's tone is measured in pieces [s].
 _PIECE_S = 0.25
-_G = 9.80665
 
 
 def within(values: np.ndarray, what: str) -> None:
@@ -101,4 +101,4 @@ def flip(values: np.ndarray, corner_hz: float, rate_hz: float) -> float:
     noise = float(np.std(whole[rest] - basis @ c))
     if not abs(c[1]) > 4 * noise:
         raise AcquisitionError("no step stands out; hold the sensor still, turn it over once, hold it still again.")
-    return float(-2 * _G / c[1])
+    return float(-2 * GRAVITY / c[1])

@@ -12,13 +12,13 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from fasbody.constants import GRAVITY
 from fasbody.exceptions import InputFileError, shown, unknown
 from fasbody.presentation import Tabled
 from fasbody.recording.known import Known
 
-_G = 9.80665
 #: Units that a CSV header or a board may carry behind a channel's name, and what they are in SI.
-UNITS = {"m_s2": 1.0, "g": _G, "mg": 1e-3 * _G, "mm_s2": 1e-3, "cm_s2": 1e-2}
+UNITS = {"m_s2": 1.0, "g": GRAVITY, "mg": 1e-3 * GRAVITY, "mm_s2": 1e-3, "cm_s2": 1e-2}
 TIME_UNITS = {
     "s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9, "sec": 1.0, "second": 1.0, "seconds": 1.0,
     "msec": 1e-3, "milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9, "min": 60.0, "minutes": 60.0,
@@ -27,7 +27,7 @@ TIME_UNITS = {
 #: Those and what else instruments write into their files.
 ACCELERATIONS = UNITS | {
     "m/s^2": 1.0, "m/s2": 1.0, "m/s²": 1.0, "m/s**2": 1.0, "m/s/s": 1.0, "m s-2": 1.0, "m s^-2": 1.0, "m*s^-2": 1.0,
-    "m/(s^2)": 1.0, "gn": _G,
+    "m/(s^2)": 1.0, "gn": GRAVITY,
     "mm/s^2": 1e-3, "mm/s2": 1e-3, "mm/s²": 1e-3, "cm/s^2": 1e-2, "cm/s2": 1e-2, "cm/s²": 1e-2,
 }  # fmt: skip
 VOLTAGES = {"v": 1.0, "mv": 1e-3, "volt": 1.0, "volts": 1.0}
@@ -76,7 +76,7 @@ def volts_per_m_s2(file: Path, name: str, text: str) -> float:
     match = _SENSITIVITY.fullmatch(text)
     try:
         assert match is not None
-        return float(match[1]) * VOLTAGES[match[2].lower()] / (_G if match[4].lower() == "g" else 1.0)
+        return float(match[1]) * VOLTAGES[match[2].lower()] / (GRAVITY if match[4].lower() == "g" else 1.0)
     except (AssertionError, ValueError):
         place = f"channels.{name}.sensitivity = {text!r}"
         raise InputFileError(file, place, 'valid: a number (unit per m/s^2), "100 mV/g" or "10.2 mV/(m/s^2)"') from None

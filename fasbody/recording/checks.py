@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from fasbody.constants import Z95
 from fasbody.exceptions import RecordingError, by_name
 from fasbody.presentation import Presented, Sheet, counted
 from fasbody.recording import samples
@@ -569,7 +570,7 @@ def _cost(recording: Recording, measures: Quality, frequency: float, warnings: l
     """What noise, drift and a wandering shaker cost, in the interval of the ratio."""
     share = sine_share(recording.time_s, recording.base_m_s2, frequency)
     if share < _CLEAN:
-        half = 1.96 * measures.lead_std_deg
+        half = Z95 * measures.lead_std_deg
         warnings.append(
             f"{recording.file}: {100 * (1 - share):.0f} % of the power of base_m_s2 is neither the excitation nor its "
             f"harmonics (noise, drift, or a shaker that wanders): the malleolus over the base is known to "

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from fasbody.constants import GRAVITY
 from fasbody.exceptions import InputFileError, SettingError, unknown
 from fasbody.presentation import Tabled
 
@@ -18,8 +19,8 @@ from fasbody.presentation import Tabled
 DEPARTURES = ("mount", "relaxation", "load", "rocking", "drift", "share")
 _SIZES = {"mass_std": 0.5, "gain_std": 0.5, "delay_std_s": 0.01}
 _FORCE, _SHARE = "static_force_n", "load_share"
-#: Limits of the share of the load that the leg carries, and standard gravity [m/s^2].
-_SHARES, _GRAVITY = (0.3, 1.2), 9.80665
+#: Limits of the share of the load that the leg carries.
+_SHARES = (0.3, 1.2)
 
 
 @dataclass(frozen=True)
@@ -157,7 +158,7 @@ def _share(file: Path, forces: tuple[tuple[float | None, float], ...]) -> float 
     if len(loaded) < 2:
         return None
     kg, force = (np.array(column) for column in zip(*loaded, strict=True))
-    share = float(np.polyfit(kg, force, 1)[0] / _GRAVITY)
+    share = float(np.polyfit(kg, force, 1)[0] / GRAVITY)
     low, high = _SHARES
     if not low <= share <= high:
         raise InputFileError(

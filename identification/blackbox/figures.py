@@ -8,9 +8,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from fasbody.constants import Z95
 from fasbody.presentation import COLOURS as SERIES
 from fasbody.presentation import PAGE, picture, printed
-from fasbody.transmissibility.statistics import Z95
 from identification.blackbox.identify import Found, Report
 
 #: One colour for each structure in every figure.

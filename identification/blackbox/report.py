@@ -9,7 +9,7 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
-from fasbody.transmissibility.statistics import Z95
+from fasbody.constants import Z95
 from identification.blackbox.identify import Found, Report
 from identification.blackbox.polynomial import STRUCTURES
 
