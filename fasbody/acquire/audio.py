@@ -2,7 +2,7 @@
 
 The card is played and read in one stream, 48 kHz, channels in step. What comes in is brought down to 4 kHz by one
 filter with linear phase, freed of the inputs' coupling, and put into the frames of docs/acquisition.md: from there on
-it is a board like any other, with captures, gaps and recovery. Only this file knows sounddevice.
+it is a board like any other, with captures, gaps and recovery. Only this file imports sounddevice.
 
 Between amplifier and converter, most interfaces have a capacitor, and fall off below some hertz. A loopback cable shows
 how: `measure_loop`. Sensitivities come from a hand calibrator (`calibrator`) or a turn in gravity (`flip`).
@@ -48,7 +48,7 @@ _BLOCK = 960
 _COMMON_HZ = 0.1
 #: The output changes by full scale in so long [s]; without a sign of life it goes off after so long.
 _SLEW_S, _DEAD_S = 0.1, 1.0
-#: A card that asked for no block for so long is not waited for at its end [s].
+#: A stream without a callback for so long is not waited for at its end [s].
 _LATE_S = 1.0
 #: No block for so long means that the card is gone [s].
 _GONE_S = 3.0
@@ -305,7 +305,7 @@ class SoundCard:
         out = b""
         while self._blocks:
             block, event = self._blocks.popleft()
-            if event:  # before this block, by PortAudio's word; how much, it does not say: a frame at least
+            if event:  # samples are missing before this block; PortAudio does not state how many: at least a frame
                 self._happened.append(event)
                 self._frame += 1
                 self._time += _SAMPLES
@@ -339,13 +339,13 @@ class SoundCard:
         return events
 
     def write(self, data: bytes) -> None:
-        """A question of the computer: it is answered by the next hello."""
+        """A query of the computer: the next hello replies to it."""
         self._greeted = -1
 
     def close(self) -> None:
         """Output faded and played to its end, then the stream closed; that of a card that is gone, at once.
 
-        PortAudio throws away what is in the card's buffers, whether it is told to stop or to abort.
+        PortAudio throws away what is in the card's buffers, on stop and on abort.
         """
         self._target = 0.0
         ahead = self.calibration.latency_s + _SLEW_S  # and a little, as a sound server has buffers of its own
@@ -354,7 +354,7 @@ class SoundCard:
         self._stream.close(ignore_errors=True)
 
     def _lives(self) -> bool:
-        """Whether the card still asks for blocks."""
+        """Whether the stream is running."""
         try:
             return bool(self._stream.active) and time.monotonic() - self._last < _LATE_S
         except sounddevice.PortAudioError:  # closed already
@@ -371,7 +371,7 @@ class AudioGenerator:
         card: gives the one that is open; after an unplug, another one.
 
     Attributes:
-        identity: what it says.
+        identity: of the card.
         volts: amplitude [V peak to peak].
         is_on: whether the output is.
         latency_s: from a change to what the inputs show of it.
@@ -391,7 +391,7 @@ class AudioGenerator:
         self.off()
 
     def alive(self) -> None:
-        """Tell the stream that the base is watched."""
+        """Keep the output on: the base is watched."""
         self._card().alive()
 
     def sine(self, frequency_hz: float, volts: float) -> None:
@@ -482,7 +482,7 @@ class Uncoupler:
 
 @dataclass(frozen=True)
 class CardInfo:
-    """A sound card of this computer, as PortAudio knows it.
+    """A sound card of this computer, as PortAudio lists it.
 
     Attributes:
         device: its name, for --device.
@@ -543,12 +543,12 @@ def _why(error: Exception) -> str:
 def capture(
     device: str, seconds: float, latency_s: float, play: np.ndarray | None = None, output: int = 1
 ) -> np.ndarray:
-    """What both inputs hear, (n, 2), while `play` (m,) is repeated on one output, faded in before and out behind.
+    """Samples of both inputs (n, 2) while `play` (m,) is repeated on one output, faded in before and out behind.
 
     Ctrl-C fades it out, too.
 
     Raises:
-        AcquisitionError: the card is not there, or lost samples.
+        AcquisitionError: the card is not there, or samples are missing.
     """
     count, first, fade, ahead = (round(s * CARD_HZ) for s in (seconds, _BEGINS_S, _FADE_S, latency_s + _SLEW_S))
     out = np.zeros((first + count + fade + ahead, 2), np.float32)  # what is ahead at the end is never played
@@ -578,7 +578,7 @@ def capture(
                 while stream.active and not ended.wait(0.1):
                     pass
             except KeyboardInterrupt:
-                rest = out[at:]  # what the stream has not asked for yet
+                rest = out[at:]  # not yet played
                 rest *= np.maximum(0.0, 1.0 - np.arange(len(rest)) / (_CUT_S * CARD_HZ))[:, None].astype(np.float32)
                 time.sleep(_CUT_S + latency_s + _SLEW_S)
                 raise
@@ -605,7 +605,7 @@ def measure_loop(device: str, latency_s: float, output: int = 1) -> Calibration:
     """Gain, delay and high-pass of a card one of whose outputs is connected to both inputs.
 
     Raises:
-        AcquisitionError: the card lost samples, or no cable is there.
+        AcquisitionError: samples are missing, or no cable is there.
     """
     signal = loop_signal()
     for _ in range(_TRIES):
@@ -620,9 +620,10 @@ def measure_loop(device: str, latency_s: float, output: int = 1) -> Calibration:
 
 
 def analyse_loop(device: str, recorded: np.ndarray, signal: np.ndarray) -> Calibration:
-    """The same from what was heard (n, 2) of the repeated signal (m,), whose last whole period is used.
+    """The same from the recorded inputs (n, 2) of the repeated signal (m,), whose last whole period is used.
 
-    Both inputs see the output's high-pass and their own: L_i = g_i jw/(jw + w_o) jw/(jw + w_i) exp(-jw d_i).
+    Both channels contain the high-passes of output and input:
+    L_i = g_i jw/(jw + w_o) jw/(jw + w_i) exp(-jw d_i).
 
     Raises:
         AcquisitionError: no cable is there, or an input clips.

@@ -23,9 +23,9 @@ STALLED_S = 3.0
 #: So long without a sample ends the excitation [s]: nobody watches the base any more.
 BLIND_S = 1.0
 #: After a stall samples are of now when in this time [s] no more come than so many times what is taken in it; if much
-#: fewer come, the computer itself stood still, and they tell nothing.
+#: fewer come, the computer itself stood still, and they are no measure.
 _CALM_S, _HURRY = 0.5, 1.5
-#: A board whose own test fails says so in its name.
+#: A board whose self-test fails has this in its name.
 FAILED = "FAILED"
 
 
@@ -101,10 +101,10 @@ class Board:
         """The board's description, waited for so long [s], or as long as usual.
 
         Raises:
-            AcquisitionError: it says none, lacks a channel, or its own test fails.
+            AcquisitionError: it sends no hello, lacks a channel, or its self-test fails.
         """
         deadline = time.monotonic() + (HELLO_S if seconds is None else seconds)
-        self.reader.send(b"?\n")  # ask; boards that cannot hear repeat their hello every second
+        self.reader.send(b"?\n")  # a query; boards that do not receive repeat their hello every second
         while self.decoder.hello is None:
             self.pump()
             if time.monotonic() > deadline and self.decoder.hello is None:
@@ -129,7 +129,7 @@ class Board:
             AcquisitionError: the base is beyond its limit, or the port is gone.
         """
         messages: list[Message] = []
-        looked = self.reader.looked  # before taking what that look found
+        looked = self.reader.looked  # before the bytes of that look are taken
         for arrival in self.reader.take(wait):
             if arrival.event:
                 self.unplugs += arrival.event == "unplugged"
@@ -160,7 +160,7 @@ class Board:
         if self.watch is not None and time.monotonic() - self._last > BLIND_S:
             what = "unplugged" if self._away else f"no samples for {BLIND_S:g} s"
             raise Stalled(f"{self.reader.port_name}: {what} while the shaker was on; output off.")
-        # By the reader's last look, not by now: a computer too busy to look is no silent board.
+        # Counted to the reader's last look, not to now: a busy computer is no silent board.
         stalled = self.decoder.hello is not None and looked - self._last > self.patience
         if self.reader.failure is None and stalled:
             came = self.decoder.bytes - self._bytes

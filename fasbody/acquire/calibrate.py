@@ -1,4 +1,4 @@
-"""The sensitivity of a sensor from a hand calibrator, or from a turn in gravity, whatever digitises it."""
+"""The sensitivity of a sensor from a hand calibrator, or from a turn in gravity, with any digitiser."""
 
 import math
 
@@ -16,7 +16,7 @@ _PIECE_S = 0.25
 
 
 def within(values: np.ndarray, what: str) -> None:
-    """Raise AcquisitionError if a signal (n,) of full scale is cut off at it, where nobody knows how far it went."""
+    """Raise AcquisitionError if a signal (n,) of full scale is clipped."""
     count = int(np.sum(np.abs(values) >= FULL))
     if count > STRAY:
         raise AcquisitionError(

@@ -64,7 +64,7 @@ def pack(kind: str, host: float, content: bytes) -> bytes:
 class Capture:
     """A capture file being written; safe to use from two threads.
 
-    If its disk becomes full, what follows goes to a second file in the system's temporary folder; `trouble` says so.
+    If its disk becomes full, the rest goes to a second file in the system's temporary folder; `trouble` states it.
 
     Args:
         file: to create; it must not exist.

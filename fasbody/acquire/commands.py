@@ -465,7 +465,7 @@ def calibrate(
 
 
 def _amplifier_is_off(output: int, full_scale_volts: float, peak: float, seconds: float, yes: bool) -> None:
-    """Say what is about to be played, and let somebody say that it shakes nobody."""
+    """Print what is about to be played, and have the user confirm that the amplifier is off."""
     text = f"The loopback plays noise on output {output} for {seconds:g} s, at most {100 * peak:g} % of full scale "
     text += f"({peak * full_scale_volts:g} V peak to peak). No guard watches a shaker meanwhile: switch the amplifier "
     text += f"off or unplug the shaker, and connect output {output} to both inputs."

@@ -1,6 +1,6 @@
 """One door for all boards: `--board NAME`, for acquire, calibrate and plan run alike.
 
-A package adds a device of its own by an entry point in its pyproject.toml:
+A package adds a device by an entry point in its pyproject.toml:
 
     [project.entry-points."fasbody.devices"]
     mine = "my_package:Mine"
@@ -115,14 +115,14 @@ class Equipment:
 
     @property
     def excites(self) -> bool:
-        """Whether something plays what is asked for."""
+        """Whether there is an output for the excitation."""
         return self.generator is not None or (self.board != SERIAL and hasattr(kind(self.board), "output"))
 
     def open(self, stack: ExitStack) -> tuple[Board, Excitation | None]:
         """Board and generator, both known to be what they should be; the stack closes them.
 
         Raises:
-            AcquisitionError: one of them does not answer, or they are swapped.
+            AcquisitionError: one of them does not reply, or they are swapped.
         """
         if self.board != SERIAL:
             return self._device(stack)

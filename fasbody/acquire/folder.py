@@ -76,7 +76,7 @@ def convert(
 ) -> Converted:
     """Write the recording of a capture into a study: CSV, JSON beside it, and a row in recordings.csv if it is usable.
 
-    Lost samples have no row in the CSV: its time column jumps there, the JSON lists the gaps, and identification
+    Missing samples have no row in the CSV: its time column jumps there, the JSON lists the gaps, and identification
     refuses the file. Nothing is interpolated. Nor is a recording listed that is shorter than planned.
 
     A recording of the same name that another capture gave stays: this one gets a number.
@@ -266,7 +266,7 @@ def _recording(index: np.ndarray, values: np.ndarray, hello: Hello, condition: C
 
 
 def _refused(recording: Recording, name: str) -> list[str]:
-    """What identification would say against a recording at a known frequency; with none, whether it was shaken."""
+    """Reasons why identification would refuse a recording at a known frequency; without one, whether it was shaken."""
     if recording.condition.frequency_hz is None:
         return [text] if (text := at_rest(recording)) else []
     try:
@@ -315,7 +315,7 @@ def stem_of(study: Path, file: Path, started: str | None) -> str:
     Args:
         study: folder.
         file: the capture.
-        started: when it began, by its first record; tells two captures of one name apart.
+        started: when it began, by its first record; distinguishes two captures of one name.
     """
     stem = file.name.removesuffix(capture.SUFFIX)
     return next(name for name in _numbered(stem) if _is_of(study, name, file, started))
@@ -352,7 +352,7 @@ def check(study: Path, condition: Condition, origin: str, truth: Mapping[str, An
     """Refuse a study that cannot take recordings of this condition, origin and (if synthetic) truth.
 
     Raises:
-        InputFileError: it is a file, of another origin or truth, or knows another body mass of the subject.
+        InputFileError: it is a file, of another origin or truth, or has another body mass of the subject.
     """
     if study.exists() and not study.is_dir():
         raise InputFileError(study, "is a file where the study cannot be written", "name a folder")
@@ -415,10 +415,10 @@ def enter_truth(study: Path, truth: Mapping[str, Any]) -> None:
 
 
 def body_mass(study: Path, subject: str) -> float | None:
-    """Body mass [kg] of a subject that the study knows already.
+    """Body mass [kg] of a subject that the study lists already.
 
     Raises:
-        InputFileError: the study says it in no number.
+        InputFileError: the study states it by no number.
     """
     file = study / "subjects.csv"
     if file.is_file():

@@ -15,11 +15,11 @@ import time
 from fasbody.acquire.visa import opened
 from fasbody.exceptions import AcquisitionError
 
-#: What the driver says: the output is on and the base is watched; it is off; it is off for good.
+#: Messages of the driver: the output is on and the base is watched; it is off; it is off for good.
 ALIVE, OFF, DONE = b"+", b"-", b"."
 #: Longest silence while the output is on [s].
 SILENT_S = 3.0
-#: It is counted in so many looks, each of which a standstill of the computer ends only once.
+#: It is waited for in so many intervals: a standstill of the computer ends only one of them.
 _LOOKS = 30
 _TRIES = 50
 _COMMAND = b"\nOUTP OFF\n"
@@ -53,13 +53,13 @@ def _say(text: str) -> None:
 
 
 def _message_within(silent_s: float | None) -> bool:
-    """Whether the driver says something within so long [s], or ends; None waits for ever."""
+    """Whether a message of the driver, or its end, comes within so long [s]; None waits for ever."""
     wait_s = None if silent_s is None else silent_s / _LOOKS
     return any(select.select([0], [], [], wait_s)[0] for _ in range(_LOOKS))
 
 
 def _sent(file: int, name: str, baud: int) -> bool:
-    """Whether the command went out, through the driver's port or, if that is gone, through one of our own."""
+    """Whether the command was sent, through the driver's port or, if that is gone, through a new one."""
     try:
         return os.write(file, _COMMAND) == len(_COMMAND)
     except OSError:

@@ -1,4 +1,4 @@
-"""The amplitude loop: bring the base to the wanted peak-to-peak acceleration, slowly, and never beyond the limits."""
+"""The amplitude loop: raise the voltage step by step to a peak-to-peak acceleration of the base, within the limits."""
 
 from dataclasses import asdict, dataclass
 
@@ -102,7 +102,7 @@ _RESTS, _REST_S, _FALLS = 20, 0.25, 0.05
 _ABOVE_NOISE, _LINEAR = 4.0, 0.8
 _TRANSIENT_S, _TRANSIENT_PERIODS = 0.2, 4.0
 _MEASURE_S, _MEASURE_PERIODS = 0.2, 5.0
-#: The base must answer to a tenth of the largest voltage with more than this [m/s^2].
+#: At a tenth of the largest voltage the base must move by more than this [m/s^2].
 _ANSWER = 0.2
 
 
@@ -126,7 +126,7 @@ def peak_to_peak(values: np.ndarray, rate_hz: float, frequency_hz: float) -> flo
 
 
 def _rest(board: Board, wait: bool) -> tuple[float, float]:
-    """Offset and noise [m/s^2, rms] of the base at rest, once it has come to rest; no noise without `settle`.
+    """Offset and noise [m/s^2, rms] of the base at rest, once it has come to rest; no noise without `wait`.
 
     Raises:
         AcquisitionError: it does not.
@@ -149,13 +149,13 @@ def _rest(board: Board, wait: bool) -> tuple[float, float]:
 def reach(
     generator: Excitation, board: Board, frequency_hz: float, target: float, safety: Safety, guess_volts: float = 0.0
 ) -> Level:
-    """Switch the generator on and bring the base to `wanted` [m/s^2] peak to peak within 2 %.
+    """Switch the generator on and bring the base to `target` [m/s^2] peak to peak within 2 %.
 
     Args:
         generator: with its output off, or on from an earlier level.
         board: that shows the base.
         frequency_hz: of the sine.
-        wanted: level [m/s^2].
+        target: level, peak to peak [m/s^2].
         safety: limits.
         guess_volts: about the voltage that will do [V], if known: the ramp begins at a quarter of it, so that a sensor
             that clips shows before the level is reached.
@@ -190,7 +190,7 @@ def reach(
             raise Stalled(f"{board.reader.port_name}: unplugged while the shaker was on; output off.")
         measured = peak_to_peak(values, hello.rate_hz, frequency_hz)
         if measured < _LINEAR * gain * volts:  # also one that is silent now: its voltage must not be raised
-            if not doubted:  # measured once more before the shaker is blamed: a busy computer may have played late
+            if not doubted:  # measured once more first: a busy computer may have played late
                 doubted = True
                 continue
             raise AcquisitionError(

@@ -1,10 +1,10 @@
-"""Every quarter second of a recording against what the drive predicts: a sensor that is lost says so at once.
+"""Every quarter second of a recording against the motion that the drive predicts: a fault is reported at once.
 
 One mechanism for all faults. A window of both sensors is put into a few features: the line at the drive's frequency,
 what its harmonics leave, the largest sample of that, the mean, the longest run of one value. Each rule compares one
 feature with what the drive, the first sound window, or the window before lets expect. Windows overlap by half, so that
-a fault fills one within 0.375 s, wherever it begins. `Session` judges as samples come, and `folder.convert` judges the
-whole recording again, so that what is recovered from a capture is judged alike.
+a fault fills one within 0.375 s, wherever it begins. `Session` checks samples as they come. `folder.convert` checks the
+whole recording again, so that recovered captures are checked in the same way.
 """
 
 import math
@@ -42,7 +42,7 @@ GROWS, _GROWS_BY = 2.0, 0.03
 HUM, _HUM_SIZE, _MAINS = 0.6, 0.02, (50.0, 60.0, 100.0, 120.0, 150.0, 180.0)
 #: A tone so near to a harmonic of the drive is one of the foot [Hz].
 _APART_HZ = 1.0
-#: Largest sample of it, in its own robust standard deviations: normal noise reaches 5.5 once in 2.6e7 samples; and over
+#: Largest sample of it, in robust standard deviations of it: normal noise reaches 5.5 once in 2.6e7 samples; and over
 #: the base's line.
 SPIKE, _SPIKE_SIZE = 8.0, 0.1
 #: A blow on the base has this share of a spike's crest at least.
@@ -129,11 +129,11 @@ class Rule:
     Attributes:
         name: of what is wrong.
         sensor: 0 base, 1 malleolus.
-        excess: of what is judged and the sensor: a feature over its limit, a fault from 1 on.
+        excess: a feature of the sensor over its limit, a fault from 1 on.
         text: what to do.
-        steady: judged with a stated frequency (True), without (False), or in both cases (None).
+        steady: applied with a stated frequency (True), without (False), or in both cases (None).
         final: the base is no longer measured, so that the recording is not repeated.
-        vague: the half of another fault may look so; it is said with the next window, which holds all of it.
+        vague: half of another fault may look like this one; it is reported with the next window, which holds all of it.
     """
 
     name: str
@@ -198,7 +198,7 @@ def _flat(of: Judged, sensor: int) -> float:
 
 
 def _lost(of: Judged, sensor: int) -> float:
-    """Beyond 1 where the base has less than LEAST_SHARE of what drives it."""
+    """Beyond 1 where the base has less than LEAST_SHARE of the expected amplitude."""
     return LEAST_SHARE * of.expected / max(of.now.size + _SURE * of.now.std[_BASE], _TINY)
 
 
@@ -297,7 +297,7 @@ RULES = (
 
 
 class Monitor:
-    """Judges both sensors window by window.
+    """Checks both sensors window by window.
 
     Args:
         rate_hz: of the samples.

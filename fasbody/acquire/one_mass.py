@@ -115,7 +115,7 @@ class OneMass:
         """check.json, and the malleolus' channel in study.toml.
 
         Raises:
-            SettingError: study.toml says something else of that channel.
+            SettingError: study.toml states something else of that channel.
         """
         files = [write_whole(study / "check.json", to_json(asdict(self) | {"remarks": self.remarks()}) + "\n")]
         folder.begin(study, origin)

@@ -1,4 +1,4 @@
-"""What is to be recorded, and whether it can be meant; a session that was planned in a file."""
+"""What is to be recorded, and whether it is valid; a session that was planned in a file."""
 
 import json
 import math
@@ -25,15 +25,15 @@ class Plan:
         frequencies_hz: one recording each; (None,) for broadband or unknown excitation.
         condition: of all recordings; its frequency is set for each.
         seconds: length of each recording.
-        peak_to_peak: wanted base acceleration [m/s^2].
+        peak_to_peak: base acceleration [m/s^2].
         wait_s: wait at the level before recording.
-        retries: so often is a recording repeated that lost samples or whose board stalled.
+        retries: how often a recording with missing samples, or whose board stalled, is repeated.
         origin: "measured" or "synthetic".
         safety: limits of the excitation.
         limits: of the recordings.
         truth: of a synthetic study, written with its first recording.
         one_mass: both sensors are on one mass.
-        again: options with which the command begins at this recording; empty if its frequencies say them.
+        again: options with which the command begins at this recording; empty if its frequencies state them.
     """
 
     study: Path
@@ -58,11 +58,11 @@ class Plan:
         return sum(sines, Dose())
 
     def check(self, generator: bool) -> None:
-        """Refuse what cannot be meant, before anything moves.
+        """Refuse invalid settings, before anything moves.
 
         Raises:
             SettingError: which option, and what would be valid.
-            InputFileError: the study is no folder, of another origin or truth, or knows another body mass.
+            InputFileError: the study is no folder, of another origin or truth, or has another body mass.
         """
         if not 0.1 <= self.seconds <= 3600:
             raise SettingError(f"a recording of {self.seconds:g} s is not possible (valid: 0.1 to 3600).", "seconds")
@@ -105,7 +105,7 @@ def within(study: Path, subject: str, dose: Dose, limit_a8: float) -> None:
         )
 
 
-#: What a file of planned steps says of itself.
+#: Format of a file of planned steps.
 PROTOCOL = "fasbody protocol 1"
 #: Numbers of a step: what each is, and between what it may lie.
 _NUMBERS = {
@@ -116,7 +116,7 @@ _NUMBERS = {
 
 @dataclass(frozen=True)
 class PlannedStep:
-    """One recording of a planned session: `amplitude_m_s2` is half of peak to peak; `kind` as who planned it says."""
+    """One recording of a planned session: `amplitude_m_s2` is half of peak to peak; `kind` as in the plan."""
 
     kind: str
     frequency_hz: float
@@ -136,7 +136,7 @@ def steps_in(path: Path) -> tuple[dict[str, Any], Sequence[PlannedStep]]:
     """A file of planned steps, as `python -m identification.plan` writes it: the document, and its steps in order.
 
     Raises:
-        InputFileError: it cannot be read, is no such file, or has a step that cannot be meant.
+        InputFileError: it cannot be read, is no such file, or has an invalid step.
     """
     try:
         document = json.loads(path.read_text(encoding="utf-8"))

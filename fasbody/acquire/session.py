@@ -1,4 +1,4 @@
-"""The protocol of section 2.2.2: for each frequency, bring the shaker to its level, record, judge, and write."""
+"""The protocol of section 2.2.2: for each frequency, bring the shaker to its level, record, check, and write."""
 
 import contextlib
 import platform
@@ -85,7 +85,7 @@ class Session:
             except BaseException:
                 left = [f for f in frequencies[number:] if f is not None]
                 console.print(_go_on(left, self.plan.again), soft_wrap=True, markup=False)
-                with contextlib.suppress(FasError):  # on a full disk, too, what ended it is said
+                with contextlib.suppress(FasError):  # on a full disk, too, the reason is reported
                     self._note_dose()
                 raise
         return self.made
@@ -182,7 +182,7 @@ class Session:
         return level
 
     def _off(self) -> None:
-        """At once; Generator.close() tries again, and says so if it fails."""
+        """At once; Generator.close() tries again, and reports it if that fails."""
         self.board.watch = None
         if self.generator is not None:
             with contextlib.suppress(AcquisitionError):
@@ -194,7 +194,7 @@ class Session:
         Raises:
             Stalled: no samples, or too few in time.
             Faulty: a sensor fails.
-            AcquisitionError: the base is lost, over range, a full disk, or the board is gone.
+            AcquisitionError: the base sensor has failed or is over range, the disk is full, or the board is gone.
         """
         board, generator = self.board, self.generator
         timeline = board.start(capture)
@@ -269,7 +269,7 @@ class Session:
 
 
 def _refuse(faults: list[Fault], excited: bool) -> None:
-    """Raise what the sensors show: Faulty, or AcquisitionError where the base is lost and nothing is tried again."""
+    """Raise Faulty for a fault of the sensors; AcquisitionError where the base's has failed, which ends the session."""
     if faults:
         kind = AcquisitionError if any(fault.rule.final for fault in faults) else Faulty
         raise kind(f"{faults[0]}{'; output off' if excited else ''}.")

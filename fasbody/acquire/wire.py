@@ -1,4 +1,4 @@
-"""What a board says in either wire format: who it is (Hello), samples (Block), and what is unreadable (Damage).
+"""Messages of a board in either wire format: its description (Hello), samples (Block), and unreadable bytes (Damage).
 
 A stream of bytes is cut into pieces at an end mark, and each piece is read as a message. `Decoder` finds out by
 listening which of the two formats a board speaks. docs/acquisition.md describes both for firmware.
@@ -7,7 +7,7 @@ Binary frames are stuffed by COBS and carry two CRC-16. One lets one damaged fra
 is a wrong sample every few minutes. Two with different polynomials together miss one in 2^31.
 
 Text lines, for simple boards, are the CSV of docs/recordings.md below a line on the board. A header whose lines carry
-a check is believed at once. One without may have been changed on its way, so after the first it must come twice before
+a check is accepted at once. One without may have been changed on its way, so after the first it must come twice before
 it changes anything.
 """
 
@@ -31,7 +31,7 @@ _LARGEST_BOARD_NAME = 32
 #: Bytes in a full block of the stuffing, after which no zero stands.
 _BLOCK = 254
 _VERSION, _OVER_RANGE = 1, 1
-#: So many channels have a flag of their own.
+#: So many channels have a flag each.
 _FLAGGED = 7
 _HELLO, _DATA = ord("H"), ord("D")
 _HELLO_HEAD, _CHANNEL, _DATA_HEAD = struct.Struct("<BBBBHIH"), struct.Struct("<Bff"), struct.Struct("<BBII")
@@ -121,7 +121,7 @@ Message = Hello | Block | Damage
 
 
 class Decoder:
-    """Reads both formats until one of them says hello, and only that one from then on.
+    """Reads both formats until a hello comes in one of them, and only that one from then on.
 
     Args:
         preamble: the bytes of an earlier hello, for a stream that is known.
@@ -144,7 +144,7 @@ class Decoder:
 
     @property
     def preamble(self) -> bytes:
-        """The bytes that said it."""
+        """The bytes of the hello."""
         return self._readers[0].preamble if self.hello else b""
 
     def fresh(self) -> None:
@@ -168,11 +168,11 @@ class Decoder:
 class PieceReader(ABC):
     """Turns bytes, in pieces of any size, into messages; nothing it is fed makes it fail or grow.
 
-    A format says what ends a piece, how long one can be, and overrides `read`.
+    A format defines what ends a piece and how long one can be, and overrides `read`.
 
     Attributes:
         hello: the board's description, once it came.
-        preamble: the bytes that said it.
+        preamble: the bytes of the hello.
     """
 
     END: bytes
@@ -196,7 +196,7 @@ class PieceReader(ABC):
 
     @abstractmethod
     def read(self, piece: bytes) -> Message | None:
-        """One whole piece without its end; None for what says nothing yet."""
+        """One whole piece without its end; None for an incomplete message."""
 
     def feed(self, data: bytes) -> list[Message]:
         """Messages completed by these bytes."""
@@ -310,7 +310,7 @@ def over_range(channels: np.ndarray) -> int:
 def wrap(payload: bytes) -> bytes:
     """A payload as it goes over the wire: with both CRCs, stuffed, between two zero bytes.
 
-    The first zero keeps a frame readable whose predecessor lost its last one.
+    The first zero keeps a frame readable after one whose last zero is missing.
     """
     return b"\0" + stuff(payload + _checks(payload)) + b"\0"
 
@@ -367,7 +367,7 @@ _MODBUS = [_modbus(byte) for byte in range(256)]
 
 
 class LineReader(PieceReader):
-    """Reads text lines. Their blocks are numbered as they come: which are missing, only their time stamps tell."""
+    """Reads text lines. Their blocks are numbered as they come: only their time stamps show which are missing."""
 
     END, LONGEST = b"\n", LONGEST_LINE
 
@@ -398,7 +398,7 @@ class LineReader(PieceReader):
         return self._data(text, self._scale, self.hello) or Damage("line not understood", len(piece))
 
     def _header(self, text: str) -> Hello | None:
-        """The columns; a hello if the line before them said enough."""
+        """The columns; a hello if the line before them completes it."""
         about_line, about_sure = _checked(self._board_line)
         columns, columns_sure = _checked(text)
         if not about_line or not columns:

@@ -51,7 +51,7 @@ BodySizeOption = Annotated[
     typer.Option("--size", help="element size in a surface, in its unit", show_default="two through its thickness"),
 ]
 
-#: Parameters that only a dome, only a mesh of the user's own, or only a closed surface has.
+#: Parameters that only a dome, only a user's mesh, or only a closed surface has.
 OF_DOME = {"shape_text", "height", "profile", "nucleus_centre", "no_nucleus"}
 OF_MESH = {"um_per_unit", "nucleus_tag", "nucleus_surface"}
 OF_STL = {"size", "nucleus_surface"}
@@ -312,7 +312,7 @@ def named_values(option: str, text: str, needed: str, kind: Callable[..., T]) ->
     """Region and what its numbers make, or None and what those of all make.
 
     Raises:
-        SettingError: the text does not have that form, or the numbers cannot be meant.
+        SettingError: the text does not have that form, or the numbers are invalid.
     """
     region, _, values = text.rpartition("=")
     with named(f"{option} {text}"):

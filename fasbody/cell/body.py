@@ -39,7 +39,7 @@ SURFACES, VOLUMES = (".stl", ".obj"), (".vtu", ".msh")
 #: The error of a body falls as h^ORDER or faster: held ends and inner corners are singular, and the limit of a
 #: cantilever lay outside what 2 gives.
 ORDER = 1.0
-#: What a user calls groups of either dimension, and what is said of them.
+#: What a user calls groups of either dimension, and what messages call them.
 KINDS = {"triangles": SURFACE, "tetrahedra": VOLUME}
 _CALLED = {kind: word for word, kind in KINDS.items()}
 #: The unit in which the bundled bones are stored (`viz.anatomy.assets`) [um].
@@ -88,14 +88,14 @@ class Body(Tabled):
 
     @property
     def faces(self) -> Mapping[int, NDArray[np.int64]]:
-        """Corners (f, 3) of the file's own triangles, by their number."""
+        """Corners (f, 3) of the file's triangles, by their number."""
         return self.mesh.faces
 
     def number(self, text: str, kinds: Collection[int] = (SURFACE, VOLUME)) -> tuple[int, tuple[int, ...]]:
         """The number that a name or a number in words means, and the dimensions of which it may be.
 
         Args:
-            text: of the user; `triangles:` or `tetrahedra:` before it says which are meant.
+            text: of the user; `triangles:` or `tetrahedra:` before it states which.
             kinds: dimensions that will do.
 
         Raises:
@@ -180,7 +180,7 @@ class Body(Tabled):
         """One material for each region.
 
         Args:
-            given: by number or name of a region; None is for all that have none of their own.
+            by_name: by number or name of a region; None is for all others.
 
         Raises:
             SettingError: a region has no material or two, or a material no region.

@@ -40,7 +40,7 @@ class Tensegrity:
         grip_um: radius of the ball of cytoplasm that a node holds [um].
 
     Raises:
-        SettingError: a value that cannot be meant.
+        SettingError: an invalid value.
     """
 
     strut_E: float = 1.2e9

@@ -161,7 +161,7 @@ def _draw(
 ) -> None:  # fmt: skip
     """Triangles seen from far away, x to the right, y up, lit from the upper left; `value` in 0..1 colours them.
 
-    An orthographic projection of our own: matplotlib's 3D axes clip a flat body and leave most of the panel empty.
+    An orthographic projection, since matplotlib's 3D axes clip a flat body and leave most of the panel empty.
     """
     right, up, toward = _screen(view)
     corners = points[faces]

@@ -1,4 +1,4 @@
-"""Materials of Table 5.2 and the presets that say what the thesis' numbers mean (docs/cell.md)."""
+"""Materials of Table 5.2 and the presets that interpret the thesis' numbers (docs/cell.md)."""
 
 import math
 from dataclasses import dataclass, replace
@@ -60,7 +60,7 @@ class Preset(Tabled):
         return self.cytoplasm, self.nucleus
 
     def with_modulus(self, E: float) -> "Preset":
-        """The same with another Young's modulus of the cytoplasm [Pa]; the nucleus keeps its own (Table 5.2)."""
+        """The same with another Young's modulus of the cytoplasm [Pa]; that of the nucleus stays (Table 5.2)."""
         return replace(self, cytoplasm=replace(self.cytoplasm, E=E))
 
 

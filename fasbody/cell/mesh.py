@@ -314,7 +314,7 @@ def sized_mesh(
     """Fill a closed surface [um], which may have cavities, with tetrahedra; `inner` encloses the nucleus.
 
     The triangles give the geometry only: gmsh divides it into patches at edges sharper than an angle of `PATCHES`,
-    which have triangles of their own. The first angle that gives sound elements and the volume is taken.
+    which are meshed separately. The first angle that gives sound elements and the volume is taken.
 
     Args:
         outer: of the body.
@@ -322,7 +322,7 @@ def sized_mesh(
         size: element sizes, None is `default_size`, or as much smaller as the surface needs.
 
     Raises:
-        SettingError: the size asks for more than `LIMIT` unknowns.
+        SettingError: the size needs more than `LIMIT` unknowns.
         MeshError: a surface is open or branched, the inner one is not inside, gmsh cannot fill it, or elements of this
             size lose a part of it.
     """
@@ -354,7 +354,7 @@ def strays(surface: "trimesh.Trimesh", mesh: TetMesh) -> float:
 def fill(
     outer: "trimesh.Trimesh", size: MeshSize, inner: "trimesh.Trimesh | None" = None, tolerance: float = VOLUME_CHANGE
 ) -> TetMesh:
-    """The same for surfaces that are known to be sound, by the best of the `PATCHES`, which may lose a share `lost`."""
+    """The same for sound surfaces, by the best of the `PATCHES`; the volume may change by a share `tolerance`."""
     best: TetMesh | None = None
     failure = MeshError("no element size will do.")
     for angle in PATCHES:
@@ -489,7 +489,7 @@ def _sizes_by(gmsh: Any, field: int) -> None:
 def _unbend(mesh: TetMesh) -> TetMesh:
     """Straighten, step by step, the edges of elements that their curved faces squash or invert.
 
-    gmsh's own high-order optimisation would do it, but aborts the whole process where it does not succeed.
+    gmsh's high-order optimisation would do it, but aborts the whole process where it does not succeed.
     """
     points, edges = mesh.points_um.copy(), mesh.tets[:, 4:]
     middles = points[mesh.tets[:, np.array(EDGES)]].mean(axis=2)
@@ -588,7 +588,7 @@ def _gmsh() -> Iterator[Any]:
     """One gmsh session; its exceptions become MeshError, and it is always closed."""
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # SWIG's own deprecations
+            warnings.simplefilter("ignore")  # deprecations of SWIG
             import gmsh
     except ImportError as error:
         raise MissingPackageError("gmsh", "cell") from error

@@ -48,7 +48,7 @@ def read_mesh(
         size: element sizes for an STL cell; None is two through its thickness.
 
     Raises:
-        SettingError: the unit cannot be meant, or the size asks for too many unknowns.
+        SettingError: the unit is invalid, or the size needs too many unknowns.
         InputFileError: the file cannot be read or is not a sound mesh.
     """
     if not UNITS[0] <= um_per_unit <= UNITS[1]:
@@ -171,7 +171,7 @@ def read_tagged(file: Path, um_per_unit: float) -> Tagged:
     """
     meshio = _meshio()
     try:
-        with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):  # meshio prints errors of its own
+        with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):  # meshio also prints its errors
             content = meshio.read(file)
     except FasError:
         raise
@@ -242,7 +242,7 @@ def _listed(parts: Mapping[Any, float]) -> str:
 
 
 def _nucleus(file: Path, mesh: TetMesh, tags: np.ndarray, tag: int | None) -> np.ndarray:
-    """Which tetrahedra (m,) are of the nucleus; the file's regions and their volumes are said."""
+    """Which tetrahedra (m,) are of the nucleus; the file's regions and their volumes are printed."""
     volumes = tet_volumes(mesh.points_um, mesh.tets)
     parts = {int(region): float(volumes[tags == region].sum()) for region in np.unique(tags)}
     have = _listed(parts)

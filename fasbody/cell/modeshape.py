@@ -1,4 +1,4 @@
-"""What a mode looks like, in words: sway, twist, compression, nucleus; and which mode of another cell it is.
+"""Names of modes: sway, twist, compression, nucleus; and the mode of another cell that corresponds to one.
 
 The words follow section 5.4: mode 1 sways along z, mode 2 along x, mode 3 twists about y, mode 4 compresses along x.
 They come from numbers: which direction carries the kinetic energy, whether that component is even or odd under the
@@ -139,13 +139,13 @@ class Match:
         return ", ".join(f"{i}->lost" if p == UNMATCHED else f"{i}->{p + 1} ({m:.2f})" for i, (p, m) in pairs)
 
     def then(self, step: "Match") -> "Match":
-        """Partners in a third cell, through the second; `mac` is that of the weakest link. Lost modes stay lost."""
+        """Partners in a third cell, through the second, if there is one in both; `mac` is that of the weakest link."""
         partner = np.where(self.partner == UNMATCHED, UNMATCHED, step.partner[self.partner])
         weakest = np.minimum(self.mac, step.mac[self.partner])
         return Match(partner, np.where(partner == UNMATCHED, np.nan, weakest))
 
     def document(self) -> dict[str, Any]:
-        """Ready for JSON: mode numbers from 1, null for the lost."""
+        """Ready for JSON: mode numbers from 1, null for those without a partner."""
         return {"partner_of_first": [None if p == UNMATCHED else int(p) + 1 for p in self.partner], "mac": self.mac}
 
 

@@ -257,7 +257,7 @@ class BaseResponse(Tabled):
 def base_response(
     cell: ReducedCell, solids: Solids, frequencies_hz: NDArray[np.float64], inner: int | None = NUCLEUS
 ) -> BaseResponse:
-    """Shake the base at each frequency (n,) [Hz] along x, y and z; trust it up to `cell.reach_hz`.
+    """Shake the base at each frequency (n,) [Hz] along x, y and z; valid up to `cell.reach_hz`.
 
     `inner` is the region whose mean motion is the nucleus', None for none.
     """
@@ -309,7 +309,7 @@ class ForceResponse(Tabled):
 
 
 def force_response(cell: ReducedCell, solids: Solids, frequencies_hz: NDArray[np.float64]) -> ForceResponse:
-    """A force at the highest point at each frequency (n,) [Hz]; trust it up to `cell.reach_hz`."""
+    """A force at the highest point at each frequency (n,) [Hz]; valid up to `cell.reach_hz`."""
     load = cell.basis.T @ point_load(cell.model)
     one, responses = np.eye(len(load)), []
     for w in 2 * np.pi * np.asarray(frequencies_hz, dtype=np.float64):

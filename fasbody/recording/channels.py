@@ -71,7 +71,7 @@ def volts_per_m_s2(file: Path, name: str, text: str) -> float:
     """Sensitivity in V per m/s^2 from a data sheet's "100 mV/g".
 
     Raises:
-        InputFileError: it says no such thing.
+        InputFileError: it is no such text.
     """
     match = _SENSITIVITY.fullmatch(text)
     try:
@@ -86,19 +86,19 @@ Channels = dict[str, np.ndarray]
 
 #: The accelerometers of section 2.2.2; the first two are needed. Others are known by their unit, or by study.toml.
 NAMES = ("base", "malleolus", "tuberosity")
-#: What a sensor of one's own may be called.
+#: Names of further sensors.
 SENSOR_NAME = re.compile(r"[a-z][a-z0-9]*(?:_[a-z0-9]+)*")
 _KEYS = ("unit", "sign", "sensitivity", "delay_s", "column", "gain_std", "delay_std_s", "clock")
 
 
 @dataclass(frozen=True)
 class Channel(Tabled):
-    """What study.toml says of one channel.
+    """One channel of study.toml.
 
     Attributes:
-        column: its name in the files, or its number from 1; default the channel's own name.
-        unit: of the numbers, if the files do not say, or are wrong.
-        clock: the column of its times, if it has its own.
+        column: its name in the files, or its number from 1; default the channel's name.
+        unit: of the numbers, if the files state none or a wrong one.
+        clock: the column of its times, if it has one.
         sign: +1 or -1.
         sensitivity: recorded unit per m/s^2, or in V per m/s^2 if `volts`.
         delay_s: how late it is.
@@ -126,7 +126,7 @@ class Layout(Tabled):
         rate_hz: sampling rate of files that have no time.
         columns: names of the columns of text files without a header.
         units: of those columns, if known apart.
-        beyond: what the laboratory knows beyond the recordings.
+        beyond: measured or excluded by the laboratory beyond the recordings.
         take: which recording of a file with several, from 1.
         apart: patterns of file names, and the layout of the files that fit one.
     """
@@ -140,7 +140,7 @@ class Layout(Tabled):
     apart: tuple[tuple[str, "Layout"], ...] = field(default=(), repr=False)
 
     def one_of(self, file: Path, takes: "Sequence[_Take]") -> "_Take":
-        """The take that is meant, the first unless study.toml says which.
+        """The take of study.toml, the first unless it names one.
 
         Raises:
             InputFileError: there is no such take.
@@ -213,7 +213,7 @@ class Layout(Tabled):
         return sum(map(is_one, names))
 
     def timed(self, file: Path, channels: Channels, rate_hz: float | None = None) -> Channels:
-        """The channels with ``time_s``: the file's own, or counted from a sampling rate.
+        """The channels with ``time_s``: that of the file, or counted from a sampling rate.
 
         Args:
             file: for messages.
@@ -269,7 +269,7 @@ class Layout(Tabled):
         Args:
             file: for messages.
             channels: with ``time_s``, the base's clock.
-            times: (n,) of the channels that have a clock of their own [s].
+            times: (n,) of the channels that have a separate clock [s].
 
         Raises:
             InputFileError: clocks and delays that leave less than nine tenths of the recording.
@@ -281,7 +281,7 @@ class Layout(Tabled):
         taken = {name: at for name, at in taken.items() if at.size != t.size or np.abs(at - t).max() > 1e-9}
         every = (t, *taken.values())
         if not taken or any(at.size < 2 or not np.isfinite(at).all() or np.diff(at).min() <= 0 for at in every):
-            return channels, ""  # the checks will say what is wrong with such a time
+            return channels, ""  # the checks refuse such a time
         first, last = max(at[0] for at in every), min(at[-1] for at in every)
         if last - first < (1 - _LONGEST_DELAY) * (t[-1] - t[0]):
             late = ", ".join(f"{name.removesuffix('_m_s2')} {t[0] - at[0]:.6g} s" for name, at in taken.items())
@@ -344,7 +344,7 @@ _SWINGS, _SWINGING = 8, 0.05
 _SPLINED = 1e100
 #: Delays may take this share of a recording.
 _LONGEST_DELAY = 0.1
-#: Two sampling rates are the same within this share: a nominal rate and a logger's own clock.
+#: Two sampling rates are the same within this share: a nominal rate and a logger's clock.
 _SAME_RATE = 1e-3
 
 

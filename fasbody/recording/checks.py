@@ -19,7 +19,7 @@ from fasbody.recording.harmonics import find_frequency, fit_harmonics, narrow_sh
 from fasbody.recording.quality import Quality, quality, still
 from fasbody.recording.recording import Recording, gain_and_delay
 
-#: Sampling rate needed, as a multiple of the excitation frequency, and the one from which harmonics are told apart.
+#: Sampling rate needed, as a multiple of the excitation frequency, and the one from which harmonics are distinguished.
 OVERSAMPLING, COMFORTABLE = 2.5, 10.0
 #: No foot is recorded more slowly than this.
 SLOWEST_HZ = 50.0
@@ -27,7 +27,7 @@ SLOWEST_HZ = 50.0
 _FASTEST_HZ = 1250.0
 #: A sine has this share of its power near one frequency and its harmonics, drift and white noise not counted.
 PERIODIC_SHARE = 0.9
-#: Less than this share by one frequency is told, with what it costs.
+#: Less than this share by one frequency gives a warning with its effect.
 _CLEAN = 0.97
 #: A first part that differs by more than this share of the amplitude.
 _ONSET = 0.02
@@ -37,9 +37,9 @@ _CLIPPED_RUN = 4
 _IMPOSSIBLE = 1e6
 #: The largest range of the accelerometers that are strapped to people, 50 g [m/s^2].
 _UNLIKELY = 500.0
-#: Standard deviation of an amplitude by the converter's steps that is told.
+#: Standard deviation of an amplitude by the converter's steps from which a warning is given.
 _COARSE = 5e-3
-#: What is said of a base between a fifth of a m/s^2 and two.
+#: The hint for a base between a fifth of a m/s^2 and two.
 _IN_G = "is it in g? Then name the column base_g"
 _UNIT = "check its unit"
 #: A passive foot lags behind its base; it may seem to lead by so much where loggers take channels one by one [deg].
@@ -52,12 +52,12 @@ _SUSPECT_TOPS = 0.01
 #: Share of all harmonics that the third one has where both sides are flattened; less is one side, which gravity and a
 #: pad that cannot pull make, too.
 _TWO_SIDED = 0.8
-#: From where on distortion, drift, uneven level and coherence are told (of a sine, and broadband).
+#: Limits of distortion, drift, uneven level and coherence (of a sine, and broadband) for a warning.
 _DISTORTED, _DRIFTS, _UNSTEADY = 0.1, 0.3, 0.1
 _COHERENT = {True: 0.95, False: 0.5}
 
 
-@functools.lru_cache(maxsize=32)  # a study's job looks for what cannot serve, and its fit checks again
+@functools.lru_cache(maxsize=32)  # a study's job checks once, and its fit again
 def checked(recording: Recording) -> Recording:
     """The recording with its excitation frequency found, offsets removed and warnings listed.
 
@@ -130,7 +130,7 @@ def _all_alike(recording: Recording) -> Recording:
 
 
 def gathered(texts: Sequence[str]) -> list[str]:
-    """Warnings of several recordings, in which that of values that look like g is there once."""
+    """Warnings of several recordings; that of values like g stands there once."""
     like_g = [text for text in texts if text.endswith(f"{_IN_G}.")]
     if len(like_g) < 2:
         return list(texts)
@@ -231,7 +231,7 @@ def reasons(rows: Sequence[Mapping[str, Any]]) -> list[str]:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Checked(Presented):
-    """What the checks say of a study.
+    """Results of the checks of a study.
 
     Attributes:
         name: of the study.
@@ -296,7 +296,7 @@ def quality_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def verdict(row: Mapping[str, Any]) -> str:
-    """What `understood` found, in a word or two."""
+    """The result of `understood` in a word or two."""
     return "unusable" if row["problem"] else "usable, see below" if row.get("warnings") else "sound"
 
 
@@ -373,7 +373,7 @@ def _channel(recording: Recording, name: str, values: np.ndarray) -> None:
 def _clipping(recording: Recording, name: str, frequency: float | None, interval: float) -> None:
     """Refuse flat tops: longer runs at an extreme value than the converter's step gives a sine, in many periods.
 
-    A channel with one sample of its own in several (`interval`) stays so much longer at its top.
+    A channel with one measured sample in several (`interval`) stays so much longer at its top.
     """
     values, t = recording.channels[name], recording.time_s
     levels = np.unique(values)
@@ -398,7 +398,7 @@ def _clipping(recording: Recording, name: str, frequency: float | None, interval
 
 
 def _odd(recording: Recording, name: str, frequency: float | None, offset: float, warnings: list[str]) -> None:
-    """Marks that stand for missing samples are refused; spikes and jumps are told with what they cost."""
+    """Marks that stand for missing samples are refused; spikes and jumps give warnings with their effect."""
     t, values = recording.time_s, recording.channels[name]
     odd = samples.odd(values, None if frequency is None else (t[-1] - t[0]) * frequency)
     if odd.mark is not None:
@@ -428,7 +428,7 @@ def _odd(recording: Recording, name: str, frequency: float | None, offset: float
 
 
 def _slow(recording: Recording, name: str, frequency: float | None, warnings: list[str]) -> float:
-    """Tell with what it costs that a channel has one sample in several of the file (returned); and of coarse steps."""
+    """Warn of a channel with one measured sample in several of the file (returned), and of coarse steps."""
     values, rate, f = recording.channels[name], recording.rate_hz, frequency or 20.0
     grid = samples.step(values)
     slow = samples.slow(values, grid)
@@ -464,7 +464,7 @@ def _moving(recording: Recording, channels: Mapping[str, np.ndarray], frequency:
 
 
 def _quality(recording: Recording, measures: Quality, frequency: float | None, warnings: list[str]) -> None:
-    """What coherence, distortion, drift and level say: tops that a sensor flattened, channels swapped or uneven."""
+    """Warnings by coherence, distortion, drift and level: flattened tops, channels swapped or uneven."""
     at = "over the band" if frequency is None else f"at {frequency:.4g} Hz"
     base, malleolus = measures.channels["base"], measures.channels["malleolus"]
     _, delay_std = gain_and_delay(recording, "malleolus", "base")

@@ -38,7 +38,7 @@ class Columns:
         sizes: samples of each, if they may differ.
         passed: what else the file holds and why it is no column.
         line: of the headings, if it is text.
-        clocked: the file says its rate.
+        clocked: the file states its rate.
         rates: of each [Hz], if they may differ.
     """
 
@@ -118,7 +118,7 @@ def assign(file: Path, columns: Columns, layout: Layout) -> Assignment:
     Args:
         file: for messages.
         columns: of the file.
-        layout: what study.toml says of them.
+        layout: of study.toml.
 
     Raises:
         InputFileError: a unit is unknown or missing, or the file gives two; a channel is missing or there twice.
@@ -131,7 +131,7 @@ def assign(file: Path, columns: Columns, layout: Layout) -> Assignment:
             index, unit = column
             key = f"{channel}_m_s2" if channel != "time" else "time_s" if unit else "time"
             chosen[key] = (index, unit)
-    bare = chosen.pop("time", None)  # a time that does not say its unit; a known rate tells it
+    bare = chosen.pop("time", None)  # a time without a unit, which a known rate gives
     if bare and not columns.clocked and layout.rate_hz is None:
         hint = 'name the column time_s, time_ms or time_us, or give study.toml [channels.time] unit = "s"'
         raise InputFileError(file, f"{columns.names[bare[0]]!r} has no unit", hint, line=columns.line)
@@ -198,7 +198,7 @@ def _between(columns: Columns, index: int) -> bool:
 
 
 def _unit(file: Path, channel: str, behind: str, beside: str, stated: str, remarks: list[str]) -> str:
-    """The unit of a channel's numbers: what study.toml says, which may overrule the file, or the file.
+    """The unit of a channel's numbers: of study.toml, which may overrule the file, or of the file.
 
     Args:
         file: for messages.
@@ -255,7 +255,7 @@ def _complete(file: Path, columns: Columns, layout: Layout, chosen: Mapping[str,
 def _others(
     columns: Columns, layout: Layout, chosen: Mapping[str, tuple[int, str]]
 ) -> dict[str, tuple[int, str]]:  # fmt: skip
-    """Further accelerometers: those of study.toml, and columns that their unit says to be accelerations."""
+    """Further accelerometers: those of study.toml, and columns with a unit of acceleration."""
     taken = {index for index, _ in chosen.values()}
     size = columns.sizes[chosen["base_m_s2"][0]] if columns.sizes else 0
     others: dict[str, tuple[int, str]] = {}
@@ -333,7 +333,7 @@ def _clock_of(columns: Columns, index: int, key: str, times: Sequence[int], main
 
 
 def _words(name: str) -> set[str]:
-    """What tells a heading from others: its words and numbers but those of time and units."""
+    """Words and numbers that distinguish a heading, without those of time and units."""
     words = set(re.findall(r"[^\W\d_]+|\d+", name_and_unit(name)[0] if name.strip()[-1:] in ")]" else name.lower()))
     return {word for word in words if (word.isdigit() or len(word) > 2) and not _TIMES.fullmatch(word)}
 

@@ -45,7 +45,7 @@ _PLAIN = b"0123456789+-.eE,;|\t\n "
 
 @dataclass(frozen=True, eq=False)
 class TextTable:
-    """A recording's text: headings, and below them the numbers, which are parsed when they are asked for.
+    """A recording's text: headings, and below them the numbers, which are parsed when they are needed.
 
     Attributes:
         passage: its lines in the file.
@@ -69,12 +69,12 @@ class TextTable:
 
         Args:
             file: the file.
-            layout: what study.toml says of its columns.
+            layout: its columns by study.toml.
             strict: refuse columns without names.
 
         Raises:
             InputFileError: it is no text or empty; it has no header, and study.toml names its columns wrongly; it holds
-                several takes, and nothing says which is meant.
+                several takes, and study.toml names none.
         """
         tables = list(_sections(file, layout, strict))
         if len(tables) == 1:
@@ -121,7 +121,7 @@ class TextTable:
         return True
 
     def rate_hz(self, uses: Mapping[str, Use], layout: Layout) -> float | None:
-        """The rate [Hz] that a line of the text states; a column of times knows better."""
+        """The rate [Hz] that a line of the text states; a column of times overrules it."""
         return None if "time_s" in uses else self.headings.rate_hz
 
     def clocks(self, uses: Mapping[str, Use], time_s: np.ndarray, rate_hz: float | None) -> Channels:
@@ -175,7 +175,7 @@ class TextTable:
             yield max(at, above), piece
 
     def rising(self, time_s: np.ndarray) -> list[int]:
-        """Columns whose first rows rise as a time does and do not say so."""
+        """Columns whose first rows rise as a time does, without a name of one."""
         first = self.sample()
         steps = float(np.median(np.diff(time_s[: max(2, first.shape[1])])))
         times = []
@@ -213,7 +213,7 @@ def several_takes(file: Path, count: int, where: str) -> InputFileError:
 
 
 def _sections(file: Path, layout: Layout, strict: bool) -> Iterator[TextTable]:
-    """The tables of a text, one below the other: each begins with headings of its own."""
+    """The tables of a text, one below the other: each begins with its headings."""
     passage: Passage | None = Passage(file)
     while passage is not None:
         table, passage = _table(passage, layout, strict), None
@@ -331,7 +331,7 @@ def _like_thousands(values: np.ndarray) -> bool:
 
 
 def _numbers(table: TextTable, body: str, after: int, indices: Mapping[str, int]) -> Channels:
-    """The wanted columns of a piece: fast for a sound one, and line by line to find what is wrong with another."""
+    """The columns of these indices in a piece: fast for a sound one, else line by line to find the error."""
     separator, width = table.headings.separator, len(table.names)
     sample = row_after(table.head, table.headings.first, separator)
     decimal = "," if any("," in sample[i] for i in indices.values() if i < len(sample)) else "."

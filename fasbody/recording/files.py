@@ -168,7 +168,7 @@ def _one_take(file: Path, channels: Channels, layout: Layout) -> Channels:
     """The channels of one take, where the time begins anew.
 
     Raises:
-        InputFileError: there are several, and nothing says which is meant; or there is no such take.
+        InputFileError: there are several, and study.toml names none; or there is no such take.
     """
     t = channels["time_s"]
     back = np.flatnonzero(np.diff(t) < 0) + 1
@@ -229,7 +229,7 @@ def _unit_by_rate(times: np.ndarray, rate_hz: float | None) -> float | None:
 
 
 def _other_clocks(source: "TextTable | _SeriesTable", uses: Mapping[str, Use], time_s: np.ndarray) -> list[str]:
-    """Columns of times that are in no use, stand with no other column, and tell another time than those that are."""
+    """Columns of times that are in no use, stand with no other column, and differ from those in use."""
     columns, remarks = source.columns, []
     taken = {use.index for use in uses.values()} | {use.clock for use in uses.values()}
     for index in sorted({*columns.times, *source.rising(time_s)}):
@@ -280,7 +280,7 @@ class _SeriesTable:
 
     @classmethod
     def open(cls, file: Path, layout: Layout) -> "_SeriesTable":
-        """The series of a file, those of one take where study.toml says which."""
+        """The series of a file, those of one take where study.toml names it."""
         if ending(file) not in READ:
             listed = f"valid: {', '.join((*TEXTS, *READ))}, and .gz behind any"
             if ending(file) in _SHEETS:
@@ -324,7 +324,7 @@ class _SeriesTable:
         return {key: self.series[index].values for key, index in indices.items()}
 
     def rising(self, time_s: np.ndarray) -> list[int]:
-        """Columns that rise as a time does and do not say so."""
+        """Columns that rise as a time does, without a name of one."""
         return [index for index, s in enumerate(self.series) if s.values.size == time_s.size and
                 _as_time(s.values, time_s)]  # fmt: skip
 
@@ -351,7 +351,7 @@ class _SeriesTable:
         return stated or next((s.rate_hz for s in self.series if s.rate_hz), None)
 
     def clocks(self, uses: Mapping[str, Use], time_s: np.ndarray, rate_hz: float | None) -> Channels:
-        """Times (n,) [s] of channels that the file says to start later than another, or to be of another rate."""
+        """Times (n,) [s] of channels that start later than another or have another rate, by the file."""
         sources = self._sources(uses)
         known = _starts(self.file, sources, bool({"time", "time_s"} & uses.keys()))
         first, unlike = min(known.values(), default=0.0), {s.rate_hz for s in sources.values() if s.rate_hz}
@@ -368,7 +368,7 @@ class _SeriesTable:
 
 
 def _ungrouped(series: Series) -> Series:
-    """A series of one take, under its own name."""
+    """A series of one take, under its name without the take."""
     return replace(series, name=series.name.removeprefix(f"{series.group}/"))
 
 
@@ -389,7 +389,7 @@ def read_one(file: Path, channel: str, layout: Layout | None = None, named: str 
     Args:
         file: the file.
         channel: "base" or "malleolus".
-        layout: what study.toml says.
+        layout: of study.toml.
         named: the column, if it is named otherwise.
 
     Raises:
@@ -405,7 +405,7 @@ def read_one(file: Path, channel: str, layout: Layout | None = None, named: str 
 
 
 def _named_like(file: Path, channel: str, layout: Layout) -> str:
-    """The heading of the column that a channel's own name begins."""
+    """The heading of the column that begins with a channel's name."""
     names = columns_of(file, layout).names if ending(file) in (*TEXTS, *READ) else ()
     return next((name for name in names if name_and_unit(name)[0] == channel), channel)
 
@@ -477,7 +477,7 @@ def _one_scale(file: Path, channel: str, source: Series, layout: Layout) -> None
 
 
 def _starts(file: Path, sources: Mapping[str, Series], with_time: bool) -> dict[str, float]:
-    """When each channel's first sample was taken [s], as the file says; all start together if it says nothing."""
+    """When each channel's first sample was taken [s], by the file; all start together where it states none."""
     known = {name: s.start_s for name, s in sources.items() if s.start_s is not None}
     listed = ", ".join(f"{sources[name].name} {start:.6g} s" for name, start in known.items())
     if known and len(known) < len(sources):

@@ -1,4 +1,4 @@
-"""Harmonics of a periodic recording: least squares at the excitation frequency, with honest noise.
+"""Harmonics of a periodic recording: least squares at the excitation frequency, with the noise of each.
 
 A sine fit at a known frequency is the unbiased estimate of its amplitude and phase; fitted together with its harmonics
 it is the discrete Fourier transform without leakage, for any number of samples a period. The excitation frequency

@@ -48,7 +48,7 @@ class Headings:
     Attributes:
         separator: of its columns.
         names: of the columns.
-        units: of the columns, "" where no row says it.
+        units: of the columns, "" where no row states it.
         line: number of the line of the names, 0 without.
         first: how many lines stand above the numbers.
         skipped: rows that are in no use, in words.
@@ -105,7 +105,7 @@ def stated(above: Sequence[str]) -> tuple[float | None, tuple[str, ...]]:
 
 
 def _rate(line: str) -> tuple[str, float] | None:
-    """A line's statement of a rate or interval: its name as `stated_rate` knows it, and the number in Hz or s."""
+    """A line's statement of a rate or interval: its name as in `stated_rate`, and the number in Hz or s."""
     match = _STATED.match(line)
     turned = ((name, hit) for name, pattern in _TURNED if (hit := pattern.search(line)))
     name, match = (match["name"], match) if match else next(turned, ("", None))
@@ -144,7 +144,7 @@ def headless(
 
 
 def _rows_of_numbers(text: str, meant: Sequence[int] = ()) -> Iterator[tuple[int, str, int]]:
-    """Line, separator and width of the first rows with samples in the columns that are meant, or in all."""
+    """Line, separator and width of the first rows with samples in the columns of study.toml, or in all."""
     for place, row in enumerate(islice(lines(text), _HEADER_LINES), 1):
         separator = next((s for s in SEPARATORS if s in row.strip()), ",")
         cells = split(row, separator)

@@ -1,6 +1,6 @@
-"""What a laboratory knows of its measurement beyond the recordings: the [known] table of study.toml.
+"""What a laboratory has measured or excluded beyond the recordings: the [known] table of study.toml.
 
-A fit allows for masses that are stated a little wrong, channels that are not quite alike, and departures of the world
+A fit allows for masses that are stated a little wrong, channels that are not quite alike, and departures of the foot
 from the model. What a laboratory has excluded need not be allowed for, and the intervals become narrower.
 """
 
@@ -15,7 +15,7 @@ from fasbody.constants import GRAVITY
 from fasbody.exceptions import InputFileError, SettingError, unknown
 from fasbody.presentation import Tabled
 
-#: Departures of the world from the model that a laboratory can exclude.
+#: Departures of the foot from the model that a laboratory can exclude.
 DEPARTURES = ("mount", "relaxation", "load", "rocking", "drift", "share")
 _SIZES = {"mass_std": 0.5, "gain_std": 0.5, "delay_std_s": 0.01}
 _FORCE, _SHARE = "static_force_n", "load_share"
@@ -25,7 +25,7 @@ _SHARES = (0.3, 1.2)
 
 @dataclass(frozen=True)
 class Known(Tabled):
-    """What is known; None where nothing is said.
+    """What is known; None where nothing is stated.
 
     Attributes:
         mass_std: relative standard deviation of the segment masses, 0 where they are exact.
@@ -34,7 +34,7 @@ class Known(Tabled):
         excluded: departures that cannot be (`DEPARTURES`).
         static_forces: load on the knee [kg] and force [N] with which the foot rests on the table
             under it without vibration; default the weight of leg and load.
-        load_share: of the added mass that the leg carries, as stated or as two static forces tell.
+        load_share: of the added mass that the leg carries, as stated or by two static forces.
             None if unknown.
     """
 
@@ -105,7 +105,7 @@ class Known(Tabled):
         delay_std_s: float | None = None,
         exclude: Iterable[str] = (),
     ) -> "Known":
-        """The same with what a user says, who overrules the study; "all" excludes every departure.
+        """The same with a user's values, which overrule the study; "all" excludes every departure.
 
         Raises:
             SettingError: a size or a departure that does not exist.

@@ -1,8 +1,8 @@
-"""Two loggers that ran side by side, made one recording: by a knock that both felt, or by their correlation.
+"""Two loggers that ran side by side, made one recording: by a knock in both, or by their correlation.
 
-A sine says nothing of the delay between two loggers, for it repeats itself. A knock on the table, best one before and
-one after, is felt by both at once, and tells how much faster one clock runs. Without a knock, motion that does not
-repeat itself tells the delay by cross-correlation, the foot's own lag included: that is worth less, and said so.
+A sine does not give the delay between two loggers, for it repeats itself. A knock on the table reaches both at once;
+one before and one after also give the ratio of the clocks. Without a knock, motion that does not repeat itself gives
+the delay by cross-correlation. That includes the lag of the foot, and its standard deviation is larger.
 """
 
 from dataclasses import dataclass, replace
@@ -135,7 +135,7 @@ def _by_knocks(t: np.ndarray, x: np.ndarray, u: np.ndarray, y: np.ndarray) -> tu
     step = 1 / min(_rate(t), _rate(u))
     late, spread = zip(*(_onset_lag(t, x, a, u, y, b, step) for a, b in zip(first, second, strict=True)), strict=True)
     if len(first) == 1:
-        drift = _CRYSTALS * float(np.sqrt(np.mean((u - second[0]) ** 2)))  # one knock says nothing of the clocks
+        drift = _CRYSTALS * float(np.sqrt(np.mean((u - second[0]) ** 2)))  # one knock gives no ratio of clocks
         return late[0], float(np.hypot(spread[0], drift)), 0.0
     clock = (late[1] - late[0]) / (second[1] - second[0])
     if abs(clock) > _CLOCKS:

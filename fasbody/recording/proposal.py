@@ -24,7 +24,7 @@ from fasbody.recording.recording import Recording
 from fasbody.recording.text import read_text
 from fasbody.recording.trials import parsed
 
-#: What a pattern of file names may hold; {any} is what says nothing.
+#: What a pattern of file names may hold; {any} is any other text.
 FIELDS = ("subject", "posture", "load", "mass", "frequency", "any")
 TABLES = ("study.toml", "subjects.csv", "recordings.csv")
 _NUMBER = r"\d+(?:[.,p]\d+)?"
@@ -36,7 +36,7 @@ _MATCHES = {
     "posture": r"[A-Za-z]+",
     "any": r"[^/]*?",
 }
-#: How file names say what they are, in the order in which they are looked for.
+#: How file names state conditions, in the order of the search.
 _SIGNS = (
     ("frequency", re.compile(rf"({_NUMBER})(?=[ _-]?hz)", re.IGNORECASE)),
     ("load", re.compile(rf"({_NUMBER})(?=[ _-]?kg)", re.IGNORECASE)),
@@ -59,7 +59,7 @@ _WORDS = {
 def load_in_name(name: str) -> float | None:
     """The load [kg] that a file's name states, "rec_20hz_2.3kg.csv" for example; None where it states none.
 
-    A name with several says nothing, and one above what a knee carries is a body mass.
+    A name with several states none, and one above what a knee carries is a body mass.
     """
     return _only(mass for mass in _masses(name) if mass <= _MOST_LOAD_KG)
 
@@ -114,7 +114,7 @@ def propose(folder: Path, pattern: str | None = None) -> Proposal:
     """Look at a folder's file names and at one file of each kind; of a study that is there, at files not listed yet.
 
     Args:
-        folder: with recordings, also in folders of its own.
+        folder: with recordings, also in subfolders.
         pattern: of their names without ending, such as ``S{subject}_{frequency}Hz_{load}kg``; with
             a / it holds folders, too. None guesses it, or several.
 
@@ -151,7 +151,7 @@ def propose(folder: Path, pattern: str | None = None) -> Proposal:
 
 
 def _patterns(stems: Sequence[str]) -> list[str]:
-    """The patterns of names that say something, most first; the most frequent one where none does."""
+    """The patterns of names that hold a condition, most first; the most frequent one where none does."""
     named = _with_people(list(map(_template, stems)))
     every = [pattern for pattern, _ in Counter(named).most_common()]
     return [pattern for pattern in every if _says(pattern)] or every[:1]
@@ -176,7 +176,7 @@ def _with_people(templates: list[str]) -> list[str]:
 
 
 def _row(patterns: Sequence[str], stem: str) -> dict[str, str] | None:
-    """What a name says by the first pattern that it follows."""
+    """The conditions in a name, by the first pattern that it follows."""
     for pattern in patterns:
         if match := _compiled(pattern).fullmatch(stem if "/" in pattern else stem.split("/")[-1]):
             return {name: value for name, value in match.groupdict().items() if value}
@@ -271,7 +271,7 @@ def _listed(folder: Path) -> set[str] | None:
 
 
 def _aside(file: Path, folder: Path) -> bool:
-    """What lies in a folder of recordings and is none: hidden files, tables of BIDS, notes."""
+    """Files in a folder of recordings that are none: hidden files, tables of BIDS, notes."""
     if file.name in TABLES and file.parent == folder:
         return True
     hidden = any(part.startswith(".") for part in file.relative_to(folder).parts)
@@ -316,7 +316,7 @@ def _plain(number: str) -> str:
 
 
 def _toml(folder: Path, kinds: Sequence[Path], missing: list[str]) -> str:
-    """The text of study.toml from one file of each kind; what it cannot say is added to `missing`."""
+    """The text of study.toml from one file of each kind; what is unknown is added to `missing`."""
     lines = ["[study]", f"name = {json.dumps(folder.resolve().name)}", 'origin = "measured"  # or "synthetic"']
     for file in kinds:
         layout = "" if file is kinds[0] else f"layouts.{ending(file)[1:]}."
@@ -390,7 +390,7 @@ def _columns(file: Path) -> tuple[list[str], list[str], float | None]:
 def _clock(file: Path, names: Sequence[str], units: Sequence[str]) -> int | None:
     """The only column that rises evenly from row to row, as time does under whatever name; one in a unit of time first.
 
-    Text alone has no rate of its own.
+    Only text has no rate.
     """
     if ending(file) not in TEXTS or not names:
         return None

@@ -8,7 +8,7 @@ import numpy as np
 
 from fasbody.recording.harmonics import fit_harmonics
 
-#: Segments that levels are told of, and the periods that one needs.
+#: Segments whose levels are compared, and the periods that one needs.
 _SEGMENTS = 10
 _PERIODS = 3
 #: Harmonics of which distortion is the sum.
@@ -127,7 +127,7 @@ def _segments(time_s: np.ndarray, values: list[np.ndarray], frequency_hz: float,
 
 
 def _coherence(base: np.ndarray, malleolus: np.ndarray) -> float:
-    """Of complex amplitudes by segment; one segment tells nothing."""
+    """Of complex amplitudes by segment; one segment gives none."""
     if base.size < 3:
         return float("nan")
     power = np.mean(np.abs(base) ** 2) * np.mean(np.abs(malleolus) ** 2)

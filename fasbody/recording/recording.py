@@ -22,7 +22,7 @@ from fasbody.recording.known import Known
 
 #: The three columns that a recording needs, and one that it may have.
 HEADER = ("time_s", "base_m_s2", "malleolus_m_s2", "tuberosity_m_s2")
-#: Origin of a bare file, which says nothing about itself.
+#: Origin of a bare file, which states none.
 UNSTATED = "of unstated origin"
 
 
@@ -38,10 +38,10 @@ class Recording(Tabled):
         condition: how it was made.
         file: where it came from, for messages.
         origin: "measured", "synthetic" or "of unstated origin" (a bare file).
-        warnings: what the checks found that does not forbid its use.
-        calibration: what study.toml says of the channels, by name; uncertainties are taken from
+        warnings: of the checks, which do not forbid its use.
+        calibration: of the channels by study.toml, by name; uncertainties are taken from
             there.
-        known: what the laboratory knows beyond the recording.
+        known: measured or excluded by the laboratory beyond the recording.
         digest: sha256 of the file that it was read from, in hexadecimal; "" where there was none.
         others: (n,) of further accelerometers by name, such as ``foot`` [m/s^2].
         used: on each channel the column, unit and clock that it was made of, in words.
@@ -214,7 +214,7 @@ class Recording(Tabled):
             condition: what is known of the trial.
             label: what to call it in messages, default the file's name.
             origin: "measured" or "synthetic", if that is known.
-            layout: where in the file the channels are, and their units, if the file does not say so itself.
+            layout: where in the file the channels are, and their units, if the file does not state them.
 
         Raises:
             InputFileError: no such file, or it is not such a table; the message names line and column.
@@ -285,7 +285,7 @@ def _digest(file: Path) -> str:
 
 
 def _row(values: ArrayLike, channel: str, name: str) -> np.ndarray:
-    """An array (n,) of numbers of its own: what the caller does to his changes nothing here."""
+    """A copy (n,) of an array of numbers."""
     try:
         row = np.array(values, float)
     except (TypeError, ValueError):
@@ -303,7 +303,7 @@ def _seconds(values: ArrayLike, name: str) -> np.ndarray:
 
 
 def _remarks(file: Path) -> tuple[str, ...]:
-    """What acquisition found worth a warning (docs/acquisition.md); none if the recording has no such file by it."""
+    """Warnings of acquisition (docs/acquisition.md); none if the recording has no such file beside it."""
     if not file.is_file():
         return ()
     try:
@@ -314,7 +314,7 @@ def _remarks(file: Path) -> tuple[str, ...]:
 
 
 def _with_delays(channels: Mapping[str, Channel], file: Path) -> Mapping[str, Channel]:
-    """What is said of the channels, with the uncertain delays of a recording that was merged of two loggers."""
+    """The channels with the uncertain delays of a recording that was merged of two loggers."""
     if not file.is_file():
         return channels
     try:
@@ -330,7 +330,7 @@ def _with_delays(channels: Mapping[str, Channel], file: Path) -> Mapping[str, Ch
 
 
 def with_masses(recording: Recording, body_mass_kg: float | None, added_mass_kg: float | None) -> Recording:
-    """The recording with masses given on the command line in place of its own.
+    """The recording with masses given on the command line in place of the stated ones.
 
     Raises:
         RecordingError: a mass is not a plausible number.

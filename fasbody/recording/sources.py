@@ -1,4 +1,4 @@
-"""What a command is told to read: study folders and files, with masses from its options."""
+"""The study folders and files of a command, with masses from its options."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -20,8 +20,8 @@ def gather(
 
     Raises:
         InputFileError: nothing of that name, or it cannot be read.
-        SettingError: several masses, and not one for each of the files; or a study.toml for a folder with its own;
-            a mass that is implausible, or another than a study says.
+        SettingError: several masses, and not one for each of the files; or a study.toml for a folder that has one;
+            a mass that is implausible, or another than a study states.
     """
     if mapping is not None and any(path.is_dir() for path in data):
         raise SettingError("--study is for files; a study folder has a study.toml of its own.")
@@ -68,7 +68,7 @@ def _load_of(path: Path, recording: Recording, load: float | None) -> float | No
 
 
 def _agree(recording: Recording, body: float | None, load: float | None) -> None:
-    """Refuse a mass that is another than the study of the recording says; a bare file says none.
+    """Refuse a mass that is another than the study of the recording states; a bare file states none.
 
     Raises:
         SettingError: two sources of one mass that disagree.

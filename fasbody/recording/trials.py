@@ -1,4 +1,4 @@
-"""study.toml: what a study says of itself and of its channels.
+"""study.toml: a study's name, origin and channels.
 
 What a study folder lists: one trial a row of recordings.csv, with its conditions.
 """
@@ -42,7 +42,7 @@ def describe(file: Path) -> tuple[dict[str, str], Layout]:
 
 
 def _way_out(file: Path) -> str:
-    """What can be done with a folder of bare recordings whose study.toml is asked for; nothing where it is none."""
+    """What can be done with a folder of bare recordings without a study.toml; empty where it is no such folder."""
     folder = file.parent
     if file.name != "study.toml" or (folder / "recordings.csv").exists() or not folder.is_dir():
         return ""
@@ -203,7 +203,7 @@ def _masses(file: Path) -> dict[str, float]:
 
 
 def people(folder: Path) -> "pd.DataFrame":
-    """The subjects of a study with whatever subjects.csv says of them: numbers as numbers, all else as text.
+    """The subjects of a study with all columns of subjects.csv: numbers as numbers, all else as text.
 
     Raises:
         InputFileError: there is no such table.

@@ -24,7 +24,7 @@ def document(reports: Sequence[Report]) -> dict[str, Any]:
 
 
 def recording(report: Report) -> dict[str, Any]:
-    """What is said about one recording or pool, its models apart."""
+    """Notes on one recording or pool, without its models."""
     seen = report.excitation
     about: dict[str, Any] = {
         "recording": report.name,

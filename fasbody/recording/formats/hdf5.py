@@ -100,7 +100,7 @@ def _is_table(item: Any) -> bool:
     return named and item.ndim == 1 and not item.external and not item.is_virtual
 
 
-#: Attributes that may be a scale, applied or not; nobody can know.
+#: Attributes that may be a scale, applied already or not.
 _SCALES = (
     "scale", "scaling", "scaling_factor", "gain", "sensitivity", "calibration", "calibration_factor", "conversion",
     "conversion_factor", "factor", "multiplier", "slope",
@@ -108,7 +108,7 @@ _SCALES = (
 
 
 def _scaled(item: Any) -> tuple[np.ndarray, str, str]:
-    """The values with `scale_factor` and `add_offset` applied, as the CF conventions say, and what scales there are."""
+    """The values with `scale_factor` and `add_offset` applied by the CF conventions, and the scales."""
     values = item[()]
     attributes = {key: _number(item.attrs.get(key)) for key in ("scale_factor", "add_offset", *_SCALES)}
     for key in ("scale_factor", "add_offset"):
@@ -146,7 +146,7 @@ def _no_numbers(item: Any) -> str:
 
 
 def _rate(source: Any, name: str) -> float | None:
-    """The rate [Hz] that a dataset states, or a folder that it lies in.
+    """The rate [Hz] that a dataset states, or a folder above it.
 
     Raises:
         FormatError: two of them disagree.
@@ -162,7 +162,7 @@ def _rate(source: Any, name: str) -> float | None:
 
 
 def _start(attributes: Any) -> float | None:
-    """When a dataset's first sample was taken [s], if a number says."""
+    """When a dataset's first sample was taken [s], if a number states it."""
     return next((value for name in STARTS if (value := _number(attributes.get(name))) is not None), None)
 
 

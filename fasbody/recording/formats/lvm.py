@@ -47,7 +47,7 @@ def _segment(
 
     Args:
         about: what the file states.
-        told: what the segment states.
+        header: statements of the segment.
         heading: its names.
         rows: its numbers, in words.
     """

@@ -27,13 +27,13 @@ class Series:
         name: as in the file.
         unit: as in the file, "" if it states none.
         values: (n,).
-        rate_hz: if the file says.
+        rate_hz: if the file states it.
         what: empty, or what this is instead of a column of real numbers; it then has no values.
-        start_s: when the first sample was taken [s], on one clock for the whole file, if the file
-            says.
+        start_s: when the first sample was taken [s], on one clock for the whole file, if it
+            is stated.
         scaled: by which statement of the file its values were scaled.
         unclear: a scale that was not applied.
-        group: sheet, structure or folder in which it lies.
+        group: its sheet, structure or folder.
     """
 
     name: str
@@ -171,7 +171,7 @@ _PACKAGES = {"nptdms": "npTDMS"}
 
 
 def need(library: str) -> None:
-    """Say which extra to install if a format's library is missing."""
+    """Refuse a format whose library is missing, and name the extra to install."""
     if importlib.util.find_spec(library) is None:
         instead = "save the sheet as CSV" if library == "openpyxl" else ""
         raise MissingPackageError(_PACKAGES.get(library, library), "formats", otherwise=instead)

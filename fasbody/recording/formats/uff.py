@@ -45,7 +45,7 @@ def decode(file: Path) -> list[Series]:
         x = np.asarray(data["x"], float)
         step: float | None = float(data.get("abscissa_inc") or 0.0)
         start = float(data.get("abscissa_min") or 0.0)
-        if int(data.get("abscissa_spacing", 1)) == 0:  # uneven: every sample has its own time
+        if int(data.get("abscissa_spacing", 1)) == 0:  # uneven: a time for each sample
             step, start = uniform_step(x), float(x[0]) if x.size else 0.0
         if step is None:  # the times of the channel behind them
             series.append(Series(f"time {len(series) + 1}", "s", x))

@@ -1,4 +1,4 @@
-"""Excel's .xlsx by openpyxl: the columns below each sheet's header, units in brackets or in a row of their own."""
+"""Excel's .xlsx by openpyxl: the columns below each sheet's header, units in brackets or in a row."""
 
 import re
 from collections import Counter
