@@ -17,6 +17,7 @@ from fasbody.console import make_folder, to_json, write_whole
 from fasbody.exceptions import InputFileError, SettingError, shown, unknown
 
 if TYPE_CHECKING:
+    import numpy as np
     import pandas as pd
     from matplotlib.figure import Figure
 
@@ -89,6 +90,15 @@ def printed(draw: Callable[_Arguments, _Drawn]) -> Callable[_Arguments, _Drawn]:
             return draw(*args, **options)
 
     return styled
+
+
+@printed
+def panels(rows: int, columns: int, width: float, height: float, **options: Any) -> "tuple[Figure, np.ndarray]":
+    """A figure of width x height [inches], no wider than a page, and its axes, shape (rows, columns)."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(min(width, PAGE), height), layout="constrained")
+    return figure, figure.subplots(rows, columns, squeeze=False, **options)
 
 
 def picture(figure: "Figure", kind: str, dpi: int = 200) -> bytes:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import mujoco
 import numpy as np
 
+from fasbody.constants import Z95
 from fasbody.exceptions import FasError, SimulationError
 from fasbody.foot.damper import damping
 from fasbody.foot.engine import callbacks
@@ -37,7 +38,6 @@ if TYPE_CHECKING:
 
 Row = dict[str, Any]
 
-_Z95 = 1.959963984540054
 #: Step of a search variable for a slope.
 _STEP = 1e-4
 #: Frequencies of a curve, fewer where the engine computes it, and displacements of a damper's law.
@@ -99,7 +99,7 @@ class View:
 
         q = space.to_q(descent.theta)
         spread = lambda J: np.sqrt(np.einsum("mi,ij,mj->m", J, C, J))  # noqa: E731
-        return cls(certified.name, IF_TRUE, q, _Z95, foot, slopes, spread)
+        return cls(certified.name, IF_TRUE, q, Z95, foot, slopes, spread)
 
     def half_width(self, function: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
         """Half of the 95 % interval (m,) of a function (m,) of q."""
@@ -206,7 +206,7 @@ def _data(evidence: "Evidence") -> list[Row]:
         out, into = line.malleolus, line.base
         H = out.amplitudes[0] / into.amplitudes[0]
         noise = np.array([out.std[0] / abs(out.amplitudes[0]), into.std[0] / abs(into.amplitudes[0]), scatter])
-        size, lag, half = float(abs(H)), float(-np.degrees(np.angle(H))), _Z95 * float(np.linalg.norm(noise))
+        size, lag, half = float(abs(H)), float(-np.degrees(np.angle(H))), Z95 * float(np.linalg.norm(noise))
         rows.append(
             {
                 "file": r.file, "added_mass_kg": r.condition.added_mass_kg, "frequency_hz": into.frequency_hz,

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from fasbody.foot.parameters import symbol_and_unit
-from fasbody.presentation import COLOURS, MARKS, PAGE, inline, picture, printed
+from fasbody.presentation import COLOURS, MARKS, inline, panels, picture, printed
 from fasbody.recording.condition import ADDED_MASSES_KG
 from fasbody.recording.harmonics import fit_harmonics
 from fasbody.transmissibility.estimate import unwrapped
@@ -35,13 +35,6 @@ def save(figure: Figure, ending: str) -> bytes:
 def svg(figure: Figure) -> str:
     """A figure as SVG text, to be put into a page."""
     return inline(save(figure, "svg"))
-
-
-@printed
-def panels(rows: int, columns: int, width: float, height: float, **options: object) -> tuple[Figure, np.ndarray]:
-    """A figure of width x height [inches], no wider than a page, and its axes, shape (rows, columns)."""
-    figure = Figure(figsize=(min(width, PAGE), height), layout="constrained")
-    return figure, figure.subplots(rows, columns, squeeze=False, **options)  # type: ignore[call-overload]
 
 
 def of_loads(loads: Iterable[float]) -> dict[float, tuple[str, str]]:

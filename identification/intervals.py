@@ -12,6 +12,7 @@ from functools import cached_property
 import numpy as np
 from scipy.special import stdtrit
 
+from fasbody.constants import Z95
 from fasbody.foot.parameters import Parameter
 from identification.estimates import WEIGHED, Allowance, Estimate, Mass, identifiability
 from identification.nuisances import Nuisance, stated_mass
@@ -19,7 +20,6 @@ from identification.optimiser import Optimum
 from identification.parameters import delay_of
 from identification.residual import Evaluation, Problem
 
-_NORMAL = 1.959963984540054
 #: Distance to a bound, as a share of the range, at which a constant rests on it.
 _AT_BOUND = 1e-4
 #: Step of a variable for a slope, in its scale.
@@ -102,7 +102,7 @@ class Solution:
     def quantile(self) -> float:
         """How many standard errors a 95 % interval reaches to each side."""
         if self.problem.repeatability == 0:
-            return _NORMAL
+            return Z95
         return float(stdtrit(max(2, self.dof), 0.975))
 
     @property
@@ -265,7 +265,7 @@ class Solution:
         for i, item in enumerate(self.problem.variables.nuisances, len(self.problem.variables.constants)):
             x, std = float(self.q[i] * item.std), float(np.sqrt(self.covariance[i, i])) * item.std
             low, high = (float(np.clip(x + sign * self.quantile * std, item.lower, item.upper)) for sign in (-1, 1))
-            before = [float(np.clip(item.mean + sign * _NORMAL * item.std, item.lower, item.upper)) for sign in (-1, 1)]
+            before = [float(np.clip(item.mean + sign * Z95 * item.std, item.lower, item.upper)) for sign in (-1, 1)]
             rows.append(
                 Allowance(
                     item.name, item.group, item.does, item.unit, item.value(item.mean), item.value(before[0]),

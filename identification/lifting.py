@@ -4,11 +4,10 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from fasbody.constants import GRAVITY
 from fasbody.recording.recording import Recording
 from identification.contact import Contact
 from identification.intervals import Solution
-
-GRAVITY = 9.80665
 
 
 def contacts(solution: Solution, recordings: Sequence[Recording]) -> tuple[Contact, ...]:

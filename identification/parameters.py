@@ -6,6 +6,7 @@ from functools import cached_property
 
 import numpy as np
 
+from fasbody.constants import Z95
 from fasbody.exceptions import SettingError, unknown
 from fasbody.foot.model import Foot
 from fasbody.foot.parameters import Parameter
@@ -21,7 +22,6 @@ def delay_of(sensor: str) -> Parameter:
 
 #: Parameters that a fit never frees: masses come from the recording's condition.
 MASSES = ("m_S", "m_F", "m_T", "added_mass")
-_Z95 = 1.959963984540054
 
 
 @dataclass(frozen=True)
@@ -120,7 +120,7 @@ class Space:
         q = self.to_q(theta)
         low, high = self.bounds
         finite = np.where(np.isfinite(std_q), std_q, np.inf)
-        return self.to_theta(np.maximum(q - _Z95 * finite, low)), self.to_theta(np.minimum(q + _Z95 * finite, high))
+        return self.to_theta(np.maximum(q - Z95 * finite, low)), self.to_theta(np.minimum(q + Z95 * finite, high))
 
 
 def _unit(item: Parameter) -> float:

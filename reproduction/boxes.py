@@ -6,8 +6,7 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure
 
-from fasbody.presentation import PAGE, counted, printed
-from identification.figures import panels
+from fasbody.presentation import PAGE, counted, panels, printed
 from identification.study.figures import CONSTANTS, GREY, MODEL, distinct, noted, titled
 from identification.study.summary import FEWEST, measured, quartiles
 

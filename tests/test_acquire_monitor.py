@@ -232,7 +232,7 @@ def test_a_fault_is_said_within_half_a_second_or_refused(
     assert problems and "x.csv" not in listed
     print(f"| {name} | {f'{said[0][0] - at:.2f} s' if said else 'refused'} | {said[0][1] if said else problems[0]} |")
     assert not said or 0 < said[0][0] - at <= 0.5
-    assert not lost or any(fault.rule.lost and when - at <= 0.5 for when, fault in said)
+    assert not lost or any(fault.rule.final and when - at <= 0.5 for when, fault in said)
 
 
 def sweep(rate: float) -> np.ndarray:
@@ -341,7 +341,7 @@ def cases() -> list[tuple[str, int, Callable[[float], Judged]]]:
     one = np.ones(2)
     return [
         *both,
-        ("lost", 0, lambda k: with_(line=pair(0, 9 * monitor.LOST / k, 9))),
+        ("lost", 0, lambda k: with_(line=pair(0, 9 * monitor.LEAST_SHARE / k, 9))),
         ("lost", 0, lambda k: replace(with_(line=pair(0, 9 * monitor.SILENT / k, 9)), drive=quiet)),
         ("not as driven", 0, lambda k: with_(rest=pair(0, k * (9 * monitor.WAVEFORM + 0.15), 0).real)),
         ("off its level", 0, lambda k: with_(line=pair(0, 9 * (1 + k * monitor.LEVEL), 9 * (1 + k * monitor.LEVEL)))),

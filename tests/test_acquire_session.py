@@ -255,7 +255,7 @@ def test_a_board_that_falls_silent_in_a_frame_is_called_silent(
 ) -> None:
     board.collect(0.2)
     feeder.instead = b"half a frame"
-    while board._heard <= board._last:  # until the half has come
+    while board._last_byte <= board._last:  # until the half has come
         board.pump()
     feeder.paused = True
     monkeypatch.setattr("fasbody.acquire.board.STALLED_S", 2.5)
@@ -298,7 +298,7 @@ def test_a_base_that_goes_flat_switches_off_and_is_not_listed(
     shaker = Shaker(monkeypatch, fault=0)
     study = tmp_path / "study"
     with pytest.raises(AcquisitionError, match=r"^base (flat|lost|not as driven) by .*; output off\.$"):
-        Session(Plan(study, (20.0,), CONDITION, seconds=60.0, settle_s=0.1), board, shaker).run()
+        Session(Plan(study, (20.0,), CONDITION, seconds=60.0, wait_s=0.1), board, shaker).run()
     assert not shaker.is_on and shaker.levels == 1 and board.watch is None
     details = json.loads((study / "recordings" / "20hz_0kg.json").read_text())
     assert not details["usable"] and "ended early: base" in " ".join(details["remarks"])
@@ -313,7 +313,7 @@ def test_a_malleolus_that_fails_is_said_and_recorded_again(
     tmp_path: Path, feeder: Feeder, board: Board, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     shaker = Shaker(monkeypatch, fault=1)
-    made = Session(Plan(tmp_path / "study", (20.0,), CONDITION, seconds=1.5, settle_s=0.1), board, shaker).run()
+    made = Session(Plan(tmp_path / "study", (20.0,), CONDITION, seconds=1.5, wait_s=0.1), board, shaker).run()
     assert [bool(one.problems) for one in made] == [True, False] and shaker.levels == 2
     assert "This recording is repeated." in " ".join(capsys.readouterr().err.split())
     shaker = Shaker(monkeypatch, fault=1, times=9)

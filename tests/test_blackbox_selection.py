@@ -99,7 +99,7 @@ def test_arx_selection_warns_at_the_edge_and_lists_what_is_alike() -> None:
 
 def test_sine_leaves_arx_orders_undecided() -> None:
     estimation, _ = halves(foot.sine(20.0, 4000))
-    chosen = search.select_arx(Referee([estimation], poor=True))
+    chosen = search.select_arx(Referee([estimation], weak=True))
     assert any("orders are not decided" in text for text in chosen.warnings)
     spread = [c.fit_percent for c in chosen.candidates if c.model.parameters >= 8]
     assert np.ptp(spread[:20]) < 0.5
@@ -143,7 +143,7 @@ def test_a_free_motion_that_outlasts_the_record_ranks_last() -> None:
         honest.loss, honest.samples, honest.sample_time,
     )  # fmt: skip
     assert selection.judge(ringing, [validation]).fit_percent > 95
-    referee = Referee([validation], poor=True)
+    referee = Referee([validation], weak=True)
     ranked = selection.rank([referee.judge(ringing), referee.judge(honest)], referee)
     assert ranked.best.model is honest
     assert "ranked last, as their free motion outlasts the record: OE (2, 2, 1)" in ranked.warnings[0]

@@ -8,7 +8,7 @@ import pytest
 from fasbody.cell.assembly import FREE, Assembly, assemble
 from fasbody.cell.materials import Preset, preset
 from fasbody.cell.modal import CellModel, Modes, solve
-from fasbody.cell.modeshape import LOST, Match, describe, mac, track, track_along
+from fasbody.cell.modeshape import UNMATCHED, Match, describe, mac, track, track_along
 from simulator.bodies import block, cell
 
 PRESET = preset("as-reproduced")
@@ -97,7 +97,7 @@ def test_modes_that_are_no_longer_there_are_lost() -> None:
     model, modes = solved(cell(size=8.0))
     fewer = replace(modes, vectors=modes.vectors[:, 2:], frequencies_hz=modes.frequencies_hz[2:])
     match = track((model, modes), (model, fewer))
-    assert match.partner.tolist() == [LOST, LOST, 0, 1, 2]
+    assert match.partner.tolist() == [UNMATCHED, UNMATCHED, 0, 1, 2]
     assert match.document()["partner_of_first"] == [None, None, 1, 2, 3]
     assert str(match).startswith("1->lost, 2->lost, 3->1 (1.00)")
 
@@ -108,8 +108,8 @@ def test_a_chain_follows_its_neighbours() -> None:
     for order in orders:
         turned.append((model, replace(modes, vectors=turned[-1][1].vectors[:, order])))
     assert [m.partner.tolist() for m in track_along(turned)] == [[0, 1, 2, 3, 4], [1, 0, 2, 3, 4], [2, 1, 0, 4, 3]]
-    step = Match(np.array([1, LOST]), np.array([0.9, np.nan])).then(Match(np.array([0, 1]), np.array([0.6, 0.8])))
-    assert step.partner.tolist() == [1, LOST]
+    step = Match(np.array([1, UNMATCHED]), np.array([0.9, np.nan])).then(Match(np.array([0, 1]), np.array([0.6, 0.8])))
+    assert step.partner.tolist() == [1, UNMATCHED]
     assert step.mac[0] == 0.8
     assert np.isnan(step.mac[1])
 

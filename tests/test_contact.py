@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 from test_sensors import linear, linear_motion, recorded  # noqa: F401
 
+from fasbody.constants import GRAVITY
 from fasbody.foot.model import Foot
 from fasbody.foot.two_dof import TwoDof
 from fasbody.recording.known import Known
 from identification import figures
 from identification.contact import Contact, summary
 from identification.fitting import fit_foot
-from identification.lifting import GRAVITY, lifting
+from identification.lifting import lifting
 from identification.result import FitResult
 
 HZ = (20.0, 45.0)

@@ -2,7 +2,7 @@
 
 The card is played and read in one stream, 48 kHz, channels in step. What comes in is brought down to 4 kHz by one
 filter with linear phase, freed of the inputs' coupling, and put into the frames of docs/acquisition.md: from there on
-it is a board like any other, with captures, gaps and recovery. Only this file knows sounddevice.
+it is a board like any other, with captures, gaps and recovery. Only this file imports sounddevice.
 
 Between amplifier and converter, most interfaces have a capacitor, and fall off below some hertz. A loopback cable shows
 how: `measure_loop`. Sensitivities come from a hand calibrator (`calibrator`) or a turn in gravity (`flip`).
@@ -48,7 +48,7 @@ _BLOCK = 960
 _COMMON_HZ = 0.1
 #: The output changes by full scale in so long [s]; without a sign of life it goes off after so long.
 _SLEW_S, _DEAD_S = 0.1, 1.0
-#: A card that asked for no block for so long is not waited for at its end [s].
+#: A stream without a callback for so long is not waited for at its end [s].
 _LATE_S = 1.0
 #: No block for so long means that the card is gone [s].
 _GONE_S = 3.0
@@ -199,7 +199,7 @@ class SoundCard:
         self._blocks: deque[tuple[np.ndarray, str]] = deque()
         self._arrived = threading.Event()
         self._last = time.monotonic()
-        self._amplitude = self._wanted = self._phase = 0.0  # amplitude: share of full scale
+        self._amplitude = self._target = self._phase = 0.0  # amplitude: share of full scale
         self._omega = 0.0  # a sample
         self._beat = self._sounded = -math.inf
         self._happened: list[str] = []
@@ -260,12 +260,12 @@ class SoundCard:
     def _serve(self, inputs: np.ndarray, outputs: np.ndarray, frames: int, when: object, status: Any) -> None:
         """In PortAudio's thread: take a block, give a block."""
         now = time.monotonic()
-        lost = "input overrun" if status.input_overflow else "input underrun" if status.input_underflow else ""
-        lost = lost or ("output underrun" if status.output_underflow else "")
-        self._blocks.append((inputs.copy(), lost))
-        wanted = self._wanted if now - self._beat < _DEAD_S else 0.0
+        event = "input overrun" if status.input_overflow else "input underrun" if status.input_underflow else ""
+        event = event or ("output underrun" if status.output_underflow else "")
+        self._blocks.append((inputs.copy(), event))
+        target = self._target if now - self._beat < _DEAD_S else 0.0
         most = frames / (_SLEW_S * CARD_HZ)
-        end = self._amplitude + min(max(wanted - self._amplitude, -most), most)
+        end = self._amplitude + min(max(target - self._amplitude, -most), most)
         steps = np.arange(1, frames + 1)
         wave = np.sin(self._phase + self._omega * steps)
         outputs[:] = 0.0
@@ -281,7 +281,7 @@ class SoundCard:
         if frequency_hz is not None:
             self._omega = 2 * np.pi * frequency_hz / CARD_HZ
         if share is not None:
-            self._wanted = share
+            self._target = share
         self.alive()
 
     def alive(self) -> None:
@@ -304,9 +304,9 @@ class SoundCard:
             raise Unplugged(f"{self.calibration.device}: the card went away.")
         out = b""
         while self._blocks:
-            block, lost = self._blocks.popleft()
-            if lost:  # before this block, by PortAudio's word; how much, it does not say: a frame at least
-                self._happened.append(lost)
+            block, event = self._blocks.popleft()
+            if event:  # samples are missing before this block; PortAudio does not state how many: at least a frame
+                self._happened.append(event)
                 self._frame += 1
                 self._time += _SAMPLES
             values, full = self._decimator.feed(block.astype(float))
@@ -335,26 +335,26 @@ class SoundCard:
 
     def events(self) -> list[str]:
         """What happened to the card since the last call."""
-        said, self._happened = self._happened, []
-        return said
+        events, self._happened = self._happened, []
+        return events
 
     def write(self, data: bytes) -> None:
-        """A question of the computer: it is answered by the next hello."""
+        """A query of the computer: the next hello replies to it."""
         self._greeted = -1
 
     def close(self) -> None:
         """Output faded and played to its end, then the stream closed; that of a card that is gone, at once.
 
-        PortAudio throws away what is in the card's buffers, whether it is told to stop or to abort.
+        PortAudio throws away what is in the card's buffers, on stop and on abort.
         """
-        self._wanted = 0.0
+        self._target = 0.0
         ahead = self.calibration.latency_s + _SLEW_S  # and a little, as a sound server has buffers of its own
         while self._lives() and time.monotonic() - self._sounded < ahead:
             time.sleep(WAIT_S)
         self._stream.close(ignore_errors=True)
 
     def _lives(self) -> bool:
-        """Whether the card still asks for blocks."""
+        """Whether the stream is running."""
         try:
             return bool(self._stream.active) and time.monotonic() - self._last < _LATE_S
         except sounddevice.PortAudioError:  # closed already
@@ -371,7 +371,7 @@ class AudioGenerator:
         card: gives the one that is open; after an unplug, another one.
 
     Attributes:
-        identity: what it says.
+        identity: of the card.
         volts: amplitude [V peak to peak].
         is_on: whether the output is.
         latency_s: from a change to what the inputs show of it.
@@ -391,7 +391,7 @@ class AudioGenerator:
         self.off()
 
     def alive(self) -> None:
-        """Tell the stream that the base is watched."""
+        """Keep the output on: the base is watched."""
         self._card().alive()
 
     def sine(self, frequency_hz: float, volts: float) -> None:
@@ -482,7 +482,7 @@ class Uncoupler:
 
 @dataclass(frozen=True)
 class CardInfo:
-    """A sound card of this computer, as PortAudio knows it.
+    """A sound card of this computer, as PortAudio lists it.
 
     Attributes:
         device: its name, for --device.
@@ -507,7 +507,7 @@ class CardInfo:
 def listed() -> list[CardInfo]:
     """All sound cards of this computer; one that another program uses does not fit until that ends."""
     systems = sounddevice.query_hostapis()
-    found = []
+    infos = []
     for number, one in enumerate(sounddevice.query_devices()):
         fits = one["max_input_channels"] > 1 and one["max_output_channels"] > 1
         try:
@@ -517,14 +517,14 @@ def listed() -> list[CardInfo]:
         except (sounddevice.PortAudioError, ValueError):
             fits = False
         system = systems[one["hostapi"]]["name"]
-        found.append(CardInfo(one["name"], system, one["max_input_channels"], one["max_output_channels"], fits))
-    return found
+        infos.append(CardInfo(one["name"], system, one["max_input_channels"], one["max_output_channels"], fits))
+    return infos
 
 
 def cards() -> str:
     """The cards of this computer that play and record, in words."""
-    found = [card.device for card in listed() if card.fits]
-    return f"cards of this computer: {', '.join(found) or 'none'}"
+    devices = [card.device for card in listed() if card.fits]
+    return f"cards of this computer: {', '.join(devices) or 'none'}"
 
 
 def _buffers(latency_s: float) -> tuple[float, float]:
@@ -543,29 +543,29 @@ def _why(error: Exception) -> str:
 def capture(
     device: str, seconds: float, latency_s: float, play: np.ndarray | None = None, output: int = 1
 ) -> np.ndarray:
-    """What both inputs hear, (n, 2), while `play` (m,) is repeated on one output, faded in before and out behind.
+    """Samples of both inputs (n, 2) while `play` (m,) is repeated on one output, faded in before and out behind.
 
     Ctrl-C fades it out, too.
 
     Raises:
-        AcquisitionError: the card is not there, or lost samples.
+        AcquisitionError: the card is not there, or samples are missing.
     """
     count, first, fade, ahead = (round(s * CARD_HZ) for s in (seconds, _BEGINS_S, _FADE_S, latency_s + _SLEW_S))
     out = np.zeros((first + count + fade + ahead, 2), np.float32)  # what is ahead at the end is never played
-    heard = np.zeros_like(out)
+    recorded = np.zeros_like(out)
     if play is not None:
         rise = np.sin(np.pi / 2 * np.arange(fade) / fade) ** 2
         shape = np.concatenate([np.zeros(first - fade), rise, np.ones(count), rise[::-1], np.zeros(ahead)])
         out[:, output - 1] = shape * play[(np.arange(len(out)) - first) % play.size]
-    at, lost, ended = 0, "", threading.Event()
+    at, trouble, ended = 0, "", threading.Event()
 
     def serve(inputs: np.ndarray, outputs: np.ndarray, frames: int, when: object, status: Any) -> None:
-        nonlocal at, lost
+        nonlocal at, trouble
         n = min(frames, len(out) - at)
-        heard[at : at + n], outputs[:n], outputs[n:] = inputs[:n], out[at : at + n], 0.0
+        recorded[at : at + n], outputs[:n], outputs[n:] = inputs[:n], out[at : at + n], 0.0
         at += n
         if status.input_overflow or status.output_underflow:
-            lost = str(status)
+            trouble = str(status)
         if at == len(out):
             raise sounddevice.CallbackStop
 
@@ -578,7 +578,7 @@ def capture(
                 while stream.active and not ended.wait(0.1):
                     pass
             except KeyboardInterrupt:
-                rest = out[at:]  # what the stream has not asked for yet
+                rest = out[at:]  # not yet played
                 rest *= np.maximum(0.0, 1.0 - np.arange(len(rest)) / (_CUT_S * CARD_HZ))[:, None].astype(np.float32)
                 time.sleep(_CUT_S + latency_s + _SLEW_S)
                 raise
@@ -586,9 +586,9 @@ def capture(
         raise Unplugged(f"{device}: {_why(error)}; {cards()}.") from None
     if at < len(out):
         raise Unplugged(f"{device}: the card went away.")
-    if lost:
-        raise AcquisitionError(f"{device}: samples were lost ({lost}); close other programs and try again.")
-    return heard[first : first + count].astype(float)
+    if trouble:
+        raise AcquisitionError(f"{device}: samples were lost ({trouble}); close other programs and try again.")
+    return recorded[first : first + count].astype(float)
 
 
 def loop_signal() -> np.ndarray:
@@ -605,34 +605,35 @@ def measure_loop(device: str, latency_s: float, output: int = 1) -> Calibration:
     """Gain, delay and high-pass of a card one of whose outputs is connected to both inputs.
 
     Raises:
-        AcquisitionError: the card lost samples, or no cable is there.
+        AcquisitionError: samples are missing, or no cable is there.
     """
     signal = loop_signal()
     for _ in range(_TRIES):
-        heard = capture(device, PERIODS * PERIOD_S, latency_s, signal, output)
-        before, last = heard[-2 * signal.size : -signal.size], heard[-signal.size :]
+        recorded = capture(device, PERIODS * PERIOD_S, latency_s, signal, output)
+        before, last = recorded[-2 * signal.size : -signal.size], recorded[-signal.size :]
         if np.std(last - before) < _ALIKE * np.std(last):
-            return replace(analyse_loop(device, heard, signal), latency_s=latency_s, output=output)
+            return replace(analyse_loop(device, recorded, signal), latency_s=latency_s, output=output)
     raise AcquisitionError(
         f"{device}: two periods of the same signal do not come back alike: samples are lost on the way, or no cable is "
         "there; close other programs, use a larger buffer."
     )
 
 
-def analyse_loop(device: str, heard: np.ndarray, signal: np.ndarray) -> Calibration:
-    """The same from what was heard (n, 2) of the repeated signal (m,), whose last whole period is used.
+def analyse_loop(device: str, recorded: np.ndarray, signal: np.ndarray) -> Calibration:
+    """The same from the recorded inputs (n, 2) of the repeated signal (m,), whose last whole period is used.
 
-    Both inputs see the output's high-pass and their own: L_i = g_i jw/(jw + w_o) jw/(jw + w_i) exp(-jw d_i).
+    Both channels contain the high-passes of output and input:
+    L_i = g_i jw/(jw + w_o) jw/(jw + w_i) exp(-jw d_i).
 
     Raises:
         AcquisitionError: no cable is there, or an input clips.
     """
     from scipy.optimize import least_squares
 
-    for role, column in zip(ROLES, heard.T, strict=True):
+    for role, column in zip(ROLES, recorded.T, strict=True):
         within(column, f"{device}: the input of {role}")
     n = signal.size
-    whole = heard[len(heard) // n * n - n :][:n]
+    whole = recorded[len(recorded) // n * n - n :][:n]
     played = np.fft.rfft(signal)
     used = np.flatnonzero(np.abs(played) > 1e-3 * np.abs(played).max())
     used = used[np.unique(np.geomspace(1, used.size, _LINES).astype(int)) - 1]  # each decade counts alike
@@ -648,10 +649,11 @@ def analyse_loop(device: str, heard: np.ndarray, signal: np.ndarray) -> Calibrat
         raise AcquisitionError(f"{device}: an input does not hear the output; connect the cable to both, and turn up.")
 
     def model(x: np.ndarray) -> np.ndarray:
-        out, own = np.exp(x[0]), np.exp(x[1:3])
+        out, inputs = np.exp(x[0]), np.exp(x[1:3])
         common = 1j * w / (1j * w + out)
         ways = [
-            gain[i] * x[3 + i] * common * 1j * w / (1j * w + own[i]) * np.exp(-1e-6j * w * x[5 + i]) for i in range(2)
+            gain[i] * x[3 + i] * common * 1j * w / (1j * w + inputs[i]) * np.exp(-1e-6j * w * x[5 + i])
+            for i in range(2)
         ]
         return np.column_stack(ways)
 

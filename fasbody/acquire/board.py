@@ -23,9 +23,9 @@ STALLED_S = 3.0
 #: So long without a sample ends the excitation [s]: nobody watches the base any more.
 BLIND_S = 1.0
 #: After a stall samples are of now when in this time [s] no more come than so many times what is taken in it; if much
-#: fewer come, the computer itself stood still, and they tell nothing.
+#: fewer come, the computer itself stood still, and they are no measure.
 _CALM_S, _HURRY = 0.5, 1.5
-#: A board whose own test fails says so in its name.
+#: A board whose self-test fails has this in its name.
 FAILED = "FAILED"
 
 
@@ -95,16 +95,16 @@ class Board:
         self._since, self._older = 0.0, 0  # samples taken before this time of the host's clock are counted, not kept
         self._last = time.monotonic()  # of the last sample, or of the first hello
         self._bytes = 0  # that had come by then
-        self._heard = self._last  # of the last byte
+        self._last_byte = self._last
 
     def wait_for_hello(self, seconds: float | None = None) -> Hello:
         """The board's description, waited for so long [s], or as long as usual.
 
         Raises:
-            AcquisitionError: it says none, lacks a channel, or its own test fails.
+            AcquisitionError: it sends no hello, lacks a channel, or its self-test fails.
         """
         deadline = time.monotonic() + (HELLO_S if seconds is None else seconds)
-        self.reader.send(b"?\n")  # ask; boards that cannot hear repeat their hello every second
+        self.reader.send(b"?\n")  # a query; boards that do not receive repeat their hello every second
         while self.decoder.hello is None:
             self.pump()
             if time.monotonic() > deadline and self.decoder.hello is None:
@@ -129,7 +129,7 @@ class Board:
             AcquisitionError: the base is beyond its limit, or the port is gone.
         """
         messages: list[Message] = []
-        looked = self.reader.looked  # before taking what that look found
+        looked = self.reader.looked  # before the bytes of that look are taken
         for arrival in self.reader.take(wait):
             if arrival.event:
                 self.unplugs += arrival.event == "unplugged"
@@ -140,14 +140,14 @@ class Board:
                     self.timeline.note(arrival.event)
                 continue
             greeted = self.decoder.hello is not None
-            self._heard = arrival.host
-            found = self.decoder.feed(arrival.data)
-            blocks = [message for message in found if isinstance(message, Block)]
+            self._last_byte = arrival.host
+            decoded = self.decoder.feed(arrival.data)
+            blocks = [message for message in decoded if isinstance(message, Block)]
             if blocks or (self.decoder.hello and not greeted):
                 self._last, self._bytes = arrival.host, self.decoder.bytes
             if self.timeline is not None:
-                self.timeline.add(found, arrival.host)
-            messages += found
+                self.timeline.add(decoded, arrival.host)
+            messages += decoded
             for block in blocks:
                 if arrival.host - self._lateness.of(block.time_us, arrival.host) >= self._since:
                     self._keep(block.samples)
@@ -160,12 +160,13 @@ class Board:
         if self.watch is not None and time.monotonic() - self._last > BLIND_S:
             what = "unplugged" if self._away else f"no samples for {BLIND_S:g} s"
             raise Stalled(f"{self.reader.port_name}: {what} while the shaker was on; output off.")
-        # By the reader's last look, not by now: a computer too busy to look is no silent board.
+        # Counted to the reader's last look, not to now: a busy computer is no silent board.
         stalled = self.decoder.hello is not None and looked - self._last > self.patience
         if self.reader.failure is None and stalled:
             came = self.decoder.bytes - self._bytes
             how = "is unplugged" if self._away else "is silent"
-            if came and looked - self._heard < self.patience / 2:  # not the half of a frame after which it fell silent
+            # Not for the half of a frame after which it fell silent.
+            if came and looked - self._last_byte < self.patience / 2:
                 how = f"sent {counted(came, 'byte')} and no sample"
             raise Stalled(
                 f"{self.reader.port_name}: the board {how} for {self.patience:g} s; check its supply and firmware."

@@ -1,9 +1,10 @@
-"""The sensitivity of a sensor from a hand calibrator, or from a turn in gravity, whatever digitises it."""
+"""The sensitivity of a sensor from a hand calibrator, or from a turn in gravity, with any digitiser."""
 
 import math
 
 import numpy as np
 
+from fasbody.constants import GRAVITY
 from fasbody.exceptions import AcquisitionError
 
 #: So much of full scale is clipping; so many samples of it are a click and no signal that is cut off.
@@ -12,11 +13,10 @@ FULL, STRAY = 0.999, 1
 _THIRD = 0.03
 #: A calibrator's tone is measured in pieces [s].
 _PIECE_S = 0.25
-_G = 9.80665
 
 
 def within(values: np.ndarray, what: str) -> None:
-    """Raise AcquisitionError if a signal (n,) of full scale is cut off at it, where nobody knows how far it went."""
+    """Raise AcquisitionError if a signal (n,) of full scale is clipped."""
     count = int(np.sum(np.abs(values) >= FULL))
     if count > STRAY:
         raise AcquisitionError(
@@ -55,16 +55,16 @@ def calibrator(
     spectrum, hz = np.abs(np.fft.rfft(values * np.hanning(values.size))), np.fft.rfftfreq(values.size, 1 / rate_hz)
     near = np.abs(hz / frequency_hz - 1) < 0.03
     peak, width = float(hz[near][np.argmax(spectrum[near])]), rate_hz / values.size
-    found = float(
+    tone_hz = float(
         minimize_scalar(lambda f: fit(f, slice(None))[1], bounds=(peak - width, peak + width), method="bounded").x
     )
     piece = round(_PIECE_S * rate_hz)
     starts = range(0, values.size - piece + 1, piece)
-    parts = [fit(found, slice(start, start + piece)) for start in starts]
+    parts = [fit(tone_hz, slice(start, start + piece)) for start in starts]
     size, rest = (float(np.median(column)) for column in zip(*parts, strict=True))  # a knock spoils one of them
     if not size > 10 * rest:
         raise AcquisitionError(f"no tone of {frequency_hz:g} Hz stands out; is the sensor on the running calibrator?")
-    third = float(np.median([fit(3 * found, slice(start, start + piece))[0] for start in starts])) / size
+    third = float(np.median([fit(3 * tone_hz, slice(start, start + piece))[0] for start in starts])) / size
     if not third < _THIRD:
         raise AcquisitionError(
             f"the tone's third harmonic is {100 * third:.2g} % of it (at most {100 * _THIRD:g}); does the sensor's "
@@ -101,4 +101,4 @@ def flip(values: np.ndarray, corner_hz: float, rate_hz: float) -> float:
     noise = float(np.std(whole[rest] - basis @ c))
     if not abs(c[1]) > 4 * noise:
         raise AcquisitionError("no step stands out; hold the sensor still, turn it over once, hold it still again.")
-    return float(-2 * _G / c[1])
+    return float(-2 * GRAVITY / c[1])

@@ -64,7 +64,7 @@ def pack(kind: str, host: float, content: bytes) -> bytes:
 class Capture:
     """A capture file being written; safe to use from two threads.
 
-    If its disk becomes full, what follows goes to a second file in the system's temporary folder; `trouble` says so.
+    If its disk becomes full, the rest goes to a second file in the system's temporary folder; `trouble` states it.
 
     Args:
         file: to create; it must not exist.
@@ -180,7 +180,7 @@ def _valid(file: Path) -> str:
     """Which capture files there are around a path that is none."""
     around = [file, file / "captures", file.parent, file.parent / "captures", file.parent.parent / "captures"]
     for folder in around:
-        if names := sorted(str(found) for found in folder.glob(f"*{SUFFIX}") if found != file):
+        if names := sorted(str(path) for path in folder.glob(f"*{SUFFIX}") if path != file):
             more = f" and {len(names) - 5} more" if len(names) > 5 else ""
             return f"valid: {', '.join(names[:5])}{more}"
     return f"acquisition writes them as STUDY/captures/NAME{SUFFIX}"

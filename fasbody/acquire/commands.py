@@ -151,9 +151,9 @@ def record(
     truth: dict[str, Any] | None = None
     if simulate:
         ignored = {"--port": port, "--generator": generator, "--subject": subject, "--body-mass": body_mass}
-        given = [name for name, value in ignored.items() if value is not None]
-        if given:
-            raise SettingError(f"--simulate brings its own board, generator and subject: leave out {', '.join(given)}.")
+        names = [name for name, value in ignored.items() if value is not None]
+        if names:
+            raise SettingError(f"--simulate brings its own board, generator and subject: leave out {', '.join(names)}.")
         from fasbody.acquire.bench import foot
         from fasbody.laboratory.foot import TRUTH
 
@@ -171,7 +171,7 @@ def record(
         raise SettingError(f"the body mass of subject {subject!r} is needed once: --body-mass, 20 to 300 kg.")
     if not 20 <= mass <= 300:
         raise SettingError(f"a body mass of {mass:g} kg is not plausible (valid: 20 to 300).")
-    plan = Plan(
+    template = Plan(
         study=out,
         frequencies_hz=_frequencies(sweep, frequency),
         condition=Condition(subject, posture, added_mass or 0.0, mass),
@@ -184,14 +184,14 @@ def record(
     )
     # Then another program plays, or another shaker is used; the card only records.
     by_hand = generator is None and not simulate and sweep is None and frequency is None and steps is None
-    plans = [plan]
+    plans = [template]
     if steps is not None:
         again = f"--plan {shlex.quote(str(plan_))}" + ("" if added_mass is None else f" --added-mass {added_mass:g}")
-        plans = [replace(step.of(plan), again=f"{again} --first {number}") for number, step in steps.items()]
-    for each in plans:
-        each.check(excited and not by_hand)
+        plans = [replace(step.of(template), again=f"{again} --first {number}") for number, step in steps.items()]
+    for plan in plans:
+        plan.check(excited and not by_hand)
     if excited and not by_hand:
-        dose = sum((each.dose for each in plans), Dose())
+        dose = sum((plan.dose for plan in plans), Dose())
         within(out, subject, dose, max_exposure)
         console.print(dose.sentence(), soft_wrap=True, markup=False)
     if left := folder.left_behind(out):
@@ -201,7 +201,7 @@ def record(
         console.print(text, soft_wrap=True, markup=False)
     made: list[Converted] = []
     bad: list[str] = []
-    loads = [list(group) for _, group in groupby(plans, lambda each: each.condition.added_mass_kg)]
+    loads = [list(group) for _, group in groupby(plans, lambda plan: plan.condition.added_mass_kg)]
     for group in loads:
         load = group[0].condition.added_mass_kg
         if len(loads) > 1 and not simulate:
@@ -216,8 +216,8 @@ def record(
             board, source = equipment.open(stack)
             stack.enter_context(Display(board))
             session = Session(group[0], board, None if by_hand else source)
-            for each in group:
-                session.plan = each
+            for plan in group:
+                session.plan = plan
                 session.run()
         made += session.made
         bad += session.unusable()
@@ -262,15 +262,15 @@ def check(
     from fasbody.acquire.one_mass import measure
 
     try:
-        each = tuple(float(part) for part in frequencies.split(","))
+        frequencies_hz = tuple(float(part) for part in frequencies.split(","))
     except ValueError:
         raise SettingError(f"--frequencies {frequencies!r} holds no numbers with commas between them.") from None
-    if len(set(each)) < 2:
+    if len(set(frequencies_hz)) < 2:
         raise SettingError("--frequencies needs at least two: one cannot tell a delay from a gain that turns.")
     equipment = Equipment(board, port, baud, generator, generator_baud, calibration)
     origin = "synthetic" if simulate else "measured"
     plan = Plan(
-        out / "check", each, Condition("one mass"), seconds, peak_to_peak, origin=origin,
+        out / "check", frequencies_hz, Condition("one mass"), seconds, peak_to_peak, origin=origin,
         safety=Safety(max_volts, daily_a8=_NOBODY_A8), one_mass=True,
     )  # fmt: skip
     plan.check(True)
@@ -286,13 +286,13 @@ def check(
         if source is None:
             raise SettingError("the check needs a generator: give --generator, or --board audio.")
         stack.enter_context(Display(source_board))
-        found = measure(plan, source_board, source)
-    files = found.write(out, origin)
+        chain = measure(plan, source_board, source)
+    files = chain.write(out, origin)
     if json_:
-        print_json(vars(found) | {"files": list(map(str, files))})
+        print_json(vars(chain) | {"files": list(map(str, files))})
     else:
-        results.print(f"{found}; written to {', '.join(map(str, files))}", soft_wrap=True, markup=False)
-    if texts := found.remarks():
+        results.print(f"{chain}; written to {', '.join(map(str, files))}", soft_wrap=True, markup=False)
+    if texts := chain.remarks():
         raise AcquisitionError(f"{'; '.join(texts)}.")
 
 
@@ -371,24 +371,24 @@ def _planned(
 
 def _look(port: str | None, probing: bool, json_: bool, board: str) -> None:
     """--list and --probe."""
-    found: list[object]
+    devices: list[object]
     if board != SERIAL:
         if probing:
             raise SettingError(f"--probe listens on serial ports; for others give --board {board} --list.")
-        found = list(getattr(kind(board), "listed", list)())
+        devices = list(getattr(kind(board), "listed", list)())
         none = f"--board {board} lists nothing; is it plugged in, and may you use it (groups audio, plugdev)?"
     else:
-        found = list(ports())
+        devices = list(ports())
         if probing:
             names = [port] if port else [info.device for info in ports()]
-            found = [probe(name) for name in names]
+            devices = [probe(name) for name in names]
         none = "this computer has no serial port; is the board plugged in, and may you use it (group dialout)?"
     if json_:
-        print_json([vars(item) for item in found])
+        print_json([vars(item) for item in devices])
     else:
-        for item in found:
+        for item in devices:
             results.print(str(item), soft_wrap=True, markup=False)
-    if not found:
+    if not devices:
         console.print(none, soft_wrap=True)
 
 
@@ -427,8 +427,8 @@ def calibrate(
 
       python -m fasbody.acquire calibrate flip malleolus
     """
-    given = {"--seconds": seconds, "--hz": hz, "--rms": rms, "--latency": latency}
-    for name, value in (given | {"--full-scale-volts": full_scale_volts}).items():
+    numbers = {"--seconds": seconds, "--hz": hz, "--rms": rms, "--latency": latency}
+    for name, value in (numbers | {"--full-scale-volts": full_scale_volts}).items():
         if not 0 < value < math.inf:
             raise SettingError(f"{name} is {value:g}; it must be positive.")
     if seconds > _LONGEST_S:
@@ -445,15 +445,15 @@ def calibrate(
         before = audio.Calibration.read(calibration) if calibration.is_file() else audio.Calibration(device)
         _amplifier_is_off(output, full_scale_volts, audio.PEAK, audio.PERIODS * audio.PERIOD_S, yes)
         with terminated():
-            found = audio.measure_loop(device, latency, output)
-        known = replace(found, full_scale_v=full_scale_volts, scale_m_s2=before.scale_m_s2)  # the sensors' stay
+            loop = audio.measure_loop(device, latency, output)
+        known = replace(loop, full_scale_v=full_scale_volts, scale_m_s2=before.scale_m_s2)  # the sensors' stay
     elif what in ("calibrator", "flip"):
         if role not in ROLES[:2]:
             raise SettingError(f"the sensor of which input? {role or 'nothing'!r} is neither base nor malleolus.")
         digitiser = kind(board)
         known, channel = digitiser.known(calibration), ROLES.index(role)
-        both, rate_hz = digitiser.listen(known, seconds)
-        how = (both[:, channel], known.at_corner(channel), rate_hz)
+        samples, rate_hz = digitiser.listen(known, seconds)
+        how = (samples[:, channel], known.at_corner(channel), rate_hz)
         known = known.with_scale(channel, flip(*how) if what == "flip" else calibrator(*how, hz, rms))
     else:
         raise SettingError(f"{what!r} is none of loopback, calibrator, flip.")
@@ -465,7 +465,7 @@ def calibrate(
 
 
 def _amplifier_is_off(output: int, full_scale_volts: float, peak: float, seconds: float, yes: bool) -> None:
-    """Say what is about to be played, and let somebody say that it shakes nobody."""
+    """Print what is about to be played, and have the user confirm that the amplifier is off."""
     text = f"The loopback plays noise on output {output} for {seconds:g} s, at most {100 * peak:g} % of full scale "
     text += f"({peak * full_scale_volts:g} V peak to peak). No guard watches a shaker meanwhile: switch the amplifier "
     text += f"off or unplug the shaker, and connect output {output} to both inputs."

@@ -1,6 +1,6 @@
 """One door for all boards: `--board NAME`, for acquire, calibrate and plan run alike.
 
-A package adds a device of its own by an entry point in its pyproject.toml:
+A package adds a device by an entry point in its pyproject.toml:
 
     [project.entry-points."fasbody.devices"]
     mine = "my_package:Mine"
@@ -66,15 +66,15 @@ def opened(device: Any, settings: Any) -> tuple[Board, Excitation | None]:
     Raises:
         Unplugged: it cannot be opened.
     """
-    there: list[Source] = []
+    sources: list[Source] = []
 
     def opener(name: str, baud: int) -> Source:
-        there[:] = [device(settings)]
-        return there[0]
+        sources[:] = [device(settings)]
+        return sources[0]
 
     board = Board(getattr(settings, "device", "") or device.__name__, 0, opener=opener)
     output = getattr(device, "output", None)
-    return board, None if output is None else output(settings, lambda: there[0])
+    return board, None if output is None else output(settings, lambda: sources[0])
 
 
 @dataclass(frozen=True)
@@ -115,25 +115,25 @@ class Equipment:
 
     @property
     def excites(self) -> bool:
-        """Whether something plays what is asked for."""
+        """Whether there is an output for the excitation."""
         return self.generator is not None or (self.board != SERIAL and hasattr(kind(self.board), "output"))
 
     def open(self, stack: ExitStack) -> tuple[Board, Excitation | None]:
         """Board and generator, both known to be what they should be; the stack closes them.
 
         Raises:
-            AcquisitionError: one of them does not answer, or they are swapped.
+            AcquisitionError: one of them does not reply, or they are swapped.
         """
         if self.board != SERIAL:
             return self._device(stack)
         assert self.port is not None
         try:
-            with ExitStack() as both:
+            with ExitStack() as inner:
                 board = Board(self.port, self.baud)
-                both.callback(board.close)
+                inner.callback(board.close)
                 board.wait_for_hello()
-                source = both.enter_context(Generator(self.generator, self.generator_baud)) if self.generator else None
-                stack.push(both.pop_all())
+                source = inner.enter_context(Generator(self.generator, self.generator_baud)) if self.generator else None
+                stack.push(inner.pop_all())
                 return board, source
         except Unplugged:
             raise

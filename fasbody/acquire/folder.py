@@ -76,7 +76,7 @@ def convert(
 ) -> Converted:
     """Write the recording of a capture into a study: CSV, JSON beside it, and a row in recordings.csv if it is usable.
 
-    Lost samples have no row in the CSV: its time column jumps there, the JSON lists the gaps, and identification
+    Missing samples have no row in the CSV: its time column jumps there, the JSON lists the gaps, and identification
     refuses the file. Nothing is interpolated. Nor is a recording listed that is shorter than planned.
 
     A recording of the same name that another capture gave stays: this one gets a number.
@@ -99,24 +99,24 @@ def convert(
     if about:
         _check_origin(study, origin)
     hello = timeline.hello
-    wanted = round(float(about["seconds"]) * hello.rate_hz) if about.get("seconds") else None
+    planned = round(float(about["seconds"]) * hello.rate_hz) if about.get("seconds") else None
     index, values = timeline.samples()
-    quality = timeline.quality(wanted)
-    kept = index < wanted if wanted else np.ones(index.size, bool)
+    quality = timeline.quality(planned)
+    kept = index < planned if planned else np.ones(index.size, bool)
     index, values = index[kept], values[kept]
     known = about.get("condition", {})
     condition = Condition(**{key: known[key] for key in asdict(Condition()) if key in known})
-    both, drive = [hello.roles.index(role) for role in ("base", "malleolus")], drive_of(about, index, values, hello)
-    found = faults(index, values[:, both], hello.rate_hz, drive)
+    pair, drive = [hello.roles.index(role) for role in ("base", "malleolus")], drive_of(about, index, values, hello)
+    all_faults = faults(index, values[:, pair], hello.rate_hz, drive)
     broken = np.zeros(index.size, bool)
-    for fault in found:
+    for fault in all_faults:
         broken |= (index >= fault.start) & (index < fault.end)
     if longest and index.size:
         kept = _longest(index, broken)
         index, values, broken = index[kept], values[kept], broken[kept]
-        found = faults(index, values[:, both], hello.rate_hz, drive)
+        all_faults = faults(index, values[:, pair], hello.rate_hz, drive)
         quality = replace(quality, gaps=())
-    quality = replace(quality, faults=named(found))
+    quality = replace(quality, faults=named(all_faults))
     if index.size < 2:
         many = "one sample" if index.size else "no samples"
         raise AcquisitionError(f"{files[0]}: the board's description is there, but {many}; no recording can be made.")
@@ -135,7 +135,7 @@ def convert(
     unread = sum(event["bytes"] for event in events if event.get("event") == "unreadable")
     if unread:
         remarks.append(f"{counted(unread, 'unreadable byte')} in the capture")
-    if wanted and index[-1] < wanted - 1 - hello.frame_samples:
+    if planned and index[-1] < planned - 1 - hello.frame_samples:
         (remarks if longest else problems).append(f"{length_s:.3g} s are there of {about['seconds']:g} s")
         remarks += [f"ended early: {stopped.rstrip('.')}"] if stopped else []
     if problems and not longest:
@@ -174,9 +174,9 @@ def replay(files: Sequence[Path]) -> tuple[dict[str, Any], Timeline, list[dict[s
         if number and any(record.kind == "M" for record in records):
             raise InputFileError(file, f"is a recording of its own, not the rest of {files[0]}", "convert it by itself")
         whole = sum(len(record.content) + capture.AROUND for record in records)
-        lost = file.stat().st_size - len(capture.MAGIC) - whole
-        if lost:
-            events.append({"event": "unreadable", "file": file.name, "bytes": lost})
+        unread = file.stat().st_size - len(capture.MAGIC) - whole
+        if unread:
+            events.append({"event": "unreadable", "file": file.name, "bytes": unread})
         for record in records:
             if record.kind == "M" and not about:
                 about = record.json()
@@ -266,7 +266,7 @@ def _recording(index: np.ndarray, values: np.ndarray, hello: Hello, condition: C
 
 
 def _refused(recording: Recording, name: str) -> list[str]:
-    """What identification would say against a recording at a known frequency; with none, whether it was shaken."""
+    """Reasons why identification would refuse a recording at a known frequency; without one, whether it was shaken."""
     if recording.condition.frequency_hz is None:
         return [text] if (text := at_rest(recording)) else []
     try:
@@ -315,7 +315,7 @@ def stem_of(study: Path, file: Path, started: str | None) -> str:
     Args:
         study: folder.
         file: the capture.
-        started: when it began, by its first record; tells two captures of one name apart.
+        started: when it began, by its first record; distinguishes two captures of one name.
     """
     stem = file.name.removesuffix(capture.SUFFIX)
     return next(name for name in _numbered(stem) if _is_of(study, name, file, started))
@@ -335,9 +335,9 @@ def _table_of(study: Path, stem: str) -> Path:
 
 def _is_of(study: Path, stem: str, file: Path, started: str | None) -> bool:
     """Whether a name is, or can become, that of this capture's recording: by the JSON of the one that there is."""
-    table, own = _table_of(study, stem), _capture_of(study, stem)
+    table, capture_file = _table_of(study, stem), _capture_of(study, stem)
     if not table.exists():
-        return not own.exists() or own.resolve() == file.resolve()
+        return not capture_file.exists() or capture_file.resolve() == file.resolve()
     try:
         details = json.loads(table.with_suffix(".json").read_text())
         first, began = details["captures"][0], details.get("started_utc")
@@ -352,7 +352,7 @@ def check(study: Path, condition: Condition, origin: str, truth: Mapping[str, An
     """Refuse a study that cannot take recordings of this condition, origin and (if synthetic) truth.
 
     Raises:
-        InputFileError: it is a file, of another origin or truth, or knows another body mass of the subject.
+        InputFileError: it is a file, of another origin or truth, or has another body mass of the subject.
     """
     if study.exists() and not study.is_dir():
         raise InputFileError(study, "is a file where the study cannot be written", "name a folder")
@@ -382,10 +382,10 @@ def _check_origin(study: Path, origin: str) -> None:
     if not file.is_file():
         return
     try:
-        found = tomllib.loads(file.read_text()).get("study", {}).get("origin", "measured")
+        stated = tomllib.loads(file.read_text()).get("study", {}).get("origin", "measured")
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InputFileError(file, f"is not TOML ({error})") from None
-    if found != origin:
+    if stated != origin:
         raise InputFileError(file, f"is not {origin} data", f"name another folder for {origin} recordings")
 
 
@@ -415,10 +415,10 @@ def enter_truth(study: Path, truth: Mapping[str, Any]) -> None:
 
 
 def body_mass(study: Path, subject: str) -> float | None:
-    """Body mass [kg] of a subject that the study knows already.
+    """Body mass [kg] of a subject that the study lists already.
 
     Raises:
-        InputFileError: the study says it in no number.
+        InputFileError: the study states it by no number.
     """
     file = study / "subjects.csv"
     if file.is_file():
@@ -431,9 +431,9 @@ def body_mass(study: Path, subject: str) -> float | None:
     return None
 
 
-def _differ(known: float | None, given: float | None) -> bool:
+def _differ(known: float | None, stated: float | None) -> bool:
     """Whether two body masses [kg] are not the same, one of them as the table prints it."""
-    return known is not None and given is not None and not math.isclose(known, given, rel_tol=1e-5)
+    return known is not None and stated is not None and not math.isclose(known, stated, rel_tol=1e-5)
 
 
 def begin(study: Path, origin: str) -> None:

@@ -1,4 +1,4 @@
-"""A function generator that speaks SCPI over a serial line, and the certainty that its output ends up off."""
+"""A function generator with SCPI over a serial line, whose output ends up off in any case."""
 
 import contextlib
 import os
@@ -14,11 +14,11 @@ from fasbody.acquire.visa import opened
 from fasbody.console import console
 from fasbody.exceptions import AcquisitionError
 
-#: Longest wait for an answer [s].
+#: Longest wait for a reply [s].
 _ANSWER_S = 1.0
-#: And to the first question after *RST, which may take longer.
+#: And to the first query after *RST, which may take longer.
 _RESET_S = 5.0
-#: The guard hears of a living driver so often [s].
+#: Interval of the driver's messages to the guard [s].
 _BEAT_S = 0.2
 #: Steps and length of the ramp down [s].
 _RAMP_STEPS, _RAMP_S = 5, 0.2
@@ -29,10 +29,10 @@ class Refused(AcquisitionError):
 
 
 class Excitation(Protocol):
-    """What a session needs of a generator; `Generator` says what each means.
+    """What a session needs of a generator; `Generator` documents each method.
 
     Attributes:
-        latency_s: from a change of the output until the board's samples show it, beyond what their time stamps tell.
+        latency_s: from a change of the output until the board's samples show it, beyond their time stamps.
     """
 
     identity: str
@@ -71,12 +71,12 @@ class Generator:
         guard: start the second process.
 
     Attributes:
-        identity: maker, model and so on, as it says.
+        identity: maker, model and so on, by *IDN?.
         volts: amplitude [V peak to peak].
         is_on: whether the output is, or may be.
 
     Raises:
-        AcquisitionError: nothing answers, or not as an SCPI instrument.
+        AcquisitionError: no reply, or not that of an SCPI instrument.
     """
 
     latency_s = 0.0
@@ -116,10 +116,10 @@ class Generator:
         self.close(error)
 
     def alive(self) -> None:
-        """Tell the guard that the base is watched.
+        """Report to the guard that the base is watched.
 
         Raises:
-            AcquisitionError: the guard has died, or has switched the output off because it heard nothing for too long.
+            AcquisitionError: the guard has died, or has switched the output off after too long a silence.
         """
         now = time.monotonic()
         if self.is_on and now - self._beat > _BEAT_S:
@@ -140,13 +140,13 @@ class Generator:
             ) from None
 
     def query(self, command: str, patience: float | None = None) -> str:
-        """Answer to a query, waited for so long [s], or as long as usual.
+        """Reply to a query, waited for so long [s], or as long as usual.
 
         Raises:
-            AcquisitionError: no answer.
+            AcquisitionError: no reply.
         """
         patience = _ANSWER_S if patience is None else patience
-        self.port.read()  # a late answer to something earlier is none to this
+        self.port.read()  # a late reply to an earlier query is none to this
         answer, whole = self.port.ask(command.encode() + b"\n", patience)
         if not whole:
             raise AcquisitionError(
@@ -156,10 +156,10 @@ class Generator:
         return answer
 
     def command(self, command: str, patience: float | None = None) -> None:
-        """Send a command, and read the instrument's error queue; each answer is waited for so long [s].
+        """Send a command, and read the instrument's error queue; each reply is waited for so long [s].
 
         Raises:
-            Refused: the instrument reports an error. AcquisitionError: it does not answer.
+            Refused: the instrument reports an error. AcquisitionError: it does not reply.
         """
         self.alive()
         self.port.write(command.encode() + b"\n")
@@ -218,7 +218,7 @@ class Generator:
         self.off()
 
     def off(self) -> None:
-        """Switch the output off at once, and see that it is.
+        """Switch the output off at once, and check that it is.
 
         Raises:
             AcquisitionError: it cannot be switched off from here.
@@ -236,9 +236,9 @@ class Generator:
         )
 
     def close(self, reason: BaseException | None = None) -> None:
-        """Output off, guard dismissed, port closed; what `reason` says already is not said again."""
+        """Output off, guard dismissed, port closed; what `reason` states already is not repeated."""
         try:
-            if self.identity:  # otherwise nothing was ever told to it
+            if self.identity:  # otherwise nothing was ever sent to it
                 self.off()
         except AcquisitionError as error:
             if str(error) != str(reason):

@@ -15,11 +15,11 @@ import time
 from fasbody.acquire.visa import opened
 from fasbody.exceptions import AcquisitionError
 
-#: What the driver says: the output is on and the base is watched; it is off; it is off for good.
+#: Messages of the driver: the output is on and the base is watched; it is off; it is off for good.
 ALIVE, OFF, DONE = b"+", b"-", b"."
 #: Longest silence while the output is on [s].
 SILENT_S = 3.0
-#: It is counted in so many looks, each of which a standstill of the computer ends only once.
+#: It is waited for in so many intervals: a standstill of the computer ends only one of them.
 _LOOKS = 30
 _TRIES = 50
 _COMMAND = b"\nOUTP OFF\n"
@@ -30,17 +30,17 @@ def main() -> None:
     name, baud, file, silent_s = sys.argv[1], int(sys.argv[2]), int(sys.argv[3]), float(sys.argv[4])
     word, silent = OFF, False
     while word != DONE:
-        if not _heard(silent_s if word == ALIVE else None):
+        if not _message_within(silent_s if word == ALIVE else None):
             silent = True
             break
-        said = os.read(0, 4096)
-        if not said:
+        data = os.read(0, 4096)
+        if not data:
             break
-        word = said[-1:]
+        word = data[-1:]
     else:
         return
     for _ in range(_TRIES):
-        if _told(file, name, baud):
+        if _sent(file, name, baud):
             if silent:
                 _say(f"{name}: nobody has watched the base for {silent_s:g} s; output off.")
             return
@@ -52,14 +52,14 @@ def _say(text: str) -> None:
     print(text, file=sys.stderr, flush=True)
 
 
-def _heard(silent_s: float | None) -> bool:
-    """Whether the driver says something within so long [s], or ends; None waits for ever."""
-    each = None if silent_s is None else silent_s / _LOOKS
-    return any(select.select([0], [], [], each)[0] for _ in range(_LOOKS))
+def _message_within(silent_s: float | None) -> bool:
+    """Whether a message of the driver, or its end, comes within so long [s]; None waits for ever."""
+    wait_s = None if silent_s is None else silent_s / _LOOKS
+    return any(select.select([0], [], [], wait_s)[0] for _ in range(_LOOKS))
 
 
-def _told(file: int, name: str, baud: int) -> bool:
-    """Whether the command went out, through the driver's port or, if that is gone, through one of our own."""
+def _sent(file: int, name: str, baud: int) -> bool:
+    """Whether the command was sent, through the driver's port or, if that is gone, through a new one."""
     try:
         return os.write(file, _COMMAND) == len(_COMMAND)
     except OSError:

@@ -1,4 +1,4 @@
-"""The amplitude loop: bring the base to the wanted peak-to-peak acceleration, slowly, and never beyond the limits."""
+"""The amplitude loop: raise the voltage step by step to a peak-to-peak acceleration of the base, within the limits."""
 
 from dataclasses import asdict, dataclass
 
@@ -99,10 +99,10 @@ _REST = 0.5
 _RESTS, _REST_S, _FALLS = 20, 0.25, 0.05
 #: The level counts for the gain when it is so many times the noise at rest; a gain that sinks below this share of its
 #: largest is a sensor or an amplifier that clips.
-_HEARD, _LINEAR = 4.0, 0.8
-_SETTLE_S, _SETTLE_PERIODS = 0.2, 4.0
+_ABOVE_NOISE, _LINEAR = 4.0, 0.8
+_TRANSIENT_S, _TRANSIENT_PERIODS = 0.2, 4.0
 _MEASURE_S, _MEASURE_PERIODS = 0.2, 5.0
-#: The base must answer to a tenth of the largest voltage with more than this [m/s^2].
+#: At a tenth of the largest voltage the base must move by more than this [m/s^2].
 _ANSWER = 0.2
 
 
@@ -118,15 +118,15 @@ def peak_to_peak(values: np.ndarray, rate_hz: float, frequency_hz: float) -> flo
     count = max(1, min(_HARMONICS, int(0.45 * rate_hz // frequency_hz)))
 
     def basis(phase: np.ndarray) -> np.ndarray:
-        each = [f(h * phase) for h in range(1, count + 1) for f in (np.cos, np.sin)]
-        return np.column_stack([np.ones_like(phase), *each])
+        columns = [f(h * phase) for h in range(1, count + 1) for f in (np.cos, np.sin)]
+        return np.column_stack([np.ones_like(phase), *columns])
 
     c, *_ = np.linalg.lstsq(basis(wt), values, rcond=None)
     return float(np.ptp(basis(np.linspace(0, 2 * np.pi, 400)) @ c))
 
 
-def _rest(board: Board, settle: bool) -> tuple[float, float]:
-    """Offset and noise [m/s^2, rms] of the base at rest, once it has come to rest; no noise without `settle`.
+def _rest(board: Board, wait: bool) -> tuple[float, float]:
+    """Offset and noise [m/s^2, rms] of the base at rest, once it has come to rest; no noise without `wait`.
 
     Raises:
         AcquisitionError: it does not.
@@ -135,7 +135,7 @@ def _rest(board: Board, settle: bool) -> tuple[float, float]:
     for _ in range(_RESTS):
         rest = board.collect(_REST_S)[:, board.base]
         before, noise = noise, float(rest.std())
-        if not settle:
+        if not wait:
             return float(rest.mean()), 0.0
         if noise <= _REST and noise >= (1 - _FALLS) * before:
             break
@@ -147,15 +147,15 @@ def _rest(board: Board, settle: bool) -> tuple[float, float]:
 
 
 def reach(
-    generator: Excitation, board: Board, frequency_hz: float, wanted: float, safety: Safety, guess_volts: float = 0.0
+    generator: Excitation, board: Board, frequency_hz: float, target: float, safety: Safety, guess_volts: float = 0.0
 ) -> Level:
-    """Switch the generator on and bring the base to `wanted` [m/s^2] peak to peak within 2 %.
+    """Switch the generator on and bring the base to `target` [m/s^2] peak to peak within 2 %.
 
     Args:
         generator: with its output off, or on from an earlier level.
         board: that shows the base.
         frequency_hz: of the sine.
-        wanted: level [m/s^2].
+        target: level, peak to peak [m/s^2].
         safety: limits.
         guess_volts: about the voltage that will do [V], if known: the ramp begins at a quarter of it, so that a sensor
             that clips shows before the level is reached.
@@ -164,10 +164,10 @@ def reach(
         SettingError: the limits forbid it.
         AcquisitionError: a limit is reached, or the base does not follow.
     """
-    safety.check(frequency_hz, wanted)
+    safety.check(frequency_hz, target)
     hello = board.decoder.hello
     assert hello is not None
-    offset, noise = _rest(board, settle=not generator.is_on)
+    offset, noise = _rest(board, wait=not generator.is_on)
     peak = safety.peak(frequency_hz, noise)
     seen = hello.reach(board.base) - abs(offset)
     if not seen >= peak:
@@ -184,36 +184,36 @@ def reach(
     doubted = False
     for step in range(1, _STEPS + 1):
         board.watch_for(generator.latency_s)
-        board.collect(max(_SETTLE_S, _SETTLE_PERIODS / frequency_hz))
+        board.collect(max(_TRANSIENT_S, _TRANSIENT_PERIODS / frequency_hz))
         values = board.collect(max(_MEASURE_S, _MEASURE_PERIODS / frequency_hz))[:, board.base]
         if board.unplugs > unplugs:  # what it shows since then may belong to no amplitude, or to none that was set
             raise Stalled(f"{board.reader.port_name}: unplugged while the shaker was on; output off.")
-        found = peak_to_peak(values, hello.rate_hz, frequency_hz)
-        if found < _LINEAR * gain * volts:  # also one that is silent now: its voltage must not be raised
-            if not doubted:  # measured once more before the shaker is blamed: a busy computer may have played late
+        measured = peak_to_peak(values, hello.rate_hz, frequency_hz)
+        if measured < _LINEAR * gain * volts:  # also one that is silent now: its voltage must not be raised
+            if not doubted:  # measured once more first: a busy computer may have played late
                 doubted = True
                 continue
             raise AcquisitionError(
-                f"the base does not follow the amplitude: {found:.3g} m/s^2 peak to peak at {volts:.3g} V, where "
+                f"the base does not follow the amplitude: {measured:.3g} m/s^2 peak to peak at {volts:.3g} V, where "
                 f"lower levels predict {gain * volts:.3g}; does its sensor clip, or the amplifier? Output off."
             )
         doubted = False
-        if found >= max(_ANSWER, _HEARD * noise) and volts > highest:  # on the way down it shows what was
-            highest, gain = volts, max(gain, found / volts)
-        if abs(found / wanted - 1) <= TOLERANCE:
-            return Level(found, volts, step)
-        if found < _ANSWER and volts >= 0.1 * safety.volts:
+        if measured >= max(_ANSWER, _ABOVE_NOISE * noise) and volts > highest:  # on the way down it shows what was
+            highest, gain = volts, max(gain, measured / volts)
+        if abs(measured / target - 1) <= TOLERANCE:
+            return Level(measured, volts, step)
+        if measured < _ANSWER and volts >= 0.1 * safety.volts:
             raise AcquisitionError(
-                f"the base does not follow: {found:.2g} m/s^2 at {volts:.3g} V; check amplifier and base sensor."
+                f"the base does not follow: {measured:.2g} m/s^2 at {volts:.3g} V; check amplifier and base sensor."
             )
-        needed = volts * wanted / max(found, 1e-6)
+        needed = volts * target / max(measured, 1e-6)
         if needed > safety.volts and volts >= safety.volts:
             raise AcquisitionError(
-                f"{wanted:g} m/s^2 at {frequency_hz:g} Hz would need about {needed:.3g} V, beyond {safety.volts:g} V; "
+                f"{target:g} m/s^2 at {frequency_hz:g} Hz would need about {needed:.3g} V, beyond {safety.volts:g} V; "
                 "raise the amplifier's gain or --max-volts."
             )
         volts = min(needed, safety.growth * volts, safety.volts)
         generator.set_volts(volts)
     raise AcquisitionError(
-        f"the base did not settle at {wanted:g} m/s^2 at {frequency_hz:g} Hz ({found:.3g} after {_STEPS} steps)."
+        f"the base did not settle at {target:g} m/s^2 at {frequency_hz:g} Hz ({measured:.3g} after {_STEPS} steps)."
     )

@@ -1,10 +1,10 @@
-"""Every quarter second of a recording against what the drive predicts: a sensor that is lost says so at once.
+"""Every quarter second of a recording against the motion that the drive predicts: a fault is reported at once.
 
 One mechanism for all faults. A window of both sensors is put into a few features: the line at the drive's frequency,
 what its harmonics leave, the largest sample of that, the mean, the longest run of one value. Each rule compares one
 feature with what the drive, the first sound window, or the window before lets expect. Windows overlap by half, so that
-a fault fills one within 0.375 s, wherever it begins. `Session` judges as samples come, and `folder.convert` judges the
-whole recording again, so that what is recovered from a capture is judged alike.
+a fault fills one within 0.375 s, wherever it begins. `Session` checks samples as they come. `folder.convert` checks the
+whole recording again, so that recovered captures are checked in the same way.
 """
 
 import math
@@ -19,13 +19,13 @@ SENSORS = _BASE, _MALLEOLUS = 0, 1
 #: Length of a window [s], and fewest periods of the drive in it: from 5 Hz on, the length.
 WINDOW_S, _PERIODS = 0.25, 1.25
 #: Harmonics of the drive that are no noise: a foot that lifts makes many; and samples for each.
-_HARMONICS, _SAMPLES_EACH = 20, 6
+_HARMONICS, _SAMPLES_PER_TERM = 20, 6
 #: The same value for so long [s]: a coarse converter at the crest of a slow sine shows it for a quarter of that.
 FLAT_S = 0.1
 #: The base's line is off what the amplitude loop reached by this share; a body that leans makes 0.05.
 LEVEL = 0.2
-#: Below this share of it the base is lost.
-LOST = 0.5
+#: Below this share of the expected amplitude the base sensor has failed.
+LEAST_SHARE = 0.5
 #: The base turns by more from one window to the next [rad]: 0.4 ms of a sine of 20 Hz. A body that sways makes 0.01.
 TURN = 0.05
 #: A clock is off by this share at most (`timeline.Limits` refuses more).
@@ -42,7 +42,7 @@ GROWS, _GROWS_BY = 2.0, 0.03
 HUM, _HUM_SIZE, _MAINS = 0.6, 0.02, (50.0, 60.0, 100.0, 120.0, 150.0, 180.0)
 #: A tone so near to a harmonic of the drive is one of the foot [Hz].
 _APART_HZ = 1.0
-#: Largest sample of it, in its own robust standard deviations: normal noise reaches 5.5 once in 2.6e7 samples; and over
+#: Largest sample of it, in robust standard deviations of it: normal noise reaches 5.5 once in 2.6e7 samples; and over
 #: the base's line.
 SPIKE, _SPIKE_SIZE = 8.0, 0.1
 #: A blow on the base has this share of a spike's crest at least.
@@ -129,11 +129,11 @@ class Rule:
     Attributes:
         name: of what is wrong.
         sensor: 0 base, 1 malleolus.
-        excess: of what is judged and the sensor: a feature over its limit, a fault from 1 on.
+        excess: a feature of the sensor over its limit, a fault from 1 on.
         text: what to do.
-        steady: judged with a stated frequency (True), without (False), or in both cases (None).
-        lost: nobody sees the base any more, so that nothing is tried again.
-        vague: the half of another fault may look so; it is said with the next window, which holds all of it.
+        steady: applied with a stated frequency (True), without (False), or in both cases (None).
+        final: the base is no longer measured, so that the recording is not repeated.
+        vague: half of another fault may look like this one; it is reported with the next window, which holds all of it.
     """
 
     name: str
@@ -141,7 +141,7 @@ class Rule:
     excess: "Callable[[Judged, int], float]"
     text: str
     steady: bool | None = True
-    lost: bool = False
+    final: bool = False
     vague: bool = False
 
 
@@ -188,7 +188,7 @@ class Judged:
     known: bool = False
 
     @property
-    def wanted(self) -> float:
+    def expected(self) -> float:
         """Amplitude of the base [m/s^2]."""
         return max(self.drive.amplitude_m_s2 or self.first.size, _TINY)
 
@@ -198,12 +198,12 @@ def _flat(of: Judged, sensor: int) -> float:
 
 
 def _lost(of: Judged, sensor: int) -> float:
-    """Beyond 1 where the base has less than LOST of what drives it."""
-    return LOST * of.wanted / max(of.now.size + _SURE * of.now.std[_BASE], _TINY)
+    """Beyond 1 where the base has less than LEAST_SHARE of the expected amplitude."""
+    return LEAST_SHARE * of.expected / max(of.now.size + _SURE * of.now.std[_BASE], _TINY)
 
 
 def _off_level(of: Judged, sensor: int) -> float:
-    return float(abs(of.now.size - of.wanted) - _SURE * of.now.std[_BASE]) / (LEVEL * of.wanted)
+    return float(abs(of.now.size - of.expected) - _SURE * of.now.std[_BASE]) / (LEVEL * of.expected)
 
 
 def _waveform(of: Judged, sensor: int) -> float:
@@ -272,12 +272,12 @@ def _off_mean(of: Judged, sensor: int) -> float:
 
 #: All of them; a loss of the base, after which nobody watches it, comes first.
 RULES = (
-    Rule("flat", _BASE, _flat, "check its cable and supply", None, lost=True),
+    Rule("flat", _BASE, _flat, "check its cable and supply", None, final=True),
     Rule("lost", _BASE, _lost, "it shows less than half of what drives it; check its cable and the amplifier",
-         lost=True),
-    Rule("lost", _BASE, _silent, "the malleolus moves and it does not; check its cable", False, lost=True),
+         final=True),
+    Rule("lost", _BASE, _silent, "the malleolus moves and it does not; check its cable", False, final=True),
     Rule("not as driven", _BASE, _waveform, "it is not the drive's sine; is it connected, does it float?",
-         lost=True),
+         final=True),
     Rule("off its level", _BASE, _off_level, "did its gain, or the shaker's, change?", vague=True),
     Rule("breaks", _BASE, _breaks,
          "the excitation jumped or has another frequency, or samples are missing that nobody counted"),
@@ -297,7 +297,7 @@ RULES = (
 
 
 class Monitor:
-    """Judges both sensors window by window.
+    """Checks both sensors window by window.
 
     Args:
         rate_hz: of the samples.
@@ -354,9 +354,9 @@ class Monitor:
     def end(self) -> list[Fault]:
         """Faults of a recording's last samples, for which a window begins earlier."""
         missing = len(self._samples) - 2 * self.hop
-        found = self._judge(self._at + missing, self._samples[missing:]) if self._windows and missing > 0 else []
+        latest = self._judge(self._at + missing, self._samples[missing:]) if self._windows and missing > 0 else []
         waiting, self._waiting = self._waiting, []
-        return found + waiting
+        return latest + waiting
 
     def _judge(self, start: int, values: np.ndarray) -> list[Fault]:
         now = self.window(start, values)
@@ -374,12 +374,12 @@ class Monitor:
         if not broken:
             self._first = self._first or now
         self._windows = [*self._windows[-1:], now]
-        found = [Fault(rule, start, start + len(values), self.rate_hz) for rule in broken]
-        if found and not self._waiting and all(rule.vague for rule in broken):
-            self._waiting, found = found, []
+        new = [Fault(rule, start, start + len(values), self.rate_hz) for rule in broken]
+        if new and not self._waiting and all(rule.vague for rule in broken):
+            self._waiting, new = new, []
         elif self._waiting:
-            found, self._waiting = sorted(self._waiting + found, key=lambda fault: RULES.index(fault.rule)), []
-        return found
+            new, self._waiting = sorted(self._waiting + new, key=lambda fault: RULES.index(fault.rule)), []
+        return new
 
     def window(self, start: int, values: np.ndarray) -> Window:
         """Features of samples (n, 2) [m/s^2], the first of which is number `start`."""
@@ -412,10 +412,10 @@ class Monitor:
 
 def _harmonics(turns: float, size: int) -> np.ndarray:
     """Columns of a constant, and of cosine and sine of each harmonic of so many turns a sample."""
-    count = max(1, min(_HARMONICS, int(0.4 / turns), size // _SAMPLES_EACH // 2))
+    count = max(1, min(_HARMONICS, int(0.4 / turns), size // _SAMPLES_PER_TERM // 2))
     wt = 2 * np.pi * turns * np.arange(size)
-    each = [f(h * wt) for h in range(1, count + 1) for f in (np.cos, np.sin)]
-    return np.column_stack([np.ones(size), *each])
+    columns = [f(h * wt) for h in range(1, count + 1) for f in (np.cos, np.sin)]
+    return np.column_stack([np.ones(size), *columns])
 
 
 def _longest_run(values: np.ndarray) -> np.ndarray:
@@ -438,14 +438,14 @@ def faults(index: np.ndarray, values: np.ndarray, rate_hz: float, drive: Drive) 
     """
     monitor = Monitor(rate_hz, drive)
     edges = np.concatenate([[0], np.flatnonzero(np.diff(index) != 1) + 1, [index.size]])
-    found: list[Fault] = []
+    all_faults: list[Fault] = []
     for first, last in pairwise(edges):
         if last > first:
-            found += [*monitor.add(int(index[first]), values[first:last]), *monitor.end()]
-    return found
+            all_faults += [*monitor.add(int(index[first]), values[first:last]), *monitor.end()]
+    return all_faults
 
 
-def named(found: Sequence[Fault]) -> tuple[tuple[float, str], ...]:
+def named(all_faults: Sequence[Fault]) -> tuple[tuple[float, str], ...]:
     """The first fault of each rule: when its window ends [s], and the sentence."""
-    first = {fault.rule: fault for fault in reversed(found)}
+    first = {fault.rule: fault for fault in reversed(all_faults)}
     return tuple(sorted((fault.end / fault.rate_hz, str(fault)) for fault in first.values()))

@@ -115,7 +115,7 @@ class OneMass:
         """check.json, and the malleolus' channel in study.toml.
 
         Raises:
-            SettingError: study.toml says something else of that channel.
+            SettingError: study.toml states something else of that channel.
         """
         files = [write_whole(study / "check.json", to_json(asdict(self) | {"remarks": self.remarks()}) + "\n")]
         folder.begin(study, origin)
@@ -154,14 +154,14 @@ def measure(plan: Plan, board: Board, generator: Excitation) -> OneMass:
     """
     hello = board.decoder.hello
     assert hello is not None
-    both = [hello.roles.index("base"), hello.roles.index("malleolus")]
-    quiet = rest(board.collect(_REST_S)[:, both], hello.rate_hz)
+    pair = [hello.roles.index("base"), hello.roles.index("malleolus")]
+    quiet = rest(board.collect(_REST_S)[:, pair], hello.rate_hz)
     session = Session(plan, board, generator)
     made = session.run()
     if bad := session.unusable():
         raise AcquisitionError(f"no attempt was usable: {', '.join(bad)}.")
-    found = OneMass.of([one.recording for one in made if not one.problems])
-    return replace(found, off_s=_trip(plan, board, generator), **quiet)
+    result = OneMass.of([one.recording for one in made if not one.problems])
+    return replace(result, off_s=_trip(plan, board, generator), **quiet)
 
 
 def _trip(plan: Plan, board: Board, generator: Excitation) -> float:

@@ -27,7 +27,7 @@ SESSION = "session.json"
 ACTION, LIMIT = 0.5, 1.15
 VDV_ACTION, VDV_LIMIT = 9.1, 21.0
 _DAY_S = 8 * 3600.0
-#: The weighted signal is judged in pieces so long [s]: four periods of the slowest excitation.
+#: The weighted signal is evaluated in pieces so long [s]: four periods of the slowest excitation.
 _PIECE_S = 1.0
 #: So long is the base at its level before a recording, finding it included, by the virtual bench [s].
 LEVEL_S = 4.0
@@ -194,12 +194,12 @@ def today() -> str:
 
 
 def noted(study: Path) -> dict[str, Any]:
-    """What session.json of a study says; nothing, where there is none that can be read."""
+    """Contents of session.json of a study; empty where there is none that can be read."""
     try:
-        found = json.loads((study / SESSION).read_text())
+        document = json.loads((study / SESSION).read_text())
     except (OSError, ValueError):
         return {}
-    return found if isinstance(found, dict) else {}
+    return document if isinstance(document, dict) else {}
 
 
 def note(study: Path, **values: Any) -> Path:

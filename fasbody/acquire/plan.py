@@ -1,4 +1,4 @@
-"""What is to be recorded, and whether it can be meant; a session that was planned in a file."""
+"""What is to be recorded, and whether it is valid; a session that was planned in a file."""
 
 import json
 import math
@@ -25,15 +25,15 @@ class Plan:
         frequencies_hz: one recording each; (None,) for broadband or unknown excitation.
         condition: of all recordings; its frequency is set for each.
         seconds: length of each recording.
-        peak_to_peak: wanted base acceleration [m/s^2].
-        settle_s: wait at the level before recording.
-        retries: so often is a recording repeated that lost samples or whose board stalled.
+        peak_to_peak: base acceleration [m/s^2].
+        wait_s: wait at the level before recording.
+        retries: how often a recording with missing samples, or whose board stalled, is repeated.
         origin: "measured" or "synthetic".
         safety: limits of the excitation.
         limits: of the recordings.
         truth: of a synthetic study, written with its first recording.
         one_mass: both sensors are on one mass.
-        again: options with which the command begins at this recording; empty if its frequencies say them.
+        again: options with which the command begins at this recording; empty if its frequencies state them.
     """
 
     study: Path
@@ -41,7 +41,7 @@ class Plan:
     condition: Condition
     seconds: float = 10.0
     peak_to_peak: float = PEAK_TO_PEAK
-    settle_s: float = 0.5
+    wait_s: float = 0.5
     retries: int = 2
     origin: str = "measured"
     safety: Safety = field(default_factory=Safety)
@@ -53,16 +53,16 @@ class Plan:
     @property
     def dose(self) -> Dose:
         """What the subject will get, finding each level included."""
-        each = [f for f in self.frequencies_hz if f is not None]
-        sines = (Dose.of_sine(f, 0.5 * self.peak_to_peak, self.seconds + LEVEL_S) for f in each)
+        frequencies_hz = [f for f in self.frequencies_hz if f is not None]
+        sines = (Dose.of_sine(f, 0.5 * self.peak_to_peak, self.seconds + LEVEL_S) for f in frequencies_hz)
         return sum(sines, Dose())
 
     def check(self, generator: bool) -> None:
-        """Refuse what cannot be meant, before anything moves.
+        """Refuse invalid settings, before anything moves.
 
         Raises:
             SettingError: which option, and what would be valid.
-            InputFileError: the study is no folder, of another origin or truth, or knows another body mass.
+            InputFileError: the study is no folder, of another origin or truth, or has another body mass.
         """
         if not 0.1 <= self.seconds <= 3600:
             raise SettingError(f"a recording of {self.seconds:g} s is not possible (valid: 0.1 to 3600).", "seconds")
@@ -105,7 +105,7 @@ def within(study: Path, subject: str, dose: Dose, limit_a8: float) -> None:
         )
 
 
-#: What a file of planned steps says of itself.
+#: Format of a file of planned steps.
 PROTOCOL = "fasbody protocol 1"
 #: Numbers of a step: what each is, and between what it may lie.
 _NUMBERS = {
@@ -116,7 +116,7 @@ _NUMBERS = {
 
 @dataclass(frozen=True)
 class PlannedStep:
-    """One recording of a planned session: `amplitude_m_s2` is half of peak to peak; `kind` as who planned it says."""
+    """One recording of a planned session: `amplitude_m_s2` is half of peak to peak; `kind` as in the plan."""
 
     kind: str
     frequency_hz: float
@@ -136,7 +136,7 @@ def steps_in(path: Path) -> tuple[dict[str, Any], Sequence[PlannedStep]]:
     """A file of planned steps, as `python -m identification.plan` writes it: the document, and its steps in order.
 
     Raises:
-        InputFileError: it cannot be read, is no such file, or has a step that cannot be meant.
+        InputFileError: it cannot be read, is no such file, or has an invalid step.
     """
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
@@ -151,7 +151,7 @@ def steps_in(path: Path) -> tuple[dict[str, Any], Sequence[PlannedStep]]:
         raise InputFileError(path, f"body_mass_kg = {mass!r}", "valid: 20 to 300 kg")
     if not isinstance(rows, list) or not rows:
         raise InputFileError(path, "holds no steps", "valid: a list of them as protocol")
-    found = []
+    steps = []
     for number, row in enumerate(rows, start=1):
         values: dict[str, float] = {}
         for name, (low, high) in _NUMBERS.items():
@@ -159,5 +159,5 @@ def steps_in(path: Path) -> tuple[dict[str, Any], Sequence[PlannedStep]]:
             if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
                 raise InputFileError(path, f"step {number}: {name} = {value!r}", f"valid: {low:g} to {high:g}")
             values[name] = float(value)
-        found.append(PlannedStep(kind=str(row.get("kind", "sine")), **values))
-    return document, found
+        steps.append(PlannedStep(kind=str(row.get("kind", "sine")), **values))
+    return document, steps

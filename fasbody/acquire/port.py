@@ -1,8 +1,8 @@
-"""Serial ports: the only place that knows pyserial.
+"""Serial ports: the only place that imports pyserial.
 
 `Port` is an open one. `Reader` is a thread that does nothing but read the board's, so that no display and no fit can
-make it late. `probe` tells what speaks on a port: it waits until a board has started, listens at each baud rate for
-both wire formats, then asks for an SCPI identity.
+make it late. `probe` finds the device on a port: it waits until a board has started, listens at each baud rate for
+both wire formats, then queries an SCPI identity.
 """
 
 import contextlib
@@ -21,7 +21,7 @@ from fasbody.acquire.capture import Capture
 from fasbody.acquire.wire import Decoder
 from fasbody.exceptions import AcquisitionError, MissingPackageError
 
-#: Longest wait for bytes [s]: what a kill can cost at most, and how soon the live view hears of silence.
+#: Longest wait for bytes [s]: what a kill can cost at most, and how soon the live view shows silence.
 WAIT_S = 0.02
 BAUD_RATES = (921600, 500000, 460800, 230400, 115200, 57600, 38400, 19200, 9600)
 _LONGEST_ANSWER = 4096
@@ -29,7 +29,7 @@ _LONGEST_ANSWER = 4096
 _LONGEST_QUEUE = 16_000_000
 #: A pause between reads [s]: fewer wake-ups, and far below what the system's serial buffer holds.
 _PAUSE_S = 0.005
-#: A board says who it is within so long after its port was opened [s]: that resets an Arduino, whose boot loader then
+#: A board sends its hello within so long after its port was opened [s]: that resets an Arduino, whose boot loader then
 #: waits for two seconds, and whose sensors are tested for one.
 HELLO_S = 5.0
 #: One that runs repeats it every second [s].
@@ -39,7 +39,7 @@ _GONE = (OSError, termios.error)
 
 
 def pyserial() -> Any:
-    """The package with its list of ports, imported when a port is asked for: a plan needs none.
+    """The package with its list of ports, imported when a port is opened: a plan needs none.
 
     Raises:
         MissingPackageError: the extra is not installed.
@@ -57,7 +57,7 @@ class Unplugged(AcquisitionError):
 
 
 class Source(Protocol):
-    """What gives the bytes of a board: a serial port, a sound card, or one of your own (docs/acquisition.md)."""
+    """What gives the bytes of a board: a serial port, a sound card, or a user's device (docs/acquisition.md)."""
 
     def read(self) -> bytes:
         """What has arrived, after at most WAIT_S; raises Unplugged if nothing can come any more."""
@@ -66,7 +66,7 @@ class Source(Protocol):
         """Bytes to the board."""
 
     def events(self) -> list[str]:
-        """What happened since the last call that bytes do not tell."""
+        """Events since the last call, such as an unplugged port."""
 
     def close(self) -> None:
         """End."""
@@ -123,7 +123,7 @@ class Port:
         return bytes(data)
 
     def write(self, data: bytes) -> None:
-        """Hand bytes to the system; waiting until it has sent them would have no end on a line that stands still.
+        """Pass bytes to the system; waiting until it has sent them would have no end on a line that stands still.
 
         Raises:
             Unplugged: the port went away, or takes nothing.
@@ -134,7 +134,7 @@ class Port:
             raise Unplugged(f"{self.name}: the port went away or takes no bytes.") from None
 
     def ask(self, question: bytes, patience: float) -> tuple[str, bool]:
-        """The line that answers a question, and whether it came to its end within `patience` [s].
+        """The reply to a query, and whether it came to its end within `patience` [s].
 
         Raises:
             Unplugged: the port went away.
@@ -193,8 +193,8 @@ class PortInfo:
 
 def ports() -> list[PortInfo]:
     """All serial ports of this computer."""
-    found = pyserial().tools.list_ports.comports()
-    return [PortInfo(p.device, p.description or "", p.hwid or "") for p in sorted(found)]
+    infos = pyserial().tools.list_ports.comports()
+    return [PortInfo(p.device, p.description or "", p.hwid or "") for p in sorted(infos)]
 
 
 @dataclass(frozen=True)
@@ -330,14 +330,14 @@ class Reader(threading.Thread):
 
 
 @dataclass(frozen=True)
-class Found:
+class ProbeResult:
     """What answered on a port.
 
     Attributes:
         port: its name.
         kind: "board", "generator", "unknown bytes" or "silence".
         baud: at which baud rate.
-        identity: who it says it is.
+        identity: as it states it.
     """
 
     port: str
@@ -351,13 +351,13 @@ class Found:
         return f"{self.port}: {self.kind} at {self.baud} baud: {self.identity}"
 
 
-def probe(name: str, rates: tuple[int, ...] = BAUD_RATES) -> Found:
-    """Find out what speaks on a port.
+def probe(name: str, rates: tuple[int, ...] = BAUD_RATES) -> ProbeResult:
+    """Find the device on a port.
 
     Raises:
         Unplugged: the port cannot be opened.
     """
-    heard = Found(name, "silence", 0, "")
+    result = ProbeResult(name, "silence", 0, "")
     with contextlib.closing(Port(name, rates[0])) as port:  # once: opening it resets an Arduino
         boots_until = time.monotonic() + HELLO_S
         for baud in rates:
@@ -368,27 +368,27 @@ def probe(name: str, rates: tuple[int, ...] = BAUD_RATES) -> Found:
             if decoder.hello is None:
                 answer, _ = port.ask(b"*CLS\n*IDN?\n", _ASK_S)
                 if is_identity(answer):
-                    return Found(name, "generator", baud, answer)
+                    return ProbeResult(name, "generator", baud, answer)
             while not decoder.bytes and time.monotonic() < boots_until:
                 decoder.feed(port.read())
                 if decoder.bytes:
                     _listen(port, decoder)
             if decoder.hello is not None:
-                return Found(name, "board", baud, str(decoder.hello))
+                return ProbeResult(name, "board", baud, str(decoder.hello))
             if decoder.bytes:
-                heard = Found(name, "unknown bytes", baud, f"{decoder.bytes} bytes, no hello")
-    return heard
+                result = ProbeResult(name, "unknown bytes", baud, f"{decoder.bytes} bytes, no hello")
+    return result
 
 
 def _listen(port: Port, decoder: Decoder) -> None:
-    """For as long as a board that runs may take to say who it is."""
+    """For as long as a running board may take to send its hello."""
     deadline = time.monotonic() + _LISTEN_S
     while decoder.hello is None and time.monotonic() < deadline:
         decoder.feed(port.read())
 
 
 def is_identity(answer: str) -> bool:
-    """Whether this answers *IDN?: maker, model, serial number (some leave it out) and version, between commas.
+    """Whether this is a reply to *IDN?: maker, model, serial number (some leave it out) and version, between commas.
 
     A text board's lines are none: they begin with a number, or with the name of the time column.
     """

@@ -1,4 +1,4 @@
-"""The protocol of section 2.2.2: for each frequency, bring the shaker to its level, record, judge, and write."""
+"""The protocol of section 2.2.2: for each frequency, bring the shaker to its level, record, check, and write."""
 
 import contextlib
 import platform
@@ -85,7 +85,7 @@ class Session:
             except BaseException:
                 left = [f for f in frequencies[number:] if f is not None]
                 console.print(_go_on(left, self.plan.again), soft_wrap=True, markup=False)
-                with contextlib.suppress(FasError):  # on a full disk, too, what ended it is said
+                with contextlib.suppress(FasError):  # on a full disk, too, the reason is reported
                     self._note_dose()
                 raise
         return self.made
@@ -171,10 +171,10 @@ class Session:
         if self.board.meter is None and hello is not None:
             before = person.dose_of(self.plan.study, self.plan.condition.subject)
             self.board.meter = person.Meter(before, self.plan.safety.daily_a8, hello.rate_hz)
-        wanted = self.plan.peak_to_peak
+        target = self.plan.peak_to_peak
         try:
-            level = reach(generator, self.board, frequency, wanted, self.plan.safety, self._volts_per * wanted)
-            self.board.collect(max(0.1, self.plan.settle_s))
+            level = reach(generator, self.board, frequency, target, self.plan.safety, self._volts_per * target)
+            self.board.collect(max(0.1, self.plan.wait_s))
         except BaseException:
             self._off()
             raise
@@ -182,7 +182,7 @@ class Session:
         return level
 
     def _off(self) -> None:
-        """At once; Generator.close() tries again, and says so if it fails."""
+        """At once; Generator.close() tries again, and reports it if that fails."""
         self.board.watch = None
         if self.generator is not None:
             with contextlib.suppress(AcquisitionError):
@@ -194,25 +194,25 @@ class Session:
         Raises:
             Stalled: no samples, or too few in time.
             Faulty: a sensor fails.
-            AcquisitionError: the base is lost, over range, a full disk, or the board is gone.
+            AcquisitionError: the base sensor has failed or is over range, the disk is full, or the board is gone.
         """
         board, generator = self.board, self.generator
         timeline = board.start(capture)
         hello = timeline.hello
-        both = [hello.roles.index("base"), hello.roles.index("malleolus")]
+        pair = [hello.roles.index("base"), hello.roles.index("malleolus")]
         drive = Drive()  # what is set by hand is only about as stated
         if level is not None:
             drive = Drive(frequency, 0.5 * level.peak_to_peak, self.plan.one_mass)
         monitor = Monitor(hello.rate_hz, drive)
-        wanted = round(self.plan.seconds * timeline.hello.rate_hz)
+        planned = round(self.plan.seconds * timeline.hello.rate_hz)
         unplugs, judged = board.unplugs, 0
         latest = time.monotonic() + 1.01 * self.plan.seconds + STALLED_S + board.reader.patience
-        while timeline.length < wanted:
+        while timeline.length < planned:
             board.pump()
             blocks = timeline.blocks(judged)
             judged += len(blocks)
             for start, samples in blocks:
-                _refuse(monitor.add(start, samples[:, both]), generator is not None)
+                _refuse(monitor.add(start, samples[:, pair]), generator is not None)
             over = {role: count for role, count in timeline.over_range.items() if count >= _OVER_RANGE}
             if over:
                 raise AcquisitionError(
@@ -224,7 +224,7 @@ class Session:
                 board.watch = None
             if time.monotonic() > latest:
                 raise Stalled(
-                    f"{board.reader.port_name}: {timeline.length} of {wanted} samples came in time; check the board's "
+                    f"{board.reader.port_name}: {timeline.length} of {planned} samples came in time; check the board's "
                     "rate."
                 )
             if capture.trouble:
@@ -269,9 +269,9 @@ class Session:
 
 
 def _refuse(faults: list[Fault], excited: bool) -> None:
-    """Raise what the sensors show: Faulty, or AcquisitionError where the base is lost and nothing is tried again."""
+    """Raise Faulty for a fault of the sensors; AcquisitionError where the base's has failed, which ends the session."""
     if faults:
-        kind = AcquisitionError if any(fault.rule.lost for fault in faults) else Faulty
+        kind = AcquisitionError if any(fault.rule.final for fault in faults) else Faulty
         raise kind(f"{faults[0]}{'; output off' if excited else ''}.")
 
 

@@ -2,11 +2,11 @@
 
 What a board skipped shows in its time stamps, however much they jitter. A stamp is the time of a sample plus jitter:
 y = a + b x + (samples skipped so far) + jitter, all in samples, with x the number of samples received and b the clock's
-own rate. Where the jitter is small, each step of y shows by itself. Where it is not, as on boards that take the time in
+rate. Where the jitter is small, each step of y shows by itself. Where it is not, as on boards that take the time in
 software, a step is what a straight line cannot explain.
 
-How late samples reach the host is judged as they come (`Lateness`): a busy computer still shows the amplitude loop the
-base as it was a moment ago.
+How late samples reach the host is measured as they come (`Lateness`): with a busy computer, the amplitude loop would
+take samples of an earlier amplitude for those of the present one.
 """
 
 from collections.abc import Iterable
@@ -21,7 +21,7 @@ from fasbody.presentation import counted
 #: A number is sure within so many standard errors.
 _SURE = 3.0
 _TURN = 2**32
-#: No gap is longer [samples]; a time stamp may say anything.
+#: No gap is longer [samples]; a time stamp may hold any number.
 _MOST = 1_000_000_000
 #: Sections of a recording for the comparison of clocks.
 _SECTIONS = 10
@@ -33,13 +33,13 @@ _CLEAR = 0.08
 _SLIP = 0.75
 #: And a step that the jitter explains by chance less often than once in 10^8 places is none of its doing.
 _CERTAIN = 6.0
-#: So many steps give the clock's own rate; with fewer, the declared one holds within _OFF.
+#: So many steps give the rate of the clock; with fewer, the declared one holds within _OFF.
 _ENOUGH, _OFF = 8, 0.01
 #: Neighbours that are so far off may be stamps in steps of several samples: then those farther apart are compared.
 _COARSE, _LAG = 0.05, 64
 #: Lone late stamps between punctual ones mean nothing: half the width of the running median that drops them, narrow
 #: where they are rare (then a step near an end shows), wide where not; and how many make the stamps unclear.
-_NARROW, _WIDE, _RARE, _FEW = 2, 8, 0.001, 0.02
+_NARROW, _BROAD, _RARE, _FEW = 2, 8, 0.001, 0.02
 #: No stamp counts as farther off than so many times the jitter.
 _CLIP = 3.0
 #: Device time that goes back by more [us] is another clock: the board has restarted.
@@ -80,7 +80,7 @@ class Gap:
         after_s: time of the last sample before it [s].
         lost_samples: how many a channel are missing.
         cause: "lost frames"; "damaged lines"; "skipped" (the device's time stamps jump); "restart" (length by the
-            host's clock). Behind it, what the port said meanwhile: "lost frames, unplugged".
+            host's clock). Behind it, events of the port meanwhile: "lost frames, unplugged".
     """
 
     after_s: float
@@ -105,7 +105,7 @@ class Quality:
         drift_ppm: device clock against the host's.
         drift_std_ppm: its standard error.
         changed: the board described itself differently during the recording.
-        faults: of the sensors and the drive (`fasbody.acquire.monitor`): when each was seen [s], and the sentence.
+        faults: of the sensors and the drive (`fasbody.acquire.monitor`): when each was detected [s], and the sentence.
     """
 
     frames: int = 0
@@ -162,7 +162,7 @@ class Quality:
         return texts + [text for off, text in self._clocks() if limits.clock_ppm < off <= limits.clock_refused_ppm]
 
     def _clocks(self) -> list[tuple[float, str]]:
-        """By how much the two clocks are off for certain [ppm], and how to say it."""
+        """By how much the two clocks are off for certain [ppm], and the sentence."""
         if not self.stamps_advance:
             return []
         rate, drift = _SURE * self.rate_std_ppm, _SURE * self.drift_std_ppm
@@ -188,14 +188,14 @@ class Quality:
 
 @dataclass(frozen=True)
 class Stamps:
-    """What the stamps of a recording tell.
+    """Result of the time stamps of a recording.
 
     Attributes:
         steps: (n,) samples skipped before each block; negative where the stamps allow fewer than arrived.
         jitter: of the stamps [samples, rms].
         slope: the declared rate over the one by the device's clock.
         slope_std: its standard error.
-        advance: whether the stamps advance at all; if not, nothing else is told.
+        advance: whether the stamps advance at all; if not, nothing else is known.
     """
 
     steps: np.ndarray
@@ -206,10 +206,10 @@ class Stamps:
 
 
 class Timeline:
-    """Collects blocks and knows where each sample belongs; nothing is ever filled in.
+    """Collects blocks and the place of each sample; nothing is ever filled in.
 
     What is missing by number, or after a restart, is known at once. What the board skipped shows in its time stamps,
-    which are judged together when asked for `samples` or `quality`.
+    which are evaluated together by `samples` and `quality`.
 
     Args:
         hello: the board's description.
@@ -218,11 +218,11 @@ class Timeline:
     def __init__(self, hello: Hello) -> None:
         self.hello = hello
         self._samples: list[np.ndarray] = []
-        self._starts: list[int] = []  # of each block, as far as its number tells
+        self._starts: list[int] = []  # of each block, by its number
         self._jumps: list[int] = []  # samples missing before each block
         self._causes: list[str] = []
-        self._note = ""  # what the port said since the last blocks
-        self._noted: dict[int, str] = {}  # and what it said before a block
+        self._note = ""  # events of the port since the last blocks
+        self._noted: dict[int, str] = {}  # and those before a block
         self._gaps = 0
         self._stamps: list[int] = []  # device time of each block since the last restart's, without its turns [us]
         self._clock: list[tuple[float, float]] = []
@@ -230,7 +230,7 @@ class Timeline:
         self._sequence = self._time_us = 0
         self._host = 0.0
         self._damaged_lines = 0  # since the last block
-        self._lost = self._damaged = 0
+        self._missed = self._damaged = 0
         self._over = np.zeros(len(hello.channels), int)
         self._changed = self._restarted = False
         self._boot = hello.boot
@@ -247,10 +247,10 @@ class Timeline:
 
     def __str__(self) -> str:
         frames, gaps = counted(len(self._jumps), "frame"), counted(self._gaps, "gap")
-        return f"{frames}, {self._lost} lost, {self._damaged} damaged, {gaps}"
+        return f"{frames}, {self._missed} lost, {self._damaged} damaged, {gaps}"
 
     def blocks(self, first: int) -> list[tuple[int, np.ndarray]]:
-        """Index of the first sample, as far as its number tells, and samples (n, channels) of block `first` and on."""
+        """Index of the first sample by its block's number, and samples (n, channels) of block `first` and on."""
         return list(zip(self._starts[first:], self._samples[first:], strict=True))
 
     @property
@@ -302,8 +302,8 @@ class Timeline:
             else:
                 stamp = self._stamps[-1] + (passed if passed < _TURN // 2 or missed else passed - _TURN)
                 jump, cause = missed * n, "lost frames"
-                self._lost += missed
-                if self._damaged_lines:  # each was probably a sample; the time stamps will tell
+                self._missed += missed
+                if self._damaged_lines:  # each was probably a sample; the time stamps will show it
                     jump, cause = self._damaged_lines, "damaged lines"
         self._restarted, self._damaged_lines = False, 0
         self._jumps.append(jump)
@@ -319,20 +319,20 @@ class Timeline:
         self._sequence, self._time_us = block.sequence, block.time_us
 
     def _placed(self) -> tuple[np.ndarray, np.ndarray, list[str], Stamps | None]:
-        """Start of each block, samples missing before it, why, and what the stamps since the last restart tell."""
+        """Start of each block, samples missing before it, why, and the result of the stamps since the last restart."""
         sizes = np.array([len(block) for block in self._samples])
-        jumps, causes, told = np.array(self._jumps), list(self._causes), None
+        jumps, causes, stamps = np.array(self._jumps), list(self._causes), None
         restarts = [i for i, cause in enumerate(causes) if cause == "restart"]
         for first, last in pairwise([0, *restarts, sizes.size]):
             part = slice(first, last)
-            own = np.cumsum(sizes[part] + jumps[part]) - sizes[part]
-            told = judge(own, np.array(self._stamps[part]) * 1e-6 * self.hello.rate_hz)
-            for at in np.flatnonzero(told.steps):
+            starts = np.cumsum(sizes[part] + jumps[part]) - sizes[part]
+            stamps = judge(starts, np.array(self._stamps[part]) * 1e-6 * self.hello.rate_hz)
+            for at in np.flatnonzero(stamps.steps):
                 i = first + at
-                found = jumps[i] + min(int(told.steps[at]), _MOST)
+                missing = jumps[i] + min(int(stamps.steps[at]), _MOST)
                 causes[i] = causes[i] if jumps[i] else "skipped"
-                jumps[i] = max(found, 0 if causes[i] == "damaged lines" else 1)
-        return np.cumsum(sizes + jumps) - sizes, jumps, causes, told
+                jumps[i] = max(missing, 0 if causes[i] == "damaged lines" else 1)
+        return np.cumsum(sizes + jumps) - sizes, jumps, causes, stamps
 
     def samples(self) -> tuple[np.ndarray, np.ndarray]:
         """Index (n,) of each received sample on the grid of samples, and its values (n, channels) [m/s^2]."""
@@ -346,13 +346,13 @@ class Timeline:
         """What happened so far, with the gaps of the first `length` samples."""
         rate = self.hello.rate_hz
         kept = Quality(
-            frames=len(self._samples), lost_frames=self._lost, damaged=self._damaged, over_range=self.over_range,
+            frames=len(self._samples), lost_frames=self._missed, damaged=self._damaged, over_range=self.over_range,
             changed=self._changed,
         )  # fmt: skip
         if not self._samples:
             return kept
-        starts, jumps, causes, told = self._placed()
-        assert told is not None
+        starts, jumps, causes, stamps = self._placed()
+        assert stamps is not None
         gaps = []
         for i in np.flatnonzero(jumps):
             at = int(starts[i] - jumps[i])
@@ -361,8 +361,8 @@ class Timeline:
                 gaps.append(Gap((at - 1) / rate, int(jumps[i]), cause))
         drift, drift_std = _drift(self._clock)
         return replace(
-            kept, gaps=tuple(gaps), stamps_advance=told.advance, jitter=told.jitter,
-            rate_ppm=1e6 * (1 / told.slope - 1), rate_std_ppm=1e6 * told.slope_std,
+            kept, gaps=tuple(gaps), stamps_advance=stamps.advance, jitter=stamps.jitter,
+            rate_ppm=1e6 * (1 / stamps.slope - 1), rate_std_ppm=1e6 * stamps.slope_std,
             drift_ppm=drift, drift_std_ppm=drift_std,
         )  # fmt: skip
 
@@ -389,35 +389,35 @@ def judge(x: np.ndarray, y: np.ndarray) -> Stamps:
     jitter = _jitter(late)
     early = float(np.mean(late < -0.5))
     raw = np.concatenate([[0.0], np.cumsum(late)])
-    half = _NARROW if early < _RARE else _WIDE
+    half = _NARROW if early < _RARE else _BROAD
     level = _median(raw, half)
-    each = np.diff(level)
-    if jitter < _CLEAR and np.mean(each < -0.5) < _FEW:
-        steps[1:] = np.where(np.abs(each) >= _SLIP, np.round(each), 0)
+    rises = np.diff(level)
+    if jitter < _CLEAR and np.mean(rises < -0.5) < _FEW:
+        steps[1:] = np.where(np.abs(rises) >= _SLIP, np.round(rises), 0)
         steps += _at_the_ends(raw - level, half, jitter)
     else:
         jitter = max(jitter, _CLEAR)
-        centre = _median(raw, _WIDE)
+        centre = _median(raw, _BROAD)
         off = raw - centre
         steps = _beyond_jitter(x, x + centre + np.clip(off, -_CLIP * jitter, _CLIP * jitter), jitter)
-        steps += _at_the_ends(off, _WIDE, jitter)
+        steps += _at_the_ends(off, _BROAD, jitter)
     slope, std = _line(x + np.cumsum(steps), y)
     return Stamps(steps, jitter, slope, std)
 
 
 def _median_slope(x: np.ndarray, y: np.ndarray, lag: int) -> float:
-    """The clock's own rate by the median over pairs of stamps."""
+    """The clock's rate by the median over pairs of stamps."""
     return float(np.median((y[lag:] - y[:-lag]) / (x[lag:] - x[:-lag])))
 
 
 def _jitter(late: np.ndarray) -> float:
-    """Rms of the stamps' jitter from their steps, without the few that are far off or tell of skipped samples."""
+    """Rms of the stamps' jitter from their steps, without the few that are far off or mean skipped samples."""
     typical = 1.4826 * float(np.median(np.abs(late)))
     return float(np.sqrt(np.mean(np.clip(late, -_CLIP * typical, _CLIP * typical) ** 2) / 2))
 
 
 def _median(values: np.ndarray, half: int) -> np.ndarray:
-    """Running median: keeps steps, drops lone outliers; the ends see themselves in a mirror."""
+    """Running median: keeps steps, drops lone outliers; the ends are mirrored."""
     if values.size <= 2 * half + 1:
         return values
     mirrored = np.pad(values, half, mode="symmetric")

@@ -21,7 +21,7 @@ class VisaPort:
         baud: of a serial one.
 
     Raises:
-        Unplugged: there is no such instrument, or it does not answer.
+        Unplugged: there is no such instrument, or it does not reply.
     """
 
     def __init__(self, name: str, baud: int) -> None:
@@ -43,11 +43,11 @@ class VisaPort:
             raise Unplugged(f"{name}: cannot be opened ({str(error).rstrip('.')}).") from None
 
     def read(self) -> bytes:
-        """Nothing: an instrument that is read without a question counts that as an error."""
+        """Nothing: an instrument that is read without a query counts that as an error."""
         return b""
 
     def write(self, data: bytes) -> None:
-        """Each line is a message of its own.
+        """Each line is one message.
 
         Raises:
             Unplugged: the instrument is gone.
@@ -59,7 +59,7 @@ class VisaPort:
             raise Unplugged(f"{self.name}: unplugged, or takes nothing ({str(error).rstrip('.')}).") from None
 
     def ask(self, question: bytes, patience: float) -> tuple[str, bool]:
-        """The line that answers, and whether it came within `patience` [s].
+        """The reply, and whether it came within `patience` [s].
 
         Raises:
             Unplugged: the instrument is gone.
@@ -72,7 +72,7 @@ class VisaPort:
             if getattr(error, "error_code", None) != self._timeout:
                 raise Unplugged(f"{self.name}: unplugged, or gives nothing ({str(error).rstrip('.')}).") from None
             with contextlib.suppress(*self._errors, NotImplementedError):
-                self._session.clear()  # a late answer must not be the next question's
+                self._session.clear()  # a late reply must not be taken for the next query's
             return "", False
         return answer.decode("ascii", "replace").strip(), True
 

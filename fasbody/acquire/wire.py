@@ -1,4 +1,4 @@
-"""What a board says in either wire format: who it is (Hello), samples (Block), and what is unreadable (Damage).
+"""Messages of a board in either wire format: its description (Hello), samples (Block), and unreadable bytes (Damage).
 
 A stream of bytes is cut into pieces at an end mark, and each piece is read as a message. `Decoder` finds out by
 listening which of the two formats a board speaks. docs/acquisition.md describes both for firmware.
@@ -7,7 +7,7 @@ Binary frames are stuffed by COBS and carry two CRC-16. One lets one damaged fra
 is a wrong sample every few minutes. Two with different polynomials together miss one in 2^31.
 
 Text lines, for simple boards, are the CSV of docs/recordings.md below a line on the board. A header whose lines carry
-a check is believed at once. One without may have been changed on its way, so after the first it must come twice before
+a check is accepted at once. One without may have been changed on its way, so after the first it must come twice before
 it changes anything.
 """
 
@@ -31,7 +31,7 @@ _LARGEST_BOARD_NAME = 32
 #: Bytes in a full block of the stuffing, after which no zero stands.
 _BLOCK = 254
 _VERSION, _OVER_RANGE = 1, 1
-#: So many channels have a flag of their own.
+#: So many channels have a flag each.
 _FLAGGED = 7
 _HELLO, _DATA = ord("H"), ord("D")
 _HELLO_HEAD, _CHANNEL, _DATA_HEAD = struct.Struct("<BBBBHIH"), struct.Struct("<Bff"), struct.Struct("<BBII")
@@ -121,7 +121,7 @@ Message = Hello | Block | Damage
 
 
 class Decoder:
-    """Reads both formats until one of them says hello, and only that one from then on.
+    """Reads both formats until a hello comes in one of them, and only that one from then on.
 
     Args:
         preamble: the bytes of an earlier hello, for a stream that is known.
@@ -144,7 +144,7 @@ class Decoder:
 
     @property
     def preamble(self) -> bytes:
-        """The bytes that said it."""
+        """The bytes of the hello."""
         return self._readers[0].preamble if self.hello else b""
 
     def fresh(self) -> None:
@@ -168,11 +168,11 @@ class Decoder:
 class PieceReader(ABC):
     """Turns bytes, in pieces of any size, into messages; nothing it is fed makes it fail or grow.
 
-    A format says what ends a piece, how long one can be, and overrides `read`.
+    A format defines what ends a piece and how long one can be, and overrides `read`.
 
     Attributes:
         hello: the board's description, once it came.
-        preamble: the bytes that said it.
+        preamble: the bytes of the hello.
     """
 
     END: bytes
@@ -196,7 +196,7 @@ class PieceReader(ABC):
 
     @abstractmethod
     def read(self, piece: bytes) -> Message | None:
-        """One whole piece without its end; None for what says nothing yet."""
+        """One whole piece without its end; None for an incomplete message."""
 
     def feed(self, data: bytes) -> list[Message]:
         """Messages completed by these bytes."""
@@ -270,9 +270,9 @@ def _read_data(payload: bytes, hello: Hello) -> Block | None:
     if width == 2:
         counts = np.frombuffer(payload, "<i2", offset=_DATA_HEAD.size).astype(np.int32)
     else:
-        wide = np.zeros((count, 4), np.uint8)
-        wide[:, 1:] = np.frombuffer(payload, np.uint8, offset=_DATA_HEAD.size).reshape(-1, 3)
-        counts = wide.view("<i4").ravel() >> 8  # the shift brings the sign down
+        padded = np.zeros((count, 4), np.uint8)
+        padded[:, 1:] = np.frombuffer(payload, np.uint8, offset=_DATA_HEAD.size).reshape(-1, 3)
+        counts = padded.view("<i4").ravel() >> 8  # the shift brings the sign down
     counts = counts.reshape(hello.frame_samples, -1)
     samples = counts / np.array([c.counts_per_m_s2 for c in hello.channels])
     rail = 2 ** (hello.bits - 1)
@@ -297,8 +297,8 @@ def encode_data(sequence: int, time_us: int, counts: np.ndarray, bits: int, flag
     head = _DATA_HEAD.pack(_DATA, flags, sequence % 2**32, time_us % 2**32)
     if bits == 16:
         return wrap(head + counts.astype("<i2").tobytes())
-    wide = counts.astype("<i4").reshape(-1, 1).view(np.uint8)
-    return wrap(head + wide[:, :3].tobytes())
+    octets = counts.astype("<i4").reshape(-1, 1).view(np.uint8)
+    return wrap(head + octets[:, :3].tobytes())
 
 
 def over_range(channels: np.ndarray) -> int:
@@ -310,7 +310,7 @@ def over_range(channels: np.ndarray) -> int:
 def wrap(payload: bytes) -> bytes:
     """A payload as it goes over the wire: with both CRCs, stuffed, between two zero bytes.
 
-    The first zero keeps a frame readable whose predecessor lost its last one.
+    The first zero keeps a frame readable after one whose last zero is missing.
     """
     return b"\0" + stuff(payload + _checks(payload)) + b"\0"
 
@@ -367,13 +367,13 @@ _MODBUS = [_modbus(byte) for byte in range(256)]
 
 
 class LineReader(PieceReader):
-    """Reads text lines. Their blocks are numbered as they come: which are missing, only their time stamps tell."""
+    """Reads text lines. Their blocks are numbered as they come: only their time stamps show which are missing."""
 
     END, LONGEST = b"\n", LONGEST_LINE
 
     def __init__(self) -> None:
         super().__init__()
-        self._heard = ""  # the latest line on the board
+        self._board_line = ""  # the latest line on the board
         self._doubted = ""  # a header that differs from the one in use, without a check
         self._crc = False  # whether every line promises one
         self._scale: np.ndarray | None = None
@@ -387,7 +387,7 @@ class LineReader(PieceReader):
         except UnicodeDecodeError:
             return Damage("not text", len(piece))
         if text.startswith("# fas "):
-            self._heard = text
+            self._board_line = text
             return None
         if not text or text.startswith("#"):
             return None
@@ -398,8 +398,8 @@ class LineReader(PieceReader):
         return self._data(text, self._scale, self.hello) or Damage("line not understood", len(piece))
 
     def _header(self, text: str) -> Hello | None:
-        """The columns; a hello if the line before them said enough."""
-        about_line, about_sure = _checked(self._heard)
+        """The columns; a hello if the line before them completes it."""
+        about_line, about_sure = _checked(self._board_line)
         columns, columns_sure = _checked(text)
         if not about_line or not columns:
             return None
@@ -409,7 +409,7 @@ class LineReader(PieceReader):
         known = all(role in ROLES and unit in UNITS for role, unit in parts[1:]) and 2 <= len(parts) <= 17
         if not known or parts[0][1] not in TIME_UNITS or not 0 < rate <= 1e6 or not span > 0:
             return None
-        lines = f"{self._heard}\n{text}\n"
+        lines = f"{self._board_line}\n{text}\n"
         changed = self.hello is not None and lines.encode() != self.preamble
         if changed and not (about_sure and columns_sure) and lines != self._doubted:
             self._doubted = lines

@@ -51,7 +51,7 @@ BodySizeOption = Annotated[
     typer.Option("--size", help="element size in a surface, in its unit", show_default="two through its thickness"),
 ]
 
-#: Parameters that only a dome, only a mesh of the user's own, or only a closed surface has.
+#: Parameters that only a dome, only a user's mesh, or only a closed surface has.
 OF_DOME = {"shape_text", "height", "profile", "nucleus_centre", "no_nucleus"}
 OF_MESH = {"um_per_unit", "nucleus_tag", "nucleus_surface"}
 OF_STL = {"size", "nucleus_surface"}
@@ -163,16 +163,16 @@ def modes_of_a_body(
     check_held(held, support)
     from fasbody.cell.body import body_modes, read_body
 
-    given = by_region("--material", map(named_material, material))
-    found = read_body(body, unit=unit, up=up, size=size)
+    materials = by_region("--material", map(named_material, material))
+    meshed = read_body(body, unit=unit, up=up, size=size)
     with console.status("solving"):
-        result = body_modes(found, given, support, part=held, count=modes, way=solver)
+        result = body_modes(meshed, materials, support, part=held, count=modes, way=solver)
     if out is not None:
         from fasbody.cell import figures
         from fasbody.cell.meshfile import write_browser, write_vtu
 
         write_whole(out / "body.json", to_json(result.document()))
-        write_vtu(out / "body.vtu", result, found.tags, result.unit[1])
+        write_vtu(out / "body.vtu", result, meshed.tags, result.unit[1])
         write_browser(out / "body.npz", result, inner=None)
         figures.save(figures.mode_shapes(result), out / "modes.png")
         console.print(f"written: {out}")
@@ -209,9 +209,9 @@ def shake_a_body(
 
     materials = by_region("--material", map(named_material, material))
     solids = by_region("--relaxation", map(named_solid, relaxation))
-    found = read_body(body, unit=unit, up=up, size=size)
+    meshed = read_body(body, unit=unit, up=up, size=size)
     with console.status("solving"):
-        result = shaken_body(found, materials, solids, support, part=held, count=modes)
+        result = shaken_body(meshed, materials, solids, support, part=held, count=modes)
     if out is not None:
         from fasbody.cell import figures
 
@@ -285,8 +285,8 @@ def chosen_preset(name: str, modulus: float | None) -> Preset:
 
 def chosen_materials(chosen: Preset, nucleus_E: float | None, nu: float | None, rho: float | None) -> Preset:
     """The preset with modulus of the nucleus [Pa], Poisson's ratio and density [kg/m^3] of both, where given."""
-    for name, both in (("--poisson", {"nu": nu}), ("--density", {"rho": rho})):
-        values: dict[str, float] = {key: value for key, value in both.items() if value is not None}
+    for name, changes in (("--poisson", {"nu": nu}), ("--density", {"rho": rho})):
+        values: dict[str, float] = {key: value for key, value in changes.items() if value is not None}
         with named(name):
             cytoplasm, nucleus = (replace(material, **values) for material in chosen.materials)
         chosen = replace(chosen, cytoplasm=cytoplasm, nucleus=nucleus)
@@ -312,7 +312,7 @@ def named_values(option: str, text: str, needed: str, kind: Callable[..., T]) ->
     """Region and what its numbers make, or None and what those of all make.
 
     Raises:
-        SettingError: the text does not have that form, or the numbers cannot be meant.
+        SettingError: the text does not have that form, or the numbers are invalid.
     """
     region, _, values = text.rpartition("=")
     with named(f"{option} {text}"):
@@ -322,19 +322,19 @@ def named_values(option: str, text: str, needed: str, kind: Callable[..., T]) ->
             raise SettingError(needed) from None
 
 
-def by_region(option: str, given: Iterable[tuple[str | None, T]]) -> dict[str | None, T]:
+def by_region(option: str, pairs: Iterable[tuple[str | None, T]]) -> dict[str | None, T]:
     """What is given of each region, and by None of all others.
 
     Raises:
         SettingError: a region is given twice.
     """
-    found: dict[str | None, T] = {}
-    for region, value in given:
-        if region in found:
+    values: dict[str | None, T] = {}
+    for region, value in pairs:
+        if region in values:
             whose = "all regions that have none of their own" if region is None else f"region {region}"
             raise SettingError(f"there is a {option} of {whose} already: give each once.")
-        found[region] = value
-    return found
+        values[region] = value
+    return values
 
 
 def check_held(held: str | None, support: str) -> None:
@@ -349,18 +349,18 @@ def check_together(context: typer.Context, mesh: Path | None) -> None:
     Raises:
         SettingError: naming the option.
     """
-    given = {
+    flags = {
         option.name: option.opts[0]
         for option in context.command.params
         if option.name and getattr(context.get_parameter_source(option.name), "name", "") == "COMMANDLINE"
     }
 
     def refuse(names: set[str], why: str) -> None:
-        for name in sorted(names & set(given)):
-            raise SettingError(f"{given[name]} {why}.")
+        for name in sorted(names & set(flags)):
+            raise SettingError(f"{flags[name]} {why}.")
 
     if context.invoked_subcommand is not None:
-        refuse(set(given), f"stands before {context.invoked_subcommand!r} and would be lost: write it after")
+        refuse(set(flags), f"stands before {context.invoked_subcommand!r} and would be lost: write it after")
     elif mesh is None:
         refuse(OF_MESH, "needs --mesh")
     else:

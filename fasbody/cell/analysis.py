@@ -1,4 +1,4 @@
-"""One modal analysis from dome or mesh to numbers that carry their own error estimate."""
+"""One modal analysis from dome or mesh to numbers with an error estimate."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -29,8 +29,8 @@ class Analysis(Presented):
         modes: frequencies and shapes.
         descriptions: one for each mode.
         errors: estimated relative error (c,) of each frequency by Richardson extrapolation from a coarser mesh; None
-            for a mesh of the user's own, which has no coarser companion.
-        dome: the dome that was meshed, None for a mesh of the user's own.
+            for a user's mesh, which has no coarser companion.
+        dome: the dome that was meshed, None for a user's mesh.
     """
 
     preset: Preset

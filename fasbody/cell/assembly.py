@@ -94,9 +94,9 @@ class Assembly:
     @cached_property
     def mesh_to_node(self) -> NDArray[np.int64]:
         """Displacement node (p,) at each point of the mesh file, corners and mid-edges alike."""
-        found = np.empty(len(self.mesh.points_um), dtype=np.int64)
-        found[self.mesh.tets] = self.basis.element_dofs[: self.mesh.tets.shape[1]].T
-        return found
+        nodes = np.empty(len(self.mesh.points_um), dtype=np.int64)
+        nodes[self.mesh.tets] = self.basis.element_dofs[: self.mesh.tets.shape[1]].T
+        return nodes
 
     def _free(self, matrix: sp.csr_array) -> sp.csr_array:
         return matrix[self.free][:, self.free]
@@ -142,9 +142,9 @@ def _facets(mesh: TetMesh, faces: NDArray[np.int64]) -> NDArray[np.int64]:
         a, b, c = np.sort(corners.astype(np.int64), axis=0)
         return np.asarray((a * count + b) * count + c)
 
-    known, wanted = number(mesh.skfem.facets), number(vertex[faces].T)
-    lost = int((~np.isin(wanted, known) | (faces < 0).any(axis=1)).sum())
-    if lost:
-        raise MeshError(f"{lost} of the {len(faces)} triangles to hold are not faces of its tetrahedra.")
+    known, held = number(mesh.skfem.facets), number(vertex[faces].T)
+    missing = int((~np.isin(held, known) | (faces < 0).any(axis=1)).sum())
+    if missing:
+        raise MeshError(f"{missing} of the {len(faces)} triangles to hold are not faces of its tetrahedra.")
     order = np.argsort(known)
-    return np.asarray(order[np.searchsorted(known, wanted, sorter=order)])
+    return np.asarray(order[np.searchsorted(known, held, sorter=order)])

@@ -16,7 +16,7 @@ from fasbody.cell.assembly import FREE, assemble
 from fasbody.cell.companion import pair, richardson, surface_meshes
 from fasbody.cell.materials import Material
 from fasbody.cell.mesh import FACES, MeshSize, TetMesh, rounded, volume
-from fasbody.cell.meshfile import BOTH, SURFACE, VOLUME, read_surface, read_tagged
+from fasbody.cell.meshfile import AMBIGUOUS, SURFACE, VOLUME, read_surface, read_tagged
 from fasbody.cell.modal import CellModel, Modes, solve
 from fasbody.cell.viscoelastic import (
     BaseResponse,
@@ -39,7 +39,7 @@ SURFACES, VOLUMES = (".stl", ".obj"), (".vtu", ".msh")
 #: The error of a body falls as h^ORDER or faster: held ends and inner corners are singular, and the limit of a
 #: cantilever lay outside what 2 gives.
 ORDER = 1.0
-#: What a user calls groups of either dimension, and what is said of them.
+#: What a user calls groups of either dimension, and what messages call them.
 KINDS = {"triangles": SURFACE, "tetrahedra": VOLUME}
 _CALLED = {kind: word for word, kind in KINDS.items()}
 #: The unit in which the bundled bones are stored (`viz.anatomy.assets`) [um].
@@ -88,14 +88,14 @@ class Body(Tabled):
 
     @property
     def faces(self) -> Mapping[int, NDArray[np.int64]]:
-        """Corners (f, 3) of the file's own triangles, by their number."""
+        """Corners (f, 3) of the file's triangles, by their number."""
         return self.mesh.faces
 
     def number(self, text: str, kinds: Collection[int] = (SURFACE, VOLUME)) -> tuple[int, tuple[int, ...]]:
         """The number that a name or a number in words means, and the dimensions of which it may be.
 
         Args:
-            text: of the user; `triangles:` or `tetrahedra:` before it says which are meant.
+            text: of the user; `triangles:` or `tetrahedra:` before it states which.
             kinds: dimensions that will do.
 
         Raises:
@@ -111,9 +111,9 @@ class Body(Tabled):
             if text.isdigit() and int(text) != number and int(text) in {*self.faces, *self.tags}:
                 raise SettingError(
                     f"{text} in {self.name} is the name of group {number} and the number of another: say "
-                    f"{' or '.join(f'{word}:{each}' for each in (number, text) for word in self._kinds(int(each)))}."
+                    f"{' or '.join(f'{word}:{group}' for group in (number, text) for word in self._kinds(int(group)))}."
                 )
-            if kind == BOTH:
+            if kind == AMBIGUOUS:
                 either = " or ".join(f"{word}:NUMBER" for word in KINDS)
                 raise SettingError(
                     f"{text!r} in {self.name} is a group of triangles and one of tetrahedra: say {either}."
@@ -129,8 +129,8 @@ class Body(Tabled):
 
     def _kinds(self, number: int) -> list[str]:
         """What of the file has a number: triangles, tetrahedra or both."""
-        there = {SURFACE: number in self.faces, VOLUME: number in self.tags}
-        return [_CALLED[kind] for kind, has in there.items() if has]
+        present = {SURFACE: number in self.faces, VOLUME: number in self.tags}
+        return [_CALLED[kind] for kind, has in present.items() if has]
 
     def held(self, support: str, part: str | None = None) -> NDArray[np.int64]:
         """Corners (f, 3) of the faces that a support holds still; see `holding`."""
@@ -161,48 +161,48 @@ class Body(Tabled):
         if part is None:
             raise SettingError(f"--support region needs --held, one of the regions of {self.name}: {have}.")
         tag, kinds = self.number(part)
-        there = [kind for kind, found in ((SURFACE, self.faces), (VOLUME, self.tags)) if kind in kinds and tag in found]
-        if len(there) == 2:
+        matches = [kind for kind, tags in ((SURFACE, self.faces), (VOLUME, self.tags)) if kind in kinds and tag in tags]
+        if len(matches) == 2:
             either = " or ".join(f"{word}:{tag}" for word in KINDS)
             raise SettingError(f"{tag} in {self.name} is a group of triangles and one of tetrahedra: --held {either}.")
-        if not there:
+        if not matches:
             raise SettingError(f"{self.name} has no region {tag} to hold; it has {have}.")
-        name = next((name for name, group in self.names.items() if group == (tag, there[0])), "")
-        what = Held(tag, name, _CALLED[there[0]])
-        if there == [SURFACE]:
+        name = next((name for name, group in self.names.items() if group == (tag, matches[0])), "")
+        what = Held(tag, name, _CALLED[matches[0]])
+        if matches == [SURFACE]:
             return self.faces[tag], what
         if len(self.tags) == 1:
             raise SettingError(f"all of {self.name} is region {tag}: held, nothing of it could move.")
         tets = self.mesh.tets[self.mesh.region == self.tags.index(tag)]
         return np.asarray(tets[:, :4][:, np.array(FACES)].reshape(-1, 3)), what
 
-    def materials(self, given: Mapping[str | None, Material]) -> tuple[Material, ...]:
+    def materials(self, by_name: Mapping[str | None, Material]) -> tuple[Material, ...]:
         """One material for each region.
 
         Args:
-            given: by number or name of a region; None is for all that have none of their own.
+            by_name: by number or name of a region; None is for all others.
 
         Raises:
             SettingError: a region has no material or two, or a material no region.
         """
-        return self.by_region("--material", given)
+        return self.by_region("--material", by_name)
 
-    def by_region(self, option: str, given: Mapping[str | None, T]) -> tuple[T, ...]:
+    def by_region(self, option: str, by_name: Mapping[str | None, T]) -> tuple[T, ...]:
         """What an option gives to each region; see `materials`."""
-        found: dict[int | None, T] = {}
-        for name, value in given.items():
+        by_tag: dict[int | None, T] = {}
+        for name, value in by_name.items():
             tag = None if name is None else self.number(name, (VOLUME,))[0]
-            if tag in found:
+            if tag in by_tag:
                 raise SettingError(f"{option} {name}: region {tag} of {self.name} has one already.")
-            found[tag] = value
+            by_tag[tag] = value
         have = ", ".join(map(str, self.tags))
-        for tag in set(found) - {None, *self.tags}:
+        for tag in set(by_tag) - {None, *self.tags}:
             raise SettingError(f"{option} {tag}: {self.name} has no such region; it has {have}.")
-        bare = [tag for tag in self.tags if tag not in found]
-        if bare and None not in found:
+        bare = [tag for tag in self.tags if tag not in by_tag]
+        if bare and None not in by_tag:
             what = option.lstrip("-")
             raise SettingError(f"region {bare[0]} of {self.name} has no {what}: give {option} {bare[0]}=VALUES.")
-        return tuple(found[tag if tag in found else None] for tag in self.tags)
+        return tuple(by_tag[tag if tag in by_tag else None] for tag in self.tags)
 
 
 def bones() -> list[str]:
@@ -245,11 +245,11 @@ def read_body(source: str | Path, *, unit: str = "mm", up: str = "y", size: floa
             return Body(str(source), fine, rough, unit=unit, changed=changed)
         if size is not None:
             raise SettingError(f"--size serves a surface; {file} brings its own tetrahedra: leave it out.")
-        found = read_tagged(file, UNITS[unit])
-        tags, region = np.unique(found.tags, return_inverse=True)
-        mesh = TetMesh(found.points_um, found.tets, region.astype(np.int64), axis, found.faces).check()
+        tagged = read_tagged(file, UNITS[unit])
+        tags, region = np.unique(tagged.tags, return_inverse=True)
+        mesh = TetMesh(tagged.points_um, tagged.tets, region.astype(np.int64), axis, tagged.faces).check()
         changed = 0.0 if mesh.curved else rounded(mesh.surface)
-        return Body(str(source), *pair(mesh), tuple(map(int, tags)), found.names, unit, changed)
+        return Body(str(source), *pair(mesh), tuple(map(int, tags)), tagged.names, unit, changed)
     except MeshError as error:
         raise InputFileError(file, str(error).rstrip(".")) from error
 
@@ -408,7 +408,8 @@ def body_modes(
     Args:
         body: of `read_body`.
         materials: by number or name of a region, None for the others.
-        support: "free", "base" or "region". part: the region that is held.
+        support: "free", "base" or "region".
+        part: the region that is held.
         count: number of modes, rigid motions not counted.
         way: solver, None is the fastest.
     """
@@ -421,11 +422,11 @@ def body_modes(
     moving = model.M @ phi
     along = np.stack([np.einsum("ij,ij->j", phi[axis::3], moving[axis::3]) for axis in range(3)], axis=1)
     parts = np.stack([np.einsum("ij,ij->j", phi, model.mass(r) @ phi) for r in range(len(body.tags))], axis=1)
-    found = tuple(
+    descriptions = tuple(
         BodyMode((float(x), float(y), float(z)), tuple(map(float, shares)))
         for (x, y, z), shares in zip(along, parts, strict=True)
     )
-    return BodyModes(body, support, model, modes, errors, found, held)
+    return BodyModes(body, support, model, modes, errors, descriptions, held)
 
 
 def body_model(
@@ -473,8 +474,10 @@ def shaken_body(
 
     Args:
         body: of `read_body`.
-        materials, solids: by number or name of a region, None for the others.
-        support: what is shaken; "free" is driven by a force. part: the region that is held.
+        materials: by number or name of a region, None for the others.
+        solids: relaxation, likewise.
+        support: what is shaken; "free" is driven by a force.
+        part: the region that is held.
         count: modes in the basis.
     """
     relaxing = body.by_region("--relaxation", solids)

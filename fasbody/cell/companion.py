@@ -22,7 +22,7 @@ ORDER = 2.0
 #: of what it changed from there on. Unknowns that a refined mesh has at most.
 COARSER, ROUGH, REFINED = 1.35, 1.7, 250_000
 #: Share of the volume that a coarser mesh may lose: it makes the printed error larger.
-LOST_ROUGH = 0.2
+VOLUME_CHANGE_ROUGH = 0.2
 #: The eight children of a tetrahedron by the numbers of its corners and mid-edge nodes: one at each corner, and the
 #: octahedron between them in four around its diagonal 4-9.
 CHILDREN = (
@@ -59,7 +59,7 @@ def pair(mesh: TetMesh) -> tuple[TetMesh, TetMesh]:
 def surface_meshes(surface: "trimesh.Trimesh", size: MeshSize | None = None) -> tuple[TetMesh, TetMesh]:
     """A finer and a coarser mesh inside a closed surface [um]; see `sized_mesh`."""
     fine, used = sized_mesh(surface, None, size)
-    return fine, fill(surface, used.coarser(ROUGH), lost=LOST_ROUGH)
+    return fine, fill(surface, used.coarser(ROUGH), tolerance=VOLUME_CHANGE_ROUGH)
 
 
 def refined(mesh: TetMesh) -> TetMesh:
@@ -110,16 +110,16 @@ def remeshed(mesh: TetMesh, size: float) -> TetMesh:
 
     surface = trimesh.Trimesh(mesh.points_um, mesh.surface.faces, process=False)
     surface.remove_unreferenced_vertices()
-    found = fill(surface, MeshSize(size, size, size), lost=LOST_ROUGH)
-    inside = cKDTree(mesh.corners.mean(axis=1)).query(found.corners.mean(axis=1))[1]
-    skin = np.asarray(found.surface.faces)
-    here, there = (  # nearest in place and direction
-        np.column_stack([each.triangles_center, 4 * size * each.face_normals]) for each in (mesh.surface, found.surface)
+    filled = fill(surface, MeshSize(size, size, size), tolerance=VOLUME_CHANGE_ROUGH)
+    inside = cKDTree(mesh.corners.mean(axis=1)).query(filled.corners.mean(axis=1))[1]
+    skin = np.asarray(filled.surface.faces)
+    places, queries = (  # nearest in place and direction
+        np.column_stack([one.triangles_center, 4 * size * one.face_normals]) for one in (mesh.surface, filled.surface)
     )
-    nearest = cKDTree(here).query(there)[1]
+    nearest = cKDTree(places).query(queries)[1]
     known = np.sort(mesh.surface.faces, axis=1).tolist()
     faces = {}
-    for tag, given in mesh.faces.items():
-        marked = {tuple(face) for face in np.sort(given, axis=1).tolist()}
+    for tag, triangles in mesh.faces.items():
+        marked = {tuple(face) for face in np.sort(triangles, axis=1).tolist()}
         faces[tag] = skin[np.array([tuple(face) in marked for face in known])[nearest]]
-    return TetMesh(found.points_um, found.tets, mesh.region[inside], mesh.up, faces)
+    return TetMesh(filled.points_um, filled.tets, mesh.region[inside], mesh.up, faces)

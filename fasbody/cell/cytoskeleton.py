@@ -28,9 +28,11 @@ class Tensegrity:
     """Bars of the cytoskeleton.
 
     Args:
-        strut_E, cable_E: Young's moduli [Pa]; Table 5.1.
-        strut_area_nm2, cable_area_nm2: cross-sections [nm^2]; 190 and 18 are those of one microtubule and one
-            microfilament (McGarry and Prendergast 2004), the sources of Table 5.1. A cell has bundles: raise them.
+        strut_E: Young's modulus of a strut [Pa]; Table 5.1.
+        cable_E: Young's modulus of a cable [Pa]; Table 5.1.
+        strut_area_nm2: cross-section of a strut [nm^2]; 190 is that of one microtubule (McGarry and
+            Prendergast 2004, the source of Table 5.1). A cell has bundles: raise it.
+        cable_area_nm2: cross-section of a cable [nm^2]; 18 is that of one microfilament.
         bundle: number of such filaments in each bar.
         cable_force_pn: mean tension of a single filament's cable [pN]; 0 leaves prestress out.
         reach: half width of the tensegrity, of the cell's half axes.
@@ -38,7 +40,7 @@ class Tensegrity:
         grip_um: radius of the ball of cytoplasm that a node holds [um].
 
     Raises:
-        SettingError: a value that cannot be meant.
+        SettingError: an invalid value.
     """
 
     strut_E: float = 1.2e9
@@ -67,7 +69,8 @@ class Bars:
 
     Args:
         nodes_um: positions (12, 3) [um].
-        struts, cables: node numbers (6, 2) and (24, 2).
+        struts: node numbers (6, 2).
+        cables: node numbers (24, 2).
     """
 
     nodes_um: NDArray[np.float64]

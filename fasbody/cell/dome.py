@@ -44,7 +44,8 @@ class Dome(Tabled):
     """An adherent cell: base axes [um], height [um], profile and nucleus.
 
     Args:
-        length, width: full long (x) and short (z) axis of the base [um].
+        length: full long axis of the base, along x [um].
+        width: full short axis of the base, along z [um].
         height: height of the dome [um].
         profile: "ellipsoid" is half an ellipsoid (vertical wall at the rim); "cap" is the cap of a sphere of the
             same height over a base of equal area, stretched to the base axes (a wetting angle at the rim).

@@ -45,10 +45,10 @@ def mode_shapes(analysis: "Analysis | BodyModes", count: int | None = None) -> F
     points, surface = upright(mesh.points_um, mesh.up), mesh.surface
     faces = np.asarray(surface.faces)
     length = float(np.ptp(points, axis=0).max())
-    wide = 1 if len(u) <= 5 else 2
-    rows = -(-len(u) // wide)
+    per_row = 1 if len(u) <= 5 else 2
+    rows = -(-len(u) // per_row)
     figure = Figure(figsize=(PAGE, 1.0), layout="constrained")
-    panels = np.atleast_2d(figure.subplots(rows, 2 * wide))
+    panels = np.atleast_2d(figure.subplots(rows, 2 * per_row))
     for axes in panels.flat:
         axes.set_axis_off()
     for i, mode in enumerate(u):
@@ -66,14 +66,14 @@ def mode_shapes(analysis: "Analysis | BodyModes", count: int | None = None) -> F
     seen = [place.flat[: len(u)] for place in (panels[:, 0::2].T, panels[:, 1::2].T)]  # both views of every mode
     ends = np.array([[(*axes.get_xlim(), *axes.get_ylim()) for axes in side] for side in seen])
     low, high = ends[:, :, 0::2].min(axis=1), ends[:, :, 1::2].max(axis=1)
-    wide_half, tall_half = (high - low).max(axis=0) / 2  # one scale for all
+    half_width, half_height = (high - low).max(axis=0) / 2  # one scale for all
     for side, (x, y) in zip((panels[:, 0::2], panels[:, 1::2]), (low + high) / 2, strict=True):
         for axes in side.flat:
-            axes.set(xlim=(x - wide_half, x + wide_half), ylim=(y - tall_half, y + tall_half))
+            axes.set(xlim=(x - half_width, x + half_width), ylim=(y - half_height, y + half_height))
     name, um = analysis.unit
     _scale_bar(panels[0, 1], length, name, um)
     tall = max(axes.get_data_ratio() for axes in panels[0])
-    figure.set_figheight(1.15 + rows * (0.22 + PAGE * tall / (2 * wide)))
+    figure.set_figheight(1.15 + rows * (0.22 + PAGE * tall / (2 * per_row)))
     bar = figure.colorbar(ScalarMappable(Normalize(-1, 1), PHASES), ax=panels, shrink=0.5, aspect=40, location="bottom")
     size = f"{SWELL * length / um:.3g} {name}".replace("um", "µm")
     bar.set_label(f"displacement along that axis / largest displacement, which is drawn as {size}")
@@ -161,7 +161,7 @@ def _draw(
 ) -> None:  # fmt: skip
     """Triangles seen from far away, x to the right, y up, lit from the upper left; `value` in 0..1 colours them.
 
-    An orthographic projection of our own: matplotlib's 3D axes clip a flat body and leave most of the panel empty.
+    An orthographic projection, since matplotlib's 3D axes clip a flat body and leave most of the panel empty.
     """
     right, up, toward = _screen(view)
     corners = points[faces]

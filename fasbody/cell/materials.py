@@ -1,4 +1,4 @@
-"""Materials of Table 5.2 and the presets that say what the thesis' numbers mean (docs/cell.md)."""
+"""Materials of Table 5.2 and the presets that interpret the thesis' numbers (docs/cell.md)."""
 
 import math
 from dataclasses import dataclass, replace
@@ -40,7 +40,8 @@ class Preset(Tabled):
 
     Args:
         name: as on the command line.
-        cytoplasm, nucleus: materials.
+        cytoplasm: its material.
+        nucleus: its material.
         height_um: height of the dome [um].
         metres_per_um: length that the analysis takes for a printed micrometre [m]; 1e-6 is the real size.
         meaning: what this reading is, in a clause.
@@ -59,7 +60,7 @@ class Preset(Tabled):
         return self.cytoplasm, self.nucleus
 
     def with_modulus(self, E: float) -> "Preset":
-        """The same with another Young's modulus of the cytoplasm [Pa]; the nucleus keeps its own (Table 5.2)."""
+        """The same with another Young's modulus of the cytoplasm [Pa]; that of the nucleus stays (Table 5.2)."""
         return replace(self, cytoplasm=replace(self.cytoplasm, E=E))
 
 

@@ -52,7 +52,7 @@ LEAST, DEFAULT = 25_000, 300_000
 #: Angles from which an edge divides a surface into patches [degrees]: those of a machine part, of a rough one, none.
 PATCHES = (40.0, 80.0, 180.0)
 #: Share of the volume that a new mesh may lose or gain, and mean ratio of the worst element with which it is good.
-LOST, SLIVER = 0.02, 0.1
+VOLUME_CHANGE, SLIVER = 0.02, 0.1
 #: How far a vertex may lie from a mesh that follows its surface, of the element size: 0.32 to 0.37 on balls and bones,
 #: 0.98 on a calcaneus that lost a process. By what a size is multiplied that does not do.
 STRAY, FINER = 0.5, 0.75
@@ -65,7 +65,8 @@ class Quality:
     """Shape of the elements: mean ratio is 1 for a regular tetrahedron, 0 for a flat one; det J is relative.
 
     Args:
-        mean_ratio_min, mean_ratio_mean: 12 (3 V)^(2/3) / sum of squared edge lengths, of the corners' tetrahedra.
+        mean_ratio_min: least 12 (3 V)^(2/3) / sum of squared edge lengths of the corners' tetrahedra.
+        mean_ratio_mean: mean of the same.
         det_j_min: smallest det J of any element at the quadrature points, relative to that element's mean.
     """
 
@@ -152,10 +153,10 @@ class TetMesh:
         height = self.points_um[:, self.up]
         on_base = height <= height.min() + FLAT * float(np.ptp(height))
         faces = np.asarray(self.surface.faces)
-        found = faces[on_base[faces].all(axis=1)]
-        if not len(found):
+        flat = faces[on_base[faces].all(axis=1)]
+        if not len(flat):
             raise MeshError(f"no face lies flat on the lowest plane: it stands on its base with {'xyz'[self.up]} up.")
-        return found
+        return flat
 
     def check(self) -> "TetMesh":
         """Return the mesh if its elements and its surface are sound and it is one body.
@@ -313,14 +314,15 @@ def sized_mesh(
     """Fill a closed surface [um], which may have cavities, with tetrahedra; `inner` encloses the nucleus.
 
     The triangles give the geometry only: gmsh divides it into patches at edges sharper than an angle of `PATCHES`,
-    which have triangles of their own. The first angle that gives sound elements and the volume is taken.
+    which are meshed separately. The first angle that gives sound elements and the volume is taken.
 
     Args:
-        outer: of the body. inner: of the nucleus.
+        outer: of the body.
+        inner: of the nucleus.
         size: element sizes, None is `default_size`, or as much smaller as the surface needs.
 
     Raises:
-        SettingError: the size asks for more than `LIMIT` unknowns.
+        SettingError: the size needs more than `LIMIT` unknowns.
         MeshError: a surface is open or branched, the inner one is not inside, gmsh cannot fill it, or elements of this
             size lose a part of it.
     """
@@ -350,9 +352,9 @@ def strays(surface: "trimesh.Trimesh", mesh: TetMesh) -> float:
 
 
 def fill(
-    outer: "trimesh.Trimesh", size: MeshSize, inner: "trimesh.Trimesh | None" = None, lost: float = LOST
+    outer: "trimesh.Trimesh", size: MeshSize, inner: "trimesh.Trimesh | None" = None, tolerance: float = VOLUME_CHANGE
 ) -> TetMesh:
-    """The same for surfaces that are known to be sound, by the best of the `PATCHES`, which may lose a share `lost`."""
+    """The same for sound surfaces, by the best of the `PATCHES`; the volume may change by a share `tolerance`."""
     best: TetMesh | None = None
     failure = MeshError("no element size will do.")
     for angle in PATCHES:
@@ -362,7 +364,7 @@ def fill(
             failure = error
             continue
         changed = abs(mesh.volume_um3 / volume(outer) - 1)
-        if changed > lost:
+        if changed > tolerance:
             failure = MeshError(f"elements of this size change its volume by {changed:.1%}: take smaller ones.")
         elif best is None or mesh.quality.mean_ratio_min > best.quality.mean_ratio_min:
             best = mesh
@@ -487,7 +489,7 @@ def _sizes_by(gmsh: Any, field: int) -> None:
 def _unbend(mesh: TetMesh) -> TetMesh:
     """Straighten, step by step, the edges of elements that their curved faces squash or invert.
 
-    gmsh's own high-order optimisation would do it, but aborts the whole process where it does not succeed.
+    gmsh's high-order optimisation would do it, but aborts the whole process where it does not succeed.
     """
     points, edges = mesh.points_um.copy(), mesh.tets[:, 4:]
     middles = points[mesh.tets[:, np.array(EDGES)]].mean(axis=2)
@@ -586,7 +588,7 @@ def _gmsh() -> Iterator[Any]:
     """One gmsh session; its exceptions become MeshError, and it is always closed."""
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # SWIG's own deprecations
+            warnings.simplefilter("ignore")  # deprecations of SWIG
             import gmsh
     except ImportError as error:
         raise MissingPackageError("gmsh", "cell") from error

@@ -28,7 +28,7 @@ NUCLEI = (0.002, 0.4)
 _OUTSIDE = 0.5
 SUFFIXES = (".vtu", ".msh", ".stl")
 #: Dimension of a group of triangles, and of one of tetrahedra; a name that both have.
-SURFACE, VOLUME, BOTH = 2, 3, -1
+SURFACE, VOLUME, AMBIGUOUS = 2, 3, -1
 #: Names under which programs store region numbers.
 TAGS = ("region", "gmsh:physical", "medit:ref", "gmsh:geometrical")
 
@@ -42,13 +42,13 @@ def read_mesh(
     Args:
         file: VTU or MSH with tetrahedra of 4 or 10 nodes, or a closed STL surface, which gmsh fills.
         um_per_unit: micrometres in one length unit of the file.
-        nucleus_tag: region number of the nucleus in the file's cell data `region`, `gmsh:physical` or `medit:ref`;
+        nucleus_tag: region number of the nucleus in the file's cell data `region`, `gmsh:physical` or `medit:ref`.
             None is 1 where the file has several regions, and no nucleus where it has one.
         nucleus: closed STL surface of the nucleus, for an STL cell.
         size: element sizes for an STL cell; None is two through its thickness.
 
     Raises:
-        SettingError: the unit cannot be meant, or the size asks for too many unknowns.
+        SettingError: the unit is invalid, or the size needs too many unknowns.
         InputFileError: the file cannot be read or is not a sound mesh.
     """
     if not UNITS[0] <= um_per_unit <= UNITS[1]:
@@ -71,9 +71,9 @@ def read_mesh(
                 console.print(f"note: {file}: {_listed(parts)}", soft_wrap=True, markup=False)
                 _like_a_nucleus(file, core / float(volumes.sum()), 0.0)
             return _like_a_cell(file, filled, um_per_unit)
-        found = read_tagged(file, um_per_unit)
-        mesh = TetMesh(found.points_um, found.tets, np.zeros(len(found.tets), np.int64)).check()
-        mesh = replace(mesh, region=_nucleus(file, mesh, found.tags, nucleus_tag).astype(np.int64))
+        tagged = read_tagged(file, um_per_unit)
+        mesh = TetMesh(tagged.points_um, tagged.tets, np.zeros(len(tagged.tets), np.int64)).check()
+        mesh = replace(mesh, region=_nucleus(file, mesh, tagged.tags, nucleus_tag).astype(np.int64))
         return _like_a_cell(file, mesh, um_per_unit)
     except MeshError as error:
         raise InputFileError(file, str(error).rstrip(".")) from error
@@ -148,10 +148,12 @@ class Tagged:
     """What a VTU or MSH file holds.
 
     Args:
-        points_um: (n, 3) [um]. tets: (m, 4) or (m, 10). tags: region number (m,) of each in the file.
+        points_um: (n, 3) [um].
+        tets: (m, 4) or (m, 10).
+        tags: region number (m,) of each in the file.
         faces: corners (f, 3) of the triangles that the file holds, by their number.
-        names: number and dimension (2 or 3) by the names that a .msh file gives to its groups; dimension `BOTH` where
-            triangles and tetrahedra share a name.
+        names: number and dimension (2 or 3) by the names that a .msh file gives to its groups. The
+            dimension is `AMBIGUOUS` where triangles and tetrahedra share a name.
     """
 
     points_um: np.ndarray
@@ -169,7 +171,7 @@ def read_tagged(file: Path, um_per_unit: float) -> Tagged:
     """
     meshio = _meshio()
     try:
-        with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):  # meshio prints errors of its own
+        with redirect_stdout(io.StringIO()), redirect_stderr(io.StringIO()):  # meshio also prints its errors
             content = meshio.read(file)
     except FasError:
         raise
@@ -198,10 +200,10 @@ def read_tagged(file: Path, um_per_unit: float) -> Tagged:
     triangles, marks = of("triangle", "triangle6")
     corners = np.concatenate([np.empty((0, 3), dtype=np.int64), *(number[t[:, :3]] for t in triangles)])
     mark = np.concatenate([np.empty(0), *marks])
-    faces = {int(each): corners[mark == each] for each in np.unique(mark)}
+    faces = {int(value): corners[mark == value] for value in np.unique(mark)}
     groups = {str(name): (int(group[0]), int(group[1])) for name, group in content.field_data.items()}
     names = {name: group for name, group in groups.items() if group[1] in (SURFACE, VOLUME)}
-    names |= dict.fromkeys(_shared_names(file), (0, BOTH))
+    names |= dict.fromkeys(_shared_names(file), (0, AMBIGUOUS))
     tets = upward(points, renumbered.reshape(tets.shape))
     return Tagged(points, tets, np.concatenate(tags).astype(np.int64), faces, names)
 
@@ -240,9 +242,9 @@ def _listed(parts: Mapping[Any, float]) -> str:
 
 
 def _nucleus(file: Path, mesh: TetMesh, tags: np.ndarray, tag: int | None) -> np.ndarray:
-    """Which tetrahedra (m,) are of the nucleus; the file's regions and their volumes are said."""
+    """Which tetrahedra (m,) are of the nucleus; the file's regions and their volumes are printed."""
     volumes = tet_volumes(mesh.points_um, mesh.tets)
-    parts = {int(each): float(volumes[tags == each].sum()) for each in np.unique(tags)}
+    parts = {int(region): float(volumes[tags == region].sum()) for region in np.unique(tags)}
     have = _listed(parts)
     if tag is None and len(parts) == 1:
         console.print(f"note: {file} has one region, {have}: a cell without a nucleus", soft_wrap=True, markup=False)
@@ -272,13 +274,13 @@ def _outside(mesh: TetMesh, inside: np.ndarray) -> float:
     """Share of the surface of some tetrahedra (m,) that is the surface of the whole."""
     core = TetMesh(mesh.points_um, mesh.tets[inside], mesh.region[inside]).surface
     skin = {tuple(face) for face in np.sort(mesh.surface.faces, axis=1).tolist()}
-    there = [tuple(face) in skin for face in np.sort(core.faces, axis=1).tolist()]
-    return float(core.area_faces[there].sum() / core.area)
+    on_skin = [tuple(face) in skin for face in np.sort(core.faces, axis=1).tolist()]
+    return float(core.area_faces[on_skin].sum() / core.area)
 
 
 def _like_a_nucleus(file: Path, share: float, outside: float) -> None:
     """Warn of a nucleus whose share of the cell's volume no nucleus has, or that reaches the cell's outside."""
-    least, most = (100 * each for each in NUCLEI)
+    least, most = (100 * limit for limit in NUCLEI)
     if not least <= 100 * share <= most:
         console.print(f"warning: {file}: its nucleus is {100 * share:.2g} % of the cell's volume, and nuclei are "
                       f"{least:g} to {most:g} %; is it that part?", soft_wrap=True, markup=False)  # fmt: skip

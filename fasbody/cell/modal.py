@@ -1,8 +1,8 @@
-"""Natural frequencies and mode shapes: Eq. (5.3) by shift-invert Lanczos, with what tells whether to believe them.
+"""Natural frequencies and mode shapes: Eq. (5.3) by shift-invert Lanczos, with checks of their accuracy.
 
 SuperLU, which comes with scipy, is the fastest inverse of a small cell. Above 15,000 unknowns LOBPCG is faster, over a
 two-level preconditioner, in which only the problem of the corner nodes (linear elements, an eighth of the unknowns,
-which hold the rigid motions exactly) is factored and Chebyshev steps smooth what it cannot see. Where it does not
+which hold the rigid motions exactly) is factored and Chebyshev steps smooth what it cannot represent. Where it does not
 converge, a factorisation follows by itself. Measured side by side in docs/cell.md.
 """
 
@@ -34,7 +34,7 @@ LOOSE = 1e-8
 #: Relative error of the squares at which an iteration ends.
 CONVERGED = 1e-10
 #: Of the two-level iteration: Chebyshev steps before and after the coarse correction; the smoother damps the upper 3/4
-#: of the spectrum, the coarse level serves the rest; vectors carried beyond the wanted ones, for the convergence of the
+#: of the spectrum, the coarse level serves the rest; vectors carried beyond those requested, for the convergence of the
 #: last of them; most iterations.
 SMOOTHING, BAND, GUARD, ITERATIONS = 2, 4.0, 4, 60
 
@@ -47,7 +47,8 @@ class CellModel(Tabled):
         assembly: unit matrices of the mesh.
         materials: by region number.
         metres_per_um: size of the mesh's micrometre [m] (see Preset).
-        membrane, cytoskeleton: further stiffness, None leaves it out as the thesis does.
+        membrane: further stiffness, None leaves it out as the thesis does.
+        cytoskeleton: likewise.
     """
 
     assembly: Assembly
@@ -162,7 +163,7 @@ def solve(model: CellModel, count: int = 10, *, way: str | None = None) -> Modes
         way: "pardiso", "superlu" or "multigrid"; None takes the `fastest`.
 
     Raises:
-        SettingError: more modes are asked for than there are unknowns.
+        SettingError: more modes than unknowns.
         SimulationError: the iteration did not converge, the stiffness is not positive (a prestress that buckles), or a
             free body is loose.
     """

@@ -1,4 +1,4 @@
-"""What a mode looks like, in words: sway, twist, compression, nucleus; and which mode of another cell it is.
+"""Names of modes: sway, twist, compression, nucleus; and the mode of another cell that corresponds to one.
 
 The words follow section 5.4: mode 1 sways along z, mode 2 along x, mode 3 twists about y, mode 4 compresses along x.
 They come from numbers: which direction carries the kinetic energy, whether that component is even or odd under the
@@ -26,7 +26,7 @@ NUCLEUS_MODE = 0.5  # share of the kinetic energy above which the mode belongs t
 SEEN = 0.1  # share of the kinetic energy above which the nodes of a second component count
 SLICES = 24
 #: Modal assurance below which two shapes are not the same mode, and the number that stands for no partner.
-SAME, LOST = 0.5, -1
+SAME, UNMATCHED = 0.5, -1
 
 
 @dataclass(frozen=True)
@@ -36,8 +36,10 @@ class ModeDescription:
     Args:
         label: such as "z sway", "twist about y" or "z sway, 2 nodes along x".
         energy: share (3,) of the kinetic energy in motion along x, y, z.
-        mirror_x, mirror_z: correlation of the main component with its mirror image in x and in z, 1 even, -1 odd.
-        nodes_x, nodes_z: sign changes of the main component along x and z.
+        mirror_x: correlation of the main component with its mirror image in x, 1 even, -1 odd.
+        mirror_z: the same in z.
+        nodes_x: sign changes of the main component along x.
+        nodes_z: the same along z.
         nucleus_share: share of the kinetic energy that is in the nucleus.
         nucleus_strain_share: share of the strain energy that is in the nucleus.
     """
@@ -68,7 +70,7 @@ def describe(model: CellModel, modes: Modes) -> tuple[ModeDescription, ...]:
     by_axis = np.stack([np.einsum("ij,ij->j", phi[a::3], (model.M @ phi)[a::3]) for a in range(3)], axis=1)
     kinetic = np.einsum("ij,ij->j", phi, model.mass(NUCLEUS) @ phi)
     strain = np.einsum("ij,ij->j", phi, model.stiffness(NUCLEUS) @ phi) / squares
-    found = []
+    descriptions = []
     for c, u in enumerate(assembly.expand(phi)):
         main = int(np.argmax(by_axis[c]))
         v = u[:, main]
@@ -78,10 +80,10 @@ def describe(model: CellModel, modes: Modes) -> tuple[ModeDescription, ...]:
             nodes[X] = _sign_changes(xyz, u[:, Z], weight, X, Z, 1.0)  # a twist's nodes are those of its sway along z
         label = "nucleus mode" if kinetic[c] > NUCLEUS_MODE else _label(main, even, nodes)
         share = (float(by_axis[c, 0]), float(by_axis[c, 1]), float(by_axis[c, 2]))
-        found.append(
+        descriptions.append(
             ModeDescription(label, share, even[X], even[Z], nodes[X], nodes[Z], float(kinetic[c]), float(strain[c]))
         )
-    return tuple(found)
+    return tuple(descriptions)
 
 
 def _label(main: int, even: dict[int, float], nodes: dict[int, int]) -> str:
@@ -125,7 +127,7 @@ class Match:
     """Partners of the modes of a first cell among those of a second.
 
     Args:
-        partner: number (c,) in the second set of each mode of the first, `LOST` without a partner.
+        partner: number (c,) in the second set of each mode of the first, `UNMATCHED` without a partner.
         mac: modal assurance (c,) with the partner, 1 for the same shape; NaN without a partner.
     """
 
@@ -134,17 +136,17 @@ class Match:
 
     def __str__(self) -> str:
         pairs = enumerate(zip(self.partner, self.mac, strict=True), start=1)
-        return ", ".join(f"{i}->lost" if p == LOST else f"{i}->{p + 1} ({m:.2f})" for i, (p, m) in pairs)
+        return ", ".join(f"{i}->lost" if p == UNMATCHED else f"{i}->{p + 1} ({m:.2f})" for i, (p, m) in pairs)
 
     def then(self, step: "Match") -> "Match":
-        """Partners in a third cell, through the second; `mac` is that of the weakest link. Lost modes stay lost."""
-        partner = np.where(self.partner == LOST, LOST, step.partner[self.partner])
+        """Partners in a third cell, through the second, if there is one in both; `mac` is that of the weakest link."""
+        partner = np.where(self.partner == UNMATCHED, UNMATCHED, step.partner[self.partner])
         weakest = np.minimum(self.mac, step.mac[self.partner])
-        return Match(partner, np.where(partner == LOST, np.nan, weakest))
+        return Match(partner, np.where(partner == UNMATCHED, np.nan, weakest))
 
     def document(self) -> dict[str, Any]:
-        """Ready for JSON: mode numbers from 1, null for the lost."""
-        return {"partner_of_first": [None if p == LOST else int(p) + 1 for p in self.partner], "mac": self.mac}
+        """Ready for JSON: mode numbers from 1, null for those without a partner."""
+        return {"partner_of_first": [None if p == UNMATCHED else int(p) + 1 for p in self.partner], "mac": self.mac}
 
 
 def mac(first: tuple[CellModel, Modes], second: tuple[CellModel, Modes]) -> NDArray[np.float64]:
@@ -172,10 +174,10 @@ def track(first: tuple[CellModel, Modes], second: tuple[CellModel, Modes]) -> Ma
     """Pair the modes so that the sum of MAC is greatest; pairs below `SAME` are no pairs."""
     table = mac(first, second)
     rows, columns = linear_sum_assignment(-table)
-    partner, alike = np.full(len(table), LOST), np.full(len(table), np.nan)
+    partner, alike = np.full(len(table), UNMATCHED), np.full(len(table), np.nan)
     partner[rows], alike[rows] = columns, table[rows, columns]
-    lost = ~(alike >= SAME)
-    return Match(np.where(lost, LOST, partner), np.where(lost, np.nan, alike))
+    unmatched = ~(alike >= SAME)
+    return Match(np.where(unmatched, UNMATCHED, partner), np.where(unmatched, np.nan, alike))
 
 
 def track_along(cells: Sequence[tuple[CellModel, Modes]]) -> tuple[Match, ...]:

@@ -166,7 +166,7 @@ def damped_modes(cell: ReducedCell, solids: Solids, count: int = 10) -> DampedMo
     m = cell.basis.shape[1]
     one, zero = np.eye(m), np.zeros((m, m))
     parts = list(zip(solids, cell.stiffness, strict=True))
-    rest, fast = (sum((factor * part for factor, part in each), cell.rest) for each in (
+    rest, fast = (sum((factor * part for factor, part in weighted), cell.rest) for weighted in (
         [(1.0, part) for _, part in parts], [(1 + solid.g, part) for solid, part in parts]
     ))  # fmt: skip
     taus = np.kron(np.diag([1 / solid.tau for solid in solids]), one)
@@ -257,7 +257,7 @@ class BaseResponse(Tabled):
 def base_response(
     cell: ReducedCell, solids: Solids, frequencies_hz: NDArray[np.float64], inner: int | None = NUCLEUS
 ) -> BaseResponse:
-    """Shake the base at each frequency (n,) [Hz] along x, y and z; trust it up to `cell.reach_hz`.
+    """Shake the base at each frequency (n,) [Hz] along x, y and z; valid up to `cell.reach_hz`.
 
     `inner` is the region whose mean motion is the nucleus', None for none.
     """
@@ -309,10 +309,10 @@ class ForceResponse(Tabled):
 
 
 def force_response(cell: ReducedCell, solids: Solids, frequencies_hz: NDArray[np.float64]) -> ForceResponse:
-    """A force at the highest point at each frequency (n,) [Hz]; trust it up to `cell.reach_hz`."""
+    """A force at the highest point at each frequency (n,) [Hz]; valid up to `cell.reach_hz`."""
     load = cell.basis.T @ point_load(cell.model)
-    one, found = np.eye(len(load)), []
+    one, responses = np.eye(len(load)), []
     for w in 2 * np.pi * np.asarray(frequencies_hz, dtype=np.float64):
         x = np.linalg.solve(cell.dynamic_stiffness(1j * w, solids) - w**2 * one, load)
-        found.append(-(w**2) * np.einsum("md,md->d", load, x))
-    return ForceResponse(np.asarray(frequencies_hz), np.array(found).T)
+        responses.append(-(w**2) * np.einsum("md,md->d", load, x))
+    return ForceResponse(np.asarray(frequencies_hz), np.array(responses).T)

@@ -90,8 +90,8 @@ def check(
             console.print(f"[yellow]warning:[/] {escape(remark)}", soft_wrap=True)
         light = replace(folder, trials=())  # what a process needs besides its trial
         tasks = [(light, trial, report is not None) for trial in folder.trials]
-        found = dict(run(understood_trial, tasks, "checking", jobs))
-        rows += [found[i] for i in range(len(found))]
+        by_number = dict(run(understood_trial, tasks, "checking", jobs))
+        rows += [by_number[i] for i in range(len(by_number))]
         for remark in out_of_line(rows):
             console.print(f"[yellow]warning:[/] {escape(remark)}", soft_wrap=True)
     else:
@@ -278,21 +278,21 @@ def init(
 
       python -m fasbody.recording init my_study --pattern "S{subject}_{frequency}Hz_{load}kg"
     """
-    found = propose(folder, pattern)
-    found.write()
+    proposal = propose(folder, pattern)
+    proposal.write()
     if json_:
         keys = ("pattern", "count", "left_out", "missing")
-        print_json({"folder": str(folder)} | {key: getattr(found, key) for key in keys})
+        print_json({"folder": str(folder)} | {key: getattr(proposal, key) for key in keys})
         return
-    results.print(f"{counted(found.count, 'recording')} named {found.pattern}", markup=False, soft_wrap=True)
-    if found.left_out:
-        named = ", ".join(found.left_out[:5]) + (" ..." if len(found.left_out) > 5 else "")
-        results.print(f"left out, named otherwise: {len(found.left_out)} ({named})", markup=False, soft_wrap=True)
-    if not found.tables:
+    results.print(f"{counted(proposal.count, 'recording')} named {proposal.pattern}", markup=False, soft_wrap=True)
+    if proposal.left_out:
+        named = ", ".join(proposal.left_out[:5]) + (" ..." if len(proposal.left_out) > 5 else "")
+        results.print(f"left out, named otherwise: {len(proposal.left_out)} ({named})", markup=False, soft_wrap=True)
+    if not proposal.tables:
         results.print(f"{folder} lists them all; nothing is added.", markup=False, soft_wrap=True)
         return
-    results.print(f"written: {', '.join(found.tables)} in {folder}; still missing:", markup=False, soft_wrap=True)
-    for text in found.missing:
+    results.print(f"written: {', '.join(proposal.tables)} in {folder}; still missing:", markup=False, soft_wrap=True)
+    for text in proposal.missing:
         results.print(f"  {text}", markup=False, soft_wrap=True)
 
 
@@ -321,12 +321,12 @@ def _show(rows: list[dict[str, Any]]) -> None:
         column.justify = "right"
     listed = [row for row in rows if len(rows) <= _MANY or verdict(row) != "sound"]
     for row in listed:
-        found = row.get("frequency_hz")
+        frequency = row.get("frequency_hz")
         table.add_row(
             escape(names[row["file"]]),
             str(row.get("samples", "")),
             f"{row['rate_hz']:.6g}" if "rate_hz" in row else "",
-            "" if row["problem"] else "broadband" if found is None else f"{found:.5g}",
+            "" if row["problem"] else "broadband" if frequency is None else f"{frequency:.5g}",
             *(f"{row[key]:.3{kind}}" if key in row else "" for key, kind in _OF_A_SINE.items()),
             *(f"{row['rms_m_s2'][name]:.3g}" if name in row.get("rms_m_s2", {}) else "" for name in read),
             *quality_cells(row),

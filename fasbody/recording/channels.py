@@ -12,13 +12,13 @@ from typing import Any, TypeVar
 
 import numpy as np
 
+from fasbody.constants import GRAVITY
 from fasbody.exceptions import InputFileError, shown, unknown
 from fasbody.presentation import Tabled
 from fasbody.recording.known import Known
 
-_G = 9.80665
 #: Units that a CSV header or a board may carry behind a channel's name, and what they are in SI.
-UNITS = {"m_s2": 1.0, "g": _G, "mg": 1e-3 * _G, "mm_s2": 1e-3, "cm_s2": 1e-2}
+UNITS = {"m_s2": 1.0, "g": GRAVITY, "mg": 1e-3 * GRAVITY, "mm_s2": 1e-3, "cm_s2": 1e-2}
 TIME_UNITS = {
     "s": 1.0, "ms": 1e-3, "us": 1e-6, "µs": 1e-6, "μs": 1e-6, "ns": 1e-9, "sec": 1.0, "second": 1.0, "seconds": 1.0,
     "msec": 1e-3, "milliseconds": 1e-3, "microseconds": 1e-6, "nanoseconds": 1e-9, "min": 60.0, "minutes": 60.0,
@@ -27,7 +27,7 @@ TIME_UNITS = {
 #: Those and what else instruments write into their files.
 ACCELERATIONS = UNITS | {
     "m/s^2": 1.0, "m/s2": 1.0, "m/s²": 1.0, "m/s**2": 1.0, "m/s/s": 1.0, "m s-2": 1.0, "m s^-2": 1.0, "m*s^-2": 1.0,
-    "m/(s^2)": 1.0, "gn": _G,
+    "m/(s^2)": 1.0, "gn": GRAVITY,
     "mm/s^2": 1e-3, "mm/s2": 1e-3, "mm/s²": 1e-3, "cm/s^2": 1e-2, "cm/s2": 1e-2, "cm/s²": 1e-2,
 }  # fmt: skip
 VOLTAGES = {"v": 1.0, "mv": 1e-3, "volt": 1.0, "volts": 1.0}
@@ -71,12 +71,12 @@ def volts_per_m_s2(file: Path, name: str, text: str) -> float:
     """Sensitivity in V per m/s^2 from a data sheet's "100 mV/g".
 
     Raises:
-        InputFileError: it says no such thing.
+        InputFileError: it is no such text.
     """
     match = _SENSITIVITY.fullmatch(text)
     try:
         assert match is not None
-        return float(match[1]) * VOLTAGES[match[2].lower()] / (_G if match[4].lower() == "g" else 1.0)
+        return float(match[1]) * VOLTAGES[match[2].lower()] / (GRAVITY if match[4].lower() == "g" else 1.0)
     except (AssertionError, ValueError):
         place = f"channels.{name}.sensitivity = {text!r}"
         raise InputFileError(file, place, 'valid: a number (unit per m/s^2), "100 mV/g" or "10.2 mV/(m/s^2)"') from None
@@ -86,19 +86,19 @@ Channels = dict[str, np.ndarray]
 
 #: The accelerometers of section 2.2.2; the first two are needed. Others are known by their unit, or by study.toml.
 NAMES = ("base", "malleolus", "tuberosity")
-#: What a sensor of one's own may be called.
-OWN = re.compile(r"[a-z][a-z0-9]*(?:_[a-z0-9]+)*")
+#: Names of further sensors.
+SENSOR_NAME = re.compile(r"[a-z][a-z0-9]*(?:_[a-z0-9]+)*")
 _KEYS = ("unit", "sign", "sensitivity", "delay_s", "column", "gain_std", "delay_std_s", "clock")
 
 
 @dataclass(frozen=True)
 class Channel(Tabled):
-    """What study.toml says of one channel.
+    """One channel of study.toml.
 
     Attributes:
-        column: its name in the files, or its number from 1; default the channel's own name.
-        unit: of the numbers, if the files do not say, or are wrong.
-        clock: the column of its times, if it has its own.
+        column: its name in the files, or its number from 1; default the channel's name.
+        unit: of the numbers, if the files state none or a wrong one.
+        clock: the column of its times, if it has one.
         sign: +1 or -1.
         sensitivity: recorded unit per m/s^2, or in V per m/s^2 if `volts`.
         delay_s: how late it is.
@@ -126,7 +126,7 @@ class Layout(Tabled):
         rate_hz: sampling rate of files that have no time.
         columns: names of the columns of text files without a header.
         units: of those columns, if known apart.
-        beyond: what the laboratory knows beyond the recordings.
+        beyond: measured or excluded by the laboratory beyond the recordings.
         take: which recording of a file with several, from 1.
         apart: patterns of file names, and the layout of the files that fit one.
     """
@@ -140,7 +140,7 @@ class Layout(Tabled):
     apart: tuple[tuple[str, "Layout"], ...] = field(default=(), repr=False)
 
     def one_of(self, file: Path, takes: "Sequence[_Take]") -> "_Take":
-        """The take that is meant, the first unless study.toml says which.
+        """The take of study.toml, the first unless it names one.
 
         Raises:
             InputFileError: there is no such take.
@@ -180,8 +180,8 @@ class Layout(Tabled):
         channels = {}
         for name, table in tables.items():
             known_as = get_close_matches(name, (*NAMES, "time"), cutoff=0.75)  # a slip of the pen is no sensor
-            own = OWN.fullmatch(name) and not known_as and isinstance(table, dict) and table
-            if name not in (*NAMES, "time") and not own:
+            is_sensor = SENSOR_NAME.fullmatch(name) and not known_as and isinstance(table, dict) and table
+            if name not in (*NAMES, "time") and not is_sensor:
                 listed = f"valid: {', '.join(NAMES)}, time, or a sensor of the model, in small letters"
                 raise InputFileError(file, f"describes the channel {name!r}", listed)
             if not isinstance(table, dict):
@@ -203,17 +203,17 @@ class Layout(Tabled):
 
     def known(self, names: Sequence[str]) -> int:
         """How many of a line's cells are channels by their names, or begin the name of one."""
-        given = [c.column.strip().lower() for c in self.channels.values() if c.column]
+        columns = [c.column.strip().lower() for c in self.channels.values() if c.column]
 
         def is_one(name: str) -> bool:
             plain = name.strip().lower()
-            begins = len(plain) > 2 and any(column.startswith(f"{plain} ") for column in given)
-            return {plain, name_and_unit(name)[0]} & {"time", *NAMES, *given} != set() or begins
+            begins = len(plain) > 2 and any(column.startswith(f"{plain} ") for column in columns)
+            return {plain, name_and_unit(name)[0]} & {"time", *NAMES, *columns} != set() or begins
 
         return sum(map(is_one, names))
 
     def timed(self, file: Path, channels: Channels, rate_hz: float | None = None) -> Channels:
-        """The channels with ``time_s``: the file's own, or counted from a sampling rate.
+        """The channels with ``time_s``: that of the file, or counted from a sampling rate.
 
         Args:
             file: for messages.
@@ -239,7 +239,7 @@ class Layout(Tabled):
                     file, "has neither a time nor a sampling rate", "give sampling_rate_hz in study.toml"
                 )
             return {"time_s": np.arange(channels["base_m_s2"].size) / rate} | channels
-        said = (
+        stated = (
             f"states {rate:.6g} Hz" if rate_hz else f"is said by study.toml to have sampling_rate_hz = {rate or 0:.6g}"
         )
         span = float(time[-1] - time[0]) if time.size > 1 else 0.0
@@ -249,13 +249,13 @@ class Layout(Tabled):
             units = [unit for unit in TIME_UNITS.values() if rate and abs(counted / unit / rate - 1) <= tolerance]
             if not units:
                 raise InputFileError(
-                    file, f"{said}, and the steps of its time (without unit) are {1 / counted if counted else 0:.6g}",
+                    file, f"{stated}, and the steps of its time (without unit) are {1 / counted if counted else 0:.6g}",
                     "correct one of them, and name the column time_s, time_ms or time_us",
                 )  # fmt: skip
             return {"time_s": time * units[0]} | channels
         if rate and counted and abs(counted / rate - 1) > tolerance:
             raise InputFileError(
-                file, f"{said}, and its time runs at {counted:.6g} Hz", "correct one of them, or delete the rate"
+                file, f"{stated}, and its time runs at {counted:.6g} Hz", "correct one of them, or delete the rate"
             )
         return channels
 
@@ -269,7 +269,7 @@ class Layout(Tabled):
         Args:
             file: for messages.
             channels: with ``time_s``, the base's clock.
-            times: (n,) of the channels that have a clock of their own [s].
+            times: (n,) of the channels that have a separate clock [s].
 
         Raises:
             InputFileError: clocks and delays that leave less than nine tenths of the recording.
@@ -281,7 +281,7 @@ class Layout(Tabled):
         taken = {name: at for name, at in taken.items() if at.size != t.size or np.abs(at - t).max() > 1e-9}
         every = (t, *taken.values())
         if not taken or any(at.size < 2 or not np.isfinite(at).all() or np.diff(at).min() <= 0 for at in every):
-            return channels, ""  # the checks will say what is wrong with such a time
+            return channels, ""  # the checks refuse such a time
         first, last = max(at[0] for at in every), min(at[-1] for at in every)
         if last - first < (1 - _LONGEST_DELAY) * (t[-1] - t[0]):
             late = ", ".join(f"{name.removesuffix('_m_s2')} {t[0] - at[0]:.6g} s" for name, at in taken.items())
@@ -344,7 +344,7 @@ _SWINGS, _SWINGING = 8, 0.05
 _SPLINED = 1e100
 #: Delays may take this share of a recording.
 _LONGEST_DELAY = 0.1
-#: Two sampling rates are the same within this share: a nominal rate and a logger's own clock.
+#: Two sampling rates are the same within this share: a nominal rate and a logger's clock.
 _SAME_RATE = 1e-3
 
 
@@ -362,8 +362,8 @@ def _channel(file: Path, name: str, table: Mapping[str, Any]) -> Channel:
             raise InputFileError(
                 file, f"channels.{name}.{key} = {value!r}", f"valid: {', '.join(_KEYS)}, with finite numbers"
             )
-    given = table.get("sensitivity", 1.0)
-    sensitivity, volts = (volts_per_m_s2(file, name, given), True) if isinstance(given, str) else (float(given), False)
+    raw = table.get("sensitivity", 1.0)
+    sensitivity, volts = (volts_per_m_s2(file, name, raw), True) if isinstance(raw, str) else (float(raw), False)
     if sensitivity == 0:
         raise InputFileError(file, f"channels.{name}.sensitivity is zero", "give recorded unit per m/s^2")
     unit = str(table.get("unit", ""))

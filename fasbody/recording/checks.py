@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from fasbody.constants import Z95
 from fasbody.exceptions import RecordingError, by_name
 from fasbody.presentation import Presented, Sheet, counted
 from fasbody.recording import samples
@@ -18,7 +19,7 @@ from fasbody.recording.harmonics import find_frequency, fit_harmonics, narrow_sh
 from fasbody.recording.quality import Quality, quality, still
 from fasbody.recording.recording import Recording, gain_and_delay
 
-#: Sampling rate needed, as a multiple of the excitation frequency, and the one from which harmonics are told apart.
+#: Sampling rate needed, as a multiple of the excitation frequency, and the one from which harmonics are distinguished.
 OVERSAMPLING, COMFORTABLE = 2.5, 10.0
 #: No foot is recorded more slowly than this.
 SLOWEST_HZ = 50.0
@@ -26,7 +27,7 @@ SLOWEST_HZ = 50.0
 _FASTEST_HZ = 1250.0
 #: A sine has this share of its power near one frequency and its harmonics, drift and white noise not counted.
 PERIODIC_SHARE = 0.9
-#: Less than this share by one frequency is told, with what it costs.
+#: Less than this share by one frequency gives a warning with its effect.
 _CLEAN = 0.97
 #: A first part that differs by more than this share of the amplitude.
 _ONSET = 0.02
@@ -36,9 +37,9 @@ _CLIPPED_RUN = 4
 _IMPOSSIBLE = 1e6
 #: The largest range of the accelerometers that are strapped to people, 50 g [m/s^2].
 _UNLIKELY = 500.0
-#: Standard deviation of an amplitude by the converter's steps that is told.
+#: Standard deviation of an amplitude by the converter's steps from which a warning is given.
 _COARSE = 5e-3
-#: What is said of a base between a fifth of a m/s^2 and two.
+#: The hint for a base between a fifth of a m/s^2 and two.
 _IN_G = "is it in g? Then name the column base_g"
 _UNIT = "check its unit"
 #: A passive foot lags behind its base; it may seem to lead by so much where loggers take channels one by one [deg].
@@ -50,13 +51,13 @@ _FLAT_TOPS, _MORE_THAN_BASE = 0.025, 3.0
 _SUSPECT_TOPS = 0.01
 #: Share of all harmonics that the third one has where both sides are flattened; less is one side, which gravity and a
 #: pad that cannot pull make, too.
-_BOTH_SIDES = 0.8
-#: From where on distortion, drift, uneven level and coherence are told (of a sine, and broadband).
+_TWO_SIDED = 0.8
+#: Limits of distortion, drift, uneven level and coherence (of a sine, and broadband) for a warning.
 _DISTORTED, _DRIFTS, _UNSTEADY = 0.1, 0.3, 0.1
 _COHERENT = {True: 0.95, False: 0.5}
 
 
-@functools.lru_cache(maxsize=32)  # a study's job looks for what cannot serve, and its fit checks again
+@functools.lru_cache(maxsize=32)  # a study's job checks once, and its fit again
 def checked(recording: Recording) -> Recording:
     """The recording with its excitation frequency found, offsets removed and warnings listed.
 
@@ -109,10 +110,10 @@ def _all_alike(recording: Recording) -> Recording:
         channels[name] = values - values.mean()
     offsets = {name: float(recording.channels[name].mean()) for name in channels}
     recording = recording.with_channels(channels)
-    found = find_frequency(recording.time_s, recording.base_m_s2)
-    share = narrow_share(recording.time_s, recording.base_m_s2, found)
-    _moving(recording, channels, found if share > 0.5 else None)
-    frequency = _excitation(recording, found, share, warnings)
+    base_hz = find_frequency(recording.time_s, recording.base_m_s2)
+    share = narrow_share(recording.time_s, recording.base_m_s2, base_hz)
+    _moving(recording, channels, base_hz if share > 0.5 else None)
+    frequency = _excitation(recording, base_hz, share, warnings)
     for name in channels:
         interval = _slow(recording, name, frequency, warnings)
         _clipping(recording, name, frequency, interval)
@@ -129,7 +130,7 @@ def _all_alike(recording: Recording) -> Recording:
 
 
 def gathered(texts: Sequence[str]) -> list[str]:
-    """Warnings of several recordings, in which that of values that look like g is there once."""
+    """Warnings of several recordings; that of values like g stands there once."""
     like_g = [text for text in texts if text.endswith(f"{_IN_G}.")]
     if len(like_g) < 2:
         return list(texts)
@@ -218,8 +219,8 @@ def reasons(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     groups: dict[str, list[tuple[str, str]]] = {}
     for row in rows:
         if row["problem"]:
-            _, _, told = row["problem"].partition(Path(row["file"]).name)
-            why = (told or row["problem"]).lstrip(":, ")
+            _, _, behind = row["problem"].partition(Path(row["file"]).name)
+            why = (behind or row["problem"]).lstrip(":, ")
             groups.setdefault(re.sub(r"[\d.]+|'[^']*'", "#", why), []).append((row["file"], why))
     return [
         f"{counted(len(group), 'recording')} ({', '.join(name for name, _ in group[:5])}"
@@ -230,7 +231,7 @@ def reasons(rows: Sequence[Mapping[str, Any]]) -> list[str]:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Checked(Presented):
-    """What the checks say of a study.
+    """Results of the checks of a study.
 
     Attributes:
         name: of the study.
@@ -263,8 +264,8 @@ class Checked(Presented):
         """One row a recording, those with a problem first."""
         rows = []
         for row in sorted(self.rows, key=lambda row: (not row["problem"], not row.get("warnings"))):
-            found = row.get("frequency_hz")
-            at = "" if row["problem"] else "broadband" if found is None else f"{found:.5g}"
+            frequency = row.get("frequency_hz")
+            at = "" if row["problem"] else "broadband" if frequency is None else f"{frequency:.5g}"
             rate = f"{row['rate_hz']:.6g}" if "rate_hz" in row else ""
             rows.append((row["file"], str(row.get("samples", "")), rate, at, *quality_cells(row), verdict(row)))
         sound = sum(verdict(row) == "sound" for row in self.rows)
@@ -283,11 +284,11 @@ QUALITIES = ("coherence", "distortion [%]", "drift [%]", "level range [%]")
 
 def quality_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
     """What stands below `QUALITIES` for a row of `understood`, empty where there is none."""
-    found = row.get("quality")
-    if not found:
+    measures = row.get("quality")
+    if not measures:
         return "", "", "", ""
-    channels = [value for value in found.values() if isinstance(value, dict)]
-    coherence = "" if found["coherence"] is None else f"{found['coherence']:.4f}"
+    channels = [value for value in measures.values() if isinstance(value, dict)]
+    coherence = "" if measures["coherence"] is None else f"{measures['coherence']:.4f}"
     distortion = [c["distortion"] for c in channels if c["distortion"] is not None]
     ranges = [float(np.ptp(c["level_m_s2"]) / np.mean(c["level_m_s2"])) for c in channels]
     drift = [c["drift"] for c in channels if c["drift"] is not None]
@@ -295,7 +296,7 @@ def quality_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def verdict(row: Mapping[str, Any]) -> str:
-    """What `understood` found, in a word or two."""
+    """The result of `understood` in a word or two."""
     return "unusable" if row["problem"] else "usable, see below" if row.get("warnings") else "sound"
 
 
@@ -372,7 +373,7 @@ def _channel(recording: Recording, name: str, values: np.ndarray) -> None:
 def _clipping(recording: Recording, name: str, frequency: float | None, interval: float) -> None:
     """Refuse flat tops: longer runs at an extreme value than the converter's step gives a sine, in many periods.
 
-    A channel with one sample of its own in several (`interval`) stays so much longer at its top.
+    A channel with one measured sample in several (`interval`) stays so much longer at its top.
     """
     values, t = recording.channels[name], recording.time_s
     levels = np.unique(values)
@@ -397,49 +398,49 @@ def _clipping(recording: Recording, name: str, frequency: float | None, interval
 
 
 def _odd(recording: Recording, name: str, frequency: float | None, offset: float, warnings: list[str]) -> None:
-    """Marks that stand for missing samples are refused; spikes and jumps are told with what they cost."""
+    """Marks that stand for missing samples are refused; spikes and jumps give warnings with their effect."""
     t, values = recording.time_s, recording.channels[name]
-    found = samples.odd(values, None if frequency is None else (t[-1] - t[0]) * frequency)
-    if found.mark is not None:
+    odd = samples.odd(values, None if frequency is None else (t[-1] - t[0]) * frequency)
+    if odd.mark is not None:
         raise _fail(
             recording,
-            f"{name} is {found.mark + offset:.6g} m/s^2 at {found.spikes.size} places, first at "
-            f"{t[found.spikes[0]]:.4g} s, and near it nowhere else: a mark for missing samples; cut them off, or fill "
+            f"{name} is {odd.mark + offset:.6g} m/s^2 at {odd.spikes.size} places, first at "
+            f"{t[odd.spikes[0]]:.4g} s, and near it nowhere else: a mark for missing samples; cut them off, or fill "
             "them before",
         )
-    if found.spikes.size:
-        changed = 1.0 if frequency is None else samples.cost(t, values, frequency, found.spikes)
+    if odd.spikes.size:
+        changed = 1.0 if frequency is None else samples.cost(t, values, frequency, odd.spikes)
         costs = "" if frequency is None else (
             f", which change the amplitude of its sine by {100 * abs(changed) - 100:+.2g} % and its phase by "
             f"{np.degrees(np.angle(changed)):+.2g} degrees"
         )  # fmt: skip
-        spikes = "a spike" if found.spikes.size == 1 else f"{found.spikes.size} spikes"
+        spikes = "a spike" if odd.spikes.size == 1 else f"{odd.spikes.size} spikes"
         warnings.append(
-            f"{recording.file}: {name} has {spikes} of up to {found.size:.3g} m/s^2, the first at "
-            f"{t[found.spikes[0]]:.4g} s{costs}."
+            f"{recording.file}: {name} has {spikes} of up to {odd.size:.3g} m/s^2, the first at "
+            f"{t[odd.spikes[0]]:.4g} s{costs}."
         )
-    elif found.jumps.size:
-        more = f" and at {found.jumps.size - 1} more places" * (found.jumps.size > 1)
+    elif odd.jumps.size:
+        more = f" and at {odd.jumps.size - 1} more places" * (odd.jumps.size > 1)
         warnings.append(
-            f"{recording.file}: {name} jumps by {found.size:.3g} m/s^2 at {t[found.jumps[0]]:.4g} s{more}; are samples "
+            f"{recording.file}: {name} jumps by {odd.size:.3g} m/s^2 at {t[odd.jumps[0]]:.4g} s{more}; are samples "
             "missing there? Then what is behind them comes early, and its phase leads."
         )
 
 
 def _slow(recording: Recording, name: str, frequency: float | None, warnings: list[str]) -> float:
-    """Tell with what it costs that a channel has one sample in several of the file (returned); and of coarse steps."""
+    """Warn of a channel with one measured sample in several of the file (returned), and of coarse steps."""
     values, rate, f = recording.channels[name], recording.rate_hz, frequency or 20.0
     grid = samples.step(values)
-    found = samples.slow(values, grid)
-    if found is not None and frequency and rate / found.interval < OVERSAMPLING * frequency:
-        found = None  # four samples a period can be equal in pairs by themselves
-    if found is not None:
-        change, delay_s = found.effect(f, rate)
-        kept = "held until the next one" if found.held else "joined by straight lines"
-        late = f", {360 * f * delay_s:.3g} degrees late" * found.held
-        hint = f", or give study.toml channels.{name.removesuffix('_m_s2')}.delay_s = {delay_s:.3g}" * found.held
+    slow = samples.slow(values, grid)
+    if slow is not None and frequency and rate / slow.interval < OVERSAMPLING * frequency:
+        slow = None  # four samples a period can be equal in pairs by themselves
+    if slow is not None:
+        change, delay_s = slow.effect(f, rate)
+        kept = "held until the next one" if slow.held else "joined by straight lines"
+        late = f", {360 * f * delay_s:.3g} degrees late" * slow.held
+        hint = f", or give study.toml channels.{name.removesuffix('_m_s2')}.delay_s = {delay_s:.3g}" * slow.held
         warnings.append(
-            f"{recording.file}: {name} was sampled at {rate / found.interval:.4g} Hz and is {kept}: a sine of "
+            f"{recording.file}: {name} was sampled at {rate / slow.interval:.4g} Hz and is {kept}: a sine of "
             f"{f:.4g} Hz is {-100 * change:.2g} % too small by that{late}; record all channels at one rate{hint}."
         )
     elif frequency and (error := samples.by_steps(values, grid, frequency, rate)) > _COARSE:
@@ -447,7 +448,7 @@ def _slow(recording: Recording, name: str, frequency: float | None, warnings: li
             f"{recording.file}: {name} has steps of {grid:.3g} m/s^2 (its converter, or numbers saved "
             f"with few digits), which leave its amplitude uncertain by {100 * error:.2g} %, whatever the interval says."
         )
-    return 1.0 if found is None else found.interval
+    return 1.0 if slow is None else slow.interval
 
 
 def _moving(recording: Recording, channels: Mapping[str, np.ndarray], frequency: float | None) -> None:
@@ -462,30 +463,30 @@ def _moving(recording: Recording, channels: Mapping[str, np.ndarray], frequency:
         )
 
 
-def _quality(recording: Recording, found: Quality, frequency: float | None, warnings: list[str]) -> None:
-    """What coherence, distortion, drift and level say: tops that a sensor flattened, channels swapped or uneven."""
+def _quality(recording: Recording, measures: Quality, frequency: float | None, warnings: list[str]) -> None:
+    """Warnings by coherence, distortion, drift and level: flattened tops, channels swapped or uneven."""
     at = "over the band" if frequency is None else f"at {frequency:.4g} Hz"
-    base, malleolus = found.channels["base"], found.channels["malleolus"]
+    base, malleolus = measures.channels["base"], measures.channels["malleolus"]
     _, delay_std = gain_and_delay(recording, "malleolus", "base")
-    sure = 3 * np.hypot(found.lead_std_deg, 360 * (frequency or 20.0) * delay_std)
+    sure = 3 * np.hypot(measures.lead_std_deg, 360 * (frequency or 20.0) * delay_std)
     size = malleolus.level_m_s2.mean() / base.level_m_s2.mean() if base.level_m_s2.size else 1.0
-    leads = found.lead_deg > _LEAD_DEG + sure and not (frequency and _late(size, found.lead_deg))
-    if leads and found.coherence > _COHERENT[False]:
+    leads = measures.lead_deg > _LEAD_DEG + sure and not (frequency and _late(size, measures.lead_deg))
+    if leads and measures.coherence > _COHERENT[False]:
         raise _fail(
             recording,
-            f"the malleolus leads the base by {found.lead_deg:.1f} degrees {at}, which no passive foot does; the "
+            f"the malleolus leads the base by {measures.lead_deg:.1f} degrees {at}, which no passive foot does; the "
             "channels are swapped or misaligned (study.toml: column, delay_s; delay_std_s says how sure that is)",
         )
-    for name, channel in found.channels.items():
-        flat, own = channel.flat_tops, base.distortion
-        one_sided = flat < _BOTH_SIDES * channel.distortion
-        if name != "base" and flat > max(_FLAT_TOPS, _MORE_THAN_BASE * own) and not one_sided:
+    for name, channel in measures.channels.items():
+        flat, base_distortion = channel.flat_tops, base.distortion
+        one_sided = flat < _TWO_SIDED * channel.distortion
+        if name != "base" and flat > max(_FLAT_TOPS, _MORE_THAN_BASE * base_distortion) and not one_sided:
             raise _fail(
                 recording,
                 f"{name}_m_s2 has flattened tops {at} (a third harmonic of {100 * flat:.1f} % in phase with them, base "
-                f"{100 * own:.1f} %): its sensor saturates; record with a larger range",
+                f"{100 * base_distortion:.1f} %): its sensor saturates; record with a larger range",
             )
-        if name != "base" and flat > max(_SUSPECT_TOPS, _MORE_THAN_BASE * own):
+        if name != "base" and flat > max(_SUSPECT_TOPS, _MORE_THAN_BASE * base_distortion):
             tops = f"(a third harmonic of {100 * flat:.1f} % in phase with them)"
             warnings.append(
                 f"{recording.file}: {name}_m_s2 has flattened tops on one side {at} {tops}; a foot that leaves the "
@@ -509,14 +510,14 @@ def _quality(recording: Recording, found: Quality, frequency: float | None, warn
         warnings.append(
             f"{recording.file}: base_m_s2 has flattened tops {at} and the malleolus none; does its sensor saturate?"
         )
-    if found.coherence < _COHERENT[frequency is not None]:
+    if measures.coherence < _COHERENT[frequency is not None]:
         warnings.append(
-            f"{recording.file}: the coherence of malleolus and base is {found.coherence:.2f} {at}; noise, or a foot "
+            f"{recording.file}: the coherence of malleolus and base is {measures.coherence:.2f} {at}; noise, or a foot "
             "that does not answer its base alike."
         )
 
 
-def _excitation(recording: Recording, found: float, share: float, warnings: list[str]) -> float | None:
+def _excitation(recording: Recording, hz: float, share: float, warnings: list[str]) -> float | None:
     """Excitation frequency [Hz] found in the base channel, None for broadband; it must agree with the table."""
     t = recording.time_s
     nominal = recording.condition.frequency_hz
@@ -528,23 +529,23 @@ def _excitation(recording: Recording, found: float, share: float, warnings: list
             f"the excitation of {nominal:g} Hz is not found in base_m_s2 (a sine explains {100 * share:.0f} % of its "
             f"power); leave frequency_hz empty for broadband excitation",
         )
-    if nominal is not None and abs(found - nominal) > max(0.02 * nominal, 1.5 / (t[-1] - t[0])):
-        raise _fail(recording, f"base_m_s2 vibrates at {found:.4g} Hz and recordings.csv says {nominal:g} Hz")
-    if found > _FASTEST_HZ:
+    if nominal is not None and abs(hz - nominal) > max(0.02 * nominal, 1.5 / (t[-1] - t[0])):
+        raise _fail(recording, f"base_m_s2 vibrates at {hz:.4g} Hz and recordings.csv says {nominal:g} Hz")
+    if hz > _FASTEST_HZ:
         warnings.append(
-            f"{recording.file}: base_m_s2 vibrates at {found:.4g} Hz, faster than any foot is shaken; check the unit "
+            f"{recording.file}: base_m_s2 vibrates at {hz:.4g} Hz, faster than any foot is shaken; check the unit "
             "of its time."
         )
-    if recording.rate_hz < OVERSAMPLING * found * (1 - 1e-3):
+    if recording.rate_hz < OVERSAMPLING * hz * (1 - 1e-3):
         raise _fail(
             recording,
-            f"is sampled at {recording.rate_hz:g} Hz, less than {OVERSAMPLING} times its excitation of {found:.4g} Hz",
+            f"is sampled at {recording.rate_hz:g} Hz, less than {OVERSAMPLING} times its excitation of {hz:.4g} Hz",
         )
-    if recording.rate_hz < COMFORTABLE * found * (1 - 1e-3):
-        warnings.append(_folded(recording, found))
-    if (t[-1] - t[0]) * found < 3:
-        raise _fail(recording, f"is too short: {(t[-1] - t[0]) * found:.1f} periods of {found:.4g} Hz, needed are 3")
-    return found
+    if recording.rate_hz < COMFORTABLE * hz * (1 - 1e-3):
+        warnings.append(_folded(recording, hz))
+    if (t[-1] - t[0]) * hz < 3:
+        raise _fail(recording, f"is too short: {(t[-1] - t[0]) * hz:.1f} periods of {hz:.4g} Hz, needed are 3")
+    return hz
 
 
 def _folded(recording: Recording, frequency: float) -> str:
@@ -554,22 +555,22 @@ def _folded(recording: Recording, frequency: float) -> str:
         h for h in range(2, 11)
         if abs(abs(h * frequency - rate * round(h * frequency / rate)) - frequency) < 2 / seconds
     ]  # fmt: skip
-    said = (
+    text = (
         f"{recording.file}: sampled at {rate:.5g} Hz, {rate / frequency:.3g} times its excitation of {frequency:.4g} Hz"
     )
     if folded:
         return (
-            f"{said}: its harmonic {folded[0]} folds onto the excitation itself and biases it by its own share, which "
+            f"{text}: its harmonic {folded[0]} folds onto the excitation itself and biases it by its own share, which "
             "the interval does not hold; choose another rate."
         )
-    return f"{said}: the sine fit needs no more, but harmonics above {rate / 2:.4g} Hz fold and are not told apart."
+    return f"{text}: the sine fit needs no more, but harmonics above {rate / 2:.4g} Hz fold and are not told apart."
 
 
-def _cost(recording: Recording, found: Quality, frequency: float, warnings: list[str]) -> None:
+def _cost(recording: Recording, measures: Quality, frequency: float, warnings: list[str]) -> None:
     """What noise, drift and a wandering shaker cost, in the interval of the ratio."""
     share = sine_share(recording.time_s, recording.base_m_s2, frequency)
     if share < _CLEAN:
-        half = 1.96 * found.lead_std_deg
+        half = Z95 * measures.lead_std_deg
         warnings.append(
             f"{recording.file}: {100 * (1 - share):.0f} % of the power of base_m_s2 is neither the excitation nor its "
             f"harmonics (noise, drift, or a shaker that wanders): the malleolus over the base is known to "

@@ -12,7 +12,7 @@ if TYPE_CHECKING:
 _UNIFORM = 0.5
 #: Rounding makes odd steps again and again; fewer could be missing samples.
 _REPEATED = 3
-#: A missing sample is seen where it would jump by this times the scatter of the third differences.
+#: A missing sample is detected where it would jump by this times the scatter of the third differences.
 _SEEN = 8.0
 #: A step of this many typical ones is a gap, which nothing can fill.
 _GAP = 1.9

@@ -10,7 +10,7 @@ from fasbody.presentation import Tabled
 from fasbody.recording.channels import (
     ACCELERATIONS,
     NAMES,
-    OWN,
+    SENSOR_NAME,
     TIME_UNITS,
     UNITS,
     VOLTAGES,
@@ -32,12 +32,13 @@ class Columns:
     """A file's columns.
 
     Attributes:
-        names, units: of each, a unit "" where only the name may say it.
+        names: of the columns.
+        units: of the columns, "" where only the name may state it.
         groups: sheet, structure or folder of each.
         sizes: samples of each, if they may differ.
         passed: what else the file holds and why it is no column.
         line: of the headings, if it is text.
-        clocked: the file says its rate.
+        clocked: the file states its rate.
         rates: of each [Hz], if they may differ.
     """
 
@@ -54,9 +55,9 @@ class Columns:
         """Whether study.toml means a column: by name, by name without its unit, with `` 2`` if two are called so, or by
         its number.
         """
-        wanted, plain = column.strip().lower(), [name.strip().lower() for name in self.names]
+        stated, plain = column.strip().lower(), [name.strip().lower() for name in self.names]
         repeated = f"{plain[index]} {plain[: index + 1].count(plain[index])}"
-        return wanted in (plain[index], heading(self.names[index])[0], repeated, f"#{index + 1}")
+        return stated in (plain[index], heading(self.names[index])[0], repeated, f"#{index + 1}")
 
     def claimed(self, index: int) -> str:
         """The unit of a column by itself, or by its heading."""
@@ -117,41 +118,41 @@ def assign(file: Path, columns: Columns, layout: Layout) -> Assignment:
     Args:
         file: for messages.
         columns: of the file.
-        layout: what study.toml says of them.
+        layout: of study.toml.
 
     Raises:
         InputFileError: a unit is unknown or missing, or the file gives two; a channel is missing or there twice.
     """
     remarks: list[str] = []
-    wanted: dict[str, tuple[int, str]] = {}
+    chosen: dict[str, tuple[int, str]] = {}
     for channel in ("time", *NAMES):
-        found = _found(file, columns, layout, channel, remarks)
-        if found is not None:
-            index, unit = found
+        column = _column_of(file, columns, layout, channel, remarks)
+        if column is not None:
+            index, unit = column
             key = f"{channel}_m_s2" if channel != "time" else "time_s" if unit else "time"
-            wanted[key] = (index, unit)
-    bare = wanted.pop("time", None)  # a time that does not say its unit; a known rate tells it
+            chosen[key] = (index, unit)
+    bare = chosen.pop("time", None)  # a time without a unit, which a known rate gives
     if bare and not columns.clocked and layout.rate_hz is None:
         hint = 'name the column time_s, time_ms or time_us, or give study.toml [channels.time] unit = "s"'
         raise InputFileError(file, f"{columns.names[bare[0]]!r} has no unit", hint, line=columns.line)
     if bare:
-        wanted["time"] = bare
-    elif "time_s" not in wanted and (named := _by_unit(columns)) is not None:
-        wanted["time_s"] = (named, columns.claimed(named))
-    _complete(file, columns, layout, wanted)
-    wanted |= _others(columns, layout, wanted)
-    clocks = _clocks(file, columns, layout, wanted)
-    _one_length(file, columns, wanted, clocks)
+        chosen["time"] = bare
+    elif "time_s" not in chosen and (named := _by_unit(columns)) is not None:
+        chosen["time_s"] = (named, columns.claimed(named))
+    _complete(file, columns, layout, chosen)
+    chosen |= _others(columns, layout, chosen)
+    clocks = _clocks(file, columns, layout, chosen)
+    _one_length(file, columns, chosen, clocks)
     return Assignment(
         {
             key: Use(index, _factor(file, columns, layout, key, unit), unit, clocks.get(key))
-            for key, (index, unit) in wanted.items()
+            for key, (index, unit) in chosen.items()
         },
         tuple(remarks),
     )
 
 
-def _found(
+def _column_of(
     file: Path, columns: Columns, layout: Layout, channel: str, remarks: list[str]
 ) -> tuple[int, str] | None:  # fmt: skip
     """The column of a channel, and the unit of its numbers.
@@ -160,7 +161,7 @@ def _found(
         InputFileError: two columns, none where study.toml names one, or two units.
     """
     stated = layout.channels.get(channel, Channel())
-    found: list[tuple[int, str]] = []
+    candidates: list[tuple[int, str]] = []
     for index, name in enumerate(columns.names):
         stem, behind = name_and_unit(name)
         if stated.column:
@@ -171,24 +172,24 @@ def _found(
         unit = _unit(file, channel, behind, columns.units[index], stated.unit, remarks)
         if channel == "time" and unit and unit.lower() not in TIME_UNITS and not stated.column:
             continue
-        found.append((index, unit))
+        candidates.append((index, unit))
     if (
-        len(found) > 1
+        len(candidates) > 1
         and channel == "time"
-        and len({columns.groups[i] for i, _ in found} if columns.groups else ()) > 1
+        and len({columns.groups[i] for i, _ in candidates} if columns.groups else ()) > 1
     ):
-        return found[0]  # a clock for each sheet, structure or group
-    if len(found) > 1 and channel == "time" and all(_between(columns, index) for index, _ in found[1:]):
-        return found[0]  # a clock in front of each sensor
-    if len(found) > 1:
-        numbers = " or ".join(f"column = {index + 1}" for index, _ in found[:3])
+        return candidates[0]  # a clock for each sheet, structure or group
+    if len(candidates) > 1 and channel == "time" and all(_between(columns, index) for index, _ in candidates[1:]):
+        return candidates[0]  # a clock in front of each sensor
+    if len(candidates) > 1:
+        numbers = " or ".join(f"column = {index + 1}" for index, _ in candidates[:3])
         hint = f"keep one of them, or say which in study.toml ([channels.{channel}] {numbers})"
         raise InputFileError(file, f"has two columns for {channel}", hint, line=columns.line)
-    if stated.column and not found:
+    if stated.column and not candidates:
         hint = "one study.toml is for files of one kind; python -m fasbody.recording convert makes them one"
         column = repr(stated.column) if stated.column[:1] != "#" else f"number {stated.column[1:]}"
         raise InputFileError(file, f"has no column {column} for {channel} ({columns.listed})", hint)
-    return found[0] if found else None
+    return candidates[0] if candidates else None
 
 
 def _between(columns: Columns, index: int) -> bool:
@@ -197,10 +198,11 @@ def _between(columns: Columns, index: int) -> bool:
 
 
 def _unit(file: Path, channel: str, behind: str, beside: str, stated: str, remarks: list[str]) -> str:
-    """The unit of a channel's numbers: what study.toml says, which may overrule the file, or the file.
+    """The unit of a channel's numbers: of study.toml, which may overrule the file, or of the file.
 
     Args:
-        file, channel: for messages.
+        file: for messages.
+        channel: its name.
         behind: by the heading.
         beside: by a row or attribute of units.
         stated: in study.toml.
@@ -234,9 +236,9 @@ def _by_unit(columns: Columns) -> int | None:
     return None
 
 
-def _complete(file: Path, columns: Columns, layout: Layout, wanted: Mapping[str, tuple[int, str]]) -> None:
+def _complete(file: Path, columns: Columns, layout: Layout, chosen: Mapping[str, tuple[int, str]]) -> None:
     """Refuse a file that lacks a channel, or a time where it states no rate."""
-    if columns.line and not wanted:  # text, perhaps in another language
+    if columns.line and not chosen:  # text, perhaps in another language
         listed = ", ".join(f'[channels.{name}] column = "..."' for name in ("time", "base", "malleolus"))
         raise InputFileError(
             file, f"names no channel ({columns.listed})",
@@ -245,34 +247,34 @@ def _complete(file: Path, columns: Columns, layout: Layout, wanted: Mapping[str,
         )  # fmt: skip
     clock = ("time_s",) if columns.line and layout.rate_hz is None and not columns.clocked else ()
     for name in (*clock, "base_m_s2", "malleolus_m_s2"):
-        if name not in wanted:
+        if name not in chosen:
             hint = _CLOCK if name in clock else _HELP.format(name=name.removesuffix("_m_s2"))
             raise InputFileError(file, f"has no column {name!r} ({columns.listed})", hint, line=columns.line)
 
 
 def _others(
-    columns: Columns, layout: Layout, wanted: Mapping[str, tuple[int, str]]
+    columns: Columns, layout: Layout, chosen: Mapping[str, tuple[int, str]]
 ) -> dict[str, tuple[int, str]]:  # fmt: skip
-    """Further accelerometers: those of study.toml, and columns that their unit says to be accelerations."""
-    taken = {index for index, _ in wanted.values()}
-    size = columns.sizes[wanted["base_m_s2"][0]] if columns.sizes else 0
-    found: dict[str, tuple[int, str]] = {}
+    """Further accelerometers: those of study.toml, and columns with a unit of acceleration."""
+    taken = {index for index, _ in chosen.values()}
+    size = columns.sizes[chosen["base_m_s2"][0]] if columns.sizes else 0
+    others: dict[str, tuple[int, str]] = {}
     for index, (name, unit) in enumerate(zip(columns.names, columns.units, strict=True)):
         plain, claimed = heading(name)
         stem = plain.removesuffix(f"_{claimed}") if claimed else plain
         named = (other for other, c in layout.channels.items() if c.column and columns.called(index, c.column))
         channel = next(named, stem)
         stated = layout.channels.get(channel)
-        acceleration = (unit or claimed).lower() in ACCELERATIONS and OWN.fullmatch(channel)
+        acceleration = (unit or claimed).lower() in ACCELERATIONS and SENSOR_NAME.fullmatch(channel)
         if index in taken or channel.partition("_")[0] in (*NAMES, "time") or not (stated or acceleration):
             continue
         if not columns.sizes or stated or columns.sizes[index] == size:
-            found.setdefault(f"{channel}_m_s2", (index, (stated.unit if stated else "") or unit or claimed))
-    return found
+            others.setdefault(f"{channel}_m_s2", (index, (stated.unit if stated else "") or unit or claimed))
+    return others
 
 
 def _clocks(
-    file: Path, columns: Columns, layout: Layout, wanted: Mapping[str, tuple[int, str]]
+    file: Path, columns: Columns, layout: Layout, chosen: Mapping[str, tuple[int, str]]
 ) -> dict[str, int]:  # fmt: skip
     """The column of times of each channel that does not share the time of the file.
 
@@ -281,10 +283,10 @@ def _clocks(
     Raises:
         InputFileError: study.toml names a column of times that is none.
     """
-    main = next((wanted[key][0] for key in ("time_s", "time") if key in wanted), None)
+    main = next((chosen[key][0] for key in ("time_s", "time") if key in chosen), None)
     times = sorted({*columns.times, *(() if main is None else (main,))})
-    chosen: dict[str, int] = {}
-    for key, (index, _) in wanted.items():
+    clocks: dict[str, int] = {}
+    for key, (index, _) in chosen.items():
         if key in ("time_s", "time"):
             continue
         stated = layout.channels.get(key.removesuffix("_m_s2"), Channel()).clock
@@ -292,20 +294,20 @@ def _clocks(
             named = next((i for i in range(len(columns.names)) if columns.called(i, stated)), None)
             if named is None:
                 raise InputFileError(file, f"has no column {stated!r} for the times of {key} ({columns.listed})")
-            chosen[key] = named
+            clocks[key] = named
         elif times:
-            chosen[key] = _clock_of(columns, index, key, [i for i in times if i != index], main)
-    return {key: index for key, index in chosen.items() if index != main}
+            clocks[key] = _clock_of(columns, index, key, [i for i in times if i != index], main)
+    return {key: index for key, index in clocks.items() if index != main}
 
 
 def _one_length(
-    file: Path, columns: Columns, wanted: Mapping[str, tuple[int, str]], clocks: Mapping[str, int]
+    file: Path, columns: Columns, chosen: Mapping[str, tuple[int, str]], clocks: Mapping[str, int]
 ) -> None:  # fmt: skip
     """Refuse channels of other lengths than the others that share their time."""
-    sizes = {key: columns.sizes[index] for key, (index, _) in wanted.items()} if columns.sizes else {}
+    sizes = {key: columns.sizes[index] for key, (index, _) in chosen.items()} if columns.sizes else {}
     odd = {key for key, size in sizes.items() if key in clocks and columns.sizes[clocks[key]] == size}
-    if columns.rates and len({columns.rates[index] for index, _ in wanted.values()}) > 1:  # a clock for each rate
-        odd |= {key for key, (index, _) in wanted.items() if columns.rates[index]}
+    if columns.rates and len({columns.rates[index] for index, _ in chosen.values()}) > 1:  # a clock for each rate
+        odd |= {key for key, (index, _) in chosen.items() if columns.rates[index]}
     shared = {key: size for key, size in sizes.items() if key not in odd}
     if len(set(shared.values())) > 1:
         listed = ", ".join(f"{name} {size}" for name, size in shared.items())
@@ -317,10 +319,10 @@ def _clock_of(columns: Columns, index: int, key: str, times: Sequence[int], main
     if columns.groups and any(columns.groups[i] == columns.groups[index] for i in times):
         times = [i for i in times if columns.groups[i] == columns.groups[index]]
     words = {i: _words(columns.names[i]) for i in times}
-    if not all(any(word.isdigit() for word in found) for found in words.values()):  # t1 and t2, not time and time 2
-        words = {i: {word for word in found if not word.isdigit()} for i, found in words.items()}
+    if not all(any(word.isdigit() for word in tokens) for tokens in words.values()):  # t1 and t2, not time and time 2
+        words = {i: {word for word in tokens if not word.isdigit()} for i, tokens in words.items()}
     mine = _words(columns.names[index]) | {key.removesuffix("_m_s2")}
-    alike = [i for i, found in words.items() if found and found <= mine]
+    alike = [i for i, tokens in words.items() if tokens and tokens <= mine]
     if len(alike) == 1 and len(times) > 1:
         return alike[0]
     before = [i for i in times if i < index] or times[:1]
@@ -331,9 +333,9 @@ def _clock_of(columns: Columns, index: int, key: str, times: Sequence[int], main
 
 
 def _words(name: str) -> set[str]:
-    """What tells a heading from others: its words and numbers but those of time and units."""
-    found = set(re.findall(r"[^\W\d_]+|\d+", name_and_unit(name)[0] if name.strip()[-1:] in ")]" else name.lower()))
-    return {word for word in found if (word.isdigit() or len(word) > 2) and not _TIMES.fullmatch(word)}
+    """Words and numbers that distinguish a heading, without those of time and units."""
+    words = set(re.findall(r"[^\W\d_]+|\d+", name_and_unit(name)[0] if name.strip()[-1:] in ")]" else name.lower()))
+    return {word for word in words if (word.isdigit() or len(word) > 2) and not _TIMES.fullmatch(word)}
 
 
 def _factor(file: Path, columns: Columns, layout: Layout, key: str, unit: str) -> float:

@@ -79,7 +79,7 @@ class Condition(Tabled):
         return {"m_S": shank, "m_T": shank, "m_F": foot_mass(self.body_mass_kg)} | added
 
 
-def plausible(mass_kg: float, name: str, here: str) -> float:
+def plausible(mass_kg: float, name: str, where: str) -> float:
     """The mass of a "body" or "added" to it.
 
     Raises:
@@ -87,7 +87,7 @@ def plausible(mass_kg: float, name: str, here: str) -> float:
     """
     low, high = _MASS_LIMITS_KG[name]
     if isinstance(mass_kg, str) or np.ndim(mass_kg):
-        raise RecordingError(f"{here}: the {name} mass is {mass_kg!r}; give a number of kilograms, such as 72.5.")
+        raise RecordingError(f"{where}: the {name} mass is {mass_kg!r}; give a number of kilograms, such as 72.5.")
     if not low <= mass_kg <= high:
-        raise RecordingError(f"{here}: the {name} mass is {mass_kg:g} kg; it must lie between {low} and {high} kg.")
+        raise RecordingError(f"{where}: the {name} mass is {mass_kg:g} kg; it must lie between {low} and {high} kg.")
     return mass_kg

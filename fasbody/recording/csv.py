@@ -45,7 +45,7 @@ _PLAIN = b"0123456789+-.eE,;|\t\n "
 
 @dataclass(frozen=True, eq=False)
 class TextTable:
-    """A recording's text: headings, and below them the numbers, which are parsed when they are asked for.
+    """A recording's text: headings, and below them the numbers, which are parsed when they are needed.
 
     Attributes:
         passage: its lines in the file.
@@ -69,12 +69,12 @@ class TextTable:
 
         Args:
             file: the file.
-            layout: what study.toml says of its columns.
+            layout: its columns by study.toml.
             strict: refuse columns without names.
 
         Raises:
             InputFileError: it is no text or empty; it has no header, and study.toml names its columns wrongly; it holds
-                several takes, and nothing says which is meant.
+                several takes, and study.toml names none.
         """
         tables = list(_sections(file, layout, strict))
         if len(tables) == 1:
@@ -121,7 +121,7 @@ class TextTable:
         return True
 
     def rate_hz(self, uses: Mapping[str, Use], layout: Layout) -> float | None:
-        """The rate [Hz] that a line of the text states; a column of times knows better."""
+        """The rate [Hz] that a line of the text states; a column of times overrules it."""
         return None if "time_s" in uses else self.headings.rate_hz
 
     def clocks(self, uses: Mapping[str, Use], time_s: np.ndarray, rate_hz: float | None) -> Channels:
@@ -143,25 +143,25 @@ class TextTable:
         cells = row_after(self.head, self.headings.first, self.headings.separator)
         return frozenset(i for i, cell in enumerate(cells[: len(self.names)]) if STAMP.fullmatch(cell))
 
-    def numbers(self, wanted: Mapping[str, int]) -> Channels:
+    def numbers(self, indices: Mapping[str, int]) -> Channels:
         """Columns as floats (n,), NaN where a cell is empty, times of the day in seconds: by name, from their index.
 
         Raises:
             InputFileError: a cell is no finite number; a row has more cells than headings, or fewer.
         """
-        _no_narrower(self, wanted)
-        times = {name: index for name, index in wanted.items() if index in self.stamped}
-        rest = {name: index for name, index in wanted.items() if index not in self.stamped}
-        parts: dict[str, list[np.ndarray]] = {name: [] for name in wanted}
+        _no_narrower(self, indices)
+        times = {name: index for name, index in indices.items() if index in self.stamped}
+        rest = {name: index for name, index in indices.items() if index not in self.stamped}
+        parts: dict[str, list[np.ndarray]] = {name: [] for name in indices}
         for after, body in self.bodies():
             for name, values in _numbers(self, body, after, rest).items() if rest else ():
                 parts[name].append(values)
             for name, index in times.items():
                 parts[name].append(_seconds(self.file, body, self.headings.separator, index, after))
-        found = {name: _joined(pieces) for name, pieces in parts.items()}
+        columns = {name: _joined(pieces) for name, pieces in parts.items()}
         for name, index in rest.items():
-            _no_thousands(self, name, index, found[name])
-        return {name: _past_midnight(values) if name in times else values for name, values in found.items()}
+            _no_thousands(self, name, index, columns[name])
+        return {name: _past_midnight(values) if name in times else values for name, values in columns.items()}
 
     def bodies(self) -> Iterator[tuple[int, str]]:
         """How many lines of the file stand above each piece of the numbers, and the piece, without a footer."""
@@ -175,15 +175,15 @@ class TextTable:
             yield max(at, above), piece
 
     def rising(self, time_s: np.ndarray) -> list[int]:
-        """Columns whose first rows rise as a time does and do not say so."""
+        """Columns whose first rows rise as a time does, without a name of one."""
         first = self.sample()
         steps = float(np.median(np.diff(time_s[: max(2, first.shape[1])])))
-        found = []
+        times = []
         for index, values in enumerate(first):
             rise = np.diff(values)
             even = rise.size > 8 and bool(rise.min() > 0) and np.ptp(rise) < 0.1 * np.median(rise)
-            found += [index] if even and any(abs(np.median(rise) / steps / u - 1) < 1e-2 for u in (1, 1e3, 1e6)) else []
-        return found
+            times += [index] if even and any(abs(np.median(rise) / steps / u - 1) < 1e-2 for u in (1, 1e3, 1e6)) else []
+        return times
 
     def sample(self, most: int = 500) -> np.ndarray:
         """The first rows of numbers, (columns, rows); NaN where a cell is none."""
@@ -213,7 +213,7 @@ def several_takes(file: Path, count: int, where: str) -> InputFileError:
 
 
 def _sections(file: Path, layout: Layout, strict: bool) -> Iterator[TextTable]:
-    """The tables of a text, one below the other: each begins with headings of its own."""
+    """The tables of a text, one below the other: each begins with its headings."""
     passage: Passage | None = Passage(file)
     while passage is not None:
         table, passage = _table(passage, layout, strict), None
@@ -280,13 +280,13 @@ def _joined(parts: list[np.ndarray]) -> np.ndarray:
     return joined
 
 
-def _no_narrower(table: TextTable, wanted: Mapping[str, int]) -> None:
+def _no_narrower(table: TextTable, indices: Mapping[str, int]) -> None:
     """Refuse headings that are more than the cells below them, unless a time of its name shows which are which."""
     body = first_samples(table.head, table.headings.first, table.headings.separator)
     surplus = len(table.names) - len(body)
     while surplus > 0 and not table.names[len(body) + surplus - 1]:
         surplus -= 1
-    if not body or surplus <= 0 or not table.headings.line or "time_s" in wanted or "time" in wanted:
+    if not body or surplus <= 0 or not table.headings.line or "time_s" in indices or "time" in indices:
         return
     raise InputFileError(
         table.file, f"names {len(body) + surplus} columns ({shown(', '.join(table.names))}), and its rows have "
@@ -330,27 +330,27 @@ def _like_thousands(values: np.ndarray) -> bool:
     return values.size > 0 and bool(np.abs(marked).min(initial=np.inf) >= 1000)
 
 
-def _numbers(table: TextTable, body: str, after: int, wanted: Mapping[str, int]) -> Channels:
-    """The wanted columns of a piece: fast for a sound one, and line by line to find what is wrong with another."""
+def _numbers(table: TextTable, body: str, after: int, indices: Mapping[str, int]) -> Channels:
+    """The columns of these indices in a piece: fast for a sound one, else line by line to find the error."""
     separator, width = table.headings.separator, len(table.names)
     sample = row_after(table.head, table.headings.first, separator)
-    decimal = "," if any("," in sample[i] for i in wanted.values() if i < len(sample)) else "."
+    decimal = "," if any("," in sample[i] for i in indices.values() if i < len(sample)) else "."
     marked = any(mark in body for mark in ("#", "%", "//"))  # a search by pattern takes as long as the parser
     plain = body
     if marked and (COMMENT.match(body) or re.search(rf"\n{COMMENT.pattern}", body)):
         plain = "\n".join(line for line in body.split("\n") if not COMMENT.match(line))
     data = plain.encode()
     _no_wider(table, body, data, after)
-    order = list(wanted.values())
+    order = list(indices.values())
     try:
         columns = _parsed(data, separator, decimal, order, max(width, len(sample)))
-        return dict(zip(wanted, columns, strict=True))
+        return dict(zip(indices, columns, strict=True))
     except (ValueError, TypeError):  # pandas' errors are ValueErrors, too
         pass
     kept: list[list[float]] = []
     for line, cells in rows(table.file, body, separator, after):
-        kept.append([_cell(table.file, name, cells, index, line, empty=True) for name, index in wanted.items()])
-    return dict(zip(wanted, np.array(kept, float).reshape(-1, len(wanted)).T.copy(), strict=True))
+        kept.append([_cell(table.file, name, cells, index, line, empty=True) for name, index in indices.items()])
+    return dict(zip(indices, np.array(kept, float).reshape(-1, len(indices)).T.copy(), strict=True))
 
 
 def _parsed(data: bytes, separator: str, decimal: str, order: Sequence[int], width: int) -> list[np.ndarray]:
@@ -390,15 +390,15 @@ def _exact(version: str) -> bool:
 
 def _seconds(file: Path, body: str, separator: str, index: int, after: int) -> np.ndarray:
     """A column of times of the day (n,) [s]."""
-    found = []
+    seconds = []
     for line, cells in rows(file, body, separator, after):
         cell = cells[index] if index < len(cells) else ""
         stamp = STAMP.fullmatch(cell)
         if stamp is None:
             raise InputFileError(file, f"time is {shown(cell)!r}, not a time of the day as above it", line=line)
         hour = int(stamp[1] or 0) if stamp[4] is None else int(stamp[1] or 0) % 12 + 12 * (stamp[4] in "Pp")
-        found.append(3600 * hour + 60 * int(stamp[2]) + float(stamp[3].replace(",", ".")))
-    return np.array(found, float)
+        seconds.append(3600 * hour + 60 * int(stamp[2]) + float(stamp[3].replace(",", ".")))
+    return np.array(seconds, float)
 
 
 def _past_midnight(times: np.ndarray) -> np.ndarray:
@@ -465,12 +465,12 @@ def read_table(file: Path, needed: Sequence[str]) -> Rows:
     if len(set(names)) < len(names):
         twice = next(name for name in names if names.count(name) > 1)
         raise InputFileError(file, f"has two columns {shown(twice)!r}", "keep one of them", line=line)
-    found: Rows = {}
+    records: Rows = {}
     for place, cells in rows(file, text[offset(text, line) :], separator, line):
         if any(cells[len(names) :]):
             raise InputFileError(file, f"has {len(cells)} cells, and the header {len(names)}", line=place)
-        found[place] = {name: cell or None for name, cell in zip_longest(names, cells[: len(names)])}
-    return found
+        records[place] = {name: cell or None for name, cell in zip_longest(names, cells[: len(names)])}
+    return records
 
 
 def column(file: Path, table: Rows, name: str, optional: bool = False) -> np.ndarray:

@@ -67,9 +67,9 @@ def reading(file: Path, layout: Layout | None = None) -> Reading:
         source = TextTable.open(file, layout)
     else:
         source = _SeriesTable.open(file, layout)
-    found = assign(file, source.columns, layout)
-    numbers = _numbers(source, found.uses, layout)
-    uses = {key: use for key, use in found.uses.items() if key in numbers}
+    assignment = assign(file, source.columns, layout)
+    numbers = _numbers(source, assignment.uses, layout)
+    uses = {key: use for key, use in assignment.uses.items() if key in numbers}
     rate = source.rate_hz(uses, layout)
     numbers, places = _without_gaps(source, uses, numbers)
     channels = {key: _scaled(numbers.pop(key), use.factor) for key, use in uses.items()}
@@ -99,7 +99,7 @@ def reading(file: Path, layout: Layout | None = None) -> Reading:
     if not {"time", "time_s"} & uses.keys() and (rate or layout.rate_hz):
         counted = f"time: counted at {rate or layout.rate_hz:.6g} Hz, as {'the file' if rate else 'study.toml'} says"
         used = (*((counted,) if "base_m_s2" not in clocks else ()), *used)
-    return Reading(channels, used, unused, (*found.remarks, *others, *filter(None, [unlike])))
+    return Reading(channels, used, unused, (*assignment.remarks, *others, *filter(None, [unlike])))
 
 
 def _numbers(source: "TextTable | _SeriesTable", uses: Mapping[str, Use], layout: Layout) -> Channels:
@@ -109,10 +109,10 @@ def _numbers(source: "TextTable | _SeriesTable", uses: Mapping[str, Use], layout
     try:
         return source.numbers(every)
     except InputFileError:
-        own = {key: index for key, index in every.items() if key in needed}
-        if own == every:
+        required = {key: index for key, index in every.items() if key in needed}
+        if required == every:
             raise
-        return source.numbers(own)
+        return source.numbers(required)
 
 
 def _scaled(values: np.ndarray, scale: float) -> np.ndarray:
@@ -150,8 +150,8 @@ def _end(values: np.ndarray) -> int:
     """How many values (n,) there are without the empty ones at the end."""
     if values.size == 0 or not np.isnan(values[-1]):
         return values.size
-    there = np.flatnonzero(~np.isnan(values))
-    return int(there[-1]) + 1 if there.size else 0
+    filled = np.flatnonzero(~np.isnan(values))
+    return int(filled[-1]) + 1 if filled.size else 0
 
 
 def _every_few(rows: np.ndarray) -> bool:
@@ -168,7 +168,7 @@ def _one_take(file: Path, channels: Channels, layout: Layout) -> Channels:
     """The channels of one take, where the time begins anew.
 
     Raises:
-        InputFileError: there are several, and nothing says which is meant; or there is no such take.
+        InputFileError: there are several, and study.toml names none; or there is no such take.
     """
     t = channels["time_s"]
     back = np.flatnonzero(np.diff(t) < 0) + 1
@@ -192,7 +192,7 @@ def _clocks(
         InputFileError: its unit is not known; or study.toml calls it a clock, and it does not rise.
     """
     apart = {key: use.clock for key, use in uses.items() if use.clock is not None}
-    found: Channels = {}
+    clocks: Channels = {}
     for key, index in apart.items():
         times = _rising(source, index, channels[key].size)
         if times is None and layout.channels.get(key.removesuffix("_m_s2"), Channel()).clock:
@@ -208,8 +208,8 @@ def _clocks(
                 source.file, f"{source.columns.names[index]!r}, the times of {key}, have no unit",
                 "write it behind the name (time_s, time [ms]), or give study.toml a sampling_rate_hz",
             )  # fmt: skip
-        found[key] = unit * times
-    return found
+        clocks[key] = unit * times
+    return clocks
 
 
 def _rising(source: "TextTable | _SeriesTable", index: int, size: int) -> np.ndarray | None:
@@ -229,8 +229,8 @@ def _unit_by_rate(times: np.ndarray, rate_hz: float | None) -> float | None:
 
 
 def _other_clocks(source: "TextTable | _SeriesTable", uses: Mapping[str, Use], time_s: np.ndarray) -> list[str]:
-    """Columns of times that are in no use, stand with no other column, and tell another time than those that are."""
-    columns, told = source.columns, []
+    """Columns of times that are in no use, stand with no other column, and differ from those in use."""
+    columns, remarks = source.columns, []
     taken = {use.index for use in uses.values()} | {use.clock for use in uses.values()}
     for index in sorted({*columns.times, *source.rising(time_s)}):
         next_one = index + 1
@@ -246,11 +246,11 @@ def _other_clocks(source: "TextTable | _SeriesTable", uses: Mapping[str, Use], t
         late = times[0] - time_s[0]
         shifted = abs(scale - 1) < 1e-3 and 1e-9 < abs(late) < time_s[-1] - time_s[0]
         if shifted or np.abs(off).max() > 0.5 * (time_s[1] - time_s[0]):
-            told.append(
+            remarks.append(
                 f"{columns.names[index]!r} is another time, and nothing says of which channel; study.toml can "
                 f"([channels.malleolus] clock = {columns.names[index]!r})"
             )
-    return told
+    return remarks
 
 
 def _ledger(source: "TextTable | _SeriesTable", uses: Mapping[str, Use]) -> tuple[tuple[str, ...], tuple[str, ...]]:
@@ -280,15 +280,15 @@ class _SeriesTable:
 
     @classmethod
     def open(cls, file: Path, layout: Layout) -> "_SeriesTable":
-        """The series of a file, those of one take where study.toml says which."""
+        """The series of a file, those of one take where study.toml names it."""
         if ending(file) not in READ:
             listed = f"valid: {', '.join((*TEXTS, *READ))}, and .gz behind any"
             if ending(file) in _SHEETS:
                 listed = "save the sheet as .xlsx or as .csv, with time_s, base_m_s2, malleolus_m_s2 above its columns"
             raise InputFileError(file, f"no format has the ending {ending(file)!r}", listed)
-        found = read_series(file)
-        passed = tuple(f"{s.name!r} is {s.what}" for s in found if s.what)
-        whole = cls(file, tuple(s for s in found if not s.what), passed)
+        series = read_series(file)
+        passed = tuple(f"{s.name!r} is {s.what}" for s in series if s.what)
+        whole = cls(file, tuple(s for s in series if not s.what), passed)
         takes = whole._takes(layout)
         if len(takes) > 1 and layout.take is None:
             raise several_takes(file, len(takes), ", ".join(repr(take.series[0].group) for take in takes))
@@ -320,11 +320,11 @@ class _SeriesTable:
         sizes = [s.values.size for s in self.series]
         return Columns(names, units, groups, sizes, self.passed, clocked=any(rates), rates=rates)
 
-    def numbers(self, wanted: Mapping[str, int]) -> Channels:
-        return {key: self.series[index].values for key, index in wanted.items()}
+    def numbers(self, indices: Mapping[str, int]) -> Channels:
+        return {key: self.series[index].values for key, index in indices.items()}
 
     def rising(self, time_s: np.ndarray) -> list[int]:
-        """Columns that rise as a time does and do not say so."""
+        """Columns that rise as a time does, without a name of one."""
         return [index for index, s in enumerate(self.series) if s.values.size == time_s.size and
                 _as_time(s.values, time_s)]  # fmt: skip
 
@@ -347,11 +347,11 @@ class _SeriesTable:
             raise InputFileError(
                 self.file, f"its channels have different rates ({listed} Hz) and one time", "resample them to one rate"
             )
-        own = rates.get("base_m_s2") or next(iter(rates.values()), None)
-        return own or next((s.rate_hz for s in self.series if s.rate_hz), None)
+        stated = rates.get("base_m_s2") or next(iter(rates.values()), None)
+        return stated or next((s.rate_hz for s in self.series if s.rate_hz), None)
 
     def clocks(self, uses: Mapping[str, Use], time_s: np.ndarray, rate_hz: float | None) -> Channels:
-        """Times (n,) [s] of channels that the file says to start later than another, or to be of another rate."""
+        """Times (n,) [s] of channels that start later than another or have another rate, by the file."""
         sources = self._sources(uses)
         known = _starts(self.file, sources, bool({"time", "time_s"} & uses.keys()))
         first, unlike = min(known.values(), default=0.0), {s.rate_hz for s in sources.values() if s.rate_hz}
@@ -368,7 +368,7 @@ class _SeriesTable:
 
 
 def _ungrouped(series: Series) -> Series:
-    """A series of one take, under its own name."""
+    """A series of one take, under its name without the take."""
     return replace(series, name=series.name.removeprefix(f"{series.group}/"))
 
 
@@ -378,8 +378,8 @@ _AS_FAST = 1e-3
 
 def _as_time(values: np.ndarray, time_s: np.ndarray) -> bool:
     """Whether values (n,) rise as a time in seconds or milliseconds does."""
-    span, own = float(time_s[-1] - time_s[0]), float(values[-1] - values[0])
-    alike = span > 0 and any(abs(own / span / scale - 1) < _AS_FAST for scale in (1.0, 1e3, 1e6))
+    span, rise = float(time_s[-1] - time_s[0]), float(values[-1] - values[0])
+    alike = span > 0 and any(abs(rise / span / scale - 1) < _AS_FAST for scale in (1.0, 1e3, 1e6))
     return alike and values.size > 8 and bool(np.diff(values).min() > 0)
 
 
@@ -389,23 +389,23 @@ def read_one(file: Path, channel: str, layout: Layout | None = None, named: str 
     Args:
         file: the file.
         channel: "base" or "malleolus".
-        layout: what study.toml says.
+        layout: of study.toml.
         named: the column, if it is named otherwise.
 
     Raises:
         InputFileError: as `read`.
     """
     layout = (layout or Layout()).of(file)
-    told = layout.channels.get(channel, Channel())
-    column = named or told.column or _named_like(file, channel, layout)
-    both = {name: replace(told, column=column) for name in ("base", "malleolus")}
+    stated = layout.channels.get(channel, Channel())
+    column = named or stated.column or _named_like(file, channel, layout)
+    pair = {name: replace(stated, column=column) for name in ("base", "malleolus")}
     time = {"time": layout.channels["time"]} if "time" in layout.channels else {}
-    found = read(file, replace(layout, channels=both | time))
-    return found["time_s"], found[f"{channel}_m_s2"]
+    channels = read(file, replace(layout, channels=pair | time))
+    return channels["time_s"], channels[f"{channel}_m_s2"]
 
 
 def _named_like(file: Path, channel: str, layout: Layout) -> str:
-    """The heading of the column that a channel's own name begins."""
+    """The heading of the column that begins with a channel's name."""
     names = columns_of(file, layout).names if ending(file) in (*TEXTS, *READ) else ()
     return next((name for name in names if name_and_unit(name)[0] == channel), channel)
 
@@ -438,9 +438,9 @@ def beside(file: Path, layout: Layout) -> Layout:
     if not sidecar.is_file():
         return layout
     try:
-        told = json.loads(read_text(sidecar))
-        rate, columns = told.get("SamplingFrequency"), told.get("Columns", [])
-        units = [str((told.get(name) or {}).get("Units", "")) for name in columns]
+        document = json.loads(read_text(sidecar))
+        rate, columns = document.get("SamplingFrequency"), document.get("Columns", [])
+        units = [str((document.get(name) or {}).get("Units", "")) for name in columns]
         good = all(isinstance(name, str) for name in columns) and isinstance(rate, int | float | None)
     except (ValueError, AttributeError, TypeError):
         good = False
@@ -462,12 +462,12 @@ def beside(file: Path, layout: Layout) -> Layout:
 
 def _one_scale(file: Path, channel: str, source: Series, layout: Layout) -> None:
     """Refuse a scale of the file that may be applied twice, or not at all."""
-    told = layout.channels.get(channel)
-    sensitivity = bool(told and told.sensitivity != 1.0)
-    if source.scaled and sensitivity and told and not told.volts:
+    stated = layout.channels.get(channel)
+    sensitivity = bool(stated and stated.sensitivity != 1.0)
+    if source.scaled and sensitivity and stated and not stated.volts:
         raise InputFileError(
             file, f"scales {source.name!r} itself ({source.scaled}), and study.toml gives "
-            f"channels.{channel}.sensitivity = {told.sensitivity:g}", "keep one of them",
+            f"channels.{channel}.sensitivity = {stated.sensitivity:g}", "keep one of them",
         )  # fmt: skip
     if source.unclear and not sensitivity:
         raise InputFileError(
@@ -476,8 +476,8 @@ def _one_scale(file: Path, channel: str, source: Series, layout: Layout) -> None
         )  # fmt: skip
 
 
-def _starts(file: Path, sources: Mapping[str, Series], own_time: bool) -> dict[str, float]:
-    """When each channel's first sample was taken [s], as the file says; all start together if it says nothing."""
+def _starts(file: Path, sources: Mapping[str, Series], with_time: bool) -> dict[str, float]:
+    """When each channel's first sample was taken [s], by the file; all start together where it states none."""
     known = {name: s.start_s for name, s in sources.items() if s.start_s is not None}
     listed = ", ".join(f"{sources[name].name} {start:.6g} s" for name, start in known.items())
     if known and len(known) < len(sources):
@@ -486,7 +486,7 @@ def _starts(file: Path, sources: Mapping[str, Series], own_time: bool) -> dict[s
             file, f"says when some channels start ({listed}) and not when {lacking!r} does",
             "valid: a start time for every channel, or for none",
         )  # fmt: skip
-    if own_time and known and max(known.values()) - min(known.values()) > 1e-9:
+    if with_time and known and max(known.values()) - min(known.values()) > 1e-9:
         raise InputFileError(
             file, f"its channels have one time and start at different times ({listed})",
             "valid: one time for all channels, or start times without it",

@@ -1,4 +1,4 @@
-"""Harmonics of a periodic recording: least squares at the excitation frequency, with honest noise.
+"""Harmonics of a periodic recording: least squares at the excitation frequency, with the noise of each.
 
 A sine fit at a known frequency is the unbiased estimate of its amplitude and phase; fitted together with its harmonics
 it is the discrete Fourier transform without leakage, for any number of samples a period. The excitation frequency
@@ -328,15 +328,15 @@ def _with_scatter(
     if parts < 4:
         return std, 0.0, 0.0
     rows = []
-    for part, own in basis.parts(count, parts):
-        c = own.solve(signal[part])
+    for part, piece in basis.parts(count, parts):
+        c = piece.solve(signal[part])
         rows.append(c[1::2] - 1j * c[2::2])
     between = np.std(np.array(rows), axis=0, ddof=1) / np.sqrt(2 * parts)  # of a real part of the mean
     size = max(1e-300, abs(fundamental))
     more = between[0] ** 2 - floor**2 if between[0] > _BEYOND * floor else 0.0
     scatter = float(np.sqrt(2 * parts * more) / size)
-    wide = between > _BEYOND * std
+    beyond = between > _BEYOND * std
     first = [row[0] for row in rows]
     late = abs(first[0] - np.mean(first[1:]))
     onset = float(late / size) if late > 2 * _BEYOND * floor * np.sqrt(parts) else 0.0
-    return np.where(wide, between, std), scatter, onset
+    return np.where(beyond, between, std), scatter, onset

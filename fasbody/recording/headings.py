@@ -48,7 +48,7 @@ class Headings:
     Attributes:
         separator: of its columns.
         names: of the columns.
-        units: of the columns, "" where no row says it.
+        units: of the columns, "" where no row states it.
         line: number of the line of the names, 0 without.
         first: how many lines stand above the numbers.
         skipped: rows that are in no use, in words.
@@ -74,7 +74,7 @@ def header(text: str, score: Callable[[Sequence[str]], int]) -> tuple[int, str, 
         score: how many of a line's cells are known names; the first line with most of them wins,
             and without any the first line that is not a comment.
     """
-    best, found = 0, (1, ",", [""])
+    best, result = 0, (1, ",", [""])
     for place, line in enumerate(islice(lines(text), _HEADER_LINES), 1):
         if best and _SAMPLES.fullmatch(line):
             continue
@@ -84,30 +84,30 @@ def header(text: str, score: Callable[[Sequence[str]], int]) -> tuple[int, str, 
                 continue
             names = split(bare, separator)
             if score(names) > best:
-                best, found = score(names), (place, separator, names)
-        if not best and not found[2][0] and line.strip() and not COMMENT.match(line):
+                best, result = score(names), (place, separator, names)
+        if not best and not result[2][0] and line.strip() and not COMMENT.match(line):
             separator = next((s for s in SEPARATORS if s in line.strip()), ",")
-            found = (place, separator, split(line, separator))
-    return found
+            result = (place, separator, split(line, separator))
+    return result
 
 
 def stated(above: Sequence[str]) -> tuple[float | None, tuple[str, ...]]:
     """The sampling rate [Hz] that lines state, None without or where two of them disagree; and the other lines."""
-    told, others = list[tuple[str, float | None]](), list[str]()
+    statements, others = list[tuple[str, float | None]](), list[str]()
     for line in above:
-        found = _rate(line)
-        told += [] if found is None else [found]
-        others += [" ".join(line.split())] if found is None and line.strip(' \t,;#%/-"') else []
+        rate = _rate(line)
+        statements += [] if rate is None else [rate]
+        others += [" ".join(line.split())] if rate is None and line.strip(' \t,;#%/-"') else []
     try:
-        return stated_rate(told), tuple(others)
+        return stated_rate(statements), tuple(others)
     except FormatError:
         return None, tuple(line.strip() for line in above if line.strip())
 
 
 def _rate(line: str) -> tuple[str, float] | None:
-    """A line's statement of a rate or interval: its name as `stated_rate` knows it, and the number in Hz or s."""
+    """A line's statement of a rate or interval: its name as in `stated_rate`, and the number in Hz or s."""
     match = _STATED.match(line)
-    turned = ((name, found) for name, pattern in _TURNED if (found := pattern.search(line)))
+    turned = ((name, hit) for name, pattern in _TURNED if (hit := pattern.search(line)))
     name, match = (match["name"], match) if match else next(turned, ("", None))
     if match is None:
         return None
@@ -130,7 +130,9 @@ def headless(
 
     Args:
         text: whole.
-        names, line, separator: what `header` took for headings.
+        names: headings by `header`.
+        line: number of their line.
+        separator: between them.
         layout: where study.toml names the columns, lines of words above as many numbers are a
             preamble.
     """
@@ -142,7 +144,7 @@ def headless(
 
 
 def _rows_of_numbers(text: str, meant: Sequence[int] = ()) -> Iterator[tuple[int, str, int]]:
-    """Line, separator and width of the first rows with samples in the columns that are meant, or in all."""
+    """Line, separator and width of the first rows with samples in the columns of study.toml, or in all."""
     for place, row in enumerate(islice(lines(text), _HEADER_LINES), 1):
         separator = next((s for s in SEPARATORS if s in row.strip()), ",")
         cells = split(row, separator)
@@ -200,7 +202,9 @@ def headed(text: str, line: int, separator: str, names: Sequence[str]) -> Headin
 
     Args:
         text: from its first line on.
-        line, separator, names: what `header` found.
+        line: number of the line of headings, by `header`.
+        separator: between them.
+        names: the headings.
     """
     names, rows_above = list(names), line
     body = first_samples(text, line, separator)
@@ -214,14 +218,14 @@ def headed(text: str, line: int, separator: str, names: Sequence[str]) -> Headin
     units, skipped, statements = [""] * len(names), list[str](), list[str]()
     while rows_above < line + _HEADING_ROWS:
         cells = (row_after(text, rows_above, separator) + [""] * len(names))[: len(names)]
-        given = [bare(cell) for cell in cells]
+        texts = [bare(cell) for cell in cells]
         numbers = any(map(numeric, cells))
         if not numbers and _parts(cells, names):
-            units = [unit if names.count(name) == 1 else "" for name, unit in zip(names, given, strict=True)]
+            units = [unit if names.count(name) == 1 else "" for name, unit in zip(names, texts, strict=True)]
             names = [f"{name} {part}".strip() if names.count(name) > 1 else name
                      for name, part in zip(names, cells, strict=True)]  # fmt: skip
-        elif _of_units(given, numbers):
-            units = ["" if numeric(unit) else unit for unit in given]
+        elif _of_units(texts, numbers):
+            units = ["" if numeric(unit) else unit for unit in texts]
             statements += [f"{name} = {cell}" for name, cell in zip(names, cells, strict=True) if numeric(cell)]
             while len(units) > len(body) and not units[-1]:  # as Rigol: the increment behind the last unit
                 names, units = names[:-1], units[:-1]
@@ -260,14 +264,14 @@ def _of_units(cells: Sequence[str], numbers: bool) -> bool:
 
 def first_samples(text: str, line: int, separator: str) -> list[str]:
     """The cells of the fullest of the first rows of numbers below a line."""
-    found: list[str] = []
+    fullest: list[str] = []
     for row in islice(lines(text, offset(text, line)), _HEADING_ROWS):
         cells = [] if COMMENT.match(row) else split(row, separator)
-        if _fullness(cells) > _fullness(found):
-            found = cells
-    while found and not found[-1]:
-        found.pop()
-    return found
+        if _fullness(cells) > _fullness(fullest):
+            fullest = cells
+    while fullest and not fullest[-1]:
+        fullest.pop()
+    return fullest
 
 
 def _fullness(cells: Sequence[str]) -> tuple[int, int]:
@@ -303,9 +307,9 @@ def _parts(cells: Sequence[str], names: Sequence[str]) -> bool:
 
 def _counts(cells: Sequence[str], body: Sequence[str]) -> bool:
     """Whether a row holds counts of samples: one whole number in all cells, and none where samples have one."""
-    given = {cell for cell in cells if cell}
+    distinct = {cell for cell in cells if cell}
     lacking = any(not cell and index < len(body) and value(body[index]) for index, cell in enumerate(cells))
-    return lacking and len(given) == 1 and given.pop().isdigit()
+    return lacking and len(distinct) == 1 and distinct.pop().isdigit()
 
 
 def _line_of_row(text: str, after: int) -> int:
@@ -318,5 +322,5 @@ def _line_of_row(text: str, after: int) -> int:
 
 def row_after(text: str, after: int, separator: str) -> list[str]:
     """The cells of the first row after so many lines."""
-    found = (line for line in lines(text, offset(text, after)) if line.strip() and not COMMENT.match(line))
-    return split(next(found, ""), separator)
+    below = (line for line in lines(text, offset(text, after)) if line.strip() and not COMMENT.match(line))
+    return split(next(below, ""), separator)

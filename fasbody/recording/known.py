@@ -1,6 +1,6 @@
-"""What a laboratory knows of its measurement beyond the recordings: the [known] table of study.toml.
+"""What a laboratory has measured or excluded beyond the recordings: the [known] table of study.toml.
 
-A fit allows for masses that are stated a little wrong, channels that are not quite alike, and departures of the world
+A fit allows for masses that are stated a little wrong, channels that are not quite alike, and departures of the foot
 from the model. What a laboratory has excluded need not be allowed for, and the intervals become narrower.
 """
 
@@ -11,20 +11,21 @@ from typing import Any
 
 import numpy as np
 
+from fasbody.constants import GRAVITY
 from fasbody.exceptions import InputFileError, SettingError, unknown
 from fasbody.presentation import Tabled
 
-#: Departures of the world from the model that a laboratory can exclude.
+#: Departures of the foot from the model that a laboratory can exclude.
 DEPARTURES = ("mount", "relaxation", "load", "rocking", "drift", "share")
 _SIZES = {"mass_std": 0.5, "gain_std": 0.5, "delay_std_s": 0.01}
 _FORCE, _SHARE = "static_force_n", "load_share"
-#: Limits of the share of the load that the leg carries, and standard gravity [m/s^2].
-_SHARES, _GRAVITY = (0.3, 1.2), 9.80665
+#: Limits of the share of the load that the leg carries.
+_SHARES = (0.3, 1.2)
 
 
 @dataclass(frozen=True)
 class Known(Tabled):
-    """What is known; None where nothing is said.
+    """What is known; None where nothing is stated.
 
     Attributes:
         mass_std: relative standard deviation of the segment masses, 0 where they are exact.
@@ -33,7 +34,7 @@ class Known(Tabled):
         excluded: departures that cannot be (`DEPARTURES`).
         static_forces: load on the knee [kg] and force [N] with which the foot rests on the table
             under it without vibration; default the weight of leg and load.
-        load_share: of the added mass that the leg carries, as stated or as two static forces tell.
+        load_share: of the added mass that the leg carries, as stated or by two static forces.
             None if unknown.
     """
 
@@ -85,15 +86,15 @@ class Known(Tabled):
         )
 
     @classmethod
-    def of_all(cls, each: Sequence["Known"]) -> "Known":
+    def of_all(cls, items: Sequence["Known"]) -> "Known":
         """What holds for all of several recordings: the largest uncertainties, and what all exclude."""
 
         def largest(name: str) -> float | None:
-            said = [getattr(known, name) for known in each]
-            return None if None in said or not said else max(said)
+            values = [getattr(known, name) for known in items]
+            return None if None in values or not values else max(values)
 
-        excluded = frozenset.intersection(*(known.excluded for known in each)) if each else frozenset()
-        shares = {known.load_share for known in each}
+        excluded = frozenset.intersection(*(known.excluded for known in items)) if items else frozenset()
+        shares = {known.load_share for known in items}
         share = shares.pop() if len(shares) == 1 else None
         return cls(largest("mass_std"), largest("gain_std"), largest("delay_std_s"), excluded, load_share=share)
 
@@ -104,13 +105,13 @@ class Known(Tabled):
         delay_std_s: float | None = None,
         exclude: Iterable[str] = (),
     ) -> "Known":
-        """The same with what a user says, who overrules the study; "all" excludes every departure.
+        """The same with a user's values, which overrule the study; "all" excludes every departure.
 
         Raises:
             SettingError: a size or a departure that does not exist.
         """
-        given = {"mass_std": mass_std, "gain_std": gain_std, "delay_std_s": delay_std_s}
-        for name, value in given.items():
+        stated = {"mass_std": mass_std, "gain_std": gain_std, "delay_std_s": delay_std_s}
+        for name, value in stated.items():
             if value is not None and not 0 <= value <= _SIZES[name]:
                 what = name.replace("_", " ").removesuffix(" s")
                 raise SettingError(
@@ -122,7 +123,7 @@ class Known(Tabled):
             if name not in (*DEPARTURES, "all"):
                 raise SettingError(f"{unknown('departure to exclude', name, (*DEPARTURES, 'all'))}.")
             excluded |= set(DEPARTURES) if name == "all" else {name}
-        sizes = {name: getattr(self, name) if value is None else value for name, value in given.items()}
+        sizes = {name: getattr(self, name) if value is None else value for name, value in stated.items()}
         return replace(
             self, mass_std=sizes["mass_std"], gain_std=sizes["gain_std"], delay_std_s=sizes["delay_std_s"],
             excluded=frozenset(excluded),
@@ -157,7 +158,7 @@ def _share(file: Path, forces: tuple[tuple[float | None, float], ...]) -> float 
     if len(loaded) < 2:
         return None
     kg, force = (np.array(column) for column in zip(*loaded, strict=True))
-    share = float(np.polyfit(kg, force, 1)[0] / _GRAVITY)
+    share = float(np.polyfit(kg, force, 1)[0] / GRAVITY)
     low, high = _SHARES
     if not low <= share <= high:
         raise InputFileError(

@@ -1,8 +1,8 @@
-"""Two loggers that ran side by side, made one recording: by a knock that both felt, or by their correlation.
+"""Two loggers that ran side by side, made one recording: by a knock in both, or by their correlation.
 
-A sine says nothing of the delay between two loggers, for it repeats itself. A knock on the table, best one before and
-one after, is felt by both at once, and tells how much faster one clock runs. Without a knock, motion that does not
-repeat itself tells the delay by cross-correlation, the foot's own lag included: that is worth less, and said so.
+A sine does not give the delay between two loggers, for it repeats itself. A knock on the table reaches both at once;
+one before and one after also give the ratio of the clocks. Without a knock, motion that does not repeat itself gives
+the delay by cross-correlation. That includes the lag of the foot, and its standard deviation is larger.
 """
 
 from dataclasses import dataclass, replace
@@ -63,9 +63,11 @@ def merge(
     """One recording of a logger on the table and one on the foot.
 
     Args:
-        time_s, base: (n,) of the table's logger [s, m/s^2].
-        other_time_s, other: (m,) of that on the malleolus.
-        way: "knock" or "correlation"; a knock if there is one, unless given.
+        time_s: (n,) times of the logger on the table [s].
+        base: (n,) its acceleration [m/s^2].
+        other_time_s: (m,) times of the logger on the malleolus [s].
+        other: (m,) its acceleration [m/s^2].
+        way: "knock" or "correlation"; by default a knock if there is one.
         name: for messages.
 
     Raises:
@@ -73,14 +75,14 @@ def merge(
     """
     t, u = time_s - time_s[0], other_time_s - other_time_s[0]
     base, other = base - np.median(base), other - np.median(other)
-    found = None if way == "correlation" else _by_knocks(t, base, u, other)
-    if found is None and way == "knock":
+    knocks = None if way == "correlation" else _by_knocks(t, base, u, other)
+    if knocks is None and way == "knock":
         raise RecordingError(
             f"{name}: no knock stands out in both recordings; knock on the table before and after, or merge by "
             "correlation."
         )
-    way = "correlation" if found is None else "knock"
-    delay, std, clock = _by_correlation(t, base, u, other, name) if found is None else found
+    way = "correlation" if knocks is None else "knock"
+    delay, std, clock = _by_correlation(t, base, u, other, name) if knocks is None else knocks
     placed = u * (1 + clock) + delay  # on the first logger's clock
     inside = (t >= placed[0]) & (t <= placed[-1])
     if inside.sum() < 2 or np.ptp(t[inside]) < 1.0:
@@ -133,7 +135,7 @@ def _by_knocks(t: np.ndarray, x: np.ndarray, u: np.ndarray, y: np.ndarray) -> tu
     step = 1 / min(_rate(t), _rate(u))
     late, spread = zip(*(_onset_lag(t, x, a, u, y, b, step) for a, b in zip(first, second, strict=True)), strict=True)
     if len(first) == 1:
-        drift = _CRYSTALS * float(np.sqrt(np.mean((u - second[0]) ** 2)))  # one knock says nothing of the clocks
+        drift = _CRYSTALS * float(np.sqrt(np.mean((u - second[0]) ** 2)))  # one knock gives no ratio of clocks
         return late[0], float(np.hypot(spread[0], drift)), 0.0
     clock = (late[1] - late[0]) / (second[1] - second[0])
     if abs(clock) > _CLOCKS:
@@ -155,8 +157,8 @@ def _onset_lag(
     p = np.abs(CubicSpline(t, _fast(t, x), extrapolate=False)(a + fine))
     q = np.abs(CubicSpline(u, _fast(u, y), extrapolate=False)(b + fine))
     p, q = np.nan_to_num(p), np.nan_to_num(q)
-    both = np.correlate(p, q, "full")
-    top = int(np.argmax(both))
+    correlation = np.correlate(p, q, "full")
+    top = int(np.argmax(correlation))
     lag = (top - (fine.size - 1)) * step / 5
     return a + lag - b, step / 3
 

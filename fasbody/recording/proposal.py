@@ -24,7 +24,7 @@ from fasbody.recording.recording import Recording
 from fasbody.recording.text import read_text
 from fasbody.recording.trials import parsed
 
-#: What a pattern of file names may hold; {any} is what says nothing.
+#: What a pattern of file names may hold; {any} is any other text.
 FIELDS = ("subject", "posture", "load", "mass", "frequency", "any")
 TABLES = ("study.toml", "subjects.csv", "recordings.csv")
 _NUMBER = r"\d+(?:[.,p]\d+)?"
@@ -36,7 +36,7 @@ _MATCHES = {
     "posture": r"[A-Za-z]+",
     "any": r"[^/]*?",
 }
-#: How file names say what they are, in the order in which they are looked for.
+#: How file names state conditions, in the order of the search.
 _SIGNS = (
     ("frequency", re.compile(rf"({_NUMBER})(?=[ _-]?hz)", re.IGNORECASE)),
     ("load", re.compile(rf"({_NUMBER})(?=[ _-]?kg)", re.IGNORECASE)),
@@ -59,7 +59,7 @@ _WORDS = {
 def load_in_name(name: str) -> float | None:
     """The load [kg] that a file's name states, "rec_20hz_2.3kg.csv" for example; None where it states none.
 
-    A name with several says nothing, and one above what a knee carries is a body mass.
+    A name with several states none, and one above what a knee carries is a body mass.
     """
     return _only(mass for mass in _masses(name) if mass <= _MOST_LOAD_KG)
 
@@ -75,8 +75,8 @@ def _masses(name: str) -> list[float]:
 
 def _only(values: Iterable[float]) -> float | None:
     """The value of all, None where they differ or there is none."""
-    found = set(values)
-    return found.pop() if len(found) == 1 else None
+    distinct = set(values)
+    return distinct.pop() if len(distinct) == 1 else None
 
 
 @dataclass(frozen=True)
@@ -114,7 +114,7 @@ def propose(folder: Path, pattern: str | None = None) -> Proposal:
     """Look at a folder's file names and at one file of each kind; of a study that is there, at files not listed yet.
 
     Args:
-        folder: with recordings, also in folders of its own.
+        folder: with recordings, also in subfolders.
         pattern: of their names without ending, such as ``S{subject}_{frequency}Hz_{load}kg``; with
             a / it holds folders, too. None guesses it, or several.
 
@@ -125,18 +125,18 @@ def propose(folder: Path, pattern: str | None = None) -> Proposal:
     if not folder.is_dir():
         raise InputFileError(folder, "is no folder", "give the folder that holds the recordings")
     known = _listed(folder)
-    found = sorted(
+    files = sorted(
         (p for p in folder.rglob("*") if p.is_file() and ending(p) in (*TEXTS, *READ) and not _aside(p, folder)),
         key=lambda p: [int(x) if x.isdigit() else x for x in re.split(r"(\d+)", p.relative_to(folder).as_posix())],
     )
-    if not found:
+    if not files:
         listed = ", ".join((*TEXTS, *READ))
         raise InputFileError(folder, "holds no recording", f"valid endings: {listed}, and .gz behind any")
-    stems = {p: _stem(p, folder) for p in found}
+    stems = {p: _stem(p, folder) for p in files}
     patterns = [pattern] if pattern else _patterns(list(stems.values()))
     rows = {p: row for p, stem in stems.items() if (row := _row(patterns, stem)) is not None}
     if not rows:
-        raise InputFileError(folder, f"no file is named {patterns[0]}", f"the first is {stems[found[0]]}")
+        raise InputFileError(folder, f"no file is named {patterns[0]}", f"the first is {stems[files[0]]}")
     new = {p: row for p, row in rows.items() if known is None or p.relative_to(folder).as_posix() not in known}
     missing: list[str] = []
     tables = {} if known is not None else {
@@ -146,12 +146,12 @@ def propose(folder: Path, pattern: str | None = None) -> Proposal:
     people, more = _people(folder, list(new.values()), known is not None)
     missing += more
     tables |= people | (_recordings(folder, new, " or ".join(patterns), known is not None) if new else {})
-    left = tuple(p.relative_to(folder).as_posix() for p in found if p not in rows)
+    left = tuple(p.relative_to(folder).as_posix() for p in files if p not in rows)
     return Proposal(folder, " or ".join(patterns), tables, len(new), left, tuple(missing))
 
 
 def _patterns(stems: Sequence[str]) -> list[str]:
-    """The patterns of names that say something, most first; the most frequent one where none does."""
+    """The patterns of names that hold a condition, most first; the most frequent one where none does."""
     named = _with_people(list(map(_template, stems)))
     every = [pattern for pattern, _ in Counter(named).most_common()]
     return [pattern for pattern in every if _says(pattern)] or every[:1]
@@ -176,7 +176,7 @@ def _with_people(templates: list[str]) -> list[str]:
 
 
 def _row(patterns: Sequence[str], stem: str) -> dict[str, str] | None:
-    """What a name says by the first pattern that it follows."""
+    """The conditions in a name, by the first pattern that it follows."""
     for pattern in patterns:
         if match := _compiled(pattern).fullmatch(stem if "/" in pattern else stem.split("/")[-1]):
             return {name: value for name, value in match.groupdict().items() if value}
@@ -198,8 +198,8 @@ def _unsaid(rows: Sequence[Mapping[str, str]]) -> list[str]:
 def _people(folder: Path, rows: Sequence[Mapping[str, str]], grows: bool) -> tuple[dict[str, str], list[str]]:
     """subjects.csv with the new subjects and the body masses that names state, and what it lacks."""
     file = folder / "subjects.csv"
-    there = {row["subject"] for row in read_table(file, ("subject", "mass_kg")).values()} if grows else set()
-    subjects = [name for name in dict.fromkeys(row.get("subject", "") for row in rows) if name not in there]
+    listed = {row["subject"] for row in read_table(file, ("subject", "mass_kg")).values()} if grows else set()
+    subjects = [name for name in dict.fromkeys(row.get("subject", "") for row in rows) if name not in listed]
     if not subjects:
         return {}, []
     masses = {
@@ -262,16 +262,16 @@ def _listed(folder: Path) -> set[str] | None:
     Raises:
         InputFileError: some of its tables are there, and not all.
     """
-    there = [name for name in TABLES if (folder / name).exists()]
-    if there and len(there) < len(TABLES):
-        raise InputFileError(folder / there[0], "exists, and nothing is overwritten", "delete it to have it made anew")
-    if not there:
+    tables = [name for name in TABLES if (folder / name).exists()]
+    if tables and len(tables) < len(TABLES):
+        raise InputFileError(folder / tables[0], "exists, and nothing is overwritten", "delete it to have it made anew")
+    if not tables:
         return None
     return {row["file"] or "" for row in read_table(folder / "recordings.csv", ("file", "subject")).values()}
 
 
 def _aside(file: Path, folder: Path) -> bool:
-    """What lies in a folder of recordings and is none: hidden files, tables of BIDS, notes."""
+    """Files in a folder of recordings that are none: hidden files, tables of BIDS, notes."""
     if file.name in TABLES and file.parent == folder:
         return True
     hidden = any(part.startswith(".") for part in file.relative_to(folder).parts)
@@ -316,7 +316,7 @@ def _plain(number: str) -> str:
 
 
 def _toml(folder: Path, kinds: Sequence[Path], missing: list[str]) -> str:
-    """The text of study.toml from one file of each kind; what it cannot say is added to `missing`."""
+    """The text of study.toml from one file of each kind; what is unknown is added to `missing`."""
     lines = ["[study]", f"name = {json.dumps(folder.resolve().name)}", 'origin = "measured"  # or "synthetic"']
     for file in kinds:
         layout = "" if file is kinds[0] else f"layouts.{ending(file)[1:]}."
@@ -390,7 +390,7 @@ def _columns(file: Path) -> tuple[list[str], list[str], float | None]:
 def _clock(file: Path, names: Sequence[str], units: Sequence[str]) -> int | None:
     """The only column that rises evenly from row to row, as time does under whatever name; one in a unit of time first.
 
-    Text alone has no rate of its own.
+    Only text has no rate.
     """
     if ending(file) not in TEXTS or not names:
         return None
@@ -401,8 +401,8 @@ def _clock(file: Path, names: Sequence[str], units: Sequence[str]) -> int | None
         if steps.size > 8 and steps.min() >= 0 and np.ptp(values) > 0 and np.median(steps) > 0:
             typical = float(np.median(steps))
             rising += [index] if np.mean(np.abs(steps - typical) <= 0.51 * typical) > 0.9 else []
-    told = [i for i in rising if {units[i].lower(), name_and_unit(names[i])[1]} & TIME_UNITS.keys()]
-    kept = told or rising
+    timed = [i for i in rising if {units[i].lower(), name_and_unit(names[i])[1]} & TIME_UNITS.keys()]
+    kept = timed or rising
     return kept[0] if len(kept) == 1 else None
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from fasbody.recording.harmonics import fit_harmonics
 
-#: Segments that levels are told of, and the periods that one needs.
+#: Segments whose levels are compared, and the periods that one needs.
 _SEGMENTS = 10
 _PERIODS = 3
 #: Harmonics of which distortion is the sum.
@@ -85,7 +85,7 @@ def quality(time_s: np.ndarray, channels: dict[str, np.ndarray], frequency_hz: f
     edges = _edges(time_s, frequency_hz)
     rate = (time_s.size - 1) / (time_s[-1] - time_s[0])
     count = max(1, min(_DISTORTING, int(0.45 * rate // frequency_hz)))
-    found, amplitudes, fits = {}, {}, {}
+    by_channel, amplitudes, fits = {}, {}, {}
     all_parts = _segments(time_s, list(channels.values()), frequency_hz, edges)
     for place, (name, values) in enumerate(channels.items()):
         whole = fits[name] = fit_harmonics(time_s, values, frequency_hz, count)
@@ -97,7 +97,7 @@ def quality(time_s: np.ndarray, channels: dict[str, np.ndarray], frequency_hz: f
         if count >= 3 and abs(whole.amplitudes[2]) > 5 * whole.std[2]:
             turned = whole.amplitudes[2] / (whole.amplitudes[0] / first) ** 3  # of a cosine with its top at zero
             third = max(0.0, -turned.real) if abs(turned.imag) < -0.5 * turned.real else 0.0
-        found[name] = ChannelQuality(
+        by_channel[name] = ChannelQuality(
             np.abs(parts[:, 1]), float(np.ptp(parts[:, 0].real) / first),
             float(np.sqrt(np.sum(np.abs(beyond) ** 2)) / first), float(third / first),
         )  # fmt: skip
@@ -106,7 +106,7 @@ def quality(time_s: np.ndarray, channels: dict[str, np.ndarray], frequency_hz: f
     spread = np.hypot(*(fit.std[0] / abs(fit.amplitudes[0]) for fit in (base, malleolus)))
     return Quality(
         _coherence(amplitudes["base"], amplitudes["malleolus"]), float(np.degrees(np.angle(ratio))),
-        float(np.degrees(spread)), found, float(abs(ratio)),
+        float(np.degrees(spread)), by_channel, float(abs(ratio)),
     )  # fmt: skip
 
 
@@ -117,17 +117,17 @@ def _edges(time_s: np.ndarray, frequency_hz: float) -> np.ndarray:
 
 def _segments(time_s: np.ndarray, values: list[np.ndarray], frequency_hz: float, edges: np.ndarray) -> np.ndarray:
     """Offset and complex amplitude (segments, 2, channels) of values (n,) of each channel between edges."""
-    found = []
+    segments = []
     for a, b in pairwise(edges):
         turn = 2 * np.pi * frequency_hz * time_s[a:b]
         basis = np.column_stack([np.ones_like(turn), np.cos(turn), np.sin(turn)])
         offset, real, imaginary = np.linalg.lstsq(basis, np.column_stack([x[a:b] for x in values]), rcond=None)[0]
-        found.append(np.stack([offset + 0j, real - 1j * imaginary]))
-    return np.array(found)
+        segments.append(np.stack([offset + 0j, real - 1j * imaginary]))
+    return np.array(segments)
 
 
 def _coherence(base: np.ndarray, malleolus: np.ndarray) -> float:
-    """Of complex amplitudes by segment; one segment tells nothing."""
+    """Of complex amplitudes by segment; one segment gives none."""
     if base.size < 3:
         return float("nan")
     power = np.mean(np.abs(base) ** 2) * np.mean(np.abs(malleolus) ** 2)
@@ -138,11 +138,11 @@ def _broadband(time_s: np.ndarray, channels: dict[str, np.ndarray]) -> Quality:
     from scipy.signal import csd
 
     edges = np.linspace(0, time_s.size, _SEGMENTS + 1).astype(int)
-    found = {}
+    by_channel = {}
     for name, values in channels.items():
         levels = np.array([values[a:b].std() for a, b in pairwise(edges)])
         means = np.array([values[a:b].mean() for a, b in pairwise(edges)])
-        found[name] = ChannelQuality(
+        by_channel[name] = ChannelQuality(
             levels, float(np.ptp(means) / max(1e-300, values.std())), float("nan"), float("nan")
         )
     rate = (time_s.size - 1) / (time_s[-1] - time_s[0])
@@ -152,7 +152,7 @@ def _broadband(time_s: np.ndarray, channels: dict[str, np.ndarray]) -> Quality:
     into, out = (csd(x, x, rate, nperseg=length)[1].real for x in (base, malleolus))
     band = (f >= 2) & (f <= 100)
     if not band.any():
-        return Quality(float("nan"), 0.0, float("inf"), found)
+        return Quality(float("nan"), 0.0, float("inf"), by_channel)
     weight = into[band] / max(1e-300, into[band].sum())
     coherent = np.abs(cross[band]) ** 2 / np.maximum(1e-300, into[band] * out[band])
     phase = cross[band] / np.maximum(1e-300, np.abs(cross[band]))
@@ -160,7 +160,7 @@ def _broadband(time_s: np.ndarray, channels: dict[str, np.ndarray]) -> Quality:
     lines = 1 / max(1e-300, float(np.sum(weight**2)))  # how many lines carry the power
     coherence = float(np.sum(weight * coherent))
     spread = np.sqrt(max(0.0, 1 - coherence) / max(1e-9, 2 * coherence * 8 * lines))
-    return Quality(coherence, float(np.degrees(np.angle(mean))), float(np.degrees(spread)), found)
+    return Quality(coherence, float(np.degrees(np.angle(mean))), float(np.degrees(spread)), by_channel)
 
 
 def still(

@@ -22,7 +22,7 @@ from fasbody.recording.known import Known
 
 #: The three columns that a recording needs, and one that it may have.
 HEADER = ("time_s", "base_m_s2", "malleolus_m_s2", "tuberosity_m_s2")
-#: Origin of a bare file, which says nothing about itself.
+#: Origin of a bare file, which states none.
 UNSTATED = "of unstated origin"
 
 
@@ -38,10 +38,10 @@ class Recording(Tabled):
         condition: how it was made.
         file: where it came from, for messages.
         origin: "measured", "synthetic" or "of unstated origin" (a bare file).
-        warnings: what the checks found that does not forbid its use.
-        calibration: what study.toml says of the channels, by name; uncertainties are taken from
+        warnings: of the checks, which do not forbid its use.
+        calibration: of the channels by study.toml, by name; uncertainties are taken from
             there.
-        known: what the laboratory knows beyond the recording.
+        known: measured or excluded by the laboratory beyond the recording.
         digest: sha256 of the file that it was read from, in hexadecimal; "" where there was none.
         others: (n,) of further accelerometers by name, such as ``foot`` [m/s^2].
         used: on each channel the column, unit and clock that it was made of, in words.
@@ -87,8 +87,8 @@ class Recording(Tabled):
     def sheet(self) -> Sheet:
         """Range and scatter of each channel, and under what it was recorded."""
         c = self.condition
-        shown = {name: values for name, values in self.channels.items() if name != "time_s"}
-        rows = [(name, *(f"{x:.5g}" for x in (v.min(), v.max(), v.std()))) for name, v in shown.items()]
+        accelerations = {name: values for name, values in self.channels.items() if name != "time_s"}
+        rows = [(name, *(f"{x:.5g}" for x in (v.min(), v.max(), v.std()))) for name, v in accelerations.items()]
         known = [f"body mass {c.body_mass_kg:g} kg"] if c.body_mass_kg else []
         known += [f"{c.added_mass_kg:g} kg on the knee"] if c.added_mass_kg else []
         notes = [", ".join([*([f"subject {c.subject}"] if c.subject else []), f"posture {c.posture}", *known])]
@@ -118,13 +118,16 @@ class Recording(Tabled):
 
         Args:
             time_s: (n,) sample times [s].
-            base, malleolus, tuberosity: (n,) accelerations [m/s^2].
+            base: (n,) acceleration of the base [m/s^2].
+            malleolus: (n,) that of the malleolus [m/s^2].
+            tuberosity: (n,) that of the tuberosity [m/s^2].
             others: (n,) accelerations of further sensors by name [m/s^2].
             body_mass_kg: of the subject.
             added_mass_kg: on the knee.
             frequency_hz: of a sine, None where the checks are to find it.
-            subject, posture: who and how.
-            name: what to call it in messages.
+            subject: name or number of the subject.
+            posture: of the foot.
+            name: of the recording in messages.
             origin: "measured" or "synthetic".
 
         Raises:
@@ -133,8 +136,8 @@ class Recording(Tabled):
         time = _seconds(time_s, name)
         if not np.all(np.diff(time) > 0):
             raise RecordingError(f"{name}: time_s does not increase from sample to sample; give the times in order.")
-        given = {"base": base, "malleolus": malleolus, "tuberosity": tuberosity} | dict(others or {})
-        rows = {channel: _row(values, channel, name) for channel, values in given.items() if values is not None}
+        inputs = {"base": base, "malleolus": malleolus, "tuberosity": tuberosity} | dict(others or {})
+        rows = {channel: _row(values, channel, name) for channel, values in inputs.items() if values is not None}
         for channel, values in rows.items():
             if values.size != time.size:
                 raise RecordingError(f"{name}: {channel} has {values.size} samples and time_s has {time.size}.")
@@ -145,8 +148,8 @@ class Recording(Tabled):
             raise RecordingError(f"{name}: the frequency is {frequency_hz!r}; give a number of hertz, such as 20.")
         condition = Condition(subject, posture, added_mass_kg, body_mass_kg, frequency_hz)
         rest = {channel: rows[channel] for channel in others or {}}
-        own = (time, rows["base"], rows["malleolus"], rows.get("tuberosity"))
-        return cls(*own, condition=condition, file=name, origin=origin, others=rest)
+        columns = (time, rows["base"], rows["malleolus"], rows.get("tuberosity"))
+        return cls(*columns, condition=condition, file=name, origin=origin, others=rest)
 
     @classmethod
     def from_table(cls, table: Any, layout: Layout | None = None, **about: Any) -> "Recording":
@@ -158,10 +161,12 @@ class Recording(Tabled):
 
         Args:
             table: the table.
-            layout: what its columns are, if their names do not say so. about: as `from_arrays`.
+            layout: the channels of its columns, where their names do not state them.
+            **about: as `from_arrays`.
 
         Raises:
-            InputFileError: a channel or its unit is missing. RecordingError: as `from_arrays`.
+            InputFileError: a channel or its unit is missing.
+            RecordingError: as `from_arrays`.
         """
         name = str(about.setdefault("name", "table"))
         index = getattr(table, "index", None)
@@ -171,11 +176,11 @@ class Recording(Tabled):
         elif getattr(index, "name", None) is not None:
             table = table.reset_index()
         columns = {str(column): table[column] for column in (*getattr(table, "coords", ()), *table)}
-        said = getattr(table, "attrs", {}).get("units", {})
-        own = [getattr(values, "attrs", {}).get("units") for values in columns.values()]
+        table_units = getattr(table, "attrs", {}).get("units", {})
+        column_units = [getattr(values, "attrs", {}).get("units") for values in columns.values()]
         units = [
-            one if isinstance(one, str) else said.get(column, "") if isinstance(said, dict) else ""
-            for column, one in zip(columns, own, strict=True)
+            one if isinstance(one, str) else table_units.get(column, "") if isinstance(table_units, dict) else ""
+            for column, one in zip(columns, column_units, strict=True)
         ]
         arrays = [plain(values) for values in columns.values()]
         stamped = [values.dtype.kind in "mM" for values in arrays]
@@ -209,37 +214,37 @@ class Recording(Tabled):
             condition: what is known of the trial.
             label: what to call it in messages, default the file's name.
             origin: "measured" or "synthetic", if that is known.
-            layout: where in the file the channels are, and their units, if the file does not say so itself.
+            layout: where in the file the channels are, and their units, if the file does not state them.
 
         Raises:
             InputFileError: no such file, or it is not such a table; the message names line and column.
         """
         layout = layout.of(Path(file)) if layout else None
         with by_name(label or str(file)):
-            found = files.reading(Path(file), layout)
-        channels, shown_as = found.channels, label or Path(file).name
+            reading = files.reading(Path(file), layout)
+        channels, display_name = reading.channels, label or Path(file).name
         return cls(
             time_s=channels[HEADER[0]],
             base_m_s2=channels[HEADER[1]],
             malleolus_m_s2=channels[HEADER[2]],
             tuberosity_m_s2=channels.get(HEADER[3]),
             condition=condition or Condition(),
-            file=shown_as,
+            file=display_name,
             origin=origin,
-            warnings=(*_remarks(Path(file).with_suffix(".json")), *(f"{shown_as}: {w}." for w in found.warnings)),
+            warnings=(*_remarks(Path(file).with_suffix(".json")), *(f"{display_name}: {w}." for w in reading.warnings)),
             calibration=_with_delays(layout.channels if layout else {}, Path(file).with_suffix(".json")),
             known=layout.beyond if layout else Known(),
             digest=_digest(Path(file)),
             others={name.removesuffix("_m_s2"): values for name, values in channels.items() if name not in HEADER},
-            used=found.used,
-            unused=found.unused,
+            used=reading.used,
+            unused=reading.unused,
         )
 
     @property
     def channels(self) -> Channels:
         """Time and accelerations by their names in `HEADER`, then those of further sensors."""
-        own = {name: getattr(self, name) for name in HEADER if getattr(self, name) is not None}
-        return own | {f"{name}_m_s2": values for name, values in self.others.items()}
+        named = {name: getattr(self, name) for name in HEADER if getattr(self, name) is not None}
+        return named | {f"{name}_m_s2": values for name, values in self.others.items()}
 
     @property
     def sensors(self) -> dict[str, np.ndarray]:
@@ -249,8 +254,8 @@ class Recording(Tabled):
     def with_channels(self, channels: Channels) -> "Recording":
         """The recording with other channels: by their names in `channels`, and no others than the two that it needs."""
         further = {name.removesuffix("_m_s2"): v for name, v in channels.items() if name not in HEADER}
-        own = {name: channels.get(name, getattr(self, name)) for name in HEADER[:3]}
-        return replace(self, **own, tuberosity_m_s2=channels.get(HEADER[3]), others=further)
+        named = {name: channels.get(name, getattr(self, name)) for name in HEADER[:3]}
+        return replace(self, **named, tuberosity_m_s2=channels.get(HEADER[3]), others=further)
 
     def write(self, file: Path, matlab: str = "5") -> None:
         """Write in the format of the file's ending; as CSV numbers are as short as they are exact to 1e-6.
@@ -280,7 +285,7 @@ def _digest(file: Path) -> str:
 
 
 def _row(values: ArrayLike, channel: str, name: str) -> np.ndarray:
-    """An array (n,) of numbers of its own: what the caller does to his changes nothing here."""
+    """A copy (n,) of an array of numbers."""
     try:
         row = np.array(values, float)
     except (TypeError, ValueError):
@@ -298,34 +303,34 @@ def _seconds(values: ArrayLike, name: str) -> np.ndarray:
 
 
 def _remarks(file: Path) -> tuple[str, ...]:
-    """What acquisition found worth a warning (docs/acquisition.md); none if the recording has no such file by it."""
+    """Warnings of acquisition (docs/acquisition.md); none if the recording has no such file beside it."""
     if not file.is_file():
         return ()
     try:
-        found = json.loads(file.read_text())["warnings"]
+        texts = json.loads(file.read_text())["warnings"]
     except (ValueError, KeyError, TypeError, OSError):
         return ()
-    return tuple(text for text in found if isinstance(text, str)) if isinstance(found, list) else ()
+    return tuple(text for text in texts if isinstance(text, str)) if isinstance(texts, list) else ()
 
 
 def _with_delays(channels: Mapping[str, Channel], file: Path) -> Mapping[str, Channel]:
-    """What is said of the channels, with the uncertain delays of a recording that was merged of two loggers."""
+    """The channels with the uncertain delays of a recording that was merged of two loggers."""
     if not file.is_file():
         return channels
     try:
-        found = json.loads(file.read_text())["delay_std_s"]
-        late = {name: float(value) for name, value in found.items() if 0 <= float(value) <= 1}
+        stds = json.loads(file.read_text())["delay_std_s"]
+        late = {name: float(value) for name, value in stds.items() if 0 <= float(value) <= 1}
     except (ValueError, KeyError, TypeError, OSError, AttributeError):
         return channels
-    told = {name: channels.get(name, Channel()) for name in late}
+    stated = {name: channels.get(name, Channel()) for name in late}
     return {
         **channels,
-        **{name: replace(c, delay_std_s=math.hypot(c.delay_std_s, late[name])) for name, c in told.items()},
+        **{name: replace(c, delay_std_s=math.hypot(c.delay_std_s, late[name])) for name, c in stated.items()},
     }
 
 
 def with_masses(recording: Recording, body_mass_kg: float | None, added_mass_kg: float | None) -> Recording:
-    """The recording with masses given on the command line in place of its own.
+    """The recording with masses given on the command line in place of the stated ones.
 
     Raises:
         RecordingError: a mass is not a plausible number.
@@ -344,7 +349,8 @@ def gain_and_delay(recording: Recording, out: str, into: str) -> tuple[float, fl
 
     Args:
         recording: with its calibration.
-        out, into: names of the channels.
+        out: name of the channel.
+        into: name of the channel that it is relative to.
     """
     a, b = (recording.calibration.get(name, Channel()) for name in (out, into))
     return float(np.hypot(a.gain_std, b.gain_std)), float(np.hypot(a.delay_std_s, b.delay_std_s))

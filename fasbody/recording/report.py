@@ -12,7 +12,7 @@ from fasbody.recording.checks import reasons, verdict
 from fasbody.recording.recording import Recording
 
 #: Length of a thumbnail [s], its most samples, and its size [pixels].
-_LENGTH_S, _SAMPLES, _WIDE, _HIGH = 1.0, 500, 560, 120
+_LENGTH_S, _SAMPLES, _WIDTH, _HEIGHT = 1.0, 500, 560, 120
 
 _PAGE = """<!doctype html><html lang="en"><meta charset="utf-8"><title>{{ title }}</title>
 <style>
@@ -29,11 +29,11 @@ p, ul {margin: .3em 0} svg {max-width: 100%} .unusable {color: #a40000} .note {c
 <p>{{ row.numbers }}</p>
 {% if row.used %}<p>{{ row.used | join("; ") }}.<br>Not used: {{ row.unused | join("; ") or "nothing" }}.</p>{% endif %}
 {% for text in row.warnings %}<p class="note">{{ text }}</p>{% endfor %}
-{% if row.lines %}<svg viewBox="0 0 {{ wide }} {{ high }}" width="{{ wide }}" role="img"
+{% if row.lines %}<svg viewBox="0 0 {{ width }} {{ height }}" width="{{ width }}" role="img"
  aria-label="One second of base and malleolus">
 {% for name, colour, points in row.lines %}<polyline fill="none" stroke="{{ colour }}" points="{{ points }}"/>
 <text x="{{ 4 + 90 * loop.index0 }}" y="12" font-size="11" fill="{{ colour }}">{{ name }}</text>
-{% endfor %}<text x="{{ wide - 4 }}" y="12" font-size="11" text-anchor="end">{{ row.range }}</text></svg>{% endif %}
+{% endfor %}<text x="{{ width - 4 }}" y="12" font-size="11" text-anchor="end">{{ row.range }}</text></svg>{% endif %}
 </section>{% endfor %}</html>
 """
 
@@ -68,10 +68,10 @@ def write(file: Path, title: str, rows: Sequence[Mapping[str, Any]]) -> None:
 
     verdicts = [verdict(row) for row in rows]
     counts = ", ".join(f"{verdicts.count(name)} {name.partition(',')[0]}" for name in dict.fromkeys(verdicts))
-    shown = [dict(row) | {"verdict": name, "numbers": _numbers(row)} | _drawn(row.get("excerpt") or {})
+    entries = [dict(row) | {"verdict": name, "numbers": _numbers(row)} | _drawn(row.get("excerpt") or {})
              for row, name in zip(rows, verdicts, strict=True)]  # fmt: skip
     page = Environment(autoescape=select_autoescape(default_for_string=True)).from_string(_PAGE)
-    text = page.render(title=title, rows=shown, counts=counts, why=reasons(rows), wide=_WIDE, high=_HIGH)
+    text = page.render(title=title, rows=entries, counts=counts, why=reasons(rows), width=_WIDTH, height=_HEIGHT)
     write_whole(file, text)
 
 
@@ -94,7 +94,7 @@ def _drawn(second: Mapping[str, list[float]]) -> dict[str, Any]:
     if "time_s" not in second or not channels:
         return {}
     t, top = np.array(second["time_s"]), max(float(np.abs(x).max()) for x in channels.values()) or 1.0
-    across = _WIDE * (t - t[0]) / max(1e-12, t[-1] - t[0])
+    across = _WIDTH * (t - t[0]) / max(1e-12, t[-1] - t[0])
     lines = [
         (name, colour, " ".join(f"{a:.1f},{b:.1f}" for a, b in zip(across, 68 - 48 * x / top, strict=True)))
         for (name, x), colour in zip(channels.items(), COLOURS, strict=False)

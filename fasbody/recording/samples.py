@@ -1,4 +1,4 @@
-"""What the samples themselves say of how they came about: held, joined by lines, spiked, jumping, in steps.
+"""Signs of how samples came about: held values, interpolation, spikes, jumps, converter steps.
 
 Each finding has its place and its size: what it does to the amplitude and phase of the channel's sine.
 """
@@ -29,9 +29,9 @@ _SHARE = 0.02
 _BESIDE = (-0.95, -0.4)
 #: A sample of a sine is foreign beyond this times the usual range.
 _FOREIGN = 3.0
-#: More jumps than in every tenth period are the motion's own.
+#: More jumps than in every tenth period belong to the motion.
 _RARE = 0.1
-#: Real part of base over malleolus from which on the phase belies the amplitude; a mass on a spring has at most 1.
+#: Real part of base over malleolus where phase contradicts amplitude; a mass on a spring has at most 1.
 _LITTLE = 2.0
 #: A resonance so large and so little damped is none of flesh.
 _MUCH, _LOSSLESS = 4.0, 0.1
@@ -42,7 +42,7 @@ class Slow:
     """A channel that was sampled more slowly than its file is.
 
     Attributes:
-        interval: samples of the file from one of its own to the next.
+        interval: samples of the file from one measured sample to the next.
         held: steps, else joined by straight lines.
         age: of a held sample in the mean, in samples of the file.
     """
@@ -73,7 +73,7 @@ def slow(values: np.ndarray, grid: float | None = None) -> Slow | None:
         return Slow(interval, True, 0.5 * (interval - float(interval % 1 == 0)))
     before, after = np.diff(values)[:-2], np.diff(values)[2:]
     repeated = (change[1:-1] == 0) & (before * after > 0) & (change[:-2] + change[2:] > 8 * grid)
-    if repeated.mean() > _REPEATED:  # filled where samples were lost
+    if repeated.mean() > _REPEATED:  # filled where samples are missing
         age = np.arange(values.size - 1) - np.maximum.accumulate(np.where(change > 0, np.arange(change.size), 0))
         return Slow(change.size / max(1, changes.size), True, float(age.mean()))
     bends = np.flatnonzero(bend > max(4 * grid, _STRAIGHT * float(bend.max())))
@@ -116,7 +116,7 @@ class Odd:
 
     Attributes:
         spikes: places of single samples that stand out.
-        jumps: where the motion goes on elsewhere, samples lost.
+        jumps: places where samples are missing and the motion continues elsewhere.
         size: of the largest [m/s^2].
         mark: the number that all spikes are, None where they differ.
     """
@@ -150,8 +150,8 @@ def odd(values: np.ndarray, periods: float | None) -> Odd:
     jumps = rest[np.diff(rest, prepend=-10) > 4]
     if periods is None or jumps.size > max(3, _RARE * periods):
         jumps = jumps[:0]
-    found = np.concatenate([spikes, jumps])
-    size = float(np.abs(missed[found]).max()) if found.size else 0.0
+    outliers = np.concatenate([spikes, jumps])
+    size = float(np.abs(missed[outliers]).max()) if outliers.size else 0.0
     same = spikes.size > 1 and np.unique(values[spikes]).size == 1
     return Odd(spikes, jumps, size, float(values[spikes[0]]) if same else None)
 
@@ -161,9 +161,9 @@ def cost(time_s: np.ndarray, values: np.ndarray, frequency_hz: float, spikes: np
     turn = 2 * np.pi * frequency_hz * time_s
     basis = np.column_stack([np.ones_like(turn), np.cos(turn), np.sin(turn)])
     kept = np.delete(np.arange(values.size), spikes)
-    both = [np.linalg.lstsq(basis[use], values[use])[0] for use in (slice(None), kept)]
-    found, clean = (c[1] - 1j * c[2] for c in both)
-    return complex(found / clean)
+    fits = [np.linalg.lstsq(basis[use], values[use])[0] for use in (slice(None), kept)]
+    with_spikes, clean = (c[1] - 1j * c[2] for c in fits)
+    return complex(with_spikes / clean)
 
 
 def step(values: np.ndarray) -> float:
@@ -178,20 +178,20 @@ def step(values: np.ndarray) -> float:
 def by_steps(values: np.ndarray, grid: float, frequency_hz: float, rate_hz: float) -> float:
     """Relative standard deviation of a sine's amplitude (and of its phase, in rad) by the steps of its converter.
 
-    Rounding that repeats itself every period does not average out: the samples of one period count, unless noise tells
-    the periods apart.
+    Rounding that repeats itself every period does not average out: the samples of one period count, unless noise makes
+    the periods differ.
     """
-    each, count = rate_hz / frequency_hz, values.size
-    if abs(each - round(each)) < 1e-3 * each and count > 2 * each:
-        periods = values[: count // round(each) * round(each)].reshape(-1, round(each))
-        count = round(each) if float(np.median(periods.std(axis=0))) < 0.3 * grid else count
+    per_period, count = rate_hz / frequency_hz, values.size
+    if abs(per_period - round(per_period)) < 1e-3 * per_period and count > 2 * per_period:
+        periods = values[: count // round(per_period) * round(per_period)].reshape(-1, round(per_period))
+        count = round(per_period) if float(np.median(periods.std(axis=0))) < 0.3 * grid else count
     return grid / np.sqrt(12) * np.sqrt(2 / count) / (np.sqrt(2) * float(values.std()))
 
 
 def impossible(ratio: complex) -> str:
     """What is odd about malleolus over base of a sine, for a passive foot; empty where nothing is.
 
-    A mass on any spring that stores and loses energy answers with 1 / H = 1 - x exp(-i d), d from 0 to 90 degrees: what
+    A mass on any spring that stores and loses energy has 1 / H = 1 - x exp(-i d), d from 0 to 90 degrees: what
     moves much less than its base lags far behind it, and what moves much more is in resonance, a quarter turn behind.
     """
     inverse = 1 / ratio

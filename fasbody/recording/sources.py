@@ -1,4 +1,4 @@
-"""What a command is told to read: study folders and files, with masses from its options."""
+"""The study folders and files of a command, with masses from its options."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -20,8 +20,8 @@ def gather(
 
     Raises:
         InputFileError: nothing of that name, or it cannot be read.
-        SettingError: several masses, and not one for each of the files; or a study.toml for a folder with its own;
-            a mass that is implausible, or another than a study says.
+        SettingError: several masses, and not one for each of the files; or a study.toml for a folder that has one;
+            a mass that is implausible, or another than a study states.
     """
     if mapping is not None and any(path.is_dir() for path in data):
         raise SettingError("--study is for files; a study folder has a study.toml of its own.")
@@ -68,7 +68,7 @@ def _load_of(path: Path, recording: Recording, load: float | None) -> float | No
 
 
 def _agree(recording: Recording, body: float | None, load: float | None) -> None:
-    """Refuse a mass that is another than the study of the recording says; a bare file says none.
+    """Refuse a mass that is another than the study of the recording states; a bare file states none.
 
     Raises:
         SettingError: two sources of one mass that disagree.
@@ -76,13 +76,13 @@ def _agree(recording: Recording, body: float | None, load: float | None) -> None
     condition = recording.condition
     if condition.body_mass_kg is None:
         return
-    for option, table, name, says, given in (
+    for option, table, name, says, stated in (
         ("--body-mass", "subjects.csv", "body mass", condition.body_mass_kg, body),
         ("--added-mass", "recordings.csv", "added mass", condition.added_mass_kg, load),
     ):
-        if given is not None and abs(given - says) > 1e-6:
+        if stated is not None and abs(stated - says) > 1e-6:
             raise SettingError(
-                f"{recording.file}: {table} says that the {name} is {says:g} kg, and {option} says {given:g} kg; "
+                f"{recording.file}: {table} says that the {name} is {says:g} kg, and {option} says {stated:g} kg; "
                 f"leave out {option}, or correct {table}."
             )
 
@@ -97,9 +97,9 @@ def _each(data: Sequence[Path], masses: Sequence[float] | None, option: str) -> 
     if not masses:
         return [None] * len(data)
     if len(masses) not in (1, len(data)) or (len(masses) > 1 and any(path.is_dir() for path in data)):
-        given = ", ".join(f"{mass:g}" for mass in masses)
+        listed = ", ".join(f"{mass:g}" for mass in masses)
         raise SettingError(
-            f"{option} is given {len(masses)} times ({given}) for {len(data)} files or folders; valid: once for all, "
+            f"{option} is given {len(masses)} times ({listed}) for {len(data)} files or folders; valid: once for all, "
             "or once for each file in their order."
         )
     return list(masses) if len(masses) > 1 else [masses[0]] * len(data)

@@ -23,14 +23,14 @@ BUNDLED = Path(str(files("fasbody"))) / "studies" / "synthetic_subject_16"
 
 @dataclass(frozen=True)
 class StudyFolder(Tabled):
-    """A study on disk: its tables are read, its recordings one at a time when they are asked for.
+    """A study on disk: its tables are read, its recordings one at a time when they are needed.
 
     Attributes:
         name: its title.
         origin: "measured" or "synthetic".
         description: one paragraph.
         trials: what recordings.csv lists.
-        layout: what study.toml says of the channels.
+        layout: the channels by study.toml.
     """
 
     name: str
@@ -56,7 +56,7 @@ class StudyFolder(Tabled):
         return cls(about["name"], about["origin"], about["description"], trials, layout)
 
     def read(self, trial: Trial) -> Recording:
-        """The recording of one trial, corrected as study.toml says."""
+        """The recording of one trial, corrected as study.toml states."""
         return Recording.read(trial.path, trial.condition, trial.label, self.origin, self.layout)
 
 
@@ -104,7 +104,7 @@ class Study(Tabled):
         return replace(self, recordings=kept)
 
     def check(self) -> Checked:
-        """What the checks say of each recording: what is wrong with it, and what was understood."""
+        """Results of the checks of each recording: errors, and the channels and conditions read."""
         rows = tuple(understood(recording) for recording in self.recordings)
         return Checked(self.name, rows, tuple(out_of_line(rows)))
 
@@ -113,12 +113,12 @@ class Study(Tabled):
         """Open a study folder as `StudyFolder.open` does, and read every recording it lists."""
         study = StudyFolder.open(folder, only)
         recordings = tuple(study.read(trial) for trial in study.trials)
-        found = {name for recording in recordings for name in recording.sensors}
+        sensors = {name for recording in recordings for name in recording.sensors}
         for name in study.layout.channels if only is None else ():
-            if name != "base" and name != "time" and name not in found:
-                told = study.layout.channels[name].column
-                column = f"a column {told!r}" if told else "a column of that name"
-                listed = f"sensors found: {', '.join(sorted(found)) or 'none'}"
+            if name != "base" and name != "time" and name not in sensors:
+                stated = study.layout.channels[name].column
+                column = f"a column {stated!r}" if stated else "a column of that name"
+                listed = f"sensors found: {', '.join(sorted(sensors)) or 'none'}"
                 raise InputFileError(
                     Path(folder) / "study.toml",
                     f"describes the channel {name!r}, and no recording has {column}",
@@ -164,11 +164,11 @@ def read_truth(folder: Path) -> dict[str, float]:
 
 
 def read_file(file: Path, study: Path | None = None) -> Recording:
-    """A recording with its conditions where it lies in a study that lists it, else as a bare file.
+    """A recording with its conditions where a study lists it, else as a bare file.
 
     Args:
         file: the recording.
-        study: study.toml that says what its channels are, if it lies in no study.
+        study: study.toml with its channels, if it is in no study.
 
     Raises:
         InputFileError: it, or the study around it, cannot be read.

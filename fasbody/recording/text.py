@@ -92,14 +92,14 @@ def _encoding(file: Path) -> str:
     try:
         with _opened(file) as raw:
             start = raw.read(400)
-        found = next((encoding for encoding in _encodings(start) if _reads(file, encoding)), None)
+        chosen = next((encoding for encoding in _encodings(start) if _reads(file, encoding)), None)
     except (EOFError, zlib.error, gzip.BadGzipFile):
         raise InputFileError(file, "is not a sound .gz file; it is damaged, cut off, or of another format") from None
     except OSError as error:
         raise InputFileError(file, f"cannot be read ({error.strerror})") from None
-    if found is None:
+    if chosen is None:
         raise InputFileError(file, "is not a text file", "a CSV file with a header line is needed")
-    return found
+    return chosen
 
 
 def _encodings(start: bytes) -> tuple[str, ...]:
@@ -113,7 +113,7 @@ def _encodings(start: bytes) -> tuple[str, ...]:
 
 def _reads(file: Path, encoding: str) -> bool:
     """Whether all bytes of a file are letters in an encoding."""
-    decoder, wide, size = codecs.getincrementaldecoder(encoding)(), encoding.startswith("utf-16"), 0
+    decoder, two_byte, size = codecs.getincrementaldecoder(encoding)(), encoding.startswith("utf-16"), 0
     with _opened(file) as raw:
         while data := raw.read(PIECE):
             size += len(data)
@@ -125,7 +125,7 @@ def _reads(file: Path, encoding: str) -> bool:
                 text = decoder.decode(data)
             except UnicodeDecodeError:
                 return False
-            clear = not wide and len(data.translate(None, _CONTROL)) == len(data)
+            clear = not two_byte and len(data.translate(None, _CONTROL)) == len(data)
             if not clear and _BINARY.search(text):
                 return False
     try:

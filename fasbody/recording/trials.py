@@ -1,4 +1,4 @@
-"""study.toml: what a study says of itself and of its channels.
+"""study.toml: a study's name, origin and channels.
 
 What a study folder lists: one trial a row of recordings.csv, with its conditions.
 """
@@ -42,7 +42,7 @@ def describe(file: Path) -> tuple[dict[str, str], Layout]:
 
 
 def _way_out(file: Path) -> str:
-    """What can be done with a folder of bare recordings whose study.toml is asked for; nothing where it is none."""
+    """What can be done with a folder of bare recordings without a study.toml; empty where it is no such folder."""
     folder = file.parent
     if file.name != "study.toml" or (folder / "recordings.csv").exists() or not folder.is_dir():
         return ""
@@ -64,18 +64,18 @@ def parsed(file: Path, text: str) -> tuple[dict[str, str], Layout]:
     except tomllib.TOMLDecodeError as error:
         raise InputFileError(file, f"is not TOML ({error})") from None
     _known(file, document, "table", ("study", "channels", "known", "layouts"))
-    given, channels = _table(file, document, "study"), _table(file, document, "channels")
-    _known(file, given, "key of [study]", _KEYS)
+    settings, channels = _table(file, document, "study"), _table(file, document, "channels")
+    _known(file, settings, "key of [study]", _KEYS)
     about = {"name": file.parent.resolve().name, "origin": "measured", "description": ""}
-    about |= {key: str(value) for key, value in given.items() if key in about}
+    about |= {key: str(value) for key, value in settings.items() if key in about}
     if about["origin"] not in ("measured", "synthetic"):
         raise InputFileError(file, f"origin is {about['origin']!r}", 'valid: "measured", "synthetic"')
-    rate, columns, take = given.get("sampling_rate_hz"), given.get("columns", ()), given.get("take")
+    rate, columns, take = settings.get("sampling_rate_hz"), settings.get("columns", ()), settings.get("take")
     known, apart = _table(file, document, "known"), list[tuple[str, Layout]]()
     for name, table in _table(file, document, "layouts").items():
-        patterns, own = _apart(file, name, table)
-        told = (table.get("sampling_rate_hz", rate), table.get("columns", columns), known, table.get("take", take))
-        layout = Layout.from_toml(file, {**channels, **own}, *told)
+        patterns, further = _apart(file, name, table)
+        rest = (table.get("sampling_rate_hz", rate), table.get("columns", columns), known, table.get("take", take))
+        layout = Layout.from_toml(file, {**channels, **further}, *rest)
         apart += [(pattern, layout) for pattern in patterns]
     return about, replace(Layout.from_toml(file, channels, rate, columns, known, take), apart=tuple(apart))
 
@@ -203,7 +203,7 @@ def _masses(file: Path) -> dict[str, float]:
 
 
 def people(folder: Path) -> "pd.DataFrame":
-    """The subjects of a study with whatever subjects.csv says of them: numbers as numbers, all else as text.
+    """The subjects of a study with all columns of subjects.csv: numbers as numbers, all else as text.
 
     Raises:
         InputFileError: there is no such table.

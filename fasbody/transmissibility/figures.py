@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from scipy.interpolate import Akima1DInterpolator
 
 from fasbody.constants import Z95
-from fasbody.presentation import COLOURS, MARKS, PAGE, picture, printed
+from fasbody.presentation import COLOURS, MARKS, panels, picture, printed
 from fasbody.transmissibility import sdof
 from fasbody.transmissibility.labels import label_lines
 from fasbody.transmissibility.table import Condition, Table
@@ -18,11 +18,6 @@ from fasbody.transmissibility.table import Condition, Table
 def save(figure: Figure, ending: str) -> bytes:
     """The figure as the content of an .svg, .png or .pdf file."""
     return picture(figure, ending)
-
-
-def _new(rows: int, columns: int, width: float, height: float, **options: Any) -> tuple[Figure, np.ndarray]:
-    figure = Figure(figsize=(min(width, PAGE), height), layout="constrained")
-    return figure, figure.subplots(rows, columns, squeeze=False, **options)
 
 
 def _smooth(f: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -45,7 +40,7 @@ def _name(condition: Condition, conditions: Sequence[Condition]) -> str:
 @printed
 def subjects(table: Table, pair: str, conditions: Sequence[Condition]) -> Figure:
     """Figures 2.3, 2.4, 2.6, 2.7: every subject thin, the mean heavy, the resonance range shaded."""
-    figure, axes = _new(2, len(conditions), 2.4 * len(conditions) + 0.6, 4.6, sharex=True, sharey="row")
+    figure, axes = panels(2, len(conditions), 2.4 * len(conditions) + 0.6, 4.6, sharex=True, sharey="row")
     for column, condition in enumerate(conditions):
         c = table.curves(pair, *condition)
         colour = COLOURS[column % len(COLOURS)]
@@ -76,7 +71,7 @@ def subjects(table: Table, pair: str, conditions: Sequence[Condition]) -> Figure
 def means(table: Table, conditions: Sequence[Condition]) -> Figure:
     """Figures 2.5 and 2.8: means with 95 % intervals for every pair, an arrow at each resonance."""
     pairs = table.pairs
-    figure, axes = _new(2, len(pairs), 2.5 * len(pairs) + 0.6, 4.8, sharex=True, sharey="row")
+    figure, axes = panels(2, len(pairs), 2.5 * len(pairs) + 0.6, 4.8, sharex=True, sharey="row")
     highest = 0.0
     for column, pair in enumerate(pairs):
         top, bottom = axes[0, column], axes[1, column]
@@ -143,7 +138,7 @@ def spectrum(table: Table, conditions: Sequence[Condition]) -> Figure:
     """Broadband excitation: mean curves over a fine frequency axis, with the band of subjects, or each of a few."""
     pairs = table.pairs
     few = min(len(table.curves(pair, *c).subjects) for pair in pairs for c in conditions) < _BAND_OF
-    figure, axes = _new(2, len(pairs), 2.5 * len(pairs) + 0.6, 4.6, sharex=True, sharey="row")
+    figure, axes = panels(2, len(pairs), 2.5 * len(pairs) + 0.6, 4.6, sharex=True, sharey="row")
     for column, pair in enumerate(pairs):
         for i, condition in enumerate(conditions):
             c = table.curves(pair, *condition)
@@ -181,7 +176,7 @@ def single_mass(
     k, c = np.linspace(1e3, 3e5, 400), np.linspace(20, 3000, 300)
     columns = min(2, len(frequencies_hz))
     rows = -(-len(frequencies_hz) // columns)
-    figure, axes = _new(rows, columns, 3.3 * columns, 2.7 * rows, sharex=True, sharey=True)
+    figure, axes = panels(rows, columns, 3.3 * columns, 2.7 * rows, sharex=True, sharey=True)
     levels = (0.4, 0.6, 0.8, 0.9, 1.0, 1.1, 1.2, 1.3, 1.5, 2.0, 3.0)
     for axis, f in zip(axes.flat, frequencies_hz, strict=False):
         T = sdof.transmissibility(2 * np.pi * f, m, c[:, None], k)

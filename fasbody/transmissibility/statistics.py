@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special, stats
 
-from fasbody.constants import Z95 as Z95  # identification.blackbox imports it from here
 from fasbody.exceptions import RecordingError
 from fasbody.presentation import Tabled
 

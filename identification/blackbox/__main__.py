@@ -136,7 +136,7 @@ def parse_orders(text: str, structures: tuple[str, ...]) -> dict[str, tuple[int,
     """Orders by structure from the option's text.
 
     Raises:
-        SettingError: it cannot be read, or names a structure that is not asked for.
+        SettingError: it cannot be read, or names a structure that is not requested.
     """
     if text.strip().lower() == "auto":
         return {}

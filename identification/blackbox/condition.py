@@ -19,24 +19,24 @@ SPIKE = 6.0  # robust standard deviations from which a sample is no noise: 1e-5 
 MOST = 0.1  # of all samples that may be spikes; more are the signal
 LIMIT, OFTEN = 1e-4, 0.01  # of its range from its end, and share of samples there: an output that overflows
 FAINT = 1e-6  # of the output's standard deviation: smaller errors are those of rounding
-CERTAIN = 1e-6  # p-value below which drift or feedback is said: both tests are led astray by a nonlinear plant
+CERTAIN = 1e-6  # p-value below which drift or feedback is reported: both tests are led astray by a nonlinear plant
 SHORT = 3  # errors in which a weak loop stands out
 SUSPECT = 1e-3  # p-value below which a loop is possible; a nonlinear plant gives such values, too
-MOSTLY = 0.5  # share of the output's news from which the input of the same sample drives it, and does not answer it
+MOSTLY = 0.5  # share of the output's news from which the input of the same sample drives it, and does not depend on it
 FLAT = 0.02  # of the input's reach that a change must exceed to count as a step
 STEPS = 6  # changes of level up to which an input is a step record
 
 
 @dataclass(frozen=True)
 class Condition:
-    """What was found in one recording.
+    """The condition of one recording.
 
     Attributes:
         spikes: samples of the output (from 0) that no noise explains.
         drift: change of the output over the record that the input does not explain, share of its standard deviation.
-        feedback: whether the input answers past disturbances of the output.
+        feedback: whether the input depends on past disturbances of the output.
         steps: whether the input is a few steps or pulses and constant otherwise.
-        unstable: whether the plant grows on its own, held by a loop.
+        unstable: whether the plant is unstable, held by a loop.
         suspect: whether a loop is possible, too weak to be certain of.
         limited: share of samples at which the output stands at an end of its range.
     """
@@ -59,7 +59,7 @@ class Condition:
         return "the input is constant but for a few steps" if self.steps else ""
 
     def warnings(self) -> list[str]:
-        """Sentences on what was found."""
+        """Sentences on the condition."""
         sentences = []
         if self.spikes:
             where = ", ".join(str(k + 1) for k in self.spikes[:5]) + (", ..." if len(self.spikes) > 5 else "")
@@ -79,7 +79,7 @@ class Condition:
 
 
 def examine(series: Series) -> Condition:
-    """The condition of one recording, means removed; nothing is said of one too short for a long ARX model."""
+    """The condition of one recording, means removed; empty for one too short for a long ARX model."""
     lags = min(LAGS, len(series) // 20)
     if lags < 3 or not np.ptp(series.u):
         return Condition()
@@ -114,7 +114,7 @@ def _regression(series: Series, lags: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _unstable(series: Series, lags: int) -> bool:
-    """Whether a long ARX model has a pole outside the unit circle; a controller answers y(t) in u(t), so n_k is 1."""
+    """Whether a long ARX model has a pole outside the unit circle; a controller's u(t) depends on y(t): n_k is 1."""
     theta = pem.solve([pem.regressors(series, Orders(na=lags, nb=lags, nk=1))])
     return largest_root(np.concatenate([[1.0], theta[:lags]])) > 1.0
 
@@ -124,7 +124,7 @@ def mend(series: Series) -> tuple[Series, tuple[int, ...]]:
 
     A spike of size s at t leaves s, a_1 s, a_2 s, ... in the errors of a long ARX model; the matched filter finds it,
     the largest first, and what it measures is taken off (Chen and Liu 1993). Coefficients come from least squares with
-    Huber's weights, so that spikes do not shape the model that judges them.
+    Huber's weights, so that spikes do not shape the model that detects them.
     """
     lags = min(LAGS, len(series) // 20)
     if lags < 3:
@@ -176,7 +176,7 @@ def _drift(series: Series, errors: np.ndarray, past: np.ndarray) -> float:
 def _feedback(series: Series, errors: np.ndarray, lags: int) -> tuple[float, float]:
     """Share of the input's news that errors of the long model predict, and its p-value: the output's way to the input.
 
-    Both sides are freed of past inputs first. An input that its own past predicts to a hundredth (sines, smooth
+    Both sides are freed of past inputs first. An input that its past predicts to a hundredth (sines, smooth
     signals) cannot show it. A weak loop stands out in the last `SHORT` errors, a slow one in more.
     """
     lead = min(10, lags)
@@ -192,9 +192,9 @@ def _feedback(series: Series, errors: np.ndarray, lags: int) -> tuple[float, flo
 
 
 def _at_once(phi: np.ndarray, y: np.ndarray, lags: int) -> bool:
-    """Whether u(t) tells a little of y(t) beside all that is past.
+    """Whether u(t) explains a little of y(t) beyond the past.
 
-    A feedthrough and a controller that answers within the sample look alike, unless most of the output's news is u(t).
+    A feedthrough and a controller that responds within the sample look alike, unless most of the output's news is u(t).
     """
     share, p = _gain(y, np.delete(phi, lags, axis=1), phi[:, lags : lags + 1])
     return p < SUSPECT and share < MOSTLY

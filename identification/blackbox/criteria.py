@@ -49,10 +49,10 @@ def whitened_score(
 
     Models that are compared need the same N, `samples` where their first rows differ; else the unit of V would choose.
 
-    V is the variance that an autoregression of `order` leaves. So a plant too small is seen behind coloured noise, and
-    one too large gains nothing by following it. A coefficient enters when it stands out by two standard errors: what
-    is left out by Schwarz' stricter rule would lie outside the intervals of the rest. Each of `poles` costs as much
-    again, as it may go wherever noise happens to have a peak.
+    V is the variance that an autoregression of `order` leaves. So a plant too small is detected behind coloured noise,
+    and one too large gains nothing by following it. A coefficient enters when it stands out by two standard errors:
+    what is left out by Schwarz' stricter rule would lie outside the intervals of the rest. Each of `poles` costs as
+    much again, as it may go wherever noise happens to have a peak.
     """
     left = whitened_variance(errors, order)
     count = samples or sum(len(e) for e in errors)

@@ -18,7 +18,7 @@ from fasbody.recording.study import Study
 if TYPE_CHECKING:
     import pandas as pd
 
-SHORTEST = 20  # samples; below this not even a first-order model and its initial state can be judged
+SHORTEST = 20  # samples; below this not even a first-order model and its initial state can be validated
 #: Structures that can be estimated, and those that are unless others are named.
 ALL = ("arx", "armax", "bj", "oe", "ss", "hw", "narx")
 DEFAULT = ("arx", "armax", "oe", "bj", "ss", "hw")
@@ -39,11 +39,11 @@ class Series(Tabled):
         sample_time: seconds between samples.
         name: what to call it in tables and messages.
         channels: names of input and output.
-        part: whether it was cut from a whole recording, which alone is asked for excitation: a step or a pulse
-            leaves parts without any.
+        part: whether it was cut from a whole recording, which alone must be excited: a step or a pulse
+            leaves parts without excitation.
 
     Raises:
-        RecordingError: the arrays cannot identify anything; one sentence says why.
+        RecordingError: the arrays cannot identify anything; one sentence states why.
     """
 
     u: np.ndarray
@@ -205,7 +205,7 @@ def read_csv(path: Path, *, input: str = "", output: str = "", sample_time: floa
     """A `Series` from a CSV file with named columns, or with two (input, output) or three (time first) columns.
 
     A column called time or t gives the sample time, in the unit its name carries (s, ms or us; seconds without one). A
-    first column that rises from row to row is never taken for the input unless asked for.
+    first column that rises from row to row is never taken for the input unless named.
 
     Args:
         path: the file; the first row may name the columns.
@@ -235,7 +235,7 @@ def read_csv(path: Path, *, input: str = "", output: str = "", sample_time: floa
 
 
 def _never_guess(path: Path, signals: list[str], input: str, output: str) -> None:
-    """Refuse a file with more signals than two when the names do not say which is which."""
+    """Refuse a file with more signals than two when the names do not identify them."""
     if (input or {*INPUT_NAMES} & {*signals}) and (output or {*OUTPUT_NAMES} & {*signals}):
         return
     u = [name for name in signals if re.fullmatch(r"(?:u|in|input)[\s_]?\d+", name, re.IGNORECASE)]

@@ -1,4 +1,4 @@
-"""What an input can tell: its excitation order, the band it excites, and single sines with their harmonics."""
+"""Excitation by an input: its order, its band, and single sines with their harmonics."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass

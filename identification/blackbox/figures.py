@@ -8,9 +8,9 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from fasbody.constants import Z95
 from fasbody.presentation import COLOURS as SERIES
 from fasbody.presentation import PAGE, picture, printed
-from fasbody.transmissibility.statistics import Z95
 from identification.blackbox.identify import Found, Report
 
 #: One colour for each structure in every figure.
@@ -198,7 +198,7 @@ def poles(report: Report) -> Figure:
         axes.axvline(0, color="0.85", lw=0.6, zorder=0)
         for place, (name, chosen) in enumerate(models.items()):
             p, z = chosen.best.model.poles(), chosen.best.model.zeros()
-            size = 8 - 0.8 * place  # smaller on top, so that agreeing models can be seen through one another
+            size = 8 - 0.8 * place  # smaller on top, so that agreeing models stay visible
             axes.plot(p.real, p.imag, "x", color=COLOURS[name], ms=size, mew=1.2)
             axes.plot(z.real, z.imag, "o", color=COLOURS[name], ms=0.8 * size, mfc="none", mew=0.9)
         axes.set_aspect("equal")

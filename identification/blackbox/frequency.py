@@ -55,8 +55,8 @@ class Points(Tabled):
         frequency_hz: rising, shape (M,).
         value: complex output over input, shape (M,).
         std: standard deviation of real and of imaginary part, shape (M,).
-        distortion: largest harmonic of the output that the input's harmonics do not explain, over its fundamental;
-            0 when none stands out of the noise.
+        distortion: largest harmonic of the output that the input's harmonics do not explain, over its fundamental,
+            0 where none stands out of the noise.
     """
 
     frequency_hz: np.ndarray
@@ -76,7 +76,7 @@ class Points(Tabled):
 def points(recordings: Series | Sequence[Series]) -> Points:
     """Response at the lines of the inputs, by least-squares fits of all lines of a recording at once.
 
-    A single sine gives its fundamental alone: what answers at its harmonics is in part the plant's nonlinearity. Points
+    A single sine gives its fundamental alone: the response at its harmonics is in part the plant's nonlinearity. Points
     of several recordings at one frequency are averaged with their weights.
 
     Raises:
@@ -117,7 +117,7 @@ def local(recordings: Series | Sequence[Series], frequency_hz: ArrayLike, reach:
 
     Args:
         recordings: one or many, means removed; averaged with their weights.
-        frequency_hz: wanted, shape (M,).
+        frequency_hz: of the response, shape (M,).
         reach: lines at either side, at least 4.
     """
     pooled = [recordings] if isinstance(recordings, Series) else list(recordings)

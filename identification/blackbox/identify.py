@@ -1,4 +1,4 @@
-"""From recordings to a judged model of each structure: examine, select, test, and say what the data cannot tell."""
+"""From recordings to a validated model of each structure: examine, select, test, and report what stays open."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -35,7 +35,7 @@ WHITE = ("arx", "armax", "bj")  # their standard errors assume that e(t) is whit
 CALM = 0.05  # p-values of both residual tests from which those standard errors hold
 WORSE = 4.0  # N times the log of held-out one-step losses by which another noise model refutes one
 STRONGLY = 5.0  # times its whitened variance that noise may have before output errors follow it
-FEW = 20  # excitation rank up to which a pulse response cannot be seen
+FEW = 20  # excitation rank up to which a pulse response cannot be estimated
 #: Half-widths from a resonance at which its curve is drawn.
 AROUND = np.array([-8.0, -4.0, -2.0, -1.0, -0.5, -0.25, 0.0, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0])
 LOOKED_AT = 20_000  # samples of a recording that are examined for drift, spikes and feedback
@@ -52,7 +52,7 @@ class Found(Tabled):
         selection: what was tried.
         test: of its residuals on held-out data.
         response: at the excited frequencies.
-        warnings: everything the user should know before believing it.
+        warnings: limits of its validity, for the user.
     """
 
     selection: Selection
@@ -75,7 +75,7 @@ class Report(Tabled):
         estimation: data behind the estimates, means removed.
         validation: held-out data, the estimation means removed.
         excitation: what the estimation input excites.
-        condition: spikes, drift, feedback and steps found before any model was made.
+        condition: spikes, drift, feedback and steps, determined before any model.
         notes: sentences on the condition and on what was done about it.
         models: by structure.
         left_out: leave-one-frequency-out errors of the rational fit, for pools of single sines; else None.
@@ -114,10 +114,10 @@ def identify(
     recordings: Series | Sequence[Series], structures: Sequence[str] = DEFAULT, orders: GivenOrders | None = None,
     split: float = 0.5, step: Callable[[str], Any] = lambda text: None, *, detrend: int = 0, robust: bool = False,
 ) -> Report:  # fmt: skip
-    """Estimate, select and judge models of all `structures` from one recording or from several pooled.
+    """Estimate, select and validate models of all `structures` from one recording or from several pooled.
 
     Args:
-        recordings: whole recordings; each is split into an estimation and a held-out part, which only judges.
+        recordings: whole recordings; each is split into an estimation and a held-out part, which only validates.
         structures: of "arx", "armax", "oe", "bj", "ss", "hw", "narx".
         orders: of structures whose orders are not to be selected.
         split: fraction used for estimation and for the choice of orders.
@@ -148,7 +148,7 @@ def identify(
     ])  # fmt: skip
     notes += state.warnings()
     referee = Referee(
-        [first for first, _ in parts], state.by_prediction, poor=seen.rank <= FEW, steps=state.steps,
+        [first for first, _ in parts], state.by_prediction, weak=seen.rank <= FEW, steps=state.steps,
         least_delay=int(state.feedback),
     )  # fmt: skip
     chooser = _Chooser(referee, [second for _, second in parts], orders or {}, step, state)
@@ -195,7 +195,7 @@ class _Chooser:
     @cached_property
     def delays(self) -> tuple[int, ...]:
         """Delays n_k that compete: the one that is read off and its neighbours; a controller leaves at least one."""
-        delay = search.delay(self.referee.estimation, far=not self.referee.poor)
+        delay = search.delay(self.referee.estimation, far=not self.referee.weak)
         least = self.referee.least_delay
         return tuple(nk for nk in (delay - 1, delay, delay + 1) if nk >= least) or (least,)
 
@@ -265,7 +265,7 @@ class _Chooser:
 
 
 def _judge(chosen: Selection, chooser: _Chooser, seen: Excitation) -> Found:
-    """The chosen model on the held-out data, which no choice has seen."""
+    """The chosen model on the held-out data, which no choice depends on."""
     model = chosen.best.model
     noise = sum(getattr(getattr(model, "orders", None), key, 0) for key in ("na", "nc", "nd"))
     least = chooser.referee.least_delay
@@ -334,7 +334,7 @@ def _without_intervals(model: Any) -> Any:
 def shown_frequencies(
     seen: Excitation, models: Sequence[Single] = (), sample_time: float = 1.0, count: int = 60
 ) -> np.ndarray:
-    """Frequencies [Hz] at which a response may be shown: the excited ones, and those around the poles of `models`.
+    """Frequencies [Hz] at which a response is drawn: the excited ones, and those around the poles of `models`.
 
     Without the latter a sharp resonance falls between two points and is drawn too low.
     """

@@ -143,7 +143,7 @@ def forecast(model: Model, series: Series, steps: int, u: ArrayLike | None = Non
         Forecast (steps,) and standard deviation (steps,), that of future disturbances alone; NaN for NARX.
 
     Raises:
-        SettingError: `steps` or the shape of `u` cannot be meant, or a model of several outputs.
+        SettingError: `steps` or the shape of `u` is invalid, or a model of several outputs.
     """
     if isinstance(model, MimoModel):
         raise SettingError("forecasts are of models with one input and one output.")

@@ -18,8 +18,8 @@ class Linearisation:
 
     Attributes:
         errors: of each recording, shape (N_i,) each.
-        gradient: d errors / d theta of each recording, orthogonal to its initial states, shape (N_i, d) each;
-            empty when only the errors were asked for.
+        gradient: d errors / d theta of each recording, orthogonal to its initial states, shape (N_i, d) each.
+            It is empty where only the errors were computed.
     """
 
     errors: list[np.ndarray]
@@ -27,7 +27,7 @@ class Linearisation:
 
     @classmethod
     def of(cls, parts: Iterable[tuple[np.ndarray, np.ndarray]], gradient: bool) -> Self:
-        """From the errors (N_i,) and columns (N_i, d) of each recording; the latter are kept when asked for."""
+        """From the errors (N_i,) and columns (N_i, d) of each recording; the latter are kept on request."""
         errors, columns = map(list, zip(*parts, strict=True))
         return cls(errors, columns if gradient else [])
 
@@ -43,13 +43,13 @@ class Linearisation:
 
 
 class Problem(Protocol):
-    """What `minimise` needs to know."""
+    """What `minimise` needs."""
 
     def admissible(self, theta: np.ndarray) -> bool:
         """Whether the predictor is stable at theta (d,)."""
 
     def at(self, theta: np.ndarray, *, gradient: bool = False) -> Linearisation:
-        """Errors at theta (d,), and their derivatives when asked."""
+        """Errors at theta (d,), and their derivatives on request."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -150,7 +150,7 @@ def spread(at: Linearisation, *, coloured: bool = False) -> np.ndarray:
     sigma = np.sqrt(at.loss * at.samples / max(at.samples - r.shape[1], 1))
     if not coloured:
         return sigma * inverse
-    rows = [np.diag(sigma * np.sqrt(1.0 - (s / floored) ** 2))]  # the data say nothing of the unseen directions
+    rows = [np.diag(sigma * np.sqrt(1.0 - (s / floored) ** 2))]  # the data do not determine the unexcited directions
     for gradient, errors in zip(at.gradient, at.errors, strict=True):
         filtered = _coloured_backwards(gradient @ inverse, errors)
         rows.append(linalg.qr(filtered, mode="r", overwrite_a=True, check_finite=False)[0][: r.shape[1]])

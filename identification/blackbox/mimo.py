@@ -101,8 +101,8 @@ class MimoModel:
         sample_time: seconds.
         structure: ss or arx.
         numbers: order of ss; n_a, n_b, n_k of arx.
-        theta: ARX coefficients, one column an output: n_a p of past outputs (with a minus), then n_b m of inputs;
-            empty for ss, whose basis is arbitrary.
+        theta: ARX coefficients, one column an output: n_a p of past outputs (with a minus), then n_b m of inputs.
+            It is empty for ss, whose basis is arbitrary.
         std_error: of `theta`, the same shape.
         warnings: sentences for the user.
     """
@@ -299,7 +299,7 @@ class _Subspace:
 
 
 def judge(model: MimoModel, recording: Channels) -> Candidate:
-    """The model on a recording: fits over all outputs, each in the unit of its own scatter."""
+    """The model on a recording: fits over all outputs, each in the unit of its standard deviation."""
     scale = recording.y.std(axis=0)
     measured = (recording.y - recording.y.mean(axis=0)) / scale
     error = (recording.y - model.simulate(recording)) / scale
@@ -355,10 +355,13 @@ def identify(
     recording: Channels, structures: Sequence[str] = STRUCTURES, orders: dict[str, tuple[int, ...]] | None = None,
     split: float = 0.5,
 ) -> MimoReport:  # fmt: skip
-    """Estimate, choose and judge; orders are chosen on the last third of the estimation part, the fit is of fresh data.
+    """Estimate, choose and validate.
+
+    Orders are chosen on the last third of the estimation part; the fits in percent are of the
+    held-out data.
 
     Raises:
-        SettingError: a structure that has no several outputs here, or orders that cannot be meant.
+        SettingError: a structure that has no several outputs here, or invalid orders.
     """
     for name in structures:
         if name not in STRUCTURES:

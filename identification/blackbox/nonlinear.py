@@ -180,7 +180,7 @@ class _Problem:
         return state
 
     def run(self, theta: np.ndarray, u: np.ndarray, linear: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
-        """Output (N,) to the input (N,) through a `linear` block with a state of its own."""
+        """Output (N,) to the input (N,) through a `linear` block with a separate state."""
         _, _, a, c = self._split(theta)
         return self._output(linear(u + self._terms(u) @ a), c)
 

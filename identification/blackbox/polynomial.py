@@ -42,7 +42,7 @@ class Orders(Tabled):
     nk: int = 1
 
     def __post_init__(self) -> None:
-        """Refuse counts that cannot be meant."""
+        """Refuse invalid counts."""
         if self.nb < 1 or min(self.na, self.nc, self.nd, self.nf, self.nk) < 0:
             raise SettingError(f"orders {self} make no model; n_b is at least 1 and no other is negative.")
 
@@ -99,7 +99,7 @@ class Residuals:
 
     Filters start from rest at the first sample. Everything before the first row with complete regressors is thus
     wrong, and wrong only by free motions of 1/F and 1/C; these and the sensor's level are fitted as nuisance columns,
-    for each recording its own, and projected out (so no recorded past is needed, and recordings pool).
+    separately for each recording, and projected out (so no recorded past is needed, and recordings pool).
 
     Args:
         recordings: estimation data, means removed.
@@ -118,7 +118,7 @@ class Residuals:
         return bool(np.isfinite(theta).all()) and max(map(largest_root, (c, d, f))) < RADIUS
 
     def at(self, theta: np.ndarray, *, gradient: bool = False) -> Linearisation:
-        """Errors at theta (d,) with fitted initial states, and their derivatives when asked."""
+        """Errors at theta (d,) with fitted initial states, and their derivatives on request."""
         return Linearisation.of((self._one(series, theta, gradient) for series in self.recordings), gradient)
 
     def _one(self, series: Series, theta: np.ndarray, gradient: bool) -> tuple[np.ndarray, np.ndarray]:

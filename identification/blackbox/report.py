@@ -9,7 +9,7 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
-from fasbody.transmissibility.statistics import Z95
+from fasbody.constants import Z95
 from identification.blackbox.identify import Found, Report
 from identification.blackbox.polynomial import STRUCTURES
 
@@ -24,7 +24,7 @@ def document(reports: Sequence[Report]) -> dict[str, Any]:
 
 
 def recording(report: Report) -> dict[str, Any]:
-    """What is said about one recording or pool, its models apart."""
+    """Notes on one recording or pool, without its models."""
     seen = report.excitation
     about: dict[str, Any] = {
         "recording": report.name,

@@ -30,41 +30,41 @@ HEAVY = 30_000  # samples above which growth ends sooner
 class Search:
     """Models of one structure on the same rows, each estimated once.
 
-    A model starts from all that `pem.estimate` tries and from the models found before that it nests, so its loss is
+    A model starts from all that `pem.estimate` tries and from the models estimated before that it nests, so its loss is
     never above theirs.
 
     Args:
         structure: arx, armax, oe or bj.
         recordings: estimation data, means removed.
-        last_lag: largest n_k + n_b that will be asked for; residuals count from there on.
+        last_lag: largest n_k + n_b to be estimated; residuals count from there on.
     """
 
     def __init__(self, structure: str, recordings: Sequence[Series], last_lag: int = 0) -> None:
         self.structure, self.recordings = structure, list(recordings)
         shortest = min(len(series) for series in recordings)
         self.first_row = min(last_lag, shortest // 4)
-        self.found: dict[Orders, PolynomialModel | None] = {}
+        self.models: dict[Orders, PolynomialModel | None] = {}
 
     def at(self, orders: Orders, *starts: PolynomialModel) -> PolynomialModel | None:
         """The model of these orders, or None where it cannot be estimated."""
-        if orders not in self.found:
-            nested = [m for o, m in self.found.items() if m is not None and o.within(orders)]
+        if orders not in self.models:
+            nested = [m for o, m in self.models.items() if m is not None and o.within(orders)]
             nested = sorted(nested, key=lambda model: model.loss)[:2]
             fitting = [model for model in starts if model.orders.within(orders)]
             try:
-                self.found[orders] = pem.estimate(
+                self.models[orders] = pem.estimate(
                     self.structure, self.recordings, orders, starts=[*fitting, *nested], first_row=self.first_row,
                     quick=True,
                 )  # fmt: skip
             except FasError:
-                self.found[orders] = None
-        return self.found[orders]
+                self.models[orders] = None
+        return self.models[orders]
 
     @property
     def failed(self) -> list[str]:
         """A sentence on the orders that could not be estimated, if there are any."""
-        count = sum(model is None for model in self.found.values())
-        return [f"{count} of {len(self.found)} orders had no stable start"] if count else []
+        count = sum(model is None for model in self.models.values())
+        return [f"{count} of {len(self.models)} orders had no stable start"] if count else []
 
 
 def best_of(begun: dict[Orders, Candidate], referee: Referee) -> Orders:
@@ -159,14 +159,14 @@ def _on_the_whole(chosen: Selection, referee: Referee, first_row: int) -> Select
 
 
 def _again(chosen: Selection, structure: str, referee: Referee) -> Selection:
-    """The best model estimated once more from all data that orders were chosen on, beginning with what was found."""
+    """The best model estimated once more, from all data that orders were chosen on."""
     model: PolynomialModel = chosen.best.model  # type: ignore[assignment]
     whole = pem.estimate(structure, referee.estimation, model.orders, starts=[model])
     return replace(chosen, candidates=(replace(chosen.best, model=whole), *chosen.candidates[1:]))
 
 
 def select_arx(referee: Referee, delays: Sequence[int] = (1,), largest: int = 15) -> Selection:
-    """ARX over n_a, n_b, n_k = 1..largest: criteria from the grid, then the judge among a shortlist.
+    """ARX over n_a, n_b, n_k = 1..largest: criteria on the grid, then free simulation among a shortlist.
 
     The shortlist holds the model of least loss for each number of parameters and those alike by AIC (40 at most). A
     plant's `delays` beyond the grid, 0 or late, join with the n_a and n_b of the former.
@@ -208,7 +208,7 @@ def _numbers(flat: int, shape: tuple[int, ...]) -> tuple[int, ...]:
 def select_armax(referee: Referee, from_arx: Orders, from_oe: Orders | None) -> Selection:
     """ARMAX by BIC, from the orders of the ARX model and from n_a = n_f of the OE model, to their neighbours.
 
-    Free simulation does not see C, so one-step errors decide.
+    Free simulation does not depend on C, so one-step errors decide.
     """
     whole = replace(referee, reason=referee.reason or "noise models are compared by one-step errors")
     search = Search("armax", whole.estimation, from_arx.nk + from_arx.nb + 4)
@@ -288,8 +288,8 @@ def select_state_space(referee: Referee, orders: Sequence[int] = tuple(range(1, 
 def delay(recordings: Sequence[Series], *, far: bool = True) -> int:
     """The delay n_k of a plant.
 
-    A long ARX model sees it apart from the zeros of B: its input coefficients before the delay are zero whatever the
-    noise, and BIC says how many. An output-error model of order four must agree. Where 1 is found, it is 0 when a
+    A long ARX model separates it from the zeros of B: its input coefficients before the delay are zero whatever the
+    noise, and BIC gives how many. An output-error model of order four must agree. Where 1 is found, it is 0 when a
     coefficient of direct feedthrough added to B is certain.
 
     Args:

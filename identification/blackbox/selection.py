@@ -1,4 +1,4 @@
-"""The judge of models: free simulation of data not used for estimation, or BIC where simulation cannot serve."""
+"""Validation of models: free simulation of data not used for estimation, or BIC where simulation cannot serve."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -16,11 +16,11 @@ from identification.blackbox.frequency import Response
 if TYPE_CHECKING:
     from identification.blackbox.keep import Single as Model
 
-ALIKE = 10.0  # difference of N times AIC below which data hardly tell models apart
+ALIKE = 10.0  # difference of N times AIC below which data hardly separate models
 NEGLIGIBLE = 2e-3  # of the output's amplitude left unexplained justifies no further parameter
 FITTED = 2 / 3  # of the data to choose on are fitted, the rest simulated
-SHORTEST_CHECK = 40  # samples; fewer do not tell models apart
-NOISE_MODELS = ("arx", "armax", "bj")  # whose one-step errors are meant to be white
+SHORTEST_CHECK = 40  # samples; fewer do not separate models
+NOISE_MODELS = ("arx", "armax", "bj")  # whose one-step errors are to be white
 NEGLIGIBLE_WEIGHT = 0.01  # Akaike weight below which a rival is left out
 UNDECIDED = 0.1  # Akaike weight from which another delay is about as likely
 NEARLY = 1.1  # times the least miss in simulation that is as good: errors of a long free motion hang together
@@ -36,7 +36,7 @@ class Candidate:
         fit_percent: over all held-out parts together.
         block_errors: mean squared simulation error in each block of the held-out data, shape (BLOCKS,).
         one_step_percent: the same fit of one-step predictions.
-        score: `criteria.whitened_score` on the data fitted; NaN where not asked for.
+        score: `criteria.whitened_score` on the data fitted; NaN where not computed.
     """
 
     model: "Model"
@@ -80,7 +80,7 @@ class Candidate:
 def judge(model: "Model", validation: Sequence[Series]) -> Candidate:
     """The model with its fit over all held-out parts together, in free simulation.
 
-    The first n_k samples answer inputs before the part, which are fitted with its initial state; so they do not count.
+    The first n_k samples respond to inputs before the part, which are fitted with its initial state: they do not count.
     """
     plant = getattr(model, "linear", model)
     delay = getattr(getattr(plant, "orders", None), "nk", 0)
@@ -103,14 +103,14 @@ class Referee:
     Attributes:
         estimation: all data that orders may be chosen on.
         reason: why one-step errors and BIC decide; empty where free simulation does.
-        poor: whether the input excites too little to tell a forced motion from a free one.
+        weak: whether the input excites too little to separate forced and free motion.
         steps: whether the input is a few steps.
-        least_delay: smallest n_k; 1 where a controller answers at once, whose u(t) would explain e(t).
+        least_delay: smallest n_k; 1 where a controller responds at once, whose u(t) would explain e(t).
     """
 
     estimation: Sequence[Series]
     reason: str = ""
-    poor: bool = False
+    weak: bool = False
     steps: bool = False
     least_delay: int = 0
     fitted: Sequence[Series] = field(init=False)
@@ -139,7 +139,7 @@ class Referee:
         errors = [model.residuals(s) if one_step else s.y - model.simulate(s) for s in self.fitted]
         samples = sum(len(series) for series in self.fitted)
         score = criteria.whitened_score(errors, model.parameters, len(model.poles()), samples=samples)
-        if self.steps:  # they tell little, so coefficients pay what Schwarz asks
+        if self.steps:  # they excite little, so the stricter penalty of Schwarz applies
             score += (np.log(samples) - 4.0) * (model.parameters + len(model.poles()))
         return replace(judge(model, self.check), score=score)
 
@@ -149,8 +149,8 @@ class Selection:
     """The models tried for one structure, best first.
 
     Attributes:
-        candidates: by free simulation: the best score among those the data kept for the choice cannot tell from the
-            best fit (fewest parameters where the rest is negligible), then by fit; else by BIC.
+        candidates: by free simulation: the best score among those that the data kept for the choice do not
+            separate from the best fit (fewest parameters where the rest is negligible), then by fit; else by BIC.
         tried: number of models compared, those of the ARX grid included.
         alike: labels of the models whose AIC differs by less than 10 / N from the least.
         warnings: sentences for the user.
@@ -193,7 +193,7 @@ def begins(model: "Model") -> int:
 
 
 def with_rivals(selection: Selection) -> Selection:
-    """The selection with those of its candidates as rivals that have a weight to speak of.
+    """The selection with those of its candidates as rivals whose weight is not negligible.
 
     All candidates must come from the same samples. Weights follow N log V + 2 d, with V whitened for models without
     noise dynamics.
@@ -226,7 +226,7 @@ def rank(
     shortest = min(len(series) for series in referee.check)
     largest = [float(np.abs(c.model.poles()).max(initial=0.0)) for c in candidates]
     driven = [
-        c for c, pole in zip(candidates, largest, strict=True) if not (referee.poor and outlasting(pole, shortest))
+        c for c, pole in zip(candidates, largest, strict=True) if not (referee.weak and outlasting(pole, shortest))
     ] or list(candidates)
     ordered = sorted(candidates, key=lambda c: (c not in driven, -c.fit_percent))
     if len(driven) < len(candidates):

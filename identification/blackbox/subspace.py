@@ -16,7 +16,7 @@ from identification.blackbox.polynomial import Orders, PolynomialModel
 from identification.blackbox.state_space import StateSpaceModel, free_responses, modal_response
 
 UNREFINED = "plain subspace estimate without standard errors, for those of its linearisation would be too small"
-BLOCK_ROWS = 16  # about 15 beats 30 on band-limited input; one more than the largest order asked for
+BLOCK_ROWS = 16  # about 15 beats 30 on band-limited input; one more than the largest order requested
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,7 @@ class Subspace:
         Args:
             order: number of states, less than the number of block rows.
             refine: improve the plant by output-error iterations started from it. Without them there are no
-                standard errors: the estimate errs by more than a linearisation of the output error says.
+                standard errors: the error is larger than a linearisation of the output error gives.
 
         Raises:
             SettingError: the order exceeds what the block rows hold.

@@ -38,7 +38,7 @@ class ResidualTest:
 
     @property
     def warnings(self) -> tuple[str, ...]:
-        """Sentences for the user; the second matters more: it says the plant is incomplete."""
+        """Sentences for the user; the second matters more: the plant is incomplete."""
         sentences = []
         if self.white_p < ALARM:
             sentences.append(f"residuals are not white (Ljung-Box p {self.white_p:.1g}): the noise model is incomplete")
@@ -54,7 +54,7 @@ def residual_test(errors: np.ndarray, series: Series, parameters: int = 0, neare
         errors: one-step prediction errors, shape (M,), M at most N.
         series: the recording they belong to.
         parameters: number of noise-model coefficients, taken off the degrees of freedom.
-        nearest: lag of the nearest input that errors must not depend on; 1 in a loop, where u(t) answers e(t).
+        nearest: lag of the nearest input that errors must not depend on; 1 in a loop, where u(t) depends on e(t).
     """
     e = errors - errors.mean()
     u = series.u[len(series) - len(e) :]
@@ -85,7 +85,7 @@ def residual_test(errors: np.ndarray, series: Series, parameters: int = 0, neare
 def _independence(e: np.ndarray, u: np.ndarray, lags: int) -> float:
     """p-value that errors `e` (unit length) do not depend on inputs 0..lags samples before.
 
-    The correlations of a smooth input at neighbouring lags are nearly one number, so they are judged together, in the
+    The correlations of a smooth input at neighbouring lags are nearly one number, so they are tested together, in the
     directions that the input excites, with the covariance that both spectra imply. The statistic is halved because the
     model comes from a part as long as the tested one and errs as much.
     """

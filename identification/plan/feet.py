@@ -16,12 +16,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fasbody.constants import Z95
 from identification.branches import DECISIVE_ODDS, EXCHANGED
 from identification.plan.information import Seen
 from identification.plan.prior import PlanVariables
 
 _DECISIVE = float(np.log(DECISIVE_ODDS))
-_Z95 = 1.959963984540054
 #: Precision of what a rival holds at a bound.
 _HELD = 1e9
 #: Nuisances that say how large a departure is; the others of its group say of what kind.
@@ -157,7 +157,7 @@ class Feet:
         """What recordings leave."""
         after = self._after(sums)
         std, odds, utility = self._judge(after.known[:, None], after.missed[:, None])
-        half = np.sinh(_Z95 * std[:, 0])
+        half = np.sinh(Z95 * std[:, 0])
         met = [all(row[EXCHANGED.index(n)] <= share for n, share in self.asked.items()) for row in half]
         mean, low, high = np.exp(np.log(half).mean(0)), half.min(0), half.max(0)
         return Outlook(
@@ -223,7 +223,7 @@ class Feet:
         left = ~np.isin(self._felt, places)
         A = (sums.A + np.diag(self._P[self._felt]))[:, left][:, :, left]
         L = self._rows[:, 0, : len(EXCHANGED)][:, :, left]
-        half = np.sinh(_Z95 * np.sqrt(np.einsum("dmn,dnk,dmk->dm", L, np.linalg.inv(A), L)))
+        half = np.sinh(Z95 * np.sqrt(np.einsum("dmn,dnk,dmk->dm", L, np.linalg.inv(A), L)))
         return dict(zip(EXCHANGED, map(float, np.exp(np.log(half).mean(0))), strict=True))
 
     def _judge(self, known: np.ndarray, missed: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -254,7 +254,7 @@ class Feet:
         """(K,) logarithm by which the widest interval exceeds what is asked, from the asked ones' (D, K, a)."""
         if not self.asked:
             return np.zeros(std.shape[1])
-        half = np.sinh(np.minimum(_Z95 * std, 50.0))
+        half = np.sinh(np.minimum(Z95 * std, 50.0))
         return np.asarray(np.maximum(0.0, np.log(half / list(self.asked.values())).max(-1)).mean(0))
 
 

@@ -6,9 +6,8 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from fasbody.presentation import COLOURS, MARKS, counted, printed
+from fasbody.presentation import COLOURS, MARKS, counted, panels, printed
 from identification.branches import EXCHANGED
-from identification.figures import panels
 from identification.plan.candidates import PLANNED, THESIS, UNLOADED
 from identification.plan.shaker import SINE
 from identification.plan.words import minutes

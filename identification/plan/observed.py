@@ -4,12 +4,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fasbody.constants import Z95
 from fasbody.recording.recording import Recording
 from fasbody.transmissibility.sines import by_segments
 from identification.harmonics import Line
 from identification.plan.words import percent
 
-_Z95 = 1.959963984540054
 #: Segments that the coherence compares.
 _SEGMENTS = 20
 
@@ -50,7 +50,7 @@ def observed(recording: Recording) -> Observed:
     U, f = line.base.amplitudes, line.base.frequency_hz
     channels = {"base": recording.base_m_s2, "malleolus": recording.malleolus_m_s2}
     H, std = by_segments(recording.time_s, channels, f).ratio("malleolus")
-    size, half = float(abs(H[0])), _Z95 * float(std[0])
+    size, half = float(abs(H[0])), Z95 * float(std[0])
     return Observed(
         float(abs(U[0])), float(np.linalg.norm(U[1:]) / abs(U[0])), coherence(recording, f), size,
         max(0.0, size - half), size + half, float(np.degrees(np.angle(H[0]))),

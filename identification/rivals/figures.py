@@ -7,8 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator
 
-from fasbody.presentation import COLOURS, MARKS, PAGE, printed
-from identification.figures import panels
+from fasbody.presentation import COLOURS, MARKS, PAGE, panels, printed
 
 if TYPE_CHECKING:
     from identification.rivals.naming import Naming

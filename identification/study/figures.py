@@ -18,9 +18,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, StrMethodFormatter
 
-from fasbody.presentation import PAGE, counted, picture, printed
+from fasbody.presentation import PAGE, counted, panels, picture, printed
 from identification.branches import EXCHANGED
-from identification.figures import label_of, of_loads, panels
+from identification.figures import label_of, of_loads
 from identification.recommendations import LEAST_FIT, follows
 from identification.study.means import BAND, FEWEST, POSITIVE, mean_curve
 from identification.study.summary import FEWEST as FEWEST_OF_A_BOX

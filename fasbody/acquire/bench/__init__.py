@@ -1,7 +1,7 @@
-"""A virtual bench: an accelerometer board and a function generator as processes of their own on pseudo-terminals.
+"""A virtual bench: an accelerometer board and a function generator as separate processes on pseudo-terminals.
 
-They speak the same bytes as real ones. Behind the board stands the MuJoCo foot in real time, shaken by what the
-generator's process says over a local socket, the cable of this bench. `Bench` starts both and can pull the plug.
+They send the same bytes as real ones. Behind the board stands the MuJoCo foot in real time, shaken by what the
+generator's process sends over a local socket, the cable of this bench. `Bench` starts both and can pull the plug.
 """
 
 import json

@@ -60,7 +60,7 @@ def board(
     while True:
         due = start + (sent + chunk) * n / rate
         wait = 1.0
-        while wait > 0:  # once at least, for the generator is heard also by a board that is behind
+        while wait > 0:  # once at least, for a board that is behind also takes the generator's orders
             wait = due - time.monotonic()
             for ready in select.select([listener, sys.stdin], [], [], max(0.0, wait))[0]:
                 if ready is sys.stdin:
@@ -69,7 +69,7 @@ def board(
                 stalled = _fault(str(order.get("fault")), line, stalled)
                 foot.drive(order)
         if line.receive():
-            line.send(speaker.greeting)  # it was asked who it is
+            line.send(speaker.greeting)  # a query of its identity
         values = foot.advance(chunk * n)[:, :channels]
         out = b"".join(speaker.message(sent + i, values[i * n : (i + 1) * n]) for i in range(chunk))
         sent += chunk

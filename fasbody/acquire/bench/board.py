@@ -1,4 +1,4 @@
-"""The virtual board: what it says of itself, and samples as frames or lines."""
+"""The virtual board: its description, and samples as frames or lines."""
 
 import numpy as np
 
@@ -18,7 +18,7 @@ class VirtualBoard:
         boot: number of this start.
 
     Attributes:
-        greeting: the bytes that say what it is.
+        greeting: the bytes of its hello.
         samples: samples a channel in each frame.
     """
 

@@ -38,14 +38,14 @@ class ShakenFoot:
         self._qpos, self._qvel = self.foot.model.qpos0.copy(), np.zeros(self.foot.model.nv)
         self._rng, self._one_mass = rng, one_mass
         self._omega, self._phase = 2 * np.pi * 20.0, 0.0
-        self._amplitude = self._wanted = 0.0  # [m/s^2], of the first harmonic
+        self._amplitude = self._target = 0.0  # [m/s^2], of the first harmonic
         self.advance(4)  # compiles
 
     def drive(self, order: dict[str, Any]) -> None:
         """The generator's output changed."""
         if "volts" in order:
             self._omega = 2 * np.pi * float(order["frequency_hz"])
-            self._wanted = 0.5 * GAIN * float(order["volts"])
+            self._target = 0.5 * GAIN * float(order["volts"])
 
     def advance(self, samples: int) -> np.ndarray:
         """The next samples: (n, 3) base, malleolus and tuberosity (on the same rigid shank), with noise [m/s^2]."""
@@ -57,25 +57,25 @@ class ShakenFoot:
         base = self.foot.base
         self._qpos[base] = self._qvel[base] = 0.0  # the foot does not feel them, and they would drift
         self._phase = (self._phase + self._omega * length) % (2 * np.pi)
-        self._amplitude = self._wanted + (self._amplitude - self._wanted) * np.exp(-length / LAG_S)
+        self._amplitude = self._target + (self._amplitude - self._target) * np.exp(-length / LAG_S)
         y = (self._one_mass * out.base if self._one_mass else out.malleolus)[0, :: self._stride]
         clean = np.column_stack([out.base[0, :: self._stride], y, y])
         return clean + self._rng.normal(size=clean.shape) * [NOISE_BASE, NOISE_MALLEOLUS, NOISE_MALLEOLUS]
 
     def _motion(self, length: float) -> BaseMotion:
         """Base motion from now on: the amplitude follows its set value with the amplifier's lag."""
-        w, p, wanted, gap = self._omega, self._phase, self._wanted, self._amplitude - self._wanted
+        w, p, target, gap = self._omega, self._phase, self._target, self._amplitude - self._target
         lines = ((1, 1.0, 0.0), *DISTORTION)
 
         def wave(t: np.ndarray) -> np.ndarray:
             return np.asarray(sum(size * np.sin(h * (p + w * t) + late) for h, size, late in lines))
 
         def acceleration(t: np.ndarray) -> np.ndarray:
-            return (wanted + gap * np.exp(-t / LAG_S)) * wave(t)
+            return (target + gap * np.exp(-t / LAG_S)) * wave(t)
 
         def jerk(t: np.ndarray) -> np.ndarray:
             slope = sum(size * h * w * np.cos(h * (p + w * t) + late) for h, size, late in lines)
             fade = gap * np.exp(-t / LAG_S)
-            return (wanted + fade) * slope - fade / LAG_S * wave(t)
+            return (target + fade) * slope - fade / LAG_S * wave(t)
 
         return BaseMotion("virtual shaker", length, acceleration, jerk)

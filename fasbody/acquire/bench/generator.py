@@ -1,11 +1,11 @@
-"""The virtual generator: what an SCPI instrument knows, understands and answers."""
+"""The virtual generator: state, commands and replies of an SCPI instrument."""
 
 from collections import deque
 from typing import Any, ClassVar
 
 
 class VirtualGenerator:
-    """State of the instrument. `do` takes one command and returns the answer to a query.
+    """State of the instrument. `do` takes one command and returns the reply to a query.
 
     Attributes:
         values: of each setting, in Hz and V.

@@ -48,7 +48,7 @@ class Line:
             os.close(master)
 
     def send(self, data: bytes) -> None:
-        """What the host does not begin to fetch within LATE_S is lost, as on a real line."""
+        """What the host does not begin to fetch within LATE_S is dropped, as on a real line."""
         now = time.monotonic()
         with self._lock, contextlib.suppress(OSError):
             if self.master < 0:

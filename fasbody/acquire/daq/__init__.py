@@ -1,6 +1,6 @@
 """Data acquisition devices: volts of a vendor's library become the frames of a board.
 
-A driver is a child of `Daq` with four short methods; the file of its vendor is the only one that knows the library.
+A driver is a child of `Daq` with four short methods; the file of its vendor is the only one that imports the library.
 """
 
 import contextlib
@@ -54,7 +54,7 @@ class Wiring:
         """From a file.
 
         Raises:
-            InputFileError: it says which value, and what would be valid.
+            InputFileError: which value is wrong, and what would be valid.
         """
         try:
             known: Any = json.loads(file.read_text(encoding="utf-8"))
@@ -170,7 +170,7 @@ class Daq(ABC):
 
     @abstractmethod
     def take(self) -> np.ndarray:
-        """Scans (n, channels) [V] that have come, after about `port.WAIT_S`; rows of NaN where the device lost some."""
+        """Scans (n, channels) [V] that have come, after about `port.WAIT_S`; rows of NaN where some are missing."""
 
     @abstractmethod
     def stop(self) -> None:
@@ -180,7 +180,7 @@ class Daq(ABC):
         """Frames of what has come.
 
         Raises:
-            Unplugged: the device, or its library, gives no more: what is lost then is a gap.
+            Unplugged: the device, or its library, gives no more: samples missing then are a gap.
         """
         try:
             volts = self.take()
@@ -199,7 +199,7 @@ class Daq(ABC):
         return out
 
     def _frame_of(self, scans: np.ndarray) -> bytes:
-        """A frame, behind a hello once a second; nothing, but its number, where a scan was lost."""
+        """A frame, behind a hello once a second; nothing, but its number, where a scan is missing."""
         second, self._frame = int(self._frame * _SAMPLES / self._rate_hz), self._frame + 1
         if np.isnan(scans).any():
             self._events.append("skipped scans")
@@ -211,7 +211,7 @@ class Daq(ABC):
         return hello + encode_data(number, round(1e6 * number * _SAMPLES / self._rate_hz), counts, _BITS)
 
     def write(self, data: bytes) -> None:
-        """A question of the computer: it is answered by a hello."""
+        """A query of the computer: a hello replies to it."""
         self._hello_now = True
 
     def events(self) -> list[str]:

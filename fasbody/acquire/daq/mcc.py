@@ -39,10 +39,10 @@ class MCC(Daq):
         low, high = int(wiring.inputs[0]), int(wiring.inputs[-1])
         if [int(name) for name in wiring.inputs] != list(range(low, high + 1)):
             raise Unplugged(f"{self.name}: inputs must be neighbours, such as 0 and 1, in the order of the sensors.")
-        there = uldaq.get_daq_device_inventory(uldaq.InterfaceType.ANY)
-        fitting = [one for one in there if wiring.device in ("", one.unique_id)]
+        devices = uldaq.get_daq_device_inventory(uldaq.InterfaceType.ANY)
+        fitting = [one for one in devices if wiring.device in ("", one.unique_id)]
         if len(fitting) != 1:
-            listed = ", ".join(f"{one.product_name} {one.unique_id}" for one in there) or "none"
+            listed = ", ".join(f"{one.product_name} {one.unique_id}" for one in devices) or "none"
             raise Unplugged(f"{self.name}: is none of, or not the only one of, the devices that are there: {listed}.")
         self._device = uldaq.DaqDevice(fitting[0])
         self._device.connect()

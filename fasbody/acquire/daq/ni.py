@@ -21,7 +21,7 @@ except ImportError:  # the extra is not installed
 
 #: The driver keeps so much for a late computer [s].
 _BUFFER_S = 10.0
-#: Current of an IEPE supply [A]: the library's own default, and what USB-443x and NI 923x have.
+#: Current of an IEPE supply [A]: the library's default, and what USB-443x and NI 923x have.
 _IEPE_A = 0.004
 #: With AccelUnits.METERS_PER_SECOND_SQUARED and 1 V per m/s^2, a reading is in volts whatever the sensor.
 _VOLT_PER_M_S2 = 1.0

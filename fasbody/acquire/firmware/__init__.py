@@ -8,7 +8,7 @@ from pathlib import Path
 from fasbody.console import write_whole
 from fasbody.exceptions import InputFileError
 
-#: The sketch; the IDE wants it in a folder of its own name.
+#: The sketch; the IDE needs it in a folder of the same name.
 SKETCH = Path(__file__).parent / "fas_board" / "fas_board.ino"
 
 

@@ -18,20 +18,20 @@ def decode(file: Path) -> list[Series]:
     """Columns by their headings, with the file's name in front where two files have the same column."""
     if not zipfile.is_zipfile(file):
         raise FormatError("is no .zip file")
-    found = list[Series]()
+    series = list[Series]()
     with zipfile.ZipFile(file) as packed, tempfile.TemporaryDirectory() as folder:
         entries = [entry for entry in packed.infolist() if not entry.is_dir()]
         check_size(sum(entry.file_size for entry in entries) / 8, len(entries))
         for place, entry in enumerate(entries):
             path = PurePosixPath(entry.filename)
             if path.suffix.lower() not in (".csv", ".txt", ".tsv") or "meta" in path.parts:
-                found.append(passed_over(entry.filename, "no table of samples"))
+                series.append(passed_over(entry.filename, "no table of samples"))
                 continue
             plain = Path(folder) / f"{place}{path.suffix}"
             plain.write_bytes(packed.read(entry))
-            found += _columns(plain, entry.filename, path.stem)
-    again = Counter(s.name for s in found)
-    return [replace(s, name=f"{s.group}/{s.name}") if again[s.name] > 1 and s.group else s for s in found]
+            series += _columns(plain, entry.filename, path.stem)
+    again = Counter(s.name for s in series)
+    return [replace(s, name=f"{s.group}/{s.name}") if again[s.name] > 1 and s.group else s for s in series]
 
 
 def _columns(plain: Path, name: str, group: str) -> list[Series]:
@@ -42,8 +42,8 @@ def _columns(plain: Path, name: str, group: str) -> list[Series]:
     """
     try:
         table = TextTable.open(plain, Layout(), strict=False)
-        wanted = {str(index): index for index in range(len(table.names))}
-        columns = table.numbers(wanted)
+        indices = {str(index): index for index in range(len(table.names))}
+        columns = table.numbers(indices)
     except InputFileError as error:
         reason = str(error).partition(": ")[2].rstrip(".")
         raise FormatError(f"holds {name}, which cannot be read ({reason})") from None

@@ -8,7 +8,7 @@ LIBRARY = "soundfile"
 
 
 def decode(file: Path) -> list[Series]:
-    """Every channel; a sound file has no unit, so study.toml says unit and sensitivity."""
+    """Every channel; a sound file has no unit, so study.toml states unit and sensitivity."""
     import soundfile
 
     with soundfile.SoundFile(str(file)) as source:

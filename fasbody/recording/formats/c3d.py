@@ -10,7 +10,7 @@ LIBRARY = "ezc3d"
 
 
 def decode(file: Path) -> list[Series]:
-    """The analog channels, scaled as the file says; markers are no accelerations."""
+    """The analog channels, scaled as the file states; markers are no accelerations."""
     import ezc3d
 
     with file.open("rb") as start:

@@ -20,8 +20,10 @@ def decode(file: Path) -> list[Series]:
         raise FormatError("is neither an EDF nor a BDF file: it does not begin as they do")
     check_size(file.stat().st_size / 2)
     source = read(file)
-    found = [
+    signals = [
         Series(s.label, s.physical_dimension, np.array(s.data, float), float(s.sampling_frequency))
         for s in source.signals
     ]
-    return found + [passed_over("EDF Annotations", f"{len(source.annotations)} annotations")] * bool(source.annotations)
+    return signals + [passed_over("EDF Annotations", f"{len(source.annotations)} annotations")] * bool(
+        source.annotations
+    )

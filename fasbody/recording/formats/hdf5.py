@@ -32,7 +32,7 @@ def decode(file: Path) -> list[Series]:
     """Numeric datasets, named by their path. Links to other files are not followed, external data are refused."""
     import h5py
 
-    found: list[Series] = []
+    series: list[Series] = []
     total = 0
     with h5py.File(file, "r", locking=False) as source:
         datasets: list[tuple[str, Any]] = []
@@ -51,11 +51,11 @@ def decode(file: Path) -> list[Series]:
                 rows = item[()]
                 numeric = [field for field in item.dtype.names if item.dtype[field].kind in "fiub"]
                 rate = _rate(source, name)
-                found += [s for field in numeric for s in columns_of(f"{name}/{field}", rows[field], "", rate)]
+                series += [s for field in numeric for s in columns_of(f"{name}/{field}", rows[field], "", rate)]
                 continue
             what = _no_numbers(item)
             if what or name.startswith("#"):
-                found += [] if name.startswith("#") else [passed_over(name, what)]
+                series += [] if name.startswith("#") else [passed_over(name, what)]
                 continue
             if item.external or item.is_virtual:
                 raise FormatError(f"keeps the data of {name!r} in other files; save them in the file itself")
@@ -65,26 +65,26 @@ def decode(file: Path) -> list[Series]:
             text = unit.decode("utf-8", "replace") if isinstance(unit, bytes) else unit if isinstance(unit, str) else ""
             values, scaled, unclear = _scaled(item)
             columns = columns_of(name, values, text, _rate(source, name))
-            found += [replace(s, scaled=scaled, unclear=unclear, start_s=_start(item.attrs)) for s in columns]
-        found = _named(source, found)
-    return short(with_rate(found))
+            series += [replace(s, scaled=scaled, unclear=unclear, start_s=_start(item.attrs)) for s in columns]
+        series = _named(source, series)
+    return short(with_rate(series))
 
 
 #: What Rattlesnake, a controller of shakers, calls the matrices of its streams.
 _STREAM = re.compile(r"(time_data(?:_\d+)?)_(\d+)")
 
 
-def _named(source: Any, found: list[Series]) -> list[Series]:
+def _named(source: Any, series: list[Series]) -> list[Series]:
     """Series under the names and units of Rattlesnake's table of channels, a group for each of its streams."""
     table = source.get("channels/node_number"), source.get("channels/node_direction"), source.get("channels/comment")
     if "time_data" not in source or None in table or "channels/unit" not in source:
-        return found
+        return series
     nodes, ways, comments = ([str(x) for x in column.asstr()[()]] for column in table)
     units = [str(x) for x in source["channels/unit"].asstr()[()]]
     apart = all(comments) and len(set(comments)) == len(comments)
     names = comments if apart else [node + way for node, way in zip(nodes, ways, strict=True)]
     made = []
-    for one in found:
+    for one in series:
         match = _STREAM.fullmatch(one.name)
         if match and match[1] in source and source[match[1]].ndim == 2 and int(match[2]) <= len(names):
             place = int(match[2]) - 1
@@ -100,7 +100,7 @@ def _is_table(item: Any) -> bool:
     return named and item.ndim == 1 and not item.external and not item.is_virtual
 
 
-#: Attributes that may be a scale, applied or not; nobody can know.
+#: Attributes that may be a scale, applied already or not.
 _SCALES = (
     "scale", "scaling", "scaling_factor", "gain", "sensitivity", "calibration", "calibration_factor", "conversion",
     "conversion_factor", "factor", "multiplier", "slope",
@@ -108,20 +108,20 @@ _SCALES = (
 
 
 def _scaled(item: Any) -> tuple[np.ndarray, str, str]:
-    """The values with `scale_factor` and `add_offset` applied, as the CF conventions say, and what scales there are."""
+    """The values with `scale_factor` and `add_offset` applied by the CF conventions, and the scales."""
     values = item[()]
-    told = {key: _number(item.attrs.get(key)) for key in ("scale_factor", "add_offset", *_SCALES)}
+    attributes = {key: _number(item.attrs.get(key)) for key in ("scale_factor", "add_offset", *_SCALES)}
     for key in ("scale_factor", "add_offset"):
-        if key in item.attrs and told[key] is None:
+        if key in item.attrs and attributes[key] is None:
             raise FormatError(f"the attribute {key} of {item.name!r} is no number; give one, or delete it")
     empty = _number(item.attrs.get("_FillValue"))
     if empty is not None and item.dtype.kind in "iuf":
         values = np.where(values == empty, np.nan, values)
-    factor, offset = told["scale_factor"], told["add_offset"]
+    factor, offset = attributes["scale_factor"], attributes["add_offset"]
     if factor is not None or offset is not None:
         values = np.asarray(values, float) * (1.0 if factor is None else factor) + (offset or 0.0)
     scaled = f"scale_factor = {factor:g}" if factor not in (None, 1.0) else ""
-    unclear = [f"{key} = {value:g}" for key, value in told.items() if key in _SCALES and value not in (None, 1.0)]
+    unclear = [f"{key} = {value:g}" for key, value in attributes.items() if key in _SCALES and value not in (None, 1.0)]
     return values, scaled, ", ".join(unclear)
 
 
@@ -146,7 +146,7 @@ def _no_numbers(item: Any) -> str:
 
 
 def _rate(source: Any, name: str) -> float | None:
-    """The rate [Hz] that a dataset states, or a folder that it lies in.
+    """The rate [Hz] that a dataset states, or a folder above it.
 
     Raises:
         FormatError: two of them disagree.
@@ -162,7 +162,7 @@ def _rate(source: Any, name: str) -> float | None:
 
 
 def _start(attributes: Any) -> float | None:
-    """When a dataset's first sample was taken [s], if a number says."""
+    """When a dataset's first sample was taken [s], if a number states it."""
     return next((value for name in STARTS if (value := _number(attributes.get(name))) is not None), None)
 
 

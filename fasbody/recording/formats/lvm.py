@@ -25,12 +25,12 @@ def decode(file: Path) -> list[Series]:
     heads = [i for i, row in enumerate(table) if i > ends[0] and row[0].strip() == "Channels"]
     if len(heads) != len(ends) - 1 or not heads:
         raise FormatError(f"has {len(heads)} headers of segments, and {len(ends) - 1} ends of them")
-    found = list[Series]()
+    channels = list[Series]()
     for k, (head, end, stop) in enumerate(zip(heads, ends[1:], [*heads[1:], len(table)], strict=True), 1):
         series = _segment(about, _statements(table[head:end]), table[end + 1], table[end + 2 : stop])
         group = f"segment {k}" if len(heads) > 1 else ""
-        found += [replace(s, name=f"{group}/{s.name}".lstrip("/"), group=group) for s in series]
-    return found
+        channels += [replace(s, name=f"{group}/{s.name}".lstrip("/"), group=group) for s in series]
+    return channels
 
 
 def _statements(rows: Sequence[Sequence[str]]) -> dict[str, list[str]]:
@@ -38,20 +38,23 @@ def _statements(rows: Sequence[Sequence[str]]) -> dict[str, list[str]]:
 
 
 def _segment(
-    about: Mapping[str, list[str]], told: Mapping[str, list[str]], heading: Sequence[str], rows: Sequence[Sequence[str]]
-) -> list[Series]:  # fmt: skip
+    about: Mapping[str, list[str]],
+    header: Mapping[str, list[str]],
+    heading: Sequence[str],
+    rows: Sequence[Sequence[str]],
+) -> list[Series]:
     """The channels of one segment.
 
     Args:
         about: what the file states.
-        told: what the segment states.
+        header: statements of the segment.
         heading: its names.
         rows: its numbers, in words.
     """
     decimal = about.get("Decimal_Separator", ["."])[0]
     x_columns = about.get("X_Columns", ["One"])[0].lower()
     names = [cell.strip() for cell in heading]
-    count = int(told.get("Channels", ["0"])[0] or 0)
+    count = int(header.get("Channels", ["0"])[0] or 0)
     body = [row for row in rows if any(cell.strip() for cell in row)]
     check_size(len(body) * max(1, len(names)), len(names))
     first = [2 * i + 1 for i in range(count)] if x_columns == "multi" else [i + 1 for i in range(count)]
@@ -66,24 +69,24 @@ def _segment(
             raise FormatError(f"the column {names[index]!r} holds something other than numbers") from None
 
     def value(key: str, place: int) -> float | None:
-        cells = told.get(key, [])
+        cells = header.get(key, [])
         try:
             return float(cells[place].replace(decimal, "."))
         except (IndexError, ValueError):
             return None
 
-    units, clocks = told.get("Y_Unit_Label", []), told.get("Time", [])
+    units, clocks = header.get("Y_Unit_Label", []), header.get("Time", [])
     starts = [_seconds(clocks[i], decimal) if i < len(clocks) else 0.0 for i in range(count)]
-    found = [Series("time", "s", column(0))] if x_columns == "one" else []
+    channels = [Series("time", "s", column(0))] if x_columns == "one" else []
     for i, place in enumerate(first):  # X_Value stands first, also where its cells are empty
         step = value("Delta_X", i)
         rate = 1 / step if step and step > 0 else None
         start = None if x_columns == "one" and len(set(starts)) == 1 else starts[i] + (value("X0", i) or 0.0)
         if x_columns == "multi":
-            found.append(Series(f"time {i + 1}", "s", column(place - 1) + starts[i] - starts[0]))
+            channels.append(Series(f"time {i + 1}", "s", column(place - 1) + starts[i] - starts[0]))
             start = None
-        found.append(Series(names[place], units[i] if i < len(units) else "", column(place), rate, start_s=start))
-    return found
+        channels.append(Series(names[place], units[i] if i < len(units) else "", column(place), rate, start_s=start))
+    return channels
 
 
 def _seconds(clock: str, decimal: str) -> float:

@@ -34,7 +34,7 @@ def decode(file: Path) -> list[Series]:
     if head.lstrip()[:1] in (b"{", b"<") or not head:
         raise FormatError("is not a MATLAB file")
     chosen: list[str] = []
-    found: list[Series] = []
+    series: list[Series] = []
     total = 0.0
     for name, shape, kind in whosmat(str(file)):
         size = 1.0
@@ -47,16 +47,16 @@ def decode(file: Path) -> list[Series]:
         elif kind == "struct" and size == 1 and not name.startswith("__"):
             chosen.append(name)
         elif not name.startswith("__"):
-            found.append(
+            series.append(
                 passed_over(name, _KINDS.get(kind, f"of the class {kind}" if kind not in _NUMERIC else "no matrix"))
             )
     if not chosen:
-        return found
+        return series
     loaded = loadmat(str(file), variable_names=chosen, chars_as_strings=False, struct_as_record=True)
     for name in chosen:
-        found += _fields(name, loaded.get(name))
-    check_size(sum(s.values.size for s in found), len(found))
-    return short(with_rate(found))
+        series += _fields(name, loaded.get(name))
+    check_size(sum(s.values.size for s in series), len(series))
+    return short(with_rate(series))
 
 
 def _fields(name: str, values: Any, depth: int = 0) -> list[Series]:

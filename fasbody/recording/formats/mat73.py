@@ -13,7 +13,7 @@ _HEADER += b" " * 8 + b"\x00\x02IM"
 
 
 def encode(channels: Channels) -> bytes:
-    """A version 7.3 file with one column vector a channel; MATLAB sees an HDF5 dataset with its axes reversed."""
+    """A version 7.3 file with one column vector a channel; the axes of an HDF5 dataset are reversed in MATLAB."""
     import h5py
 
     file = BytesIO()

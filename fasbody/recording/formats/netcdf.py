@@ -25,23 +25,25 @@ def decode(file: Path) -> list[Series]:
         raise FormatError("is not a NetCDF file: it begins neither with CDF nor as HDF5 does")
     from scipy.io import netcdf_file
 
-    found, total = list[Series](), 0
+    series, total = list[Series](), 0
     with netcdf_file(file, mmap=False, maskandscale=False) as source:
         check_size(0, len(source.variables))
         for name, variable in source.variables.items():
             values = np.asarray(variable.data)
             if values.dtype.kind not in "fiu" or values.ndim > 2:
-                found.append(passed_over(name, "no vector or matrix of numbers"))
+                series.append(passed_over(name, "no vector or matrix of numbers"))
                 continue
             total += values.size
             check_size(total)
-            told = {key: getattr(variable, key, None) for key in ("scale_factor", "add_offset", "_FillValue")}
-            empty = np.full(values.shape, False) if told["_FillValue"] is None else values == told["_FillValue"]
-            factor = 1.0 if told["scale_factor"] is None else float(told["scale_factor"])
-            offset = 0.0 if told["add_offset"] is None else float(told["add_offset"])
+            attributes = {key: getattr(variable, key, None) for key in ("scale_factor", "add_offset", "_FillValue")}
+            empty = (
+                np.full(values.shape, False) if attributes["_FillValue"] is None else values == attributes["_FillValue"]
+            )
+            factor = 1.0 if attributes["scale_factor"] is None else float(attributes["scale_factor"])
+            offset = 0.0 if attributes["add_offset"] is None else float(attributes["add_offset"])
             unit = getattr(variable, "units", b"")
             text = unit.decode("utf-8", "replace") if isinstance(unit, bytes) else str(unit)
             scaled = f"scale_factor = {factor:g}" if factor != 1.0 else ""
             columns = columns_of(name, np.where(empty, np.nan, values * factor + offset), text)
-            found += [replace(s, scaled=scaled) for s in columns]
-    return with_rate(found)
+            series += [replace(s, scaled=scaled) for s in columns]
+    return with_rate(series)

@@ -16,14 +16,14 @@ def decode(file: Path) -> list[Series]:
         raise FormatError("is not an archive of numpy's: it is no .zip file")
     with zipfile.ZipFile(file) as packed:
         check_size(sum(entry.file_size for entry in packed.infolist()) / 8, len(packed.infolist()))
-    found = list[Series]()
+    series = list[Series]()
     with np.load(file, allow_pickle=False) as source:
         for name in source.files:
             try:
                 values = source[name]
             except ValueError:  # an array of Python objects
-                found.append(passed_over(name, "no numbers"))
+                series.append(passed_over(name, "no numbers"))
                 continue
             good = values.dtype.kind in "fiub" and values.ndim <= 2
-            found += columns_of(name, values) if good else [passed_over(name, "no vector or matrix of numbers")]
-    return with_rate(found)
+            series += columns_of(name, values) if good else [passed_over(name, "no vector or matrix of numbers")]
+    return with_rate(series)

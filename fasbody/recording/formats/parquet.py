@@ -22,8 +22,8 @@ def decode(file: Path) -> list[Series]:
     source = parquet.ParquetFile(file)
     about = source.metadata
     check_size(float(about.num_rows) * about.num_columns, about.num_columns)
-    told = _texts(source.schema_arrow.metadata)
-    rate = stated_rate((key, _number(value)) for key, value in told.items())
+    metadata = _texts(source.schema_arrow.metadata)
+    rate = stated_rate((key, _number(value)) for key, value in metadata.items())
     table = source.read(use_threads=False)
     return [_series(field, table.column(place), rate) for place, field in enumerate(table.schema)]
 
@@ -31,8 +31,8 @@ def decode(file: Path) -> list[Series]:
 def _series(field: Any, column: Any, rate_hz: float | None) -> Series:
     from pyarrow import types
 
-    told = _texts(field.metadata)
-    unit = told.get("unit", told.get("units", ""))
+    metadata = _texts(field.metadata)
+    unit = metadata.get("unit", metadata.get("units", ""))
     if types.is_temporal(field.type):
         stamps = column.cast("timestamp[ns]" if types.is_timestamp(field.type) else field.type).to_numpy()
         if stamps.dtype.kind in "mM" and stamps.size and not np.isnat(stamps).any():

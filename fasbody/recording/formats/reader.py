@@ -2,7 +2,7 @@
 
 The parsers of these formats are large C or Python libraries; a mutated file makes some of them crash, loop or allocate.
 The child (`python -m fasbody.recording.formats.reader`) stays alive between files, takes a path a line on stdin, and
-answers with one line of JSON and the raw samples: nothing is pickled, and nothing in a file is executed.
+returns one line of JSON and the raw samples: nothing is pickled, and nothing in a file is executed.
 """
 
 import atexit
@@ -48,7 +48,7 @@ def read_series(file: Path, patience_s: float | None = None) -> list[Series]:
         patience_s: on the clock, None for five minutes and more for a large file.
 
     Raises:
-        InputFileError: no such file, too large, or not what its ending says.
+        InputFileError: no such file, too large, or not of the format of its ending.
         SettingError: the format's library is not installed.
     """
     if not file.is_file():
@@ -75,10 +75,10 @@ def read_series(file: Path, patience_s: float | None = None) -> list[Series]:
     values = np.frombuffer(data).copy()
     ends = np.cumsum([s["size"] for s in header["series"]])
     parts = np.split(values, ends[:-1]) if len(ends) else []
-    told = header["series"]
+    entries = header["series"]
     return [
         Series(values=v, **{key: value for key, value in s.items() if key != "size"})
-        for s, v in zip(told, parts, strict=True)
+        for s, v in zip(entries, parts, strict=True)
     ]
 
 
@@ -157,7 +157,7 @@ class _Child:
                     pipe.close()
 
     def ask(self, file: Path, patience_s: float) -> tuple[dict, bytes]:
-        """Header and raw samples of a file; TimeoutError or EOFError if the child does not answer."""
+        """Header and raw samples of a file; TimeoutError or EOFError if the child does not reply."""
         assert self.process.stdin is not None
         deadline = time.monotonic() + patience_s
         self.process.stdin.write(json.dumps(str(file.resolve())).encode() + b"\n")
@@ -177,14 +177,14 @@ class _Child:
             part = os.read(self.process.stdout.fileno(), min(1 << 20, count - len(got)))
             if not part:
                 with contextlib.suppress(subprocess.TimeoutExpired):
-                    self.process.wait(1.0)  # it has ended; how it ended says why
+                    self.process.wait(1.0)  # it has ended; its return code states why
                 raise EOFError
             got += part
         return bytes(got)
 
 
 def serve(requests: BinaryIO, answers: BinaryIO) -> None:
-    """The child: read the file named on each line and answer."""
+    """The child: read the file named on each line and return its samples."""
     for line in requests:
         file = Path(json.loads(line))
         try:
@@ -195,17 +195,17 @@ def serve(requests: BinaryIO, answers: BinaryIO) -> None:
             if all(s.what for s in series):
                 others = ", ".join(f"{s.name!r} is {s.what}" for s in series[:5])
                 raise FormatError(f"holds no numeric channel{others and f' ({others})'}; save plain real vectors")
-            told = [
+            entries = [
                 {f.name: getattr(s, f.name) for f in fields(s) if f.name != "values"} | {"size": s.values.size}
                 for s in series
             ]
-            header: dict = {"series": told}
+            header: dict = {"series": entries}
         except FormatError as error:
             series, header = [], {"problem": str(error)}
         except MemoryError:
             series, header = [], {"problem": "needs more memory than a recording can (its header is damaged)"}
         except Exception:
-            # Any error of a parser on a file from outside is a broken file; its own words would tell a user nothing.
+            # Any error of a parser on a file from outside is a broken file; its message would not help a user.
             what = "it is damaged, cut off, or of another format"
             series, header = [], {"problem": f"is not a sound {ending(file)} file; {what}"}
         text = json.dumps(header).encode()
@@ -233,6 +233,6 @@ def _limit() -> None:
 
 if __name__ == "__main__":
     _limit()
-    with os.fdopen(os.dup(1), "wb") as private:  # so that nothing that a library prints gets into the answers
+    with os.fdopen(os.dup(1), "wb") as private:  # so that nothing that a library prints gets into the replies
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         serve(sys.stdin.buffer, private)

@@ -24,15 +24,16 @@ class Series:
     """One column of a file.
 
     Attributes:
-        name, unit: as in the file, unit "" if it does not say.
+        name: as in the file.
+        unit: as in the file, "" if it states none.
         values: (n,).
-        rate_hz: if the file says.
+        rate_hz: if the file states it.
         what: empty, or what this is instead of a column of real numbers; it then has no values.
-        start_s: when the first sample was taken [s], on one clock for the whole file, if the file
-            says.
+        start_s: when the first sample was taken [s], on one clock for the whole file, if it
+            is stated.
         scaled: by which statement of the file its values were scaled.
         unclear: a scale that was not applied.
-        group: sheet, structure or folder in which it lies.
+        group: its sheet, structure or folder.
     """
 
     name: str
@@ -95,22 +96,22 @@ STARTS = ("start_s", "start_time_s", "start_time", "t0", "t0_s", "start_value", 
 _ALIKE = 1e-3
 
 
-def stated_rate(told: Iterable[tuple[str, float | None]]) -> float | None:
+def stated_rate(statements: Iterable[tuple[str, float | None]]) -> float | None:
     """The sampling rate [Hz] of names and numbers, None if none of them states it.
 
     Raises:
         FormatError: two of them disagree.
     """
-    found: list[tuple[str, float]] = []
-    for name, value in told:
+    rates: list[tuple[str, float]] = []
+    for name, value in statements:
         key = name.rsplit("/")[-1].lower()
         if value is None or not 0 < value < 1e9 or key not in RATES + STEPS:
             continue
-        found.append((f"{name} = {value:g}", value if key in RATES else 1 / value))
-    for text, rate in found[1:]:
-        if abs(rate - found[0][1]) > _ALIKE * rate:
-            raise FormatError(f"states two sampling rates, {found[0][0]} and {text}; delete the wrong one")
-    return found[0][1] if found else None
+        rates.append((f"{name} = {value:g}", value if key in RATES else 1 / value))
+    for text, rate in rates[1:]:
+        if abs(rate - rates[0][1]) > _ALIKE * rate:
+            raise FormatError(f"states two sampling rates, {rates[0][0]} and {text}; delete the wrong one")
+    return rates[0][1] if rates else None
 
 
 def with_rate(series: list[Series]) -> list[Series]:
@@ -134,8 +135,8 @@ def _folder(series: Series) -> str:
     return series.name.rpartition("/")[0].removesuffix("x_values").rstrip("/")
 
 
-def _start(series: Series, told: Iterable[tuple[str, float]]) -> float | None:
-    stated = (value for name, value in told if name.rpartition("/")[2].lower() in STARTS)
+def _start(series: Series, numbers: Iterable[tuple[str, float]]) -> float | None:
+    stated = (value for name, value in numbers if name.rpartition("/")[2].lower() in STARTS)
     return next(stated, None) if series.start_s is None else series.start_s
 
 
@@ -170,7 +171,7 @@ _PACKAGES = {"nptdms": "npTDMS"}
 
 
 def need(library: str) -> None:
-    """Say which extra to install if a format's library is missing."""
+    """Refuse a format whose library is missing, and name the extra to install."""
     if importlib.util.find_spec(library) is None:
         instead = "save the sheet as CSV" if library == "openpyxl" else ""
         raise MissingPackageError(_PACKAGES.get(library, library), "formats", otherwise=instead)

@@ -21,7 +21,7 @@ def decode(file: Path) -> list[Series]:
     with file.open("rb") as start:
         if start.read(4) != b"TDSm":
             raise FormatError("is not a TDMS file: it does not begin with TDSm")
-    found, total = [], 0
+    series, total = [], 0
     stamps, offsets = list[Any](), list[float | None]()
     with TdmsFile.open(str(file)) as source:
         channels = [c for group in source.groups() for c in group.channels()]
@@ -41,9 +41,9 @@ def decode(file: Path) -> list[Series]:
             stamps.append(channel.properties.get("wf_start_time"))
             offset = channel.properties.get("wf_start_offset")
             offsets.append(float(offset) if isinstance(offset, int | float) and np.isfinite(offset) else None)
-            found.append(Series(name, str(unit), values.astype(float), rate, group=channel.group_name))
+            series.append(Series(name, str(unit), values.astype(float), rate, group=channel.group_name))
     starts = _starts(stamps, offsets)
-    return [replace(s, start_s=start) for s, start in zip(found, starts, strict=True)]
+    return [replace(s, start_s=start) for s, start in zip(series, starts, strict=True)]
 
 
 def _starts(stamps: list[Any], offsets: list[float | None]) -> list[float | None]:

@@ -30,7 +30,7 @@ def decode(file: Path) -> list[Series]:
     source = pyuff.UFF(str(file))
     kinds = list(source.get_set_types())
     check_size(0, len(kinds))
-    found, total = list[Series](), 0
+    series, total = list[Series](), 0
     for index, kind in enumerate(kinds):
         if int(kind) != 58:
             continue
@@ -45,25 +45,25 @@ def decode(file: Path) -> list[Series]:
         x = np.asarray(data["x"], float)
         step: float | None = float(data.get("abscissa_inc") or 0.0)
         start = float(data.get("abscissa_min") or 0.0)
-        if int(data.get("abscissa_spacing", 1)) == 0:  # uneven: every sample has its own time
+        if int(data.get("abscissa_spacing", 1)) == 0:  # uneven: a time for each sample
             step, start = uniform_step(x), float(x[0]) if x.size else 0.0
         if step is None:  # the times of the channel behind them
-            found.append(Series(f"time {len(found) + 1}", "s", x))
+            series.append(Series(f"time {len(series) + 1}", "s", x))
         name = str(data.get("id1", "")).strip() or f"{data.get('rsp_node', 0)}:{data.get('rsp_dir', 0)}"
         unit = str(data.get("ordinate_axis_units_lab", "")).strip()
         kind_of = _MOTIONS.get(int(data.get("ordinate_spec_data_type") or 0))
         if kind_of and unit.lower() in ACCELERATIONS:
             raise FormatError(f"calls {name!r} a {kind_of} and gives its unit as {unit}; correct one of them")
         rate = 1 / step if step and np.isfinite(step) and step > 0 else None
-        found.append(
+        series.append(
             Series(
                 name, "" if unit in ("NONE", "*") else unit, values.astype(float), rate, start_s=start if rate else None
             )
         )
-    again = {name for name, count in Counter(s.name for s in found).items() if count > 1}
-    if len({s.rate_hz is None for s in found}) > 1:
+    again = {name for name, count in Counter(s.name for s in series).items() if count > 1}
+    if len({s.rate_hz is None for s in series}) > 1:
         raise FormatError("has channels with a sampling rate and channels with uneven times; resample them to one rate")
-    return [replace(s, name=f"{s.name}_{i + 1}" if s.name in again else s.name) for i, s in enumerate(found)]
+    return [replace(s, name=f"{s.name}_{i + 1}" if s.name in again else s.name) for i, s in enumerate(series)]
 
 
 def encode(channels: Channels) -> bytes:

@@ -1,4 +1,4 @@
-"""Excel's .xlsx by openpyxl: the columns below each sheet's header, units in brackets or in a row of their own."""
+"""Excel's .xlsx by openpyxl: the columns below each sheet's header, units in brackets or in a row."""
 
 import re
 from collections import Counter
@@ -23,15 +23,15 @@ def decode(file: Path) -> list[Series]:
     from openpyxl import load_workbook
 
     book = load_workbook(file, read_only=True, data_only=True)
-    found, sheets = [], list[str]()
+    series, sheets = [], list[str]()
     for sheet in book.worksheets:
         columns = _columns(sheet.title, list(_rows(sheet)))
-        found += columns
+        series += columns
         sheets += [sheet.title] * len(columns)
-    again = Counter(s.name for s in found)
+    again = Counter(s.name for s in series)
     return [
         replace(s, name=f"{sheet}/{s.name}" if again[s.name] > 1 and len(set(sheets)) > 1 else s.name, group=sheet)
-        for s, sheet in zip(found, sheets, strict=True)
+        for s, sheet in zip(series, sheets, strict=True)
     ]
 
 
@@ -64,23 +64,23 @@ def _columns(sheet: str, rows: list[tuple[Any, ...]]) -> list[Series]:
     body = rows[first:]
     while body and not any(cell is not None for cell in body[-1]):
         body.pop()
-    found = []
+    series = []
     for index, (name, unit) in enumerate(zip(above[-1], units, strict=False)):
         cells = [row[index] if index < len(row) else None for row in body]
         if name is None:
             continue
         if all(cell is None for cell in cells):
-            found.append(passed_over(str(name), "empty (formulas have values once Excel has saved them)"))
+            series.append(passed_over(str(name), "empty (formulas have values once Excel has saved them)"))
             continue
         if any(isinstance(cell, datetime | time | timedelta) for cell in cells):
             cells, unit = _seconds(cells), "s"
         odd = next((i for i, cell in enumerate(cells) if not _numeric(cell) and cell is not None), None)
         if odd is not None:
-            found.append(passed_over(str(name), f"no column of numbers (row {first + odd + 1})"))
+            series.append(passed_over(str(name), f"no column of numbers (row {first + odd + 1})"))
             continue
         values = np.array([np.nan if cell is None else float(cell) for cell in cells])
-        found.append(Series(str(name), unit, values))
-    return found
+        series.append(Series(str(name), unit, values))
+    return series
 
 
 def _numeric(cell: Any) -> bool:
