@@ -1,4 +1,4 @@
-"""One search: starts that fill the space on both sides of the mirror, a cheap screening, bounded least squares.
+"""One search: starts that fill the space on both sides of the mirror, and bounded least squares.
 
 Many starts go down together by damped Gauss-Newton steps between bounds (Levenberg and Marquardt), which costs little
 more than one. What is half normal rests at its bound in most worlds; there a method that keeps inside its bounds, such

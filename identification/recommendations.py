@@ -55,7 +55,8 @@ def advice(
     if best.p_value is not None and best.p_value < UNLIKELY:
         texts.append(
             f"The model alone does not describe the recordings to their noise (chi-square {best.chi_square:.4g} for "
-            f"{best.dof} degrees of freedom, {chance(best.p_value)}); the standard errors are widened accordingly."
+            f"{best.dof} degrees of freedom, {chance(best.p_value)}); the standard errors of the model assumed "
+            "exact are widened by its root, and are still too small where the constants change between recordings."
         )
     below = [(fit, r.file) for fit, r in zip(fits, data, strict=True) if not follows(fit)]
     likely = best.p_value is not None and best.p_value >= UNLIKELY
@@ -183,8 +184,8 @@ def _culprits(departures: Departures) -> list[str]:
     parts += [f"the {name} ({_share(share)})" for name, share in out.get("sensors", {}).items()]
     if parts:
         texts.append(
-            f"Of chi-square, most is in {', '.join(parts)}: check load, body mass, unit and mounting there, or fit "
-            "without."
+            f"More of chi-square than elsewhere is in {', '.join(parts)}: check load, body mass, unit and mounting "
+            "there, or fit without. Where one recording is wrong, the fit may miss others."
         )
     else:
         texts.append(

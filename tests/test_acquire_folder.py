@@ -248,7 +248,7 @@ def test_a_broken_sine_is_refused_and_its_longest_part_kept(tmp_path: Path) -> N
     written.close()
     whole = convert([written.file], study)
     assert all(3.05 < after < 3.55 for after, _ in whole.quality.faults)
-    assert any(text.startswith("base breaks by 3.") for text in whole.problems)
+    assert any(text.startswith("base breaks at 3.") for text in whole.problems)
     assert any(text.startswith("usable: 6.") for text in whole.remarks)
     part = convert([written.file], study, longest=True)
     assert part.problems == () and 6.0 < part.recording.time_s[-1] < 7.0

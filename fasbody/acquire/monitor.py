@@ -162,7 +162,7 @@ class Fault:
     rate_hz: float
 
     def __str__(self) -> str:
-        return f"{_NAMES[self.rule.sensor]} {self.rule.name} by {self.end / self.rate_hz:.3g} s: {self.rule.text}"
+        return f"{_NAMES[self.rule.sensor]} {self.rule.name} at {self.end / self.rate_hz:.3g} s: {self.rule.text}"
 
 
 @dataclass(frozen=True)
@@ -310,7 +310,7 @@ class Monitor:
         >>> monitor.add(0, both)
         []
         >>> str(monitor.add(1000, both * [1, 0])[0])
-        'malleolus flat by 1.12 s: check its cable and supply'
+        'malleolus flat at 1.12 s: check its cable and supply'
     """
 
     def __init__(self, rate_hz: float, drive: Drive) -> None:

@@ -310,27 +310,27 @@ def _show(rows: list[dict[str, Any]]) -> None:
     colours = {"unusable": "red", "usable, see below": "yellow", "sound": "default"}
     read = list(dict.fromkeys(name for row in rows for name in row.get("rms_m_s2", {})))
     felt = [f"{name} rms [m/s²]" for name in read]
-    heads = ("file", "samples", "rate [Hz]", "excitation [Hz]", "T", "phase [deg]", *felt, *QUALITIES, "verdict")
+    heads = ("file", "verdict", "samples", "rate [Hz]", "excitation [Hz]", "T", "phase [deg]", *felt, *QUALITIES)
     folders = {str(Path(row["file"]).parent) for row in rows}
     names = {row["file"]: Path(row["file"]).name if len(folders) == 1 else row["file"] for row in rows}
     table = Table(*(escape(head.replace(" ", "\n")) for head in heads), box=SIMPLE_HEAD, pad_edge=False)
     table.columns[0].overflow = "fold"
     table.columns[0].min_width = min(_NAME, max((len(name) for name in names.values()), default=0))
-    table.columns[-1].min_width = len("unusable")
-    for column in table.columns[1:-1]:
+    table.columns[1].min_width = len("unusable")
+    for column in table.columns[2:]:
         column.justify = "right"
     listed = [row for row in rows if len(rows) <= _MANY or verdict(row) != "sound"]
     for row in listed:
         frequency = row.get("frequency_hz")
         table.add_row(
             escape(names[row["file"]]),
+            f"[{colours[verdict(row)]}]{verdict(row)}[/]",
             str(row.get("samples", "")),
             f"{row['rate_hz']:.6g}" if "rate_hz" in row else "",
             "" if row["problem"] else "broadband" if frequency is None else f"{frequency:.5g}",
             *(f"{row[key]:.3{kind}}" if key in row else "" for key, kind in _OF_A_SINE.items()),
             *(f"{row['rms_m_s2'][name]:.3g}" if name in row.get("rms_m_s2", {}) else "" for name in read),
             *quality_cells(row),
-            f"[{colours[verdict(row)]}]{verdict(row)}[/]",
         )
     if listed:
         results.print(table)

@@ -1,6 +1,7 @@
 """The study folders and files of a command, with masses from its options."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from fasbody.exceptions import InputFileError, SettingError
@@ -32,6 +33,7 @@ def gather(
     sources: list[str] = []
     recordings: list[Recording] = []
     truth: dict[str, float] = {}
+    named: dict[str, float | None] = {}
     for path, body, load in zip(data, bodies, loads, strict=True):
         if path.is_dir():
             study = Study.read(path)
@@ -45,9 +47,22 @@ def gather(
             recording = read_file(path, mapping)
             _agree(recording, body, load)
             recordings.append(with_masses(recording, body, _load_of(path, recording, load)))
+            if load is None and recording.condition.body_mass_kg is None:
+                named[path.name] = load_in_name(path.name)
         else:
             raise InputFileError(path, "no such file or folder", "give a study folder or CSV recordings")
+    if any(named.values()):
+        recordings[0] = replace(recordings[0], warnings=(*recordings[0].warnings, _of_names(named)))
     return together(sources), recordings, truth
+
+
+def _of_names(named: Mapping[str, float | None]) -> str:
+    """The sentence on loads [kg] that files' names state, or do not."""
+    loads = sorted({load for load in named.values() if load is not None})
+    parts = [f"{load:g} kg for {together([n for n, kg in named.items() if kg == load])}" for load in loads]
+    unnamed = [name for name, load in named.items() if load is None]
+    none = f" None is named in {together(unnamed)}: 0 kg." if unnamed else ""
+    return f"Loads on the knee are those of the files' names: {', '.join(parts)}.{none}"
 
 
 def _load_of(path: Path, recording: Recording, load: float | None) -> float | None:

@@ -92,7 +92,7 @@ def show(result: "Rivals") -> None:
     sheet = result.sheet()
     table = Table(title=sheet.title, title_justify="left")
     for number, column in enumerate(sheet.columns):
-        table.add_column(column, justify="left" if number == 0 else "right")
+        table.add_column(column, justify="left" if number == 0 else "right", no_wrap=number > 0)
     for row in sheet.rows:
         table.add_row(*map(escape, row))
     results.print(table)
