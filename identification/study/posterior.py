@@ -115,7 +115,7 @@ def mixed(weight: Array, middle: Array, scale: Array, nu: Array, at: tuple[float
     heavy = weight > NEGLIGIBLE * weight.max()
     w, m, s, v = (np.broadcast_to(part, weight.shape)[heavy] for part in (weight, middle, scale, nu))
     mean = float(w @ m / w.sum())
-    wide = float(np.sqrt(w @ (s**2 + (m - mean) ** 2) / w.sum()))
-    grid = mean + wide * np.linspace(-4, 4, 21)
+    std = float(np.sqrt(w @ (s**2 + (m - mean) ** 2) / w.sum()))
+    grid = mean + std * np.linspace(-4, 4, 21)
     below = ndtri([w @ stdtr(v, (x - m) / s) / w.sum() for x in grid])  # nearly straight, whatever the tails
     return tuple(np.interp(ndtri(at), below, grid).tolist())
