@@ -24,6 +24,6 @@ def decode(file: Path) -> list[Series]:
         Series(s.label, s.physical_dimension, np.array(s.data, float), float(s.sampling_frequency))
         for s in source.signals
     ]
-    return signals + [passed_over("EDF Annotations", f"{len(source.annotations)} annotations")] * bool(
-        source.annotations
-    )
+    if source.annotations:
+        signals.append(passed_over("EDF Annotations", f"{len(source.annotations)} annotations"))
+    return signals
