@@ -104,3 +104,16 @@ def test_a_load_in_a_file_name_counts(tmp_path: Path) -> None:
         gather([tmp_path / "S16_20Hz_2.3kg.csv"], [72.57], [4.5])
     _, (read,), _ = gather([tmp_path / "plain.csv"], [72.57], [4.5])
     assert read.condition.added_mass_kg == 4.5
+
+
+def test_loads_of_file_names_are_listed(tmp_path: Path) -> None:
+    names = ("a_20Hz_2.3kg.csv", "b_20Hz_0kg.csv", "plain.csv")
+    for name in names:
+        recorded(BENT, 20.0, added=0.0).write(tmp_path / name)
+    _, (first, *_), _ = gather([tmp_path / name for name in names], [72.57], None)
+    assert first.warnings[-1] == (
+        "Loads on the knee are those of the files' names: 0 kg for b_20Hz_0kg.csv, 2.3 kg for a_20Hz_2.3kg.csv. "
+        "None is named in plain.csv: 0 kg."
+    )
+    _, (first, *_), _ = gather([tmp_path / name for name in names[1:]], [72.57], None)
+    assert not any("names" in text for text in first.warnings)  # no load at all
