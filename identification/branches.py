@@ -23,6 +23,10 @@ DOES_NOT_FOLLOW = (
     "No branch is decided, as the model does not follow the recordings: they would have to repeat no better than to "
     "{percent:.3g} %, and {bound:.3g} % is what people do at most."
 )
+FOLLOWS_LITTLE = (
+    "No branch is decided, as the model does not follow the recordings: it follows {percent:.0f} % of them in the "
+    "mean, and {least:g} % is the least."
+)
 NOT_EXHAUSTED = (
     "No branch is decided, as the search is not exhausted: its best end was not found twice. More starts (--starts) or "
     "what the laboratory knows ([known] in study.toml) may help."

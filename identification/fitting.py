@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
+import numpy as np
 from threadpoolctl import ThreadpoolController
 
 from fasbody.exceptions import SettingError
@@ -16,8 +17,8 @@ from identification import branches, steady
 from identification.branches import Recorded, Verdict
 from identification.evidence import Evidence
 from identification.lifting import contacts
-from identification.recommendations import advice, excitation_rank
-from identification.result import FitResult, RecordingFit, trusting, without_exact
+from identification.recommendations import LEAST_FIT, advice, excitation_rank, follows
+from identification.result import MISSES, FitResult, RecordingFit, trusting, without_exact
 from identification.setup import Settings, Setup, provenance, tells_delay, with_settings
 
 _TRUSTS = (
@@ -170,6 +171,10 @@ def _transient(setup: Setup, settings: Settings, advance: Advance, interruptible
     if setup.why_not or search.left_out:
         why = setup.why_not or branches.LEFT_OUT.format(name=search.left_out[0])
         verdict = Verdict("not compared", 0.0, why)
+    follow = bool(follows(np.mean(run.fits))) or first.chi_square <= MISSES * max(1, first.dof)
+    if not follow and str(verdict) != "not compared":
+        text = branches.FOLLOWS_LITTLE.format(percent=np.mean(run.fits), least=LEAST_FIT)
+        verdict = Verdict("undecided", verdict.log_likelihood_ratio, text)
     certified = list(search.branches)
     if verdict.tied:
         certified.sort(key=lambda c: c.name)
@@ -180,7 +185,7 @@ def _transient(setup: Setup, settings: Settings, advance: Advance, interruptible
         origin=_origin(data),
         model=setup.foot.name,
         domain="time",
-        branches=tuple(map(trusting, built)),
+        branches=tuple(map(trusting if follow else without_exact, built)),
         recordings=tuple(
             RecordingFit.of(r, f, y, sensors)
             for r, f, y, sensors in zip(data, run.fits, run.traces, certified[0].sensors(data), strict=True)

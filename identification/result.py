@@ -28,7 +28,7 @@ _ASK = "python -m identification.rivals"
 #: Chance below which the model is said to miss the recordings.
 UNLIKELY = 1e-3
 #: Chi-square per degree of freedom beyond which what the model alone says of forces is no more than a hint.
-_MISSES = 2.0
+MISSES = 2.0
 _EXACT = ", model assumed exact"
 
 
@@ -308,7 +308,7 @@ class FitResult(Presented):
         """That the foot would leave the table, in a sentence; nothing where the table only presses."""
         text = lifted(self.contact)
         best = self.best
-        if text and self.domain == "periodic" and best.dof and best.chi_square > _MISSES * best.dof:
+        if text and self.domain == "periodic" and best.dof and best.chi_square > MISSES * best.dof:
             text += " This rests on the model alone, with the stated masses, and it does not follow the recordings."
         return [text] if text else []
 
@@ -428,8 +428,10 @@ class FitResult(Presented):
         """The result in one sentence, with the values of both branches where the data do not decide; a misfit first."""
         values = " or ".join(branch.stiffness(len(self.open) > 1) for branch in self.open)
         if not self.offered:
-            count = f"{len(self.parameters)} free parameters"
-            values = f"No constant is offered, as the excitation has rank {self.excitation_rank} for {count}"
+            count = len(self.parameters)
+            rank = f"the excitation has rank {self.excitation_rank} for {count} free parameters"
+            why = rank if self.excitation_rank < count else "the model does not follow the recordings"
+            values = f"No constant is offered, as {why}"
         goodness = ""
         if self.domain == "periodic":
             per = f"chi-square {self.best.chi_square / max(1, self.best.dof):.2f} per degree of freedom"
