@@ -10,7 +10,9 @@ import pytest
 
 from fasbody.console import to_json
 from fasbody.exceptions import RecordingError, SettingError
+from fasbody.foot import shaker
 from fasbody.foot.model import Foot, load
+from fasbody.foot.simulate import simulate
 from fasbody.recording.recording import Condition, Recording
 from identification.fitting import Settings, fit_foot
 from identification.report import html
@@ -163,3 +165,20 @@ def test_a_recording_that_can_be_followed_exactly_is(foot: Foot, trial: Trial) -
     stiff = {**TRUTH, "k_T": 3.1e6, "k_F": 3.2e5, "c_11": 1612.0, "c_21": 1892.0}
     found = fit_foot([trial(stiff, 50.0, added=4.5)], foot, Settings(starts=1, bounds={"k_T": (1e4, 1e7)}))
     assert found.best.dof == 0 and found.best.chi_square < 1e-3
+
+
+@pytest.mark.parametrize("power", [1.0, 3.0])
+def test_samples_that_the_model_does_not_follow_decide_and_offer_nothing(foot: Foot, power: float) -> None:
+    """A sweep whose malleolus is cubed is no foot's; as it is, the fit offers intervals."""
+    motion = simulate(foot, shaker.sweep(10.0, 40.0, 1.0))
+    kept, rng = slice(None, None, round(1e-3 / foot.step)), np.random.default_rng(0)
+    base, y = motion.base[0, kept], motion.malleolus[0, kept]
+    y = np.abs(y).max() * np.sign(y) * np.abs(y / np.abs(y).max()) ** power
+    noisy = (x + rng.normal(0, 0.05, x.size) for x in (base, y))
+    recording = Recording(np.arange(base.size) / 1000, *noisy, condition=Condition(body_mass_kg=72.57))
+    result = fit_foot([recording], foot, free=["k_T", "k_F", "c_11", "c_21"], starts=2, delay=False)
+    follows = power == 1.0
+    assert result.domain == "time" and result.offered is follows and (result.fit_percent > 85) is follows
+    assert ("does not follow" in result.reason) is not follows
+    assert ("does not follow" in result.sentence()) is not follows
+    assert follows or result.verdict == "undecided"
