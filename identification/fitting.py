@@ -125,15 +125,21 @@ def _steady(setup: Setup, settings: Settings, advance: Advance) -> FitResult:
         contact=contacts(best, data) if enough else (),
         evidence=Evidence(setup.foot, data, setup.two_mass, tuple(solutions), fitted.exact, fitted.replays),
     )
-    return _only_what_holds(result, settings.departures and not allow)
+    return _only_what_holds(result, result.trusting, settings.departures and not allow)
 
 
-def _only_what_holds(result: FitResult, trusts: bool) -> FitResult:
-    """No interval that the sines hold too few numbers for; a warning where nothing beside the model was allowed for."""
-    if not result.trusting:
+def _only_what_holds(result: FitResult, exact: bool, trusts: bool) -> FitResult:
+    """A result without what its recordings do not bear out, and a warning of what the rest assumes.
+
+    Args:
+        result: as fitted.
+        exact: whether intervals of the model assumed exact may be offered.
+        trusts: whether nothing beside the model was allowed for.
+    """
+    if not exact:
         result = replace(result, branches=tuple(map(without_exact, result.branches)))
-    if trusts and (result.trusting or result.verdict == "decided"):  # else neither interval nor odds are offered
-        text = _TRUSTS if result.trusting else _TRUSTS_NOT
+    if trusts and (exact or result.verdict == "decided"):  # else neither interval nor odds are offered
+        text = _TRUSTS if exact else _TRUSTS_NOT
         result = replace(result, warnings=(*result.warnings, text))
     return result
 
@@ -185,7 +191,7 @@ def _transient(setup: Setup, settings: Settings, advance: Advance, interruptible
         origin=_origin(data),
         model=setup.foot.name,
         domain="time",
-        branches=tuple(map(trusting if follow else without_exact, built)),
+        branches=tuple(map(trusting, built)),
         recordings=tuple(
             RecordingFit.of(r, f, y, sensors)
             for r, f, y, sensors in zip(data, run.fits, run.traces, certified[0].sensors(data), strict=True)
@@ -200,4 +206,4 @@ def _transient(setup: Setup, settings: Settings, advance: Advance, interruptible
         warnings=tuple(dict.fromkeys((*setup.warnings, *search.warnings, *recommended))),
         evidence=Evidence(setup.foot, data, setup.two_mass, (), {}, {}, space, tuple(certified)),
     )
-    return _only_what_holds(result, settings.departures)
+    return _only_what_holds(result, result.trusting and follow, settings.departures)

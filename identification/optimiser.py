@@ -98,12 +98,11 @@ def descend(
     """
     low, high = (np.stack(limit) for limit in zip(*(problem.bounds(s) for s in signs), strict=True))
     Q = np.clip(Q, low, high)
-    objective, rests = np.full(len(Q), np.inf), np.zeros(len(Q), bool)
-    at = np.arange(len(Q))  # the candidates that still move
+    at, rests = np.arange(len(Q)), np.zeros(len(Q), bool)  # the candidates that still move; those at rest
     now = problem.evaluate(Q)
+    objective = now.objective
     damping, factor = np.full(len(Q), 1e-2), np.full(len(Q), 2.0)
     for _ in range(steps):
-        objective[at] = now.objective
         A = np.swapaxes(now.jacobian, 1, 2) @ now.jacobian
         g = np.einsum("cmn,cm->cn", now.jacobian, now.residual)
         left = _step(A, g, Q[at], low[at], high[at], np.full(len(at), _LEAST_DAMPING))[1]
@@ -123,6 +122,7 @@ def descend(
         damping = np.maximum(_LEAST_DAMPING, damping)
         Q[at] = np.where(better[:, None], trial, Q[at])
         now = now.replaced(after, better)
+        objective[at] = now.objective
     return Descended(Q, objective, rests)
 
 

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from scipy.special import chdtrc
 
+from fasbody.constants import Z95
 from fasbody.foot.parameters import symbol_and_unit
 from fasbody.recording.recording import Recording
 from identification.estimates import Allowance
@@ -205,7 +206,7 @@ def _ruler(departures: Departures) -> list[str]:
     if departures.scale_std > 0:
         texts.append(
             "All stiffness and damping share one scale, the leg's mass, which is known to "
-            f"±{196 * departures.scale_std:.2g} % (95 %); natural frequencies, damping ratios and constants per "
+            f"±{100 * Z95 * departures.scale_std:.2g} % (95 %); natural frequencies, damping ratios and constants per "
             "kilogram do not depend on it. A force plate under the foot, with and without the load, narrows it "
             "(static_force_n in [known] of study.toml)."
         )

@@ -33,7 +33,7 @@ Place = tuple[str, np.ndarray]
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class Fitted:
     """A fit in the time domain.
 
     Attributes:
@@ -57,7 +57,7 @@ def fit(
     replay: int | None,
     advance: Advance,
     interruptible: bool,
-) -> Found:
+) -> Fitted:
     """Fit every sample.
 
     Args:
@@ -105,7 +105,7 @@ def fit(
         )
     rows = tuple(_row(descent, space, ratio) for descent in descents)
     certified.sort(key=lambda c: c.deviance)
-    return Found(tuple(certified), tuple(left_out), rows, tuple(warnings))
+    return Fitted(tuple(certified), tuple(left_out), rows, tuple(warnings))
 
 
 Explored = tuple[list[Descent], bool]
@@ -140,7 +140,7 @@ def _on_samples(
     if ratio is not None:
         places.append(("mirror of the model", space.to_q(space.theta(branches.mirrored(values, ratio)))))
     random = [(f"random {i + 1}", space.random(rng)) for i in range(starts - len(places))]
-    places += _lowest(problem, random, lambda q: _side_of(space, ratio, space.to_theta(q)))
+    places += _lowest(problem, random, lambda q: _side(space, ratio, space.to_theta(q)))
     counter = iter(range(1, len(places) + 1))
     return multistart.explore(problem, places[:starts], lambda: advance("exploring starts", next(counter), len(places)))
 
@@ -158,12 +158,8 @@ def _lowest(problem: TimeProblem, places: Sequence[Place], side: Callable[[np.nd
     return kept
 
 
-def _side_of(space: Space, ratio: float | None, theta: np.ndarray) -> str:
+def _side(space: Space, ratio: float | None, theta: np.ndarray) -> str:
     return "best" if ratio is None else branches.side(space.values(theta), ratio)
-
-
-def _side(space: Space, ratio: float | None, descent: Descent) -> str:
-    return _side_of(space, ratio, descent.theta)
 
 
 def _of_each_branch(
@@ -174,7 +170,7 @@ def _of_each_branch(
         return {"best": descents}
     ends: dict[str, list[Descent]] = {}
     for descent in descents:
-        ends.setdefault(_side(space, ratio, descent), []).append(descent)
+        ends.setdefault(_side(space, ratio, descent.theta), []).append(descent)
     if len(ends) == 2 and is_steady(domain.recordings):  # both sides were searched
         return ends
     problem = domain.problem()
@@ -183,7 +179,7 @@ def _of_each_branch(
         for end in _distinct(ends.get(other, [])):
             image = branches.mirrored(space.values(end.theta), ratio)
             image_descent = multistart.descend(problem, space.to_q(space.theta(image)), f"mirror of {other}")
-            if _side(space, ratio, image_descent) == name:
+            if _side(space, ratio, image_descent.theta) == name:
                 entered.setdefault(name, []).append(image_descent)
     names = [*ends, *(name for name in entered if name not in ends)]
     return {name: sorted([*ends.get(name, []), *entered.get(name, [])], key=lambda d: d.cost) for name in names}
@@ -200,7 +196,7 @@ def _distinct(descents: Sequence[Descent]) -> list[Descent]:
 
 def _row(descent: Descent, space: Space, ratio: float | None) -> dict[str, object]:
     row: dict[str, object] = {"start": descent.label, "cost": descent.cost, "evaluations": descent.evaluations}
-    row |= {"converged": descent.converged, "branch": _side(space, ratio, descent)}
+    row |= {"converged": descent.converged, "branch": _side(space, ratio, descent.theta)}
     return row | {item.key: float(value) for item, value in zip(space.free, descent.theta, strict=True)}
 
 

@@ -1,21 +1,8 @@
-"""Random poses of the arch, and its equations as SymPy derives them, which is imported when it is needed."""
+"""Random poses of the arch."""
 
 import numpy as np
 
 from fasbody.arch.bones import Arch
-
-
-def evaluate(
-    name: str,
-    arch: Arch,
-    q: np.ndarray,
-    q_dot: np.ndarray | None = None,
-    as_printed: bool = False,
-) -> np.ndarray:
-    """One of mass, velocity, spring, damper, stiffness, damping at one pose: shape (6, 6) or (6,)."""
-    from simulator import symbolic_arch
-
-    return symbolic_arch.evaluate(name, arch, q, q_dot, as_printed)
 
 
 def poses(arch: Arch, rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:

@@ -14,7 +14,8 @@ from fasbody.arch.load import under_weight
 from fasbody.foot.model import check
 from fasbody.foot.shaker import harmonics
 from fasbody.foot.simulate import simulate
-from simulator.arch import evaluate, poses
+from simulator.arch import poses
+from simulator.symbolic_arch import evaluate
 
 
 def engine(model: mujoco.MjModel, arch: Arch, q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -182,3 +182,4 @@ def test_samples_that_the_model_does_not_follow_decide_and_offer_nothing(foot: F
     assert ("does not follow" in result.reason) is not follows
     assert ("does not follow" in result.sentence()) is not follows
     assert follows or result.verdict == "undecided"
+    assert any("These intervals and odds assume" in text for text in result.warnings) == follows

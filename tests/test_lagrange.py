@@ -5,7 +5,8 @@ import pytest
 
 from fasbody.arch import kinematics, lagrange
 from fasbody.arch.bones import PARAMETERS, Arch
-from simulator.arch import evaluate, poses
+from simulator.arch import poses
+from simulator.symbolic_arch import evaluate
 
 STEP = 1e-30
 

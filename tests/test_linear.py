@@ -7,7 +7,7 @@ from fasbody.arch import linear
 from fasbody.arch.bones import Arch
 from fasbody.arch.kinematics import rest
 from fasbody.arch.ode import initial_state, jacobian
-from simulator.arch import evaluate
+from simulator.symbolic_arch import evaluate
 
 FREQUENCY = np.geomspace(1, 100, 25)
 

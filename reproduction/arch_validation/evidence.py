@@ -13,6 +13,7 @@ from fasbody.arch.load import ARANGIO_CUT, ARANGIO_LOAD, ARANGIO_SAG, MEASURED_H
 from fasbody.arch.mounted import PAD_POWER, SEATED_N, STANDING_N, Mounted, Stance, pad, stance
 from fasbody.arch.tissue import Tissue
 from fasbody.constants import MODEL_GRAVITY
+from identification.rivals.mechanisms import Constant
 from reproduction.arch_validation.drop import LOW, LOW_M_S, MEASURED, SPEED_M_S, falls
 
 
@@ -49,40 +50,22 @@ KITAOKA = float(_stiffness_at(1189.0 / 2))
 #: Frequencies at which highest responses are sought, seated (the thesis' range) and standing [Hz].
 SEATED_HZ, STANDING_HZ = np.arange(10.0, 50.5, 1.0), np.arange(10.0, 110.5, 1.0)
 
-
-@dataclass(frozen=True)
-class Bound:
-    """Where a free constant is looked for, evenly in its logarithm (or in itself), and why there."""
-
-    name: str
-    lower: float
-    upper: float
-    source: str
-    even: bool = False
-
-    def value(self, share: Array) -> Array:
-        """From shares (...) of the way between the bounds."""
-        if self.even:
-            return self.lower + share * (self.upper - self.lower)
-        return self.lower * (self.upper / self.lower) ** share
-
-
 #: Of `Mounted`, in its order. None of these ranges was set by the numbers below.
 BOUNDS = (
-    Bound("arm", 0.015, 0.060, "nominal: between a joint and the sole, arches of 20 to 60 mm"),
-    Bound("slack", 0.0, 6e-3, "nominal: up to 4 % of the aponeurosis", even=True),
-    Bound("k_F", 1e4, 3e6, "Table 4.2"),
-    Bound("c_F", 30, 3e3, "nominal; Table 4.2 ends there"),
-    Bound("k_T", 1e3, 3e6, "Table 4.2, and a decade below"),
-    Bound("c_T", 30, 3e3, "nominal; Table 4.2 ends there"),
-    Bound("k_H", 1e3, 2e5, "nominal"),
-    Bound("c_H", 20, 1e3, "nominal"),
-    Bound("k_A", 1e3, 2e5, "nominal"),
-    Bound("c_A", 20, 1e3, "nominal"),
-    Bound("lag", 1e-4, 1e-2, "nominal; 2 N m s/rad over 230 N m/rad is 9 ms"),
-    Bound("share", 0.05, 0.35, "nominal: part of the shank that moves with the malleolus", even=True),
-    Bound("up", 0.0, 1.0, "nominal: anywhere between sole and apex", even=True),
-    Bound("eta", 0.1, 10.0, "nominal; a drop that absorbs 79 % needs 2"),
+    Constant("arm", "m", 0.015, 0.060, "nominal: between a joint and the sole, arches of 20 to 60 mm"),
+    Constant("slack", "m", 0.0, 6e-3, "nominal: up to 4 % of the aponeurosis", even=True),
+    Constant("k_F", "N/m", 1e4, 3e6, "Table 4.2"),
+    Constant("c_F", "N s/m", 30, 3e3, "nominal; Table 4.2 ends there"),
+    Constant("k_T", "N/m", 1e3, 3e6, "Table 4.2, and a decade below"),
+    Constant("c_T", "N s/m", 30, 3e3, "nominal; Table 4.2 ends there"),
+    Constant("k_H", "N/m", 1e3, 2e5, "nominal"),
+    Constant("c_H", "N s/m", 20, 1e3, "nominal"),
+    Constant("k_A", "N/m", 1e3, 2e5, "nominal"),
+    Constant("c_A", "N s/m", 20, 1e3, "nominal"),
+    Constant("lag", "s", 1e-4, 1e-2, "nominal; 2 N m s/rad over 230 N m/rad is 9 ms"),
+    Constant("share", "", 0.05, 0.35, "nominal: part of the shank that moves with the malleolus", even=True),
+    Constant("up", "", 0.0, 1.0, "nominal: anywhere between sole and apex", even=True),
+    Constant("eta", "s/m", 0.1, 10.0, "nominal; a drop that absorbs 79 % needs 2"),
 )
 
 

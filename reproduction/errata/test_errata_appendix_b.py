@@ -11,7 +11,7 @@ from fasbody.arch import lagrange
 from fasbody.arch.bones import DAMPERS
 from fasbody.arch.kinematics import arms
 from reproduction import printed
-from simulator.arch import evaluate
+from simulator.symbolic_arch import evaluate
 
 
 def test_A_55_is_the_only_wrong_entry_of_the_mass_matrix() -> None:

@@ -8,7 +8,7 @@ from fasbody.arch import lagrange
 from fasbody.arch.bones import DAMPERS, SPRINGS, Arch
 from fasbody.arch.kinematics import arms
 from reproduction import printed
-from simulator.arch import evaluate
+from simulator.symbolic_arch import evaluate
 
 
 def test_wrong_entries_of_the_linear_damping() -> None:
