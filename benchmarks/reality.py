@@ -81,6 +81,8 @@ class Judged:
         excess: chi-square a degree of freedom.
         seconds: CPU time of the fit [s].
         why: the refusal.
+        ratio: log likelihood ratio of the branch named first over the other.
+        exhausted: each side's best end was reached twice.
     """
 
     world: str
@@ -94,6 +96,8 @@ class Judged:
     excess: float
     seconds: float
     why: str = ""
+    ratio: float = 0.0
+    exhausted: bool = False
 
     @property
     def offered(self) -> list[Interval]:
@@ -147,6 +151,8 @@ def judged(truth: Member, result: FitResult, seconds: float) -> Judged:
     return Judged(
         truth.world, truth.seed, truth.strength, len(truth.loads_kg), result.verdict, result.best.name == name,
         name in open_branches, intervals_of(branch, truth), result.best.chi_square / max(1, result.best.dof), seconds,
+        ratio=result.log_likelihood_ratio,
+        exhausted=all(branch.departures.exhausted for branch in result.branches if branch.departures),
     )  # fmt: skip
 
 

@@ -175,6 +175,7 @@ def command_line(app: "Typer | Callable[[], object]") -> None:
     """
     # small matrix products: threads of the linear algebra would only wait for each other
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    os.environ.setdefault("MUJOCO_GL", "disable")  # no command draws by OpenGL, whose libraries take 0.1 s to find
     with once():
         try:
             from typer import Typer

@@ -16,10 +16,9 @@ from identification.residual import Problem
 #: Starts of a side in one round, and rounds at most.
 STARTS, ROUNDS = 12, 4
 #: Steps of a round, and the decrease of the sum of squares that is worth no further step.
-_STEPS, _PROMISED = 40, 0.02
-_AT_THE_GOAL = (_STEPS, _PROMISED)
-#: The same on the way down, and the factor by which the scatter falls there.
-_ON_THE_WAY, _FALL = (_STEPS, 0.2), 5.0
+STEPS, _PROMISED = 40, 0.02
+#: That decrease on the way down, and the factor by which the scatter falls there.
+_ON_THE_WAY, FALL = 0.2, 5.0
 #: Two descents came to the same end where their sums of squares, and their places, differ by less.
 SAME, _CLOSE = 0.3, 1.0
 #: On the way down two that are nearer than this, in all variables, go on as one.
@@ -36,8 +35,8 @@ _LEVEL, _KEPT = 1e-4, 6
 _BY_CHANCE = 0.05
 #: How near the scatter is to what its best end leaves over, and rounds of that at most.
 _SETTLED, _LEVELS = 0.05, 16
-#: Steps of the last descent, and the decrease that is worth no further step there.
-_LAST_STEPS, _EXACTLY = 100, 1e-5
+#: Steps of the last descent over those of others, and the decrease that is worth no further step there.
+_LONGER, _EXACTLY = 2.5, 1e-5
 #: Least and largest damping of a step.
 _LEAST_DAMPING, _MOST_DAMPING = 1e-7, 1e12
 
@@ -85,7 +84,7 @@ class Descended:
 
 
 def descend(
-    problem: Problem, Q: np.ndarray, signs: np.ndarray, steps: int = _STEPS, promised: float = _PROMISED
+    problem: Problem, Q: np.ndarray, signs: np.ndarray, steps: int = STEPS, promised: float = _PROMISED
 ) -> Descended:
     """Damped Gauss-Newton steps of many candidates at once, between bounds.
 
@@ -152,7 +151,7 @@ def _step(
     return trial, promised
 
 
-def finished(problem: Problem, q: np.ndarray, sign: int, steps: int = _LAST_STEPS) -> tuple[np.ndarray, float, bool]:
+def finished(problem: Problem, q: np.ndarray, sign: int, steps: int = round(_LONGER * STEPS)) -> tuple[np.ndarray, float, bool]:
     """The end of a descent from q (n,), far below a standard error.
 
     Returns:
@@ -250,6 +249,8 @@ def search(
     estimate: bool = True,
     first: np.ndarray | None = None,
     smooth: tuple[float, ...] = SMOOTH,
+    fall: float = FALL,
+    steps: int = STEPS,
     advance: Callable[[int, int], None] = lambda done, total: None,
 ) -> Searched:
     """The best end of each side, and how well recordings repeat.
@@ -267,6 +268,8 @@ def search(
         estimate: the scatter from recording to recording; else it is none.
         first: (k, n) places to begin with besides, at the smallest of `smooth`.
         smooth: scatters at which starts begin in turn, the largest first.
+        fall: factor by which the scatter falls from one descent to the next.
+        steps: of a descent at most; the last one may take two and a half times as many.
         advance: called with rounds done and their number.
     """
     rng = np.random.default_rng(seed)
@@ -282,11 +285,11 @@ def search(
         for sign in open_:
             tried[sign] += sum(int(np.sum(group.sign == sign)) for group in fresh)
         level = None if estimate and population is None else problem.repeatability
-        problem, ends = _annealed(problem, dict(zip(smooth, fresh, strict=True)), level)
+        problem, ends = _annealed(problem, dict(zip(smooth, fresh, strict=True)), level, fall, steps)
         population = ends if population is None else population.joined(ends).distinct(most=_KEPT)
-        population = _with_images(problem, population, signs, images)
+        population = _with_images(problem, population, signs, images, steps)
         if estimate:
-            problem, population = _settled(problem, population)
+            problem, population = _settled(problem, population, steps)
         open_ = [
             sign
             for sign in signs
@@ -296,7 +299,7 @@ def search(
         if not open_:
             break
     assert population is not None
-    optima = [_optimum(problem, population, sign, tried[sign]) for sign in signs]
+    optima = [_optimum(problem, population, sign, tried[sign], steps) for sign in signs]
     return Searched(problem, tuple(sorted(optima, key=lambda o: o.objective)))
 
 
@@ -320,13 +323,17 @@ def _starting(Q: np.ndarray, signs: np.ndarray) -> Population:
     return Population(Q, signs, np.ones(len(Q), int), np.full(len(Q), np.inf))
 
 
-def _annealed(problem: Problem, groups: Mapping[float, Population], last: float | None) -> tuple[Problem, Population]:
+def _annealed(
+    problem: Problem, groups: Mapping[float, Population], last: float | None, fall: float, steps: int
+) -> tuple[Problem, Population]:
     """Starts followed down to a scatter, each group from its own, to the distinct ends there.
 
     Args:
         problem: what to minimise.
         groups: starts by the scatter at which they begin.
         last: scatter at which they end; None where it is what the best of them leaves over.
+        fall: factor by which it falls.
+        steps: of a descent at most.
     """
     rest = sorted(groups.items(), key=lambda item: -item[0])
     level, population = max(rest[0][0], last or 0.0), rest[0][1]
@@ -336,18 +343,18 @@ def _annealed(problem: Problem, groups: Mapping[float, Population], last: float 
         while rest and (level == goal or rest[0][0] > 0.99 * level):
             population = population.joined(rest.pop(0)[1])
         problem = problem.with_repeatability(level)
-        population = _down(problem, population, *_AT_THE_GOAL if level == goal else _ON_THE_WAY).distinct(_ONE)
+        population = _down(problem, population, steps, _PROMISED if level == goal else _ON_THE_WAY).distinct(_ONE)
         if last is None:
             best = population.Q[population.best()]
             problem = problem.weighed(best)
             goal = repeatability(problem, best)
         if not rest and (abs(level - goal) <= _SETTLED * goal or level == goal):
             break
-        level = goal if level <= _FALL * goal or level < _FALL * _LEVEL else level / _FALL
+        level = goal if level <= fall * goal or level < fall * _LEVEL else level / fall
     return problem, population.distinct(most=_KEPT)
 
 
-def _settled(problem: Problem, population: Population) -> tuple[Problem, Population]:
+def _settled(problem: Problem, population: Population, steps: int) -> tuple[Problem, Population]:
     """Ends where the scatter is what the best of them leaves over."""
     for _ in range(_LEVELS):
         best = population.Q[population.best()]
@@ -355,23 +362,25 @@ def _settled(problem: Problem, population: Population) -> tuple[Problem, Populat
         if abs(level - problem.repeatability) <= _SETTLED * level:
             break
         problem = problem.weighed(best).with_repeatability(level)
-        population = _down(problem, population).distinct()
+        population = _down(problem, population, steps).distinct()
     return problem, population
 
 
-def _down(problem: Problem, population: Population, steps: int = _STEPS, promised: float = _PROMISED) -> Population:
+def _down(problem: Problem, population: Population, steps: int, promised: float = _PROMISED) -> Population:
     """Where candidates come to."""
     down = descend(problem, population.Q, population.sign, steps, promised)
     return replace(population, Q=down.Q, objective=down.objective)
 
 
-def _with_images(problem: Problem, population: Population, signs: tuple[int, ...], done: set[bytes]) -> Population:
+def _with_images(
+    problem: Problem, population: Population, signs: tuple[int, ...], done: set[bytes], steps: int
+) -> Population:
     """Ends, with those below the mirror images of each side's best one, where that is new."""
     best = [population.best(sign) for sign in signs if sign]
     best = [i for i in best if population.Q[i].tobytes() not in done]
     done |= {population.Q[i].tobytes() for i in best}
     images = _starting(problem.variables.image(population.Q[best]), -population.sign[best]) if best else None
-    return population if images is None else population.joined(_down(problem, images)).distinct(most=_KEPT)
+    return population if images is None else population.joined(_down(problem, images, steps)).distinct(most=_KEPT)
 
 
 def repeatability(problem: Problem, q: np.ndarray) -> float:
@@ -385,13 +394,12 @@ def repeatability(problem: Problem, q: np.ndarray) -> float:
         problem: with the weights at which q was found.
         q: (n,) the best end.
     """
-    from scipy.optimize import brentq
     from scipy.special import chdtri
 
     now = problem.evaluate(q[None])
     J, N = now.jacobian[0], problem.size
-    low, high = problem.bounds()
-    free = (high > low) & (np.abs(J).max(0) > 0)
+    lowest, highest = problem.bounds()
+    free = (highest > lowest) & (np.abs(J).max(0) > 0)
     A = J[:, free].T @ J[:, free]
     used = float(np.trace(np.linalg.lstsq(A, J[:N, free].T @ J[:N, free], rcond=None)[0]))
     dof = max(N - used, 3.0)
@@ -404,12 +412,16 @@ def repeatability(problem: Problem, q: np.ndarray) -> float:
 
     if excess(0.0) <= float(chdtri(dof, _BY_CHANCE)) - dof:
         return 0.0
-    return float(brentq(excess, 0.0, 1.0, xtol=1e-5)) if excess(1.0) < 0 else 1.0
+    low, high = 0.0, 1.0
+    while high - low > _SETTLED / 10 * high and high > _LEVEL:  # chi-square falls with s
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if excess(middle) > 0 else (low, middle)
+    return high
 
 
-def _optimum(problem: Problem, population: Population, sign: int, tried: int) -> Optimum:
+def _optimum(problem: Problem, population: Population, sign: int, tried: int, steps: int) -> Optimum:
     """The best of a side's ends, finished."""
     best = population.best(sign)
-    q, objective, converged = finished(problem, population.Q[best], sign)
+    q, objective, converged = finished(problem, population.Q[best], sign, round(_LONGER * steps))
     near = (population.sign == sign) & (population.objective < max(population.objective[best], objective) + SAME)
     return Optimum(sign, q, objective, converged, int(population.hits[near].sum()), tried, population.behind(sign))

@@ -86,13 +86,11 @@ class Problem:
 
     def whitener(self, repeatability: float) -> np.ndarray:
         """(R, 2 S H, 2 S H) inverse of the Cholesky factor of the covariance; zero where nothing was measured."""
-        scatter = (repeatability * np.abs(self.measured.output)).reshape(len(self.measured.lines), -1) ** 2
-        W = np.zeros_like(self.noise)
-        for r, rows in enumerate(self.measured.rows):
-            at = np.flatnonzero(rows)
-            S = self.noise[r][np.ix_(at, at)] + np.diag(np.tile(scatter[r], 2)[at])
-            W[r][np.ix_(at, at)] = np.linalg.inv(np.linalg.cholesky(S))
-        return W
+        rows = self.measured.rows
+        scatter = (repeatability * np.abs(self.measured.output)).reshape(len(rows), -1) ** 2
+        one = np.eye(rows.shape[1])
+        S = np.where(rows[:, :, None] & rows[:, None, :], self.noise + np.tile(scatter, 2)[..., None] * one, one)
+        return np.where(rows[:, :, None], np.linalg.inv(np.linalg.cholesky(S)), 0.0)
 
     def weighed(self, q: np.ndarray) -> "Problem":
         """The same with the base's noise seen through the model at q (n,)."""

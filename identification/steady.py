@@ -7,6 +7,7 @@ laws were exact.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from scipy.special import chdtrc
@@ -40,16 +41,25 @@ SIDES = {1: STIFF_ANKLE, -1: STIFF_PAD, 0: "best"}
 
 @dataclass(frozen=True)
 class _Thoroughness:
-    """How a search goes: random starts of a side in a round, rounds, where they begin; starts of the held fit."""
+    """How a search goes: random starts of a side in a round at most, and the settings of `optimiser.search`."""
 
     starts: int
-    rounds: int
-    smooth: tuple[float, ...]
-    held: int
+    rounds: int = optimiser.ROUNDS
+    smooth: tuple[float, ...] = optimiser.SMOOTH
+    fall: float = optimiser.FALL
+    steps: int = optimiser.STEPS
+
+    @property
+    def descent(self) -> dict[str, Any]:
+        """What every search of the model has in common."""
+        return {"fall": self.fall, "steps": self.steps}
 
 
-#: The two-mass foot has many ends, and a motion costs 50 us; other models have one near their own constants, and 10 ms.
-_SETTINGS = {True: _Thoroughness(1000, optimiser.ROUNDS, optimiser.SMOOTH, 3), False: _Thoroughness(1, 1, (0.05,), 0)}
+#: The two-mass foot has many ends, and a motion costs 50 us. Other models have one near their own constants, and 10 ms;
+#: with many of them free it lies in valleys that hundreds of steps would not follow to their ends.
+_SETTINGS = {True: _Thoroughness(1000), False: _Thoroughness(1, 1, (0.05,), np.inf, 16)}
+#: Scatter from which the ends are followed down once more with the nuisances held.
+_HELD = (0.02,)
 #: Change of the sum of squares below which twice the harmonics say the same, and harmonics at most.
 _ENOUGH, _MOST_HARMONICS = 0.01, 48
 EXACT = ", model assumed exact"
@@ -148,7 +158,7 @@ def fit(
     settings = _SETTINGS[variables.two_mass]
     search = optimiser.search(
         problem if allow else exact, signs, starts=min(starts, settings.starts), seed=seed, estimate=allow,
-        first=first, rounds=settings.rounds, smooth=settings.smooth,
+        first=first, rounds=settings.rounds, smooth=settings.smooth, **settings.descent,
         advance=lambda done, total: advance("searching both branches", done, total),
     )  # fmt: skip
     solutions = [Solution(SIDES[o.sign], search.problem, o) for o in search.optima]
@@ -164,7 +174,7 @@ def fit(
     if not kept:
         raise SimulationError(f"{foot.name}: the best parameter sets are all unstable over the recordings.")
     advance("the model assumed exact", 0, 1)
-    alone = _held_ends(search.problem.with_held(held).with_repeatability(0.0), kept, seed) if allow else {}
+    alone = _held_ends(search.problem.with_held(held).with_repeatability(0.0), kept) if allow else {}
     return Fitted(tuple(kept), alone, replays, tuple(left_out))
 
 
@@ -181,15 +191,13 @@ def _with_enough_harmonics(solution: Solution) -> Solution:
     return Solution(solution.branch, problem, optimum)
 
 
-def _held_ends(exact: Problem, solutions: Sequence[Solution], seed: int) -> dict[str, Solution]:
+def _held_ends(exact: Problem, solutions: Sequence[Solution]) -> dict[str, Solution]:
     """The best end of each branch with the nuisances held."""
     mean, _ = exact.variables.prior
     signs = tuple(solution.optimum.sign for solution in solutions)
     first = np.stack([np.where(exact.held, mean, solution.q) for solution in solutions])
-    settings = _SETTINGS[exact.variables.two_mass]
-    search = optimiser.search(
-        exact, signs, starts=settings.held, rounds=1, seed=seed, estimate=False, first=first, smooth=settings.smooth
-    )
+    descent = _SETTINGS[exact.variables.two_mass].descent
+    search = optimiser.search(exact, signs, starts=0, rounds=1, estimate=False, first=first, smooth=_HELD, **descent)
     return {SIDES[o.sign]: Solution(SIDES[o.sign], search.problem, o) for o in search.optima}
 
 

@@ -44,7 +44,6 @@ class Orbits:
             at a fold below the full one: a damper that bends takes no more power than it takes there.
         slopes: (B, 2, H, 13) derivatives of shank and foot to the parameters; None where not requested.
         stretch_slopes: (B, 2, H, 13) derivatives of the stretches.
-        jacobian: (B, 4 H, 4 H) of the balance at the motion.
         force_by_stretch: (B, 2, 2 H, 2 H) of the joint forces.
     """
 
@@ -56,7 +55,6 @@ class Orbits:
     converged: np.ndarray
     slopes: np.ndarray | None
     stretch_slopes: np.ndarray | None
-    jacobian: np.ndarray
     force_by_stretch: np.ndarray
 
     def by_base(self) -> np.ndarray:
@@ -64,7 +62,8 @@ class Orbits:
         B, H = self.shank.shape
         unit = np.zeros((4 * H, 2 * H))
         unit[2 * H :] = np.eye(2 * H)
-        moved = np.linalg.solve(self.jacobian, -np.broadcast_to(unit, (B, 4 * H, 2 * H)))
+        system = _System(self.theta, self.omega, np.zeros_like(self.shank), slopes=False)
+        moved = -system.solved(self.force_by_stretch, np.broadcast_to(unit, (B, 4 * H, 2 * H)))
         dT = self.force_by_stretch[:, 0] @ moved[:, : 2 * H]
         dF = self.force_by_stretch[:, 1] @ moved[:, 2 * H :]
         m_S, m_F = (self.theta[:, _AT[n], None, None] for n in ("m_S", "m_F"))
@@ -208,6 +207,10 @@ class _System:
         self.bend = np.where(np.abs(bend) < 1e-9, 1e-9, bend)
         self.aS, self.aF = 1 / theta[:, _AT["m_S"], None], 1 / theta[:, _AT["m_F"], None]
 
+    def rows(self, which: np.ndarray) -> "_System":
+        """Of some of the feet."""
+        return _System(self.theta[which], self.omega[which], self.base[which], self.slopes)
+
     def linear(self) -> np.ndarray:
         """Stretches (B, 2, H) of the foot with dampers as they are at rest."""
         s2 = self.s**2
@@ -247,16 +250,25 @@ class _System:
         first = s2 * Z[:, 0] + (self.aS + self.aF) * F[:, 0] - self.aF * F[:, 1]
         return np.stack([first, s2 * Z[:, 1] + self.aF * (F[:, 1] - F[:, 0]) + self.base], 1)
 
-    def jacobian(self, K: np.ndarray) -> np.ndarray:
-        """(B, 4 H, 4 H) of the balance, from `by_stretch` K."""
+    def solved(self, K: np.ndarray, right: np.ndarray) -> np.ndarray:
+        """Changes (B, 4 H, k) of the stretches that change the balance by `right` (B, 4 H, k).
+
+        Both rows of the balance add up to the shank's, s^2 (z_1 + z_2) + F_T / m_S, which gives the change of z_2 by
+        that of z_1 and leaves equations of half the size.
+
+        Args:
+            K: (B, 2, 2 H, 2 H) of `by_stretch`.
+            right: real parts before imaginary ones, of the first row and of the second.
+        """
         n = 2 * self.H
-        J = np.empty((len(K), 2 * n, 2 * n))
-        aS, aF = self.aS[..., None], self.aF[..., None]
-        J[:, :n, :n], J[:, :n, n:] = (aS + aF) * K[:, 0], -aF * K[:, 1]
-        J[:, n:, :n], J[:, n:, n:] = -aF * K[:, 0], aF * K[:, 1]
-        at = np.arange(2 * n)
-        J[:, at, at] += np.tile((self.s**2).real, 4)
-        return J
+        s2 = np.tile((self.s**2).real, 2)[..., None]
+        by_T, by_F = self.aS[..., None] * K[:, 0] / s2, self.aF[..., None] * K[:, 1]
+        at = np.arange(n)
+        by_T[:, at, at] += 1.0
+        by_F[:, at, at] += s2[..., 0]
+        shank = (right[:, :n] + right[:, n:]) / s2
+        first = _solve(self.aF[..., None] * K[:, 0] + by_F @ by_T, by_F @ shank - right[:, n:])
+        return np.concatenate([first, shank - by_T @ first], 1)
 
     def by_parameter(self, Z: np.ndarray, F: np.ndarray, z: np.ndarray, G: np.ndarray, e: np.ndarray) -> np.ndarray:
         """(B, 2, H, 13) derivatives of the joint forces at fixed stretches."""
@@ -307,26 +319,33 @@ def _complex(x: np.ndarray) -> np.ndarray:
 
 def _newton(system: _System, Z: np.ndarray, tolerance: float, passes: int) -> Orbits:
     """Newton's method for all feet at once; the last step is taken, to first order, in all results."""
-    done = np.zeros(len(Z), bool)
+    Z, done, going = Z.copy(), np.zeros(len(Z), bool), np.arange(len(Z))
+    state: list[np.ndarray] = []
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
         for number in range(passes):
-            F, z, G, e = system.forces(Z)
-            K = system.by_stretch(e)
-            J = system.jacobian(K)
-            X = -_solve(J, _real(system.balance(Z, F))[..., None])
+            part = system if going.size == len(Z) else system.rows(going)
+            F, z, G, e = part.forces(Z[going])
+            K = part.by_stretch(e)
+            X = -part.solved(K, _real(part.balance(Z[going], F))[..., None])
+            for whole, new in zip(state, (F, z, G, e, K, X), strict=False):
+                whole[going] = new
+            state = state or [F, z, G, e, K, X]
             step = _complex(X[..., 0])
-            size = np.abs(Z).max((1, 2))
             length = np.abs(step).max((1, 2))
-            done = np.isfinite(length) & (length <= tolerance * size)
-            if done.all() or number == passes - 1 or not np.isfinite(length).any():
+            moving = np.isfinite(length)
+            done[going] = moving & (length <= tolerance * np.abs(Z[going]).max((1, 2)))
+            if done.all() or number == passes - 1 or not moving.any():
                 break
             share = np.minimum(1.0, _FAR / np.maximum(length, 1e-300))
-            step = np.where(np.isfinite(length)[:, None, None], step, 0.0)
-            Z = Z + share[:, None, None] * step
+            ahead = np.where(moving[:, None, None], share[:, None, None] * step, 0.0)
+            left = ~done[going]
+            going = going[left]
+            Z[going] += ahead[left]
+        F, z, G, e, K, X = state
         D = system.by_parameter(Z, F, z, G, e) if system.slopes else None
         if D is not None:
-            X = np.concatenate([X, -_solve(J, _real(system.by_parameter_of_balance(F, D)))], -1)
-        return _orbits_of(system, Z, step, F, K, J, X, D, done)
+            X = np.concatenate([X, -system.solved(K, _real(system.by_parameter_of_balance(F, D)))], -1)
+        return _orbits_of(system, Z, F, K, X, D, done)
 
 
 def _solve(J: np.ndarray, right: np.ndarray) -> np.ndarray:
@@ -347,9 +366,8 @@ def _solve_one(J: np.ndarray, right: np.ndarray) -> np.ndarray:
 
 
 def _orbits_of(
-    system: _System, Z: np.ndarray, step: np.ndarray, F: np.ndarray, K: np.ndarray, J: np.ndarray, X: np.ndarray,
-    D: np.ndarray | None, done: np.ndarray,
-) -> Orbits:  # fmt: skip
+    system: _System, Z: np.ndarray, F: np.ndarray, K: np.ndarray, X: np.ndarray, D: np.ndarray | None, done: np.ndarray
+) -> Orbits:
     n = 2 * system.H
     aS, aF = system.aS[..., None], system.aF[..., None]
 
@@ -366,7 +384,7 @@ def _orbits_of(
         slopes[:, 1, :, _AT["m_F"]] -= (F[:, 0] - F[:, 1]) * system.aF**2
         dZ = _complex(X[..., 1:])
     shank, foot = -system.aS * F[:, 0], system.aF * (F[:, 0] - F[:, 1])
-    return Orbits(system.omega, system.theta, Z + step, shank, foot, done, slopes, dZ, J, K)
+    return Orbits(system.omega, system.theta, Z + _complex(X[..., 0]), shank, foot, done, slopes, dZ, K)
 
 
 def _grown(system: _System, tolerance: float) -> Orbits:
