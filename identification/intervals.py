@@ -8,16 +8,19 @@ is not known to lie there, so that all others keep their share of its uncertaint
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from scipy.special import stdtrit
 
 from fasbody.constants import Z95
 from fasbody.foot.parameters import Parameter
+from identification.branches import EXCHANGED
 from identification.estimates import WEIGHED, Allowance, Estimate, Mass, identifiability
 from identification.nuisances import Nuisance, stated_mass
 from identification.optimiser import Optimum
 from identification.parameters import delay_of
+from identification.profile import Coordinates, ends
 from identification.residual import Evaluation, Problem
 
 #: Distance to a bound, as a share of the range, at which a constant rests on it.
@@ -152,31 +155,35 @@ class Solution:
         """(p,) constants as their intervals are symmetric: logarithms, squares of c_13 and c_23, or plain."""
         variables = self.problem.variables
         values = variables.at_rest(q) if at_rest else variables.dynamic(q)
-        return np.array([self._forth(name, float(value)) for name, value in values.items()])
+        return np.array([self._forth(name, value) for name, value in values.items()], float)
 
     def _item(self, name: str) -> Parameter:
         variables = self.problem.variables
         return next(item for item in variables.space.free if item.name == name)
 
-    def _forth(self, name: str, value: float) -> float:
+    def _forth(self, name: str, value: Any) -> Any:
         if name in self.problem.variables._squared:
             return value * value
-        return float(np.log(value)) if self._item(name).logarithmic else value
+        return np.log(value) if self._item(name).logarithmic else value
 
     def _back(self, name: str, x: float) -> float:
         if name in self.problem.variables._squared:
             return float(np.sqrt(max(x, 0.0)))
         return float(np.exp(min(x, 700.0))) if self._item(name).logarithmic else x
 
-    def estimates(self) -> tuple[dict[str, Estimate], np.ndarray]:
-        """Each free constant by its key, the delays last, and the correlations (p, p) of them."""
+    def estimates(self, profiles: bool = False) -> tuple[dict[str, Estimate], np.ndarray]:
+        """Each free constant by its key, the delays last, and the correlations (p, p) of them.
+
+        Args:
+            profiles: springs and dampers of the two-mass foot have the ends of their profiles where these differ.
+        """
         variables = self.problem.variables
         J = self.slopes(self._coordinates)
         names = list(variables.dynamic(self.q))
-        x = self._coordinates(self.q)
+        x, stds = self._coordinates(self.q), self.spread(J)
+        reach = self._reach(names, x, J, stds) if profiles else {}
         estimates = {
-            self._item(name).key: self._estimate(name, x[i], std)
-            for i, (name, std) in enumerate(zip(names, self.spread(J), strict=True))
+            self._item(name).key: self._estimate(name, x[i], stds[i], reach.get(name)) for i, name in enumerate(names)
         }
         rest = self._at_rest()
         for name, estimate in rest.items():
@@ -196,17 +203,41 @@ class Solution:
         root = np.sqrt(np.maximum(np.diag(S), 1e-300))
         return np.asarray(np.nan_to_num(S / np.outer(root, root)))
 
-    def _estimate(self, name: str, x: float, std: float) -> Estimate:
+    def _reach(self, names: list[str], x: np.ndarray, J: np.ndarray, stds: np.ndarray) -> dict[str, np.ndarray]:
+        """How far (2,) the intervals of springs and dampers of the two-mass foot reach below and above, by profiles.
+
+        Args:
+            names: of the p constants.
+            x, stds: (p,) what they are, and their standard errors.
+            J: (p, n) derivatives.
+        """
+        variables = self.problem.variables
+        at = [i for i, name in enumerate(names) if name in EXCHANGED and 0 < stds[i] < np.inf]
+        if not (variables.two_mass and self.optimum.converged and np.isfinite(self.covariance).all() and at):
+            return {}
+
+        def of(Q: np.ndarray) -> np.ndarray:
+            values = variables.dynamic(Q)
+            return np.stack([self._forth(names[i], values[names[i]]) for i in at], -1)
+
+        coordinates = Coordinates(of, x[at], J[at], stds[at])
+        rise = self.quantile**2 * self.excess
+        reaches = ends(self.problem, self.q, self.optimum.sign, self.covariance, coordinates, rise, self.quantile)
+        return {names[i]: reach for i, reach in zip(at, reaches, strict=True)}
+
+    def _estimate(self, name: str, x: float, std: float, reach: np.ndarray | None = None) -> Estimate:
+        """An estimate from its coordinate, the standard error of that, and how far its profile reaches, if known."""
         item, variables = self._item(name), self.problem.variables
         place = variables._item[name]
         ends = sorted(self._forth(name, e) for e in (variables.space.lower[place], variables.space.upper[place]))
         if name in variables._squared and variables.space.lower[place] <= 0:
             ends[0] = 0.0
         at_bound = bool(min(x - ends[0], ends[1] - x) < _AT_BOUND * (ends[1] - ends[0]))
-        reach = self.quantile * std if np.isfinite(std) else np.inf
-        low, high = (self._back(name, float(np.clip(x + sign * reach, ends[0], ends[1]))) for sign in (-1, 1))
+        below, above = (self.quantile * std if np.isfinite(std) else np.inf,) * 2 if reach is None else reach
+        low, high = (self._back(name, float(np.clip(end, *ends))) for end in (x - below, x + above))
         nearest = min(ends, key=lambda end: abs(x - end))
         value = self._back(name, nearest if at_bound else float(np.clip(x, ends[0], ends[1])))
+        std = max(std, (below + above) / (2 * self.quantile))
         width = std * value if item.logarithmic else (high - low) / (2 * self.quantile)
         word = identifiability(value, width, size_that_matters(item), at_bound)
         return Estimate(value, float(width), low, high, at_bound, word)

@@ -151,7 +151,9 @@ def _step(
     return trial, promised
 
 
-def finished(problem: Problem, q: np.ndarray, sign: int, steps: int = round(_LONGER * STEPS)) -> tuple[np.ndarray, float, bool]:
+def finished(
+    problem: Problem, q: np.ndarray, sign: int, steps: int = round(_LONGER * STEPS)
+) -> tuple[np.ndarray, float, bool]:
     """The end of a descent from q (n,), far below a standard error.
 
     Returns:

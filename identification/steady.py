@@ -213,7 +213,7 @@ def branch_of(fitted: Fitted, solution: Solution, recordings: Sequence[Recording
         fit_percent(recording.malleolus_m_s2, row[MALLEOLUS[0]])
         for recording, row in zip(recordings, rows, strict=True)
     ]
-    parameters, correlation = solution.estimates()
+    parameters, correlation = solution.estimates(profiles=bool(fitted.exact))
     follows = solution.problem.repeatability <= FOLLOWS
     exact = fitted.exact.get(solution.branch)
     alone = exact.estimates()[0] if exact is not None else {}
