@@ -25,7 +25,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from fasbody.exceptions import FasError, InputFileError, SettingError, Stopped
-from fasbody.usage import named, sentence
+from fasbody.usage import option_of, sentence
 
 if TYPE_CHECKING:
     from typer import Typer
@@ -182,7 +182,8 @@ def command_line(app: "Typer | Callable[[], object]") -> None:
 
             run_app(app) if isinstance(app, Typer) else app()
         except FasError as error:
-            text = named(error, sys.argv[1:]) if isinstance(error, SettingError) else str(error)
+            option = option_of(error, sys.argv[1:])
+            text = f"{option}: {error}" if option else str(error)
             console.print(f"[bold red]error:[/] {_escape(text)}", soft_wrap=True)
             sys.exit(2)
         except Stopped as stop:

@@ -1,23 +1,112 @@
-"""Errors that a user can mend: each builds one sentence from the facts, naming what would be valid."""
+"""Errors that a user can mend: each is facts, of which its class writes one sentence.
 
-from collections.abc import Callable, Iterable, Iterator
+The facts are attributes, for whoever wants to act on them: no other module searches a sentence.
+"""
+
+import sys
+from collections.abc import Iterable, Iterator, Mapping
 from contextlib import contextmanager
 from difflib import get_close_matches
 from pathlib import Path
+from typing import Any
+
+from fasbody.sentences import Sentence
 
 
 class FasError(Exception):
-    """Base of all errors whose cause is the input; commands print it and exit with 2."""
+    """Base of all errors whose cause is the input; commands print it and exit with 2.
 
-    def __reduce__(self) -> tuple[Callable[..., "FasError"], tuple[type["FasError"], tuple[object, ...]]]:
-        # a worker process pickles the sentence alone, not the facts that it was built from
-        return _remade, (type(self), self.args)
+    Attributes:
+        code: the kind of problem, alike for all its values; the line that raises it, where it has no name.
+        file: that it is about, a path or the name of a recording; "" where it is none.
+        line: in the file, from 1.
+        setting: its name in Python or study.toml ("draws", "channels.base.unit"); "" where it is none.
+        quantity: what has a wrong value.
+        value: that it has.
+        problem: what is wrong, as it continues a sentence behind the file; of quantity and value unless given.
+        valid: what would be valid.
+        remedy: what to do, as it continues a sentence.
+
+    Example:
+        >>> print(SettingError(setting="draws", quantity="the number of draws", value=1, valid="2 or more"))
+        the number of draws is 1; give 2 or more.
+    """
+
+    code: str = ""
+    file: str = ""
+    line: int | None = None
+    setting: str = ""
+    quantity: str = ""
+    value: object = None
+    problem: str = ""
+    valid: str = ""
+    remedy: str = ""
+
+    def __init__(self, sentence: str = "", **facts: Any) -> None:
+        """An error of a sentence that is at hand, or of facts alone.
+
+        Args:
+            sentence: for people; written of the facts unless given.
+            facts: attributes.
+        """
+        if strange := facts.keys() - FasError.__annotations__.keys():
+            raise TypeError(f"an error has no attribute {', '.join(sorted(strange))}")
+        vars(self).update(facts)
+        self.problem = self.problem or (f"{self.quantity} is {self.value}" if self.quantity else "")
+        self.code = self.code or _raising_line()
+        self._stated, self._is_prefixed = sentence, False
+        super().__init__(self._sentence(self.file))
+
+    def _sentence(self, file: str) -> Sentence:
+        if self._stated:
+            return Sentence(f"{file}: " if self._is_prefixed and file else "", self._stated, code=self.code)
+        place = ", ".join(filter(None, (file, f"line {self.line}" if self.line else "")))
+        remedy = self.remedy or (f"give {self.valid}" if self.valid else "")
+        place += ": " if place else ""
+        return Sentence(place, self.problem, "; " if remedy else "", remedy, ".", code=self.code)
+
+    @property
+    def sentence(self) -> Sentence:
+        """The sentence with its code."""
+        return Sentence(str(self), code=self.code, on_page=self.on_page(), reason=self.reason)
+
+    @property
+    def reason(self) -> str:
+        """The sentence without the file's name."""
+        return self._sentence("")
+
+    def named(self, file: str) -> "FasError":
+        """The same error with the name of the file that it is about before its sentence."""
+        error = _remade(type(self), (), vars(self) | {"file": file, "_is_prefixed": True})
+        error.args = (error._sentence(file),)
+        return error
+
+    def on_page(self, file: str = "") -> str:
+        """The sentence in the words of the page.
+
+        Args:
+            file: what the page calls the file, if not as the error does.
+        """
+        return self._sentence(file or self.file).on_page
+
+    def __reduce__(self) -> tuple[object, ...]:
+        # across processes go sentence and facts, not the arguments that they were built from
+        return _remade, (type(self), self.args, vars(self))
 
 
-def _remade(kind: type[FasError], args: tuple[object, ...]) -> FasError:
+def _remade(kind: type[FasError], args: tuple[object, ...], facts: Mapping[str, object]) -> FasError:
     error = kind.__new__(kind)
     error.args = args
+    vars(error).update(facts)
     return error
+
+
+def _raising_line() -> str:
+    """Module and line that raise an error: the first ones below the errors' own."""
+    frame = sys._getframe(1)
+    while frame.f_back is not None and frame.f_globals.get("__name__") == __name__:
+        frame = frame.f_back
+    return f"{frame.f_globals.get('__name__')}:{frame.f_lineno}"
 
 
 class Stopped(Exception):
@@ -30,13 +119,13 @@ class InputFileError(FasError):
     Args:
         path: the file or folder.
         problem: what is wrong with it, continuing the sentence after its name.
-        valid: what would be valid instead, if that needs saying.
+        remedy: what would be valid instead, if that needs saying.
         line: line number in the file, from 1.
+        facts: further attributes.
     """
 
-    def __init__(self, path: Path | str, problem: str, valid: str = "", line: int | None = None) -> None:
-        place = f"{path}, line {line}" if line else f"{path}"
-        super().__init__(f"{place}: {problem}" + (f"; {valid}" if valid else "") + ".")
+    def __init__(self, path: Path | str, problem: str, remedy: str = "", line: int | None = None, **facts: Any) -> None:
+        super().__init__(file=f"{path}", problem=problem, remedy=remedy, line=line, **facts)
 
 
 class ModelError(FasError):
@@ -59,9 +148,9 @@ class MissingPackageError(FasError):
     """
 
     def __init__(self, package: str, extra: str, reason: str = "", remedy: str = "", otherwise: str = "") -> None:
-        state = f"does not load ({reason})" if reason else "is not installed"
-        alternative = f", or {otherwise}" if otherwise else ""
-        super().__init__(f"{package} {state}: {remedy or pip_install(extra)}{alternative}.")
+        problem = f"{package} {f'does not load ({reason})' if reason else 'is not installed'}"
+        remedy = (remedy or pip_install(extra)) + (f", or {otherwise}" if otherwise else "")
+        super().__init__(f"{problem}: {remedy}.", problem=problem, remedy=remedy)
 
 
 def pip_install(extra: str) -> str:
@@ -86,14 +175,16 @@ def by_name(file: str) -> Iterator[None]:
     try:
         yield
     except FasError as error:
-        if isinstance(error, RecordingError) and not str(error).startswith(file):
-            raise RecordingError(f"{file}: {error}") from None
+        if isinstance(error, RecordingError) and not error.file:
+            raise error.named(file) from None
         raise
     except Exception as bug:
         short = " ".join(str(bug).split())[:120]
         raise RecordingError(
-            f"{file}: cannot be used, for an unforeseen {type(bug).__name__} ({short}); leave it out, and please "
-            "report it with the file."
+            code="unforeseen",
+            file=file,
+            problem=f"cannot be used, for an unforeseen {type(bug).__name__} ({short})",
+            remedy="leave it out, and please report it with the file",
         ) from bug
 
 
@@ -101,15 +192,13 @@ class SettingError(FasError):
     """An option or argument has an invalid value.
 
     Args:
-        sentence: what is wrong, and what would be valid.
+        sentence: what is wrong, and what would be valid; written of the facts unless given.
         setting: its name in Python, "" where there is none; a command that was given it names the option.
+        facts: further attributes.
     """
 
-    setting = ""  # of one that comes from another process, too
-
-    def __init__(self, sentence: str, setting: str = "") -> None:
-        super().__init__(sentence)
-        self.setting = setting
+    def __init__(self, sentence: str = "", setting: str = "", **facts: Any) -> None:
+        super().__init__(sentence, setting=setting, **facts)
 
 
 class SimulationError(FasError):
@@ -125,10 +214,10 @@ class PeriodicMotionError(SimulationError):
         share: of the excitation up to which there is one.
     """
 
-    def __init__(self, model: str, frequency_hz: float, share: float) -> None:
+    def __init__(self, model: str, frequency_hz: float, share: float, sentence: str = "") -> None:
         self.model, self.frequency_hz, self.share = model, frequency_hz, share
         reached = f"from rest it was followed up to {share:.2g} of the amplitude" if share else "not even a small one"
-        super().__init__(f"{model}: no periodic motion was found at {frequency_hz:g} Hz ({reached}).")
+        super().__init__(sentence or f"{model}: no periodic motion was found at {frequency_hz:g} Hz ({reached}).")
 
 
 class NotSmoothError(PeriodicMotionError):
@@ -143,17 +232,17 @@ class NotSmoothError(PeriodicMotionError):
     """
 
     def __init__(self, model: str, frequency_hz: float, harmonics: int, left: float, changes: int = 0) -> None:
-        super().__init__(model, frequency_hz, 1.0)
         self.harmonics, self.left, self.changes = harmonics, left, changes
         reason = (
             f"a contact, limit or dry friction changes its state {changes} times a period"
             if changes
             else f"{left:.1e} of its acceleration is in the highest of {harmonics} harmonics"
         )
-        self.args = (
+        sentence = (
             f"{model}: the motion at {frequency_hz:g} Hz is not smooth enough for harmonic balance ({reason}); "
-            "simulate it in the time domain.",
+            "simulate it in the time domain."
         )
+        super().__init__(model, frequency_hz, 1.0, sentence)
 
 
 class AcquisitionError(FasError):

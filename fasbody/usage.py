@@ -4,7 +4,7 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
-from fasbody.exceptions import SettingError, shown, unknown
+from fasbody.exceptions import FasError, shown, unknown
 
 #: So many options are listed where one does not exist; of more, the nearest is named.
 _LISTED = 8
@@ -34,11 +34,10 @@ def sentence(error: Any) -> str:
     return f"{message}."
 
 
-def named(error: SettingError, words: Sequence[str]) -> str:
-    """A refused setting's sentence, behind the option if one of the words of the command line set it."""
+def option_of(error: FasError, words: Sequence[str]) -> str:
+    """The option of the setting that an error is about, if one of the words of the command line set it; else ""."""
     option = "--" + error.setting.replace("_", "-")
-    typed = error.setting and any(word.partition("=")[0] == option for word in words)
-    return f"{option}: {error}" if typed else str(error)
+    return option if error.setting and any(word.partition("=")[0] == option for word in words) else ""
 
 
 def _name(parameter: Any) -> str:

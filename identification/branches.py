@@ -13,6 +13,7 @@ import numpy as np
 
 from fasbody.foot.two_dof import NAMES, TwoDof
 from fasbody.presentation import readable
+from fasbody.sentences import Sentence, called
 
 #: Odds of one branch over the other beyond which the matter is decided.
 DECISIVE_ODDS = 1000.0
@@ -122,8 +123,11 @@ class Recorded:
         more = [sensor] if self.sensors == 1 else []
         if not self.follow:
             return f"The loads do not tell them apart{f'; {more[0]} may' if more else ''}."
-        ways = " or ".join([*more, "excluding nuisance parameters (--exclude, [known] in study.toml)"])
-        return f"The loads do not tell them apart if the constants may change with the load; {ways} may."
+        ways = [*more, " or "] if more else []
+        return Sentence(
+            "The loads do not tell them apart if the constants may change with the load; ",
+            *ways, "excluding nuisance parameters (", called("exclude"), ") may.",
+        )  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -181,16 +185,18 @@ def judge(
     pair = " and ".join(sorted(names[:2]))
     for_ = f" (odds {odds} to 1 for {names[0]})" if ratio_ >= TIE else " (even odds)"
     if rests and ratio_ > np.log(DECISIVE_ODDS):
-        text = (
+        text = Sentence(
             f"The {names[0]} branch fits better, but the {names[1]} branch rests on the bound of {', '.join(rests)}: "
-            "the bounds, and not the data, may speak against it. Wider ones (--bounds)"
-            f"{' or a second load' if recorded.loads == 1 else ''} can decide."
+            "the bounds, and not the data, may speak against it. Wider ones (",
+            called("bounds"),
+            f"){' or a second load' if recorded.loads == 1 else ''} can decide.",
         )
     elif decided:
         text = f"The {names[0]} branch is favoured by odds of {odds} to 1 over its mirror image ({names[1]})."
     else:
-        text = (
+        text = Sentence(
             f"The data do not decide between {pair}{for_ if recorded.enough else ''}: both parameter sets describe the "
-            f"recordings. {recorded.may_tell}"
+            "recordings. ",
+            recorded.may_tell,
         )
     return Verdict("decided" if decided else "undecided", float(ratio_), text)

@@ -8,9 +8,10 @@ import numpy as np
 
 from fasbody.exceptions import SimulationError
 from fasbody.foot.model import Foot
-from fasbody.recording.checks import unit_in_doubt
+from fasbody.recording.checks import UNIT_IN_DOUBT, unit_in_doubt
 from fasbody.recording.recording import Recording
 from fasbody.recording.sources import together
+from fasbody.sentences import Sentence
 from identification.engines.engine import stated
 from identification.parameters import Space
 from identification.time_problem import UNSTABLE, TimeProblem
@@ -97,7 +98,8 @@ def descend(
 def lost(foot: Foot, space: Space, descents: Sequence[Descent], recordings: Sequence[Recording]) -> SimulationError:
     """What to raise where no start came to a steady motion: a unit in doubt is the likeliest reason."""
     if doubt := unit_in_doubt(r.warnings for r in recordings):
-        return SimulationError(f"{doubt} As it is, none of {len(descents)} starts of {foot.name} has a steady motion.")
+        text = f" As it is, none of {len(descents)} starts of {foot.name} has a steady motion."
+        return SimulationError(Sentence(doubt, text), code=UNIT_IN_DOUBT)
     first = descents[0]
     values = dict(zip(space.names, first.theta0, strict=False))  # a delay comes last
     return SimulationError(

@@ -9,6 +9,7 @@ from scipy.special import chdtrc
 from fasbody.constants import Z95
 from fasbody.foot.parameters import symbol_and_unit
 from fasbody.recording.recording import Recording
+from fasbody.sentences import Sentence, called
 from identification.estimates import Allowance
 from identification.harmonics import Line
 from identification.nuisances import FOOT_STD
@@ -71,15 +72,13 @@ def advice(
     if base_error > _BASE_ERROR:
         texts.append(f"The model's base misses the prescribed acceleration by {base_error:.1e} of its peak.")
     if best.dof == 0:
-        texts.append(
-            f"The recordings hold no more numbers than the {len(space.free)} free parameters"
-            + (
-                ": they are fitted exactly whatever the truth, so goodness of fit says nothing."
-                if best.chi_square <= 1
-                else ", which could follow them exactly and do not: the best end was not found, or is out of bounds."
-            )
-            + f" {more} or free fewer (--free)."
+        exact = (
+            ": they are fitted exactly whatever the truth, so goodness of fit says nothing."
+            if best.chi_square <= 1
+            else ", which could follow them exactly and do not: the best end was not found, or is out of bounds."
         )
+        count = f"The recordings hold no more numbers than the {len(space.free)} free parameters{exact}"
+        texts.append(Sentence(f"{count} {more} or free fewer (", called("free"), ")."))
     if rank < len(space.free):
         texts.append(
             f"The excitation has rank {rank}, fewer than the {len(space.free)} free parameters: the rest can only be "
@@ -153,13 +152,15 @@ def about_departures(departures: Departures, others: Sequence[Departures] = (), 
     if departures.masses and not any(mass.weighed for mass in departures.masses):
         assumed = any(mass.assumed for mass in departures.masses)
         usual = any(mass.prior_std == FOOT_STD for mass in departures.masses)
-        better = "; --body-mass narrows it" if assumed else "; --mass-std if you know them better" if usual else ""
-        texts.append(
+        better = ("; ", called("body_mass"), " narrows it") if assumed else ()
+        better = better or (("; ", called("mass_std"), " if you know them better") if usual else ())
+        scale = (
             "The recordings do not determine the leg's mass, and all stiffness and damping scale with it: they are "
             f"known about as well as the masses that were {'assumed' if assumed else 'stated'} (standard deviation "
-            f"{100 * max(m.prior_std for m in departures.masses):.3g} % each{better}). "
-            f"A {'second' if loads == 1 else 'heavier'} load may determine it."
+            f"{100 * max(m.prior_std for m in departures.masses):.3g} % each"
         )
+        remedy = f"). A {'second' if loads == 1 else 'heavier'} load may determine it."
+        texts.append(Sentence(scale, *better, remedy))
     others_show = {nuisance.name for other in others for nuisance in other.nuisances if not _shows(nuisance)}
     texts += [
         _sign(nuisance) for nuisance in departures.nuisances if _shows(nuisance) and nuisance.name not in others_show
@@ -189,10 +190,11 @@ def _culprits(departures: Departures) -> list[str]:
             "there, or fit without. Where one recording is wrong, the fit may miss others."
         )
     else:
-        texts.append(
+        spread = (
             "The misfit is spread over all recordings and harmonics, so that no single recording is to blame: check "
-            "load, body mass and units first, then compare rivals (python -m identification.rivals)."
+            "load, body mass and units first, then compare rivals ("
         )
+        texts.append(Sentence(spread, called("compare_rivals"), ")."))
     return texts
 
 

@@ -12,6 +12,7 @@ from fasbody.exceptions import SettingError, unknown
 from fasbody.foot.parameters import of_channel, symbol_and_unit
 from fasbody.presentation import Presented, Sheet, Tabled, readable
 from fasbody.recording.recording import Recording
+from fasbody.sentences import Sentence, called
 from identification.contact import Contact
 from identification.contact import summary as lifted
 from identification.estimates import IF_TRUE, WHATEVER, Allowance, Estimate, Mass, label
@@ -23,8 +24,6 @@ if TYPE_CHECKING:
     from identification.evidence import Evidence
 
 
-#: What tells models apart where this one misses.
-_ASK = "python -m identification.rivals"
 #: Chance below which the model is said to miss the recordings.
 UNLIKELY = 1e-3
 #: Chi-square per degree of freedom beyond which what the model alone says of forces is no more than a hint.
@@ -410,17 +409,19 @@ class FitResult(Presented):
         alone = f"chi-square {best.chi_square / best.dof:.2f} per degree of freedom"
         alone += "" if p is None else f", {chance(p)}"
         if self.departures and not self.departures.follows:
-            return (
+            return Sentence(
                 f"The model does not follow the recordings: {self.departures.repeats}, and people repeat to 2 to 5 %. "
-                f"No constant is offered; check the added masses, the body mass and the units first. {_ASK} compares "
-                "rivals. "
+                "No constant is offered; check the added masses, the body mass and the units first. ",
+                called("compare_rivals"),
+                " compares rivals. ",
             )
         if p is None or p >= UNLIKELY:
             return ""
         if self.departures:
-            return (
-                f"The model alone misses the recordings ({alone}); with model and sensor errors it follows them, and "
-                f"{_ASK} compares rivals: "
+            return Sentence(
+                f"The model alone misses the recordings ({alone}); with model and sensor errors it follows them, and ",
+                called("compare_rivals"),
+                " compares rivals: ",
             )
         return f"The model misses the recordings ({alone}): "
 
@@ -440,10 +441,10 @@ class FitResult(Presented):
             goodness = ""
         word = self.verdict if self.departures or self.verdict == "not compared" else f"{self.verdict}{_EXACT}"
         if self.departures and not self.departures.follows:
-            return f"{self.misfit()}Fit {self.fit_percent:.1f} %; {word}."
+            return Sentence(self.misfit(), f"Fit {self.fit_percent:.1f} %; {word}.")
         at = f" at {self.departures.reference_frequency_hz:.3g} Hz" if self.departures and self.relaxes else ""
         repeats = f", {self.departures.repeats}" if self.departures else ""
-        return f"{self.misfit()}{values}{at}; fit {self.fit_percent:.1f} %{goodness}{repeats}; {word}."
+        return Sentence(self.misfit(), f"{values}{at}; fit {self.fit_percent:.1f} %{goodness}{repeats}; {word}.")
 
     @property
     def relaxes(self) -> bool:

@@ -15,6 +15,7 @@ from fasbody.presentation import Tabled
 from fasbody.recording.checks import apart, checked, gathered
 from fasbody.recording.known import Known
 from fasbody.recording.recording import Channel, Recording
+from fasbody.sentences import Sentence, called
 from identification import branches, sensors, steady
 from identification.engines.twin import FOOT, SHANK, carriers
 from identification.harmonics import Line
@@ -160,7 +161,8 @@ class Setup:
         space = space_of(foot, settings.free, settings.bounds, delay and name == "time", fitted)
         if any("m_F" not in r.condition.masses for r in data) and set(MASSES) & set(foot.parameters):
             held = ", ".join(f"{n} {v:.3g} kg" for n, v in foot.values().items() if n in MASSES)
-            warnings.append(f"The body mass is unknown, so the model's own masses are used ({held}); give --body-mass.")
+            masses = f"The body mass is unknown, so the model's own masses are used ({held}); give "
+            warnings.append(Sentence(masses, called("body_mass"), "."))
         why_not = branches.has_mirror(space.names, foot.parameters)
         return cls(foot, data, fitted, carriers(foot), name, space, delay, why_not, known, tuple(warnings))
 
@@ -224,9 +226,8 @@ def choose_domain(recordings: Sequence[Recording], domain: str) -> tuple[str, li
     aperiodic = [recording.file for recording in recordings if recording.condition.frequency_hz is None]
     if aperiodic:
         if domain == "periodic":
-            raise SettingError(
-                f"{aperiodic[0]} is not periodic, so it cannot be fitted on harmonics; use --domain time."
-            )
+            text = f"{aperiodic[0]} is not periodic, so it cannot be fitted on harmonics; use "
+            raise SettingError(Sentence(text, called("domain", "time"), "."))
         return "time", []
     scatter, file = _worst(recordings)
     if scatter > STEADY:

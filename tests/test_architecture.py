@@ -63,7 +63,7 @@ def test_one_door(foreign: str) -> None:
 
 #: The rooms of fasbody from the ground up: each imports from the rows above its own, never from beside it or below.
 ROOMS = (
-    ("constants", "exceptions"), ("lazy",), ("usage", "commands"), ("help", "completion"), ("console",),
+    ("constants", "sentences"), ("exceptions",), ("lazy",), ("usage", "commands"), ("help", "completion"), ("console",),
     ("presentation", "runner"),
     ("foot",),
     ("arch", "recording", "cell", "heel"), ("laboratory", "transmissibility"), ("acquire", "leg"),

@@ -226,8 +226,9 @@ def test_reasons_are_grouped_and_a_page_shows_the_traces(tmp_path: Path) -> None
     assert "time: &#39;time_s&#39; in s" in text
     refused = in_process.command("fasbody.recording", "check", files[0], "--report", str(tmp_path / "a.png"))
     assert refused.returncode == 2 and "a report is written as .html" in refused.stderr.replace("\n", " ")
-    rows = [{"file": f"{n}.csv", "problem": f"{n}.csv, line {n}: x is 'a{n}', not a number."} for n in range(7)]
-    assert reasons(rows) == ["7 recordings (0.csv, 1.csv, 2.csv, 3.csv, 4.csv ...): line 0: x is 'a0', not a number."]
+    errors = [InputFileError(f"{n}.csv", f"x is 'a{n}', not a number", line=n + 1) for n in range(7)]
+    rows = [{"file": error.file, "problem": error.sentence} for error in errors]
+    assert reasons(rows) == ["7 recordings (0.csv, 1.csv, 2.csv, 3.csv, 4.csv ...): line 1: x is 'a0', not a number."]
 
 
 def test_the_page_of_a_study(tmp_path: Path) -> None:

@@ -313,5 +313,3 @@ def test_no_odds_beside_an_open_verdict(bench: Bench) -> None:
         "verdict": "undecided", "verdict_reason": "No branch is decided.", "log_likelihood_ratio": 80.0,
     }  # fmt: skip
     assert "million" not in json.dumps(fitted(document, bench.show.feet["a"].parameters))
-    advised = bench.words("check units, then compare rivals (python -m identification.rivals).")
-    assert advised == "check units, then compare rivals (the button Rivals)."

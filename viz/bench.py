@@ -23,11 +23,12 @@ import mjcf
 from fasbody.console import write_whole
 from fasbody.exceptions import FasError, SettingError
 from fasbody.foot.model import Foot
-from fasbody.recording.checks import judged, unit_in_doubt
+from fasbody.recording.checks import UNIT_IN_DOUBT, judged, unit_in_doubt
 from fasbody.recording.files import TEXTS
 from fasbody.recording.formats import READ, ending
 from fasbody.recording.recording import Recording
 from fasbody.recording.study import BUNDLED
+from fasbody.sentences import for_page
 from identification.engines.twin import twin_applies
 from viz.archive import packed, study, unpacked
 from viz.excitation import Excitation
@@ -36,7 +37,7 @@ from viz.fitted import fitted
 from viz.load import files_of, load_foot
 from viz.question import Question
 from viz.settings import settings_from
-from viz.source import Source, study_files
+from viz.source import Source, on_page, study_files
 from viz.worker import Send, Worker
 
 Document = dict[str, Any]
@@ -50,30 +51,6 @@ DEEP = 4
 _BESIDE = {"study.toml", "subjects.csv", "recordings.csv", "truth.json"}
 #: Longest part of a dropped file's name [bytes], and what some systems do not take in one.
 _LONGEST, _REFUSED = 200, re.compile(r'[<>:"|?*]')
-#: Patterns of options and of study.toml in sentences, and the words of the page's form for them.
-_FORM = tuple((re.compile(pattern), words) for pattern, words in (
-    (r"leave --model out and give this file as --rival", "choose two_dof"),
-    (r"give --body-mass", "type it in the table"), (r"--body-mass", "the body mass in the table"),
-    (r"python -m identification\.rivals", "the button Rivals"), (r"as study\.toml says", "as was said here"),
-    (r"--mass-std", "mass_std in Python"), (r"--added-mass", "the mass on the knee"),
-    (r", or --columns \S+ \(study\.toml: columns\) must name its columns", "; write it above the numbers"),
-    (r"use --domain time", "fit it in Python with domain='time'"),
-    (r"\(--free\)", "(untick their boxes)"), (r"\(--bounds\)", "(the small numbers under a slider)"),
-    (r"\(--exclude, \[known\] in study\.toml\)", "([known] in the study.toml of a study folder)"),
-    (r"one study\.toml is for files of one kind; python -m fasbody\.recording convert makes them one",
-     "name its columns with “…”"),
-    (r"or say in study\.toml which is which: .*\.\.\.\"", "or say with “…” which is which"),
-    (r"study\.toml can name it \(\[channels\.\w+\] column = \.\.\.\), or give sampling_rate_hz",
-     "“…” can name it, or give the rate"),
-    (r"study\.toml can name the column \(\[channels\.\w+\] column = \.\.\.\)", "“…” can name the column"),
-    (r"give study\.toml \[channels\.\w+\] unit = \"\S+\"", "give its unit with “…”"),
-    (r"study\.toml must give channels\.\w+\.sensitivity = \"100 mV/g\"",
-     "give its sensitivity with “…”"),
-    (r"give sampling_rate_hz in study\.toml", "give the rate with “…”"),
-    (r"\(study\.toml: column, delay_s; delay_std_s says how sure that is\)", "(“…” names the columns)"),
-    (r"\(study\.toml: sign, delay_s\)", "(“…” names columns and signs)"),
-    (r"\(study\.toml: sign\)", "(“…” changes it)"),
-))  # fmt: skip
 #: Fewest and most starts of a fit.
 _STARTS = (1, 64)
 
@@ -96,6 +73,7 @@ class Bench:
         # Recordings and their rows on the page, by ids that are not used again in a session.
         self.sources: dict[int, Source] = {}
         self._rows: dict[int, Document] = {}
+        self._doubts: dict[int, list[str]] = {}  # the checks' warnings, with their codes
         self._latest: tuple[Source, Recording] | None = None  # read last, so that a long file is read once
         self._next_id = 0
         self.current = -1
@@ -269,7 +247,7 @@ class Bench:
             recording = source.read()
             self._latest = source, recording
         except FasError as error:
-            row["unread"] = self.words(str(error))
+            row["unread"] = self.words(error)
         else:
             judgement = judged(recording)
             condition = recording.condition
@@ -277,20 +255,18 @@ class Bench:
                 key: judgement.get(key)
                 for key in ("problem", "warnings", "frequency_hz", "samples", "rate_hz", "seconds")
             }
-            row["doubt"] = "" if source.unit else self.words(unit_in_doubt([judgement["warnings"]]))
-            row["problem"] = self.words(row["problem"])
-            row["warnings"] = [self.words(text) for text in row["warnings"]]
+            self._doubts[number] = judgement["warnings"]
+            row["doubt"] = "" if source.unit else for_page(unit_in_doubt([judgement["warnings"]]))
+            row["problem"] = for_page(row["problem"])
+            row["warnings"] = list(map(for_page, row["warnings"]))
             row |= {"label": recording.file, "origin": recording.origin, "subject": condition.subject}
             row |= {"unit": source.unit or _unit_of(recording), "body_mass_kg": condition.body_mass_kg}
             row["added_mass_kg"] = condition.added_mass_kg
         return row
 
-    def words(self, sentence: str) -> str:
-        """A sentence for the page: files without folders, options of commands by their names in the form."""
-        sentence = sentence.replace(f"{self.folder}/", "").replace(f"{BUNDLED}/", "")
-        for pattern, words in _FORM:
-            sentence = pattern.sub(words, sentence)
-        return sentence
+    def words(self, error: FasError) -> str:
+        """An error in the words of the page, its file as it was dropped."""
+        return on_page(error, (self._folder.name, str(BUNDLED)))
 
     def correct(self, changes: Mapping[int, Mapping[str, Any]]) -> list[Document]:
         """Read recordings again with the page's corrections; where one correction is invalid, none is applied."""
@@ -322,6 +298,7 @@ class Bench:
         for number in numbers:
             source = self._source(number)
             del self.sources[number], self._rows[number]
+            self._doubts.pop(number, None)
             if source.folder == str(self.folder) and source.path not in needed:
                 source.path.unlink(missing_ok=True)
         return [self.document()] if self.current in self.sources or self.current < 0 else self.sine()
@@ -491,15 +468,16 @@ class Bench:
             self.send({"type": "reported"})
         elif kind == "problem":
             of = document.get("of", "")
-            text, doubt = self.words(document["text"]), "" if of == "report" else self._unit_in_doubt()
-            self._failed(text if doubt in text else f"{text} {doubt}", of)
+            knows_unit = of == "report" or document.get("code") == UNIT_IN_DOUBT
+            doubt = "" if knows_unit else self._unit_in_doubt()
+            self._failed(" ".join(filter(None, (document["text"], doubt))), of)
         elif kind == "ended" and self._worker is not None and not self._worker.alive and self._waited_for:
             self._failed("the fitting process was ended by the system; memory may be short.")
 
     def _unit_in_doubt(self) -> str:
         """The checks' doubt about the units of the recordings of the running job."""
         asked = self._asked.sources if self._asked else ()
-        return unit_in_doubt(self._rows[number]["warnings"] for number in asked if number in self._rows)
+        return for_page(unit_in_doubt(self._doubts[number] for number in asked if number in self._doubts))
 
     def _failed(self, sentence: str, of: str = "") -> None:
         """Report that a fit or a report failed, without `of` both. The other one goes on."""
@@ -516,14 +494,11 @@ class Bench:
         assert question is not None
         is_current = question.model == self._called
         if kind == "rivals":
-            notes = [self.words(text) for text in document["notes"]]
-            self._rivals = question, {**document, "notes": notes, "script": question.script}
+            self._rivals = question, {**document, "script": question.script}
             answer = self._rivals[1]
         else:
             parameters = (self.show.feet[MODEL] if is_current else load_foot(question.model)).parameters
             fit = fitted(document["document"], parameters, document["sentence"], question.values)
-            fit |= {key: self.words(fit[key]) for key in ("sentence", "reason")}
-            fit |= {"warnings": [self.words(text) for text in fit["warnings"]]}
             answer = {key: document[key] for key in ("data", "curves", "chi_square", "traces", "seconds")}
             self._fits += 1
             answer |= {"type": "fitted", "number": self._fits, "fit": fit, "script": question.script}
@@ -599,16 +574,14 @@ class Bench:
         name = str(self.show.models[0])
         place = self._place(name)
         draft = place / f".{Path(name).stem or 'model'}.draft.xml"
+        called = Path(name).name if Path(name).suffix else name
         try:
             write_whole(draft, text)
-            foot = load_foot(str(draft))
-            called = Path(name).name if Path(name).suffix else name
-            self.show.show({**self.show.feet, MODEL: replace(foot, name=called)})
+            self.show.show({**self.show.feet, MODEL: load_foot(str(draft), called)})
             self._draft = text != self._text
         except FasError as error:
-            complaint = str(error).replace(str(draft), Path(name).name).replace(draft.name, Path(name).name)
-            line = re.search(r"line (\d+)", complaint)
-            return [{"type": "checked", "text": complaint, "line": int(line[1]) if line else None}]
+            text = error.on_page(called if error.file == str(draft) else "")
+            return [{"type": "checked", "text": text, "line": error.line}]
         finally:
             draft.unlink(missing_ok=True)
         return [{"type": "checked", "text": "", "line": None}, self.show.description() | {"draft": self._draft}]

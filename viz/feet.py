@@ -9,7 +9,8 @@ import numpy as np
 
 from fasbody.exceptions import FasError, SettingError, SimulationError
 from fasbody.foot.model import Foot
-from fasbody.recording.checks import judged, unit_in_doubt
+from fasbody.recording.checks import UNIT_IN_DOUBT, judged, unit_in_doubt
+from fasbody.sentences import Sentence
 from identification.blackbox.criteria import fit_percent
 from identification.engines.twin import twin_applies
 from viz import live as sliders
@@ -282,7 +283,8 @@ class Show:
             doubt = "" if recording is None else unit_in_doubt([judged(recording)["warnings"]])
             if not doubt:
                 raise
-            raise SimulationError(f"{doubt} As it is, no motion of {self.feet[MODEL].name} lasts.") from error
+            text = Sentence(doubt, f" As it is, no motion of {self.feet[MODEL].name} lasts.")
+            raise SimulationError(text, code=UNIT_IN_DOUBT) from error
 
     def _motions(self, settings: Settings) -> dict[str, Motion]:
         motions, excitation = {}, self.excitation

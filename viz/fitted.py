@@ -5,7 +5,6 @@ The sentences are those of the report: they come from the result, or from its re
 
 import json
 import math
-import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -44,20 +43,14 @@ def fitted(
         "sentence": sentence,
         "fit_percent": document.get("fit_percent"),
         "verdict": str(document.get("verdict", "")),
-        "reason": _named(str(document.get("verdict_reason", "")), parameters),
-        "warnings": [_named(str(text), parameters) for text in document.get("warnings", [])],
+        "reason": str(document.get("verdict_reason", "")),
+        "warnings": list(map(str, document.get("warnings", []))),
         "branches": [_branch(branch, parameters, dict(held or {})) for branch in branches],
         "recordings": [
             {name: r.get(name) for name in ("file", "frequency_hz", "added_mass_kg", "fit_percent")}
             for r in document.get("recordings", [])
         ],
     }
-
-
-def _named(sentence: str, parameters: Mapping[str, Parameter]) -> str:
-    """A sentence that calls parameters as the table beside it does: c_13 and not c_13_per_m."""
-    names = {p.key: name for name, p in parameters.items()}
-    return re.sub(r"\w+", lambda word: names.get(word[0], word[0]), sentence)
 
 
 def _branch(

@@ -17,8 +17,12 @@ _UP = (0.0, 1.0, 0.0)
 _INCLUDE = re.compile(r"""<include\s[^>]*file\s*=\s*["']([^"']+)["']""")
 
 
-def load_foot(name: str) -> Foot:
+def load_foot(name: str, called: str = "") -> Foot:
     """A model by name or file; ``foot_arch@25`` is the arch with its bones spread to a rest height of 25 mm.
+
+    Args:
+        name: of the model, or its file.
+        called: what to call a file's model, if not as the file.
 
     Raises:
         InputFileError: no such model. ModelError: the model has no such arch. SettingError: no name, or a height that
@@ -28,7 +32,7 @@ def load_foot(name: str) -> Foot:
         raise SettingError(f"a model needs a name: one of {', '.join(mjcf.names())}, or an MJCF file.")
     model, at, height = name.partition("@")
     if not at:
-        return _upright(load(model))
+        return _upright(load(model, called))
     try:
         metres = 1e-3 * float(height)
     except ValueError:

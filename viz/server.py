@@ -163,7 +163,7 @@ class Server:
         try:
             answer = self.show.answer(settings_from(message))
         except FasError as error:
-            answer = {"type": "error", "text": str(error)}
+            answer = {"type": "error", "text": error.on_page()}
         except Exception as error:  # a bug: reported, or the page would repeat the request
             answer = {"type": "error", "text": _bug(error)}
         number = message.get("request")
@@ -181,7 +181,7 @@ class Server:
         try:
             documents = await asyncio.get_running_loop().run_in_executor(self._pool, self.bench.act, message)
         except Exception as error:
-            text = self.bench.words(str(error)) if isinstance(error, FasError) else _bug(error)
+            text = self.bench.words(error) if isinstance(error, FasError) else _bug(error)
             page.send(page_json(complaint | {"text": text}))
             return
         for document in documents:

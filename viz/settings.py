@@ -12,6 +12,7 @@ from fasbody.foot.model import Foot
 from fasbody.foot.parameters import Parameter
 from fasbody.foot.shaker import PEAK_TO_PEAK
 from fasbody.presentation import Tabled
+from fasbody.sentences import Sentence, called
 
 #: Parameters that an added mass on the knee raises.
 CARRIERS = ("m_S", "m_T", "added_mass")
@@ -49,8 +50,9 @@ class Settings(Tabled):
         ):
             if not low <= value <= high:
                 raise SettingError(
-                    f"{name} is {value:g}, but must be between {low:g} and {high:g}.", name.replace(" ", "_")
-                )
+                    setting=name.replace(" ", "_"), quantity=name, value=value,
+                    problem=f"{name} is {value:g}, but must be between {low:g} and {high:g}",
+                )  # fmt: skip
 
     def held(self, foot: Foot) -> "Settings":
         """These settings with each parameter brought to the nearest value that the foot declares as possible.
@@ -76,9 +78,13 @@ class Settings(Tabled):
         if self.added_mass:
             carrier = next((name for name in CARRIERS if name in foot.parameters), None)
             if carrier is None:
+                mass = called("added_mass")
                 raise SettingError(
-                    f"{foot.name}: --added-mass needs the parameter {' or '.join(CARRIERS)}, which this model does "
-                    "not declare; leave --added-mass out, or declare it as the shipped models do."
+                    file=foot.name,
+                    problem=Sentence(
+                        mass, f" needs the parameter {' or '.join(CARRIERS)}, which this model does not declare"
+                    ),
+                    remedy=Sentence("leave ", mass, " out, or declare it as the shipped models do"),
                 )
             values[carrier] = values.get(carrier, foot.values()[carrier]) + self.added_mass
         return foot.with_values(values)

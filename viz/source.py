@@ -3,12 +3,12 @@
 The page corrects it, the worker fits it, and its line of Python reads it in a script.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from fasbody.exceptions import InputFileError, SettingError
+from fasbody.exceptions import FasError, InputFileError, SettingError
 from fasbody.recording.channels import NAMES, VOLTAGES, Layout, heading
 from fasbody.recording.condition import plausible
 from fasbody.recording.files import columns_of
@@ -159,6 +159,19 @@ class Source:
             return {"unit": text} if text else {}
         in_volts = any((c["unit"] or heading(c["name"])[1]).lower() in VOLTAGES for c in self.columns())
         return {"sensitivity": text} | ({} if in_volts else {"unit": "V"})
+
+
+def on_page(error: FasError, folders: Iterable[str]) -> str:
+    """An error in the words of the page.
+
+    Args:
+        error: of reading, checking or fitting a recording.
+        folders: that are left out before the name of its file.
+    """
+    file = error.file
+    for folder in folders:
+        file = file.removeprefix(f"{folder}/")
+    return error.on_page(file)
 
 
 def _converted(key: str, value: Any, kind: Callable[[Any], Any]) -> Any:

@@ -17,7 +17,8 @@ from typing import Any, TextIO
 
 from fasbody.recording.sources import together
 from fasbody.runner import ONE_THREAD
-from viz.source import Source
+from fasbody.sentences import for_page
+from viz.source import Source, on_page
 
 #: Called with each document of the worker, in another thread.
 Send = Callable[[dict[str, Any]], None]
@@ -106,7 +107,8 @@ def serve(jobs: TextIO, answers: TextIO) -> None:
             else:
                 result = _fit(asked, tell)
         except FasError as error:
-            tell({"type": "problem", "of": asked["do"], "text": str(error)})
+            text = on_page(error, {source["folder"] for source in asked["sources"]})
+            tell({"type": "problem", "of": asked["do"], "text": text, "code": error.code})
         except Exception as error:
             what = {"report": "report", "rivals": "comparison"}.get(asked["do"], "fit")
             text = f"the {what} failed ({type(error).__name__}: {error})."
@@ -142,8 +144,11 @@ def _fit(asked: Mapping[str, Any], tell: Callable[[Mapping[str, Any]], None]) ->
     result = replace(result, provenance={**result.provenance, "model": asked["model"]})
     data, curves, chi_square = at_a_glance(result)
     models = traces(result.evidence) if result.evidence else {}
+    document = result.document() | {
+        "verdict_reason": for_page(result.reason), "warnings": list(map(for_page, result.warnings)),
+    }  # fmt: skip
     tell({
-        "type": "fitted", "document": result.document(), "sentence": result.sentence(), "seconds": result.seconds,
+        "type": "fitted", "document": document, "sentence": for_page(result.sentence()), "seconds": result.seconds,
         "data": data, "curves": curves, "chi_square": chi_square,
         "traces": [
             _trace(recording, {name: rows[k] for name, rows in models.items()})
@@ -162,7 +167,8 @@ def _rivals(asked: Mapping[str, Any], tell: Callable[[Mapping[str, Any]], None])
     result = compare_rivals(recordings, foot, source=together([r.file for r in recordings]), advance=_advance(tell))
     sheet = result.sheet()
     tell({
-        "type": "rivals", "title": sheet.title, "columns": sheet.columns, "rows": sheet.rows, "notes": sheet.notes,
+        "type": "rivals", "title": sheet.title, "columns": sheet.columns, "rows": sheet.rows,
+        "notes": list(map(for_page, sheet.notes)),
         "adequate": [rival in result.adequate for rival in result.rivals], "seconds": result.seconds,
     })  # fmt: skip
 

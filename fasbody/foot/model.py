@@ -141,7 +141,7 @@ class Foot(Tabled):
         return Sheet(self.name, ("parameter", "value", "unit", "bounds", "source"), rows)
 
 
-def load(model: str | Path | mujoco.MjSpec) -> Foot:
+def load(model: str | Path | mujoco.MjSpec, name: str = "") -> Foot:
     """Load a foot model.
 
         load("two_dof")
@@ -151,6 +151,7 @@ def load(model: str | Path | mujoco.MjSpec) -> Foot:
     Args:
         model: name of a shipped model (``two_dof``), an MJCF file, the text of one, or a `mujoco.MjSpec`, which is
             compiled as it is then. Text and MjSpec are called as their ``<mujoco model="...">`` says.
+        name: of a file's model, if not the file's.
 
     Raises:
         InputFileError: no such model or file, or MuJoCo cannot compile it.
@@ -165,7 +166,7 @@ def load(model: str | Path | mujoco.MjSpec) -> Foot:
     if not file.is_file():
         valid = f"give an MJCF file or one of {', '.join(shipped)}"
         raise InputFileError(model, "no such model", valid)
-    name = str(model) if str(model) in shipped else file.name
+    name = name or (str(model) if str(model) in shipped else file.name)
     return _checked(lambda: mujoco.MjSpec.from_file(str(file)), file, name)
 
 

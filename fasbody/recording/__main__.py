@@ -119,7 +119,7 @@ def _of_file(file: Path, layout: Layout | None, drawn: bool) -> dict[str, Any]:
     try:
         recording = Recording.read(file, layout=layout)
     except FasError as error:
-        return {"file": file.name, "problem": str(error)}
+        return {"file": file.name, "problem": error.sentence}
     return understood(recording) | ({"excerpt": excerpt(recording)} if drawn else {})
 
 

@@ -16,6 +16,7 @@ from fasbody.constants import GRAVITY
 from fasbody.exceptions import InputFileError, shown, unknown
 from fasbody.presentation import Tabled
 from fasbody.recording.known import Known
+from fasbody.sentences import Sentence, called
 
 #: Units that a CSV header or a board may carry behind a channel's name, and what they are in SI.
 UNITS = {"m_s2": 1.0, "g": GRAVITY, "mg": 1e-3 * GRAVITY, "mm_s2": 1e-3, "cm_s2": 1e-2}
@@ -235,9 +236,8 @@ class Layout(Tabled):
             time = channels.get("time_s")
         if time is None:
             if not rate:
-                raise InputFileError(
-                    file, "has neither a time nor a sampling rate", "give sampling_rate_hz in study.toml"
-                )
+                hint = Sentence("give ", called("sampling_rate_hz"))
+                raise InputFileError(file, "has neither a time nor a sampling rate", hint)
             return {"time_s": np.arange(channels["base_m_s2"].size) / rate} | channels
         stated = (
             f"states {rate:.6g} Hz" if rate_hz else f"is said by study.toml to have sampling_rate_hz = {rate or 0:.6g}"

@@ -1,11 +1,9 @@
 """Is a recording fit for identification? Each problem gets one sentence: the file, the place and the remedy."""
 
 import functools
-import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from hashlib import sha256
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -18,6 +16,7 @@ from fasbody.recording.clock import uniform
 from fasbody.recording.harmonics import find_frequency, fit_harmonics, narrow_share, sine_share
 from fasbody.recording.quality import Quality, quality, still
 from fasbody.recording.recording import Recording, gain_and_delay
+from fasbody.sentences import Sentence, called, code_of, reason_of
 
 #: Sampling rate needed, as a multiple of the excitation frequency, and the one from which harmonics are distinguished.
 OVERSAMPLING, COMFORTABLE = 2.5, 10.0
@@ -39,9 +38,9 @@ _IMPOSSIBLE = 1e6
 _UNLIKELY = 500.0
 #: Standard deviation of an amplitude by the converter's steps from which a warning is given.
 _COARSE = 5e-3
-#: The hint for a base between a fifth of a m/s^2 and two.
-_IN_G = "is it in g? Then name the column base_g"
-_UNIT = "check its unit"
+#: Codes of warnings of a unit that may be wrong: of a base between a fifth of a m/s^2 and two, and of other values.
+_IN_G, UNIT_IN_DOUBT = "in g", "unit in doubt"
+_CHECK_UNIT = "check its unit."
 #: A passive foot lags behind its base; it may seem to lead by so much where loggers take channels one by one [deg].
 _LEAD_DEG = 1.0
 #: Where the malleolus moves by less than this share of the base, a foot is above its resonance.
@@ -77,7 +76,7 @@ def checked(recording: Recording) -> Recording:
             _checked(replace(recording, others={name: values}))
             kept[name] = values
         except RecordingError as error:
-            notes.append(f"{error} The channel {name} is left out.")
+            notes.append(Sentence(error.sentence, f" The channel {name} is left out."))
     good = _checked(replace(recording, others=kept)) if kept else alone
     return replace(good, warnings=(*good.warnings, *notes))
 
@@ -101,9 +100,8 @@ def _all_alike(recording: Recording) -> Recording:
         _channel(recording, name, values)
         peak = float(np.abs(values).max())
         if peak > _UNLIKELY:
-            warnings.append(
-                f"{recording.file}: {name} reaches {peak:.3g} m/s^2, more than a foot on a shaker does; {_UNIT}."
-            )
+            size = f"{recording.file}: {name} reaches {peak:.3g} m/s^2, more than a foot on a shaker does; "
+            warnings.append(Sentence(size, _CHECK_UNIT, code=UNIT_IN_DOUBT))
         if abs(values.mean()) > 0.5:
             kind = "gravity" if abs(abs(values.mean()) - 9.81) < 1 else "an offset"
             warnings.append(f"{recording.file}: {name} has {kind} of {values.mean():.3g} m/s^2, which is taken out.")
@@ -131,10 +129,10 @@ def _all_alike(recording: Recording) -> Recording:
 
 def gathered(texts: Sequence[str]) -> list[str]:
     """Warnings of several recordings; that of values like g stands there once."""
-    like_g = [text for text in texts if text.endswith(f"{_IN_G}.")]
+    like_g = [text for text in texts if code_of(text) == _IN_G]
     if len(like_g) < 2:
         return list(texts)
-    first = f"{like_g[0]} The same in {len(like_g) - 1} more recordings."
+    first = Sentence(like_g[0], f" The same in {len(like_g) - 1} more recordings.", code=_IN_G)
     return [first if text == like_g[0] else text for text in texts if text == like_g[0] or text not in like_g]
 
 
@@ -144,9 +142,10 @@ def unit_in_doubt(warnings: Iterable[Sequence[str]]) -> str:
     Args:
         warnings: of the checks, for each recording.
     """
-    doubts = [[text for text in texts if text.endswith((f"{_IN_G}.", f"{_UNIT}."))] for texts in warnings]
+    doubts = [[text for text in texts if code_of(text) in (_IN_G, UNIT_IN_DOUBT)] for texts in warnings]
     first, *others = [texts[-1] for texts in doubts if texts] or [""]
-    return f"{first} The same in {len(others)} more recordings." if len(others) > 1 else first
+    more = f" The same in {len(others)} more recordings." if len(others) > 1 else ""
+    return Sentence(first, more, code=UNIT_IN_DOUBT)
 
 
 def apart(recordings: Sequence[Recording]) -> None:
@@ -180,7 +179,7 @@ def judged(recording: Recording) -> dict[str, Any]:
         row["warnings"] = list(good.warnings)
         row["frequency_hz"] = good.condition.frequency_hz
     except RecordingError as error:
-        row["problem"] = str(error)
+        row["problem"] = error.sentence
     t = recording.time_s
     row |= {"samples": t.size, "origin": recording.origin, "used": recording.used, "unused": recording.unused}
     if t.size > 1 and np.isfinite(t).all() and t[-1] > t[0]:
@@ -196,7 +195,7 @@ def understood(recording: Recording) -> dict[str, Any]:
         with by_name(recording.file):
             return row | _measured(recording if row["problem"] else checked(recording), bool(row["problem"]))
     except RecordingError as error:
-        return row | {"problem": row["problem"] or str(error)}
+        return row | {"problem": row["problem"] or error.sentence}
 
 
 def _measured(good: Recording, unfit: bool) -> dict[str, Any]:
@@ -219,9 +218,8 @@ def reasons(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     groups: dict[str, list[tuple[str, str]]] = {}
     for row in rows:
         if row["problem"]:
-            _, _, behind = row["problem"].partition(Path(row["file"]).name)
-            why = (behind or row["problem"]).lstrip(":, ")
-            groups.setdefault(re.sub(r"[\d.]+|'[^']*'", "#", why), []).append((row["file"], why))
+            why = reason_of(row["problem"])
+            groups.setdefault(code_of(row["problem"]) or why, []).append((row["file"], why))
     return [
         f"{counted(len(group), 'recording')} ({', '.join(name for name, _ in group[:5])}"
         f"{' ...' if len(group) > 5 else ''}): {group[0][1]}"
@@ -300,27 +298,31 @@ def verdict(row: Mapping[str, Any]) -> str:
     return "unusable" if row["problem"] else "usable, see below" if row.get("warnings") else "sound"
 
 
-def _fail(recording: Recording, problem: str) -> RecordingError:
-    return RecordingError(f"{recording.file}: {problem}.")
-
-
 def _time(recording: Recording) -> None:
     t = recording.time_s
     if t.size < 50:
-        raise _fail(recording, f"has {t.size} samples, too short; record at least three periods (the thesis: 10 s)")
+        raise RecordingError(
+            problem=f"has {t.size} samples, too short",
+            remedy="record at least three periods (the thesis: 10 s)",
+        )
     if not np.isfinite(t).all():
-        raise _fail(recording, f"time is not a number at sample {int(np.argmin(np.isfinite(t)))}")
+        raise RecordingError(problem=f"time is not a number at sample {int(np.argmin(np.isfinite(t)))}")
     steps = np.diff(t)
     if t[-1] <= t[0] and (steps <= 0).all():
         runs = "stands still" if t[-1] == t[0] else "runs backwards"
-        raise _fail(recording, f"time {runs} ({t[0]:g} s first, {t[-1]:g} s last); sort the rows by time")
+        raise RecordingError(
+            problem=f"time {runs} ({t[0]:g} s first, {t[-1]:g} s last)",
+            remedy="sort the rows by time",
+        )
     if steps.min() <= 0:
         place = int(np.argmin(steps)) + 1
-        raise _fail(recording, f"time does not increase at sample {place} ({t[place - 1]:g} s, then {t[place]:g} s)")
+        raise RecordingError(
+            problem=f"time does not increase at sample {place} ({t[place - 1]:g} s, then {t[place]:g} s)"
+        )
     if recording.rate_hz < SLOWEST_HZ:
-        raise _fail(
-            recording,
-            f"is sampled at {recording.rate_hz:.3g} Hz over {t[-1] - t[0]:.4g} s; needed are {SLOWEST_HZ:g} Hz "
+        raise RecordingError(
+            problem=f"is sampled at {recording.rate_hz:.3g} Hz over {t[-1] - t[0]:.4g} s; needed are "
+            f"{SLOWEST_HZ:g} Hz "
             "(if the time is in ms, name the column time_ms)",
         )
     typical = float(np.median(steps))
@@ -330,9 +332,9 @@ def _time(recording: Recording) -> None:
         count = int((np.abs(steps - typical) > 0.5 * typical).sum())
         places = "place" if count == 2 else "places"
         more = f" (and so at {count - 1} more {places})" if count > 1 else ""
-        raise _fail(
-            recording,
-            f"time is not uniform: {steps[place]:g} s after {t[place]:g} s (sample {place + 1} of {t.size}), elsewhere "
+        raise RecordingError(
+            problem=f"time is not uniform: {steps[place]:g} s after {t[place]:g} s (sample {place + 1} of "
+            f"{t.size}), elsewhere "
             f"{typical:g} s; samples are missing or channels have different rates{more}",
         )
 
@@ -341,17 +343,17 @@ def _possible(recording: Recording, name: str) -> None:
     """Refuse samples that are none, before anything is computed with them."""
     values = recording.channels[name]
     if values.shape != recording.time_s.shape:
-        raise _fail(recording, f"{name} has {values.size} samples and time has {recording.time_s.size}")
+        raise RecordingError(problem=f"{name} has {values.size} samples and time has {recording.time_s.size}")
     if not np.isfinite(values).all():
         place = int(np.argmin(np.isfinite(values)))
-        raise _fail(
-            recording, f"{name} is {values[place]} at {recording.time_s[place]:g} s; every sample must be finite"
+        raise RecordingError(
+            problem=f"{name} is {values[place]} at {recording.time_s[place]:g} s; every sample must be finite"
         )
     peak = float(np.abs(values).max())
     if peak > _IMPOSSIBLE:
-        raise _fail(
-            recording,
-            f"{name} reaches {peak:.3g} m/s^2 at {recording.time_s[np.abs(values).argmax()]:g} s, which no body does "
+        raise RecordingError(
+            problem=f"{name} reaches {peak:.3g} m/s^2 at {recording.time_s[np.abs(values).argmax()]:g} s, which "
+            f"no body does "
             f"(at most {_IMPOSSIBLE:.0e} is read); check its unit and sensitivity",
         )
 
@@ -359,13 +361,13 @@ def _possible(recording: Recording, name: str) -> None:
 def _channel(recording: Recording, name: str, values: np.ndarray) -> None:
     spread = values.std()
     if spread < 1e-3:
-        raise _fail(
-            recording, f"{name} is dead (it varies by {np.ptp(values):.2g} m/s^2); check the cable and the units"
+        raise RecordingError(
+            problem=f"{name} is dead (it varies by {np.ptp(values):.2g} m/s^2); check the cable and the units"
         )
     if (levels := np.unique(values).size) < 3 or (levels < 8 and samples.step(values)):
-        raise _fail(
-            recording,
-            f"{name} is dead or too coarse: it takes {levels} values only; check the cable, and that its numbers "
+        raise RecordingError(
+            problem=f"{name} is dead or too coarse: it takes {levels} values only; check the cable, and that "
+            f"its numbers "
             "were saved with their decimals",
         )
 
@@ -390,9 +392,8 @@ def _clipping(recording: Recording, name: str, frequency: float | None, interval
         count = int((runs >= shortest).sum())
         if count >= max(2, 0.2 * periods):
             place = t[edges[::2][np.argmax(runs)]]
-            raise _fail(
-                recording,
-                f"{name} is clipped {count} times, for up to {runs.max()} samples near {place:g} s; "
+            raise RecordingError(
+                problem=f"{name} is clipped {count} times, for up to {runs.max()} samples near {place:g} s; "
                 "record with a larger range",
             )
 
@@ -402,9 +403,8 @@ def _odd(recording: Recording, name: str, frequency: float | None, offset: float
     t, values = recording.time_s, recording.channels[name]
     odd = samples.odd(values, None if frequency is None else (t[-1] - t[0]) * frequency)
     if odd.mark is not None:
-        raise _fail(
-            recording,
-            f"{name} is {odd.mark + offset:.6g} m/s^2 at {odd.spikes.size} places, first at "
+        raise RecordingError(
+            problem=f"{name} is {odd.mark + offset:.6g} m/s^2 at {odd.spikes.size} places, first at "
             f"{t[odd.spikes[0]]:.4g} s, and near it nowhere else: a mark for missing samples; cut them off, or fill "
             "them before",
         )
@@ -438,11 +438,13 @@ def _slow(recording: Recording, name: str, frequency: float | None, warnings: li
         change, delay_s = slow.effect(f, rate)
         kept = "held until the next one" if slow.held else "joined by straight lines"
         late = f", {360 * f * delay_s:.3g} degrees late" * slow.held
-        hint = f", or give study.toml channels.{name.removesuffix('_m_s2')}.delay_s = {delay_s:.3g}" * slow.held
-        warnings.append(
+        delay = called(f"channels.{name.removesuffix('_m_s2')}.delay_s", f"{delay_s:.3g}")
+        hint = [", or give ", delay] if slow.held else []
+        size = (
             f"{recording.file}: {name} was sampled at {rate / slow.interval:.4g} Hz and is {kept}: a sine of "
-            f"{f:.4g} Hz is {-100 * change:.2g} % too small by that{late}; record all channels at one rate{hint}."
+            f"{f:.4g} Hz is {-100 * change:.2g} % too small by that{late}; record all channels at one rate"
         )
+        warnings.append(Sentence(size, *hint, "."))
     elif frequency and (error := samples.by_steps(values, grid, frequency, rate)) > _COARSE:
         warnings.append(
             f"{recording.file}: {name} has steps of {grid:.3g} m/s^2 (its converter, or numbers saved "
@@ -456,9 +458,9 @@ def _moving(recording: Recording, channels: Mapping[str, np.ndarray], frequency:
     stands = still(recording.time_s, dict(channels), frequency)
     if stands:
         name, start, end = stands
-        raise _fail(
-            recording,
-            f"{name} stands still from {start:.4g} to {end:.4g} s while another channel moves; cut this part off, or "
+        raise RecordingError(
+            problem=f"{name} stands still from {start:.4g} to {end:.4g} s while another channel moves; cut this "
+            f"part off, or "
             "check sensor and cable",
         )
 
@@ -472,18 +474,19 @@ def _quality(recording: Recording, measures: Quality, frequency: float | None, w
     size = malleolus.level_m_s2.mean() / base.level_m_s2.mean() if base.level_m_s2.size else 1.0
     leads = measures.lead_deg > _LEAD_DEG + sure and not (frequency and _late(size, measures.lead_deg))
     if leads and measures.coherence > _COHERENT[False]:
-        raise _fail(
-            recording,
-            f"the malleolus leads the base by {measures.lead_deg:.1f} degrees {at}, which no passive foot does; the "
-            "channels are swapped or misaligned (study.toml: column, delay_s; delay_std_s says how sure that is)",
+        raise RecordingError(
+            problem=f"the malleolus leads the base by {measures.lead_deg:.1f} degrees {at}, which no passive foot does",
+            remedy=Sentence(
+                "the channels are swapped or misaligned (", called("channels.column, channels.delay_s"), ")"
+            ),
         )
     for name, channel in measures.channels.items():
         flat, base_distortion = channel.flat_tops, base.distortion
         one_sided = flat < _TWO_SIDED * channel.distortion
         if name != "base" and flat > max(_FLAT_TOPS, _MORE_THAN_BASE * base_distortion) and not one_sided:
-            raise _fail(
-                recording,
-                f"{name}_m_s2 has flattened tops {at} (a third harmonic of {100 * flat:.1f} % in phase with them, base "
+            raise RecordingError(
+                problem=f"{name}_m_s2 has flattened tops {at} (a third harmonic of {100 * flat:.1f} % in phase with "
+                f"them, base "
                 f"{100 * base_distortion:.1f} %): its sensor saturates; record with a larger range",
             )
         if name != "base" and flat > max(_SUSPECT_TOPS, _MORE_THAN_BASE * base_distortion):
@@ -524,27 +527,27 @@ def _excitation(recording: Recording, hz: float, share: float, warnings: list[st
     if share < PERIODIC_SHARE:
         if nominal is None:
             return None
-        raise _fail(
-            recording,
-            f"the excitation of {nominal:g} Hz is not found in base_m_s2 (a sine explains {100 * share:.0f} % of its "
+        raise RecordingError(
+            problem=f"the excitation of {nominal:g} Hz is not found in base_m_s2 (a sine explains "
+            f"{100 * share:.0f} % of its "
             f"power); leave frequency_hz empty for broadband excitation",
         )
     if nominal is not None and abs(hz - nominal) > max(0.02 * nominal, 1.5 / (t[-1] - t[0])):
-        raise _fail(recording, f"base_m_s2 vibrates at {hz:.4g} Hz and recordings.csv says {nominal:g} Hz")
+        raise RecordingError(problem=f"base_m_s2 vibrates at {hz:.4g} Hz and recordings.csv says {nominal:g} Hz")
     if hz > _FASTEST_HZ:
         warnings.append(
             f"{recording.file}: base_m_s2 vibrates at {hz:.4g} Hz, faster than any foot is shaken; check the unit "
             "of its time."
         )
     if recording.rate_hz < OVERSAMPLING * hz * (1 - 1e-3):
-        raise _fail(
-            recording,
-            f"is sampled at {recording.rate_hz:g} Hz, less than {OVERSAMPLING} times its excitation of {hz:.4g} Hz",
+        raise RecordingError(
+            problem=f"is sampled at {recording.rate_hz:g} Hz, less than {OVERSAMPLING} times its excitation of "
+            f"{hz:.4g} Hz",
         )
     if recording.rate_hz < COMFORTABLE * hz * (1 - 1e-3):
         warnings.append(_folded(recording, hz))
     if (t[-1] - t[0]) * hz < 3:
-        raise _fail(recording, f"is too short: {(t[-1] - t[0]) * hz:.1f} periods of {hz:.4g} Hz, needed are 3")
+        raise RecordingError(problem=f"is too short: {(t[-1] - t[0]) * hz:.1f} periods of {hz:.4g} Hz, needed are 3")
     return hz
 
 
@@ -590,39 +593,46 @@ def _level(recording: Recording, frequency: float, warnings: list[str]) -> None:
     base, malleolus = (fitted.amplitudes[0] for fitted in fits)
     onset = max(fitted.onset for fitted in fits)
     if onset > _ONSET:
-        warnings.append(
+        transient = (
             f"{recording.file}: its first tenth differs from the rest by {100 * onset:.0f} % (a start-up transient?); "
-            "cut it off, or use --domain time."
+            "cut it off, or use "
         )
+        warnings.append(Sentence(transient, called("domain", "time"), "."))
     ratio = malleolus / base
     if not 0.02 < abs(ratio) < 20:
-        raise _fail(
-            recording,
-            f"the malleolus moves {abs(ratio):.3g} times as much as the base at {frequency:.4g} Hz; "
+        raise RecordingError(
+            problem=f"the malleolus moves {abs(ratio):.3g} times as much as the base at {frequency:.4g} Hz; "
             "check units and sensitivities (m/s^2 are expected, or g with the header malleolus_g)",
         )
     if not 2 < abs(base) < 40:
-        hint = _IN_G if 0.2 < abs(base) <= 2 else _UNIT
-        warnings.append(
+        like_g = 0.2 < abs(base) <= 2
+        size = (
             f"{recording.file}: the base amplitude is {abs(base):.3g} m/s^2 at {frequency:.4g} Hz (the thesis: 8.95); "
-            f"{hint}."
         )
+        hint = "is it in g? Then name the column base_g." if like_g else _CHECK_UNIT
+        warnings.append(Sentence(size, hint, code=_IN_G if like_g else UNIT_IN_DOUBT))
     lead = np.degrees(np.angle(ratio))
     if why := samples.impossible(ratio):
-        warnings.append(
+        motion = (
             f"{recording.file}: the malleolus moves {abs(ratio):.3g} times as much as the base and lags it by "
-            f"{-lead:.3g} degrees at {frequency:.4g} Hz: {why}; {_UNIT}."
+            f"{-lead:.3g} degrees at {frequency:.4g} Hz: {why}; "
         )
+        warnings.append(Sentence(motion, _CHECK_UNIT, code=UNIT_IN_DOUBT))
     if _late(abs(ratio), lead):
-        warnings.append(
+        lag = (
             f"{recording.file}: the malleolus lags the base by {360 - lead:.0f} degrees at {frequency:.4g} Hz, more "
-            "than half a turn: a foot well above its resonance does, and so does a wrong sign (study.toml: sign)."
+            "than half a turn: a foot well above its resonance does, and so does a wrong sign ("
         )
+        warnings.append(Sentence(lag, called("channels.sign"), ")."))
     elif lead > 10:
         early = lead / 360 / frequency
-        raise _fail(
-            recording,
-            f"the malleolus leads the base by {lead:.0f} degrees ({1e3 * early:.3g} ms) at {frequency:.4g} Hz, which "
-            "no passive foot does; the channels are swapped, misaligned or one has the wrong sign (study.toml: sign, "
-            "delay_s)",
+        raise RecordingError(
+            problem=f"the malleolus leads the base by {lead:.0f} degrees ({1e3 * early:.3g} ms) at "
+            f"{frequency:.4g} Hz, "
+            "which no passive foot does",
+            remedy=Sentence(
+                "the channels are swapped, misaligned or one has the wrong sign (",
+                called("channels.sign, channels.delay_s"),
+                ")",
+            ),
         )

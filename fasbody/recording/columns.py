@@ -20,9 +20,8 @@ from fasbody.recording.channels import (
     heading,
     name_and_unit,
 )
+from fasbody.sentences import Sentence, called, for_page
 
-_CLOCK = "study.toml can name it ([channels.time] column = ...), or give sampling_rate_hz"
-_HELP = "units may also be g or ms, and study.toml can name the column ([channels.{name}] column = ...)"
 #: Words of a heading that holds times.
 _TIMES = re.compile(r"(?:^|[\W_\d])(times?|timestamps?|zeit|temps|tiempo|tempo|t|clock)(?=$|[\W_\d])")
 
@@ -133,7 +132,7 @@ def assign(file: Path, columns: Columns, layout: Layout) -> Assignment:
             chosen[key] = (index, unit)
     bare = chosen.pop("time", None)  # a time without a unit, which a known rate gives
     if bare and not columns.clocked and layout.rate_hz is None:
-        hint = 'name the column time_s, time_ms or time_us, or give study.toml [channels.time] unit = "s"'
+        hint = Sentence("name the column time_s, time_ms or time_us, or give ", called("channels.time.unit", "s"))
         raise InputFileError(file, f"{columns.names[bare[0]]!r} has no unit", hint, line=columns.line)
     if bare:
         chosen["time"] = bare
@@ -186,7 +185,10 @@ def _column_of(
         hint = f"keep one of them, or say which in study.toml ([channels.{channel}] {numbers})"
         raise InputFileError(file, f"has two columns for {channel}", hint, line=columns.line)
     if stated.column and not candidates:
-        hint = "one study.toml is for files of one kind; python -m fasbody.recording convert makes them one"
+        hint = Sentence(
+            "one study.toml is for files of one kind; python -m fasbody.recording convert makes them one",
+            on_page=f"name its columns with {for_page(called(f'channels.{channel}.column'))}",
+        )
         column = repr(stated.column) if stated.column[:1] != "#" else f"number {stated.column[1:]}"
         raise InputFileError(file, f"has no column {column} for {channel} ({columns.listed})", hint)
     return candidates[0] if candidates else None
@@ -218,7 +220,8 @@ def _unit(file: Path, channel: str, behind: str, beside: str, stated: str, remar
     claimed = beside or behind
     plain = stated.lower() in VOLTAGES and claimed.lower() == "m_s2"  # the standard heading over numbers in volts
     if stated and claimed and not plain and not _same(valid, stated, claimed):
-        remarks.append(f"{channel} is in {stated} as study.toml says, though the file says {shown(claimed)}")
+        by = Sentence(" as study.toml says", on_page=" as was said here")
+        remarks.append(Sentence(f"{channel} is in {stated}", by, f", though the file says {shown(claimed)}"))
     return stated or claimed
 
 
@@ -242,14 +245,24 @@ def _complete(file: Path, columns: Columns, layout: Layout, chosen: Mapping[str,
         listed = ", ".join(f'[channels.{name}] column = "..."' for name in ("time", "base", "malleolus"))
         raise InputFileError(
             file, f"names no channel ({columns.listed})",
-            f"call its columns time_s, base_m_s2, malleolus_m_s2, or say in study.toml which is which: {listed}",
+            Sentence(
+                "call its columns time_s, base_m_s2, malleolus_m_s2, or say ",
+                Sentence(f"in study.toml which is which: {listed}", on_page="with “…” which is which"),
+            ),
             line=columns.line,
         )  # fmt: skip
     clock = ("time_s",) if columns.line and layout.rate_hz is None and not columns.clocked else ()
     for name in (*clock, "base_m_s2", "malleolus_m_s2"):
         if name not in chosen:
-            hint = _CLOCK if name in clock else _HELP.format(name=name.removesuffix("_m_s2"))
-            raise InputFileError(file, f"has no column {name!r} ({columns.listed})", hint, line=columns.line)
+            key = f"channels.{'time' if name in clock else name.removesuffix('_m_s2')}.column"
+            column = called(key)
+            hint = (
+                Sentence(column, " can name it, or give ", called("sampling_rate_hz"))
+                if name in clock
+                else Sentence("units may also be g or ms, and ", column, " can name the column")
+            )
+            missing = f"has no column {name!r} ({columns.listed})"
+            raise InputFileError(file, missing, hint, line=columns.line, code=f"no {name}", setting=key)
 
 
 def _others(
@@ -347,13 +360,13 @@ def _factor(file: Path, columns: Columns, layout: Layout, key: str, unit: str) -
     channel = key.removesuffix("_m_s2")
     stated = layout.channels.get(channel, Channel())
     if not unit:
-        hint = f"name the column {channel}_m_s2 or {channel}_g, or give study.toml [channels.{channel}]"
-        raise InputFileError(file, f"{channel} has no unit", f'{hint} unit = "m/s^2"', line=columns.line)
+        si_unit = called(f"channels.{channel}.unit", "m/s^2")
+        hint = Sentence(f"name the column {channel}_m_s2 or {channel}_g, or give ", si_unit)
+        raise InputFileError(file, f"{channel} has no unit", hint, line=columns.line)
     if unit.lower() in VOLTAGES:
         if stated.sensitivity == 1.0 and not stated.volts:
-            raise InputFileError(
-                file, f"{channel} is in {unit}", f'study.toml must give channels.{channel}.sensitivity = "100 mV/g"'
-            )
+            hint = Sentence("give ", called(f"channels.{channel}.sensitivity", "100 mV/g"))
+            raise InputFileError(file, f"{channel} is in {unit}", hint)
         scale = VOLTAGES[unit.lower()] if stated.volts else 1.0
     else:
         scale = factor(file, channel, unit, ACCELERATIONS, columns.line)

@@ -32,6 +32,7 @@ from fasbody.recording.headings import (
     without_footer,
 )
 from fasbody.recording.text import COMMENT, PIECE, Passage, lines, number, numeric, offset, read_text, rows, split
+from fasbody.sentences import Sentence
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -257,8 +258,13 @@ def _table(passage: Passage, layout: Layout, strict: bool) -> TextTable:
     if strict and not layout.columns:
         raise InputFileError(
             file, "has no header line",
-            "the first line must be time_s,base_m_s2,malleolus_m_s2, or --columns time_s,base_g,... (study.toml: "
-            "columns) must name its columns",
+            Sentence(
+                "the first line must be time_s,base_m_s2,malleolus_m_s2",
+                Sentence(
+                    ", or --columns time_s,base_g,... (study.toml: columns) must name its columns",
+                    on_page="; write it above the numbers",
+                ),
+            ),
         )  # fmt: skip
     if layout.columns and width != len(layout.columns):
         listed = shown(", ".join(layout.columns))

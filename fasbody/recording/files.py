@@ -19,6 +19,7 @@ from fasbody.recording.formats import ENDINGS, READ, ending
 from fasbody.recording.formats.reader import read_series
 from fasbody.recording.formats.series import FormatError, Series, need
 from fasbody.recording.text import read_text
+from fasbody.sentences import Sentence, called
 
 #: Endings of tables that no reader here opens.
 _SHEETS = (".xls", ".xlsb", ".ods", ".numbers")
@@ -206,7 +207,7 @@ def _clocks(
         if unit is None:
             raise InputFileError(
                 source.file, f"{source.columns.names[index]!r}, the times of {key}, have no unit",
-                "write it behind the name (time_s, time [ms]), or give study.toml a sampling_rate_hz",
+                Sentence("write it behind the name (time_s, time [ms]), or give ", called("sampling_rate_hz")),
             )  # fmt: skip
         clocks[key] = unit * times
     return clocks
@@ -472,7 +473,10 @@ def _one_scale(file: Path, channel: str, source: Series, layout: Layout) -> None
     if source.unclear and not sensitivity:
         raise InputFileError(
             file, f"says {source.unclear} with {source.name!r}, and not whether its numbers contain it",
-            f"give study.toml channels.{channel}.sensitivity, or delete the attribute (scale_factor is applied)",
+            Sentence(
+                "give ", called(f"channels.{channel}.sensitivity", "100 mV/g"),
+                ", or delete the attribute (scale_factor is applied)",
+            ),
         )  # fmt: skip
 
 

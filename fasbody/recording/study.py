@@ -134,7 +134,7 @@ def understood_trial(task: tuple[StudyFolder, Trial, bool]) -> dict[str, Any]:
         recording = folder.read(trial)
         row = understood(recording) | ({"excerpt": excerpt(recording)} if drawn else {})
     except FasError as error:
-        row = {"file": trial.label, "problem": str(error), "subject": trial.condition.subject}
+        row = {"file": trial.label, "problem": error.sentence, "subject": trial.condition.subject}
     return row
 
 

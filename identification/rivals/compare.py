@@ -12,6 +12,7 @@ from fasbody.recording.checks import apart, checked
 from fasbody.recording.known import Known
 from fasbody.recording.recording import Recording
 from fasbody.recording.study import Study
+from fasbody.sentences import Sentence
 from identification.engines.twin import twin_applies
 from identification.estimates import Estimate
 from identification.harmonics import Line
@@ -66,8 +67,9 @@ def compare_rivals(
     chosen = _rungs(rungs)
     if not twin_applies(foot):
         raise ModelError(
-            f"{foot.name}: the ladder of rivals is known for the two-mass foot only; leave --model out and give this "
-            "file as --rival."
+            file=foot.name,
+            problem="the ladder of rivals is known for the two-mass foot only",
+            remedy=Sentence("leave --model out and give this file as --rival", on_page="choose two_dof"),
         )
     models = [load(file) for file in files]
     recordings = [study] if isinstance(study, Recording) else list(study)
