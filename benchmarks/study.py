@@ -30,8 +30,8 @@ from identification.fitting import Settings
 from identification.multistart import descend
 from identification.parameters import space_of
 from identification.study import cluster
-from identification.study.job import Document
 from identification.study.plan import Job, Model, Plan
+from identification.study.store import Document
 from identification.time_domain import TimeDomain
 from reproduction.check import Check, at_least, at_most
 

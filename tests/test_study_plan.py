@@ -15,8 +15,7 @@ from fasbody.foot.model import Foot
 from fasbody.recording.study import StudyFolder
 from identification.fitting import Settings
 from identification.study import plan
-from identification.study.filters import Filters
-from identification.study.plan import Model, Plan
+from identification.study.plan import Model, Plan, select
 
 
 @pytest.fixture(scope="module")
@@ -89,11 +88,11 @@ def test_a_model_travels_whole(foot: Foot) -> None:
 
 def test_filters(study: Path) -> None:
     trials = StudyFolder.open(study).trials
-    chosen = Filters(subjects=("2",), frequencies_hz=(30.0,)).choose(trials)
+    chosen = select(trials, subject=("2",), posture=None, frequency_hz=(30.0,))
     assert [(t.condition.subject, t.condition.frequency_hz) for t in chosen] == [("2", 30.0)] * 2
     with pytest.raises(SettingError, match=r"unknown subject '9' \(valid: 1, 2\) in this study"):
-        Filters(subjects=("9",)).choose(trials)
-    assert len(Filters().choose(trials)) == 8
+        select(trials, subject=("9",))
+    assert len(select(trials)) == 8
 
 
 def test_what_cannot_be_meant(study: Path, foot: Foot) -> None:

@@ -12,9 +12,9 @@ from made_fits import failed, plain
 
 from identification.estimates import RULE
 from identification.study import figures, report, summary, tables
-from identification.study.findings import gather
+from identification.study.findings import Findings
 from identification.study.tracking import Prior
-from identification.study.truth import LIMITS, Truth
+from identification.study.truth import Truth
 from reproduction.boxes import boxes
 
 KEYS = {
@@ -50,7 +50,7 @@ def study() -> list[dict[str, Any]]:
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("out")
-    files = report.write(out, study(), "a small study", "synthetic", TRUTH, gather(study(), [HELD_OUT, BROKEN]))
+    files = report.write(out, Findings(study(), [HELD_OUT, BROKEN], TRUTH), "a small study", "synthetic")
     assert files[0] == out / "report.html"
     assert all(file.stat().st_size for file in files)
     return out
@@ -85,7 +85,7 @@ def test_page_says_what_the_fits_say(written: Path) -> None:
     assert "42 of 43 fits done, 1 failed." in page
     assert "mean fit 90.0 %, 0 % of estimates identified, mirror decided in 0 of 42 alone" in page
     assert "s6.csv: malleolus is &lt;b&gt;dead&lt;/b&gt;" in page
-    assert LIMITS[:60] in page
+    assert "A recording of one frequency is worth its harmonics" in page
     assert "differ by 0.1 % at most" in page  # 0.01 of 8.01
     found = pd.read_csv(written / "recovery.csv").set_index("parameter").loc["all"]
     assert f"{found['chosen']:.0f} of 336 ({100 * found['chosen'] / 336:.0f} %)" in page
@@ -114,7 +114,7 @@ def test_figures_are_whole_and_the_same_each_time(written: Path, tmp_path: Path)
     for name in names:
         assert ET.parse(written / "figures" / f"{name}.svg").getroot().tag.endswith("svg")
         assert (written / "figures" / f"{name}.png").read_bytes()[:4] == b"\x89PNG"
-    again = report.pictures(study(), summary.tidy(study(), TRUTH), summary.cycle_table(study()), "synthetic", {})
+    again = report.pictures(Findings(study(), truth=TRUTH), "synthetic")
     for name in ("loops_per-recording", "energies_per-recording"):
         assert figures.save(again[name][0](), "svg") == (written / "figures" / f"{name}.svg").read_bytes()
 
@@ -155,13 +155,13 @@ def test_loops_motion_and_energies_are_drawn_in_their_units() -> None:
 def test_measured_and_lonely_and_hopeless_studies(tmp_path: Path) -> None:
     """One fit that has no cycle; then none that came about."""
     alone = plain("pooled", "1", 0.0, None, branches(1.0), origin="measured", cycles=[])
-    report.write(tmp_path / "one", [alone], "one foot", "measured")
+    report.write(tmp_path / "one", Findings([alone]), "one foot", "measured")
     page = (tmp_path / "one" / "report.html").read_text()
     assert "measured data" in page
     assert "nobody was measured" not in page
     assert "truth" not in page
     assert "No recording is periodic" in page
-    report.write(tmp_path / "none", [failed("1", "s1.csv: is too short.")], "nothing", "of unstated origin")
+    report.write(tmp_path / "none", Findings([failed("1", "s1.csv: is too short.")]), "nothing", "of unstated origin")
     page = (tmp_path / "none" / "report.html").read_text()
     assert "0 of 1 fits done, 1 failed." in page
     assert "data of unstated origin" in page
@@ -177,9 +177,9 @@ def test_tracking_turns_what_is_shown(tmp_path: Path, bare: None) -> None:
         d["cycles"].append(other)
         for b, k_T in zip(d["result"]["branches"], (3e5, 2e4), strict=True):
             b["parameters"]["k_T_n_per_m"]["value"] = k_T
-    found = gather(fits, (), Prior.read(["k_T<k_F"]), "k_T<k_F")
+    found = Findings(fits, prior=Prior.read(["k_T<k_F"]), prior_text="k_T<k_F")
     assert set(found.tracked.values()) == {"stiff pad"}
-    report.write(tmp_path, fits, "turned", "synthetic", None, found)
+    report.write(tmp_path, found, "turned", "synthetic")
     page = (tmp_path / "report.html").read_text()
     said = "Of 42 fits shown: 42 on the branch that all fits of a subject together decide (42 of them against their own"
     assert said in page
@@ -190,11 +190,11 @@ def test_tracking_turns_what_is_shown(tmp_path: Path, bare: None) -> None:
     assert set(energy.loc[energy["shown"], "ankle_j"]) == {5.0}
     whole = figures.energies(summary.cycle_table(fits, found.tracked), "synthetic").axes[0]
     assert whole.containers[0].lines[0].get_ydata() == pytest.approx([1e4] * 3)
-    _, cycles = report.example(fits, "per-recording", "midstance", found.tracked)
+    _, cycles = report.example(found, "per-recording", "midstance")
     assert {c["branch"] for c in cycles} == {"stiff pad"}
     assert len(cycles) == 6
     assert all(c["decided"] for c in cycles)
-    undecided = report.example(fits, "per-recording", "midstance", {})[1]
+    undecided = report.example(Findings(fits), "per-recording", "midstance")[1]
     assert not any(c["decided"] for c in undecided)
     styles = [
         {line.get_linestyle() for line in figures.loops(c, "synthetic").axes[0].lines} for c in (cycles, undecided)
@@ -232,9 +232,9 @@ def test_what_is_decided_alone_is_one_number_in_sentence_and_table() -> None:
     fits = study()[:6]
     for d in fits[:2]:
         d["result"]["verdict"] = "decided"
-    tracked = {d["key"]: "undecided" for d in fits}
-    table = summary.tidy(fits, None, tracked)
-    said = " ".join(tables.short(fits, table, summary.cycle_table(fits, tracked), pd.DataFrame(), tracked))
+    found = Findings(fits)
+    assert set(found.tracked.values()) == {"undecided"}
+    table, said = found.table, " ".join(tables.short(found))
     (row,) = tables.branches(fits, table).to_dict("records")
     assert "mirror decided in 2 of 6 alone" in said and (row["fits"], row["decided alone"]) == (6, 2)
     shown = ("shown as tracking decides", "shown as it decides alone, not tracked", *summary.DECIDED_BY[2:])
@@ -246,15 +246,15 @@ def test_subject_whom_the_model_follows_is_shown_or_nobody_is() -> None:
     fits = study()[:12]  # subjects 1 and 2
     for d in fits[:6]:
         d["subject"] = "16"
-    assert report.example(fits, "per-recording", "midstance", {})[0] == "16"
+    assert report.example(Findings(fits), "per-recording", "midstance")[0] == "16"
     for d in fits[:6]:
         for branch in d["result"]["branches"]:
             branch["fit_percent"] = 84.9
-    assert report.example(fits, "per-recording", "midstance", {})[0] == "2"
+    assert report.example(Findings(fits), "per-recording", "midstance")[0] == "2"
     for d in fits:
         for branch in d["result"]["branches"]:
             branch["fit_percent"] = 84.9
-    found = report.pictures(fits, summary.tidy(fits), summary.cycle_table(fits), "synthetic", {})
+    found = report.pictures(Findings(fits), "synthetic")
     assert not any(name.startswith("loops") for name in found)
     assert "No fit of any subject here follows" in found["transmissibility_per-recording"][1]
 
@@ -283,7 +283,7 @@ def test_fits_that_do_not_follow_are_said_and_left_out(tmp_path: Path, monkeypat
         bad["cycles"][0][part]["dissipated_j"] = 1e3
     with monkeypatch.context() as patched:
         patched.setattr(report, "pictures", lambda *_: {})
-        report.write(tmp_path, fits, "a bad one", "synthetic")
+        report.write(tmp_path, Findings(fits), "a bad one", "synthetic")
     page = (tmp_path / "report.html").read_text()
     said = "1 of 42 fits follow their recordings to less than 85 % "
     said += "(per-recording, subject 1, midstance, 0 kg, 30 Hz: 37.2 %)"
@@ -296,12 +296,12 @@ def test_fits_that_do_not_follow_are_said_and_left_out(tmp_path: Path, monkeypat
     assert (row[4], float(row[5])) == (6, pytest.approx(2e3 * np.pi, rel=1e-2))
     assert "41 of 42" in figures.curves(table, "synthetic").axes[0].get_title()
     mine = [d for d in fits if d["subject"] == "1"]
-    cycles = report.example(mine, "per-recording", "midstance", {})[1]
+    cycles = report.example(Findings(mine), "per-recording", "midstance")[1]
     assert [c["follows"] for c in cycles] == [True, True, False, True, True, True]
     drawn = figures.loops(cycles, "synthetic")
     assert [line.get_linestyle() for line in drawn.axes[0].lines] == ["--", "--", ":"]
     assert "less than 85 %" in drawn.get_supxlabel()
     bad["result"]["branches"][0]["fit_percent"] = 84.0
-    alone = report.pictures([bad], summary.tidy([bad]), summary.cycle_table([bad]), "synthetic", {})
+    alone = report.pictures(Findings([bad]), "synthetic")
     assert "energies_per-recording" not in alone
     assert "loops_per-recording" not in alone

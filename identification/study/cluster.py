@@ -9,6 +9,7 @@ import contextlib
 import logging
 import uuid
 from collections.abc import Callable, Iterable, Iterator
+from importlib.util import find_spec
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -16,8 +17,8 @@ from fasbody import runner
 from fasbody.console import held, once
 from fasbody.exceptions import FasError, MissingPackageError, SettingError
 from identification.study import job, plan
-from identification.study.job import Document
 from identification.study.plan import Work
+from identification.study.store import Document
 
 #: Takes work lazily and yields documents as they are ready.
 Crew = Callable[[Iterable[Work]], Iterator[Document]]
@@ -31,6 +32,25 @@ _GONE = "the connection to the scheduler is lost; the same command goes on from 
 _QUIET = {"distributed.worker.daemon": True, "distributed.comm.timeouts.connect": f"{_PATIENCE_S}s"}
 #: Sampling of the worker's stack a hundred times a second is switched off, as it costs time.
 _PLAIN = {"distributed.nanny.pre-spawn-environ.NUMBA_NUM_THREADS": 1, "distributed.worker.profile.enabled": False}
+
+
+@contextlib.contextmanager
+def crew(count: int, scheduler: str | None, workers: int) -> Iterator[Crew]:
+    """Who does so many jobs: a cluster, local processes, or this one where that is enough.
+
+    Args:
+        count: of the jobs.
+        scheduler: address of a cluster, None for this machine.
+        workers: processes here, 0 for one a core.
+    """
+    cores = workers or min(runner.cores(), count)
+    few = not workers and (count < FEW or not find_spec("distributed"))
+    if scheduler is not None:
+        place = remote(scheduler)
+    else:
+        place = in_process() if cores == 1 or few else local(cores)
+    with place as do:
+        yield do
 
 
 @contextlib.contextmanager
@@ -181,7 +201,7 @@ def _failed(work: Work, error: BaseException) -> Document:
     """What is written of a job whose worker ended, each time it was tried."""
     died = type(error).__name__ == "KilledWorker"
     why = "the worker doing it ended, several times over; memory may be short" if died else " ".join(str(error).split())
-    return job.document(work.job, {"status": "failed", "error": f"{work.job}: {why.rstrip('.')}."})
+    return job.document(work.job, error=f"{work.job}: {why.rstrip('.')}.")
 
 
 def _distributed() -> Any:
@@ -190,10 +210,3 @@ def _distributed() -> Any:
     except ImportError:
         raise MissingPackageError("distributed", "study") from None
     return distributed
-
-
-def installed() -> bool:
-    """Whether local processes are to be had."""
-    import importlib.util
-
-    return importlib.util.find_spec("distributed") is not None
