@@ -53,10 +53,9 @@ def test_mujoco_predicts_as_the_equations_do(foot: Foot) -> None:
 
 
 def test_interpolation_by_hand() -> None:
-    q = [np.array([1.0, 5.0]), np.array([3.0, 4.0]), np.array([7.0, 0.0])]
-    middle = interpolated(np.sqrt(10 * 20), [20.0, 10.0, 40.0], [q[1], q[0], q[2]])
-    np.testing.assert_allclose(middle, [2.0, 4.5])
-    np.testing.assert_allclose(interpolated(50.0, [20.0, 10.0, 40.0], [q[1], q[0], q[2]]), q[2])
+    f, q = np.array([20.0, 10.0, 40.0]), np.array([[3.0, 4.0], [1.0, 5.0], [7.0, 0.0]])
+    np.testing.assert_allclose(interpolated(np.sqrt(10 * 20), f, q), [2.0, 4.5])
+    np.testing.assert_allclose(interpolated(50.0, f, q), q[2])
 
 
 def test_estimates_that_are_power_laws_predict_what_is_left_out(foot: Foot) -> None:

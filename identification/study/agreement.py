@@ -133,7 +133,7 @@ def agreement(
         if (b := other.parameters.get(key)) is not None:
             joint = np.hypot(a.std_error, b.std_error)
             z = float((a.value - b.value) / joint) if np.isfinite(joint) and joint > 0 else np.nan
-            row = {"key": key, "steady": a.value, "steady_error": a.std_error, "time": b.value}
+            row: dict[str, Any] = {"key": key, "steady": a.value, "steady_error": a.std_error, "time": b.value}
             row |= {"time_error": b.std_error, "z": z, "agrees": not abs(z) > BEYOND}
             differences.append(row)
     behaviour = [steadiness(checked(recording)) for recording in recordings]
@@ -148,9 +148,7 @@ def agreement(
     }
 
 
-def _sentence(
-    known: Sequence[Mapping[str, Any]], behaviour: Sequence[Steadiness], steady: FitResult
-) -> str:
+def _sentence(known: Sequence[Mapping[str, Any]], behaviour: Sequence[Steadiness], steady: FitResult) -> str:
     if not known:
         return "Nothing to compare: no parameter has a standard error in both the steady state and the time domain."
     routes, count = "Steady state and time domain", len(known)

@@ -109,15 +109,11 @@ def main(
         done = {job.trials: kept[job.key] for job in jobs if job.key in kept}
         done = {trials: fit for trials, fit in done.items() if fit["status"] == "done"}
         checking = [job for job in checking if job.kind == "validation" or job.trials in done]
-        checked = complete(
-            lambda job: plan.work(job, done.get(job.trials)), checking, checks, scheduler, workers
-        )
+        checked = complete(lambda job: plan.work(job, done.get(job.trials)), checking, checks, scheduler, workers)
     except KeyboardInterrupt:
         there = [*fits.documents(job.key for job in jobs), *checks.documents(job.key for job in checking)]
         count = f"{len(there)} of {len(jobs) + len(checking)} fits and checks"
-        raise Stopped(
-            f"stopped with {count} in {out}; the same command goes on from there."
-        ) from None
+        raise Stopped(f"stopped with {count} in {out}; the same command goes on from there.") from None
     seconds = time.perf_counter() - began
     for other in MODES:
         kept |= fits.documents(job.key for job in plan.jobs(other)) if other != mode else {}
@@ -213,9 +209,7 @@ def show(findings: "Findings", run: Mapping[str, Any], as_json: bool) -> None:
             for fit, percent in unfollowed_fits(documents, findings.tracked)
         ]
         errors = [{name: document[name] for name in about} for document in failed]
-        print_json(
-            {**run, "modes": counted, "failed": errors, "poor": unfollowed, **findings.document()}
-        )
+        print_json({**run, "modes": counted, "failed": errors, "poor": unfollowed, **findings.document()})
     else:
         what = f"{run['computed']} fits" + (f" and {run['checked']} checks" if run["checked"] else "")
         title = f"{what} computed in {run['seconds']:.0f} s; {run['done']} of {run['wanted']} fits done"

@@ -53,8 +53,12 @@ def save(figure: Figure, ending: str) -> bytes:
     return picture(figure, ending)
 
 
-def noted(figure: Figure, text: str) -> Figure:
-    """Write a remark below a figure, wrapped to its width."""
+def noted(figure: Figure, text: str, handles: Sequence[Any] = (), columns: int = 0) -> Figure:
+    """Write a remark below a figure, wrapped to its width, and a legend above it."""
+    if handles:
+        how: dict[str, Any] = {"handletextpad": 0.4, "columnspacing": 1.0}
+        columns = columns or len(handles)
+        figure.legend(handles=handles, loc="outside upper center", ncols=columns, **how)
     figure.supxlabel(fill(text, int(_LETTERS * figure.get_figwidth())), color=GREY)
     return figure
 
@@ -121,23 +125,19 @@ def curves(table: pd.DataFrame, origin: str) -> Figure:
     }
     handles = _load_keys(loads, ls="-", lw=0.6)
     handles += [_key(label, **style) for label, (drawn_at_all, style) in keys.items() if drawn_at_all]
-    figure.legend(
-        handles=handles, loc="outside upper center", handletextpad=0.4, columnspacing=1.0,
-        ncols=len(handles) if len(handles) < 7 else 4,
-    )  # fmt: skip
     truth = "; truth: the mean over these subjects" if known else ""
-    means = (
-        f"Means where {FEWEST} subjects or more are decided (geometric, of c_12 and c_22 "
-        f"arithmetic); bands: 95 % of the mean, jackknife over {BAND} or more{truth}."
-        if drawn
-        else f"No mean is drawn of fewer than three decided subjects{truth}."
-    )
+    means = f"No mean is drawn of fewer than three decided subjects{truth}."
+    if drawn:
+        means = f"Means where {FEWEST} subjects or more are decided (geometric, of c_12 and c_22 "
+        means += f"arithmetic); bands: 95 % of the mean, jackknife over {BAND} or more{truth}."
     return noted(
         figure,
         f"{_people(origin, rows)} Bars: 95 % of each estimate, cut at the frame; in the titles how "
         f"many estimates have one, and are drawn. The branch is decided in {decided} of "
         f"{len(fits)} fits; elsewhere ankle and pad may have changed places, and the likelier "
         f"branch is drawn. {means}{_without_estimate(rows)}",
+        handles,
+        len(handles) if len(handles) < 7 else 4,
     )
 
 
@@ -232,7 +232,6 @@ def transmissibility(cycles: Sequence[Mapping[str, Any]], origin: str) -> Figure
     handles.append(_key("model", ls="-", marker=".", ms=3.5))
     if any(line.get_linestyle() == _DOTTED for line in size.lines):
         handles.append(_key("model that does not follow", ls=_DOTTED))
-    figure.legend(handles=handles, loc="outside upper center", ncols=len(handles))
     mode = str(cycles[0].get("mode", "")) if cycles else ""
     fitted = {
         "per-recording": ", fitted to each recording alone",
@@ -243,7 +242,7 @@ def transmissibility(cycles: Sequence[Mapping[str, Any]], origin: str) -> Figure
     if good_count < len(cycles):
         text += f" A dot: it follows to {LEAST_FIT:g} % or more in the mean, "
         text += f"{good_count} of {len(cycles)} recordings."
-    return noted(figure, text)
+    return noted(figure, text, handles)
 
 
 def _whose(cycles: Sequence[Mapping[str, Any]]) -> str:
@@ -358,20 +357,14 @@ def energies(table: pd.DataFrame, origin: str) -> Figure:
         handles.append(_key("branch not decided", marker="o", ms=3.5, mew=0.6, mfc="none"))
     if medians:
         handles.append(_key("median and quartiles", marker="o", ls="-", lw=1.2, ms=3.8))
-    figure.legend(
-        handles=handles, loc="outside upper center", ncols=len(handles), columnspacing=1.0,
-        handletextpad=0.4,
-    )  # fmt: skip
-    drawn = (
-        f"Lines: medians and quartiles of {FEWEST_OF_A_BOX} or more."
-        if medians
-        else f"There is no median of fewer than {FEWEST_OF_A_BOX}."
-    )
+    drawn = f"There is no median of fewer than {FEWEST_OF_A_BOX}."
+    drawn = f"Lines: medians and quartiles of {FEWEST_OF_A_BOX} or more." if medians else drawn
     return noted(
         figure,
         f"{_people(origin, rows)} A mark is one cycle of one subject; loads stand side by side at "
         f"each frequency. {drawn} The energy is the same on both branches. The pad's share is not, "
         f"and its branch is decided in {int(decided.sum())} of {len(rows)} cycles.",
+        handles,
     )
 
 

@@ -50,9 +50,7 @@ def ensure(mode: str, settings: Settings, foot: Foot, profile: Sequence[str]) ->
         if name not in free:
             raise SettingError(f"{unknown('parameter to profile', name, free)}.")
     if mode == "per-recording" and DELAY.name in profile:
-        raise SettingError(
-            "one frequency cannot tell the delay, which per-recording fits hold; profile it in pooled."
-        )
+        raise SettingError("one frequency cannot tell the delay, which per-recording fits hold; profile it in pooled.")
     return space
 
 
@@ -178,9 +176,7 @@ def values_of(branch: Document, foot: Foot) -> dict[str, float]:
     return {name_of[key]: (e.get("if_model_true") or e)["value"] for key, e in of}
 
 
-def _usable(
-    recordings: Sequence[Recording], left_out: list[str]
-) -> tuple[list[Recording], list[Recording]]:
+def _usable(recordings: Sequence[Recording], left_out: list[str]) -> tuple[list[Recording], list[Recording]]:
     """Those that can serve, as they are and checked; of a lone one that cannot, the problem itself."""
     usable, data = [], []
     for recording in recordings:

@@ -151,15 +151,11 @@ class Plan:
         SettingError: an invalid domain or number of starts.
     """
 
-    def __init__(
-        self, study: StudyFolder, trials: Sequence[Trial], settings: Settings, model: Model
-    ) -> None:
+    def __init__(self, study: StudyFolder, trials: Sequence[Trial], settings: Settings, model: Model) -> None:
         if settings.domain not in DOMAINS:
             raise SettingError(f"{unknown('domain', settings.domain, DOMAINS)}.")
         if settings.starts < 1:
-            raise SettingError(
-                f"the number of starts is {settings.starts}; at least one is needed.", "starts"
-            )
+            raise SettingError(f"the number of starts is {settings.starts}; at least one is needed.", "starts")
         self.study, self.trials, self.settings, self.model = study, list(trials), settings, model
         self._contents = {trial: content(study, trial) for trial in trials}
 

@@ -245,9 +245,7 @@ def populations(documents: Sequence[Document]) -> tuple[list[Population], list[s
     return found, reasons
 
 
-def _of_group(
-    posture: str, load: float, fits: Sequence[Document], unfit: Mapping[str, str]
-) -> list[Population]:
+def _of_group(posture: str, load: float, fits: Sequence[Document], unfit: Mapping[str, str]) -> list[Population]:
     """The population of usable fits of different persons, on one branch or both; or none."""
     out = tuple(LeftOut(who, why) for who, why in unfit.items())
     alone, common = _odds(fits)
@@ -299,9 +297,7 @@ def _odds(fits: Sequence[Document]) -> tuple[float, float]:
     return sum(misfit) + sum(paid), sum(misfit) + sum(paid) / max(1, len(paid) - 1)
 
 
-def _constants(
-    fits: Sequence[Document], name: str
-) -> tuple[tuple[Constant, ...], tuple[LeftOut, ...]]:
+def _constants(fits: Sequence[Document], name: str) -> tuple[tuple[Constant, ...], tuple[LeftOut, ...]]:
     """The constants on one branch that enough persons have, and who is left out of all."""
     known: dict[str, list[tuple[str, float, float]]] = {symbol: [] for symbol in EXCHANGED}
     unknown: dict[str, list[LeftOut]] = {symbol: [] for symbol in EXCHANGED}

@@ -171,9 +171,7 @@ def profiles(
     return [_profile(problem, place, q, float(std[place.index]), excess, enough) for place in places]
 
 
-def _profile(
-    problem: Likelihood, place: Place, q: np.ndarray, std: float, excess: float, enough: bool
-) -> Profile:
+def _profile(problem: Likelihood, place: Place, q: np.ndarray, std: float, excess: float, enough: bool) -> Profile:
     j, item, value, best = place.index, place.item, place.value, float(q[place.index])
     low, high = (float(limit[j]) for limit in problem.bounds)
     known = bool(np.isfinite(std) and std > 0)
@@ -224,9 +222,7 @@ class _Side:
     open: bool
 
 
-def _side(
-    problem: Likelihood, end: np.ndarray, j: int, step: float, bound: float, excess: float
-) -> _Side:
+def _side(problem: Likelihood, end: np.ndarray, j: int, step: float, bound: float, excess: float) -> _Side:
     """Go away from the end in growing steps, then close in on the limit."""
     least, rises = _deviance(problem, end), dict[float, float]()
 

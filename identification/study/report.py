@@ -27,9 +27,7 @@ _NONE_FOLLOWS = (
     "ground is not shown."
 )
 #: Names of the figures that `pictures` gives, or gave before.
-_OURS = re.compile(
-    r"(verdicts|waterfall|(curves|boxes|traces|transmissibility|loops|energies|persons)_.+)\.(svg|png)"
-)
+_OURS = re.compile(r"(verdicts|waterfall|(curves|boxes|traces|transmissibility|loops|energies|persons)_.+)\.(svg|png)")
 #: What a fit of each mode takes; loops mean most per recording, where ankle and pad may change places.
 _MODES = {
     "per-recording": "each recording alone, as in the thesis",
@@ -52,7 +50,7 @@ def write(out: Path, findings: Findings, title: str, origin: str) -> list[Path]:
     drawn = pictures(findings, origin)
     from identification.study import figures  # late: matplotlib takes a second
 
-    files, inlined = {}, {}
+    files, inlined = dict[str, bytes](), dict[str, Any]()
     for name, (draw, caption) in drawn.items():
         figure = draw()
         files |= {f"figures/{name}.{ending}": figures.save(figure, ending) for ending in ("svg", "png")}

@@ -180,9 +180,7 @@ def unfollowed_fits(
     return sorted((pair for pair in fits if not follows(pair[1])), key=lambda pair: pair[1])
 
 
-def unfollowed_sentence(
-    documents: Sequence[Document], tracked: Mapping[str, str] | None = None
-) -> str:
+def unfollowed_sentence(documents: Sequence[Document], tracked: Mapping[str, str] | None = None) -> str:
     """How many fits failed to fit, and which; empty where none did."""
     unfollowed = unfollowed_fits(documents, tracked)
     if not unfollowed:
@@ -224,9 +222,7 @@ def first(documents: Sequence[Document], tracked: Mapping[str, str] | None = Non
     return (serves == count and unfollowed_sentence(documents, tracked)) or one_set(documents)
 
 
-def cycle_table(
-    documents: Sequence[Document], tracked: Mapping[str, str] | None = None
-) -> pd.DataFrame:
+def cycle_table(documents: Sequence[Document], tracked: Mapping[str, str] | None = None) -> pd.DataFrame:
     """Energies of every cycle [J], a row a recording and branch: `CYCLES`.
 
     Cycles may be of a foot that is no branch of the fit, such as the one a synthetic recording was

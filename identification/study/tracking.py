@@ -192,9 +192,7 @@ def track(fits: Sequence[Fit], *, prior: Prior | None = None) -> Tracking:
         raise SettingError("tracking needs a fit, and each fit a branch.")
     most = max(Counter(fit.frequency_hz for fit in fits).values())
     if most > MOST_FITS:
-        raise SettingError(
-            f"too many fits at one frequency for exact odds ({most}; valid: up to {MOST_FITS})."
-        )
+        raise SettingError(f"too many fits at one frequency for exact odds ({most}; valid: up to {MOST_FITS}).")
     order = sorted(range(len(fits)), key=lambda i: (fits[i].frequency_hz or 0.0, fits[i].added_mass_kg))
     ordered = [fits[i] for i in order]
     alone = [_alone(fit, prior or Prior()) for fit in ordered]
@@ -208,9 +206,7 @@ def track(fits: Sequence[Fit], *, prior: Prior | None = None) -> Tracking:
 def _alone(fit: Fit, prior: Prior) -> np.ndarray:
     """Log probability (b,) of a fit's branches, without its neighbours, up to a constant."""
     least = min(branch.deviance for branch in fit.branches)
-    return np.array(
-        [-0.5 * (branch.deviance - least) + prior.log(branch.values) for branch in fit.branches]
-    )
+    return np.array([-0.5 * (branch.deviance - least) + prior.log(branch.values) for branch in fit.branches])
 
 
 def _links(fits: Sequence[Fit]) -> Links:

@@ -90,11 +90,14 @@ def compare(line: Line, Y: np.ndarray, edge: bool = False) -> HeldOut:
     )
 
 
-def interpolated(at: float, frequencies_hz: Sequence[float], values: Sequence[np.ndarray]) -> np.ndarray:
-    """Search variables (p,) at a frequency, linear in log f; beyond the ends those of the last."""
+def interpolated(at: float, frequencies_hz: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """Search variables (p,) at a frequency, linear in log f between those (n, p) at others (n,).
+
+    Beyond the ends they are those of the last one.
+    """
     order = np.argsort(frequencies_hz)
-    x, q = np.log(np.asarray(frequencies_hz, float))[order], np.asarray(values)[order]
-    return np.array([np.interp(np.log(at), x, column) for column in q.T])
+    x = np.log(frequencies_hz[order])
+    return np.array([np.interp(np.log(at), x, column) for column in q[order].T])
 
 
 def held(setup: Setup) -> Problem:
