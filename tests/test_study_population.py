@@ -160,7 +160,7 @@ def test_one_person_does_not_decide_for_the_others() -> None:
 
 def test_who_does_not_follow_is_left_out() -> None:
     (one,) = populations(study(20.0, follows=False))[0]
-    assert [(x.subject, x.why) for x in one.left_out] == [("4", "the stiff ankle does not follow the recordings")]
+    assert [(x.subject, x.why) for x in one.left_out] == [("4", "the fit does not follow the recordings")]
     assert len(one.constants[0].persons) == 4
     assert populations(study(20.0, follows=False, persons=4))[0] == []
     alone = [plain("pooled", str(i), 0.0, None, {"stiff ankle": {}}) for i in range(5)]

@@ -205,7 +205,7 @@ def test_tracking_turns_what_is_shown(tmp_path: Path, bare: None) -> None:
 def test_boxes_leave_out_what_has_no_standard_error() -> None:
     fits = study()[:-1]
     for d in fits[:12]:  # the first two subjects rest on a bound
-        d["result"]["branches"][0]["parameters"]["c_13_per_m"] |= {"value": 0.0, "std_error": None}
+        d["result"]["branches"][0]["parameters"]["c_13_per_m"] |= {"value": 0.0, "std_error": None, "at_bound": True}
     rows = summary.tidy(fits)
     axis = boxes(rows[rows["added_mass_kg"] == 0], "synthetic").axes[3]
     assert "15 of 21" in axis.get_title()
@@ -239,6 +239,38 @@ def test_what_is_decided_alone_is_one_number_in_sentence_and_table() -> None:
     assert "mirror decided in 2 of 6 alone" in said and (row["fits"], row["decided alone"]) == (6, 2)
     shown = ("shown as tracking decides", "shown as it decides alone, not tracked", *summary.DECIDED_BY[2:])
     assert [row[name] for name in shown] == [0, 0, 6, 0, 0]
+
+
+def test_a_disowned_fit_has_no_odds_intervals_or_energies(tmp_path: Path, bare: None) -> None:
+    """Two pooled fits of one subject: the second load's do not follow, so the first alone is weighed and counted."""
+    fits = [plain("pooled", "1", load, None, branches(1.0)) for load in (0.0, 2.3)]
+    for d, follow in zip(fits, (True, False), strict=True):
+        for branch in d["result"]["branches"]:
+            branch["world"] = {"follows": follow, "repeatability": 0.0, "dof": 9, "objective": 1.0, "chi_square": 1.0}
+    found = Findings(fits)
+    assert list(found.tracked) == [fits[0]["key"]]
+    offered = found.table.groupby("key")[["std_error", "lower", "upper"]].count().sum(axis=1)
+    assert offered[fits[0]["key"]] > 0 == offered[fits[1]["key"]]
+    assert set(found.energy["key"]) == {fits[0]["key"]}
+    nothing = Findings(fits[1:])
+    (subject,) = nothing.subjects
+    assert subject.tracking is None and nothing.document()["tracking"][0]["tracking"] is None
+    assert nothing.energy.empty and not nothing.table["std_error"].notna().any()
+    report.write(tmp_path, nothing, "disowned", "synthetic")
+    assert "No fit follows its recordings" in (page := (tmp_path / "report.html").read_text())
+    assert " to 1<" not in page
+
+
+def test_estimates_without_an_interval_are_drawn_bare() -> None:
+    """One frequency has fewer numbers than constants: values without bars, and no count of intervals in the titles."""
+    rows = summary.tidy(study()[:-1]).assign(std_error=np.nan, lower=np.nan, upper=np.nan)
+    figure = figures.curves(rows, "synthetic")
+    axis = figure.axes[0]
+    drawn = [y for line in axis.lines if line.get_label() == "no interval" for y in line.get_ydata()]
+    values = rows[rows["shown"] & (rows["parameter"] == "k_T")]["value"]
+    assert sorted(drawn) == pytest.approx(sorted(1e-3 * values)) and " of " not in axis.get_title()
+    texts = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert "no interval" in texts and "branch not decided" not in texts
 
 
 def test_subject_whom_the_model_follows_is_shown_or_nobody_is() -> None:
@@ -292,8 +324,12 @@ def test_fits_that_do_not_follow_are_said_and_left_out(tmp_path: Path, monkeypat
     table, energy = summary.tidy(fits), summary.cycle_table(fits)
     lost = before[summary.measured(before)].index.difference(table[summary.measured(table)].index)
     assert set(table.loc[lost, "key"]) == {bad["key"]} and len(lost) == 16
-    row = next(list(r) for r in tables.energies(energy).to_numpy() if list(r[2:4]) == ["0", "30"])
-    assert (row[4], float(row[5])) == (6, pytest.approx(2e3 * np.pi, rel=1e-2))
+    for by, count in (("tracking", 6), ("undecided", 0)):
+        rows = tables.energies(energy.assign(decided_by=by)).set_index(["added mass [kg]", "frequency [Hz]"])
+        row = rows.loc[("0", "30")]
+        assert (row["cycles"], row["branch decided"]) == (6, count)
+        assert float(row["median shaker [mJ]"]) == pytest.approx(8.01e3 * np.pi, rel=1e-2)
+        assert row["median ankle [mJ]"] == (f"{2e3 * np.pi:.3g}" if count else "–")
     assert "41 of 42" in figures.curves(table, "synthetic").axes[0].get_title()
     mine = [d for d in fits if d["subject"] == "1"]
     cycles = report.example(Findings(mine), "per-recording", "midstance")[1]

@@ -70,10 +70,16 @@ class Findings:
         return [self._tracked(*who, fits) for who, fits in groups.items()]
 
     def _tracked(self, mode: str, subject: str, posture: str, fits: Sequence[Document]) -> Subject:
-        """Fits with one branch say nothing about the choice, and sweeps have no place in frequency."""
-        two = [fit for fit in fits if len(fit["result"]["branches"]) > 1]
+        """Fits with one branch say nothing about the choice, and sweeps have no place in frequency.
+
+        No odds are given of fits that do not follow their recordings.
+        """
+        usable = [fit for fit in fits if not summary.disowned(fit)]
+        two = [fit for fit in usable if len(fit["result"]["branches"]) > 1]
         two = [fit for fit in two if mode == "pooled" or fit["frequency_hz"] is not None]
         tracking, text = None, "Fits without a frequency or a mirror solution are not tracked."
+        if not usable:
+            text = "No fit follows its recordings, so no branch is weighed."
         try:
             if two:
                 tracking = track([Fit.from_document(fit) for fit in two], prior=self.prior)

@@ -28,8 +28,8 @@ from fasbody.foot.parameters import symbol_and_unit
 from fasbody.heel.population import FEWEST, Observed, estimate
 from fasbody.presentation import Tabled, readable
 from identification.branches import DECISIVE_ODDS, EXCHANGED, STIFF_ANKLE, STIFF_PAD
-from identification.recommendations import LEAST_FIT, follows
 from identification.study.posterior import Posterior
+from identification.study.summary import disowned
 from identification.study.tracking import deviances
 
 Document = Mapping[str, Any]
@@ -147,10 +147,7 @@ class Population(Tabled):
     def dropped(self, constant: Constant | None = None) -> str:
         """Who is left out and why, of one constant or of all, in a clause; empty where nobody is."""
         constants = [constant] if constant else self.constants
-        reasons: dict[str, list[str]] = {}
-        for one in (*self.left_out, *(x for c in constants for x in c.left_out)):
-            reasons.setdefault(one.why, []).append(one.subject)
-        return ", ".join(f"{' and '.join(who)} ({why})" for why, who in reasons.items())
+        return _listed([*self.left_out, *(x for c in constants for x in c.left_out)])
 
     def odd(self) -> list[str]:
         """Who does not belong to the others, and in what, a sentence each."""
@@ -167,6 +164,14 @@ class Population(Tabled):
         """As plain data."""
         constants = [asdict(c) | {"does_not_belong": [p.subject for p in c.odd]} for c in self.constants]
         return asdict(self) | {"constants": constants}
+
+
+def _listed(left_out: Sequence[LeftOut]) -> str:
+    """Who is left out, by the reason why."""
+    reasons: dict[str, list[str]] = {}
+    for one in left_out:
+        reasons.setdefault(one.why, []).append(one.subject)
+    return ", ".join(f"{' and '.join(who)} ({why})" for why, who in reasons.items())
 
 
 def _to_one(odds_log: float) -> str:
@@ -222,11 +227,11 @@ def populations(documents: Sequence[Document]) -> tuple[list[Population], list[s
         if fit["mode"] == "pooled":
             groups.setdefault((fit["posture"], fit["added_mass_kg"]), []).append(fit)
     found: list[Population] = []
-    reasons = []
+    reasons: dict[tuple[str, str], list[str]] = {}
     for (posture, load), fits in sorted(groups.items()):
         twice = [who for who, count in Counter(_who(fit) for fit in fits).items() if count > 1]
-        unfit = {_who(fit): why for fit in fits if (why := _unfit(fit))}
-        usable = [fit for fit in fits if _who(fit) not in unfit]
+        unfit = [LeftOut(_who(fit), why) for fit in fits if (why := _unfit(fit))]
+        usable = [fit for fit in fits if not _unfit(fit)]
         of_group = [] if twice else _of_group(posture, load, usable, unfit)
         found += of_group
         why, hint = f"subject {twice[0]} is there twice" if twice else "", ""
@@ -237,17 +242,17 @@ def populations(documents: Sequence[Document]) -> tuple[list[Population], list[s
             if len(usable) < FEWEST:
                 why = f"only {len(usable)} of {len(fits)} persons can be used"
             why += f" and at least {FEWEST} are needed"
-            hint = ", ".join(f"{who} ({reason})" for who, reason in unfit.items())
-            hint = hint and f"left out: {hint}"
+            hint = f"left out: {_listed(unfit)}" if unfit else ""
         if why:
             why += f"; {hint}" if hint else ""
-            reasons.append(f"{posture}, {load:g} kg: no population, as {why}.")
-    return found, reasons
+            reasons.setdefault((posture, why), []).append(f"{load:g}")
+    return found, [
+        f"{posture}, {' and '.join(loads)} kg: no population, as {why}." for (posture, why), loads in reasons.items()
+    ]
 
 
-def _of_group(posture: str, load: float, fits: Sequence[Document], unfit: Mapping[str, str]) -> list[Population]:
+def _of_group(posture: str, load: float, fits: Sequence[Document], unfit: Sequence[LeftOut]) -> list[Population]:
     """The population of usable fits of different persons, on one branch or both; or none."""
-    out = tuple(LeftOut(who, why) for who, why in unfit.items())
     alone, common = _odds(fits)
     branches = [STIFF_ANKLE, STIFF_PAD] if alone >= 0 else [STIFF_PAD, STIFF_ANKLE]
     each_left_out = [_odds([fit for fit in fits if fit is not one]) for one in fits]
@@ -259,7 +264,7 @@ def _of_group(posture: str, load: float, fits: Sequence[Document], unfit: Mappin
         if constants:
             sign = 1 if name == STIFF_ANKLE else -1
             verdict = "decided" if decided else "undecided", sign * alone, sign * common
-            found.append(Population(posture, load, name, *verdict, constants, (*out, *left_out)))
+            found.append(Population(posture, load, name, *verdict, constants, (*unfit, *left_out)))
     return found
 
 
@@ -271,12 +276,8 @@ def _unfit(fit: Document) -> str:
     """Why a fit says nothing of its person; empty where it does."""
     if fit["status"] != "done":
         return "the fit failed"
-    branches = fit["result"]["branches"]
-    if all(branch.get("world") for branch in branches):
-        return ""
-    if not follows(branches[0]["fit_percent"]):
-        return f"the fit follows the recordings to less than {LEAST_FIT:g} %"
-    return "the fit allows for nothing but the model"
+    allows = all(branch.get("world") for branch in fit["result"]["branches"])
+    return disowned(fit) or ("" if allows else "the fit allows for nothing but the model")
 
 
 def _odds(fits: Sequence[Document]) -> tuple[float, float]:

@@ -16,7 +16,7 @@ Document = Mapping[str, Any]
 COLUMNS = (
     "mode", "subject", "posture", "added_mass_kg", "frequency_hz", "branch", "chosen", "parameter", "unit", "value",
     "std_error", "lower", "upper", "verdict", "outlier", "truth", "key", "tracked", "shown", "decided_by",
-    "profile_lower", "profile_upper", "fit_percent",
+    "profile_lower", "profile_upper", "fit_percent", "at_bound",
 )  # fmt: skip
 #: Those that are neither text nor flags.
 _NUMBERS = (
@@ -66,6 +66,20 @@ def displayed_branch(document: Document, tracked: Mapping[str, str] | None = Non
     return names[0], "likelihood" if verdict == "decided" else verdict
 
 
+def disowned(document: Document) -> str:
+    """Why a pooled fit that is done says nothing of its foot; empty where it does.
+
+    Such a fit has no odds, intervals or energies.
+    """
+    best = document["result"]["branches"][0]
+    world = best.get("world")
+    if document["mode"] != "pooled" or (world["follows"] if world else follows(best["fit_percent"])):
+        return ""
+    if world:
+        return "the fit does not follow the recordings"
+    return f"the fit follows the recordings to less than {LEAST_FIT:g} %"
+
+
 def measured(rows: pd.DataFrame) -> pd.Series:
     """Which estimates count in means, bands and boxes: those with a standard error, of a fit that follows.
 
@@ -92,7 +106,7 @@ def tidy(
     done = (document for document in documents if document["status"] == "done")
     rows = (row for d in done for row in _rows(d, truth, tracked or {}, profiles or {}))
     table = pd.DataFrame(rows, columns=list(COLUMNS))
-    flags = dict.fromkeys(("chosen", "shown", "outlier"), bool)
+    flags = dict.fromkeys(("chosen", "shown", "outlier", "at_bound"), bool)
     table = table.astype(dict.fromkeys(_NUMBERS, float) | flags)
     for _, group in table[table["shown"] & measured(table)].groupby(GROUP, dropna=False):
         table.loc[group.index, "outlier"] = outliers(group["value"].to_numpy())
@@ -111,6 +125,7 @@ def _rows(
     f = document["frequency_hz"]
     shared["frequency_hz"] = None if f is None else nominal(f)
     known = truth.of(document["files"]) if truth else {}
+    none = dict.fromkeys(("std_error", "lower", "upper")) if disowned(document) else {}
     for number, branch in enumerate(document["result"]["branches"]):
         of_branch = {"branch": branch["name"], "chosen": number == 0, "shown": branch["name"] == name}
         for key, e in branch["parameters"].items():
@@ -124,6 +139,7 @@ def _rows(
                 "verdict": word(document["mode"], branch, e["identifiability"], profile.get("verdict")),
                 "profile_lower": None if profile.get("open_below") else profile.get("lower"),
                 "profile_upper": None if profile.get("open_above") else profile.get("upper"),
+                "at_bound": bool(e["at_bound"]), **none,
             }  # fmt: skip
 
 
@@ -197,8 +213,8 @@ def unfollowed_sentence(documents: Sequence[Document], tracked: Mapping[str, str
 def _serving(documents: Iterable[Document]) -> tuple[int, int]:
     """In how many pooled fits one set of constants serves all frequencies, and of how many."""
     done = [d for d in documents if d["mode"] == "pooled" and d["status"] == "done"]
-    fits = [d["result"]["branches"][0] for d in done if d["frequency_hz"] is None]
-    return sum(bool((b.get("world") or {}).get("follows")) for b in fits), len(fits)
+    worlds = [d["result"]["branches"][0].get("world") for d in done]
+    return sum(bool(world and world["follows"]) for world in worlds), sum(map(bool, worlds))
 
 
 def one_set(documents: Iterable[Document]) -> str:
@@ -223,13 +239,13 @@ def first(documents: Sequence[Document], tracked: Mapping[str, str] | None = Non
 
 
 def cycle_table(documents: Sequence[Document], tracked: Mapping[str, str] | None = None) -> pd.DataFrame:
-    """Energies of every cycle [J], a row a recording and branch: `CYCLES`.
+    """Energies of every cycle [J], a row a recording and branch: `CYCLES`; none of disowned fits.
 
     Cycles may be of a foot that is no branch of the fit, such as the one a synthetic recording was
     made from.
     """
     rows = []
-    for d in (d for d in documents if d["status"] == "done"):
+    for d in (d for d in documents if d["status"] == "done" and not disowned(d)):
         name, by = displayed_branch(d, tracked)
         percent = {branch["name"]: branch["fit_percent"] for branch in d["result"]["branches"]}
         for c in d.get("cycles") or []:

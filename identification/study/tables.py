@@ -41,12 +41,19 @@ def short(findings: Findings) -> list[str]:
     sentences = [f"{done} of {done + failed} fits done{more}.", summary.first(documents, findings.tracked)]
     for row in totals[totals["done"] > 0].to_dict("records"):
         of_mode = table[table["shown"] & (table["mode"] == row["mode"])]
+        of_fits = [d for d in documents if d["status"] == "done" and d["mode"] == row["mode"]]
+        if all(summary.disowned(fit) for fit in of_fits):
+            text = f"{row['mode'].capitalize()}: mean fit {row['fit_percent']:.1f} %. No fit follows its recordings, "
+            sentences.append(f"{text}so none has odds, intervals or energies.")
+            continue
         known = _percent((of_mode["verdict"] == "identified").mean())
         text = f"{row['mode'].capitalize()}: mean fit {row['fit_percent']:.1f} %, {known} of estimates identified, "
         text += f"mirror decided in {row['decided']} of {row['done']} alone."
         text += f" {drawn(of_mode)}" if len(of_mode) else ""
         for r in findings.recovered.to_dict("records"):
             if (r["parameter"], r["mode"]) == ("all", row["mode"]):
+                if not any(r[f"{way}_of"] for way in WAYS):
+                    continue
                 own, shown, nearer = (_of(r, way) for way in WAYS)
                 text += f" Truth within two standard errors: {own} on each fit's own branch, {shown} on the branch "
                 text += f"shown, {nearer} on the nearer one."
@@ -163,14 +170,15 @@ def recovery(recovered: pd.DataFrame) -> pd.DataFrame:
 
 
 def energies(energy: pd.DataFrame) -> pd.DataFrame:
-    """Median energies of the branch shown, a row a condition."""
-    cycles = energy[energy["shown"] & follows(energy["fit_percent"])]
+    """Median energies of the branch shown, a row a condition; of its parts where it is decided."""
+    cycles = energy[energy["shown"] & follows(energy["fit_percent"])].copy()
+    cycles.loc[cycles["decided_by"].isin(summary.OPEN), ["ankle_j", "fat_pad_j"]] = np.nan
     parts = {"ankle_j": "ankle", "fat_pad_j": "fat pad", "shaker_work_j": "shaker"}
     groups = cycles.groupby(["mode", "posture", "added_mass_kg", "frequency_hz"])
     return pd.DataFrame(
         {"mode": mode, "posture": posture, "added mass [kg]": f"{load:g}", "frequency [Hz]": f"{f:g}",
-         "cycles": len(group)}
-        | {f"median {name} [mJ]": f"{1e3 * group[column].median():.3g}" for column, name in parts.items()}
+         "cycles": len(group), "branch decided": int(group["ankle_j"].notna().sum())}
+        | {f"median {name} [mJ]": _median(1e3 * group[column]) for column, name in parts.items()}
         for (mode, posture, load, f), group in groups
     )  # fmt: skip
 
@@ -325,4 +333,4 @@ def _crossed(
 
 
 def _median(values: pd.Series) -> str:
-    return f"{values.median():.3g}" if len(values) else "–"
+    return f"{values.median():.3g}" if values.notna().any() else "–"
