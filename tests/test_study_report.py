@@ -26,6 +26,7 @@ ROW = {"edge": False, "percent": 91.5, "chi_square": 20.0, "numbers": 10}
 HELD_OUT = CHECK | {"mode": "pooled", "kind": "validation", "status": "done"}
 HELD_OUT |= {"result": {"held_out": {"rows": [ROW], "failed": []}, "damping": None}}
 BROKEN = CHECK | {"mode": "pooled", "kind": "profile", "status": "failed", "error": "k_T cannot be."}
+PICTURES = report.pictures
 TRUTH = Truth({}, {key.partition("_n_")[0].removesuffix("_per_m"): value for key, value in KEYS.items()})
 
 
@@ -245,6 +246,7 @@ def test_a_disowned_fit_has_no_odds_intervals_or_energies(tmp_path: Path, bare: 
     """Two pooled fits of one subject: the second load's do not follow, so the first alone is weighed and counted."""
     fits = [plain("pooled", "1", load, None, branches(1.0)) for load in (0.0, 2.3)]
     for d, follow in zip(fits, (True, False), strict=True):
+        d["cycles"][0]["frequency_hz"] = 20.0
         for branch in d["result"]["branches"]:
             branch["world"] = {"follows": follow, "repeatability": 0.0, "dof": 9, "objective": 1.0, "chi_square": 1.0}
     found = Findings(fits)
@@ -256,6 +258,7 @@ def test_a_disowned_fit_has_no_odds_intervals_or_energies(tmp_path: Path, bare: 
     (subject,) = nothing.subjects
     assert subject.tracking is None and nothing.document()["tracking"][0]["tracking"] is None
     assert nothing.energy.empty and not nothing.table["std_error"].notna().any()
+    assert list(PICTURES(nothing, "synthetic")) == ["transmissibility_pooled"]  # which shows how far off it is
     report.write(tmp_path, nothing, "disowned", "synthetic")
     assert "No fit follows its recordings" in (page := (tmp_path / "report.html").read_text())
     assert " to 1<" not in page

@@ -14,7 +14,7 @@ from markupsafe import Markup
 from fasbody import console
 from fasbody.presentation import counted, inline
 from identification.estimates import RULE
-from identification.recommendations import LEAST_FIT, follows
+from identification.recommendations import follows
 from identification.study import summary, tables
 from identification.study.findings import Findings
 
@@ -23,8 +23,7 @@ Document = Mapping[str, Any]
 _EXAMPLE = "16"
 _LISTED = 20
 _NONE_FOLLOWS = (
-    f" No fit of any subject here follows its recordings to {LEAST_FIT:g} %, so what the model does between foot and "
-    "ground is not shown."
+    " No fit of any subject here follows its recordings, so what the model does between foot and ground is not shown."
 )
 #: Names of the figures that `pictures` gives, or gave before.
 _OURS = re.compile(r"(verdicts|waterfall|(curves|boxes|traces|transmissibility|loops|energies|persons)_.+)\.(svg|png)")
@@ -89,9 +88,10 @@ def pictures(findings: Findings, origin: str) -> dict[str, tuple[Callable[[], An
         text = f"Estimates over frequency, {mode}, {posture} (in the manner of Figures 4.18 to 4.25). "
         text += f"{tables.drawn(rows)}{_failed(documents, mode, posture)}"
         add(f"curves_{mode}_{posture}", figures.curves, rows, text)
-    modes = [mode for mode in _MODES if mode in set(energy["mode"])]
+    postures = {d["mode"]: d["posture"] for d in reversed(documents) if d["status"] == "done" and d["cycles"]}
+    modes = [mode for mode in _MODES if mode in postures]
     for mode in modes:
-        posture = energy.loc[energy["mode"] == mode, "posture"].iloc[0]
+        posture = postures[mode]
         subject, cycles = example(findings, mode, posture)
         others = cycles[0]["subjects"] - 1 if cycles else 0
         follow = any(cycle["follows"] for cycle in cycles)
@@ -133,7 +133,7 @@ def example(findings: Findings, mode: str, posture: str) -> tuple[str, list[Docu
     """
     documents, tracked = findings.documents, findings.tracked
     fits = _of(documents, mode, posture, "done")
-    good = [bool(follows(summary.displayed_fit(fit, tracked))) for fit in fits]
+    good = [bool(follows(summary.displayed_fit(fit, tracked))) and not summary.disowned(fit) for fit in fits]
     of = pd.DataFrame({
         "subject": [fit["subject"] for fit in fits],
         "files": [len({cycle["file"] for cycle in fit["cycles"]}) for fit in fits],
