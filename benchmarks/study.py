@@ -12,6 +12,7 @@ import sys
 import tempfile
 import time
 from collections.abc import Sequence
+from itertools import islice
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -30,8 +31,8 @@ from identification.fitting import Settings
 from identification.multistart import descend
 from identification.parameters import space_of
 from identification.study import cluster
-from identification.study.job import Document
 from identification.study.plan import Job, Model, Plan
+from identification.study.store import Document
 from identification.time_domain import TimeDomain
 from reproduction.check import Check, at_least, at_most
 
@@ -58,12 +59,13 @@ def whole(folder: Path, starts: int) -> tuple[float, dict[str, Any]]:
 
 
 def on_workers(plan: Plan, jobs: Sequence[Job], workers: int) -> float:
-    """Wall time [s] of jobs on so many local Dask workers, whose start and first two jobs each are not counted."""
-    with cluster.local(workers) as do:
-        _all_done(do(plan.work(job) for job in jobs[: 2 * workers]))
-        began = time.perf_counter()
-        _all_done(do(plan.work(job) for job in jobs))
-        return time.perf_counter() - began
+    """Wall time [s] of jobs on so many local processes, whose start and first jobs are not counted."""
+    first = 2 * workers
+    fits = cluster.local(workers)(plan.work(job) for job in [*jobs[:first], *jobs])
+    _all_done(islice(fits, first))
+    began = time.perf_counter()
+    _all_done(fits)
+    return time.perf_counter() - began
 
 
 def _all_done(documents: Any) -> None:
@@ -128,9 +130,9 @@ def measure(
         rows.append(faster(f"one of its fits, {starts} starts, time of one process", per_fit, starts * start, other))
 
         jobs = spread(steady.jobs("per-recording"), subset)
-        say(f"{len(jobs)} recordings on one Dask worker, then on two")
+        say(f"{len(jobs)} recordings on one process, then on two")
         one, two = (on_workers(steady, jobs, workers) for workers in (1, 2))
-        what = f"two local Dask workers beside one, {len(jobs)} recordings, wall time"
+        what = f"two local processes beside one, {len(jobs)} recordings, wall time"
         judged(at_least(what, one / two, 1.8, "times"))
 
         jobs = spread(timed.jobs("per-recording"), count_time)

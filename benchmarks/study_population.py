@@ -137,7 +137,7 @@ def held(count: int, people: int) -> list[Check]:
     """Coverage of the means and spreads over fitted populations, on the true branch, and branches decided wrongly."""
     mean, spread, wrong = [], [], 0
     for documents in fitted(count, people):
-        groups = populations(documents)
+        groups, _ = populations(documents)
         wrong += bool(groups and groups[0].verdict == "decided" and groups[0].branch != STIFF_ANKLE)
         for c in (c for p in groups if p.branch == STIFF_ANKLE for c in p.constants):
             mean.append(c.lower <= MEDIAN[c.name] <= c.upper)

@@ -11,12 +11,13 @@ import os
 import platform
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cache
 from importlib.metadata import version
+from itertools import islice
 from pathlib import Path
 from typing import TypeVar
 
@@ -28,6 +29,8 @@ Task = TypeVar("Task")
 Result = TypeVar("Result")
 #: Fewer jobs than this are done here: starting processes takes longer.
 _FEW = 40
+#: Tasks a process that are taken ahead, so that none waits for its next one.
+_AHEAD = 2
 #: Environment of a process whose linear algebra has one thread: small matrices only wait for more.
 ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 #: Our packages: what a result's module imports of them is part of its key.
@@ -57,7 +60,7 @@ def run(
     """
     count = processes or cores()
     alone = count == 1 or (len(tasks) < _FEW and not processes)
-    done = in_turn(function, tasks) if alone else _spread(function, tasks, count)
+    done = in_turn(function, tasks) if alone else spread(function, tasks, count)
     with progress_bar() as progress:
         bar = progress.add_task(description, total=len(tasks))
         for index, result in done:
@@ -78,13 +81,23 @@ def in_turn(function: Callable[[Task], Result], tasks: Iterable[Task]) -> Iterat
         yield index, result
 
 
-def _spread(function: Callable[[Task], Result], tasks: Sequence[Task], count: int) -> Iterator[tuple[int, Result]]:
+def spread(function: Callable[[Task], Result], tasks: Iterable[Task], count: int) -> Iterator[tuple[int, Result]]:
+    """Run the tasks on so many processes; a task is taken when its turn comes, and results come as they are ready.
+
+    Raises:
+        FasError: what `function` raises; or the machine ended a process.
+    """
+    waiting, jobs = enumerate(tasks), dict[Future[Result], int]()
     with _pool(count) as pool:
-        with held():  # which are started here, as tasks come in
-            jobs = {pool.submit(function, task): index for index, task in enumerate(tasks)}
         try:
-            for job in as_completed(list(jobs)):
-                yield jobs.pop(job), job.result()
+            while True:
+                for index, task in islice(waiting, _AHEAD * count - len(jobs)):
+                    with held():  # processes are started here, as tasks come in
+                        jobs[pool.submit(function, task)] = index
+                if not jobs:
+                    return
+                for job in wait(jobs, return_when=FIRST_COMPLETED).done:
+                    yield jobs.pop(job), job.result()
         except BrokenProcessPool:
             raise FasError("a worker process was ended by the system; memory may be short.") from None
 

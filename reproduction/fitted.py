@@ -14,8 +14,7 @@ from fasbody.laboratory.study import Plan, make
 from fasbody.recording.condition import ADDED_MASSES_KG
 from fasbody.recording.study import StudyFolder
 from identification.fitting import Settings
-from identification.study.job import run
-from identification.study.loops import cycles
+from identification.study.job import cycles, run
 from identification.study.means import mean_curve
 from identification.study.plan import Model
 from identification.study.plan import Plan as Fits

@@ -12,7 +12,7 @@ from fasbody.foot.model import load
 from fasbody.recording.checks import checked
 from fasbody.recording.recording import Recording
 from identification.fitting import fit_foot
-from identification.study.loops import cycles
+from identification.study.job import cycles
 
 
 def document(mode: str, recordings: Sequence[Recording], files: Sequence[str], starts: int = 4) -> dict[str, Any]:

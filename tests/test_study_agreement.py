@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from fasbody.recording.recording import Recording
 from identification.fitting import Settings, fit_foot
 from identification.result import FitResult
 from identification.study import report, tables
-from identification.study.agreement import Agreement, agreement, steadiness
+from identification.study.agreement import agreement, steadiness
 from identification.study.findings import Findings
 
 
@@ -28,35 +29,32 @@ def shaped(envelope, seconds: float = 10.0) -> Recording:  # type: ignore[no-unt
 
 def test_a_steady_recording_has_no_reasons() -> None:
     found = steadiness(record(power_laws, 20.0, seconds=10.0))
-    assert found.reasons == ()
+    assert not found.reasons
     assert max(found.onset, abs(found.drift), found.beating) < 4 * found.noise
 
 
 def test_drift_is_measured() -> None:
     found = steadiness(shaped(lambda t: 1 + 0.05 * t / 10))
     assert found.drift == pytest.approx(0.05 / 1.025, rel=0.03)
-    assert any(
-        text.startswith("drift: its amplitude changes by 4.") or text.startswith("drift: its amplitude changes by 5.")
-        for text in found.reasons
-    )
+    assert "drift" in found.reasons
 
 
 def test_beating_is_measured() -> None:
     found = steadiness(shaped(lambda t: 1 + 0.04 * np.sin(2 * np.pi * 0.4 * t)))
     assert found.beat_hz == pytest.approx(0.4, abs=0.03)
     assert found.beating == pytest.approx(0.04, rel=0.05)
-    assert any(text.startswith("beating") for text in found.reasons)
+    assert "beating" in found.reasons
 
 
 def test_a_transient_is_measured() -> None:
     found = steadiness(shaped(lambda t: 1 + 0.3 * np.exp(-t / 0.2)))
     first = 1.0
     assert found.onset == pytest.approx(0.3 * 0.2 / first * (1 - np.exp(-first / 0.2)), rel=0.1)
-    assert found.reasons[0].startswith("a transient")
+    assert "transient" in found.reasons
 
 
 @pytest.fixture(scope="module")
-def both(foot: Foot) -> tuple[list[Recording], tuple[FitResult, FitResult], Agreement]:
+def both(foot: Foot) -> tuple[list[Recording], tuple[FitResult, FitResult], dict[str, Any]]:
     data = study(lambda f, m: power_laws(20.0, m), (12.5, 20.0, 40.0), (0.0,), seed=4, seconds=1.2)
     held = foot.with_values({n: power_laws(20.0, 0.0)[n] for n in ("c_11", "c_12", "c_13", "c_22", "c_23")})
     settings = Settings(departures=False, free=("k_T", "k_F", "c_21"), starts=1, threads=1, delay=False)
@@ -66,14 +64,13 @@ def both(foot: Foot) -> tuple[list[Recording], tuple[FitResult, FitResult], Agre
 
 def test_both_routes_agree_on_a_steady_study(both) -> None:  # type: ignore[no-untyped-def]
     _, (steady, timed), found = both
-    assert found.agrees
-    assert found.same_branch
-    for d in found.differences:
-        a, b = steady.best.parameters[d.key], timed.best.parameters[d.key]
-        assert d.z == pytest.approx((a.value - b.value) / np.hypot(a.std_error, b.std_error))
+    assert found["agrees"] is True
+    assert found["same_branch"]
+    for d in found["differences"]:
+        a, b = steady.best.parameters[d["key"]], timed.best.parameters[d["key"]]
+        assert d["z"] == pytest.approx((a.value - b.value) / np.hypot(a.std_error, b.std_error))
         assert abs(a.value - b.value) < 0.05 * a.value
-    assert found.sentence.startswith("Steady state and time domain agree: 3 parameters")
-    assert found.document()["agrees"] is True
+    assert found["sentence"].startswith("Steady state and time domain agree: 3 parameters")
 
 
 def biased(result: FitResult, by: float) -> FitResult:
@@ -90,14 +87,14 @@ def test_a_disagreement_is_explained_by_the_data(both, foot: Foot) -> None:  # t
     data, (steady, timed), _ = both
     apart = (steady, biased(timed, 20.0))
     unexplained = agreement(data, foot, results=apart)
-    assert not unexplained.agrees
-    assert "disagree in 1 of 3" in unexplained.sentence
-    assert "The recordings are steady" in unexplained.sentence and "a strap's resonance" in unexplained.sentence
+    assert not unexplained["agrees"]
+    assert "disagree in 1 of 3" in unexplained["sentence"]
+    assert "The recordings are steady" in unexplained["sentence"] and "a strap's resonance" in unexplained["sentence"]
     t = data[1].time_s - data[1].time_s[0]
     drifting = [data[0], replace(data[1], malleolus_m_s2=data[1].malleolus_m_s2 * (1 + 0.04 * t / t[-1])), data[2]]
     explained = agreement(drifting, foot, results=apart)
-    assert "20hz_0kg.csv shows drift: its amplitude changes by" in explained.sentence
-    assert explained.sentence.endswith("Trust the time domain.")
+    assert "20hz_0kg.csv shows drift: its amplitude changes by" in explained["sentence"]
+    assert explained["sentence"].endswith("Trust the time domain.")
 
 
 def test_nothing_to_compare_is_no_agreement(  # type: ignore[no-untyped-def]
@@ -106,16 +103,16 @@ def test_nothing_to_compare_is_no_agreement(  # type: ignore[no-untyped-def]
     """Neither route knows a standard error: the third answer, on the page as in the document."""
     data, (steady, timed), _ = both
     found = agreement(data, foot, results=(steady, blind(timed)))
-    assert (found.agrees, found.document()["agrees"]) == (None, None)
-    assert found.sentence.startswith("Nothing to compare") and "nan" not in found.sentence
+    assert found["agrees"] is None
+    assert found["sentence"].startswith("Nothing to compare") and "nan" not in found["sentence"]
     one = {"mode": "per-recording", "subject": "1", "posture": "midstance", "added_mass_kg": 0.0, "frequency_hz": 30.0}
     one |= {"kind": "agreement", "status": "done", "files": ["a.csv"]}
-    results = [found.document(), agreement(data, foot, results=(steady, timed)).document()]
+    results = [found, agreement(data, foot, results=(steady, timed))]
     checks = [{**one, "result": r} for r in results]
     assert tables.agreement(Findings(checks=checks))["agrees"].tolist() == ["yes", "nothing to compare"]
     monkeypatch.setattr(report, "pictures", lambda *_: {})
-    report.write(tmp_path, [plain("per-recording", "1", 0.0, 30.0, {"best": {}})], "one", "synthetic", None,
-                 Findings(checks=checks))  # fmt: skip
+    fits = [plain("per-recording", "1", 0.0, 30.0, {"best": {}})]
+    report.write(tmp_path, Findings(fits, checks), "one", "synthetic")
     page = (tmp_path / "report.html").read_text()
     assert "<p>1 of 1 fits agree within three joint standard errors in all parameters.</p>" in page
     assert "<p>In 1 more there is nothing to compare.</p>" in page

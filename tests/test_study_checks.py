@@ -12,7 +12,7 @@ from fasbody.foot.model import Foot
 from fasbody.recording.study import StudyFolder
 from identification.fitting import Settings
 from identification.study import job
-from identification.study.checks import ensure
+from identification.study.job import ensure
 from identification.study.plan import Model, Plan
 from identification.study.summary import VERDICTS
 

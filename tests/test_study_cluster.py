@@ -170,5 +170,5 @@ def test_missing_package(study: Path, tmp_path: Path, monkeypatch: pytest.Monkey
     (tmp_path / "distributed.py").write_text("raise ImportError('hidden')\n")
     monkeypatch.delitem(sys.modules, "distributed", raising=False)
     monkeypatch.syspath_prepend(tmp_path)
-    said = fitted(study, tmp_path / "out", "--workers", "2", expect=2)["said"]
+    said = fitted(study, tmp_path / "out", "--scheduler", "tcp://127.0.0.1:9", expect=2)["said"]
     assert "pip install 'fasbody[study]'" in said and "Traceback" not in said

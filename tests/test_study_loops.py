@@ -18,7 +18,7 @@ from fasbody.recording.checks import checked
 from fasbody.recording.recording import Condition, Recording
 from identification.harmonics import Line
 from identification.replay import relaxing
-from identification.study import loops
+from identification.study import job, loops
 
 LINEAR = {"c_12": 0.0, "c_13": 0.0, "c_22": 0.0, "c_23": 0.0}
 BENT = {"c_12": 90.0, "c_13": 140.0, "c_22": -120.0, "c_23": 180.0}
@@ -150,14 +150,14 @@ def test_cycles_of_a_fit(trial: Callable[..., Recording], foot: Foot) -> None:
         assert abs(entry["imbalance"]) < 1e-6
         assert entry["dissipated_j"] == pytest.approx(entry["shaker_work_j"], rel=0.005)
         # of both branches, as the subject's other fits may decide for either
-        assert len(entry["ankle"]["displacement_m"]) == loops.POINTS
+        assert len(entry["ankle"]["displacement_m"]) == job.POINTS
     assert {e["branch"] for e in entries if not e["chosen"]} == {b["name"] for b in result["branches"][1:]}
     for entry, recording in zip((e for e in entries if e["chosen"]), recordings, strict=True):
         line = Line.of(checked(recording))
         moving = truth | recording.condition.masses
         true = loops.cycle(foot, line.base.frequency_hz, line.base.amplitudes, moving, True)
         for part in ("ankle", "fat_pad"):
-            assert len(entry[part]["displacement_m"]) == len(entry[part]["force_n"]) == loops.POINTS
+            assert len(entry[part]["displacement_m"]) == len(entry[part]["force_n"]) == job.POINTS
             assert entry[part]["dissipated_j"] == pytest.approx(getattr(true, part).dissipated_j, rel=0.1)
             # the stored polygon closes the same area
             x, F = np.array(entry[part]["displacement_m"]), np.array(entry[part]["force_n"])
@@ -171,4 +171,4 @@ def test_cycles_of_a_fit(trial: Callable[..., Recording], foot: Foot) -> None:
 
 def test_broadband_recordings_have_no_cycle(trial: Callable[..., Recording], foot: Foot) -> None:
     broad = replace(trial(foot.values(), 20.0), condition=Condition("16", "midstance", 0.0, 72.57, None))
-    assert loops.cycles({"branches": []}, foot, [broad]) == []
+    assert job.cycles({"branches": []}, foot, [broad]) == []

@@ -2,6 +2,7 @@
 
 import dataclasses
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -12,11 +13,10 @@ from study_runs import small
 from fasbody import runner
 from fasbody.exceptions import SettingError
 from fasbody.foot.model import Foot
-from fasbody.recording.study import StudyFolder
+from fasbody.recording.study import Study, StudyFolder
 from identification.fitting import Settings
 from identification.study import plan
-from identification.study.filters import Filters
-from identification.study.plan import Model, Plan
+from identification.study.plan import Model, Plan, select
 
 
 @pytest.fixture(scope="module")
@@ -80,6 +80,21 @@ def test_keys_follow_content_and_settings_only(study: Path, foot: Foot, tmp_path
     assert len(set(planned(other, foot)) & set(first)) <= 4  # another body mass: that subject's keys are new
 
 
+def test_seatings_are_read_where_the_table_has_them(study: Path, foot: Foot, tmp_path: Path) -> None:
+    """An optional column; a cell that is empty says nothing, and only what it changes is computed again."""
+    shutil.copytree(study, tmp_path, dirs_exist_ok=True)
+    header, first, second, *others = (study / "recordings.csv").read_text().splitlines()
+    rows = [f"{header},seating", f"{first}, first  morning ", f"{second},first morning", *(f"{row}," for row in others)]
+    (tmp_path / "recordings.csv").write_text("\n".join(rows))
+    seatings = [trial.condition.seating for trial in StudyFolder.open(tmp_path).trials]
+    assert seatings == ["first morning"] * 2 + [""] * 6
+    assert Study.read(tmp_path).recordings[0].condition.seating == "first morning"
+    assert [a == b for a, b in zip(planned(study, foot), planned(tmp_path, foot), strict=True)] == [False] * 2 + [
+        True
+    ] * 6
+    assert {trial.condition.seating for trial in StudyFolder.open(study).trials} == {""}
+
+
 def test_a_model_travels_whole(foot: Foot) -> None:
     again = Model.of(foot).foot()
     assert again.values() == foot.values()
@@ -89,11 +104,11 @@ def test_a_model_travels_whole(foot: Foot) -> None:
 
 def test_filters(study: Path) -> None:
     trials = StudyFolder.open(study).trials
-    chosen = Filters(subjects=("2",), frequencies_hz=(30.0,)).choose(trials)
+    chosen = select(trials, subject=("2",), posture=None, frequency_hz=(30.0,))
     assert [(t.condition.subject, t.condition.frequency_hz) for t in chosen] == [("2", 30.0)] * 2
     with pytest.raises(SettingError, match=r"unknown subject '9' \(valid: 1, 2\) in this study"):
-        Filters(subjects=("9",)).choose(trials)
-    assert len(Filters().choose(trials)) == 8
+        select(trials, subject=("9",))
+    assert len(select(trials)) == 8
 
 
 def test_what_cannot_be_meant(study: Path, foot: Foot) -> None:

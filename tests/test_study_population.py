@@ -12,11 +12,10 @@ from scipy.stats import t as student
 from fasbody.console import make_folder
 from fasbody.exceptions import InputFileError, RecordingError
 from identification.study import figures, report, tables
-from identification.study.findings import Findings, gather
-from identification.study.persons import joining
-from identification.study.population import constant, populations, without
+from identification.study.findings import Findings
+from identification.study.population import constant, populations
 from identification.study.posterior import MIDDLE, TAILS, Posterior
-from identification.study.store import Store
+from identification.study.store import Store, pooled_fits
 
 LOGS = np.array([0.0, 0.1, 0.3, 0.5, 0.9])
 NAMES = list("abcde")
@@ -118,11 +117,11 @@ def study(apart: float, follows: bool = True, persons: int = 5, paid: float = 0.
 
 
 def test_the_branch_is_decided_by_all_persons_together() -> None:
-    (one,) = populations(study(6.0))  # exp(3) each, exp(15) together
+    (one,) = populations(study(6.0))[0]  # exp(3) each, exp(15) together
     assert (one.branch, one.verdict) == ("stiff ankle", "decided") and one.odds_log == pytest.approx(15.0)
     assert [c.name for c in one.constants] == ["k_T", "k_F", "c_11", "c_21"]
     assert one.constants[0].mean == pytest.approx(1e5 * np.exp(0.36), rel=0.03)
-    both = populations(study(1.0))
+    both = populations(study(1.0))[0]
     assert [p.branch for p in both] == ["stiff ankle", "stiff pad"] and {p.verdict for p in both} == {"undecided"}
     assert both[1].odds_log == pytest.approx(-2.5)
     assert both[1].odds_text.startswith("stiff pad: 1 to 12.2 if")
@@ -130,13 +129,13 @@ def test_the_branch_is_decided_by_all_persons_together() -> None:
 
 def test_what_all_may_have_in_common_counts_once() -> None:
     """The other branch fits as well and needs other masses: five of one table's errors are one, and decide nothing."""
-    ankle, pad = populations(study(6.0, paid=6.0))
+    ankle, pad = populations(study(6.0, paid=6.0))[0]
     assert (ankle.verdict, ankle.odds_log, ankle.common_odds_log) == ("undecided", 15.0, 3.0)
     assert (pad.odds_log, pad.common_odds_log) == (-15.0, -3.0)
     assert ankle.odds_text == (
         "stiff ankle: over a million to 1 if each person errs alone, 20.1 to 1 if gain and masses are off alike in all"
     )
-    (half,) = populations(study(6.0, paid=2.0))  # the misfit alone is 10
+    (half,) = populations(study(6.0, paid=2.0))[0]  # the misfit alone is 10
     assert half.verdict == "decided" and half.common_odds_log == pytest.approx(11.0)
 
 
@@ -146,7 +145,7 @@ def test_odds_are_students_where_the_scatter_of_recordings_was_estimated() -> No
     for d in fits:
         for branch in d["result"]["branches"]:
             branch["world"]["repeatability"] = 0.03
-    (one,) = populations(fits)
+    (one,) = populations(fits)[0]
     assert one.odds_log == pytest.approx(5 * 0.5 * 10 * np.log(1.6))
 
 
@@ -155,17 +154,17 @@ def test_one_person_does_not_decide_for_the_others() -> None:
     for branch, size in zip(fits[-1]["result"]["branches"], (410.0, 10.0), strict=True):
         branch["world"] |= {"objective": size, "chi_square": size}
         branch["deviance"] = size
-    assert {p.verdict for p in populations(fits)} == {"undecided"}
-    assert {p.verdict for p in populations(fits[:-1])} == {"decided"}
+    assert {p.verdict for p in populations(fits)[0]} == {"undecided"}
+    assert {p.verdict for p in populations(fits[:-1])[0]} == {"decided"}
 
 
 def test_who_does_not_follow_is_left_out() -> None:
-    (one,) = populations(study(20.0, follows=False))
-    assert [(x.subject, x.why) for x in one.left_out] == [("4", "the stiff ankle does not follow the recordings")]
+    (one,) = populations(study(20.0, follows=False))[0]
+    assert [(x.subject, x.why) for x in one.left_out] == [("4", "the fit does not follow the recordings")]
     assert len(one.constants[0].persons) == 4
-    assert populations(study(20.0, follows=False, persons=4)) == []
+    assert populations(study(20.0, follows=False, persons=4))[0] == []
     alone = [plain("pooled", str(i), 0.0, None, {"stiff ankle": {}}) for i in range(5)]
-    assert populations(alone) == []  # of a model assumed exact
+    assert populations(alone)[0] == []  # of a model assumed exact
 
 
 def test_who_is_left_out_is_named_with_the_reason() -> None:
@@ -176,7 +175,7 @@ def test_who_is_left_out_is_named_with_the_reason() -> None:
         branch |= {"world": None, "fit_percent": 60.0}
     del more[1]["result"]["branches"][0]
     fits[1]["result"]["branches"][0]["parameters"]["c_11_n_s_per_m"] |= {"at_bound": True}
-    (one,) = found = populations([*fits, *more])
+    (one,) = found = populations([*fits, *more])[0]
     poor = "poor (the fit follows the recordings to less than 85 %)"
     said = f"lost (the fit failed), {poor}, one-sided (no stiff ankle was found)"
     assert one.dropped(one.constants[0]) == said
@@ -184,7 +183,7 @@ def test_who_is_left_out_is_named_with_the_reason() -> None:
     assert one.dropped() == f"{said}, 1 (c_11 rests on a bound)"
     assert one.document()["left_out"][0] == {"subject": "lost", "why": "the fit failed"}
     assert "1 (c_11 rests on a bound)" in " ".join(figures.persons(found, "synthetic").get_supxlabel().split())
-    table = tables.population(Findings(populations=found))
+    table = tables.population(found)
     assert table["persons left out"].tolist().count(one.dropped()) == 1  # of c_11 alone
 
 
@@ -195,16 +194,16 @@ def test_who_does_not_belong_is_named_and_kept(tmp_path: Path) -> None:
     fits = study(20.0)
     for d, y in zip(fits, (0.0, 0.1, -0.1, 0.05, 2.3), strict=True):
         d["result"]["branches"][0]["parameters"]["k_T_n_per_m"] |= {"value": 1e5 * np.exp(y), "std_error": 1e3}
-    found = populations(fits)
+    found = populations(fits)[0]
     k_T, k_F, *_ = found[0].constants
     assert [p.subject for p in k_T.odd] == ["4"] and not k_F.odd and len(k_T.persons) == 5
     assert k_T.mean == pytest.approx(1e5 * np.exp(0.47), rel=0.02)  # it is in the mean
     (said,) = found[0].odd()
     assert said.startswith("midstance, 0 kg, stiff ankle: k_T of subject 4 is") and "it is kept" in said
     assert found[0].document()["constants"][0]["does_not_belong"] == ["4"]
-    assert tables.population(Findings(populations=found))["does not belong (kept)"].tolist() == ["4", *["nobody"] * 3]
+    assert tables.population(found)["does not belong (kept)"].tolist() == ["4", *["nobody"] * 3]
     assert "persons' (4)" in " ".join(figures.persons(found, "synthetic").get_supxlabel().split())
-    report.write(tmp_path, [{**d, "cycles": []} for d in fits], "five persons", "synthetic")
+    report.write(tmp_path, Findings([{**d, "cycles": []} for d in fits]), "five persons", "synthetic")
     assert said.replace("'", "&#39;") in (tmp_path / "report.html").read_text()
 
 
@@ -230,14 +229,14 @@ def test_persons_of_one_population_are_rarely_called_odd(shape: str) -> None:
 
 def test_why_there_is_no_population_is_said() -> None:
     fits = study(20.0, persons=3)
-    assert without(fits) == [
+    assert populations(fits)[1] == [
         "midstance, 0 kg: no population, as only 3 of 3 persons can be used and at least 4 are needed."
     ]
-    (said,) = without([*study(20.0, persons=4)[:3], failed("lost", "s.csv: is too short.") | {"mode": "pooled"}])
+    (said,) = populations([*study(20.0, persons=4)[:3], failed("lost", "s.csv: is too short.") | {"mode": "pooled"}])[1]
     assert said.endswith("at least 4 are needed; left out: lost (the fit failed).")
-    assert without(study(20.0)) == without(fits[:1]) == []
+    assert populations(study(20.0))[1] == populations(fits[:1])[1] == []
     twice = [*study(20.0), study(20.0)[0]]
-    assert populations(twice) == [] and "subject 0 is there twice" in without(twice)[0]
+    assert populations(twice)[0] == [] and "subject 0 is there twice" in populations(twice)[1][0]
     with pytest.raises(RecordingError, match="subject a is there twice"):
         constant("k_T", [*"aabcd"], LOGS, np.full(5, 0.1))
 
@@ -245,7 +244,7 @@ def test_why_there_is_no_population_is_said() -> None:
 def test_an_error_of_zero_is_no_estimate() -> None:
     fits = study(20.0)
     fits[2]["result"]["branches"][0]["parameters"]["k_T_n_per_m"]["std_error"] = 0.0
-    (one,) = populations(fits)
+    (one,) = populations(fits)[0]
     assert one.dropped(one.constants[0]) == "2 (k_T has a standard error of zero)"
     with pytest.raises(RecordingError, match="k_T of subject a has a standard error of 0"):
         constant("k_T", NAMES, LOGS, np.array([0.0, 0.1, 0.1, 0.1, 0.1]))
@@ -259,25 +258,25 @@ def test_persons_of_other_results_join_the_population(tmp_path: Path) -> None:
     mine, other = five[:3], five[3:]
     for d in (*other, plain("per-recording", "9", 0.0, 20.0, {"stiff ankle": {}})):
         Store(make_folder(tmp_path / "ben" / "fits")).write(d | {"key": d["key"] if len(d["key"]) == 24 else "f" * 24})
-    joined = joining(tmp_path / "ben")
+    joined = pooled_fits(tmp_path / "ben")
     assert [d["subject"] for d in joined] == ["3 of ben", "4 of ben"]
-    (have,), (want,) = gather(mine, others=joined).populations, populations(five)
+    (have,), (want,) = Findings(mine, others=joined).populations, populations(five)[0]
     for a, b in zip(have.constants, want.constants, strict=True):
         assert (a.mean, a.spread, len(a.persons)) == (b.mean, b.spread, 5)
-    assert gather(mine).no_population and not gather(mine).populations
-    again = gather(five, others=joined).populations[0]  # the same fits count once
+    assert Findings(mine).no_population and not Findings(mine).populations
+    again = Findings(five, others=joined).populations[0]  # the same fits count once
     assert [p.subject for p in again.constants[0].persons] == [p.subject for p in want.constants[0].persons]
     with pytest.raises(InputFileError, match="anna: is no folder of results; name the --out of another study"):
-        joining(tmp_path / "anna")
+        pooled_fits(tmp_path / "anna")
     (tmp_path / "anna" / "fits").mkdir(parents=True)
     with pytest.raises(InputFileError, match="anna: holds no pooled fits"):
-        joining(tmp_path / "anna")
+        pooled_fits(tmp_path / "anna")
     store = Store(tmp_path / "ben" / "fits")
     first = next(iter(store.documents(d["key"] for d in five[3:]).values()))
     store.write({**first, "key": "0" * 24})
     with pytest.raises(InputFileError, match=r"ben: holds two fits of subject 3, .* of other settings"):
-        joining(tmp_path / "ben")
+        pooled_fits(tmp_path / "ben")
     file = store.folder / f"{first['key']}.json"
     file.write_text(file.read_text().replace('"pooled"', '"pooled "'))
     with pytest.raises(InputFileError, match=rf"{first['key']}.json: was changed after it was written; run its study"):
-        joining(tmp_path / "ben")
+        pooled_fits(tmp_path / "ben")

@@ -12,9 +12,9 @@ from made_fits import failed, plain
 
 from identification.estimates import RULE
 from identification.study import figures, report, summary, tables
-from identification.study.findings import gather
+from identification.study.findings import Findings
 from identification.study.tracking import Prior
-from identification.study.truth import LIMITS, Truth
+from identification.study.truth import Truth
 from reproduction.boxes import boxes
 
 KEYS = {
@@ -26,6 +26,7 @@ ROW = {"edge": False, "percent": 91.5, "chi_square": 20.0, "numbers": 10}
 HELD_OUT = CHECK | {"mode": "pooled", "kind": "validation", "status": "done"}
 HELD_OUT |= {"result": {"held_out": {"rows": [ROW], "failed": []}, "damping": None}}
 BROKEN = CHECK | {"mode": "pooled", "kind": "profile", "status": "failed", "error": "k_T cannot be."}
+PICTURES = report.pictures
 TRUTH = Truth({}, {key.partition("_n_")[0].removesuffix("_per_m"): value for key, value in KEYS.items()})
 
 
@@ -50,7 +51,7 @@ def study() -> list[dict[str, Any]]:
 @pytest.fixture(scope="module")
 def written(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = tmp_path_factory.mktemp("out")
-    files = report.write(out, study(), "a small study", "synthetic", TRUTH, gather(study(), [HELD_OUT, BROKEN]))
+    files = report.write(out, Findings(study(), [HELD_OUT, BROKEN], TRUTH), "a small study", "synthetic")
     assert files[0] == out / "report.html"
     assert all(file.stat().st_size for file in files)
     return out
@@ -85,7 +86,7 @@ def test_page_says_what_the_fits_say(written: Path) -> None:
     assert "42 of 43 fits done, 1 failed." in page
     assert "mean fit 90.0 %, 0 % of estimates identified, mirror decided in 0 of 42 alone" in page
     assert "s6.csv: malleolus is &lt;b&gt;dead&lt;/b&gt;" in page
-    assert LIMITS[:60] in page
+    assert "A recording of one frequency is worth its harmonics" in page
     assert "differ by 0.1 % at most" in page  # 0.01 of 8.01
     found = pd.read_csv(written / "recovery.csv").set_index("parameter").loc["all"]
     assert f"{found['chosen']:.0f} of 336 ({100 * found['chosen'] / 336:.0f} %)" in page
@@ -114,7 +115,7 @@ def test_figures_are_whole_and_the_same_each_time(written: Path, tmp_path: Path)
     for name in names:
         assert ET.parse(written / "figures" / f"{name}.svg").getroot().tag.endswith("svg")
         assert (written / "figures" / f"{name}.png").read_bytes()[:4] == b"\x89PNG"
-    again = report.pictures(study(), summary.tidy(study(), TRUTH), summary.cycle_table(study()), "synthetic", {})
+    again = report.pictures(Findings(study(), truth=TRUTH), "synthetic")
     for name in ("loops_per-recording", "energies_per-recording"):
         assert figures.save(again[name][0](), "svg") == (written / "figures" / f"{name}.svg").read_bytes()
 
@@ -155,13 +156,13 @@ def test_loops_motion_and_energies_are_drawn_in_their_units() -> None:
 def test_measured_and_lonely_and_hopeless_studies(tmp_path: Path) -> None:
     """One fit that has no cycle; then none that came about."""
     alone = plain("pooled", "1", 0.0, None, branches(1.0), origin="measured", cycles=[])
-    report.write(tmp_path / "one", [alone], "one foot", "measured")
+    report.write(tmp_path / "one", Findings([alone]), "one foot", "measured")
     page = (tmp_path / "one" / "report.html").read_text()
     assert "measured data" in page
     assert "nobody was measured" not in page
     assert "truth" not in page
     assert "No recording is periodic" in page
-    report.write(tmp_path / "none", [failed("1", "s1.csv: is too short.")], "nothing", "of unstated origin")
+    report.write(tmp_path / "none", Findings([failed("1", "s1.csv: is too short.")]), "nothing", "of unstated origin")
     page = (tmp_path / "none" / "report.html").read_text()
     assert "0 of 1 fits done, 1 failed." in page
     assert "data of unstated origin" in page
@@ -177,9 +178,9 @@ def test_tracking_turns_what_is_shown(tmp_path: Path, bare: None) -> None:
         d["cycles"].append(other)
         for b, k_T in zip(d["result"]["branches"], (3e5, 2e4), strict=True):
             b["parameters"]["k_T_n_per_m"]["value"] = k_T
-    found = gather(fits, (), Prior.read(["k_T<k_F"]), "k_T<k_F")
+    found = Findings(fits, prior=Prior.read(["k_T<k_F"]), prior_text="k_T<k_F")
     assert set(found.tracked.values()) == {"stiff pad"}
-    report.write(tmp_path, fits, "turned", "synthetic", None, found)
+    report.write(tmp_path, found, "turned", "synthetic")
     page = (tmp_path / "report.html").read_text()
     said = "Of 42 fits shown: 42 on the branch that all fits of a subject together decide (42 of them against their own"
     assert said in page
@@ -190,11 +191,11 @@ def test_tracking_turns_what_is_shown(tmp_path: Path, bare: None) -> None:
     assert set(energy.loc[energy["shown"], "ankle_j"]) == {5.0}
     whole = figures.energies(summary.cycle_table(fits, found.tracked), "synthetic").axes[0]
     assert whole.containers[0].lines[0].get_ydata() == pytest.approx([1e4] * 3)
-    _, cycles = report.example(fits, "per-recording", "midstance", found.tracked)
+    _, cycles = report.example(found, "per-recording", "midstance")
     assert {c["branch"] for c in cycles} == {"stiff pad"}
     assert len(cycles) == 6
     assert all(c["decided"] for c in cycles)
-    undecided = report.example(fits, "per-recording", "midstance", {})[1]
+    undecided = report.example(Findings(fits), "per-recording", "midstance")[1]
     assert not any(c["decided"] for c in undecided)
     styles = [
         {line.get_linestyle() for line in figures.loops(c, "synthetic").axes[0].lines} for c in (cycles, undecided)
@@ -205,7 +206,7 @@ def test_tracking_turns_what_is_shown(tmp_path: Path, bare: None) -> None:
 def test_boxes_leave_out_what_has_no_standard_error() -> None:
     fits = study()[:-1]
     for d in fits[:12]:  # the first two subjects rest on a bound
-        d["result"]["branches"][0]["parameters"]["c_13_per_m"] |= {"value": 0.0, "std_error": None}
+        d["result"]["branches"][0]["parameters"]["c_13_per_m"] |= {"value": 0.0, "std_error": None, "at_bound": True}
     rows = summary.tidy(fits)
     axis = boxes(rows[rows["added_mass_kg"] == 0], "synthetic").axes[3]
     assert "15 of 21" in axis.get_title()
@@ -232,13 +233,47 @@ def test_what_is_decided_alone_is_one_number_in_sentence_and_table() -> None:
     fits = study()[:6]
     for d in fits[:2]:
         d["result"]["verdict"] = "decided"
-    tracked = {d["key"]: "undecided" for d in fits}
-    table = summary.tidy(fits, None, tracked)
-    said = " ".join(tables.short(fits, table, summary.cycle_table(fits, tracked), pd.DataFrame(), tracked))
+    found = Findings(fits)
+    assert set(found.tracked.values()) == {"undecided"}
+    table, said = found.table, " ".join(tables.short(found))
     (row,) = tables.branches(fits, table).to_dict("records")
     assert "mirror decided in 2 of 6 alone" in said and (row["fits"], row["decided alone"]) == (6, 2)
     shown = ("shown as tracking decides", "shown as it decides alone, not tracked", *summary.DECIDED_BY[2:])
     assert [row[name] for name in shown] == [0, 0, 6, 0, 0]
+
+
+def test_a_disowned_fit_has_no_odds_intervals_or_energies(tmp_path: Path, bare: None) -> None:
+    """Two pooled fits of one subject: the second load's do not follow, so the first alone is weighed and counted."""
+    fits = [plain("pooled", "1", load, None, branches(1.0)) for load in (0.0, 2.3)]
+    for d, follow in zip(fits, (True, False), strict=True):
+        d["cycles"][0]["frequency_hz"] = 20.0
+        for branch in d["result"]["branches"]:
+            branch["world"] = {"follows": follow, "repeatability": 0.0, "dof": 9, "objective": 1.0, "chi_square": 1.0}
+    found = Findings(fits)
+    assert list(found.tracked) == [fits[0]["key"]]
+    offered = found.table.groupby("key")[["std_error", "lower", "upper"]].count().sum(axis=1)
+    assert offered[fits[0]["key"]] > 0 == offered[fits[1]["key"]]
+    assert set(found.energy["key"]) == {fits[0]["key"]}
+    nothing = Findings(fits[1:])
+    (subject,) = nothing.subjects
+    assert subject.tracking is None and nothing.document()["tracking"][0]["tracking"] is None
+    assert nothing.energy.empty and not nothing.table["std_error"].notna().any()
+    assert list(PICTURES(nothing, "synthetic")) == ["transmissibility_pooled"]  # which shows how far off it is
+    report.write(tmp_path, nothing, "disowned", "synthetic")
+    assert "No fit follows its recordings" in (page := (tmp_path / "report.html").read_text())
+    assert " to 1<" not in page
+
+
+def test_estimates_without_an_interval_are_drawn_bare() -> None:
+    """One frequency has fewer numbers than constants: values without bars, and no count of intervals in the titles."""
+    rows = summary.tidy(study()[:-1]).assign(std_error=np.nan, lower=np.nan, upper=np.nan)
+    figure = figures.curves(rows, "synthetic")
+    axis = figure.axes[0]
+    drawn = [y for line in axis.lines if line.get_label() == "no interval" for y in line.get_ydata()]
+    values = rows[rows["shown"] & (rows["parameter"] == "k_T")]["value"]
+    assert sorted(drawn) == pytest.approx(sorted(1e-3 * values)) and " of " not in axis.get_title()
+    texts = [text.get_text() for text in figure.legends[0].get_texts()]
+    assert "no interval" in texts and "branch not decided" not in texts
 
 
 def test_subject_whom_the_model_follows_is_shown_or_nobody_is() -> None:
@@ -246,15 +281,15 @@ def test_subject_whom_the_model_follows_is_shown_or_nobody_is() -> None:
     fits = study()[:12]  # subjects 1 and 2
     for d in fits[:6]:
         d["subject"] = "16"
-    assert report.example(fits, "per-recording", "midstance", {})[0] == "16"
+    assert report.example(Findings(fits), "per-recording", "midstance")[0] == "16"
     for d in fits[:6]:
         for branch in d["result"]["branches"]:
             branch["fit_percent"] = 84.9
-    assert report.example(fits, "per-recording", "midstance", {})[0] == "2"
+    assert report.example(Findings(fits), "per-recording", "midstance")[0] == "2"
     for d in fits:
         for branch in d["result"]["branches"]:
             branch["fit_percent"] = 84.9
-    found = report.pictures(fits, summary.tidy(fits), summary.cycle_table(fits), "synthetic", {})
+    found = report.pictures(Findings(fits), "synthetic")
     assert not any(name.startswith("loops") for name in found)
     assert "No fit of any subject here follows" in found["transmissibility_per-recording"][1]
 
@@ -283,7 +318,7 @@ def test_fits_that_do_not_follow_are_said_and_left_out(tmp_path: Path, monkeypat
         bad["cycles"][0][part]["dissipated_j"] = 1e3
     with monkeypatch.context() as patched:
         patched.setattr(report, "pictures", lambda *_: {})
-        report.write(tmp_path, fits, "a bad one", "synthetic")
+        report.write(tmp_path, Findings(fits), "a bad one", "synthetic")
     page = (tmp_path / "report.html").read_text()
     said = "1 of 42 fits follow their recordings to less than 85 % "
     said += "(per-recording, subject 1, midstance, 0 kg, 30 Hz: 37.2 %)"
@@ -292,16 +327,20 @@ def test_fits_that_do_not_follow_are_said_and_left_out(tmp_path: Path, monkeypat
     table, energy = summary.tidy(fits), summary.cycle_table(fits)
     lost = before[summary.measured(before)].index.difference(table[summary.measured(table)].index)
     assert set(table.loc[lost, "key"]) == {bad["key"]} and len(lost) == 16
-    row = next(list(r) for r in tables.energies(energy).to_numpy() if list(r[2:4]) == ["0", "30"])
-    assert (row[4], float(row[5])) == (6, pytest.approx(2e3 * np.pi, rel=1e-2))
+    for by, count in (("tracking", 6), ("undecided", 0)):
+        rows = tables.energies(energy.assign(decided_by=by)).set_index(["added mass [kg]", "frequency [Hz]"])
+        row = rows.loc[("0", "30")]
+        assert (row["cycles"], row["branch decided"]) == (6, count)
+        assert float(row["median shaker [mJ]"]) == pytest.approx(8.01e3 * np.pi, rel=1e-2)
+        assert row["median ankle [mJ]"] == (f"{2e3 * np.pi:.3g}" if count else "–")
     assert "41 of 42" in figures.curves(table, "synthetic").axes[0].get_title()
     mine = [d for d in fits if d["subject"] == "1"]
-    cycles = report.example(mine, "per-recording", "midstance", {})[1]
+    cycles = report.example(Findings(mine), "per-recording", "midstance")[1]
     assert [c["follows"] for c in cycles] == [True, True, False, True, True, True]
     drawn = figures.loops(cycles, "synthetic")
     assert [line.get_linestyle() for line in drawn.axes[0].lines] == ["--", "--", ":"]
     assert "less than 85 %" in drawn.get_supxlabel()
     bad["result"]["branches"][0]["fit_percent"] = 84.0
-    alone = report.pictures([bad], summary.tidy([bad]), summary.cycle_table([bad]), "synthetic", {})
+    alone = report.pictures(Findings([bad]), "synthetic")
     assert "energies_per-recording" not in alone
     assert "loops_per-recording" not in alone

@@ -54,10 +54,10 @@ def test_interrupt_within_compiled_code_is_no_failed_fit(study: Path, monkeypatc
             raise SystemError("returned a result with an exception set")
 
     monkeypatch.setattr(job, "_done", lambda *_: compiled(pressed=True))
-    with cluster.in_process() as do, pytest.raises(KeyboardInterrupt):
+    with cluster.crew(1, None, 1) as do, pytest.raises(KeyboardInterrupt):
         list(do([work]))
     monkeypatch.setattr(job, "_done", lambda *_: compiled(pressed=False))
-    with cluster.in_process() as do:
+    with cluster.crew(1, None, 1) as do:
         (found,) = do([work])
     assert found["status"] == "failed" and found["result"] is None and found["cycles"] == []
     assert "SystemError" in found["error"] and "\n" not in found["error"]

@@ -58,13 +58,24 @@ _MASS_LIMITS_KG = {"body": (20, 300), "added": (0, 100)}
 
 @dataclass(frozen=True)
 class Condition(Tabled):
-    """Under what a recording was made. `frequency_hz` is None for broadband excitation, masses None if unknown."""
+    """Under what a recording was made.
+
+    Attributes:
+        subject: whose.
+        posture: of the foot.
+        added_mass_kg: on the knee.
+        body_mass_kg: None if unknown.
+        frequency_hz: of the excitation, None where it is broadband.
+        seating: recordings of one subject that share it were made without standing up or taking a sensor off between
+            them; "" where that is not known.
+    """
 
     subject: str = ""
     posture: str = "midstance"
     added_mass_kg: float = 0.0
     body_mass_kg: float | None = None
     frequency_hz: float | None = None
+    seating: str = ""
 
     @property
     def masses(self) -> dict[str, float]:

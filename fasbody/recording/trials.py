@@ -166,6 +166,7 @@ def listed(folder: Path, only: Path | None = None) -> tuple[Trial, ...]:
             body_mass_kg=plausible(masses[subject], "body", f"{folder / 'subjects.csv'}: subject {subject}"),
             added_mass_kg=plausible(float(added[i]), "added", f"{file}, line {line}"),
             frequency_hz=float(frequency[i]) if np.isfinite(frequency[i]) else None,
+            seating=" ".join(str(row.get("seating") or "").split()),
         )
         trials.append(Trial(folder / name, name, f"{folder.name}/{name}", condition))
     if not trials:

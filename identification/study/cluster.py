@@ -1,8 +1,8 @@
 """Where jobs are done: in this process, on local processes, or on a Dask cluster. The only importer of dask.
 
-Jobs carry their recordings, so workers need no file of the study; a few are sent ahead, the rest are read when their
-turn comes. Dask puts a lost worker's jobs on another one. Its messages are pickles: whoever reaches the scheduler's
-port can run programs as you (docs/study.md).
+Jobs carry their recordings, so workers need no file of the study; a few are sent ahead, the rest
+are read when their turn comes. Dask puts a lost worker's jobs on another one. Its messages are
+pickles: whoever reaches the scheduler's port can run programs as you (docs/study.md).
 """
 
 import contextlib
@@ -13,11 +13,11 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from fasbody import runner
-from fasbody.console import held, once
+from fasbody.console import once
 from fasbody.exceptions import FasError, MissingPackageError, SettingError
 from identification.study import job, plan
-from identification.study.job import Document
 from identification.study.plan import Work
+from identification.study.store import Document
 
 #: Takes work lazily and yields documents as they are ready.
 Crew = Callable[[Iterable[Work]], Iterator[Document]]
@@ -28,42 +28,39 @@ _AHEAD = 2
 #: How long to wait for a scheduler, and for its first worker [s].
 _PATIENCE_S = 15
 _GONE = "the connection to the scheduler is lost; the same command goes on from here."
-_QUIET = {"distributed.worker.daemon": True, "distributed.comm.timeouts.connect": f"{_PATIENCE_S}s"}
-#: Sampling of the worker's stack a hundred times a second is switched off, as it costs time.
-_PLAIN = {"distributed.nanny.pre-spawn-environ.NUMBA_NUM_THREADS": 1, "distributed.worker.profile.enabled": False}
+_QUIET = {"distributed.comm.timeouts.connect": f"{_PATIENCE_S}s"}
 
 
 @contextlib.contextmanager
-def in_process() -> Iterator[Crew]:
-    """One after another in this process; Ctrl-C ends the job that it meets, whose document is not given."""
-    with once():
-        yield lambda works: (document for _, document in runner.in_turn(job.run, works))
+def crew(count: int, scheduler: str | None, workers: int) -> Iterator[Crew]:
+    """Who does so many jobs: a cluster, local processes, or this one where that is enough.
 
-
-@contextlib.contextmanager
-def local(processes: int) -> Iterator[Crew]:
-    """So many local processes, one thread each, that talk over 127.0.0.1, end with this one and leave Ctrl-C to it.
-
-    Raises:
-        MissingPackageError: distributed is not installed.
+    Args:
+        count: of the jobs.
+        scheduler: address of a cluster, None for this machine.
+        workers: processes here, 0 for one a core.
     """
-    distributed = _distributed()
-    import dask
+    if scheduler is not None:
+        with remote(scheduler) as do:
+            yield do
+    else:
+        alone = not workers and count < FEW
+        with once():
+            yield local(1 if alone else workers or min(runner.cores(), count))
 
-    with dask.config.set({**_QUIET, **_PLAIN}):
-        with held():  # processes inherit the blocked signal, also those that replace ended ones
-            cluster = distributed.LocalCluster(
-                n_workers=processes, threads_per_worker=1, processes=True, host="127.0.0.1",
-                dashboard_address="127.0.0.1:0", scheduler_kwargs={"dashboard": False},  # its port is of no use here
-                memory_limit=0, silence_logs=50,
-            )  # fmt: skip
-            client = distributed.Client(cluster)
-        try:
-            yield lambda works: _on(client, works)
-        finally:
-            with held():  # closed by half, it would wait for its processes
-                client.close()
-                cluster.close()
+
+def local(processes: int) -> Crew:
+    """So many local processes, one thread each; this one alone where it is one.
+
+    Ctrl-C ends the jobs that it meets, whose documents are not given.
+    """
+
+    def do(works: Iterable[Work]) -> Iterator[Document]:
+        alone = processes == 1
+        done = runner.in_turn(job.run, works) if alone else runner.spread(job.run, works, processes)
+        yield from (document for _, document in done)
+
+    return do
 
 
 @contextlib.contextmanager
@@ -71,11 +68,15 @@ def remote(address: str) -> Iterator[Crew]:
     """The workers of an existing scheduler, such as tcp://127.0.0.1:8786.
 
     Raises:
-        MissingPackageError: distributed is not installed. SettingError: no scheduler answers there, it has no worker,
-            or its workers have another version of this program.
+        MissingPackageError: distributed is not installed.
+        SettingError: no scheduler answers there, it has no worker, or its workers have another
+            version of this program.
     """
-    distributed = _distributed()
-    import dask
+    try:
+        import dask
+        import distributed
+    except ImportError:
+        raise MissingPackageError("distributed", "study") from None
 
     with dask.config.set(_QUIET), _silent("distributed.client"):
         _ensure(address)
@@ -181,19 +182,4 @@ def _failed(work: Work, error: BaseException) -> Document:
     """What is written of a job whose worker ended, each time it was tried."""
     died = type(error).__name__ == "KilledWorker"
     why = "the worker doing it ended, several times over; memory may be short" if died else " ".join(str(error).split())
-    return job.document(work.job, {"status": "failed", "error": f"{work.job}: {why.rstrip('.')}."})
-
-
-def _distributed() -> Any:
-    try:
-        import distributed
-    except ImportError:
-        raise MissingPackageError("distributed", "study") from None
-    return distributed
-
-
-def installed() -> bool:
-    """Whether local processes are to be had."""
-    import importlib.util
-
-    return importlib.util.find_spec("distributed") is not None
+    return job.document(work.job, error=f"{work.job}: {why.rstrip('.')}.")

@@ -1,25 +1,20 @@
 """The command `python -m identification.study`: fit a whole study, resumably, here or on a Dask cluster."""
 
-import contextlib
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fasbody import runner
 from fasbody.console import console, print_json, progress_bar, results
 from fasbody.exceptions import InputFileError, Stopped
 from fasbody.recording.study import StudyFolder
-from identification.study.filters import KINDS, MODES, Filters
+from identification.study import KINDS, MODES
 from identification.study.store import Store
 
 if TYPE_CHECKING:
-    from identification.study.cluster import Crew
     from identification.study.findings import Findings
-    from identification.study.job import Document
     from identification.study.plan import Job, Work
 
 #: Places of a failure that are named.
@@ -82,72 +77,71 @@ def main(
     from identification.fitting import Settings
     from identification.parameters import limits, names
     from identification.study import report
-    from identification.study.checks import ensure
-    from identification.study.findings import gather
-    from identification.study.persons import joining
-    from identification.study.plan import Model, Plan
+    from identification.study.findings import Findings
+    from identification.study.job import ensure
+    from identification.study.plan import Model, Plan, select
+    from identification.study.store import pooled_fits
     from identification.study.tracking import Prior
     from identification.study.truth import Truth
 
     folder = StudyFolder.open(study)
-    filters = Filters(tuple(subject or ()), tuple(posture or ()), tuple(added_mass or ()), tuple(frequency or ()))
-    settings = Settings(
-        free=names(free), bounds=limits(bounds), starts=starts, seed=seed, domain=domain, threads=1, replay=replay
-    )
-    believed = Prior.read(prior or ())
-    foot = load(model)
+    wanted = {"subject": subject, "posture": posture}
+    trials = select(folder.trials, **wanted, added_mass_kg=added_mass, frequency_hz=frequency)
+    how: dict[str, Any] = {"starts": starts, "seed": seed, "domain": domain, "replay": replay}
+    settings = Settings(free=names(free), bounds=limits(bounds), threads=1, **how)
+    believed, foot = Prior.read(prior or ()), load(model)
     profiled = tuple(dict.fromkeys(names(profile) or ()))
     space = ensure(mode, settings, foot, profiled)
-    plan = Plan(folder, filters.choose(folder.trials), settings, Model.of(foot))
-    others = [d for results_of in persons or () for d in joining(results_of)]
+    plan = Plan(folder, trials, settings, Model.of(foot))
+    others = [fit for results_of in persons or () for fit in pooled_fits(results_of)]
     out = out or Path("results") / f"{study.resolve().name}_study"
     if out.is_file():
         raise InputFileError(out, "is a file", "name a folder")
     fits, checks = Store(out / "fits"), Store(out / "checks")
     jobs = plan.jobs(mode)
-    checking = [job for name in profiled for job in plan.jobs(mode, "profile", name)]
-    checking += plan.jobs(mode, "validation") if validate else []
-    checking += plan.jobs(mode, "agreement") if agreement else []
+    kinds = [("profile", name) for name in profiled]
+    kinds += [("validation", "")] * validate + [("agreement", "")] * agreement
+    checking = [job for kind in kinds for job in plan.jobs(mode, *kind)]
     began = time.perf_counter()
     try:
         computed = complete(plan.work, jobs, fits, scheduler, workers)
-        kept = fits.documents(job.key for job in jobs)  # read and verified once: a study has hundreds
-        basis = {job.trials: kept.get(job.key) for job in jobs}
-        checking = [job for job in checking if job.kind == "validation" or _done(basis[job.trials])]
-        checked = complete(lambda job: plan.work(job, basis.get(job.trials)), checking, checks, scheduler, workers)
+        kept = fits.documents(job.key for job in jobs)  # read once: a study has hundreds
+        done = {job.trials: kept[job.key] for job in jobs if job.key in kept}
+        done = {trials: fit for trials, fit in done.items() if fit["status"] == "done"}
+        checking = [job for job in checking if job.kind == "validation" or job.trials in done]
+        checked = complete(lambda job: plan.work(job, done.get(job.trials)), checking, checks, scheduler, workers)
     except KeyboardInterrupt:
-        count = len(fits.documents(job.key for job in jobs)) + len(checks.documents(job.key for job in checking))
-        raise Stopped(
-            f"stopped with {count} of {len(jobs) + len(checking)} fits and checks in {out}; the same command goes on "
-            "from there."
-        ) from None
+        there = [*fits.documents(job.key for job in jobs), *checks.documents(job.key for job in checking)]
+        count = f"{len(there)} of {len(jobs) + len(checking)} fits and checks"
+        raise Stopped(f"stopped with {count} in {out}; the same command goes on from there.") from None
     seconds = time.perf_counter() - began
-    modes = [kept if m == mode else fits.documents(job.key for job in plan.jobs(m)) for m in MODES]
-    documents = [d for fits_of_mode in modes for d in fits_of_mode.values()]
-    kinds = [(kind, "") for kind in KINDS[2:]] + [("profile", item.name) for item in space.free]
-    keys = (job.key for m in MODES for kind in kinds for job in plan.jobs(m, *kind))
+    for other in MODES:
+        kept |= fits.documents(job.key for job in plan.jobs(other)) if other != mode else {}
+    documents = sorted(kept.values(), key=lambda fit: MODES.index(fit["mode"]))
+    every = [(kind, "") for kind in KINDS[2:]] + [("profile", item.name) for item in space.free]
+    keys = (job.key for m in MODES for kind in every for job in plan.jobs(m, *kind))
     done_checks = list(checks.documents(keys).values())
-    unshown = fits.others(d["key"] for d in documents) + checks.others(d["key"] for d in done_checks)
-    findings = gather(documents, done_checks, believed, ", ".join(prior or ()), others)
-    findings = replace(findings, unshown=unshown, requested=mode)
+    unshown = fits.others(kept) + checks.others(check["key"] for check in done_checks)
+    said = believed, ", ".join(prior or ()), others, unshown, mode
+    findings = Findings(documents, done_checks, Truth.read(study), *said)
     if page:
-        report.write(out, documents, folder.name, folder.origin, Truth.read(study), findings)
-    done = sum(map(_done, kept.values()))
-    run = {"out": out, "computed": computed, "checked": checked, "wanted": len(jobs), "done": done, "seconds": seconds}
-    show(documents, findings, run, json_)
+        report.write(out, findings, folder.name, folder.origin)
+    run = {"out": out, "computed": computed, "checked": checked, "wanted": len(jobs)}
+    show(findings, run | {"done": len(done), "seconds": seconds}, json_)
     if page:
-        console.print(f"report: [bold]{out / 'report.html'}[/], with summary.csv and figures beside it", soft_wrap=True)
+        where = f"[bold]{out / 'report.html'}[/]"
+        console.print(f"report: {where}, with summary.csv and figures beside it", soft_wrap=True)
     if not done:
         raise typer.Exit(1)
 
 
-def _done(document: "Document | None") -> bool:
-    return document is not None and document["status"] == "done"
-
-
 def complete(
-    work: "Callable[[Job], Work]", jobs: "Sequence[Job]", store: Store, scheduler: str | None, workers: int
-) -> int:  # fmt: skip
+    work: "Callable[[Job], Work]",
+    jobs: "Sequence[Job]",
+    store: Store,
+    scheduler: str | None,
+    workers: int,
+) -> int:
     """Do what is missing or failed before; returns how many jobs that were.
 
     Args:
@@ -158,18 +152,22 @@ def complete(
         workers: processes otherwise.
 
     Raises:
-        SettingError: no scheduler or worker where one is named. InputFileError: the folder cannot be written.
+        SettingError: no scheduler or worker where one is named.
+        InputFileError: the folder cannot be written.
     """
+    from identification.study import cluster
+
     missing = []
     for job in jobs:
         kept, problem = store.read(job.key)
         if problem:
-            console.print(problem, markup=False, soft_wrap=True)
+            text = f"{store.folder / job.key}.json: {problem} and is computed again."
+            console.print(text, markup=False, soft_wrap=True)
         if kept is None or kept["status"] == "failed":
             missing.append(job)
     if not missing:
         return 0
-    with crew(len(missing), scheduler, workers) as do, progress_bar() as progress:
+    with cluster.crew(len(missing), scheduler, workers) as do, progress_bar() as progress:
         store.make()  # not before someone is there to fill it
         began = time.perf_counter()
         what = "fitting" if jobs[0].kind == KINDS[0] else "checking"
@@ -181,67 +179,56 @@ def complete(
     return len(missing)
 
 
-@contextlib.contextmanager
-def crew(count: int, scheduler: str | None, workers: int) -> "Iterator[Crew]":
-    """Who does so many jobs: a cluster where one is named, else local processes, or this one where that is enough."""
-    from identification.study import cluster
-
-    cores = workers or min(runner.cores(), count)
-    if scheduler is not None:
-        with cluster.remote(scheduler) as do:
-            yield do
-    elif cores == 1 or (not workers and (count < cluster.FEW or not cluster.installed())):
-        with cluster.in_process() as do:
-            yield do
-    else:
-        with cluster.local(cores) as do:
-            yield do
-
-
 def failures(failed: Sequence[Mapping[str, Any]]) -> list[str]:
     """Each sentence once, with the places that it is about."""
     from identification.study.summary import place
 
     places: dict[str, list[str]] = {}
-    for d in failed:
-        places.setdefault(d["error"], []).append(place(d))
-    return [
-        f"{'; '.join(where[:_NAMED])}{f' and {len(where) - _NAMED} more' if len(where) > _NAMED else ''}: {error}"
-        for error, where in places.items()
-    ]
+    for document in failed:
+        places.setdefault(document["error"], []).append(place(document))
+    sentences = []
+    for error, where in places.items():
+        more = f" and {len(where) - _NAMED} more" if len(where) > _NAMED else ""
+        sentences.append(f"{'; '.join(where[:_NAMED])}{more}: {error}")
+    return sentences
 
 
-def show(documents: "Sequence[Document]", findings: "Findings", run: Mapping[str, Any], as_json: bool) -> None:
+def show(findings: "Findings", run: Mapping[str, Any], as_json: bool) -> None:
     """What is in the folder now, for people or as JSON: counts by mode, findings, and what failed."""
+    from rich.table import Table
+
     from identification.study.summary import counts, first, unfollowed_fits
 
+    documents = findings.documents
     failed = [d for d in (*documents, *findings.checks) if d["status"] == "failed"]
     counted = counts(documents, findings.tracked).to_dict("records")
     if as_json:
-        errors = [{name: d[name] for name in ("mode", "kind", "parameter", "files", "error")} for d in failed]
-        unfollowed = [{"mode": d["mode"], "files": d["files"], "fit_percent": fit}
-                for d, fit in unfollowed_fits(documents, findings.tracked)]  # fmt: skip
+        about = ("mode", "kind", "parameter", "files", "error")
+        unfollowed = [
+            {"mode": fit["mode"], "files": fit["files"], "fit_percent": percent}
+            for fit, percent in unfollowed_fits(documents, findings.tracked)
+        ]
+        errors = [{name: document[name] for name in about} for document in failed]
         print_json({**run, "modes": counted, "failed": errors, "poor": unfollowed, **findings.document()})
     else:
-        what = f"{run['computed']} fits and {run['checked']} checks" if run["checked"] else f"{run['computed']} fits"
+        what = f"{run['computed']} fits" + (f" and {run['checked']} checks" if run["checked"] else "")
         title = f"{what} computed in {run['seconds']:.0f} s; {run['done']} of {run['wanted']} fits done"
-        from rich.table import Table
-
         table = Table(title=title, title_justify="left")
-        names = [name for name in counted[0] if not name.startswith("again")]  # the page says those in words
+        names = [name for name in counted[0] if not name.startswith("again")]  # the page has those
         for name in names:
             table.add_column(name.replace("_", " "), justify="left" if name == "mode" else "right")
         for row in counted:
-            table.add_row(*(f"{v:.4g}" if isinstance(v, float) else str(v) for v in (row[n] for n in names)))
+            cells = (row[name] for name in names)
+            table.add_row(*(f"{v:.4g}" if isinstance(v, float) else str(v) for v in cells))
         results.print(table)
-        for subject in findings.subjects:
-            results.print(f"subject {subject.subject}, {subject.posture}, {subject.mode}: {subject.sentence}",
-                          markup=False, soft_wrap=True)  # fmt: skip
-    odd = (text for p in findings.populations for text in p.odd())
-    for sentence in (first(documents, findings.tracked), *findings.no_population, *odd, findings.elsewhere):
-        if sentence:
-            console.print(sentence, style="yellow", markup=False, soft_wrap=True)
-    for sentence in failures(failed):
-        console.print(f"failed: {sentence}", markup=False, soft_wrap=True)
-    for sentence in (text for d in documents if d["status"] == "done" for text in d["left_out"]):
-        console.print(f"left out: {sentence}", markup=False, soft_wrap=True)
+        for s in findings.subjects:
+            text = f"subject {s.subject}, {s.posture}, {s.mode}: {s.sentence}"
+            results.print(text, markup=False, soft_wrap=True)
+    odd = [text for p in findings.populations for text in p.odd()]
+    remarks = first(documents, findings.tracked), *findings.no_population, *odd, findings.elsewhere
+    for sentence in filter(None, remarks):
+        console.print(sentence, style="yellow", markup=False, soft_wrap=True)
+    left_out = [text for d in documents if d["status"] == "done" for text in d["left_out"]]
+    others = [f"failed: {text}" for text in failures(failed)] + [f"left out: {t}" for t in left_out]
+    for sentence in others:
+        console.print(sentence, markup=False, soft_wrap=True)

@@ -41,6 +41,8 @@ _LOGARITHMIC = ("k_T", "k_F", "c_11", "c_21")
 _DECIDED, _OPEN, _FAINT = 0.8, 0.65, 0.35
 #: Line of a model, and of one that does not follow its recordings.
 _SOLID, _DOTTED = "-", ":"
+#: An estimate without an interval.
+_BARE: dict[str, Any] = {"ms": 2.6, "mew": 0.6, "mfc": "none", "alpha": _OPEN}
 _TRUTH: dict[str, Any] = {"lw": 1.3, "ls": (0, (4, 2))}
 _SCALE = {"N/m": (1e-3, "kN/m"), "s": (1e3, "ms")}
 
@@ -53,8 +55,12 @@ def save(figure: Figure, ending: str) -> bytes:
     return picture(figure, ending)
 
 
-def noted(figure: Figure, text: str) -> Figure:
-    """Write a remark below a figure, wrapped to its width."""
+def noted(figure: Figure, text: str, handles: Sequence[Any] = (), columns: int = 0) -> Figure:
+    """Write a remark below a figure, wrapped to its width, and a legend above it."""
+    if handles:
+        how: dict[str, Any] = {"handletextpad": 0.4, "columnspacing": 1.0}
+        columns = columns or len(handles)
+        figure.legend(handles=handles, loc="outside upper center", ncols=columns, **how)
     figure.supxlabel(fill(text, int(_LETTERS * figure.get_figwidth())), color=GREY)
     return figure
 
@@ -111,33 +117,34 @@ def curves(table: pd.DataFrame, origin: str) -> Figure:
         axis.set_xlabel("frequency [Hz]")
     fits = rows.drop_duplicates("key")
     decided, known = int((~fits["decided_by"].isin(OPEN)).sum()), rows["truth"].notna().any()
-    lines = [line for axis in axes.flat for line in axis.lines if line.get_label() == "mean"]
-    drawn = any(len(line.get_xdata()) for line in lines)
+    lines = [line for axis in axes.flat for line in axis.lines if len(line.get_xdata())]
+    drawn, bare = (any(line.get_label() == label for line in lines) for label in ("mean", "no interval"))
+    with_interval = measured(rows).any()
     keys = {
-        "branch decided": (decided, {"marker": "o", "ms": 4, "mew": 0}),
-        "branch not decided": (decided < len(fits), {"marker": "o", "ms": 4, "mfc": "none"}),
+        "branch decided": (decided and with_interval, {"marker": "o", "ms": 4, "mew": 0}),
+        "branch not decided": (decided < len(fits) and with_interval, {"marker": "o", "ms": 4, "mfc": "none"}),
+        "no interval": (bare, {"marker": "o", **_BARE}),
         "mean of the decided": (drawn, {"lw": 2, "ls": "-"}),
         "truth": (known, _TRUTH),
     }
     handles = _load_keys(loads, ls="-", lw=0.6)
     handles += [_key(label, **style) for label, (drawn_at_all, style) in keys.items() if drawn_at_all]
-    figure.legend(
-        handles=handles, loc="outside upper center", handletextpad=0.4, columnspacing=1.0,
-        ncols=len(handles) if len(handles) < 7 else 4,
-    )  # fmt: skip
     truth = "; truth: the mean over these subjects" if known else ""
-    means = (
-        f"Means where {FEWEST} subjects or more are decided (geometric, of c_12 and c_22 "
-        f"arithmetic); bands: 95 % of the mean, jackknife over {BAND} or more{truth}."
-        if drawn
-        else f"No mean is drawn of fewer than three decided subjects{truth}."
-    )
+    means = f"No mean is drawn of fewer than three decided subjects{truth}."
+    if drawn:
+        means = f"Means where {FEWEST} subjects or more are decided (geometric, of c_12 and c_22 "
+        means += f"arithmetic); bands: 95 % of the mean, jackknife over {BAND} or more{truth}."
+    bars = "No estimate has an interval: one frequency has fewer numbers than there are constants."
+    if with_interval:
+        bars = "Bars: 95 % of each estimate, cut at the frame; in the titles how many estimates have "
+        bars += f"one.{_without_interval(rows)}"
     return noted(
         figure,
-        f"{_people(origin, rows)} Bars: 95 % of each estimate, cut at the frame; in the titles how "
-        f"many estimates have one, and are drawn. The branch is decided in {decided} of "
+        f"{_people(origin, rows)} {bars} The branch is decided in {decided} of "
         f"{len(fits)} fits; elsewhere ankle and pad may have changed places, and the likelier "
-        f"branch is drawn. {means}{_without_estimate(rows)}",
+        f"branch is drawn. {means}",
+        handles,
+        len(handles) if len(handles) < 7 else 4,
     )
 
 
@@ -149,6 +156,8 @@ def _load_curves(
     of = true.groupby("frequency_hz")["truth"]
     mean = of.agg(lambda v: np.exp(np.log(v).mean())) if name in POSITIVE else of.mean()
     axis.plot(mean.index, scale * mean, label="truth", **_TRUTH, **colour)
+    bare = rows[rows["value"].notna() & rows["std_error"].isna() & ~rows["at_bound"] & follows(rows["fit_percent"])]
+    axis.plot(bare["frequency_hz"] + shift, scale * bare["value"], mark, label="no interval", **_BARE, **colour)
     dots = rows[~rows["outlier"] & measured(rows)]
     decided = ~dots["decided_by"].isin(OPEN)
     c = mean_curve(dots[decided], rows["frequency_hz"])
@@ -160,11 +169,11 @@ def _load_curves(
     axis.plot(f[decided], value[decided], mark, ms=2.8, mew=0, alpha=_DECIDED, **colour)
     hollow = {"mfc": "white", "mec": colour["color"], "mew": 0.8, "ms": 3.2}
     axis.plot(f[~decided], value[~decided], mark, alpha=_OPEN, **hollow)
-    return [*value, *(scale * mean), *(scale * c.mean)]
+    return [*value, *(scale * bare["value"]), *(scale * mean), *(scale * c.mean)]
 
 
-def _without_estimate(rows: pd.DataFrame) -> str:
-    """Frequencies at which nothing could be drawn, in a sentence."""
+def _without_interval(rows: pd.DataFrame) -> str:
+    """Frequencies at which no estimate has an interval, in a sentence."""
     drawn = set(rows.loc[measured(rows) & ~rows["outlier"], "frequency_hz"])
     none = [f"{f:g}" for f in distinct(rows["frequency_hz"]) if f not in drawn]
     return f" At {', '.join(none)} Hz none has one." if none else ""
@@ -186,11 +195,12 @@ def _limit(axis: Axes, values: np.ndarray, name: str) -> None:
 
 
 def titled(axis: Axes, rows: pd.DataFrame, name: str) -> float:
-    """Title of a panel with unit and number of estimates drawn; returns the scale of values."""
+    """Title of a panel with unit and number of intervals; returns the scale of values."""
     unit = rows["unit"].iloc[0] if len(rows) else ""
     scale, label = _SCALE.get(unit, (1.0, unit))
-    number = f"{int(measured(rows).sum())} of {len(rows)}" if len(rows) else "not estimated"
-    axis.set_title(f"{label_of(name)} [{label}], {number}")
+    count = int(measured(rows).sum())
+    number = f", {count} of {len(rows)}" if count else "" if len(rows) else ", not estimated"
+    axis.set_title(f"{label_of(name)} [{label}]{number}")
     return scale
 
 
@@ -229,10 +239,10 @@ def transmissibility(cycles: Sequence[Mapping[str, Any]], origin: str) -> Figure
     for axis in axes[0]:
         axis.set_xlabel("frequency [Hz]")
     handles, _ = size.get_legend_handles_labels()
-    handles.append(_key("model", ls="-", marker=".", ms=3.5))
+    if any(line.get_linestyle() == _SOLID for line in size.lines):
+        handles.append(_key("model", ls="-", marker=".", ms=3.5))
     if any(line.get_linestyle() == _DOTTED for line in size.lines):
         handles.append(_key("model that does not follow", ls=_DOTTED))
-    figure.legend(handles=handles, loc="outside upper center", ncols=len(handles))
     mode = str(cycles[0].get("mode", "")) if cycles else ""
     fitted = {
         "per-recording": ", fitted to each recording alone",
@@ -241,9 +251,9 @@ def transmissibility(cycles: Sequence[Mapping[str, Any]], origin: str) -> Figure
     text = f"Marks: {origin} data{_whose(cycles)}. Lines: the model{fitted.get(mode, '')}."
     good_count = sum(c.get("follows", True) for c in cycles)
     if good_count < len(cycles):
-        text += f" A dot: it follows to {LEAST_FIT:g} % or more in the mean, "
-        text += f"{good_count} of {len(cycles)} recordings."
-    return noted(figure, text)
+        text += " A dot: it" if good_count else " It"
+        text += f" follows to {LEAST_FIT:g} % or more in the mean, {good_count} of {len(cycles)} recordings."
+    return noted(figure, text, handles)
 
 
 def _whose(cycles: Sequence[Mapping[str, Any]]) -> str:
@@ -291,7 +301,8 @@ def loops(cycles: Sequence[Mapping[str, Any]], origin: str) -> Figure:
         which = which if decided else "no branch decided by the data"
         column[0].set_title(f"talocrural joint, {load:g} kg added\n{which}")
         column[1].set_title(f"fat pad, {load:g} kg added")
-        column[1].set_xlabel("relative displacement [mm]")
+        for axis in column:  # the rows have different scales
+            axis.set_xlabel("relative displacement [mm]")
     for row in axes:
         row[0].set_ylabel("force [N]")
         row[0].xaxis.set_major_locator(MaxNLocator(5, steps=[1, 2, 5, 10]))  # shared by the row
@@ -358,20 +369,14 @@ def energies(table: pd.DataFrame, origin: str) -> Figure:
         handles.append(_key("branch not decided", marker="o", ms=3.5, mew=0.6, mfc="none"))
     if medians:
         handles.append(_key("median and quartiles", marker="o", ls="-", lw=1.2, ms=3.8))
-    figure.legend(
-        handles=handles, loc="outside upper center", ncols=len(handles), columnspacing=1.0,
-        handletextpad=0.4,
-    )  # fmt: skip
-    drawn = (
-        f"Lines: medians and quartiles of {FEWEST_OF_A_BOX} or more."
-        if medians
-        else f"There is no median of fewer than {FEWEST_OF_A_BOX}."
-    )
+    drawn = f"There is no median of fewer than {FEWEST_OF_A_BOX}."
+    drawn = f"Lines: medians and quartiles of {FEWEST_OF_A_BOX} or more." if medians else drawn
     return noted(
         figure,
         f"{_people(origin, rows)} A mark is one cycle of one subject; loads stand side by side at "
         f"each frequency. {drawn} The energy is the same on both branches. The pad's share is not, "
         f"and its branch is decided in {int(decided.sum())} of {len(rows)} cycles.",
+        handles,
     )
 
 

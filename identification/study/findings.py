@@ -1,15 +1,19 @@
-"""What a study's checks found, and the branches tracked over its subjects: for the report, summary.csv and --json."""
+"""What a study's fits and checks say together: tables, subjects' branches, populations."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
+from functools import cached_property
 from typing import Any
+
+import pandas as pd
 
 from fasbody.exceptions import SettingError
 from fasbody.presentation import counted
-from identification.study.population import Population, populations, without
+from identification.study import summary
+from identification.study.population import Population, populations
 from identification.study.tracking import Fit, Prior, Tracking, track
+from identification.study.truth import Truth, recovery
 
-_TRACKED_MODES = ("per-recording", "pooled")
 Document = Mapping[str, Any]
 
 
@@ -25,107 +29,131 @@ class Subject:
 
     def document(self) -> dict[str, Any]:
         """As plain data."""
-        plain = {**asdict(self), "tracking": self.tracking and self.tracking.document()}
-        plain["said"] = plain.pop("sentence")
-        return plain
+        plain = asdict(self)
+        return {**plain, "said": plain.pop("sentence")}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Findings:
-    """All of it.
+    """All that the fits of a study say.
+
+        findings = Findings(documents, truth=Truth.read(study))
+        report.write(out, findings, "my study", "synthetic")
 
     Attributes:
-        subjects: tracked ones.
-        checks: documents of the checks that are done.
-        prior: that the tracking had, in words.
-        unshown: how many documents of each mode in the folder are of other settings or recordings.
+        documents: the fits.
+        checks: documents of their checks.
+        truth: of a synthetic study.
+        prior: of the branches.
+        prior_text: the prior in words.
+        others: fits of persons of other studies, who join the population alone.
+        unshown: how many documents of each mode are of other settings or recordings.
         requested: the mode of the command.
-        populations: of the pooled fits.
-        no_population: why some persons make none.
     """
 
-    subjects: Sequence[Subject] = ()
+    documents: Sequence[Document] = ()
     checks: Sequence[Document] = ()
-    prior: str = ""
+    truth: Truth | None = None
+    prior: Prior | None = None
+    prior_text: str = ""
+    others: Sequence[Document] = ()
     unshown: Mapping[str, int] = field(default_factory=dict)
     requested: str = ""
-    populations: Sequence[Population] = ()
-    no_population: Sequence[str] = ()
+
+    @cached_property
+    def subjects(self) -> list[Subject]:
+        """The branches of every subject's fits, tracked together."""
+        groups: dict[tuple[str, str, str], list[Document]] = {}
+        for fit in self.documents:
+            if fit["status"] == "done":
+                groups.setdefault((fit["mode"], fit["subject"], fit["posture"]), []).append(fit)
+        return [self._tracked(*who, fits) for who, fits in groups.items()]
+
+    def _tracked(self, mode: str, subject: str, posture: str, fits: Sequence[Document]) -> Subject:
+        """Fits with one branch say nothing about the choice, and sweeps have no place in frequency.
+
+        No odds are given of fits that do not follow their recordings.
+        """
+        usable = [fit for fit in fits if not summary.disowned(fit)]
+        two = [fit for fit in usable if len(fit["result"]["branches"]) > 1]
+        two = [fit for fit in two if mode == "pooled" or fit["frequency_hz"] is not None]
+        tracking, text = None, "Fits without a frequency or a mirror solution are not tracked."
+        if not usable:
+            text = "No fit follows its recordings, so no branch is weighed."
+        try:
+            if two:
+                tracking = track([Fit.from_document(fit) for fit in two], prior=self.prior)
+                text = tracking.sentence
+        except SettingError as problem:
+            text = f"Subject {subject}, {mode}: {problem}"
+        return Subject(mode, subject, posture, tracking, text)
+
+    @cached_property
+    def tracked(self) -> dict[str, str]:
+        """Key of a fit -> name of its branch, or "undecided"."""
+        return {c.key: c.branch for s in self.subjects if s.tracking for c in s.tracking.choices}
+
+    @cached_property
+    def _population(self) -> tuple[list[Population], list[str]]:
+        keys = {fit["key"] for fit in self.documents}  # hold the content: no fit counts twice
+        others = (fit for fit in self.others if fit["key"] not in keys)
+        return populations([*self.documents, *others])
+
+    @property
+    def populations(self) -> list[Population]:
+        """Of the pooled fits."""
+        return self._population[0]
+
+    @property
+    def no_population(self) -> list[str]:
+        """Why some persons make none."""
+        return self._population[1]
+
+    @cached_property
+    def table(self) -> pd.DataFrame:
+        """The tidy table, see `summary.tidy`."""
+        profiles = {(r["fit"], r["key"]): r for _, r in self.of("profile")}
+        return summary.tidy(self.documents, self.truth, self.tracked, profiles)
+
+    @cached_property
+    def energy(self) -> pd.DataFrame:
+        """The cycles, see `summary.cycle_table`."""
+        return summary.cycle_table(self.documents, self.tracked)
+
+    @cached_property
+    def recovered(self) -> pd.DataFrame:
+        """How much of the truth the fits recover, see `truth.recovery`; empty without one."""
+        return recovery(self.table) if self.truth else pd.DataFrame()
 
     @property
     def elsewhere(self) -> str:
         """What is in the folder and not shown, in a sentence; empty where nothing is."""
         sentences = []
         for mode, count in sorted(self.unshown.items()):
+            documents = counted(count, f"{mode} document")
             other = "" if mode == self.requested else ", a mode that was not asked for,"
             was, is_ = ("was", "is") if count == 1 else ("were", "are")
-            sentences.append(
-                f"{counted(count, f'{mode} document')} in this folder{other} {was} made with other settings, "
-                f"recordings or program, and {is_} not shown."
-            )
+            made = f"{was} made with other settings, recordings or program"
+            sentences.append(f"{documents} in this folder{other} {made}, and {is_} not shown.")
         return " ".join(sentences)
-
-    @property
-    def tracked(self) -> dict[str, str]:
-        """Key of a fit -> name of its branch, or "undecided"."""
-        return {c.key: c.branch for s in self.subjects if s.tracking for c in s.tracking.choices}
-
-    @property
-    def profiles(self) -> dict[tuple[str, str], Document]:
-        """Key of a fit and a parameter's key -> its profile."""
-        return {(r["fit"], r["key"]): r for _, r in self.of("profile")}
 
     def of(self, kind: str) -> list[tuple[Document, Document]]:
         """Document and result of each check of a kind that is done."""
-        return [(d, d["result"]) for d in self.checks if d["kind"] == kind and d["status"] == "done"]
+        done = (check for check in self.checks if check["status"] == "done")
+        return [(check, check["result"]) for check in done if check["kind"] == kind]
 
     def document(self) -> dict[str, Any]:
         """As plain data."""
-
-        def listed(kind: str) -> list[dict[str, Any]]:
-            return [{**{n: d[n] for n in ("mode", "subject", "posture", "files")}, **r} for d, r in self.of(kind)]
-
+        kinds = {"profiles": "profile", "validation": "validation", "agreement": "agreement"}
+        about = ("mode", "subject", "posture", "files")
         return {
-            "tracking": [s.document() for s in self.subjects],
-            "prior": self.prior, "profiles": listed("profile"), "validation": listed("validation"),
-            "agreement": listed("agreement"), "unshown": sum(self.unshown.values()),
+            name: [{**{n: check[n] for n in about}, **result} for check, result in self.of(kind)]
+            for name, kind in kinds.items()
+        } | {
+            "tracking": [subject.document() for subject in self.subjects],
+            "prior": self.prior_text,
+            "unshown": sum(self.unshown.values()),
             "unshown_by_mode": dict(self.unshown),
-            "populations": [p.document() for p in self.populations],
-            "no_population": list(self.no_population),
-        }  # fmt: skip
-
-
-def gather(
-    documents: Sequence[Document], checks: Sequence[Document] = (), prior: Prior | None = None, prior_text: str = "",
-    others: Sequence[Document] = (),
-) -> Findings:  # fmt: skip
-    """Track the branches of every subject's fits, and take the checks along.
-
-    Args:
-        documents: the fits.
-        checks: their checks.
-        prior: of the branches.
-        prior_text: the prior in words.
-        others: fits of persons of other studies, who join the population alone.
-    """
-    subjects: dict[tuple[str, str, str], list[Document]] = {}
-    for d in documents:
-        if d["status"] == "done" and d["mode"] in _TRACKED_MODES:
-            subjects.setdefault((d["mode"], d["subject"], d["posture"]), []).append(d)
-    tracked = [_tracked(*who, fits, prior) for who, fits in subjects.items()]
-    keys = {d["key"] for d in documents}  # holds the recordings' content, so that no fit counts twice
-    everyone = [*documents, *(d for d in others if d["key"] not in keys)]
-    return Findings(tracked, checks, prior_text, populations=populations(everyone), no_population=without(everyone))
-
-
-def _tracked(mode: str, subject: str, posture: str, documents: Sequence[Document], prior: Prior | None) -> Subject:
-    """Fits with one branch say nothing about the choice, and sweeps have no place in frequency."""
-    two = [d for d in documents if len(d["result"]["branches"]) > 1]
-    two = [d for d in two if mode == "pooled" or d["frequency_hz"] is not None]
-    if not two:
-        return Subject(mode, subject, posture, None, "Fits without a frequency or a mirror solution are not tracked.")
-    try:
-        tracking = track([Fit.from_document(d) for d in two], prior=prior)
-    except SettingError as problem:
-        return Subject(mode, subject, posture, None, f"Subject {subject}, {mode}: {problem}")
-    return Subject(mode, subject, posture, tracking, tracking.sentence)
+            "populations": [population.document() for population in self.populations],
+            "no_population": self.no_population,
+        }

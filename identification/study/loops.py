@@ -14,11 +14,9 @@ damper's force, and in a closed cycle the two must be equal: the imbalance is pr
 import copy
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
 
 import mujoco
 import numpy as np
-from scipy.signal import resample
 
 from fasbody.exceptions import ModelError, SimulationError
 from fasbody.foot.engine import callbacks
@@ -26,13 +24,9 @@ from fasbody.foot.model import Foot
 from fasbody.foot.parameters import names
 from fasbody.foot.steady_state import Balance
 from fasbody.foot.two_mass import PARAMETERS, Orbits, parameters, resolved
-from fasbody.recording.recording import Recording
-from identification.engines.twin import twin_applies
-from identification.harmonics import Line
-from identification.parameters import DELAY
 
-#: Points of a stored loop, and instants of the cycle of a two-mass foot.
-POINTS, INSTANTS = 48, 128
+#: Instants of the cycle of a two-mass foot.
+INSTANTS = 128
 #: Names of the parts, first choice first; several elements work side by side.
 PARTS: Mapping[str, tuple[tuple[str, ...], ...]] = {
     "ankle": (("talocrural",),),
@@ -52,11 +46,6 @@ class Loop:
     displacement_m: np.ndarray
     force_n: np.ndarray
     dissipated_j: float
-
-    def document(self) -> dict[str, Any]:
-        """As plain data, with `POINTS` points of the loop."""
-        curves = {"displacement_m": self.displacement_m, "force_n": self.force_n}
-        return {k: _short(resample(v, POINTS)) for k, v in curves.items()} | {"dissipated_j": self.dissipated_j}
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,11 +70,6 @@ class Cycle:
     def imbalance(self) -> float:
         """Share of the shaker's work that the dampers do not account for."""
         return (self.shaker_work_j - self.dissipated_j) / self.shaker_work_j
-
-
-def _short(values: np.ndarray) -> list[float]:
-    """As a list of numbers of six digits: a thousandth of a line's width, and half the file."""
-    return [float(f"{v:.6g}") for v in values]
 
 
 def cycle(
@@ -245,51 +229,3 @@ def _driven(data: mujoco.MjData, kind: str, number: int) -> float:
     on_part = (model.actuator_trntype == through) & (model.actuator_trnid[:, 0] == number)
     outputs = model.actuator_outadr[np.flatnonzero(on_part)]
     return float(np.sum(data.actuator_force[outputs] * model.actuator_gear[outputs, 0]))
-
-
-def cycles(result: Mapping[str, Any], foot: Foot, recordings: Sequence[Recording | Line]) -> list[dict[str, Any]]:
-    """The cycles of a fit as plain data: one entry a recording and branch.
-
-    Loops are of both branches, as all fits of a subject together may decide for the other one later.
-
-    Args:
-        result: `FitResult.document()`.
-        foot: the model.
-        recordings: those of the fit, checked, or their harmonics.
-
-    Returns:
-        Entries with file, frequency_hz, added_mass_kg, branch, chosen, ankle, fat_pad, dissipated_j, shaker_work_j,
-        imbalance and transmissibility (measured, model). Recordings that are not periodic have no entry.
-    """
-    two_mass, entries = twin_applies(foot), []
-    for recording in recordings:
-        if isinstance(recording, Recording) and recording.condition.frequency_hz is None:
-            continue
-        line = recording if isinstance(recording, Line) else Line.of(recording)
-        condition = line.recording.condition
-        for number, branch in enumerate(result["branches"]):
-            values = values_of(branch, foot)
-            moving = {**foot.values(), **values, **condition.masses}
-            c = cycle(foot, line.base.frequency_hz, line.base.amplitudes, moving, two_mass)
-            entries.append({
-                "file": line.recording.file, "frequency_hz": line.base.frequency_hz,
-                "added_mass_kg": condition.added_mass_kg, "branch": branch["name"], "chosen": number == 0,
-                "ankle": c.ankle.document(), "fat_pad": c.fat_pad.document(),
-                "dissipated_j": c.dissipated_j, "shaker_work_j": c.shaker_work_j, "imbalance": c.imbalance,
-                "transmissibility": _transmissibility(line, c, values.get(DELAY.name, 0.0)),
-            })  # fmt: skip
-    return entries
-
-
-def values_of(branch: Mapping[str, Any], foot: Foot) -> dict[str, float]:
-    """The branch's parameter values by name, those of the exact model: with them it moves as recorded."""
-    name_of = {item.key: name for name, item in {**foot.parameters, DELAY.name: DELAY}.items()}
-    return {name_of[key]: (e.get("if_model_true") or e)["value"] for key, e in branch["parameters"].items()}
-
-
-def _transmissibility(line: Line, c: Cycle, delay: float) -> dict[str, list[float]]:
-    """Malleolus over base at the excitation, measured and modelled, as real and imaginary part."""
-    Y = c.malleolus_m_s2 * np.exp(-2j * np.pi * line.base.frequency_hz * delay)
-    base = line.base.amplitudes[0]
-    ratios = {"measured": line.malleolus.amplitudes[0] / base, "model": Y / base}
-    return {name: _short(np.array([H.real, H.imag])) for name, H in ratios.items()}

@@ -1,7 +1,6 @@
-"""What a study has to fit: jobs, each with a key that follows its recordings' content, the settings and the program."""
+"""What a study has to fit: jobs, whose keys hold the recordings, the settings and the program."""
 
 import functools
-import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any, Self
@@ -17,15 +16,44 @@ from fasbody.recording.study import StudyFolder
 from fasbody.recording.trials import Trial
 from identification.fitting import Settings
 from identification.setup import DOMAINS
-from identification.study.filters import KINDS, MODES
+from identification.study import KINDS, MODES
 
 #: What this module imports is part of the key of a job.
 COMPUTES = "identification.study.job"
 
 
+def select(trials: Sequence[Trial], **wanted: Sequence[str | float] | None) -> list[Trial]:
+    """The trials of a study that pass all filters.
+
+    Args:
+        trials: all of them.
+        **wanted: name in the condition -> the values to take; none takes all.
+
+    Raises:
+        SettingError: a value that no recording has, or nothing passes.
+    """
+    chosen = list(trials)
+    for field, values in wanted.items():
+        of = {trial: _text(getattr(trial.condition, field)) for trial in trials}
+        texts = [_text(value) for value in values or ()]
+        for text in texts:
+            if text not in of.values():
+                kind = field.removesuffix("_kg").removesuffix("_hz").replace("_", " ")
+                valid = list(dict.fromkeys(of.values()))
+                raise SettingError(f"{unknown(kind, text, valid)} in this study.")
+        chosen = [trial for trial in chosen if not texts or of[trial] in texts]
+    if not chosen:
+        raise SettingError("no recording of the study passes all the filters together.")
+    return chosen
+
+
+def _text(value: object) -> str:
+    return f"{value:g}" if isinstance(value, float) else str(value)
+
+
 @dataclass(frozen=True)
 class Model:
-    """A compiled foot in a form that travels: MuJoCo's binary model, which needs no file and no mesh beside it."""
+    """A compiled foot that travels: MuJoCo's binary model needs no file and no mesh beside it."""
 
     name: str
     binary: bytes
@@ -50,13 +78,26 @@ def _unpacked(model: Model) -> Foot:
 
 @dataclass(frozen=True)
 class Job:
-    """One fit or check: which trials, what they have in common (None where they differ), and the parameter profiled."""
+    """One fit or check.
+
+    Attributes:
+        key: of its document.
+        mode: of `MODES`.
+        subject: whose recordings these are.
+        posture: of all.
+        added_mass_kg: of all.
+        frequency_hz: of all; None where they differ.
+        origin: of the study.
+        trials: the recordings.
+        kind: of `KINDS`.
+        parameter: that is profiled.
+    """
 
     key: str
     mode: str
     subject: str
     posture: str
-    added_mass_kg: float | None
+    added_mass_kg: float
     frequency_hz: float | None
     origin: str
     trials: tuple[Trial, ...]
@@ -69,19 +110,20 @@ class Job:
         return [trial.file for trial in self.trials]
 
     def __str__(self) -> str:
-        return self.files[0] if len(self.trials) == 1 else f"{self.files[0]} and {len(self.trials) - 1} more"
+        first, more = self.files[0], len(self.trials) - 1
+        return f"{first} and {more} more" if more else first
 
 
 @dataclass(frozen=True)
 class Work:
-    """Everything that a job needs, so that who does it sees no file of the study.
+    """Everything that a job needs, so that a worker needs no file of the study.
 
     Attributes:
         job: what it is.
         recordings: as read.
         model: packed.
         settings: of the fit.
-        unread: one sentence for each trial that could not be read.
+        unread: a sentence on each trial that could not be read.
         basis: the fit's document, for a check of it.
     """
 
@@ -95,6 +137,9 @@ class Work:
 
 class Plan:
     """The fits of a study in the order of its table.
+
+        plan = Plan(study, study.trials, Settings(), Model.of(foot))
+        job.run(plan.work(plan.jobs("pooled")[0]))
 
     Args:
         study: opened.
@@ -115,38 +160,29 @@ class Plan:
         self._contents = {trial: content(study, trial) for trial in trials}
 
     def jobs(self, mode: str, kind: str = KINDS[0], parameter: str = "") -> list[Job]:
-        """One job a group of recordings that a mode takes together; a validation takes all frequencies of a load.
-
-        Args:
-            mode: see MODES.
-            kind: see KINDS.
-            parameter: whose profile.
+        """A job for each group that a mode takes together; a validation takes all frequencies.
 
         Raises:
             SettingError: no such mode.
         """
         if mode not in MODES:
             raise SettingError(f"{unknown('mode', mode, MODES)}.")
-        settings = {n: v for n, v in asdict(self._settings(mode, kind)).items() if n != "threads"}  # changes nothing
-        words = [mode, kind, parameter, repr(sorted(settings.items())), program()]
-        how = hashlib.sha256("\n".join(words).encode() + self.model.binary)
-        together = "pooled" if kind == "validation" and mode == "per-recording" else mode
-        jobs: dict[str, Job] = {}
+        settings = asdict(self._settings(mode, kind))
+        del settings["threads"]  # changes nothing
+        how = [mode, kind, parameter, repr(sorted(settings.items())), program()]
+        alone = mode == "per-recording" and kind != "validation"
         groups: dict[object, list[Trial]] = {}
         for number, trial in enumerate(self.trials):
             c = trial.condition
-            shared = number if together == "per-recording" else (c.subject, c.posture, c.added_mass_kg)
+            shared = number if alone else (c.subject, c.posture, c.added_mass_kg)
             groups.setdefault(shared, []).append(trial)
+        jobs: dict[str, Job] = {}
         for group in groups.values():
-            contents = [self._contents[trial] for trial in group]
-            key = hashlib.sha256("\n".join([how.hexdigest(), *contents]).encode()).hexdigest()[:24]
-            condition = group[0].condition
-            job = Job(
-                key=key, mode=mode, subject=condition.subject, posture=condition.posture,
-                added_mass_kg=condition.added_mass_kg,
-                frequency_hz=condition.frequency_hz if together == "per-recording" else None,
-                origin=self.study.origin, trials=tuple(group), kind=kind, parameter=parameter,
-            )  # fmt: skip
+            key = runner.key(*how, self.model.binary, *(self._contents[trial] for trial in group))
+            c = group[0].condition
+            f = c.frequency_hz if alone else None
+            who = (c.subject, c.posture, c.added_mass_kg, f, self.study.origin)
+            job = Job(key, mode, *who, tuple(group), kind, parameter)
             jobs.setdefault(key, job)  # a recording listed twice is fitted once
         return list(jobs.values())
 
@@ -162,24 +198,22 @@ class Plan:
         return Work(job, tuple(recordings), self.model, settings, tuple(unread), basis)
 
     def _settings(self, mode: str, kind: str) -> Settings:
-        """Several frequencies are fitted with errors of model and sensors, and checked with the model assumed exact."""
-        return replace(self.settings, departures=self.settings.departures and mode == "pooled" and kind == KINDS[0])
+        """Fits of several frequencies include model and sensor errors; the others and checks do not."""
+        pooled_fit = mode == "pooled" and kind == KINDS[0]
+        return replace(self.settings, departures=self.settings.departures and pooled_fit)
 
 
 def content(study: StudyFolder, trial: Trial) -> str:
     """Digest of what a recording says and how it is read; neither its name nor its date counts.
 
-    A file that is not there has a digest too: its job fails with a sentence, and has another key once it is there.
+    A file that is missing has a digest too: its job fails, and has another key once it is there.
     """
-    digest = hashlib.sha256(
-        repr((study.origin, study.layout.of(trial.path), sorted(asdict(trial.condition).items()))).encode()
-    )
-    for file in (trial.path, trial.path.with_suffix(".json")):  # the latter holds acquisition's remarks
-        digest.update(file.read_bytes() if file.is_file() else b"-")
-        digest.update(b"|")
-    return digest.hexdigest()
+    condition = sorted(asdict(trial.condition).items())
+    remarks = trial.path.with_suffix(".json")  # of the acquisition
+    files = [path.read_bytes() if path.is_file() else b"-" for path in (trial.path, remarks)]
+    return runner.key(study.origin, study.layout.of(trial.path), condition, *files)
 
 
 def program() -> str:
-    """Digest of the sources that compute a result, which is more than a version says: an edited program, new keys."""
+    """Digest of the sources that compute a result: an edited program has new keys."""
     return runner.program(COMPUTES)[:12]

@@ -16,6 +16,7 @@ depart alike). The branch is decided where both say so, and go on saying so whic
 recordings were mixed up must not decide for the others.
 """
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from typing import Any
@@ -23,13 +24,15 @@ from typing import Any
 import numpy as np
 
 from fasbody.exceptions import RecordingError
+from fasbody.foot.parameters import symbol_and_unit
 from fasbody.heel.population import FEWEST, Observed, estimate
 from fasbody.presentation import Tabled, readable
 from identification.branches import DECISIVE_ODDS, EXCHANGED, STIFF_ANKLE, STIFF_PAD
-from identification.recommendations import LEAST_FIT, follows
 from identification.study.posterior import Posterior
+from identification.study.summary import disowned
 from identification.study.tracking import deviances
 
+Document = Mapping[str, Any]
 _LEVEL = 0.95
 #: Chance, times the number of persons, below which a value does not belong to the others': so at most one clean
 #: population of twenty has such a person whatever its shape (`python -m benchmarks.study_population`).
@@ -48,10 +51,16 @@ class LeftOut:
 
 @dataclass(frozen=True)
 class Person:
-    """One person's constant: as its fit has it, with the relative standard error, and shrunk to the population.
+    """One person's constant, by the fit alone and shrunk to the population.
 
     Attributes:
-        chance: that any of the persons lies so far from what the others foretell.
+        subject: who.
+        value: of the fit.
+        relative_error: its standard error over the value.
+        shrunk: the value in view of the other persons.
+        lower: end of its 95 % interval.
+        upper: the other end.
+        chance: that any of the persons lies so far from what the others predict.
     """
 
     subject: str
@@ -138,10 +147,7 @@ class Population(Tabled):
     def dropped(self, constant: Constant | None = None) -> str:
         """Who is left out and why, of one constant or of all, in a clause; empty where nobody is."""
         constants = [constant] if constant else self.constants
-        reasons: dict[str, list[str]] = {}
-        for one in (*self.left_out, *(x for c in constants for x in c.left_out)):
-            reasons.setdefault(one.why, []).append(one.subject)
-        return ", ".join(f"{' and '.join(who)} ({why})" for why, who in reasons.items())
+        return _listed([*self.left_out, *(x for c in constants for x in c.left_out)])
 
     def odd(self) -> list[str]:
         """Who does not belong to the others, and in what, a sentence each."""
@@ -158,6 +164,14 @@ class Population(Tabled):
         """As plain data."""
         constants = [asdict(c) | {"does_not_belong": [p.subject for p in c.odd]} for c in self.constants]
         return asdict(self) | {"constants": constants}
+
+
+def _listed(left_out: Sequence[LeftOut]) -> str:
+    """Who is left out, by the reason why."""
+    reasons: dict[str, list[str]] = {}
+    for one in left_out:
+        reasons.setdefault(one.why, []).append(one.subject)
+    return ", ".join(f"{' and '.join(who)} ({why})" for why, who in reasons.items())
 
 
 def _to_one(odds_log: float) -> str:
@@ -199,120 +213,111 @@ def constant(name: str, subjects: Sequence[str], logs: np.ndarray, errors: np.nd
     return Constant(name, mean, low, high, *behind.spread(_LEVEL), persons)
 
 
-def populations(documents: Sequence[Mapping[str, Any]]) -> list[Population]:
-    """The populations of a study's pooled fits, a posture and load each; of both branches where neither is decided.
+def populations(documents: Sequence[Document]) -> tuple[list[Population], list[str]]:
+    """The populations of a study's pooled fits, a posture and load each, and why there are no others.
+
+    Both branches are given where neither is decided. Several persons who make no population have a
+    sentence each; one person has none.
 
     Args:
         documents: fits; those that are not pooled are passed over.
     """
-    groups: list[Population] = []
-    for (posture, load), fits in _groups(documents):
-        if _twice(fits):
-            continue
-        unfit = {id(d): why for d in fits if (why := _unfit(d))}
-        out = tuple(LeftOut(str(d["subject"]), unfit[id(d)]) for d in fits if id(d) in unfit)
-        fits = [d for d in fits if id(d) not in unfit]
-        alone, common = _odds(fits)
-        branches = [STIFF_ANKLE, STIFF_PAD] if alone >= 0 else [STIFF_PAD, STIFF_ANKLE]
-        without = [_odds([d for d in fits if d is not one]) for one in fits]
-        decided = min(np.sign(alone) * np.array([(alone, common), *without]).ravel()) > np.log(DECISIVE_ODDS)
-        for name in branches[:1] if decided else branches:
-            constants, left_out = _constants(fits, name)
-            if constants:
-                word = "decided" if decided else "undecided"
-                odds = (alone, common) if name == STIFF_ANKLE else (-alone, -common)
-                groups.append(Population(posture, load, name, word, *odds, constants, (*out, *left_out)))
-    return groups
+    groups: dict[tuple[str, float], list[Document]] = {}
+    for fit in documents:
+        if fit["mode"] == "pooled":
+            groups.setdefault((fit["posture"], fit["added_mass_kg"]), []).append(fit)
+    found: list[Population] = []
+    reasons: dict[tuple[str, str], list[str]] = {}
+    for (posture, load), fits in sorted(groups.items()):
+        twice = [who for who, count in Counter(_who(fit) for fit in fits).items() if count > 1]
+        unfit = [LeftOut(_who(fit), why) for fit in fits if (why := _unfit(fit))]
+        usable = [fit for fit in fits if not _unfit(fit)]
+        of_group = [] if twice else _of_group(posture, load, usable, unfit)
+        found += of_group
+        why, hint = f"subject {twice[0]} is there twice" if twice else "", ""
+        if twice:
+            hint = "give the two persons different names in subjects.csv"
+        elif not of_group and len(fits) > 1:
+            why = "too few persons have an estimate of a constant"
+            if len(usable) < FEWEST:
+                why = f"only {len(usable)} of {len(fits)} persons can be used"
+            why += f" and at least {FEWEST} are needed"
+            hint = f"left out: {_listed(unfit)}" if unfit else ""
+        if why:
+            why += f"; {hint}" if hint else ""
+            reasons.setdefault((posture, why), []).append(f"{load:g}")
+    return found, [
+        f"{posture}, {' and '.join(loads)} kg: no population, as {why}." for (posture, why), loads in reasons.items()
+    ]
 
 
-def without(documents: Sequence[Mapping[str, Any]]) -> list[str]:
-    """Why several persons in one posture under one load make no population, a sentence each; one person is none."""
-    whole = {(p.posture, p.added_mass_kg) for p in populations(documents)}
-    sentences = []
-    for (posture, load), fits in _groups(documents):
-        people = {str(d["subject"]) for d in fits}
-        where = f"{posture}, {load:g} kg: no population, as"
-        if twice := _twice(fits):
-            sentences.append(
-                f"{where} subject {twice} is there twice; give the two persons different names in subjects.csv."
-            )
-        elif len(people) > 1 and (posture, load) not in whole:
-            unfit = [f"{d['subject']} ({why})" for d in fits if (why := _unfit(d))]
-            out = f"; left out: {', '.join(unfit)}" if unfit else ""
-            usable, why = len(people) - len(unfit), "too few persons have an estimate of a constant"
-            if usable < FEWEST:
-                why = f"only {usable} of {len(people)} persons can be used"
-            sentences.append(f"{where} {why} and at least {FEWEST} are needed{out}.")
-    return sentences
+def _of_group(posture: str, load: float, fits: Sequence[Document], unfit: Sequence[LeftOut]) -> list[Population]:
+    """The population of usable fits of different persons, on one branch or both; or none."""
+    alone, common = _odds(fits)
+    branches = [STIFF_ANKLE, STIFF_PAD] if alone >= 0 else [STIFF_PAD, STIFF_ANKLE]
+    each_left_out = [_odds([fit for fit in fits if fit is not one]) for one in fits]
+    odds = np.sign(alone) * np.array([(alone, common), *each_left_out])
+    decided = bool(odds.min() > np.log(DECISIVE_ODDS))
+    found = []
+    for name in branches[:1] if decided else branches:
+        constants, left_out = _constants(fits, name)
+        if constants:
+            sign = 1 if name == STIFF_ANKLE else -1
+            verdict = "decided" if decided else "undecided", sign * alone, sign * common
+            found.append(Population(posture, load, name, *verdict, constants, (*unfit, *left_out)))
+    return found
 
 
-def _groups(documents: Sequence[Mapping[str, Any]]) -> list[tuple[tuple[str, float], list[Mapping[str, Any]]]]:
-    """The pooled fits of each posture and load, in order."""
-    groups: dict[tuple[str, float], list[Mapping[str, Any]]] = {}
-    for d in documents:
-        if d["mode"] == "pooled":
-            groups.setdefault((d["posture"], d["added_mass_kg"]), []).append(d)
-    return sorted(groups.items())
+def _who(fit: Document) -> str:
+    return str(fit["subject"])
 
 
-def _twice(fits: Sequence[Mapping[str, Any]]) -> str:
-    """A subject of several fits; empty where there is none."""
-    names = [str(d["subject"]) for d in fits]
-    return next((name for name in names if names.count(name) > 1), "")
-
-
-def _unfit(document: Mapping[str, Any]) -> str:
+def _unfit(fit: Document) -> str:
     """Why a fit says nothing of its person; empty where it does."""
-    if document["status"] != "done":
+    if fit["status"] != "done":
         return "the fit failed"
-    branches = document["result"]["branches"]
-    if all(b.get("world") for b in branches):
-        return ""
-    if not follows(branches[0]["fit_percent"]):  # the likeliest: job.py asks the same
-        return f"the fit follows the recordings to less than {LEAST_FIT:g} %"
-    return "the fit allows for nothing but the model"
+    allows = all(branch.get("world") for branch in fit["result"]["branches"])
+    return disowned(fit) or ("" if allows else "the fit allows for nothing but the model")
 
 
-def _odds(fits: Sequence[Mapping[str, Any]]) -> tuple[float, float]:
-    """Log odds of the stiff ankle for all persons over the stiff pad for all, from those whose fits have both.
+def _odds(fits: Sequence[Document]) -> tuple[float, float]:
+    """Log odds of the stiff ankle for all persons, from those whose fits have both branches.
 
     First with each person's allowances paid, then with them paid once by all.
     """
     misfit, paid = [0.0], [0.0]
-    for d in fits:
-        worlds = {b["name"]: b["world"] for b in d["result"]["branches"]}
-        apart = dict(zip(worlds, deviances(d["result"]), strict=True))
-        if {STIFF_ANKLE, STIFF_PAD} <= set(worlds) and worlds[d["result"]["branches"][0]["name"]]["follows"]:
+    for fit in fits:
+        worlds = {branch["name"]: branch["world"] for branch in fit["result"]["branches"]}
+        apart = dict(zip(worlds, deviances(fit["result"]), strict=True))
+        if {STIFF_ANKLE, STIFF_PAD} <= set(worlds) and next(iter(worlds.values()))["follows"]:
             ankle, pad = worlds[STIFF_ANKLE], worlds[STIFF_PAD]
             whole, part = (pad[name] - ankle[name] for name in ("objective", "chi_square"))
-            log_odds = 0.5 * (apart[STIFF_PAD] - apart[STIFF_ANKLE])  # Student's where the scatter was estimated
+            log_odds = 0.5 * (apart[STIFF_PAD] - apart[STIFF_ANKLE])  # Student's with scatter
             misfit.append(log_odds * part / whole if whole else 0.0)
             paid.append(log_odds - misfit[-1])
     return sum(misfit) + sum(paid), sum(misfit) + sum(paid) / max(1, len(paid) - 1)
 
 
-def _constants(fits: Sequence[Mapping[str, Any]], name: str) -> tuple[tuple[Constant, ...], tuple[LeftOut, ...]]:
-    """The constants on one branch, of which enough persons have an estimate, and who is left out altogether."""
+def _constants(fits: Sequence[Document], name: str) -> tuple[tuple[Constant, ...], tuple[LeftOut, ...]]:
+    """The constants on one branch that enough persons have, and who is left out of all."""
     known: dict[str, list[tuple[str, float, float]]] = {symbol: [] for symbol in EXCHANGED}
     unknown: dict[str, list[LeftOut]] = {symbol: [] for symbol in EXCHANGED}
     left_out = []
-    for d in fits:
-        branch, who = next((b for b in d["result"]["branches"] if b["name"] == name), None), str(d["subject"])
+    for fit in fits:
+        branch = next((b for b in fit["result"]["branches"] if b["name"] == name), None)
         if branch is None or not branch["world"]["follows"]:
-            why = f"no {name} was found" if branch is None else f"the {name} does not follow the recordings"
-            left_out.append(LeftOut(who, why))
+            follow = f"the {name} does not follow the recordings"
+            left_out.append(LeftOut(_who(fit), follow if branch else f"no {name} was found"))
             continue
-        for key, e in branch["parameters"].items():
-            symbol = key.split("_n_")[0]
-            if symbol not in known:
-                continue
+        for symbol, e in ((symbol_and_unit(key)[0], e) for key, e in branch["parameters"].items()):
             error = e["std_error"]
-            if e["at_bound"] or error is None or not np.isfinite(error) or error <= 0:
-                none = "has no standard error" if error is None or error != 0 else "has a standard error of zero"
-                why = f"{symbol} {'rests on a bound' if e['at_bound'] else none}"
-                unknown[symbol].append(LeftOut(who, why))
-            else:
-                known[symbol].append((who, float(np.log(e["value"])), float(error / e["value"])))
+            if symbol in known and not e["at_bound"] and error and np.isfinite(error) and error > 0:
+                row = (_who(fit), float(np.log(e["value"])), float(error / e["value"]))
+                known[symbol].append(row)
+            elif symbol in known:
+                why = "has no standard error" if error != 0 else "has a standard error of zero"
+                why = "rests on a bound" if e["at_bound"] else why
+                unknown[symbol].append(LeftOut(_who(fit), f"{symbol} {why}"))
     constants = []
     for symbol, rows in known.items():
         if len(rows) >= FEWEST:

@@ -8,11 +8,10 @@ error and not raise it.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.optimize import least_squares
+from scipy.optimize import brentq, least_squares
 from scipy.stats import chi2
 
 from fasbody.constants import Z95
@@ -31,8 +30,8 @@ _FIRST, _GROWTH, _STEPS = 0.5, 1.3, 40
 _OFF_BOUND = (1e-9, 0.02)
 #: Verdicts, the best first.
 _ORDER = ("identified", "weak", "not identifiable")
-#: Steps to the limit at most, and the error of the rise there that is none.
-_REFINED, _CLOSE = 15, 0.01
+#: Error of the rise, and share of a step in the limit, that are none.
+_CLOSE = 0.01
 #: Share of its width by which an interval may miss the Wald interval and still agree with it.
 DEPARTURE = 0.1
 
@@ -69,19 +68,6 @@ class Profile:
     departs: bool
     verdict: str
     better: bool
-
-    def document(self) -> dict[str, Any]:
-        """As plain data."""
-        return asdict(self)
-
-    def __str__(self) -> str:
-        low = "open" if self.open_below else f"{self.lower:.5g}"
-        high = "open" if self.open_above else f"{self.upper:.5g}"
-        apart = "; departs from" if self.departs else "; agrees with"
-        return (
-            f"{self.key} {self.value:.5g}: 95 % profile {low} to {high}{apart} Wald {self.wald[0]:.5g} to "
-            f"{self.wald[1]:.5g}; {self.verdict}"
-        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -160,13 +146,17 @@ def profiles_of(solution: Solution, names: Sequence[str] = ()) -> list[Profile]:
     for name in names:
         if name not in free:
             raise SettingError(f"{unknown('parameter to profile', name, free)}.")
-    enough = solution.problem.size > len(free)
     places = [place for place in likelihood.places if place.item.name in (names or free)]
+    enough = solution.problem.size > len(free)
     return profiles(likelihood, places, likelihood.q, solution.excess, enough)
 
 
 def profiles(
-    problem: Likelihood, places: Sequence[Place], q: np.ndarray, excess: float = 1.0, enough: bool = True
+    problem: Likelihood,
+    places: Sequence[Place],
+    q: np.ndarray,
+    excess: float = 1.0,
+    enough: bool = True,
 ) -> list[Profile]:
     """Profiles of parameters where a fit ended.
 
@@ -182,106 +172,112 @@ def profiles(
 
 
 def _profile(problem: Likelihood, place: Place, q: np.ndarray, std: float, excess: float, enough: bool) -> Profile:
-    j, item, value = place.index, place.item, place.value
+    j, item, value, best = place.index, place.item, place.value, float(q[place.index])
     low, high = (float(limit[j]) for limit in problem.bounds)
-    step = min(std, 0.25 * (high - low)) if np.isfinite(std) and std > 0 else 0.05 * (high - low)
-    best = float(q[j])
-    sides = [_walk(problem, q, j, sign * _FIRST * step, limit, excess) for sign, limit in ((-1, low), (1, high))]
-    points = sorted([*sides[0].points, (best, 0.0), *sides[1].points])
-    lower, upper = sides[0].limit, sides[1].limit
+    known = bool(np.isfinite(std) and std > 0)
+    step = _FIRST * (min(std, 0.25 * (high - low)) if known else 0.05 * (high - low))
+    below, above = (_side(problem, q, j, s, end, excess) for s, end in ((-step, low), (step, high)))
+    rises = dict(sorted((below.rises | {best: 0.0} | above.rises).items()))
     half = Z95 * std if np.isfinite(std) else np.inf
-    wald = (max(best - half, low), min(best + half, high))
-    width = max(wald[1] - wald[0], 1e-300)
-    open_below, open_above = sides[0].open, sides[1].open
-    departs = open_below or open_above or max(abs(lower - wald[0]), abs(upper - wald[1])) > DEPARTURE * width
-    size = size_that_matters(item)
-    as_std = (value(upper) - value(lower)) / (2 * Z95)
-    if item.logarithmic and (open_below or open_above):
-        as_std = np.inf
-    by_wald = (value(wald[1]) - value(wald[0])) / (2 * Z95) if np.isfinite(std) else np.inf
-    words = (
-        identifiability(value(best), as_std, size, at_bound=open_below and open_above),
+    wald = max(best - half, low), min(best + half, high)
+    missed = max(abs(below.limit - wald[0]), abs(above.limit - wald[1]))
+    departs = missed > DEPARTURE * max(wald[1] - wald[0], 1e-300)
+    size, open_side = size_that_matters(item), below.open or above.open
+    as_std, by_wald = ((value(b) - value(a)) / (2 * Z95) for a, b in ((below.limit, above.limit), wald))
+    as_std = np.inf if item.logarithmic and open_side else as_std
+    by_wald = by_wald if np.isfinite(std) else np.inf
+    verdicts = (
+        identifiability(value(best), as_std, size, at_bound=below.open and above.open),
         identifiability(value(best), by_wald, size, at_bound=False),
         _ORDER[0 if enough else 2],
     )
     return Profile(
-        key=item.key, value=value(best), values=tuple(value(x) for x, _ in points), rises=tuple(r for _, r in points),
-        lower=value(lower), upper=value(upper), open_below=open_below, open_above=open_above,
-        wald=(value(wald[0]), value(wald[1])), departs=bool(departs),
-        verdict=max(words, key=_ORDER.index),
-        better=bool(min(r for _, r in points) < -0.01),
-    )  # fmt: skip
+        key=item.key,
+        value=value(best),
+        values=tuple(map(value, rises)),
+        rises=tuple(rises.values()),
+        lower=value(below.limit),
+        upper=value(above.limit),
+        open_below=below.open,
+        open_above=above.open,
+        wald=(value(wald[0]), value(wald[1])),
+        departs=bool(open_side or departs),
+        verdict=max(verdicts, key=_ORDER.index),
+        better=min(rises.values()) < -_CLOSE,
+    )
 
 
-@dataclass
+@dataclass(frozen=True)
 class _Side:
-    """One side of a profile: points (q, rise), the 95 % limit, and whether there is none before the bound."""
+    """One side of a profile.
 
-    points: list[tuple[float, float]]
+    Attributes:
+        rises: rise of the deviance at each place.
+        limit: of 95 %.
+        open: there is no limit before the bound.
+    """
+
+    rises: dict[float, float]
     limit: float
     open: bool
 
 
-def _walk(problem: Likelihood, end: np.ndarray, j: int, step: float, bound: float, excess: float) -> _Side:
-    points: list[tuple[float, float]] = []
-    z, q, rise, least = np.array(end), float(end[j]), 0.0, _cost(problem, end)
-    inner, inner_rise, inner_z = q, 0.0, z
+def _side(problem: Likelihood, end: np.ndarray, j: int, step: float, bound: float, excess: float) -> _Side:
+    """Go away from the end in growing steps, then close in on the limit."""
+    least, rises = _deviance(problem, end), dict[float, float]()
+
+    def rise(at: float, start: np.ndarray) -> np.ndarray:
+        refitted = _refit(problem, start, j, at)
+        rises[at] = (_deviance(problem, refitted) - least) / excess
+        return refitted
+
+    inner, start = float(end[j]), end
     for _ in range(_STEPS):
-        ahead = q + step
-        at_end = (ahead - bound) * np.sign(step) >= 0
-        q = bound if at_end else ahead
-        z = _refit(problem, z, j, q)
-        rise = (_cost(problem, z) - least) / excess
-        points.append((q, rise))
-        if rise >= RISE:
+        outer = min(inner + step, bound) if step > 0 else max(inner + step, bound)
+        refitted = rise(outer, start)
+        if rises[outer] >= RISE:
             break
-        if at_end:
-            return _Side(points, bound, True)
-        inner, inner_rise, inner_z = q, rise, z
-        step *= _GROWTH
+        if outer == bound:
+            return _Side(rises, bound, True)
+        inner, start, step = outer, refitted, step * _GROWTH
     else:
-        return _Side(points, q, True)
-    outer, outer_rise = q, rise
-    for _ in range(_REFINED):  # the square root of the rise is nearly straight; where it is not, the bracket shrinks
-        a, b = np.sqrt(max(inner_rise, 0.0)), np.sqrt(outer_rise)
-        q = inner + (outer - inner) * float(np.clip((np.sqrt(RISE) - a) / (b - a), 0.2, 0.8))
-        z = _refit(problem, inner_z, j, q)
-        rise = (_cost(problem, z) - least) / excess
-        points.append((q, rise))
-        if abs(rise - RISE) < _CLOSE:
-            break
-        if rise < RISE:
-            inner, inner_rise, inner_z = q, rise, z
-        else:
-            outer, outer_rise = q, rise
-    return _Side(points, q, False)
+        return _Side(rises, outer, True)
+
+    def above(at: float) -> float:  # nearly straight
+        if at not in rises and at != end[j]:
+            rise(at, start)
+        return float(np.sqrt(max(rises.get(at, 0.0), 0.0)) - np.sqrt(RISE))
+
+    limit = brentq(above, inner, outer, xtol=_CLOSE * abs(step), rtol=1e-12)
+    return _Side(rises, float(limit), False)
 
 
-def _cost(problem: Likelihood, z: np.ndarray) -> float:
-    r = problem.residual(z)
+def _deviance(problem: Likelihood, q: np.ndarray) -> float:
+    r = problem.residual(q)
     return float(r @ r)
 
 
 def _refit(problem: Likelihood, z: np.ndarray, j: int, q: float) -> np.ndarray:
-    """All others at their best with z[j] held at q: from where they are, and from off the bounds that they rest on."""
+    """All others at their best with z[j] held at q: from where they are, and from off their bounds."""
     others = np.delete(np.arange(z.size), j)
     low, high = (limit[others] for limit in problem.bounds)
-
-    def whole(part: np.ndarray) -> np.ndarray:
-        full = np.empty(z.size)
-        full[others], full[j] = part, q
-        return full
-
+    whole = np.array(z)
+    whole[j] = q
     if not others.size:
-        return whole(np.empty(0))
-    starts = [np.clip(z[others], low + off * (high - low), high - off * (high - low)) for off in _OFF_BOUND]
-    if np.abs(starts[1] - starts[0]).max() == 0.0:
-        starts.pop()
+        return whole
+
+    def filled(part: np.ndarray) -> np.ndarray:
+        whole[others] = part
+        return whole
+
+    margins = [off * (high - low) for off in _OFF_BOUND]
+    starts = [np.clip(z[others], low + margin, high - margin) for margin in margins]
     ends = [
         least_squares(
-            lambda part: problem.residual(whole(part)), start, lambda part: problem.jacobian(whole(part))[:, others],
-            bounds=(low, high), method="trf", x_scale="jac", ftol=1e-9, xtol=1e-9, gtol=1e-9, max_nfev=60,
+            lambda part: problem.residual(filled(part)), start,
+            lambda part: problem.jacobian(filled(part))[:, others],
+            bounds=(low, high), x_scale="jac", ftol=1e-9, xtol=1e-9, gtol=1e-9, max_nfev=60,
         )
-        for start in starts
+        for start in (starts if np.any(starts[0] != starts[1]) else starts[:1])
     ]  # fmt: skip
-    return whole(min(ends, key=lambda end: float(end.cost)).x)
+    return filled(min(ends, key=lambda end: float(end.cost)).x)

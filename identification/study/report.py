@@ -1,7 +1,6 @@
 """summary.csv, the figures and report.html of a study, from its fits alone."""
 
 import re
-from collections import Counter
 from collections.abc import Callable, Collection, Mapping, Sequence
 from datetime import date
 from functools import partial
@@ -15,62 +14,49 @@ from markupsafe import Markup
 from fasbody import console
 from fasbody.presentation import counted, inline
 from identification.estimates import RULE
-from identification.recommendations import LEAST_FIT, follows
+from identification.recommendations import follows
 from identification.study import summary, tables
-from identification.study.findings import Findings, gather
-from identification.study.population import Population
-from identification.study.truth import LIMITS, Truth, recovery
+from identification.study.findings import Findings
 
+Document = Mapping[str, Any]
 #: The subject whose motion and loops are shown where there is one of that name, as in the thesis.
 _EXAMPLE = "16"
 _LISTED = 20
 _NONE_FOLLOWS = (
-    f" No fit of any subject here follows its recordings to {LEAST_FIT:g} %, so what the model does between foot and "
-    "ground is not shown."
+    " No fit of any subject here follows its recordings, so what the model does between foot and ground is not shown."
 )
 #: Names of the figures that `pictures` gives, or gave before.
 _OURS = re.compile(r"(verdicts|waterfall|(curves|boxes|traces|transmissibility|loops|energies|persons)_.+)\.(svg|png)")
+#: What a fit of each mode takes; loops mean most per recording, where ankle and pad may change places.
 _MODES = {
     "per-recording": "each recording alone, as in the thesis",
     "pooled": "each load of a subject over all frequencies, with constants that do not depend on frequency",
 }
-#: Modes whose loops mean most first: one frequency may have ankle and pad changed.
-_TRUSTED = ("per-recording", "pooled")
 
 
-def write(
-    out: Path, documents: Sequence[Mapping[str, Any]], title: str, origin: str, truth: Truth | None = None,
-    findings: Findings | None = None,
-) -> list[Path]:  # fmt: skip
-    """Write summary.csv, energy.csv, recovery.csv (with a truth), figures/ and report.html, each whole or not at all.
+def write(out: Path, findings: Findings, title: str, origin: str) -> list[Path]:
+    """Write summary.csv, energy.csv, recovery.csv (with a truth), figures/ and report.html.
 
     Args:
         out: folder.
-        documents: the fits.
+        findings: what the fits say.
         title: of the study.
         origin: "synthetic", "measured" or what is known of it.
-        truth: of a synthetic study.
-        findings: tracked branches and checks; None tracks the branches here.
 
     Returns:
-        The files written, the report first.
+        The files written, the report first, each there whole or not at all.
     """
-    findings = findings or gather(documents)
-    table = summary.tidy(documents, truth, findings.tracked, findings.profiles)
-    energy = summary.cycle_table(documents, findings.tracked)
-    recovered = recovery(table) if truth else pd.DataFrame()
-    drawn = pictures(documents, table, energy, origin, findings.tracked, findings.populations)
+    drawn = pictures(findings, origin)
     from identification.study import figures  # late: matplotlib takes a second
 
-    files, page_pictures = {}, {}
+    files, inlined = dict[str, bytes](), dict[str, Any]()
     for name, (draw, caption) in drawn.items():
         figure = draw()
-        for ending in ("svg", "png"):
-            files[f"figures/{name}.{ending}"] = figures.save(figure, ending)
-        page_pictures[name] = {"svg": Markup(inline(files[f"figures/{name}.svg"])), "caption": caption}
-    csv = {"summary.csv": table, "energy.csv": energy} | ({"recovery.csv": recovered} if len(recovered) else {})
-    files |= {name: summary.csv(frame).encode() for name, frame in csv.items()}
-    page = _page(documents, table, energy, recovered, page_pictures, findings, title=title, origin=origin)
+        files |= {f"figures/{name}.{ending}": figures.save(figure, ending) for ending in ("svg", "png")}
+        inlined[name] = {"svg": Markup(inline(files[f"figures/{name}.svg"])), "caption": caption}
+    frames = {"summary.csv": findings.table, "energy.csv": findings.energy, "recovery.csv": findings.recovered}
+    files |= {name: summary.csv(frame).encode() for name, frame in frames.items() if len(frame.columns)}
+    page = _page(findings, inlined, title, origin)
     clear(out, files)
     written = [console.write_whole(out / name, content) for name, content in files.items()]
     return [console.write_whole(out / "report.html", page), *written]
@@ -78,116 +64,130 @@ def write(
 
 def clear(out: Path, files: Collection[str]) -> None:
     """Remove what an earlier report of this program left in the folder and this one does not have."""
-    stale = [f"figures/{file.name}" for file in (out / "figures").glob("*") if _OURS.fullmatch(file.name)]
-    for name in ("recovery.csv", *stale):
-        if name not in files:
-            (out / name).unlink(missing_ok=True)
+    figures = (file.name for file in (out / "figures").glob("*") if _OURS.fullmatch(file.name))
+    for name in {"recovery.csv", *(f"figures/{figure}" for figure in figures)} - set(files):
+        (out / name).unlink(missing_ok=True)
 
 
-def pictures(
-    documents: Sequence[Mapping[str, Any]], table: pd.DataFrame, energy: pd.DataFrame, origin: str,
-    tracked: Mapping[str, str], populations: Sequence[Population] = (),
-) -> dict[str, tuple[Callable[[], Any], str]]:  # fmt: skip
-    """Name -> (function that draws it, caption) of every figure that these fits can fill."""
+def pictures(findings: Findings, origin: str) -> dict[str, tuple[Callable[[], Any], str]]:
+    """Name -> (function that draws it, caption) of every figure that the fits can fill."""
     from identification.study import figures
 
     out: dict[str, tuple[Callable[[], Any], str]] = {}
-    if table.empty:
-        return out
+    documents, energy, populations = findings.documents, findings.energy, findings.populations
+
+    def add(name: str, draw: Callable[..., Any], data: Any, caption: str) -> None:
+        out[name] = partial(draw, data, origin), caption
+
     for posture in dict.fromkeys(p.posture for p in populations):
         people = [p for p in populations if p.posture == posture]
-        text = f"Each person's constants and the mean of all, pooled fits, {posture}. {tables.left_out(people)}"
-        out[f"persons_{posture}"] = (partial(figures.persons, people, origin), text)
-    over = table[table["frequency_hz"].notna()]
+        text = f"Each person's constants and the mean of all, pooled fits, {posture}."
+        add(f"persons_{posture}", figures.persons, people, f"{text} {tables.left_out(people)}")
+    over = findings.table[findings.table["frequency_hz"].notna()]
     for (mode, posture), rows in over.groupby(["mode", "posture"], sort=False):
-        name = f"curves_{mode}_{posture}"
         text = f"Estimates over frequency, {mode}, {posture} (in the manner of Figures 4.18 to 4.25). "
         text += f"{tables.drawn(rows)}{_failed(documents, mode, posture)}"
-        out[name] = (partial(figures.curves, rows, origin), text)
-    for place, mode in enumerate(m for m in _TRUSTED if m in set(energy["mode"])):
-        posture = energy.loc[energy["mode"] == mode, "posture"].iloc[0]
-        subject, cycles = example(documents, mode, posture, tracked)
-        others, follow = cycles[0]["subjects"] - 1 if cycles else 0, any(c["follows"] for c in cycles)
+        add(f"curves_{mode}_{posture}", figures.curves, rows, text)
+    postures = {d["mode"]: d["posture"] for d in reversed(documents) if d["status"] == "done" and d["cycles"]}
+    modes = [mode for mode in _MODES if mode in postures]
+    for mode in modes:
+        posture = postures[mode]
+        subject, cycles = example(findings, mode, posture)
+        others = cycles[0]["subjects"] - 1 if cycles else 0
+        follow = any(cycle["follows"] for cycle in cycles)
         more = f", whose recordings stand for those of {others} more" if others else ""
         whose, failed = f"subject {subject}{more}, {mode}, {posture}", _failed(documents, mode, posture, subject)
         text = f"Malleolus over base, data and model: {whose} (what Figures 4.6 to 4.14 show as traces).{failed}"
         text += "" if follow else _NONE_FOLLOWS
-        out[f"transmissibility_{mode}"] = (partial(figures.transmissibility, cycles, origin), text)
-        if place == 0:
-            if follow:
-                text = f"Force against relative displacement: {whose} (in the manner of Figures 4.15 to 4.17).{failed}"
-                out[f"loops_{mode}"] = (partial(figures.loops, cycles, origin), text)
-            rows = energy[(energy["mode"] == mode) & (energy["posture"] == posture)]
-            text = f"Energy dissipated in one cycle, and the fat pad's share: {mode}, {posture}. {tables.drawn(rows)}"
-            if follows(rows.loc[rows["shown"], "fit_percent"]).any():
-                out[f"energies_{mode}"] = (partial(figures.energies, rows, origin), text)
+        add(f"transmissibility_{mode}", figures.transmissibility, cycles, text)
+        if mode != modes[0]:
+            continue
+        if follow:
+            text = f"Force against relative displacement: {whose} (in the manner of Figures 4.15 to 4.17).{failed}"
+            add(f"loops_{mode}", figures.loops, cycles, text)
+        rows = energy[(energy["mode"] == mode) & (energy["posture"] == posture)]
+        text = f"Energy dissipated in one cycle, and the fat pad's share: {mode}, {posture}. {tables.drawn(rows)}"
+        if follows(rows.loc[rows["shown"], "fit_percent"]).any():
+            add(f"energies_{mode}", figures.energies, rows, text)
     return out
 
 
-def _failed(documents: Sequence[Mapping[str, Any]], mode: str, posture: str, subject: str | None = None) -> str:
-    """How many fits of a mode and posture failed, of one subject or of all, in a sentence; empty where none did."""
+def _failed(documents: Sequence[Document], mode: str, posture: str, subject: str | None = None) -> str:
+    """How many fits failed, of one subject or of all, in a sentence; empty where none did."""
     failed = _of(documents, mode, posture, "failed")
-    count = sum(subject in (None, str(d["subject"])) for d in failed)
+    count = sum(subject in (None, str(fit["subject"])) for fit in failed)
     return f" {counted(count, 'failed fit is', 'failed fits are')} not drawn." if count else ""
 
 
-def _of(documents: Sequence[Mapping[str, Any]], mode: str, posture: str, status: str) -> list[Mapping[str, Any]]:
-    return [d for d in documents if (d["mode"], d["posture"], d["status"]) == (mode, posture, status)]
+def _of(documents: Sequence[Document], mode: str, posture: str, status: str) -> list[Document]:
+    wanted = (mode, posture, status)
+    return [d for d in documents if (d["mode"], d["posture"], d["status"]) == wanted]
 
 
-def example(
-    documents: Sequence[Mapping[str, Any]], mode: str, posture: str, tracked: Mapping[str, str]
-) -> tuple[str, list[Mapping[str, Any]]]:
-    """One subject's cycles of the branch shown: of whom the model follows most, subject 16 before others, the fullest.
+def example(findings: Findings, mode: str, posture: str) -> tuple[str, list[Document]]:
+    """One subject's cycles of the branch shown.
 
-    Each entry says whether its branch is decided, whether it follows its recordings, of how many subjects this is one,
-    and how many of its fits failed.
+    The one of whom the model follows most, subject 16 before others, then the fullest. Each entry
+    says whether its branch is decided, whether it follows its recordings, of how many subjects this
+    is one, and how many of its fits failed.
     """
+    documents, tracked = findings.documents, findings.tracked
     fits = _of(documents, mode, posture, "done")
-    good = {d["key"]: bool(follows(summary.displayed_fit(d, tracked))) for d in fits}
-    counts, followed = Counter[Any](), Counter[Any]()
-    for d in fits:
-        files = len({c["file"] for c in d["cycles"]})
-        counts[d["subject"]] += files
-        followed[d["subject"]] += files * good[d["key"]]
-    share = {s: followed[s] / max(1, count) for s, count in counts.items()}
-    subject = max(counts, key=lambda s: (counts[s] > 0, share[s], s == _EXAMPLE, counts[s]))
-    failed = sum(d["subject"] == subject for d in _of(documents, mode, posture, "failed"))
-    whose = {"subject": subject, "subjects": len(counts), "failed": failed, "mode": mode}
-    cycles: list[Mapping[str, Any]] = []
-    for d in (d for d in fits if d["subject"] == subject):
-        name, by = summary.displayed_branch(d, tracked)
-        marks = whose | {"decided": by not in summary.OPEN, "follows": good[d["key"]]}
-        cycles += [{**c, **marks} for c in d["cycles"] if c["branch"] == name]
+    good = [bool(follows(summary.displayed_fit(fit, tracked))) and not summary.disowned(fit) for fit in fits]
+    of = pd.DataFrame({
+        "subject": [fit["subject"] for fit in fits],
+        "files": [len({cycle["file"] for cycle in fit["cycles"]}) for fit in fits],
+    })  # fmt: skip
+    of["followed"] = of["files"] * good
+    sums = of.groupby("subject", sort=False).sum()
+    sums["share"] = sums["followed"] / sums["files"].clip(lower=1)
+    sums = sums.assign(any=sums["files"] > 0, thesis=sums.index == _EXAMPLE)
+    subject = sums.sort_values(["any", "share", "thesis", "files"], ascending=False, kind="stable").index[0]
+    failed = sum(fit["subject"] == subject for fit in _of(documents, mode, posture, "failed"))
+    whose = {"subject": subject, "subjects": len(sums), "failed": failed, "mode": mode}
+    cycles: list[Document] = []
+    for fit, follow in zip(fits, good, strict=True):
+        name, by = summary.displayed_branch(fit, tracked)
+        marks = whose | {"decided": by not in summary.OPEN, "follows": follow}
+        if fit["subject"] == subject:
+            cycles += [{**cycle, **marks} for cycle in fit["cycles"] if cycle["branch"] == name]
     return str(subject), cycles
 
 
-def _page(
-    documents: Sequence[Mapping[str, Any]], table: pd.DataFrame, energy: pd.DataFrame, recovered: pd.DataFrame,
-    pictures: Mapping[str, Any], findings: Findings, **more: str,
-) -> str:  # fmt: skip
+def _page(findings: Findings, pictures: Mapping[str, Any], title: str, origin: str) -> str:
+    documents, table, energy = findings.documents, findings.table, findings.energy
     environment = Environment(
         loader=PackageLoader("identification"), autoescape=select_autoescape(default=True),
         trim_blocks=True, lstrip_blocks=True,
     )  # fmt: skip
-    modes = list(dict.fromkeys(d["mode"] for d in documents))
-    trusted = next((m for m in _TRUSTED if m in set(energy["mode"])), "")
+    modes = dict.fromkeys(d["mode"] for d in documents)
+    trusted = next((mode for mode in _MODES if mode in set(energy["mode"])), "")
     failed = [f"Failed ({d['mode']}): {d['error']}" for d in documents if d["status"] == "failed"]
-    failed += [f"Failed ({d['mode']}, {d['kind']}): {d['error']}" for d in findings.checks if d["status"] == "failed"]
+    checks = [d for d in findings.checks if d["status"] == "failed"]
+    failed += [f"Failed ({d['mode']}, {d['kind']}): {d['error']}" for d in checks]
     failed += [f"Left out ({d['mode']}): {text}" for d in documents for text in d.get("left_out", ())]
     return environment.get_template("study.html").render(
-        sections=tables.sections(findings), odds=tables.odds(findings.populations), findings=findings,
-        listed=tables.LISTED, rule=RULE,
-        pictures=pictures, limits=LIMITS, day=date.today().isoformat(),
-        subjects=len({d["subject"] for d in documents}),
-        recordings=len({file for d in documents for file in d["files"]}),
-        short=tables.short(documents, table, energy, recovered, findings.tracked),
-        modes_text=" ".join(f"Mode {m}: {_MODES[m]}." for m in modes if m in _MODES),
-        counts=tables.counts(documents, findings.tracked),
-        failures=failed[:_LISTED], more_failures=max(0, len(failed) - _LISTED),
-        verdicts=tables.verdicts(table), branches=tables.branches(documents, table), outliers=tables.outliers(table),
-        recovery=tables.recovery(recovered) if len(recovered) else None,
-        energies=tables.energies(energy[energy["mode"] == trusted]),
+        title=title,
+        origin=origin,
         balance=tables.balance(energy),
-        named=lambda start: [name for name in pictures if name.startswith(start)], **more,
-    )  # fmt: skip
+        branches=tables.branches(documents, table),
+        counts=tables.counts(documents, findings.tracked),
+        day=date.today().isoformat(),
+        energies=tables.energies(energy[energy["mode"] == trusted]),
+        failures=failed[:_LISTED],
+        findings=findings,
+        listed=tables.LISTED,
+        modes_text=" ".join(f"Mode {mode}: {_MODES[mode]}." for mode in modes if mode in _MODES),
+        more_failures=max(0, len(failed) - _LISTED),
+        named=lambda start: [name for name in pictures if name.startswith(start)],
+        odds=tables.odds(findings.populations),
+        outliers=tables.outliers(table),
+        pictures=pictures,
+        recordings=len({file for d in documents for file in d["files"]}),
+        recovery=tables.recovery(findings.recovered) if len(findings.recovered) else None,
+        rule=RULE,
+        sections=tables.sections(findings),
+        short=tables.short(findings),
+        subjects=len({d["subject"] for d in documents}),
+        verdicts=tables.verdicts(table),
+    )

@@ -1,4 +1,4 @@
-"""The fits of a study as one tidy table: a row a parameter, branch and condition, and which of them are outliers."""
+"""The fits of a study as tidy tables: a row a parameter, branch and condition; a row a cycle; a row a mode."""
 
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
@@ -11,11 +11,22 @@ from identification.branches import STIFF_ANKLE, STIFF_PAD
 from identification.recommendations import LEAST_FIT, follows
 from identification.study.truth import Truth
 
+Document = Mapping[str, Any]
 #: Columns of summary.csv.
 COLUMNS = (
     "mode", "subject", "posture", "added_mass_kg", "frequency_hz", "branch", "chosen", "parameter", "unit", "value",
     "std_error", "lower", "upper", "verdict", "outlier", "truth", "key", "tracked", "shown", "decided_by",
-    "profile_lower", "profile_upper", "fit_percent",
+    "profile_lower", "profile_upper", "fit_percent", "at_bound",
+)  # fmt: skip
+#: Those that are neither text nor flags.
+_NUMBERS = (
+    "added_mass_kg", "frequency_hz", "value", "std_error", "lower", "upper", "truth", "profile_lower",
+    "profile_upper", "fit_percent",
+)  # fmt: skip
+#: Columns of energy.csv.
+CYCLES = (
+    "mode", "subject", "posture", "key", "file", "added_mass_kg", "frequency_hz", "branch", "chosen", "ankle_j",
+    "fat_pad_j", "shaker_work_j", "imbalance", "shown", "decided_by", "fit_percent",
 )  # fmt: skip
 #: What the subjects of one box have in common.
 GROUP = ["mode", "posture", "added_mass_kg", "frequency_hz", "parameter"]
@@ -28,11 +39,11 @@ VERDICTS = ("identified", "weak", "not identifiable")
 FEWEST, _WHISKER = 4, 1.5
 #: Difference of two costs that is none, in itself and as a share.
 _SAME, _SAME_SHARE = 1e-2, 1e-6
-#: Most fits below the limit that are named, and the mode that is expected to have some.
-_LISTED, _POOLED = 10, "pooled"
+#: Most fits below the limit that are named.
+_LISTED = 10
 
 
-def displayed_branch(document: Mapping[str, Any], tracked: Mapping[str, str] | None = None) -> tuple[str, str]:
+def displayed_branch(document: Document, tracked: Mapping[str, str] | None = None) -> tuple[str, str]:
     """The branch of a fit that every table and figure shows, and what chose it.
 
     Args:
@@ -40,9 +51,10 @@ def displayed_branch(document: Mapping[str, Any], tracked: Mapping[str, str] | N
         tracked: key of a fit -> its branch among all of the subject, or "undecided".
 
     Returns:
-        Its name, and "tracking" where all fits of the subject together decide; else the likelier branch of the fit, and
-        "likelihood" where its data decide alone, "undecided" where nothing does, "not compared" where it has no other
-        (out of bounds, unstable), "no mirror" where the model has none that is known.
+        Its name, and "tracking" where all fits of the subject together decide; else the likelier
+        branch of the fit, and "likelihood" where its data decide alone, "undecided" where nothing
+        does, "not compared" where it has no other (out of bounds, unstable), "no mirror" where the
+        model has none that is known.
     """
     names = [branch["name"] for branch in document["result"]["branches"]]
     together = (tracked or {}).get(document["key"], "")
@@ -54,8 +66,22 @@ def displayed_branch(document: Mapping[str, Any], tracked: Mapping[str, str] | N
     return names[0], "likelihood" if verdict == "decided" else verdict
 
 
+def disowned(document: Document) -> str:
+    """Why a pooled fit that is done says nothing of its foot; empty where it does.
+
+    Such a fit has no odds, intervals or energies.
+    """
+    best = document["result"]["branches"][0]
+    world = best.get("world")
+    if document["mode"] != "pooled" or (world["follows"] if world else follows(best["fit_percent"])):
+        return ""
+    if world:
+        return "the fit does not follow the recordings"
+    return f"the fit follows the recordings to less than {LEAST_FIT:g} %"
+
+
 def measured(rows: pd.DataFrame) -> pd.Series:
-    """Which estimates count in means, bands and boxes: those with a standard error, of a fit that follows its data.
+    """Which estimates count in means, bands and boxes: those with a standard error, of a fit that follows.
 
     Without one are those at a bound, and those that the recording does not determine.
     """
@@ -63,82 +89,82 @@ def measured(rows: pd.DataFrame) -> pd.Series:
 
 
 def tidy(
-    documents: Iterable[Mapping[str, Any]], truth: Truth | None = None, tracked: Mapping[str, str] | None = None,
-    profiles: Mapping[tuple[str, str], Mapping[str, Any]] | None = None,
-) -> pd.DataFrame:  # fmt: skip
+    documents: Iterable[Document],
+    truth: Truth | None = None,
+    tracked: Mapping[str, str] | None = None,
+    profiles: Mapping[tuple[str, str], Document] | None = None,
+) -> pd.DataFrame:
     """The table of summary.csv; failed fits have no row.
 
     Args:
         documents: fits as `OUT/fits` has them.
         truth: of a synthetic study.
         tracked: see `displayed_branch`.
-        profiles: (key of a fit, parameter's key) -> profile of its chosen branch, whose verdict replaces that of the
-            standard error, and whose open sides are empty.
+        profiles: (key of a fit, parameter's key) -> profile of its chosen branch, whose verdict
+            replaces that of the standard error, and whose open sides are empty.
     """
-    rows = []
-    for document in documents:
-        if document["status"] == "done":
-            name, by = displayed_branch(document, tracked)
-            choice = {"tracked": (tracked or {}).get(document["key"], ""), "decided_by": by}
-            of_fit = _rows(document, truth, profiles or {})
-            rows += [{**row, **choice, "shown": row["branch"] == name} for row in of_fit]
-    table = pd.DataFrame(rows, columns=[c for c in COLUMNS if c != "outlier"])
-    numbers = ["added_mass_kg", "frequency_hz", "value", "std_error", "lower", "upper", "truth"]
-    numbers += ["profile_lower", "profile_upper", "fit_percent"]
-    table[numbers] = table[numbers].astype(float)
-    table = table.astype({"chosen": bool, "shown": bool})
-    table["outlier"] = False
+    done = (document for document in documents if document["status"] == "done")
+    rows = (row for d in done for row in _rows(d, truth, tracked or {}, profiles or {}))
+    table = pd.DataFrame(rows, columns=list(COLUMNS))
+    flags = dict.fromkeys(("chosen", "shown", "outlier", "at_bound"), bool)
+    table = table.astype(dict.fromkeys(_NUMBERS, float) | flags)
     for _, group in table[table["shown"] & measured(table)].groupby(GROUP, dropna=False):
         table.loc[group.index, "outlier"] = outliers(group["value"].to_numpy())
-    return table[list(COLUMNS)]
+    return table
 
 
 def _rows(
-    document: Mapping[str, Any], truth: Truth | None, profiles: Mapping[tuple[str, str], Mapping[str, Any]]
+    document: Document,
+    truth: Truth | None,
+    tracked: Mapping[str, str],
+    profiles: Mapping[tuple[str, str], Document],
 ) -> Iterable[dict[str, Any]]:
-    shared = {name: document[name] for name in ("mode", "subject", "posture", "key")}
+    name, by = displayed_branch(document, tracked)
+    shared = {column: document[column] for column in ("mode", "subject", "posture", "key", "added_mass_kg")}
+    shared |= {"tracked": tracked.get(document["key"], ""), "decided_by": by, "outlier": False}
     f = document["frequency_hz"]
-    at = {"added_mass_kg": document["added_mass_kg"], "frequency_hz": None if f is None else nominal(f)}
+    shared["frequency_hz"] = None if f is None else nominal(f)
     known = truth.of(document["files"]) if truth else {}
+    none = dict.fromkeys(("std_error", "lower", "upper")) if disowned(document) else {}
     for number, branch in enumerate(document["result"]["branches"]):
+        of_branch = {"branch": branch["name"], "chosen": number == 0, "shown": branch["name"] == name}
         for key, e in branch["parameters"].items():
             symbol, unit = symbol_and_unit(key)
             profile = profiles.get((document["key"], key), {})
-            if profile.get("branch") != branch["name"]:
-                profile = {}
+            profile = profile if profile.get("branch") == branch["name"] else {}
             yield {
-                **shared, **at, "branch": branch["name"], "chosen": number == 0, "parameter": symbol, "unit": unit,
-                "fit_percent": branch["fit_percent"],
-                **{name: e[name] for name in ("value", "std_error", "lower", "upper")},
+                **shared, **of_branch, "parameter": symbol, "unit": unit,
+                "fit_percent": branch["fit_percent"], "truth": known.get(symbol),
+                **{column: e[column] for column in ("value", "std_error", "lower", "upper")},
                 "verdict": word(document["mode"], branch, e["identifiability"], profile.get("verdict")),
-                "truth": known.get(symbol),
                 "profile_lower": None if profile.get("open_below") else profile.get("lower"),
                 "profile_upper": None if profile.get("open_above") else profile.get("upper"),
+                "at_bound": bool(e["at_bound"]), **none,
             }  # fmt: skip
 
 
-def word(mode: str, branch: Mapping[str, Any], verdict: str, profile: str | None) -> str:
-    """The verdict of an estimate in the study, by that of its fit and that of its profile: the worse of both.
+def word(mode: str, branch: Document, verdict: str, profile: str | None) -> str:
+    """The verdict of an estimate in the study, by that of its fit and that of its profile: the worse.
 
-    One frequency identifies nothing (`truth.LIMITS`), however small its standard error; neither does a fit that
+    One frequency identifies nothing, however small its standard error; neither does a fit that
     assumes the model exact, nor one of several recordings that does not follow them.
     """
     worst = max((v.partition(",")[0] for v in (verdict, profile) if v), key=VERDICTS.index)
-    if mode == _POOLED and not follows(branch["fit_percent"]):
+    if mode == "pooled" and not follows(branch["fit_percent"]):
         return VERDICTS[-1]
-    sure = mode == _POOLED and branch.get("world") is not None
+    sure = mode == "pooled" and branch.get("world") is not None
     return worst if sure or worst != VERDICTS[0] else VERDICTS[1]
 
 
 def quartiles(values: np.ndarray) -> tuple[float, float]:
-    """Q1 and Q3 as section 4.6 defines them: medians of the lower and the upper half, without the middle value."""
+    """Q1 and Q3 as section 4.6 has them: medians of lower and upper half, without the middle value."""
     x = np.sort(values)
     half = x.size // 2
     return float(np.median(x[:half])), float(np.median(x[x.size - half :]))
 
 
 def outliers(values: np.ndarray) -> np.ndarray:
-    """Which values (n,) lie more than 1.5 interquartile ranges beyond the quartiles; none of fewer than four."""
+    """Which values (n,) lie 1.5 interquartile ranges beyond the quartiles; none of fewer than four."""
     known = np.isfinite(values)
     if known.sum() < FEWEST:
         return np.zeros(values.shape, bool)
@@ -147,50 +173,52 @@ def outliers(values: np.ndarray) -> np.ndarray:
     return known & ((values < low - reach) | (values > high + reach))
 
 
-def displayed_fit(document: Mapping[str, Any], tracked: Mapping[str, str] | None = None) -> float:
+def displayed_fit(document: Document, tracked: Mapping[str, str] | None = None) -> float:
     """Fit percentage of the branch that is shown, the mean over its recordings."""
     name, _ = displayed_branch(document, tracked)
-    return float(next(b["fit_percent"] for b in document["result"]["branches"] if b["name"] == name))
+    branches = document["result"]["branches"]
+    return float(next(b["fit_percent"] for b in branches if b["name"] == name))
 
 
-def place(document: Mapping[str, Any]) -> str:
+def place(document: Document) -> str:
     """Subject, posture, load and frequency of a fit or check, as far as its recordings share them."""
     words = [f"subject {document['subject']}", document["posture"]]
-    words += [f"{document['added_mass_kg']:g} kg"] if document["added_mass_kg"] is not None else []
-    words += [f"{document['frequency_hz']:g} Hz"] if document["frequency_hz"] is not None else []
-    return ", ".join(words)
+    units = {"added_mass_kg": "kg", "frequency_hz": "Hz"}
+    known = {name: unit for name, unit in units.items() if document[name] is not None}
+    return ", ".join([*words, *(f"{document[name]:g} {unit}" for name, unit in known.items())])
 
 
 def unfollowed_fits(
-    documents: Iterable[Mapping[str, Any]], tracked: Mapping[str, str] | None = None
-) -> list[tuple[Mapping[str, Any], float]]:
-    """Fits whose shown branch does not follow its recordings, with its fit percentage, the lowest first."""
+    documents: Iterable[Document], tracked: Mapping[str, str] | None = None
+) -> list[tuple[Document, float]]:
+    """Fits whose shown branch does not follow its recordings, and its percentage, the lowest first."""
     fits = [(d, displayed_fit(d, tracked)) for d in documents if d["status"] == "done"]
-    return sorted(((d, fit) for d, fit in fits if not follows(fit)), key=lambda pair: pair[1])
+    return sorted((pair for pair in fits if not follows(pair[1])), key=lambda pair: pair[1])
 
 
-def unfollowed_sentence(documents: Sequence[Mapping[str, Any]], tracked: Mapping[str, str] | None = None) -> str:
+def unfollowed_sentence(documents: Sequence[Document], tracked: Mapping[str, str] | None = None) -> str:
     """How many fits failed to fit, and which; empty where none did."""
-    unfollowed, done = unfollowed_fits(documents, tracked), sum(d["status"] == "done" for d in documents)
+    unfollowed = unfollowed_fits(documents, tracked)
     if not unfollowed:
         return ""
+    count, done = len(unfollowed), sum(d["status"] == "done" for d in documents)
     listed = "; ".join(f"{d['mode']}, {place(d)}: {fit:.1f} %" for d, fit in unfollowed[:_LISTED])
-    more = f"; and {len(unfollowed) - _LISTED} more" if len(unfollowed) > _LISTED else ""
+    more = f"; and {count - _LISTED} more" if count > _LISTED else ""
     return (
-        f"{len(unfollowed)} of {done} fits follow their recordings to less than {LEAST_FIT:g} % ({listed}{more}). They "
+        f"{count} of {done} fits follow their recordings to less than {LEAST_FIT:g} % ({listed}{more}). They "
         "are left out of means, bands, boxes and energies; more --starts or wider --bounds may find better ones."
     )
 
 
-def _serving(documents: Iterable[Mapping[str, Any]]) -> tuple[int, int]:
+def _serving(documents: Iterable[Document]) -> tuple[int, int]:
     """In how many pooled fits one set of constants serves all frequencies, and of how many."""
-    fits = [d for d in documents if d["mode"] == _POOLED and d["status"] == "done" and d["frequency_hz"] is None]
-    serves = [d for d in fits if all((b.get("world") or {}).get("follows") for b in d["result"]["branches"][:1])]
-    return len(serves), len(fits)
+    done = [d for d in documents if d["mode"] == "pooled" and d["status"] == "done"]
+    worlds = [d["result"]["branches"][0].get("world") for d in done]
+    return sum(bool(world and world["follows"]) for world in worlds), sum(map(bool, worlds))
 
 
-def one_set(documents: Iterable[Mapping[str, Any]]) -> str:
-    """Whether one set of constants serves all frequencies, by the pooled fits; empty where there are none."""
+def one_set(documents: Iterable[Document]) -> str:
+    """Whether one set of constants serves all frequencies, by the pooled fits; empty without any."""
     serves, count = _serving(documents)
     text = f"One set of constants serves all frequencies in {serves} of {count} pooled fits"
     if serves == count:
@@ -201,38 +229,31 @@ def one_set(documents: Iterable[Mapping[str, Any]]) -> str:
     )
 
 
-def first(documents: Sequence[Mapping[str, Any]], tracked: Mapping[str, str] | None = None) -> str:
-    """What matters first, in one sentence: that constants change, else which fits do not follow their recordings.
+def first(documents: Sequence[Document], tracked: Mapping[str, str] | None = None) -> str:
+    """What matters first, in one sentence: that constants change, else which fits do not follow.
 
-    A fit of constants that change does not follow its recordings from any start, so only the first of the two is
-    stated.
+    A fit of constants that change follows its recordings from no start, so only the first is stated.
     """
     serves, count = _serving(documents)
     return (serves == count and unfollowed_sentence(documents, tracked)) or one_set(documents)
 
 
-def cycle_table(documents: Sequence[Mapping[str, Any]], tracked: Mapping[str, str] | None = None) -> pd.DataFrame:
-    """Energies of every cycle [J], one row a recording and branch: mode, subject, condition, parts, work, imbalance.
+def cycle_table(documents: Sequence[Document], tracked: Mapping[str, str] | None = None) -> pd.DataFrame:
+    """Energies of every cycle [J], a row a recording and branch: `CYCLES`; none of disowned fits.
 
-    Cycles may be of a foot that is no branch of the fit, such as the one a synthetic recording was made from.
+    Cycles may be of a foot that is no branch of the fit, such as the one a synthetic recording was
+    made from.
     """
-    choice = {d["key"]: displayed_branch(d, tracked) for d in documents if d["status"] == "done"}
-    rows = [
-        {
-            **{name: d[name] for name in ("mode", "subject", "posture", "key")},
-            **{name: c[name] for name in ("file", "added_mass_kg", "branch", "chosen", "shaker_work_j", "imbalance")},
-            "frequency_hz": nominal(c["frequency_hz"]),
-            "ankle_j": c["ankle"]["dissipated_j"], "fat_pad_j": c["fat_pad"]["dissipated_j"],
-            "fit_percent": {b["name"]: b["fit_percent"] for b in d["result"]["branches"]}.get(c["branch"], np.nan),
-            "shown": c["branch"] == choice[d["key"]][0], "decided_by": choice[d["key"]][1],
-        }
-        for d in documents
-        for c in d.get("cycles") or []
-    ]  # fmt: skip
-    columns = ["mode", "subject", "posture", "key", "file", "added_mass_kg", "frequency_hz", "branch", "chosen"]
-    table = pd.DataFrame(rows, columns=[*columns, "ankle_j", "fat_pad_j", "shaker_work_j", "imbalance", "shown",
-                                         "decided_by", "fit_percent"])  # fmt: skip
-    return table.astype({"chosen": bool, "shown": bool})
+    rows = []
+    for d in (d for d in documents if d["status"] == "done" and not disowned(d)):
+        name, by = displayed_branch(d, tracked)
+        percent = {branch["name"]: branch["fit_percent"] for branch in d["result"]["branches"]}
+        for c in d.get("cycles") or []:
+            parts = {"ankle_j": c["ankle"]["dissipated_j"], "fat_pad_j": c["fat_pad"]["dissipated_j"]}
+            choice = {"shown": c["branch"] == name, "decided_by": by, "frequency_hz": nominal(c["frequency_hz"])}
+            row = {**d, **c, **parts, **choice, "fit_percent": percent.get(c["branch"], np.nan)}
+            rows.append({column: row[column] for column in CYCLES})
+    return pd.DataFrame(rows, columns=list(CYCLES)).astype({"chosen": bool, "shown": bool})
 
 
 def nominal(frequency_hz: float) -> float:
@@ -241,27 +262,26 @@ def nominal(frequency_hz: float) -> float:
 
 
 def csv(table: pd.DataFrame) -> str:
-    """summary.csv as text: numbers of eight digits, empty where there is none."""
+    """A table as text: numbers of eight digits, empty where there is none."""
     return table.to_csv(index=False, float_format="%.8g", lineterminator="\n")
 
 
-def counts(documents: Sequence[Mapping[str, Any]], tracked: Mapping[str, str] | None = None) -> pd.DataFrame:
-    """One row a mode: fits, done, failed, recordings, mean fit [%] of the branch shown, verdicts alone, seconds.
+def counts(documents: Sequence[Document], tracked: Mapping[str, str] | None = None) -> pd.DataFrame:
+    """One row a mode: fits, done, failed, recordings, mean fit [%], verdicts alone, seconds.
 
-    `again` of `again_of` fits with several starts met their best end from a second start: the others may have missed a
-    better one.
+    `again` of `again_of` fits with several starts met their best end from a second start: the
+    others may have missed a better one.
     """
     rows = []
     for mode in dict.fromkeys(d["mode"] for d in documents):
         of_mode = [d for d in documents if d["mode"] == mode]
-        done = [d["result"] for d in of_mode if d["status"] == "done"]
-        verdicts = [r.get("verdict", "") for r in done]
-        fits = [displayed_fit(d, tracked) for d in of_mode if d["status"] == "done"]
-        started = [r["starts"] for r in done if len(r.get("starts") or ()) > 1]
+        done = [d for d in of_mode if d["status"] == "done"]
+        verdicts = [d["result"].get("verdict", "") for d in done]
+        started = [s for d in done if len(s := d["result"].get("starts") or ()) > 1]
         rows.append({
             "mode": mode, "fits": len(of_mode), "done": len(done), "failed": len(of_mode) - len(done),
-            "recordings": sum(len(r["recordings"]) for r in done),
-            "fit_percent": float(np.mean(fits)) if fits else None,
+            "recordings": sum(len(d["result"]["recordings"]) for d in done),
+            "fit_percent": float(np.mean([displayed_fit(d, tracked) for d in done])) if done else None,
             "decided": verdicts.count("decided"), "undecided": verdicts.count("undecided"),
             "again": sum(map(_met_again, started)), "again_of": len(started),
             "seconds": sum(d.get("seconds") or 0.0 for d in of_mode),
@@ -269,8 +289,8 @@ def counts(documents: Sequence[Mapping[str, Any]], tracked: Mapping[str, str] | 
     return pd.DataFrame(rows)
 
 
-def _met_again(starts: Sequence[Mapping[str, Any]]) -> bool:
-    """Whether the second best start, or a later one, ended where the best did: on its branch, at its cost."""
+def _met_again(starts: Sequence[Document]) -> bool:
+    """Whether the second best start, or a later one, ended where the best did: same branch and cost."""
     best, *others = sorted(starts, key=lambda s: s["cost"])
-    near = max(_SAME, _SAME_SHARE * best["cost"])
-    return any(s["branch"] == best["branch"] and s["cost"] - best["cost"] <= near for s in others)
+    near = best["cost"] + max(_SAME, _SAME_SHARE * best["cost"])
+    return any(s["branch"] == best["branch"] and s["cost"] <= near for s in others)

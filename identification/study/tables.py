@@ -13,67 +13,71 @@ from identification.result import symbol_and_unit
 from identification.study import summary
 from identification.study.findings import Findings
 from identification.study.population import Population
+from identification.study.truth import WAYS
 
+Document = Mapping[str, Any]
 #: Imbalance of energy that a cycle may have.
 BALANCED = 0.005
 #: Rows of a check's table at most.
 LISTED = 40
 #: Whether two domains agree, in words, in the order of the table.
 _ANSWER = {False: "no", True: "yes", None: "nothing to compare"}
+#: What chose the branch that is shown, in words.
+_SHOWN = {
+    "tracking": "on the branch that all fits of a subject together decide",
+    "likelihood": "not tracked and on the one that its data decide alone",
+    "undecided": "undecided and on their own likelier branch",
+    "not compared": "with one branch only",
+    "no mirror": "of a model without a known mirror",
+}
 
 
-def short(
-    documents: Sequence[Mapping[str, Any]], table: pd.DataFrame, energy: pd.DataFrame, recovered: pd.DataFrame,
-    tracked: Mapping[str, str] | None = None,
-) -> list[str]:  # fmt: skip
+def short(findings: Findings) -> list[str]:
     """The study in a few sentences."""
-    totals = summary.counts(documents, tracked)
+    documents, table, energy = findings.documents, findings.table, findings.energy
+    totals = summary.counts(documents, findings.tracked)
     done, failed = int(totals["done"].sum()), int(totals["failed"].sum())
-    sentences = [f"{done} of {done + failed} fits done{f', {failed} failed' if failed else ''}."]
-    sentences += [first] if (first := summary.first(documents, tracked)) else []
-    rows = table[table["shown"]]
-    for row in totals.to_dict("records"):
-        if row["done"]:
-            of_mode = rows[rows["mode"] == row["mode"]]
-            known = (of_mode["verdict"] == "identified").mean()
-            sentence = (
-                f"{row['mode'].capitalize()}: mean fit {row['fit_percent']:.1f} %, {_percent(known)} of estimates "
-                f"identified, mirror decided in {row['decided']} of {row['done']} alone."
-            )
-            sentence += f" {drawn(of_mode)}" if len(of_mode) else ""
-            for r in recovered.to_dict("records"):
-                if (r["parameter"], r["mode"]) == ("all", row["mode"]):
-                    sentence += (
-                        f" Truth within two standard errors: {_of(r, 'chosen')} on each fit's own branch, "
-                        f"{_of(r, 'tracked')} on the branch shown, {_of(r, 'either')} on the nearer one."
-                    )
-            sentences.append(sentence)
-    return [*sentences, *([balance(energy)] if len(energy) else [])]
+    more = f", {failed} failed" if failed else ""
+    sentences = [f"{done} of {done + failed} fits done{more}.", summary.first(documents, findings.tracked)]
+    for row in totals[totals["done"] > 0].to_dict("records"):
+        of_mode = table[table["shown"] & (table["mode"] == row["mode"])]
+        of_fits = [d for d in documents if d["status"] == "done" and d["mode"] == row["mode"]]
+        if all(summary.disowned(fit) for fit in of_fits):
+            text = f"{row['mode'].capitalize()}: mean fit {row['fit_percent']:.1f} %. No fit follows its recordings, "
+            sentences.append(f"{text}so none has odds, intervals or energies.")
+            continue
+        known = _percent((of_mode["verdict"] == "identified").mean())
+        text = f"{row['mode'].capitalize()}: mean fit {row['fit_percent']:.1f} %, {known} of estimates identified, "
+        text += f"mirror decided in {row['decided']} of {row['done']} alone."
+        text += f" {drawn(of_mode)}" if len(of_mode) else ""
+        for r in findings.recovered.to_dict("records"):
+            if (r["parameter"], r["mode"]) == ("all", row["mode"]):
+                if not any(r[f"{way}_of"] for way in WAYS):
+                    continue
+                own, shown, nearer = (_of(r, way) for way in WAYS)
+                text += f" Truth within two standard errors: {own} on each fit's own branch, {shown} on the branch "
+                text += f"shown, {nearer} on the nearer one."
+        sentences.append(text)
+    return [*filter(None, sentences), *([balance(energy)] if len(energy) else [])]
 
 
 def drawn(rows: pd.DataFrame) -> str:
     """Which branches are shown, in a sentence: of rows of the tidy table, or of energies, of one mode."""
     fits = rows[rows["shown"]].drop_duplicates("key")
     by = fits["decided_by"]
+    number = by.value_counts()
     turned = int((by.eq("tracking") & ~fits["chosen"]).sum())
-    number = {word: int(by.eq(word).sum()) for word in summary.DECIDED_BY}
-    parts = {
-        "tracking": "on the branch that all fits of a subject together decide"
-        + (f" ({turned} of them against their own choice)" if turned else ""),
-        "likelihood": "not tracked and on the one that its data decide alone",
-        "undecided": "undecided and on their own likelier branch",
-        "not compared": "with one branch only",
-        "no mirror": "of a model without a known mirror",
-    }
-    listed = ", ".join(f"{number[word]} {text}" for word, text in parts.items() if number[word])
-    return f"Of {len(fits)} fits shown: {listed}."
+    against = f" ({turned} of them against their own choice)" if turned else ""
+    parts = _SHOWN | {"tracking": _SHOWN["tracking"] + against}
+    listed = (f"{number[name]} {text}" for name, text in parts.items() if name in number)
+    return f"Of {len(fits)} fits shown: {', '.join(listed)}."
 
 
 def _percent(share: float) -> str:
     return "–" if not np.isfinite(share) else f"{100 * share:.0f} %"
 
 
-def _of(row: Mapping[str, Any], name: str) -> str:
+def _of(row: Document, name: str) -> str:
     of = row[f"{name}_of"]
     return f"{row[name]} of {of} ({_percent(row[name] / of)})" if of else "none"
 
@@ -83,15 +87,16 @@ def balance(energy: pd.DataFrame) -> str:
     if energy.empty:
         return "No recording is periodic, so there are no cycles."
     worst = energy["imbalance"].abs()
-    holds = "closes" if worst.max() < BALANCED else f"does not close in {int((worst >= BALANCED).sum())} cycles"
-    worst_percent, allowed = f"{100 * worst.max():.1g} %", f"{100 * BALANCED:g} %"
+    beyond = int((worst >= BALANCED).sum())
+    holds = f"does not close in {beyond} cycles" if beyond else "closes"
     return (
         f"The energy balance {holds}: in {len(energy)} cycles the shaker's work, from the inertia of the masses alone, "
-        f"and what ankle and fat pad dissipate differ by {worst_percent} at most ({allowed} are allowed)."
+        f"and what ankle and fat pad dissipate differ by {100 * worst.max():.1g} % at most "
+        f"({100 * BALANCED:g} % are allowed)."
     )
 
 
-def counts(documents: Sequence[Mapping[str, Any]], tracked: Mapping[str, str] | None = None) -> pd.DataFrame:
+def counts(documents: Sequence[Document], tracked: Mapping[str, str] | None = None) -> pd.DataFrame:
     """What was fitted, done and failed, a row a mode."""
     totals = summary.counts(documents, tracked)
     rows = totals.to_dict("records")
@@ -108,102 +113,109 @@ def verdicts(table: pd.DataFrame) -> pd.DataFrame:
     def shares(verdict: pd.Series) -> str:
         return " / ".join(f"{100 * (verdict == word).mean():.0f}" for word in summary.VERDICTS) + " %"
 
-    crossed = _crossed(table[table["shown"]], "parameter", "mode", "verdict", shares, table["mode"].unique())
+    rows = table[table["shown"]]
+    crossed = _crossed(rows, "parameter", "mode", "verdict", shares, table["mode"].unique())
     return crossed.rename_axis("identified / weak / not").reset_index()
 
 
 def outliers(table: pd.DataFrame) -> pd.DataFrame:
-    """Outliers among the estimates with a standard error, a row a mode and load, a column a parameter."""
+    """Outliers among the estimates with a standard error, a row a mode and load."""
     rows = table[table["shown"] & summary.measured(table)]
-    rows = rows.assign(at=[f"{m}, {load:g} kg" for m, load in zip(rows["mode"], rows["added_mass_kg"], strict=True)])
-    crossed = _crossed(
-        rows, "at", "parameter", "outlier", lambda o: f"{int(o.sum())} of {len(o)}", table["parameter"].unique()
-    )
-    return crossed.rename_axis("outliers").reset_index()
+    of = zip(rows["mode"], rows["added_mass_kg"], strict=True)
+    rows = rows.assign(outliers=[f"{mode}, {load:g} kg" for mode, load in of])
+    header = table["parameter"].unique()
+    return _crossed(rows, "outliers", "parameter", "outlier", _share_of_outliers, header).reset_index()
 
 
-def branches(documents: Sequence[Mapping[str, Any]], table: pd.DataFrame) -> pd.DataFrame:
+def _share_of_outliers(outlier: pd.Series) -> str:
+    return f"{int(outlier.sum())} of {len(outlier)}"
+
+
+def branches(documents: Sequence[Document], table: pd.DataFrame) -> pd.DataFrame:
     """How many fits decide alone, what chose the branch that is shown, and which it is, a row a mode.
 
-    "Decided alone" is of every fit, whatever tracking says of it then; the columns after it add up to the fits.
+    "Decided alone" is of every fit, whatever tracking says of it then; the columns after it add up.
     """
     alone = {row["mode"]: row["decided"] for row in summary.counts(documents).to_dict("records")}
-    fits = table[table["shown"]].drop_duplicates("key")
-    header = ["mode", "fits", "decided alone", "shown as tracking decides", "shown as it decides alone, not tracked"]
-    header += [*summary.DECIDED_BY[2:], f"shown: {STIFF_ANKLE}", f"shown: {STIFF_PAD}"]
-    rows = [
-        [mode, len(rows), alone[mode], *((rows["decided_by"] == word).sum() for word in summary.DECIDED_BY),
-         *((rows["branch"] == name).sum() for name in (STIFF_ANKLE, STIFF_PAD))]
-        for mode, rows in fits.groupby("mode", sort=False)
-    ]  # fmt: skip
-    return pd.DataFrame(rows, columns=header)
+    chosen = {"tracking": "shown as tracking decides", "likelihood": "shown as it decides alone, not tracked"}
+    rows = []
+    for mode, fits in table[table["shown"]].drop_duplicates("key").groupby("mode", sort=False):
+        row: dict[str, Any] = {"mode": mode, "fits": len(fits), "decided alone": alone[mode]}
+        for by in summary.DECIDED_BY:
+            row[chosen.get(by, by)] = int((fits["decided_by"] == by).sum())
+        for name in (STIFF_ANKLE, STIFF_PAD):
+            row[f"shown: {name}"] = int((fits["branch"] == name).sum())
+        rows.append(row)
+    return pd.DataFrame(rows)
 
 
 def recovery(recovered: pd.DataFrame) -> pd.DataFrame:
     """`truth.recovery` for people."""
-    ways = ("chosen", "tracked", "either")
-    header = [
-        "", "distinct estimates", "right on the fit's own branch", "right on the branch shown",
-        "right on the branch nearer to the truth", "median error on its own branch", "median error on the branch shown",
-        "median error on the nearer branch", "median standard error stated", "right of those that say identified",
-    ]  # fmt: skip
 
-    def share(row: Mapping[str, Any], name: str) -> str:
+    def share(row: Document, name: str) -> str:
         of = row[f"{name}_of"]
         return f"{_percent(row[name] / of)} of {of}" if of else "none"
 
-    rows = [
-        [
-            f"{r['mode']}, all" if r["parameter"] == "all" else r["parameter"], r["estimates"],
-            *(share(r, way) for way in ways), *(_percent(r[f"{way}_error"]) for way in ways), _percent(r["std_error"]),
-            share(r, "identified"),
-        ]
+    on = ("the fit's own branch", "the branch shown", "the branch nearer to the truth")
+    error_on = ("its own branch", "the branch shown", "the nearer branch")
+    return pd.DataFrame(
+        {"": f"{r['mode']}, all" if r["parameter"] == "all" else r["parameter"],
+         "distinct estimates": r["estimates"]}
+        | {f"right on {where}": share(r, way) for where, way in zip(on, WAYS, strict=True)}
+        | {f"median error on {where}": _percent(r[f"{way}_error"]) for where, way in zip(error_on, WAYS, strict=True)}
+        | {"median standard error stated": _percent(r["std_error"]),
+           "right of those that say identified": share(r, "identified")}
         for r in recovered.to_dict("records")
-    ]  # fmt: skip
-    return pd.DataFrame(rows, columns=header)
+    )  # fmt: skip
 
 
 def energies(energy: pd.DataFrame) -> pd.DataFrame:
-    """Median energies of the branch shown, a row a condition."""
-    header = ["mode", "posture", "added mass [kg]", "frequency [Hz]", "cycles", "median ankle [mJ]",
-              "median fat pad [mJ]", "median shaker [mJ]"]  # fmt: skip
-    cycles = energy[energy["shown"] & follows(energy["fit_percent"])]
-    rows = [
-        [mode, posture, f"{load:g}", f"{f:g}", len(g),
-         *(f"{1e3 * g[column].median():.3g}" for column in ("ankle_j", "fat_pad_j", "shaker_work_j"))]
-        for (mode, posture, load, f), g in cycles.groupby(["mode", "posture", "added_mass_kg", "frequency_hz"])
-    ]  # fmt: skip
-    return pd.DataFrame(rows, columns=header)
+    """Median energies of the branch shown, a row a condition; of its parts where it is decided."""
+    cycles = energy[energy["shown"] & follows(energy["fit_percent"])].copy()
+    cycles.loc[cycles["decided_by"].isin(summary.OPEN), ["ankle_j", "fat_pad_j"]] = np.nan
+    parts = {"ankle_j": "ankle", "fat_pad_j": "fat pad", "shaker_work_j": "shaker"}
+    groups = cycles.groupby(["mode", "posture", "added_mass_kg", "frequency_hz"])
+    return pd.DataFrame(
+        {"mode": mode, "posture": posture, "added mass [kg]": f"{load:g}", "frequency [Hz]": f"{f:g}",
+         "cycles": len(group), "branch decided": int(group["ankle_j"].notna().sum())}
+        | {f"median {name} [mJ]": _median(1e3 * group[column]) for column, name in parts.items()}
+        for (mode, posture, load, f), group in groups
+    )  # fmt: skip
 
 
 def sections(findings: Findings) -> dict[str, pd.DataFrame]:
     """Title -> table of what the checks found, where there is any."""
-    of = {
-        "Population": population, "Branches over a subject": tracking, "Profile likelihood": profiles,
-        "Leave one frequency out": held_out, "Linear or nonlinear damping": damping,
+    of: dict[str, Callable[[Findings], pd.DataFrame]] = {
+        "Population": lambda findings: population(findings.populations),
+        "Branches over a subject": tracking,
+        "Profile likelihood": profiles,
+        "Leave one frequency out": held_out,
+        "Linear or nonlinear damping": damping,
         "Steady state and time domain": agreement,
-    }  # fmt: skip
+    }
     return {title: table for title, make in of.items() if len(table := make(findings))}
 
 
-def population(findings: Findings) -> pd.DataFrame:
-    """Mean and spread of each constant over persons, a row each; both branches where neither is decided."""
+def population(populations: Sequence[Population]) -> pd.DataFrame:
+    """Mean and spread of each constant over persons, a row each; both branches where undecided."""
     rows = []
-    for p in findings.populations:
+    for p in populations:
         for c in p.constants:
             scale, unit = (1e-3, "kN/m") if c.name.startswith("k_") else (1.0, "N s/m")
-            where = f"{p.posture}, {p.added_mass_kg:g} kg"
-            alone, shrunk = (np.log([getattr(q, n) for q in c.persons]) for n in ("value", "shrunk"))
-            rows.append([
-                where, f"{p.branch} ({p.verdict})", f"{c.name} [{unit}]", len(c.persons),
-                f"{scale * c.mean:.3g}", f"{scale * c.lower:.3g} to {scale * c.upper:.3g}", *c.spread_text,
-                f"{_percent(float(np.std(alone, ddof=1)))} to {_percent(float(np.std(shrunk, ddof=1)))}",
-                p.dropped(c) or "nobody", " and ".join(q.subject for q in c.odd) or "nobody",
-            ])  # fmt: skip
-    header = ["condition", "branch", "constant", "persons", "mean", "95 % of the mean", "spread between persons",
-              "95 % of the spread", "scatter of the estimates, before and after shrinking",
-              "persons left out", "does not belong (kept)"]  # fmt: skip
-    return pd.DataFrame(rows, columns=header)
+            mean, low, high = (f"{scale * value:.3g}" for value in (c.mean, c.lower, c.upper))
+            logs = ([np.log(getattr(q, n)) for q in c.persons] for n in ("value", "shrunk"))
+            scatter = (_percent(float(np.std(values, ddof=1))) for values in logs)
+            spread, interval = c.spread_text
+            rows.append({
+                "condition": f"{p.posture}, {p.added_mass_kg:g} kg", "branch": f"{p.branch} ({p.verdict})",
+                "constant": f"{c.name} [{unit}]", "persons": len(c.persons),
+                "mean": mean, "95 % of the mean": f"{low} to {high}",
+                "spread between persons": spread, "95 % of the spread": interval,
+                "scatter of the estimates, before and after shrinking": " to ".join(scatter),
+                "persons left out": p.dropped(c) or "nobody",
+                "does not belong (kept)": " and ".join(q.subject for q in c.odd) or "nobody",
+            })  # fmt: skip
+    return pd.DataFrame(rows)
 
 
 def left_out(populations: Sequence[Population]) -> str:
@@ -215,13 +227,14 @@ def left_out(populations: Sequence[Population]) -> str:
 def circled(populations: Sequence[Population]) -> str:
     """The outliers that the figure circles, in a sentence; empty where there are none."""
     odd = dict.fromkeys(q.subject for p in populations for c in p.constants for q in c.odd)
-    return f"Circled, kept in the means: what does not belong to the other persons' ({', '.join(odd)}). " if odd else ""
+    who = ", ".join(odd)
+    return f"Circled, kept in the means: what does not belong to the other persons' ({who}). " if odd else ""
 
 
 def odds(populations: Sequence[Population]) -> list[str]:
     """Odds of the branches over all persons, a sentence a condition; then persons who are outliers."""
     first = {(p.posture, p.added_mass_kg): p for p in reversed(populations)}
-    branch_odds = [f"{posture}, {load:g} kg: {p.odds_text}." for (posture, load), p in sorted(first.items())]
+    branch_odds = [f"{where}, {load:g} kg: {p.odds_text}." for (where, load), p in sorted(first.items())]
     return [*branch_odds, *(sentence for p in populations for sentence in p.odd())]
 
 
@@ -230,81 +243,94 @@ def tracking(findings: Findings) -> pd.DataFrame:
     rows = []
     for s in findings.subjects:
         names = [c.branch for c in s.tracking.choices] if s.tracking else []
-        name, odds = max(s.tracking.overall.items(), key=lambda i: i[1], default=("", 0.0)) if s.tracking else ("", 0)
+        overall = s.tracking.overall if s.tracking else {}
+        name, odds = max(overall.items(), key=lambda item: item[1], default=("", 0.0))
         text = "–" if not odds else "over a million to 1" if odds > 1e6 else f"{readable(odds)} to 1"
-        text = "even" if 1 <= odds < 1.05 else text
-        cells = [names.count(n) for n in (STIFF_ANKLE, STIFF_PAD, "undecided")]
-        rows.append([f"{s.mode}, {s.posture}", s.subject, *cells, name, text])
-    header = ["mode", "subject", STIFF_ANKLE, STIFF_PAD, "undecided", "if one branch for all"]
-    return pd.DataFrame(rows, columns=[*header, "its odds over the other for all"])
+        rows.append(
+            {"mode": f"{s.mode}, {s.posture}", "subject": s.subject}
+            | {of: names.count(of) for of in (STIFF_ANKLE, STIFF_PAD, "undecided")}
+            | {"if one branch for all": name}
+            | {"its odds over the other for all": "even" if 1 <= odds < 1.05 else text}
+        )
+    return pd.DataFrame(rows)
 
 
 def profiles(findings: Findings) -> pd.DataFrame:
     """Profiles beside the intervals of the standard errors, those that depart first."""
     rows = []
     for d, r in sorted(findings.of("profile"), key=lambda pair: not pair[1]["departs"])[:LISTED]:
-        low, high = ("open" if r[f"open_{side}"] else readable(r[name], 4)
-                     for side, name in (("below", "lower"), ("above", "upper")))  # fmt: skip
-        verdict = r["verdict"] + ("; a better fit was met" if r["better"] else "")
-        rows.append([f"{summary.place(d)} ({d['mode']})", symbol_and_unit(r["key"])[0], verdict,
-                     "departs" if r["departs"] else "", readable(r['value'], 4), f"{low} to {high}",
-                     " to ".join(readable(x, 4) for x in r["wald"])])  # fmt: skip
-    header = ["fit", "parameter", "verdict", "profile against standard error", "estimate", "95 % by profile",
-              "95 % by standard error"]  # fmt: skip
-    return pd.DataFrame(rows, columns=header)
+        low = "open" if r["open_below"] else readable(r["lower"], 4)
+        high = "open" if r["open_above"] else readable(r["upper"], 4)
+        rows.append({
+            "fit": f"{summary.place(d)} ({d['mode']})", "parameter": symbol_and_unit(r["key"])[0],
+            "verdict": r["verdict"] + ("; a better fit was met" if r["better"] else ""),
+            "profile against standard error": "departs" if r["departs"] else "",
+            "estimate": readable(r["value"], 4), "95 % by profile": f"{low} to {high}",
+            "95 % by standard error": " to ".join(readable(x, 4) for x in r["wald"]),
+        })  # fmt: skip
+    return pd.DataFrame(rows)
 
 
 def held_out(findings: Findings) -> pd.DataFrame:
     """Medians of the errors at frequencies that were left out, a row a mode."""
-    by_mode: dict[str, list[Mapping[str, Any]]] = {}
-    for d, r in findings.of("validation"):
-        by_mode.setdefault(d["mode"], []).append(r["held_out"])
+    checks = [(d["mode"], r["held_out"]) for d, r in findings.of("validation")]
     rows = []
-    for mode, groups in by_mode.items():
-        inside, ends = ([row for r in groups for row in r["rows"] if row["edge"] == edge] for edge in (False, True))
-        rows.append([
-            mode, len(groups), len(inside), _median(row["percent"] for row in inside),
-            _median(row["chi_square"] / row["numbers"] for row in inside), _median(row["percent"] for row in ends),
-            sum(len(r["failed"]) for r in groups),
-        ])  # fmt: skip
-    header = ["mode", "groups of recordings", "recordings predicted between others", "their error [%]",
-              "their chi-square per number", "error of the lowest and highest frequency [%]"]  # fmt: skip
-    return pd.DataFrame(rows, columns=[*header, "no stable prediction"])
+    for mode in dict.fromkeys(mode for mode, _ in checks):
+        groups = [errors for of, errors in checks if of == mode]
+        errors = pd.DataFrame([row for group in groups for row in group["rows"]])
+        inside, ends = errors[~errors["edge"].astype(bool)], errors[errors["edge"].astype(bool)]
+        rows.append({
+            "mode": mode, "groups of recordings": len(groups),
+            "recordings predicted between others": len(inside),
+            "their error [%]": _median(inside["percent"]),
+            "their chi-square per number": _median(inside["chi_square"] / inside["numbers"]),
+            "error of the lowest and highest frequency [%]": _median(ends["percent"]),
+            "no stable prediction": sum(len(group["failed"]) for group in groups),
+        })  # fmt: skip
+    return pd.DataFrame(rows)
 
 
 def damping(findings: Findings) -> pd.DataFrame:
     """Linear against nonlinear damping, a row a fit."""
+    compared = [(d, r["damping"]) for d, r in findings.of("validation") if r["damping"]]
     rows = []
-    for d, r in [(d, r["damping"]) for d, r in findings.of("validation") if r["damping"]][:LISTED]:
+    for d, r in compared[:LISTED]:
         linear, bent = r["linear"], r["nonlinear"]
-        errors = " / ".join(f"{c['held_out_percent']:.3g}" for c in (linear, bent))
-        less = [f"{linear[name] - bent[name]:.4g}" for name in ("aic", "bic")]
-        rows.append([d["mode"], summary.place(d), *less, errors, *r["preferred"].values()])
-    header = ["mode", "fit", "AIC, linear less nonlinear", "BIC, linear less nonlinear",
-              "error at frequencies left out [%], linear / nonlinear"]  # fmt: skip
-    return pd.DataFrame(rows, columns=[*header, "law that AIC prefers", "law that BIC prefers",
-                                       "law that frequencies left out prefer"])  # fmt: skip
+        errors = " / ".join(f"{law['held_out_percent']:.3g}" for law in (linear, bent))
+        less = {f"{n.upper()}, linear less nonlinear": f"{linear[n] - bent[n]:.4g}" for n in ("aic", "bic")}
+        header = "error at frequencies left out [%], linear / nonlinear"
+        preferred = zip(("AIC", "BIC", "frequencies left out"), r["preferred"].values(), strict=True)
+        laws = {f"law that {criterion} prefer{'s' * criterion.isupper()}": law for criterion, law in preferred}
+        rows.append({"mode": d["mode"], "fit": summary.place(d), **less, header: errors, **laws})
+    return pd.DataFrame(rows)
 
 
 def agreement(findings: Findings) -> pd.DataFrame:
     """Steady state against time domain, disagreements first."""
     order, rows = list(_ANSWER), []
-    for d, r in sorted(findings.of("agreement"), key=lambda pair: order.index(pair[1]["agrees"]))[:LISTED]:
-        known = [abs(x["z"]) for x in r["differences"] if x["z"] is not None and np.isfinite(x["z"])]
-        rows.append([d["mode"], summary.place(d), r["branch"], _ANSWER[r["agrees"]],
-                     f"{max(known):.2g}" if known else "–", r["sentence"]])  # fmt: skip
-    header = ["mode", "fit", "branch", "agrees", "largest difference [joint errors]", "why"]
-    return pd.DataFrame(rows, columns=header)
+    checks = sorted(findings.of("agreement"), key=lambda pair: order.index(pair[1]["agrees"]))
+    for d, r in checks[:LISTED]:
+        z = [abs(x["z"]) for x in r["differences"] if x["z"] is not None and np.isfinite(x["z"])]
+        rows.append({
+            "mode": d["mode"], "fit": summary.place(d), "branch": r["branch"], "agrees": _ANSWER[r["agrees"]],
+            "largest difference [joint errors]": f"{max(z):.2g}" if z else "–",
+            "why": r["sentence"],
+        })  # fmt: skip
+    return pd.DataFrame(rows)
 
 
 def _crossed(
-    rows: pd.DataFrame, index: str, columns: str, values: str, text: Callable[[pd.Series], str], header: Iterable[str]
+    rows: pd.DataFrame,
+    index: str,
+    columns: str,
+    values: str,
+    text: Callable[[pd.Series], str],
+    header: Iterable[str],
 ) -> pd.DataFrame:
-    """A text on each group of values, a row each in the order in which they come, a column each of the header."""
+    """A text on each group of values, a row each in the order in which they come."""
     table = rows.groupby([index, columns], sort=False)[values].agg(text).unstack(columns)
     return table.reindex(index=rows[index].unique(), columns=header).astype(object).fillna("–")
 
 
-def _median(values: Iterable[float]) -> str:
-    numbers = list(values)
-    return f"{np.median(numbers):.3g}" if numbers else "–"
+def _median(values: pd.Series) -> str:
+    return f"{values.median():.3g}" if values.notna().any() else "–"

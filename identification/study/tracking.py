@@ -8,12 +8,12 @@ probability of every assignment is
 
 with the deviances D of the fits and d = sum over curves of (difference of logarithms)^2 / variance. Smoothness cannot
 tell all-of-one-branch from all-of-the-other, as the mirror image of a smooth curve is smooth; likelihood or prior must.
-Marginal odds are exact: a forward-backward pass over frequencies, all fits of one as a state.
+Odds of each fit are exact sums over all assignments.
 """
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from itertools import pairwise
 from typing import Any, Self
 
@@ -33,10 +33,12 @@ BELIEVED = 1e4
 _OUTSIDE = 0.1
 #: Change of a constant's logarithm that is usual: for a factor e of frequency, for a kilogram of load, between trials.
 PER_LOG_FREQUENCY, PER_KG, BETWEEN_TRIALS = 1.5, 0.4, 0.1
-#: States of one frequency at most: memory, and 16 fits.
-_STATES = 2**16
-#: Tables of two neighbouring columns by places in them.
-Link = Mapping[tuple[int, int], np.ndarray]
+#: Fits of one frequency at most: their joint states are 2 to that power.
+MOST_FITS = 16
+#: Odds beyond this are written as this: JSON has no infinity.
+LARGEST_ODDS = float(np.exp(700))
+#: Log weights of the branches of two fits, by their places.
+Links = Mapping[tuple[int, int], np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -148,12 +150,6 @@ class Prior:
         return float(total)
 
 
-def log_weight(fit: Fit, branch: BranchFit, prior: Prior) -> float:
-    """Log probability of one branch of one fit, without its neighbours, up to a constant."""
-    least = min(b.deviance for b in fit.branches)
-    return float(-0.5 * (branch.deviance - least) + prior.log(branch.values))
-
-
 @dataclass(frozen=True)
 class Choice:
     """The branch of one fit: its name, or "undecided"; the likelier one; its odds over the others."""
@@ -181,10 +177,6 @@ class Tracking:
     overall: Mapping[str, float]
     sentence: str
 
-    def document(self) -> dict[str, Any]:
-        """As plain data."""
-        return asdict(self)
-
 
 def track(fits: Sequence[Fit], *, prior: Prior | None = None) -> Tracking:
     """Choose the branches of a subject's fits together.
@@ -198,138 +190,130 @@ def track(fits: Sequence[Fit], *, prior: Prior | None = None) -> Tracking:
     """
     if not fits or any(not fit.branches for fit in fits):
         raise SettingError("tracking needs a fit, and each fit a branch.")
-    alone = [np.array([log_weight(fit, b, prior or Prior()) for b in fit.branches]) for fit in fits]
-    columns: list[list[int]] = []
-    for f in sorted({fit.frequency_hz for fit in fits}, key=lambda f: -np.inf if f is None else f):
-        at = [i for i, fit in enumerate(fits) if fit.frequency_hz == f]
-        columns.append(sorted(at, key=lambda i: fits[i].added_mass_kg))
-    if max(np.prod([len(fits[i].branches) for i in column]) for column in columns) > _STATES:
-        raise SettingError(
-            f"too many fits at one frequency for exact odds ({max(map(len, columns))}; valid: up to 16)."
-        )
-    inside = [_inside(fits, alone, column) for column in columns]
-    links = [_links(fits, left, right) for left, right in pairwise(columns)]
-    forward = [inside[0]]
-    for weight, link in zip(inside[1:], links, strict=True):
-        forward.append(weight + _carry(forward[-1], link, weight.ndim))
-    backward = [np.zeros_like(inside[-1])]
-    for before, weight, link in zip(inside[-2::-1], inside[:0:-1], links[::-1], strict=True):
-        back = {(n, m): table.T for (m, n), table in link.items()}
-        backward.insert(0, _carry(weight + backward[0], back, before.ndim) + np.zeros_like(before))
-    decided: dict[int, Choice] = {}
-    for column, a, b in zip(columns, forward, backward, strict=True):
-        for place, i in enumerate(column):
-            others = tuple(axis for axis in range(len(column)) if axis != place)
-            decided[i] = _decide(fits[i], logsumexp(a + b, axis=others))
-    overall = _overall(fits, alone, columns, links)
-    choices = tuple(choice for _, choice in sorted(decided.items()))
+    most = max(Counter(fit.frequency_hz for fit in fits).values())
+    if most > MOST_FITS:
+        raise SettingError(f"too many fits at one frequency for exact odds ({most}; valid: up to {MOST_FITS}).")
+    order = sorted(range(len(fits)), key=lambda i: (fits[i].frequency_hz or 0.0, fits[i].added_mass_kg))
+    ordered = [fits[i] for i in order]
+    alone = [_alone(fit, prior or Prior()) for fit in ordered]
+    links = _links(ordered)
+    places = zip(order, ordered, probabilities(alone, links), strict=True)
+    choices = tuple(_choice(fit, p) for _, fit, p in sorted(places, key=lambda place: place[0]))
+    overall = _overall(ordered, alone, links)
     return Tracking(choices, overall, _sentence(choices, overall))
 
 
-def _step(a: Fit, i: int, b: Fit, j: int) -> float:
-    """Log probability of two neighbouring branches, the same for their mirror images.
+def _alone(fit: Fit, prior: Prior) -> np.ndarray:
+    """Log probability (b,) of a fit's branches, without its neighbours, up to a constant."""
+    least = min(branch.deviance for branch in fit.branches)
+    return np.array([-0.5 * (branch.deviance - least) + prior.log(branch.values) for branch in fit.branches])
 
-    Exact images change as smoothly as what they mirror. Estimates at bounds or without an error are no exact images,
-    and would decide by that alone: a link may say that two fits belong together, and not which branch they are.
+
+def _links(fits: Sequence[Fit]) -> Links:
+    """Log weights of neighbours: under the next load, or the same one at the next frequency.
+
+    Of several trials under one load the first goes with the first, and so on.
     """
-    if len(a.branches) == len(b.branches) == 2:
-        return 0.5 * (_smooth(a, i, b, j) + _smooth(a, 1 - i, b, 1 - j))
-    return _smooth(a, i, b, j)
+    columns: dict[float | None, list[int]] = {}
+    for i, fit in enumerate(fits):
+        columns.setdefault(fit.frequency_hz, []).append(i)
+    pairs = [pair for column in columns.values() for pair in pairwise(column)]
+    for left, right in pairwise(columns.values()):
+        for load in sorted({fits[i].added_mass_kg for i in left}):
+            under = [[i for i in at if fits[i].added_mass_kg == load] for at in (left, right)]
+            pairs += zip(*under, strict=False)
+    return {(i, j): _link(fits[i], fits[j]) for i, j in pairs}
 
 
-def _smooth(a: Fit, i: int, b: Fit, j: int) -> float:
-    """Log probability of two neighbouring values, the variance being that of the estimates and of a usual change."""
-    p, q = a.branches[i], b.branches[j]
+def _link(a: Fit, b: Fit) -> np.ndarray:
+    """Log weight (branches of a, branches of b) of two neighbours, the same for their mirror images.
+
+    Exact images change as smoothly as what they mirror. Estimates at bounds or without an error are
+    no exact images, and would decide by that alone: a link may say that two fits belong together,
+    and not which branch they are.
+    """
+    table = np.array([[_smooth(a, p, b, q) for q in b.branches] for p in a.branches])
+    return 0.5 * (table + table[::-1, ::-1]) if table.shape == (2, 2) else table
+
+
+def _smooth(a: Fit, p: BranchFit, b: Fit, q: BranchFit) -> float:
+    """Log probability of two neighbours, the variance being that of estimates and a usual change."""
     usual = (PER_KG * (a.added_mass_kg - b.added_mass_kg)) ** 2 + 2 * BETWEEN_TRIALS**2
     if a.frequency_hz and b.frequency_hz:
         usual += (PER_LOG_FREQUENCY * np.log(a.frequency_hz / b.frequency_hz)) ** 2
     total = 0.0
     for name in CURVES:
-        if name in p.values and name in q.values and p.values[name] > 0 < q.values[name]:
-            variance = usual + p.relative_errors.get(name, 1.0) ** 2 + q.relative_errors.get(name, 1.0) ** 2
-            total -= 0.5 * (np.log(p.values[name] / q.values[name]) ** 2 / variance + np.log(variance))
+        if p.values.get(name, 0.0) > 0 < q.values.get(name, 0.0):
+            errors = (branch.relative_errors.get(name, 1.0) for branch in (p, q))
+            variance = usual + sum(error**2 for error in errors)
+            change = np.log(p.values[name] / q.values[name])
+            total -= 0.5 * (change**2 / variance + np.log(variance))
     return total
 
 
-def _table(a: Fit, b: Fit) -> np.ndarray:
-    """Log weight (branches of a, branches of b) of two neighbours: all that a link ever needs."""
-    return np.array([[_step(a, i, b, j) for j in range(len(b.branches))] for i in range(len(a.branches))])
+def probabilities(alone: Sequence[np.ndarray], links: Links) -> list[np.ndarray]:
+    """Probability of each fit's branches, exactly, over all assignments.
 
+    Forward, one fit after the other is joined to those that still have links ahead; a fit without
+    any is summed out. Backward, the joint probability of the same few fits, until each was met.
 
-def _inside(fits: Sequence[Fit], alone: Sequence[np.ndarray], column: Sequence[int]) -> np.ndarray:
-    """Log weight of the states of one frequency, an axis a fit: every fit alone, and neighbouring loads together."""
-    total = np.zeros([len(fits[i].branches) for i in column])
-    for place, i in enumerate(column):
-        total = total + _along(alone[i], (place,), total.ndim)
-    for place, (i, j) in enumerate(pairwise(column)):
-        total = total + _along(_table(fits[i], fits[j]), (place, place + 1), total.ndim)
-    return total
-
-
-def _along(values: np.ndarray, axes: tuple[int, ...], ndim: int) -> np.ndarray:
-    """Values whose axes are those of a larger array, in ascending order, made to broadcast to it."""
-    return np.expand_dims(values, tuple(axis for axis in range(ndim) if axis not in axes))
-
-
-def _links(fits: Sequence[Fit], left: Sequence[int], right: Sequence[int]) -> Link:
-    """Tables of neighbouring frequencies under the same load, by places in their columns; repeat goes with repeat."""
-
-    def under(column: Sequence[int], load: float) -> list[int]:
-        return [place for place, i in enumerate(column) if fits[i].added_mass_kg == load]
-
-    loads = sorted({fits[i].added_mass_kg for i in left})
-    same = [pair for load in loads for pair in zip(under(left, load), under(right, load), strict=False)]
-    return {(m, n): _table(fits[left[m]], fits[right[n]]) for m, n in same}
-
-
-def _carry(message: np.ndarray, link: Link, ndim: int) -> np.ndarray:
-    """Sum a message over the states of its own column, for each state of the next, which has `ndim` fits.
-
-    A link is a sum over pairs of fits, so that one fit after the other is summed out: n 2^n terms where the pairs of
-    states are 4^n. Fits without a partner are summed out, and the message does not depend on the next column's others.
+    Args:
+        alone: log weights of the branches of each fit, in order.
+        links: (i, j) -> log weights of two fits, i before j.
     """
-    tables = {m: table for (m, _), table in link.items()}
-    for m in range(message.ndim):
-        table = tables.get(m, np.zeros((message.shape[m], 1)))
-        moved = np.moveaxis(message, m, -1)[..., :, None] + table
-        message = np.moveaxis(logsumexp(moved, axis=-2), -1, m)
-    lone = tuple(m for m in range(message.ndim) if m not in tables)
-    order = [n for _, n in sorted(link)]
-    message = message.squeeze(lone).transpose(np.argsort(order))
-    return _along(message, tuple(sorted(order)), ndim)
+    last = [max([i, *(b for a, b in links if a == i)]) for i in range(len(alone))]
+    front: list[int] = []
+    log = np.zeros(())
+    steps: list[tuple[int, np.ndarray] | None] = []
+    for k, weight in enumerate(alone):
+        log = log[..., None] + weight
+        for axis, i in enumerate(front):
+            if (i, k) in links:
+                axes = [a for a in range(len(front)) if a != axis]
+                log = log + np.expand_dims(links[i, k], axes)
+        front.append(k)
+        steps.append(None)
+        for i in [i for i in front if last[i] <= k]:
+            steps.append((front.index(i), log))
+            log = np.logaddexp.reduce(log, axis=front.index(i))
+            front.remove(i)
+    joint, found = np.ones(()), list[np.ndarray]()
+    for step in reversed(steps):
+        if step is None:
+            found.insert(0, joint.sum(axis=tuple(range(joint.ndim - 1))))
+            joint = joint.sum(axis=-1)
+        else:
+            axis, before = step
+            given = np.exp(before - np.logaddexp.reduce(before, axis=axis, keepdims=True))
+            joint = np.expand_dims(joint, axis) * given
+    return found
 
 
-def _decide(fit: Fit, log_p: np.ndarray) -> Choice:
-    best = int(np.argmax(log_p))
-    rest = np.delete(log_p, best)
-    odds = float(np.exp(min(700.0, log_p[best] - logsumexp(rest)))) if rest.size else float("inf")
+def _choice(fit: Fit, p: np.ndarray) -> Choice:
+    best = int(np.argmax(p))
+    others = float(np.delete(p, best).sum())
+    odds = min(float(p[best]) / others, LARGEST_ODDS) if others else LARGEST_ODDS
+    odds = odds if p.size > 1 else float("inf")
     name = fit.branches[best].name
     chosen = name if odds > DECISIVE_ODDS else "undecided"
     return Choice(fit.key, fit.frequency_hz, fit.added_mass_kg, chosen, name, odds)
 
 
-def _overall(
-    fits: Sequence[Fit], alone: Sequence[np.ndarray], columns: Sequence[Sequence[int]], links: Sequence[Link]
-) -> dict[str, float]:
-    """Odds of keeping to one branch throughout, for each branch that every fit has, against keeping to another.
+def _overall(fits: Sequence[Fit], alone: Sequence[np.ndarray], links: Links) -> dict[str, float]:
+    """Odds of one branch throughout, for each that every fit has, over another one throughout.
 
     Assignments that mix branches, which may be likelier than both, are not in it.
     """
-    branches = [[b.name for b in fit.branches] for fit in fits]
-    names = [n for n in branches[0] if all(n in of_fit for of_fit in branches)]
-    weights = []
-    for name in names:
-        k = [of_fit.index(name) for of_fit in branches]
-        total = sum(float(alone[i][k[i]]) for i in range(len(fits)))
-        for column in columns:
-            total += sum(_step(fits[i], k[i], fits[j], k[j]) for i, j in pairwise(column))
-        for (left, right), link in zip(pairwise(columns), links, strict=True):
-            total += sum(table[k[left[m]], k[right[n]]] for (m, n), table in link.items())
-        weights.append(total)
+    names = [[branch.name for branch in fit.branches] for fit in fits]
+    log = {}
+    for name in (n for n in names[0] if all(n in of_fit for of_fit in names)):
+        k = [of_fit.index(name) for of_fit in names]
+        log[name] = sum(float(weight[at]) for weight, at in zip(alone, k, strict=True))
+        log[name] += sum(float(table[k[i], k[j]]) for (i, j), table in links.items())
     odds = {}
-    for name, weight in zip(names, weights, strict=True):
-        rest = [w for other, w in zip(names, weights, strict=True) if other != name]
-        odds[name] = float(np.exp(np.clip(weight - logsumexp(rest), -700, 700))) if rest else float("inf")
+    for name, weight in log.items():
+        rest = [other for n, other in log.items() if n != name]
+        odds[name] = float(np.exp(np.clip(weight - logsumexp(rest), -700, 700))) if rest else np.inf
     return odds
 
 

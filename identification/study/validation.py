@@ -1,8 +1,8 @@
-"""Leave one frequency out: prediction error of a model where it was not fitted, and which damper law predicts better.
+"""Leave one frequency out: the error of a model where it was not fitted, and which damper law predicts better.
 
-Per recording, a left-out recording is predicted from the estimates at the neighbouring frequencies under the same load;
-pooled, from constants fitted to the other frequencies under that load. The lowest and the highest frequency are
-extrapolations, and marked so.
+Per recording, a left-out recording is predicted from the estimates at the neighbouring frequencies
+under the same load; pooled, from constants fitted to the other frequencies under that load. The
+lowest and the highest frequency are extrapolations, and marked so.
 """
 
 from collections.abc import Mapping, Sequence
@@ -25,7 +25,7 @@ from identification.parameters import DELAY, MASSES, space_of
 from identification.residual import Problem
 from identification.setup import Setup
 from identification.steady import SIDES
-from identification.study.filters import MODES
+from identification.study import MODES
 from identification.study.loops import periodic_motion
 
 #: Constants that bend the dampers' law; without them it is linear.
@@ -56,95 +56,65 @@ class HeldOut:
 
 
 def predicted(line: Line, foot: Foot, values: Mapping[str, float], two_mass: bool) -> np.ndarray:
-    """Malleolus harmonics (H,) of a foot on the measured base, delayed like the measurement [m/s^2].
+    """Malleolus harmonics (H,) on the measured base, delayed like the measurement [m/s^2].
 
     Raises:
-        SimulationError: it has no periodic motion there.
+        SimulationError: the foot has no periodic motion there.
     """
-    f, base, moving = line.base.frequency_hz, line.base.amplitudes, {**values, **line.recording.condition.masses}
+    f, base = line.base.frequency_hz, line.base.amplitudes
+    moving = {**values, **line.recording.condition.masses}
     if two_mass:
         Y = periodic_motion(foot, f, base, moving).shank[0]
     else:
         declared = {name: value for name, value in moving.items() if name in foot.parameters}
         Y = Balance(foot).orbit(f, base, declared).harmonics()
-    turn = np.exp(-2j * np.pi * f * np.arange(1, line.count + 1) * values.get(DELAY.name, 0.0))
-    return np.asarray(Y[: line.count] * turn)
+    delay = values.get(DELAY.name, 0.0)
+    return np.asarray(Y[: line.count] * np.exp(-2j * np.pi * f * delay * np.arange(1, line.count + 1)))
 
 
 def compare(line: Line, Y: np.ndarray, edge: bool = False) -> HeldOut:
-    """Predicted harmonics (H,) against those measured; the base's noise through the measured transmissibility."""
+    """Predicted harmonics (H,) against those measured, and the noise of malleolus and base."""
     measured = line.malleolus.amplitudes
     gain = abs(measured[0] / line.base.amplitudes[0])
     std = np.hypot(line.malleolus.std, gain * line.base.std)
-    error = np.concatenate([(Y - measured).real, (Y - measured).imag])
+    error = Y - measured
     condition = line.recording.condition
     return HeldOut(
-        file=line.recording.file, frequency_hz=float(condition.frequency_hz or np.nan),
-        added_mass_kg=condition.added_mass_kg, edge=edge, numbers=error.size,
-        chi_square=float(np.sum((error / np.tile(std, 2)) ** 2)),
+        file=line.recording.file,
+        frequency_hz=float(condition.frequency_hz or np.nan),
+        added_mass_kg=condition.added_mass_kg,
+        edge=edge,
+        chi_square=float(np.sum(np.abs(error / std) ** 2)),
+        numbers=2 * error.size,
         percent=float(100 * np.linalg.norm(error) / np.linalg.norm(measured)),
-    )  # fmt: skip
+    )
 
 
-def interpolated(at: float, frequencies_hz: Sequence[float], values: Sequence[np.ndarray]) -> np.ndarray:
-    """Search variables (p,) at a frequency, linear in log f between neighbours; the nearest one's beyond the ends."""
-    order = np.argsort(frequencies_hz)
-    x, q = np.log(np.asarray(frequencies_hz, float))[order], np.asarray(values)[order]
-    return np.array([np.interp(np.log(at), x, column) for column in q.T])
+def interpolated(at: float, frequencies_hz: np.ndarray, q: np.ndarray) -> np.ndarray:
+    """Search variables (p,) at a frequency, linear in log f between those (n, p) at others (n,).
 
-
-@dataclass(frozen=True)
-class Validation:
-    """Held-out errors of one mode.
-
-    Attributes:
-        mode: see MODES.
-        rows: one a recording.
-        failed: files whose prediction had no stable motion.
+    Beyond the ends they are those of the last one.
     """
-
-    mode: str
-    rows: tuple[HeldOut, ...]
-    failed: tuple[str, ...] = ()
-
-    @property
-    def percent(self) -> float:
-        """Median error of the interior frequencies [%]; of all where there are none."""
-        return float(np.median([row.percent for row in self._inner]))
-
-    @property
-    def chi_square_per_number(self) -> float:
-        """Squared error over measurement noise, the median over the interior frequencies."""
-        return float(np.median([row.chi_square / row.numbers for row in self._inner]))
-
-    @property
-    def _inner(self) -> Sequence[HeldOut]:
-        return [row for row in self.rows if not row.edge] or self.rows
-
-    def document(self) -> dict[str, Any]:
-        """As plain data."""
-        return {
-            "mode": self.mode, "percent": self.percent, "chi_square_per_number": self.chi_square_per_number,
-            "rows": [asdict(row) for row in self.rows], "failed": list(self.failed),
-        }  # fmt: skip
+    order = np.argsort(frequencies_hz)
+    x = np.log(frequencies_hz[order])
+    return np.array([np.interp(np.log(at), x, column) for column in q[order].T])
 
 
 def held(setup: Setup) -> Problem:
-    """The problem of recordings with the model assumed exact: only constants and delays are free."""
+    """The problem with the model assumed exact: only constants and delays are free."""
     problem = setup.problem()
-    variables = problem.variables
-    return problem.with_held(variables.held([item.kind for item in variables.nuisances if item.kind != "delay"]))
+    kinds = [item.kind for item in problem.variables.nuisances if item.kind != "delay"]
+    return problem.with_held(problem.variables.held(kinds))
 
 
 def quick_fit(recordings: Sequence[Recording], foot: Foot, settings: Settings) -> Solution:
-    """The likelier end of a fit of constants, the model assumed exact, not replayed in MuJoCo."""
+    """The likelier end of a fit, the model assumed exact, not replayed in MuJoCo."""
     problem = held(Setup.of(recordings, foot, replace(settings, domain="periodic")))
     variables = problem.variables
     signs = (1, -1) if variables.ratio is not None else (0,)
     first = variables.start(variables.model_values)[None]
-    search = optimiser.search(
-        problem, signs, starts=settings.starts, rounds=1, seed=settings.seed, estimate=False, first=first
-    )
+    how: dict[str, Any] = {"starts": settings.starts, "rounds": 1, "seed": settings.seed}
+    search = optimiser.search(problem, signs, **how, estimate=False, first=first)
     best = search.optima[0]
     return Solution(SIDES[best.sign], search.problem, best)
 
@@ -152,9 +122,10 @@ def quick_fit(recordings: Sequence[Recording], foot: Foot, settings: Settings) -
 def values_of(solution: Solution) -> dict[str, float]:
     """Constants by name without masses, and the delay where it is free."""
     values = {name: value for name, value in solution.foot(0).items() if name not in MASSES}
-    delay = solution.problem.variables.of_kind("delay", sensor="malleolus")
+    variables = solution.problem.variables
+    delay = variables.of_kind("delay", sensor="malleolus")
     if delay is not None:
-        values[DELAY.name] = float(solution.problem.variables.value(solution.q, delay))
+        values[DELAY.name] = float(variables.value(solution.q, delay))
     return values
 
 
@@ -165,7 +136,7 @@ def leave_one_frequency_out(
     settings: Settings | None = None,
     *,
     estimates: Sequence[Mapping[str, float]] | None = None,
-) -> Validation:
+) -> dict[str, Any]:
     """Predict each frequency from the others.
 
     Args:
@@ -173,120 +144,100 @@ def leave_one_frequency_out(
         foot: the model.
         mode: see MODES.
         settings: of the fits.
-        estimates: per-recording only: named values of each recording, such as a study has them; None fits here.
+        estimates: per-recording only: values of each recording by name; None fits here.
+
+    Returns:
+        As plain data the `mode`; `rows` of errors, one a recording; files that `failed`, as their
+        prediction had no stable motion; and medians over the interior frequencies, over all where
+        there are none: the error in `percent`, and squared over the noise `chi_square_per_number`.
 
     Raises:
         SettingError: no such mode, or fewer than three frequencies under some load.
         SimulationError: no prediction was stable.
     """
     settings = settings or Settings()
-    data = [checked(recording) for recording in recordings]
-    lines, two_mass = [Line.of(recording) for recording in data], twin_applies(foot)
-    f = np.array([round(r.condition.frequency_hz or 0.0, 1) for r in data])
-    loads = np.array([r.condition.added_mass_kg for r in data])
     if mode not in MODES:
         raise SettingError(f"{unknown('mode', mode, MODES)}.")
+    data = [checked(recording) for recording in recordings]
+    f = np.array([round(r.condition.frequency_hz or 0.0, 1) for r in data])
+    loads = np.array([r.condition.added_mass_kg for r in data])
     if min(len(set(f[loads == m])) for m in set(loads)) < 3:
         raise SettingError("leaving a frequency out needs three or more frequencies under each load.")
+    lines, two_mass = [Line.of(recording) for recording in data], twin_applies(foot)
     rows: list[HeldOut] = []
     failed: list[str] = []
-
-    def predict(i: int, values: Mapping[str, float], used: np.ndarray) -> None:
-        try:
-            Y = predicted(lines[i], foot, {**foot.values(), **values}, two_mass)
-        except SimulationError:
-            failed.append(data[i].file)
-        else:
-            rows.append(compare(lines[i], Y, edge=not used.min() < f[i] < used.max()))
-
+    space = space_of(foot, settings.free, settings.bounds, delay=True)
+    q = np.empty((0, 0))
     if mode == "per-recording":
-        space = space_of(foot, settings.free, settings.bounds, delay=True)
-        named = estimates or [values_of(quick_fit([r], foot, settings)) for r in recordings]
-        q = np.array([space.to_q(space.theta(values)) for values in named])
-        for i in range(len(data)):
-            others = (loads == loads[i]) & (f != f[i])
-            predict(i, space.values(space.to_theta(interpolated(f[i], list(f[others]), list(q[others])))), f[others])
-    for m, at in sorted(set(zip(loads, f, strict=True))) if mode == "pooled" else ():
-        used, out = np.flatnonzero((loads == m) & (f != at)), np.flatnonzero((loads == m) & (f == at))
+        of_each = estimates or [values_of(quick_fit([r], foot, settings)) for r in recordings]
+        q = np.array([space.to_q(space.theta(values)) for values in of_each])
+    for m, at in sorted(set(zip(loads, f, strict=True))):
+        used, left_out = np.flatnonzero((loads == m) & (f != at)), np.flatnonzero((loads == m) & (f == at))
         try:
-            values = values_of(quick_fit([recordings[int(i)] for i in used], foot, settings))
+            if mode == "pooled":
+                values = values_of(quick_fit([recordings[int(i)] for i in used], foot, settings))
+            else:
+                values = space.values(space.to_theta(interpolated(at, f[used], q[used])))
         except SimulationError:
-            failed += [data[i].file for i in out]
+            failed += [data[i].file for i in left_out]
             continue
-        for place in out:
-            predict(int(place), values, f[used])
+        for i in left_out:
+            try:
+                Y = predicted(lines[i], foot, {**foot.values(), **values}, two_mass)
+                rows.append(compare(lines[i], Y, edge=not f[used].min() < at < f[used].max()))
+            except SimulationError:
+                failed.append(data[i].file)
     if not rows:
         raise SimulationError(f"none of the {len(failed)} recordings left out had a stable prediction.")
-    return Validation(mode, tuple(rows), tuple(failed))
+    inner = [row for row in rows if not row.edge] or rows
+    return {
+        "mode": mode,
+        "percent": float(np.median([row.percent for row in inner])),
+        "chi_square_per_number": float(np.median([row.chi_square / row.numbers for row in inner])),
+        "rows": [asdict(row) for row in rows],
+        "failed": failed,
+    }
 
 
-@dataclass(frozen=True)
-class Criteria:
-    """How well one law of the dampers does: parameters counted, criteria, and the held-out error."""
-
-    law: str
-    count: int
-    deviance: float
-    aic: float
-    bic: float
-    chi_square: float
-    dof: int
-    held_out_percent: float
-    held_out_chi_square: float
-
-
-@dataclass(frozen=True)
-class DampingComparison:
-    """Linear against nonlinear damping.
-
-    Attributes:
-        linear: its criteria.
-        nonlinear: its criteria.
-        held_out: of the nonlinear law.
-    """
-
-    linear: Criteria
-    nonlinear: Criteria
-    held_out: Validation
-
-    def preferred(self, criterion: str) -> str:
-        """The law with the lower "aic", "bic" or "held_out_percent"."""
-        a, b = getattr(self.linear, criterion), getattr(self.nonlinear, criterion)
-        return self.linear.law if a <= b else self.nonlinear.law
-
-    def document(self) -> dict[str, Any]:
-        """As plain data."""
-        preferred = {c: self.preferred(c) for c in ("aic", "bic", "held_out_percent")}
-        return {"linear": asdict(self.linear), "nonlinear": asdict(self.nonlinear), "preferred": preferred}
-
-
-def compare_damping(recordings: Sequence[Recording], foot: Foot, settings: Settings | None = None) -> DampingComparison:
+def compare_damping(
+    recordings: Sequence[Recording], foot: Foot, settings: Settings | None = None
+) -> tuple[dict[str, Any], dict[str, Any]]:
     """Fit with and without the constants that bend the dampers' law.
 
     Args:
         recordings: of one subject in one posture, which share their constants.
         foot: a model with the dampers of Eq. 4.25.
         settings: of the fits.
+
+    Returns:
+        Criteria of the laws "linear" and "nonlinear" and which of them each one prefers, as plain
+        data, and the held-out errors of the nonlinear law.
     """
     settings = settings or Settings()
     missing = [name for name in NONLINEAR if name not in foot.parameters]
     if missing:
         raise SettingError(f"model {foot.name} has no {', '.join(missing)}, so damping cannot be compared.")
-    free = settings.free or tuple(n for n in space_of(foot, None, None, False).names)
-    straight = replace(settings, free=tuple(n for n in free if n not in NONLINEAR), bounds={
-        n: b for n, b in (settings.bounds or {}).items() if n not in NONLINEAR} or None)  # fmt: skip
+    free = settings.free or space_of(foot, None, None, False).names
+    bounds = {name: b for name, b in (settings.bounds or {}).items() if name not in NONLINEAR}
+    straight = tuple(name for name in free if name not in NONLINEAR)
     flat = foot.with_values(dict.fromkeys(NONLINEAR, 0.0))
-    linear, _ = _criteria("linear", recordings, flat, straight)
-    return DampingComparison(linear, *_criteria("nonlinear", recordings, foot, settings))
-
-
-def _criteria(law: str, recordings: Sequence[Recording], foot: Foot, settings: Settings) -> tuple[Criteria, Validation]:
-    fit = quick_fit(recordings, foot, settings)
-    low, high = fit.problem.bounds()
-    count, deviance, numbers = int((high > low).sum()), fit.chi_square, fit.problem.size
-    errors = leave_one_frequency_out(recordings, foot, "pooled", settings)
-    criteria = Criteria(
-        law, count, deviance, deviance + 2 * count, deviance + float(np.log(numbers)) * count, fit.chi_square,
-        max(0, numbers - count), errors.percent, errors.chi_square_per_number,
-    )  # fmt: skip
-    return criteria, errors
+    linear = replace(settings, free=straight, bounds=bounds or None)
+    laws, errors = dict[str, dict[str, Any]](), dict[str, Any]()
+    for law, model, how in (("linear", flat, linear), ("nonlinear", foot, settings)):
+        fit = quick_fit(recordings, model, how)
+        low, high = fit.problem.bounds()
+        count, numbers = int((high > low).sum()), fit.problem.size
+        errors = leave_one_frequency_out(recordings, model, "pooled", how)
+        laws[law] = {
+            "law": law,
+            "count": count,
+            "deviance": fit.chi_square,
+            "aic": fit.chi_square + 2 * count,
+            "bic": fit.chi_square + float(np.log(numbers)) * count,
+            "chi_square": fit.chi_square,
+            "dof": max(0, numbers - count),
+            "held_out_percent": errors["percent"],
+            "held_out_chi_square": errors["chi_square_per_number"],
+        }
+    criteria = ("aic", "bic", "held_out_percent")
+    return laws | {"preferred": {c: min(laws, key=lambda law: laws[law][c]) for c in criteria}}, errors
