@@ -38,7 +38,8 @@ def main(
     gain_std: GainStd = None,
     delay_std: DelayStd = None,
     exclude: Annotated[
-        str | None, typer.Option(help="nuisances to exclude: mount, relaxation, load, rocking, drift, share, or all")
+        str | None,
+        typer.Option(help="nuisances to exclude: mount, relaxation, load, rocking, drift, share, seating, or all"),
     ] = None,
     sensors: Annotated[
         str | None, typer.Option(help="accelerometers to fit, e.g. malleolus,foot (default: all that the model has)")

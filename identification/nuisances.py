@@ -5,6 +5,7 @@ are described by the model and by what a laboratory seldom excludes. Each nuisan
 least-squares problem, with a row of its own for the prior.
 """
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -22,6 +23,7 @@ _NOBODY = "no body mass was given; adults differ by 20 %, segments by another 10
 _MOUNT = "a skin-mounted sensor overestimates bone by 12 % at 15 to 30 Hz, J Biomech Eng 115:47 (1993)"
 _ROCK = "transverse sensitivity of accelerometers up to 5 %, and a lever arm"
 _PAD = "the heel pad loses 30 % of its energy a cycle, Ker (1996)"
+_SITS = "persons who sit down anew repeat to 2 to 5 %"
 _SHARE = "thigh and chair carry a part of a load on the knee; no measurement is known to us"
 _PLATE = "the static force with and without the load, as study.toml states it"
 #: Relative standard deviations of the segments' masses where nothing else is said.
@@ -33,6 +35,8 @@ _GAIN_STD, _DELAY_SAMPLES = 0.01, 0.1
 #: Standard deviation of a constant's change under 2.3 kg (share): a pad that stiffens as walkers' heels do (force as
 #: deformation to the power 2.6) would change by 0.29 from the leg's weight alone, which is 2.6 of these.
 _LOAD_STD, _LOAD_KG = 0.10, 2.3
+#: Standard deviation of a constant from one seating to the next (share).
+_SEATING_STD = 0.05
 #: Standard deviation of the load's share where a plate has weighed it.
 _WEIGHED_STD = 0.02
 
@@ -56,6 +60,7 @@ class Nuisance(Tabled):
         sensor: whose it is, "" for all.
         person: whose it is, None for everybody.
         load_kg: under which it acts, None for all.
+        seating: in which it acts, "" for all.
     """
 
     kind: str
@@ -72,12 +77,15 @@ class Nuisance(Tabled):
     sensor: str = ""
     person: str | None = None
     load_kg: float | None = None
+    seating: str = ""
 
     @property
     def name(self) -> str:
         """Its name in tables and result.json."""
         if self.load_kg is not None:
             return f"{self.constant} under {self.load_kg:g} kg"
+        if self.seating:
+            return " of ".join(filter(None, (f"{self.constant} in seating {self.seating}", self.person)))
         if self.constant:
             return f"{self.kind} {self.constant}"
         whose = self.person if self.person is not None else self.sensor
@@ -147,7 +155,7 @@ def nuisances(
         items += _of_sensor(recordings, known, sensor)
     items += OF_LEG
     if two_mass:
-        items += [*OF_SPRINGS, *_following(recordings)]
+        items += [*OF_SPRINGS, *_following(recordings), *_seated(recordings)]
     return tuple(
         item for item in items if item.std > 0 and item.group not in known.excluded and (delay or item.kind != "delay")
     )
@@ -233,5 +241,23 @@ def _following(recordings: Sequence[Recording]) -> list[Nuisance]:
         Nuisance("under load", "load", "", 0.0, _LOAD_STD * (load - first) / _LOAD_KG, -1.0, 1.0, text,
                  f"multiplies {name}", logarithmic=True, constant=name, load_kg=load)
         for load in others
+        for name in EXCHANGED
+    ]  # fmt: skip
+
+
+def _seated(recordings: Sequence[Recording]) -> list[Nuisance]:
+    """How stiffness and damping of each seating of several recordings differ from those of the median one.
+
+    A seating of one recording has no more to say than the scatter from recording to recording.
+    """
+    several = len(_people(recordings)) > 1
+    conditions = [recording.condition for recording in recordings]
+    seatings = Counter((c.subject if several else None, c.seating) for c in conditions if c.seating)
+    if len(seatings) < 2:
+        return []
+    return [
+        Nuisance("seating", "seating", "", 0.0, _SEATING_STD, -0.5, 0.5, _SITS, f"multiplies {name}",
+                 logarithmic=True, constant=name, person=person, seating=seating)
+        for (person, seating), count in seatings.items() if count > 1
         for name in EXCHANGED
     ]  # fmt: skip

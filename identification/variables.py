@@ -184,6 +184,8 @@ class Variables:
             acts &= [recording.condition.subject == item.person for recording in self.recordings]
         if item.load_kg is not None:
             acts &= self.loads == item.load_kg
+        if item.seating:
+            acts &= [recording.condition.seating == item.seating for recording in self.recordings]
         return acts
 
     # what they make of a foot
@@ -252,8 +254,8 @@ class Variables:
 
     @cached_property
     def _follows(self) -> dict[str, np.ndarray]:
-        """(n, R) logarithm of what the load makes of a constant."""
-        following = [item for item in self.nuisances if item.load_kg is not None]
+        """(n, R) logarithm of what load and seating make of a constant."""
+        following = [item for item in self.nuisances if item.group in ("load", "seating")]
         return {name: self._in_recordings([i for i in following if i.constant == name]) for name in EXCHANGED}
 
     @cached_property
@@ -366,11 +368,7 @@ class Variables:
         for item in self.nuisances:
             if item.constant:
                 twin = replace(item, constant=partner[item.constant])
-                match = [
-                    o
-                    for o in self.nuisances
-                    if (o.kind, o.load_kg, o.constant) == (twin.kind, twin.load_kg, twin.constant)
-                ]
+                match = [other for other in self.nuisances if replace(other, does="") == replace(twin, does="")]
                 if match:
                     Q[..., self.place(item)] = old[..., self.place(match[0])]
         return np.clip(Q, *self.bounds)

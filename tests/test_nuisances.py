@@ -10,6 +10,7 @@ from steady_cases import BENT, problem, session
 
 from fasbody.foot.model import Foot
 from fasbody.recording.recording import Channel, Recording, gain_and_delay
+from identification.branches import EXCHANGED
 from identification.estimates import IF_TRUE, WHATEVER
 from identification.fitting import Settings, fit_foot
 from identification.intervals import Solution
@@ -199,3 +200,28 @@ def test_masses_that_nobody_stated_are_known_as_people_are(foot: Foot, two_loads
     assert any("--body-mass" in text for text in result.warnings)
     told = fit_foot(bare, foot, starts=1, mass_std=0.1)
     assert told.departures is not None and all(mass.prior_std == 0.1 for mass in told.departures.masses)
+
+
+def test_recordings_of_one_seating_share_its_constants(foot: Foot) -> None:
+    """Four seatings, whose constants lie 4 % about the median: stated, the recordings repeat to the sensors' noise."""
+    rng, data = np.random.default_rng(2), []
+    for seating in "abcd":
+        p = BENT | {name: BENT[name] * np.exp(0.04 * rng.normal()) for name in EXCHANGED}
+        data += [replace(r, condition=replace(r.condition, seating=seating)) for r in session(p, FREQUENCIES)]
+    start = foot.with_values(BENT)
+    stated, unstated = fit_foot(data, start, starts=2), fit_foot(data, start, starts=2, exclude=["seating"])
+    assert stated.departures is not None and unstated.departures is not None
+    assert stated.departures.repeatability < 2e-3 < 1e-2 < unstated.departures.repeatability
+    named = [item for item in stated.departures.nuisances if item.group == "seating"]
+    assert len(named) == 16 and named[0].name == "k_T in seating a"
+    for name in EXCHANGED:
+        e = stated[name]
+        assert e.lower < BENT[name] < e.upper, name
+
+
+def test_a_seating_of_one_recording_has_no_constants_of_its_own() -> None:
+    data = session(BENT, FREQUENCIES)
+    each = [replace(r, condition=replace(r.condition, seating=r.file)) for r in data]
+    assert not [item for item in problem(each).variables.nuisances if item.group == "seating"]
+    one = [replace(r, condition=replace(r.condition, seating="all")) for r in data]
+    assert not [item for item in problem(one).variables.nuisances if item.group == "seating"]

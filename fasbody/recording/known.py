@@ -16,7 +16,7 @@ from fasbody.exceptions import InputFileError, SettingError, unknown
 from fasbody.presentation import Tabled
 
 #: Departures of the foot from the model that a laboratory can exclude.
-DEPARTURES = ("mount", "relaxation", "load", "rocking", "drift", "share")
+DEPARTURES = ("mount", "relaxation", "load", "rocking", "drift", "share", "seating")
 _SIZES = {"mass_std": 0.5, "gain_std": 0.5, "delay_std_s": 0.01}
 _FORCE, _SHARE = "static_force_n", "load_share"
 #: Limits of the share of the load that the leg carries.
