@@ -101,14 +101,11 @@ class Recorded:
     Attributes:
         loads, sensors: how many.
         follow: the constants may change with the load.
-        enough: the sines hold numbers enough
-        for an interval; if not, odds say nothing either.
     """
 
     loads: int = 1
     sensors: int = 1
     follow: bool = False
-    enough: bool = True
 
     @property
     def may_tell(self) -> str:
@@ -181,9 +178,7 @@ def judge(
     excess = max(1.0, chi_square / max(1, dof))
     ratio_ = 0.5 * (deviances[1] - deviances[0]) / excess
     decided = ratio_ > np.log(DECISIVE_ODDS) and not rests
-    odds = "more than a million" if ratio_ > np.log(1e6) else readable(float(np.exp(ratio_)))
     pair = " and ".join(sorted(names[:2]))
-    for_ = f" (odds {odds} to 1 for {names[0]})" if ratio_ >= TIE else " (even odds)"
     if rests and ratio_ > np.log(DECISIVE_ODDS):
         text = Sentence(
             f"The {names[0]} branch fits better, but the {names[1]} branch rests on the bound of {', '.join(rests)}: "
@@ -192,11 +187,11 @@ def judge(
             f"){' or a second load' if recorded.loads == 1 else ''} can decide.",
         )
     elif decided:
+        odds = "more than a million" if ratio_ > np.log(1e6) else readable(float(np.exp(ratio_)))
         text = f"The {names[0]} branch is favoured by odds of {odds} to 1 over its mirror image ({names[1]})."
     else:
         text = Sentence(
-            f"The data do not decide between {pair}{for_ if recorded.enough else ''}: both parameter sets describe the "
-            "recordings. ",
+            f"The data do not decide between {pair}: both parameter sets describe the recordings. ",
             recorded.may_tell,
         )
     return Verdict("decided" if decided else "undecided", float(ratio_), text)

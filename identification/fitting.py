@@ -95,7 +95,7 @@ def _steady(setup: Setup, settings: Settings, advance: Advance) -> FitResult:
     enough = allow or rank >= len(setup.space.free)
     loads = len({recording.condition.added_mass_kg for recording in data})
     follow = allow and "load" not in setup.known.excluded
-    recorded = Recorded(loads, len(setup.sensors), follow, enough)
+    recorded = Recorded(loads, len(setup.sensors), follow)
     verdict = steady.verdict_of(fitted, built, recorded, setup.why_not)
     solutions = list(fitted.solutions)
     if verdict.tied:
@@ -171,7 +171,7 @@ def _transient(setup: Setup, settings: Settings, advance: Advance, interruptible
     rests = branches.pinned({key: e.at_bound for key, e in last.items()}, {key: e.value for key, e in last.items()})
     rank = excitation_rank(data)
     loads = len({recording.condition.added_mass_kg for recording in data})
-    recorded = Recorded(loads, len(setup.sensors), False, rank >= len(space.free))
+    recorded = Recorded(loads, len(setup.sensors))
     names, deviances = [b.name for b in built], [b.deviance for b in built]
     verdict = branches.judge(names, deviances, first.chi_square, first.dof, rests, recorded)
     if setup.why_not or search.left_out:
