@@ -10,7 +10,7 @@ from steady_cases import BENT, problem, session
 
 from identification.intervals import Solution, inverse_of_gram
 from identification.optimiser import Optimum, finished
-from identification.residual import Problem
+from identification.residual import Evaluation, Problem
 
 Array = np.ndarray
 FREQUENCIES = (10.0, 15.0, 20.0, 30.0, 40.0, 50.0)
@@ -108,6 +108,36 @@ def test_a_profile_is_as_wide_as_the_curvature_says() -> None:
     reach = np.sqrt(here.excess)
     np.testing.assert_allclose((np.array(ends) - here.q[at]) / std, [-1.96, 1.96], rtol=0.1)
     assert np.log(e.upper / e.value) == pytest.approx(1.96 * std * reach, rel=1e-3)
+
+
+def test_where_a_parabola_does_not_hold_intervals_end_where_the_profile_does() -> None:
+    """A spring that may relax, and a soft mount: both rest on zero, and can only change k_F one way."""
+    made = problem(session(BENT, FREQUENCIES[1:4]), free=["k_F", "c_21"], exclude=["rocking", "drift"])
+    q = made.variables.start(BENT)
+    here = solved(made.weighed(q), q)
+    at = made.variables.index["k_F"]
+    others = np.delete(np.arange(q.size), at)
+    low, high = (limit[others] for limit in here.problem.bounds())
+    begin = np.clip(here.q[others], low + 1e-6, high - 1e-6)
+
+    def rise(x: float) -> float:
+        def at_rest(rest: Array) -> Evaluation:
+            return here.problem.evaluate(np.insert(rest, at, x)[None])
+
+        fit = least_squares(
+            lambda rest: at_rest(rest).residual[0], begin, lambda rest: at_rest(rest).jacobian[0][:, others],
+            bounds=(low, high), xtol=1e-10, ftol=1e-10, gtol=1e-10, max_nfev=400,
+        )  # fmt: skip
+        return float(2 * fit.cost - here.optimum.objective - here.quantile**2 * here.excess)
+
+    curved, profiled = (here.estimates(profiles)[0]["k_F_n_per_m"] for profiles in (False, True))
+    ratios = []
+    for end, parabola, sign in ((profiled.lower, curved.lower, -1), (profiled.upper, curved.upper, 1)):
+        half = abs(np.log(parabola / curved.value))
+        want = brentq(rise, here.q[at], here.q[at] + sign * 3 * half, xtol=1e-2 * half)
+        assert np.log(end / curved.value) == pytest.approx(want - here.q[at], rel=0.08)
+        ratios.append(abs(want - here.q[at]) / half)
+    assert max(ratios + [1 / ratio for ratio in ratios]) > 1.15, "a parabola would do"
 
 
 def test_what_repeats_no_better_has_students_quantile(solution: Solution) -> None:
