@@ -24,7 +24,7 @@ SAME, _CLOSE = 0.3, 1.0
 #: On the way down two that are nearer than this, in all variables, go on as one.
 _ONE = 0.3
 #: A side is out of the question where so many starts all ended so far above the other side's end.
-_OUT_AFTER, _OUT = 24, 50.0
+_OUT_AFTER, _OUT = 24, 30.0
 #: Distances of a start: from the axis of the mirror (rho), of stiffness and damping (logarithm), and bends [1/m].
 _APART, _SPREAD, _BENDS = (0.05, 1.5), 0.5, (10.0, 200.0)
 #: Scatters of harmonics where starts begin.
@@ -36,7 +36,7 @@ _BY_CHANCE = 0.05
 #: How near the scatter is to what its best end leaves over, and rounds of that at most.
 _SETTLED, _LEVELS = 0.05, 16
 #: Steps of the last descent over those of others, and the decrease that is worth no further step there.
-_LONGER, _EXACTLY = 2.5, 1e-5
+_LONGER, _EXACTLY = 5.0, 1e-5
 #: Least and largest damping of a step.
 _LEAST_DAMPING, _MOST_DAMPING = 1e-7, 1e12
 
@@ -76,11 +76,19 @@ def out_of_the_question(starts: int, behind: float) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class Descended:
-    """Where candidates (C, n) ended, their sums of squares (C,), and whether they came to rest (C,)."""
+    """Where candidates (C, n) ended.
+
+    Attributes:
+        Q: (C, n) places.
+        objective: (C,) sums of squares there.
+        rests: (C,) whether no step is worth while.
+        left: (C,) what a further step promises; infinite where nothing moves.
+    """
 
     Q: np.ndarray
     objective: np.ndarray
     rests: np.ndarray
+    left: np.ndarray
 
 
 def descend(
@@ -100,12 +108,15 @@ def descend(
     at, rests = np.arange(len(Q)), np.zeros(len(Q), bool)  # the candidates that still move; those at rest
     now = problem.evaluate(Q)
     objective = now.objective
-    damping, factor = np.full(len(Q), 1e-2), np.full(len(Q), 2.0)
+    damping, factor, promise = np.full(len(Q), 1e-2), np.full(len(Q), 2.0), np.full(len(Q), np.inf)
     for _ in range(steps):
         A = np.swapaxes(now.jacobian, 1, 2) @ now.jacobian
         g = np.einsum("cmn,cm->cn", now.jacobian, now.residual)
         left = _step(A, g, Q[at], low[at], high[at], np.full(len(at), _LEAST_DAMPING))[1]
-        rests[at] = (np.abs(left) < promised) & now.moves  # a step cut by several bounds at once may promise a loss
+        promise[at] = np.where(
+            now.moves, np.abs(left), np.inf
+        )  # a step cut by several bounds at once may promise a loss
+        rests[at] = promise[at] < promised
         go = ~rests[at] & (damping < _MOST_DAMPING)
         if not go.any():
             break
@@ -122,7 +133,7 @@ def descend(
         Q[at] = np.where(better[:, None], trial, Q[at])
         now = now.replaced(after, better)
         objective[at] = now.objective
-    return Descended(Q, objective, rests)
+    return Descended(Q, objective, rests, promise)
 
 
 def _step(
@@ -157,10 +168,11 @@ def finished(
     """The end of a descent from q (n,), far below a standard error.
 
     Returns:
-        the place (n,), its sum of squares, and whether it came to rest.
+        the place (n,), its sum of squares, and whether a further step promises next to nothing: a valley whose floor is
+        flat need not be followed to its end.
     """
     down = descend(problem, q[None], np.array([sign]), steps, _EXACTLY)
-    return down.Q[0], float(down.objective[0]), bool(down.rests[0])
+    return down.Q[0], float(down.objective[0]), bool(down.left[0] < _PROMISED)
 
 
 def random_starts(problem: Problem, sign: int, count: int, rng: np.random.Generator) -> np.ndarray:
@@ -271,7 +283,7 @@ def search(
         first: (k, n) places to begin with besides, at the smallest of `smooth`.
         smooth: scatters at which starts begin in turn, the largest first.
         fall: factor by which the scatter falls from one descent to the next.
-        steps: of a descent at most; the last one may take two and a half times as many.
+        steps: of a descent at most; the last one may take five times as many.
         advance: called with rounds done and their number.
     """
     rng = np.random.default_rng(seed)
