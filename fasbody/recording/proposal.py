@@ -19,7 +19,7 @@ from fasbody.recording.csv import TextTable, read_table
 from fasbody.recording.files import TEXTS, beside, columns_of
 from fasbody.recording.formats import READ, ending
 from fasbody.recording.formats.reader import read_series
-from fasbody.recording.headings import header
+from fasbody.recording.headings import find_header
 from fasbody.recording.recording import Recording
 from fasbody.recording.text import read_text
 from fasbody.recording.trials import parsed
@@ -245,7 +245,7 @@ def _heads(file: Path) -> tuple[str, ...]:
     Raises:
         InputFileError: they are separated otherwise, so that lines cannot be added.
     """
-    _, separator, names = header(read_text(file), lambda cells: len({*cells} & {"file", "subject"}))
+    _, separator, names = find_header(read_text(file), lambda cells: len({*cells} & {"file", "subject"}))
     if separator != ",":
         raise InputFileError(file, "is not separated by commas", "save it so, and its new lines are added")
     return tuple(names)

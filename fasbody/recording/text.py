@@ -164,6 +164,18 @@ def offset(text: str, count: int) -> int:
     return at
 
 
+def separator_of(line: str) -> str:
+    """The first of `SEPARATORS` in a line, a comma where there is none."""
+    return next((s for s in SEPARATORS if s in line.strip()), ",")
+
+
+def rows_below(text: str, line: int, separator: str) -> Iterator[tuple[int, list[str]]]:
+    """Number and cells of each line below one, without comments and empty lines."""
+    for number, row in enumerate(lines(text, offset(text, line)), line + 1):
+        if row.strip() and not COMMENT.match(row):
+            yield number, split(row, separator)
+
+
 def rows(file: Path, body: str, separator: str, after: int) -> Iterator[tuple[int, list[str]]]:
     """Number and cells of each line of a body, without comments and empty lines.
 
