@@ -138,13 +138,13 @@ def test_a_check_of_a_study_goes_on_after_an_unforeseen_error(monkeypatch: pytes
     """The recording is called unusable, by its name and the error; the others are sound."""
     from fasbody.recording import checks
 
-    def broken(recording: Recording, frequency_hz: float | None) -> object:
-        if recording.time_s.size == 3000:
+    def broken(time_s: np.ndarray, channels: dict[str, np.ndarray], frequency_hz: float | None) -> object:
+        if time_s.size == 3000:
             raise FloatingPointError("underflow")
-        return original(recording, frequency_hz)
+        return original(time_s, channels, frequency_hz)
 
-    original = checks.quality_of
-    monkeypatch.setattr(checks, "quality_of", broken)
+    original = checks.quality
+    monkeypatch.setattr(checks, "quality", broken)
     t = np.arange(4000) / 1000
     base, malleolus = 9 * np.sin(40 * np.pi * t), 11 * np.sin(40 * np.pi * t - 0.4)
     made = [Recording.from_arrays(t[:n], base[:n], malleolus[:n], name=f"{n}") for n in (3000, 4000)]

@@ -68,7 +68,7 @@ def uniform(recording: "Recording") -> tuple["Recording", str]:
     if unit is not None:
         clock = np.polynomial.Polynomial.fit(index, t, 1)(index)
         return replace(recording, time_s=clock), (
-            f"{recording.file}: its times are rounded to {1e3 * unit:g} ms; they are taken for a uniform clock of "
+            f"its times are rounded to {1e3 * unit:g} ms; they are taken for a uniform clock of "
             f"{1 / typical:.6g} Hz, which leaves ratio and phase as they are and the frequency uncertain by "
             f"{100 * unit / (t[-1] - t[0]):.1g} %."
         )
@@ -77,12 +77,12 @@ def uniform(recording: "Recording") -> tuple["Recording", str]:
     from scipy.interpolate import CubicSpline
 
     clock = np.linspace(t[0], t[-1], t.size)
-    channels = {name: values for name, values in recording.channels.items() if name != "time_s"}
-    if any(values.shape != t.shape or not np.isfinite(values).all() for values in channels.values()):
+    channels = recording.accelerations
+    if any(x.shape != t.shape or not np.isfinite(x).all() for x in channels.values()):
         return recording, ""
-    made = {name: CubicSpline(t, values)(clock) for name, values in channels.items()}
+    made = {f"{name}_m_s2": CubicSpline(t, x)(clock) for name, x in channels.items()}
     return recording.with_channels({"time_s": clock, **made}), (
-        f"{recording.file}: its times jitter (steps of {1e3 * steps.min():.3g} to {1e3 * steps.max():.3g} ms); taken "
+        f"its times jitter (steps of {1e3 * steps.min():.3g} to {1e3 * steps.max():.3g} ms); taken "
         f"for exact, the channels were brought to a uniform {1 / typical:.6g} Hz by a spline, which costs less than "
         f"0.1 % below {0.1 / typical:.3g} Hz."
     )
@@ -96,10 +96,9 @@ def _gapless(recording: "Recording", unit: float) -> bool:
     odd = np.flatnonzero(counts != np.median(counts))
     if odd.size >= _REPEATED:
         return True
-    signals = [values for name, values in recording.channels.items() if name != "time_s"]
     for place in odd:
         seen = would = 0.0
-        for values in signals:
+        for values in recording.accelerations.values():
             bends = np.diff(values, 3)
             scale = 1.4826 * float(np.median(np.abs(bends))) or 1e-12
             near = slice(max(0, place - 2), place + 1)

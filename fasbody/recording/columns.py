@@ -154,11 +154,7 @@ def assign(file: Path, columns: Columns, layout: Layout) -> Assignment:
 def _column_of(
     file: Path, columns: Columns, layout: Layout, channel: str, remarks: list[str]
 ) -> tuple[int, str] | None:  # fmt: skip
-    """The column of a channel, and the unit of its numbers.
-
-    Raises:
-        InputFileError: two columns, none where study.toml names one, or two units.
-    """
+    """The column of a channel, and the unit of its numbers."""
     stated = layout.channels.get(channel, Channel())
     candidates: list[tuple[int, str]] = []
     for index, name in enumerate(columns.names):
@@ -292,9 +288,6 @@ def _clocks(
     """The column of times of each channel that does not share the time of the file.
 
     A table repeats its time in front of each sensor, a file with groups in each of them, and names share a word.
-
-    Raises:
-        InputFileError: study.toml names a column of times that is none.
     """
     main = next((chosen[key][0] for key in ("time_s", "time") if key in chosen), None)
     times = sorted({*columns.times, *(() if main is None else (main,))})

@@ -376,11 +376,7 @@ def _numbers(table: TextTable, body: str, after: int, indices: Mapping[str, int]
 
 
 def _parsed(data: bytes, separator: str, decimal: str, order: Sequence[int], width: int) -> list[np.ndarray]:
-    """Columns (n,) of a sound table, in this order, NaN where a cell is empty.
-
-    Raises:
-        ValueError, TypeError: something in them is no finite number.
-    """
+    """Columns (n,) of a sound table, in this order, NaN where a cell is empty."""
     if not data.strip():
         return [np.empty(0) for _ in order]
     # pandas takes for numbers, or for none, what numpy refuses: 1_0, NA; where it is not needed it gets plain numbers

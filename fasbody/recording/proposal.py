@@ -240,11 +240,7 @@ def _line(names: Sequence[str], cells: Mapping[str, str]) -> str:
 
 
 def _heads(file: Path) -> tuple[str, ...]:
-    """The columns of a table, separated by commas.
-
-    Raises:
-        InputFileError: they are separated otherwise, so that lines cannot be added.
-    """
+    """The columns of a table, separated by commas."""
     _, separator, names = find_header(read_text(file), lambda cells: len({*cells} & {"file", "subject"}))
     if separator != ",":
         raise InputFileError(file, "is not separated by commas", "save it so, and its new lines are added")
@@ -257,11 +253,7 @@ def _whole(file: Path, head: str, grows: bool) -> str:
 
 
 def _listed(folder: Path) -> set[str] | None:
-    """The files that a study lists, None where there is none yet.
-
-    Raises:
-        InputFileError: some of its tables are there, and not all.
-    """
+    """The files that a study lists, None where there is none yet."""
     tables = [name for name in TABLES if (folder / name).exists()]
     if tables and len(tables) < len(TABLES):
         raise InputFileError(folder / tables[0], "exists, and nothing is overwritten", "delete it to have it made anew")

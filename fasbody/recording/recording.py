@@ -87,8 +87,10 @@ class Recording(Tabled):
     def sheet(self) -> Sheet:
         """Range and scatter of each channel, and under what it was recorded."""
         c = self.condition
-        accelerations = {name: values for name, values in self.channels.items() if name != "time_s"}
-        rows = [(name, *(f"{x:.5g}" for x in (v.min(), v.max(), v.std()))) for name, v in accelerations.items()]
+        rows = [
+            (name, *(f"{x:.5g}" for x in (v.min(), v.max(), v.std())))
+            for name, v in self.channels.items() if name != "time_s"
+        ]  # fmt: skip
         known = [f"body mass {c.body_mass_kg:g} kg"] if c.body_mass_kg else []
         known += [f"{c.added_mass_kg:g} kg on the knee"] if c.added_mass_kg else []
         notes = [", ".join([*([f"subject {c.subject}"] if c.subject else []), f"posture {c.posture}", *known])]
@@ -247,9 +249,15 @@ class Recording(Tabled):
         return named | {f"{name}_m_s2": values for name, values in self.others.items()}
 
     @property
+    def accelerations(self) -> dict[str, np.ndarray]:
+        """(n,) of every accelerometer by name [m/s^2]: base, malleolus, and what else there is."""
+        named = self.channels.items()
+        return {name.removesuffix("_m_s2"): x for name, x in named if name != "time_s"}
+
+    @property
     def sensors(self) -> dict[str, np.ndarray]:
         """(n,) of every accelerometer but the base's by name [m/s^2], the malleolus first."""
-        return {name.removesuffix("_m_s2"): values for name, values in self.channels.items() if name not in HEADER[:2]}
+        return {name: values for name, values in self.accelerations.items() if name != "base"}
 
     def with_channels(self, channels: Channels) -> "Recording":
         """The recording with other channels: by their names in `channels`, and no others than the two that it needs."""

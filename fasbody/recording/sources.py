@@ -66,11 +66,7 @@ def _of_names(named: Mapping[str, float | None]) -> str:
 
 
 def _load_of(path: Path, recording: Recording, load: float | None) -> float | None:
-    """The load [kg] as given, or as the file's name states it; that of a study stands in its tables.
-
-    Raises:
-        SettingError: name and option disagree.
-    """
+    """The load [kg] as given, or as the file's name states it; that of a study stands in its tables."""
     named = load_in_name(path.name) if recording.condition.body_mass_kg is None else None
     if named is None:
         return load
@@ -83,11 +79,7 @@ def _load_of(path: Path, recording: Recording, load: float | None) -> float | No
 
 
 def _agree(recording: Recording, body: float | None, load: float | None) -> None:
-    """Refuse a mass that is another than the study of the recording states; a bare file states none.
-
-    Raises:
-        SettingError: two sources of one mass that disagree.
-    """
+    """Refuse a mass that is another than the study of the recording states; a bare file states none."""
     condition = recording.condition
     if condition.body_mass_kg is None:
         return

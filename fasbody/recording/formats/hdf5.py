@@ -146,11 +146,7 @@ def _no_numbers(item: Any) -> str:
 
 
 def _rate(source: Any, name: str) -> float | None:
-    """The rate [Hz] that a dataset states, or a folder above it.
-
-    Raises:
-        FormatError: two of them disagree.
-    """
+    """The rate [Hz] that a dataset states, or a folder above it."""
     parts = name.split("/")
     above = [source, *(source["/".join(parts[:count])] for count in range(1, len(parts) + 1))]
     return stated_rate(
