@@ -148,7 +148,7 @@ def test_a_delay_longer_than_a_tenth_of_the_recording_is_refused(folder: Path) -
         (
             "study.toml",
             "[study]\nnmae = 'x'\n",
-            r"'nmae', did you mean 'name'\? \(valid: name, origin, description, sam",
+            r"'nmae', did you mean 'name'\? \(valid: .*name, origin, description",
         ),
         ("study.toml", "[channels.base]\nsensitivity = 0\n", r"channels.base.sensitivity = 0; valid: a number \(unit per m/s\^2\), not 0"),
         ("study.toml", "[channels.base]\nsensitivity = nan\n", "channels.base.sensitivity = nan; valid: a number"),

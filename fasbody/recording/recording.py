@@ -19,6 +19,7 @@ from fasbody.recording.channels import Channel, Channels, Layout
 from fasbody.recording.columns import Columns, assign
 from fasbody.recording.condition import Condition, plausible
 from fasbody.recording.known import Known
+from fasbody.sentences import Sentence
 
 #: The three columns that a recording needs, and one that it may have.
 HEADER = ("time_s", "base_m_s2", "malleolus_m_s2", "tuberosity_m_s2")
@@ -224,17 +225,18 @@ class Recording(Tabled):
         layout = layout.of(Path(file)) if layout else None
         with by_name(label or str(file)):
             reading = files.reading(Path(file), layout)
-        channels, display_name = reading.channels, label or Path(file).name
+        channels, name = reading.channels, label or Path(file).name
+        remarks, delays = _beside(Path(file))
         return cls(
             time_s=channels[HEADER[0]],
             base_m_s2=channels[HEADER[1]],
             malleolus_m_s2=channels[HEADER[2]],
             tuberosity_m_s2=channels.get(HEADER[3]),
             condition=condition or Condition(),
-            file=display_name,
+            file=name,
             origin=origin,
-            warnings=(*_remarks(Path(file).with_suffix(".json")), *(f"{display_name}: {w}." for w in reading.warnings)),
-            calibration=_with_delays(layout.channels if layout else {}, Path(file).with_suffix(".json")),
+            warnings=(*remarks, *(Sentence(f"{name}: ", w, ".") for w in reading.warnings)),
+            calibration=_with_delays(layout.channels if layout else {}, delays),
             known=layout.beyond if layout else Known(),
             digest=_digest(Path(file)),
             others={name.removesuffix("_m_s2"): values for name, values in channels.items() if name not in HEADER},
@@ -310,31 +312,31 @@ def _seconds(values: ArrayLike, name: str) -> np.ndarray:
     return _row(seconds(values), "time_s", name)
 
 
-def _remarks(file: Path) -> tuple[str, ...]:
-    """Warnings of acquisition (docs/acquisition.md); none if the recording has no such file beside it."""
-    if not file.is_file():
-        return ()
+def _beside(file: Path) -> tuple[tuple[str, ...], dict[str, float]]:
+    """What acquisition or a merge wrote into the .json beside a recording.
+
+    Returns:
+        Its warnings (docs/acquisition.md), and standard deviations of delays by channel [s].
+    """
     try:
-        texts = json.loads(file.read_text())["warnings"]
-    except (ValueError, KeyError, TypeError, OSError):
-        return ()
-    return tuple(text for text in texts if isinstance(text, str)) if isinstance(texts, list) else ()
+        document = json.loads(file.with_suffix(".json").read_text())
+        warnings, stds = document.get("warnings", ()), document.get("delay_std_s", {})
+        delays = {name: float(std) for name, std in stds.items() if 0 <= float(std) <= 1}
+    except (ValueError, TypeError, AttributeError, OSError):  # there is none, or of another program
+        return (), {}
+    texts = warnings if isinstance(warnings, list) else ()
+    return tuple(text for text in texts if isinstance(text, str)), delays
 
 
-def _with_delays(channels: Mapping[str, Channel], file: Path) -> Mapping[str, Channel]:
+def _with_delays(
+    channels: Mapping[str, Channel], delay_std_s: Mapping[str, float]
+) -> Mapping[str, Channel]:
     """The channels with the uncertain delays of a recording that was merged of two loggers."""
-    if not file.is_file():
-        return channels
-    try:
-        stds = json.loads(file.read_text())["delay_std_s"]
-        late = {name: float(value) for name, value in stds.items() if 0 <= float(value) <= 1}
-    except (ValueError, KeyError, TypeError, OSError, AttributeError):
-        return channels
-    stated = {name: channels.get(name, Channel()) for name in late}
-    return {
-        **channels,
-        **{name: replace(c, delay_std_s=math.hypot(c.delay_std_s, late[name])) for name, c in stated.items()},
-    }
+    uncertain = {}
+    for name, std in delay_std_s.items():
+        stated = channels.get(name, Channel())
+        uncertain[name] = replace(stated, delay_std_s=math.hypot(stated.delay_std_s, std))
+    return {**channels, **uncertain}
 
 
 def with_masses(recording: Recording, body_mass_kg: float | None, added_mass_kg: float | None) -> Recording:

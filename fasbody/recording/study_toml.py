@@ -156,4 +156,5 @@ def validated(kind: type[_Kind], file: Path, table: object, place: str = "") -> 
         raise InputFileError(file, unknown(what, key, kind.model_fields))
     if first["type"] in ("dict_type", "model_type"):
         raise InputFileError(file, f"{name} is {value!r}", f"it must be a table, [{name}]")
-    raise InputFileError(file, f"{name} = {value!r}", f"valid: {kind.model_fields[key].description}")
+    valid = f"valid: {kind.model_fields[key].description}"
+    raise InputFileError(file, f"{name} = {value!r}", valid, setting=name, value=value)
