@@ -124,7 +124,7 @@ def test_a_delay_longer_than_a_tenth_of_the_recording_is_refused(folder: Path) -
         ("study.toml", "[study\n", r"study.toml: is not TOML \("),
         ("study.toml", '[study]\norigin = "guessed"\n', 'origin = \'guessed\'; valid: "measured", "synthetic"'),
         ("study.toml", "[channels.maleolus]\nsign = 1\n", "the channel 'maleolus'; valid: base, malleolus, tuberosity"),
-        ("study.toml", "[channels.base]\ngain = 1\n", r"key of \[channels\.base\] 'gain', .* sign, sensitivity, delay_s"),
+        ("study.toml", "[channels.base]\ngain = 1\n", r"key of \[channels\.base\] 'gain'"),
         ("study.toml", '[channels.base]\nsign = "minus"\n', "channels.base.sign = 'minus'; valid: 1, -1"),
         (
             "study.toml",
@@ -150,7 +150,7 @@ def test_a_delay_longer_than_a_tenth_of_the_recording_is_refused(folder: Path) -
             "[study]\nnmae = 'x'\n",
             r"'nmae', did you mean 'name'\? \(valid: .*name, origin, description",
         ),
-        ("study.toml", "[channels.base]\nsensitivity = 0\n", r"channels.base.sensitivity = 0; valid: a number \(unit per m/s\^2\), not 0"),
+        ("study.toml", "[channels.base]\nsensitivity = 0\n", r"sensitivity = 0; valid: a number .*, not 0"),
         ("study.toml", "[channels.base]\nsensitivity = nan\n", "channels.base.sensitivity = nan; valid: a number"),
         ("study.toml", "[channels.base]\ndelay_s = inf\n", "channels.base.delay_s = inf; valid: a number"),
         ("study.toml", "study = 3\n", r"study is 3; it must be a table, \[study\]"),

@@ -236,12 +236,17 @@ def _is_sine(recording: Recording, hz: float, share: float) -> bool:
             f"the excitation of {nominal:g} Hz is not found in base_m_s2 (a sine explains "
             f"{100 * share:.0f} % of its power); leave frequency_hz empty for broadband excitation."
         )
-    length = recording.time_s[-1] - recording.time_s[0]
-    if nominal is not None and abs(hz - nominal) > max(0.02 * nominal, 1.5 / length):
+    if nominal is not None and abs(hz - nominal) > frequency_tolerance(recording, nominal):
         raise RecordingError(
             f"base_m_s2 vibrates at {hz:.4g} Hz and recordings.csv says {nominal:g} Hz."
         )
     return True
+
+
+def frequency_tolerance(recording: Recording, nominal_hz: float) -> float:
+    """How far [Hz] the frequency of a sine may be from the one that is stated of it."""
+    length = float(recording.time_s[-1] - recording.time_s[0])
+    return max(0.02 * nominal_hz, 1.5 / length)
 
 
 def _excitation(recording: Recording, hz: float) -> Iterator[str]:

@@ -189,7 +189,7 @@ class TextTable:
             (at, piece), following = following, next(pieces, None)
             piece = piece[offset(piece, above - at) :] if at < above else piece
             if following is None:
-                piece, self.footer[:] = without_footer(piece)
+                piece, self.footer[:] = without_footer(piece, self.headings.separator)
             yield max(at, above), piece
 
     def rising(self, time_s: np.ndarray) -> list[int]:

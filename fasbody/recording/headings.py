@@ -289,13 +289,13 @@ def _unequal_gains(statements: Sequence[str]) -> Iterator[str]:
             )
 
 
-def without_footer(text: str) -> tuple[str, tuple[str, ...]]:
-    """The text without lines of words behind the last number, and what was left out."""
+def without_footer(text: str, separator: str) -> tuple[str, tuple[str, ...]]:
+    """The text without lines behind the last row with a number in a cell, and what was left out."""
     end, words = len(text), list[str]()
     while end > 0 and len(words) < _HEADING_ROWS:
         start = text.rfind("\n", 0, end - 1) + 1
         line = text[start:end].strip()
-        if COMMENT.match(line) or any(map(numeric, re.split(r"[,;|\s]+", line))):
+        if COMMENT.match(line) or any(map(numeric, split(line, separator))):
             break
         words += [line] if line else []
         end = start

@@ -131,7 +131,7 @@ def listed(folder: Path, only: Path | None = None) -> tuple[Trial, ...]:
         condition = Condition(
             subject=subject,
             posture=" ".join(str(row.get("posture") or "midstance").casefold().split()),
-            body_mass_kg=plausible(masses[subject], "body", f"{folder / 'subjects.csv'}: subject {subject}"),
+            body_mass_kg=_body_mass(folder / "subjects.csv", subject, masses[subject]),
             added_mass_kg=plausible(float(added[i]), "added", f"{file}, line {line}"),
             frequency_hz=float(frequency[i]) if np.isfinite(frequency[i]) else None,
             seating=" ".join(str(row.get("seating") or "").split()),
@@ -168,7 +168,13 @@ def _masses(file: Path) -> dict[str, float]:
                 file, f"subject {subject!r} is listed in line {lines[subject]} already", "keep one row", line
             )
         lines[subject] = line
-    return dict(zip(lines, map(float, column(file, table, "mass_kg")), strict=True))
+    masses = column(file, table, "mass_kg", optional=True)
+    return dict(zip(lines, map(float, masses), strict=True))
+
+
+def _body_mass(file: Path, subject: str, mass_kg: float) -> float | None:
+    """A plausible body mass [kg], None where the table has none yet."""
+    return None if np.isnan(mass_kg) else plausible(mass_kg, "body", f"{file}: subject {subject}")
 
 
 def people(folder: Path) -> "pd.DataFrame":
