@@ -179,24 +179,24 @@ class Recording(Tabled):
         elif getattr(index, "name", None) is not None:
             table = table.reset_index()
         columns = {str(column): table[column] for column in (*getattr(table, "coords", ()), *table)}
-        table_units = getattr(table, "attrs", {}).get("units", {})
-        column_units = [getattr(values, "attrs", {}).get("units") for values in columns.values()]
-        units = [
-            one if isinstance(one, str) else table_units.get(column, "") if isinstance(table_units, dict) else ""
-            for column, one in zip(columns, column_units, strict=True)
-        ]
-        arrays = [plain(values) for values in columns.values()]
-        stamped = [values.dtype.kind in "mM" for values in arrays]
-        units = ["s" if stamps else str(unit) for stamps, unit in zip(stamped, units, strict=True)]
+        stated = getattr(table, "attrs", {}).get("units", {})
+        arrays, units = [plain(values) for values in columns.values()], []
+        for (column, values), array in zip(columns.items(), arrays, strict=True):
+            unit = getattr(values, "attrs", {}).get("units")
+            if not isinstance(unit, str):
+                unit = stated.get(column, "") if isinstance(stated, dict) else ""
+            units.append("s" if array.dtype.kind in "mM" else str(unit))
         layout, file = layout or Layout(), Path(name)
-        sizes = [values.size for values in arrays]
-        table = Columns(list(columns), units, sizes=sizes, clocked=layout.rate_hz is not None)
+        sizes, clocked = [values.size for values in arrays], layout.rate_hz is not None
+        uses = assign(file, Columns(list(columns), units, sizes=sizes, clocked=clocked), layout).uses
         rows = {
-            key: _seconds(arrays[use.index], name) if stamped[use.index] else use.factor * arrays[use.index]
-            for key, use in assign(file, table, layout).uses.items()
+            key: _seconds(arrays[use.index], name)
+            if arrays[use.index].dtype.kind in "mM"
+            else use.factor * arrays[use.index]
+            for key, use in uses.items()
         }
         rows, _ = layout.aligned(file, layout.timed(file, rows))
-        others = {key.removesuffix("_m_s2"): values for key, values in rows.items() if key not in HEADER}
+        others = {key.removesuffix("_m_s2"): x for key, x in rows.items() if key not in HEADER}
         time, base, malleolus = (rows[key] for key in HEADER[:3])
         made = cls.from_arrays(time, base, malleolus, rows.get(HEADER[3]), others=others, **about)
         return replace(made, calibration=layout.channels, known=layout.beyond)

@@ -74,13 +74,13 @@ def _loads_of_names(stated: Mapping[str, float | None]) -> str:
     return f"Loads on the knee are those of the files' names: {', '.join(parts)}.{none}"
 
 
-def _mass_of(path: Path, option: str, given: float | None, named: float | None) -> float | None:
+def _mass_of(path: Path, option: str, option_kg: float | None, named: float | None) -> float | None:
     """A mass [kg] as the option or the file's name states it; refused where they disagree."""
-    if named is None or given is None:
-        return named if given is None else given
-    if abs(given - named) > 1e-6:
+    if named is None or option_kg is None:
+        return named if option_kg is None else option_kg
+    if abs(option_kg - named) > 1e-6:
         raise SettingError(
-            f"{path.name}: its name says {named:g} kg, and {option} says {given:g} kg; rename the "
+            f"{path.name}: its name says {named:g} kg, and {option} says {option_kg:g} kg; rename the "
             f"file, or leave out {option}."
         )
     return named
