@@ -8,12 +8,15 @@ import numpy as np
 import pytest
 
 from fasbody.exceptions import SettingError
+from fasbody.foot.model import load
 from fasbody.recording.checks import checked
 from fasbody.recording.file_names import condition_in_name
 from fasbody.recording.recording import Recording
 from fasbody.recording.sources import gather
-from fasbody.recording.study import Study, read_file
+from fasbody.recording.study import Study, StudyFolder, read_file
 from fasbody.transmissibility.table import Table
+from identification.fitting import Settings
+from identification.study.plan import Model, Plan
 
 T = np.arange(2000) / 1000
 
@@ -98,6 +101,10 @@ def test_a_subject_without_a_mass_is_checked_and_can_be_given_one(tmp_path: Path
     assert not Study.read(tmp_path).check().problems
     done = in_process.command("fasbody.recording", "check", str(tmp_path), "--json", "--jobs", "1")
     assert done.returncode == 0 and json.loads(done.stdout)["recordings"][0]["subject"] == "1"
+    folder = StudyFolder.open(tmp_path)
+    plan = Plan(folder, folder.trials, Settings(), Model.of(load("two_dof")))
+    work = plan.work(plan.jobs("pooled")[0])
+    assert not work.recordings and "no mass_kg of subject '1'" in work.unread[0]
     for data in (tmp_path, tmp_path / "a.csv"):
         condition = gather([data], [70.0], None)[1][0].condition
         assert (condition.body_mass_kg, condition.added_mass_kg) == (70.0, 2.3)
