@@ -221,6 +221,8 @@ def read_headings(text: str, header: Header) -> Headings:
                 names, units = names[:-1], units[:-1]  # as Rigol: the increment behind the units
         elif _are_counts(cells, samples):
             skipped.append(f"a row of counts ({shown(separator.join(cells))})")
+        elif any(units) and not any(map(is_sample, cells)) and all(cells):
+            skipped.append(f"a row of words ({shown(separator.join(cells))})")
         elif titled and _KEY.fullmatch(cells[0]):
             statements.append(" ".join(row))
         else:
