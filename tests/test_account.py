@@ -288,10 +288,19 @@ def test_a_clock_of_twelve_hours(tmp_path: Path) -> None:
 def test_dates_are_times_under_any_name_and_a_footer_is_none(tmp_path: Path) -> None:
     whole = "started;base_m_s2;malleolus_m_s2\n"
     whole += "".join(f"2026-03-04T10:00:{t:06.3f}Z;{b:.6f};{m:.6f}\n" for t, b, m in zip(*IN_M_S2, strict=True))
-    (tmp_path / "a.csv").write_text(whole + "End of data\n\n")
-    recording = read(tmp_path / "a.csv")
-    right(recording)
-    assert recording.unused == ("a footer (End of data)",)
+    for footer in ("End of data", "recorded by app 1.2"):
+        (tmp_path / "a.csv").write_text(f"{whole}{footer}\n\n")
+        recording = read(tmp_path / "a.csv")
+        right(recording)
+        assert recording.unused == (f"a footer ({footer})",)
+
+
+def test_headings_between_blanks_keep_their_units(tmp_path: Path) -> None:
+    rows = "".join(f"{t:.3f} {b:.6f} {m:.6f}\n" for t, b, m in zip(*IN_M_S2, strict=True))
+    (tmp_path / "a.txt").write_text(f"Zeit [s] Tisch [m/s^2] Fuß (m/s^2)\n{rows}")
+    right(read(tmp_path / "a.txt", mapped("Tisch", "Fuß", "")))
+    (tmp_path / "b.txt").write_text(f"time base malleolus\n[s] [m/s^2] (m/s^2)\n{rows}")
+    right(read(tmp_path / "b.txt"))
 
 
 def test_times_of_xarray_count_nanoseconds_since_a_date(tmp_path: Path) -> None:

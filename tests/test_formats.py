@@ -86,9 +86,9 @@ def write_tdms(file: Path, **channels: tuple[np.ndarray, float]) -> None:
     [
         ({"heel": {}}, "describes the channel 'heel'"),
         ({"base": {"sensitivity": "100 mV per g"}}, "sensitivity = '100 mV per g'"),
-        ({"base": {"sensitivity": 0}}, "sensitivity is zero"),
+        ({"base": {"sensitivity": 0}}, "sensitivity = 0; valid"),
         ({"base": {"unit": "furlong"}}, "unknown unit"),
-        ({"base": {"gain": 2}}, "channels.base.gain"),
+        ({"base": {"gain": 2}}, r"\[channels\.base\] 'gain'"),
     ],
 )
 def test_layouts_that_make_no_sense(toml: dict, says: str) -> None:

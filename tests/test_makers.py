@@ -56,11 +56,15 @@ def file(path: Path, head: str, columns: list, mark: str = ",", tail: str = "") 
          ",", ""),
         ("Time,Base [g],Malleolus [g]\n", [[f"{59 + t // 60:02.0f}:{t % 60:06.3f}" for t in TIME], B / G, M / G],
          ",", ""),
+        ("time,seconds_elapsed,z,y\n", [1.7e18 + 1e9 * TIME, TIME, B, M], ",", mapped("z", "y", 'unit = "m/s^2"')),
+        ("timestamp_ms,Base (g),Malleolus (g)\n", [1.7e12 + 1e3 * TIME, B / G, M / G], ",", ""),
+        ("Time,Base,Malleolus\ns,g,g\nai0,ai1,ai2\n", [TIME, B / G, M / G], ",", ""),
+        ("min_base,base_g,malleolus_g,Zeit_s\n", [M, B / G, M / G, TIME], ",", ""),
         ("Date/Time,Base [g],Malleolus [g]\n", [46000 + TIME / 86400 * 1000, B / G, M / G], ",",
          '[channels.time]\ncolumn = "Date/Time"\nunit = "d"\n[channels.base]\nunit = "g"\n'),
     ],
     ids=["qualisys", "labchart", "biopac", "rigol", "siglent", "shimmer", "actigraph", "statement", "merged", "clocks",
-         "minutes", "days"],
+         "minutes", "sensor logger", "stamps in ms", "names of inputs", "a minimum", "days"],
 )  # fmt: skip
 def test_a_layout_of_a_maker(tmp_path: Path, head: str, columns: list, mark: str, toml: str) -> None:
     if "Date/Time" in head:  # a thousand times slower, so that the digits of a day suffice

@@ -62,7 +62,7 @@ def test_order_extra_columns_byte_order_mark_and_empty_lines(tmp_path: Path) -> 
             "Zeit;Basis;Knöchel\n0,000;1,5;2,5\n",
             r"line 1: names no channel \(found: Zeit, Basis, Knöchel\); .* study\.toml .*\[channels\.time\] column = ",
         ),
-        ("Zeit_s;base_g;malleolus_g\n0;1;2\n", r"no column 'time_s' .* \(\[channels\.time\] column = \.\.\.\)"),
+        ("Uhr;base_g;malleolus_g\n0;1;2\n", r"no column 'time_s' .* \(\[channels\.time\] column = \.\.\.\)"),
         ("time_s,base_m_s2\n0,1\n", r"line 1: has no column 'malleolus_m_s2' \(found: time_s, base_m_s2\)"),
         ("0,1,2\n0.001,1,2\n", r"has no header line; the first line must be time_s,base_m_s2,malleolus_m_s2, or --c"),
         ("time_s,base_ft_s2,malleolus_m_s2\n0,1,2\n", r"line 1: unknown unit of the column 'base': 'ft_s2'"),

@@ -122,9 +122,9 @@ def test_a_delay_longer_than_a_tenth_of_the_recording_is_refused(folder: Path) -
     [
         ("study.toml", None, "no such file; a study folder needs study.toml, subjects.csv and recordings.csv"),
         ("study.toml", "[study\n", r"study.toml: is not TOML \("),
-        ("study.toml", '[study]\norigin = "guessed"\n', 'origin is \'guessed\'; valid: "measured", "synthetic"'),
+        ("study.toml", '[study]\norigin = "guessed"\n', 'origin = \'guessed\'; valid: "measured", "synthetic"'),
         ("study.toml", "[channels.maleolus]\nsign = 1\n", "the channel 'maleolus'; valid: base, malleolus, tuberosity"),
-        ("study.toml", "[channels.base]\ngain = 1\n", "base.gain = 1; valid: unit, sign, sensitivity, delay_s"),
+        ("study.toml", "[channels.base]\ngain = 1\n", r"key of \[channels\.base\] 'gain'"),
         ("study.toml", '[channels.base]\nsign = "minus"\n', "channels.base.sign = 'minus'; valid: 1, -1"),
         (
             "study.toml",
@@ -148,11 +148,11 @@ def test_a_delay_longer_than_a_tenth_of_the_recording_is_refused(folder: Path) -
         (
             "study.toml",
             "[study]\nnmae = 'x'\n",
-            r"'nmae', did you mean 'name'\? \(valid: name, origin, description, sam",
+            r"'nmae', did you mean 'name'\? \(valid: .*name, origin, description",
         ),
-        ("study.toml", "[channels.base]\nsensitivity = 0\n", "channels.base.sensitivity is zero"),
-        ("study.toml", "[channels.base]\nsensitivity = nan\n", "channels.base.sensitivity = nan; .*finite numbers"),
-        ("study.toml", "[channels.base]\ndelay_s = inf\n", "channels.base.delay_s = inf; .*finite numbers"),
+        ("study.toml", "[channels.base]\nsensitivity = 0\n", r"sensitivity = 0; valid: a number .*, not 0"),
+        ("study.toml", "[channels.base]\nsensitivity = nan\n", "channels.base.sensitivity = nan; valid: a number"),
+        ("study.toml", "[channels.base]\ndelay_s = inf\n", "channels.base.delay_s = inf; valid: a number"),
         ("study.toml", "study = 3\n", r"study is 3; it must be a table, \[study\]"),
         ("study.toml", "channels = 3\n", r"channels is 3; it must be a table, \[channels\]"),
         ("study.toml", "[channels]\nbase = 3\n", r"base is 3; it must be a table, \[.*base\]"),

@@ -119,8 +119,8 @@ def test_too_few_samples_get_a_sentence() -> None:
 
 
 def test_a_long_recording_is_fitted_in_blocks_as_a_short_one_at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """With the frequency from means of its samples first; noise and a second harmonic beside the sine."""
-    rng, t = np.random.default_rng(1), np.arange(12_000) / 1000
+    """The frequency is from means of samples first; the last block has fewer samples than columns."""
+    rng, t = np.random.default_rng(1), np.arange(7 * 1700 + 10) / 1000
     signal = 8.95 * np.sin(2 * np.pi * 19.37 * t) + 0.4 * np.sin(4 * np.pi * 19.37 * t + 1) + rng.normal(0, 0.3, t.size)
     once = fit_harmonics(t, signal, 19.37, 3), find_frequency(t, signal), sine_share(t, signal, 19.37)
     monkeypatch.setattr(harmonics, "_LONG", 5000)

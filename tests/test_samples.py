@@ -133,6 +133,9 @@ def test_few_samples_a_period_are_not_a_dead_sensor() -> None:
     t = np.arange(800) / 160
     good = checked(Recording.from_arrays(t, sine(t), sine(t, 11.7, 25.0)))
     assert good.condition.frequency_hz == pytest.approx(HZ)
+    period = np.arange(800) % 8  # the same eight numbers again and again, but for their last digits
+    again = [9 * np.sin(np.pi / 4 * period), 9 * np.sin(np.pi / 4 * period - 0.4)]
+    assert checked(Recording.from_arrays(t, *again)).condition.frequency_hz == pytest.approx(HZ)
     with pytest.raises(RecordingError, match="dead or too coarse: it takes 5 values"):
         checked(Recording.from_arrays(t, sine(t), np.round(sine(t, 2.0, 25.0))))
 

@@ -11,8 +11,8 @@ from typing import Any
 from fasbody.exceptions import FasError, InputFileError, SettingError
 from fasbody.recording.channels import NAMES, VOLTAGES, Layout, heading
 from fasbody.recording.condition import plausible
+from fasbody.recording.file_names import body_mass_in_name, load_in_name
 from fasbody.recording.files import columns_of
-from fasbody.recording.proposal import body_mass_in_name, load_in_name
 from fasbody.recording.recording import Recording, with_masses
 from fasbody.recording.study import BUNDLED, read_file
 from fasbody.recording.trials import is_listed

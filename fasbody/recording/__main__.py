@@ -17,7 +17,7 @@ from fasbody.recording.proposal import propose
 from fasbody.recording.recording import Recording
 from fasbody.recording.report import excerpt
 from fasbody.recording.report import write as write_report
-from fasbody.recording.study import StudyFolder, understood_trial
+from fasbody.recording.study import StudyFolder, read_bare, understood_trial
 from fasbody.recording.together import out_of_line
 from fasbody.recording.trials import describe, posture_remarks
 from fasbody.runner import run
@@ -92,11 +92,11 @@ def check(
         tasks = [(light, trial, report is not None) for trial in folder.trials]
         by_number = dict(run(understood_trial, tasks, "checking", jobs))
         rows += [by_number[i] for i in range(len(by_number))]
-        for remark in out_of_line(rows):
-            console.print(f"[yellow]warning:[/] {escape(remark)}", soft_wrap=True)
     else:
         layout = _layout(study, columns, take)
         rows += [_of_file(one, layout, report is not None) for one in paths]
+    for remark in out_of_line(rows):
+        console.print(f"[yellow]warning:[/] {escape(remark)}", soft_wrap=True)
     if report is not None:
         write_report(report, f"Recordings of {path.name}" if path.is_dir() else "Recordings", rows)
         rows = [{key: value for key, value in row.items() if key != "excerpt"} for row in rows]
@@ -117,7 +117,7 @@ def check(
 def _of_file(file: Path, layout: Layout | None, drawn: bool) -> dict[str, Any]:
     """What was understood of a file, or why it cannot be read."""
     try:
-        recording = Recording.read(file, layout=layout)
+        recording = read_bare(file, layout)
     except FasError as error:
         return {"file": file.name, "problem": error.sentence}
     return understood(recording) | ({"excerpt": excerpt(recording)} if drawn else {})

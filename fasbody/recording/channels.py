@@ -16,6 +16,7 @@ from fasbody.constants import GRAVITY
 from fasbody.exceptions import InputFileError, shown, unknown
 from fasbody.presentation import Tabled
 from fasbody.recording.known import Known
+from fasbody.recording.study_toml import SENSITIVITIES, ChannelTable, StudyTable, validated
 from fasbody.sentences import Sentence, called
 
 #: Units that a CSV header or a board may carry behind a channel's name, and what they are in SI.
@@ -77,10 +78,14 @@ def volts_per_m_s2(file: Path, name: str, text: str) -> float:
     match = _SENSITIVITY.fullmatch(text)
     try:
         assert match is not None
-        return float(match[1]) * VOLTAGES[match[2].lower()] / (GRAVITY if match[4].lower() == "g" else 1.0)
+        return (
+            float(match[1])
+            * VOLTAGES[match[2].lower()]
+            / (GRAVITY if match[4].lower() == "g" else 1.0)
+        )
     except (AssertionError, ValueError):
         place = f"channels.{name}.sensitivity = {text!r}"
-        raise InputFileError(file, place, 'valid: a number (unit per m/s^2), "100 mV/g" or "10.2 mV/(m/s^2)"') from None
+        raise InputFileError(file, place, f"valid: {SENSITIVITIES}") from None
 
 
 Channels = dict[str, np.ndarray]
@@ -89,7 +94,6 @@ Channels = dict[str, np.ndarray]
 NAMES = ("base", "malleolus", "tuberosity")
 #: Names of further sensors.
 SENSOR_NAME = re.compile(r"[a-z][a-z0-9]*(?:_[a-z0-9]+)*")
-_KEYS = ("unit", "sign", "sensitivity", "delay_s", "column", "gain_std", "delay_std_s", "clock")
 
 
 @dataclass(frozen=True)
@@ -180,27 +184,23 @@ class Layout(Tabled):
         """
         channels = {}
         for name, table in tables.items():
-            known_as = get_close_matches(name, (*NAMES, "time"), cutoff=0.75)  # a slip of the pen is no sensor
-            is_sensor = SENSOR_NAME.fullmatch(name) and not known_as and isinstance(table, dict) and table
+            near = get_close_matches(name, (*NAMES, "time"), cutoff=0.75)
+            is_sensor = SENSOR_NAME.fullmatch(name) and not near and table
             if name not in (*NAMES, "time") and not is_sensor:
                 listed = f"valid: {', '.join(NAMES)}, time, or a sensor of the model, in small letters"
                 raise InputFileError(file, f"describes the channel {name!r}", listed)
-            if not isinstance(table, dict):
-                place = f"channels.{name}"
-                raise InputFileError(file, f"{place} is {table!r}", f"it must be a table, [{place}]")
             channels[name] = _channel(file, name, table)
-        if rate_hz is not None and not (_is_number(rate_hz) and 0 < rate_hz < 1e7):  # type: ignore[operator]
-            raise InputFileError(file, f"sampling_rate_hz = {rate_hz!r}", "valid: a positive number")
-        if take is not None and not (isinstance(take, int) and not isinstance(take, bool) and take > 0):
-            raise InputFileError(file, f"take = {take!r}", "valid: the number of a take, from 1")
-        if not (isinstance(columns, list | tuple) and all(isinstance(name, str) for name in columns)):
-            raise InputFileError(file, f"columns = {columns!r}", 'valid: a list of names, ["time_s", "base_g"]')
+        names = list(columns) if isinstance(columns, tuple) else columns
+        settings = {"sampling_rate_hz": rate_hz, "columns": names, "take": take}
+        study = validated(StudyTable, file, settings, "study")
         for key in ("gain_std", "delay_std_s"):
             twice = [f"[channels.{name}]" for name, table in tables.items() if key in table]
             if key in (known or {}) and twice:
-                raise InputFileError(file, f"states {key} in [known] and in {', '.join(twice)}", "keep one of them")
-        rate = None if rate_hz is None else float(rate_hz)  # type: ignore[arg-type]
-        return cls(channels, rate, tuple(columns), beyond=Known.from_toml(file, known or {}), take=take)
+                problem = f"states {key} in [known] and in {', '.join(twice)}"
+                raise InputFileError(file, problem, "keep one of them")
+        beyond = Known.from_toml(file, known or {})
+        columns = tuple(study.columns)
+        return cls(channels, study.sampling_rate_hz, columns, beyond=beyond, take=study.take)
 
     def known(self, names: Sequence[str]) -> int:
         """How many of a line's cells are channels by their names, or begin the name of one."""
@@ -348,35 +348,17 @@ _LONGEST_DELAY = 0.1
 _SAME_RATE = 1e-3
 
 
-def _channel(file: Path, name: str, table: Mapping[str, Any]) -> Channel:
-    for key, value in table.items():
-        if key == "column" and isinstance(value, int) and not isinstance(value, bool) and value > 0:
-            continue
-        text = key in ("column", "unit", "clock") or (key == "sensitivity" and isinstance(value, str))
-        right = isinstance(value, str) if text else _is_number(value) and np.isfinite(value)
-        if key == "sign" and not (right and abs(value) == 1):
-            raise InputFileError(file, f"channels.{name}.sign = {value!r}", "valid: 1, -1 (a gain is a sensitivity)")
-        if right and key in ("gain_std", "delay_std_s") and not 0 <= value <= 1:
-            raise InputFileError(file, f"channels.{name}.{key} = {value!r}", "valid: a standard deviation, 0 to 1")
-        if key not in _KEYS or not right:
-            raise InputFileError(
-                file, f"channels.{name}.{key} = {value!r}", f"valid: {', '.join(_KEYS)}, with finite numbers"
-            )
-    raw = table.get("sensitivity", 1.0)
-    sensitivity, volts = (volts_per_m_s2(file, name, raw), True) if isinstance(raw, str) else (float(raw), False)
-    if sensitivity == 0:
-        raise InputFileError(file, f"channels.{name}.sensitivity is zero", "give recorded unit per m/s^2")
-    unit = str(table.get("unit", ""))
-    if unit:
-        factor(file, name, unit, TIME_UNITS if name == "time" else ACCELERATIONS | VOLTAGES)
-    column = table.get("column", "")
-    column = f"#{column}" if isinstance(column, int) else str(column)
+def _channel(file: Path, name: str, stated: object) -> Channel:
+    table = validated(ChannelTable, file, stated, f"channels.{name}")
+    volts = isinstance(table.sensitivity, str)
+    sensitivity = table.sensitivity
+    if isinstance(sensitivity, str):
+        sensitivity = volts_per_m_s2(file, name, sensitivity)
+    if table.unit:
+        valid = TIME_UNITS if name == "time" else ACCELERATIONS | VOLTAGES
+        factor(file, name, table.unit, valid)
+    column = f"#{table.column}" if isinstance(table.column, int) else table.column
     return Channel(
-        column, unit, float(table.get("sign", 1.0)), sensitivity, volts,
-        float(table.get("delay_s", 0.0)), float(table.get("gain_std", 0.0)), float(table.get("delay_std_s", 0.0)),
-        str(table.get("clock", "")),
+        column, table.unit, table.sign, sensitivity, volts, table.delay_s,
+        table.gain_std or 0.0, table.delay_std_s or 0.0, table.clock,
     )  # fmt: skip
-
-
-def _is_number(value: object) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)

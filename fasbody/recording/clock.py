@@ -31,20 +31,24 @@ def rounded(time_s: np.ndarray) -> float | None:
     for unit in (1e-6, 1e-5, 1e-4, 1e-3, 5e-3, 1e-2):
         counts = steps / unit
         if np.abs(counts - np.round(counts)).max() < 1e-2 and unit <= 2 * step:
-            slope = np.polynomial.Polynomial.fit(np.arange(time_s.size), time_s, 1)
-            off = time_s - slope(np.arange(time_s.size))
+            off = time_s - _line(time_s)
             regular = np.mean(np.abs(off) > 0.1 * unit) > 0.05  # one stamp twice on a whole grid is no rounding
             if np.ptp(off) <= 1.05 * unit and steps.min() >= 0 and regular:
                 return unit
     return None
 
 
+def _line(time_s: np.ndarray) -> np.ndarray:
+    """The uniform clock nearest to times (n,) [s]."""
+    index = np.arange(time_s.size)
+    return np.polynomial.Polynomial.fit(index, time_s, 1)(index)
+
+
 def straightened(time_s: np.ndarray) -> np.ndarray:
     """Times (n,) [s] that increase, or the uniform clock that they were rounded from; others as they are."""
     if time_s.size < 3 or np.diff(time_s).min() > 0 or rounded(time_s) is None:
         return time_s
-    index = np.arange(time_s.size)
-    return np.polynomial.Polynomial.fit(index, time_s, 1)(index)
+    return _line(time_s)
 
 
 def uniform(recording: "Recording") -> tuple["Recording", str]:
@@ -61,14 +65,12 @@ def uniform(recording: "Recording") -> tuple["Recording", str]:
     median = float(np.median(steps))
     if steps.min() > 0 and np.abs(steps - median).max() <= _UNIFORM * median:
         return recording, ""
-    index = np.arange(t.size)
     unit = rounded(t)
     if unit is not None and not _gapless(recording, unit):
         return recording, ""
     if unit is not None:
-        clock = np.polynomial.Polynomial.fit(index, t, 1)(index)
-        return replace(recording, time_s=clock), (
-            f"{recording.file}: its times are rounded to {1e3 * unit:g} ms; they are taken for a uniform clock of "
+        return replace(recording, time_s=_line(t)), (
+            f"its times are rounded to {1e3 * unit:g} ms; they are taken for a uniform clock of "
             f"{1 / typical:.6g} Hz, which leaves ratio and phase as they are and the frequency uncertain by "
             f"{100 * unit / (t[-1] - t[0]):.1g} %."
         )
@@ -77,12 +79,12 @@ def uniform(recording: "Recording") -> tuple["Recording", str]:
     from scipy.interpolate import CubicSpline
 
     clock = np.linspace(t[0], t[-1], t.size)
-    channels = {name: values for name, values in recording.channels.items() if name != "time_s"}
-    if any(values.shape != t.shape or not np.isfinite(values).all() for values in channels.values()):
+    channels = recording.accelerations
+    if any(x.shape != t.shape or not np.isfinite(x).all() for x in channels.values()):
         return recording, ""
-    made = {name: CubicSpline(t, values)(clock) for name, values in channels.items()}
+    made = {f"{name}_m_s2": CubicSpline(t, x)(clock) for name, x in channels.items()}
     return recording.with_channels({"time_s": clock, **made}), (
-        f"{recording.file}: its times jitter (steps of {1e3 * steps.min():.3g} to {1e3 * steps.max():.3g} ms); taken "
+        f"its times jitter (steps of {1e3 * steps.min():.3g} to {1e3 * steps.max():.3g} ms); taken "
         f"for exact, the channels were brought to a uniform {1 / typical:.6g} Hz by a spline, which costs less than "
         f"0.1 % below {0.1 / typical:.3g} Hz."
     )
@@ -96,10 +98,9 @@ def _gapless(recording: "Recording", unit: float) -> bool:
     odd = np.flatnonzero(counts != np.median(counts))
     if odd.size >= _REPEATED:
         return True
-    signals = [values for name, values in recording.channels.items() if name != "time_s"]
     for place in odd:
         seen = would = 0.0
-        for values in signals:
+        for values in recording.accelerations.values():
             bends = np.diff(values, 3)
             scale = 1.4826 * float(np.median(np.abs(bends))) or 1e-12
             near = slice(max(0, place - 2), place + 1)

@@ -9,6 +9,7 @@ from fasbody.exceptions import InputFileError, shown
 from fasbody.presentation import Tabled
 from fasbody.recording.channels import (
     ACCELERATIONS,
+    KNOWN_UNITS,
     NAMES,
     SENSOR_NAME,
     TIME_UNITS,
@@ -22,6 +23,8 @@ from fasbody.recording.channels import (
 )
 from fasbody.sentences import Sentence, called, for_page
 
+#: So many letters as a first word are no unit: min_base is a minimum, second_foot a foot.
+_SHORT = 6
 #: Words of a heading that holds times.
 _TIMES = re.compile(r"(?:^|[\W_\d])(times?|timestamps?|zeit|temps|tiempo|tempo|t|clock)(?=$|[\W_\d])")
 
@@ -131,13 +134,14 @@ def assign(file: Path, columns: Columns, layout: Layout) -> Assignment:
             key = f"{channel}_m_s2" if channel != "time" else "time_s" if unit else "time"
             chosen[key] = (index, unit)
     bare = chosen.pop("time", None)  # a time without a unit, which a known rate gives
-    if bare and not columns.clocked and layout.rate_hz is None:
+    named = _by_unit(columns)
+    if bare and named is None and not columns.clocked and layout.rate_hz is None:
         hint = Sentence("name the column time_s, time_ms or time_us, or give ", called("channels.time.unit", "s"))
         raise InputFileError(file, f"{columns.names[bare[0]]!r} has no unit", hint, line=columns.line)
-    if bare:
+    if bare and (named is None or columns.clocked or layout.rate_hz is not None):
         chosen["time"] = bare
-    elif "time_s" not in chosen and (named := _by_unit(columns)) is not None:
-        chosen["time_s"] = (named, columns.claimed(named))
+    elif "time_s" not in chosen and named is not None:
+        chosen["time_s"] = named
     _complete(file, columns, layout, chosen)
     chosen |= _others(columns, layout, chosen)
     clocks = _clocks(file, columns, layout, chosen)
@@ -154,11 +158,7 @@ def assign(file: Path, columns: Columns, layout: Layout) -> Assignment:
 def _column_of(
     file: Path, columns: Columns, layout: Layout, channel: str, remarks: list[str]
 ) -> tuple[int, str] | None:  # fmt: skip
-    """The column of a channel, and the unit of its numbers.
-
-    Raises:
-        InputFileError: two columns, none where study.toml names one, or two units.
-    """
+    """The column of a channel, and the unit of its numbers."""
     stated = layout.channels.get(channel, Channel())
     candidates: list[tuple[int, str]] = []
     for index, name in enumerate(columns.names):
@@ -217,12 +217,12 @@ def _unit(file: Path, channel: str, behind: str, beside: str, stated: str, remar
             file, f"{channel} is in {beside} (a unit with the column), and its heading says {behind}",
             f"correct one of them, or say which in study.toml ([channels.{channel}] unit = ...)",
         )  # fmt: skip
-    claimed = beside or behind
+    claimed = beside or (behind if behind.lower() in KNOWN_UNITS else "")
     plain = stated.lower() in VOLTAGES and claimed.lower() == "m_s2"  # the standard heading over numbers in volts
     if stated and claimed and not plain and not _same(valid, stated, claimed):
         by = Sentence(" as study.toml says", on_page=" as was said here")
         remarks.append(Sentence(f"{channel} is in {stated}", by, f", though the file says {shown(claimed)}"))
-    return stated or claimed
+    return stated or beside or behind
 
 
 def _same(valid: Mapping[str, float], one: str, other: str) -> bool:
@@ -230,12 +230,19 @@ def _same(valid: Mapping[str, float], one: str, other: str) -> bool:
     return valid.get(one) == valid.get(other) and (one in VOLTAGES) == (other in VOLTAGES)
 
 
-def _by_unit(columns: Columns) -> int | None:
-    """The first column that has a unit of time, beside it or in brackets behind its name, under whatever name."""
+def _by_unit(columns: Columns) -> tuple[int, str] | None:
+    """The first column that has a unit of time under whatever name, and the unit.
+
+    It stands beside the name, in brackets behind it, behind the name of a time (timestamp_ms), or
+    is the first word (seconds_elapsed).
+    """
     for index, name in enumerate(columns.names):
-        bracketed = name_and_unit(name)[1] if name.strip()[-1:] in ")]" else ""
-        if (columns.units[index] or bracketed).lower() in TIME_UNITS:
-            return index
+        stem, behind = name_and_unit(name)
+        bracketed = behind if name.strip()[-1:] in ")]" else ""
+        units = [columns.units[index] or bracketed, behind if index in columns.times else "", stem]
+        known = (u for u in units if u.lower() in TIME_UNITS and (u != stem or len(u) > _SHORT))
+        if unit := next(known, ""):
+            return index, unit
     return None
 
 
@@ -292,9 +299,6 @@ def _clocks(
     """The column of times of each channel that does not share the time of the file.
 
     A table repeats its time in front of each sensor, a file with groups in each of them, and names share a word.
-
-    Raises:
-        InputFileError: study.toml names a column of times that is none.
     """
     main = next((chosen[key][0] for key in ("time_s", "time") if key in chosen), None)
     times = sorted({*columns.times, *(() if main is None else (main,))})

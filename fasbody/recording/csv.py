@@ -21,17 +21,28 @@ from fasbody.recording.columns import Columns, Use, assign
 from fasbody.recording.headings import (
     STAMP,
     Headings,
-    above_numbers,
+    find_header,
+    first_number_row,
     first_samples,
-    headed,
-    header,
-    headless,
-    row_after,
-    stated,
-    value,
+    header_above_numbers,
+    is_sample,
+    read_headings,
+    read_statements,
     without_footer,
 )
-from fasbody.recording.text import COMMENT, PIECE, Passage, lines, number, numeric, offset, read_text, rows, split
+from fasbody.recording.text import (
+    COMMENT,
+    PIECE,
+    Passage,
+    lines,
+    number,
+    numeric,
+    offset,
+    read_text,
+    rows,
+    rows_below,
+    split,
+)
 from fasbody.sentences import Sentence
 
 if TYPE_CHECKING:
@@ -139,10 +150,16 @@ class TextTable:
         return [says, *self.headings.remarks]
 
     @cached_property
+    def first_row(self) -> list[str]:
+        """The cells of the first row of numbers."""
+        below = rows_below(self.head, self.headings.first, self.headings.separator)
+        return next((cells for _, cells in below), [])
+
+    @cached_property
     def stamped(self) -> frozenset[int]:
         """Columns of times of the day."""
-        cells = row_after(self.head, self.headings.first, self.headings.separator)
-        return frozenset(i for i, cell in enumerate(cells[: len(self.names)]) if STAMP.fullmatch(cell))
+        cells = self.first_row[: len(self.names)]
+        return frozenset(i for i, cell in enumerate(cells) if STAMP.fullmatch(cell))
 
     def numbers(self, indices: Mapping[str, int]) -> Channels:
         """Columns as floats (n,), NaN where a cell is empty, times of the day in seconds: by name, from their index.
@@ -172,7 +189,7 @@ class TextTable:
             (at, piece), following = following, next(pieces, None)
             piece = piece[offset(piece, above - at) :] if at < above else piece
             if following is None:
-                piece, self.footer[:] = without_footer(piece)
+                piece, self.footer[:] = without_footer(piece, self.headings.separator)
             yield max(at, above), piece
 
     def rising(self, time_s: np.ndarray) -> list[int]:
@@ -189,9 +206,10 @@ class TextTable:
     def sample(self, most: int = 500) -> np.ndarray:
         """The first rows of numbers, (columns, rows); NaN where a cell is none."""
         kept: list[list[float]] = []
-        for row in lines(self.head, offset(self.head, self.headings.first)):
-            cells = [] if COMMENT.match(row) else split(row, self.headings.separator)
-            if len(kept) < most and len(cells) == len(self.names) and any(map(numeric, cells)):
+        for _, cells in rows_below(self.head, self.headings.first, self.headings.separator):
+            if len(kept) == most:
+                break
+            if len(cells) == len(self.names) and any(map(numeric, cells)):
                 kept.append([number(cell) if numeric(cell) else np.nan for cell in cells])
         return np.array(kept, float).reshape(-1, len(self.names)).T
 
@@ -235,46 +253,44 @@ def _end(table: TextTable) -> int | None:
     if _WORDED.match(text, start):
         return None  # each row begins with a word
     for match in _WORDED.finditer(text, start):
-        if not any(map(value, split(match[0], separator))):
-            below = text[match.start() :]
-            more = above_numbers(below)
-            return None if more is None else table.passage.first + text.count("\n", 0, match.start())
+        if not any(map(is_sample, split(match[0], separator))):
+            if header_above_numbers(text[match.start() :]) is None:
+                return None
+            return table.passage.first + text.count("\n", 0, match.start())
     return None
 
 
 def _table(passage: Passage, layout: Layout, strict: bool) -> TextTable:
     """The headings of a passage, and where its numbers begin."""
     file, head = passage.file, next((piece for _, piece in passage.pieces()), "")
-    line, separator, names = header(head, layout.known)
-    if not any(names):
-        raise InputFileError(file, "is empty", "the first line must be time_s,base_m_s2,malleolus_m_s2")
-    bare = None if layout.known(names) and not layout.columns else headless(head, names, line, separator, layout)
-    if bare is None:
-        if not layout.known(names) and any(c.column[:1] == "#" for c in layout.channels.values()):
-            line, separator, names = above_numbers(head) or (line, separator, names)
-        return TextTable(passage, head, headed(head, line, separator, names))
-    line, separator, width = bare
-    rate, others = stated([row for row in islice(lines(head), line - 1) if row.strip()])
+    header = find_header(head, layout.known)
+    if not any(header.names):
+        hint = "the first line must be time_s,base_m_s2,malleolus_m_s2"
+        raise InputFileError(file, "is empty", hint)
+    known = layout.known(header.names)
+    numbers = first_number_row(head, header, layout) if layout.columns or not known else None
+    if numbers is None:
+        if not known and any(channel.column[:1] == "#" for channel in layout.channels.values()):
+            header = header_above_numbers(head) or header
+        return TextTable(passage, head, read_headings(head, header))
     if strict and not layout.columns:
-        raise InputFileError(
-            file, "has no header line",
-            Sentence(
-                "the first line must be time_s,base_m_s2,malleolus_m_s2",
-                Sentence(
-                    ", or --columns time_s,base_g,... (study.toml: columns) must name its columns",
-                    on_page="; write it above the numbers",
-                ),
-            ),
-        )  # fmt: skip
+        columns = ", or --columns time_s,base_g,... (study.toml: columns) must name its columns"
+        hint = Sentence(
+            "the first line must be time_s,base_m_s2,malleolus_m_s2",
+            Sentence(columns, on_page="; write it above the numbers"),
+        )
+        raise InputFileError(file, "has no header line", hint)
+    line, separator, width = numbers
     if layout.columns and width != len(layout.columns):
         listed = shown(", ".join(layout.columns))
-        raise InputFileError(
-            file, f"has {width} columns, and {len(layout.columns)} are named ({listed})",
-            "name every column, with any word for those that are no channel", line,
-        )  # fmt: skip
+        problem = f"has {width} columns, and {len(layout.columns)} are named ({listed})"
+        hint = "name every column, with any word for those that are no channel"
+        raise InputFileError(file, problem, hint, line)
+    rate, others = read_statements([row for row in islice(lines(head), line - 1) if row.strip()])
     units = layout.units or ("",) * len(layout.columns)
     skipped = tuple(f"a line above the numbers ({shown(row)})" for row in others)
-    return TextTable(passage, head, Headings(separator, layout.columns, units, 0, line - 1, skipped, rate))
+    headings = Headings(separator, layout.columns, units, 0, line - 1, skipped, rate)
+    return TextTable(passage, head, headings)
 
 
 def _joined(parts: list[np.ndarray]) -> np.ndarray:
@@ -339,7 +355,7 @@ def _like_thousands(values: np.ndarray) -> bool:
 def _numbers(table: TextTable, body: str, after: int, indices: Mapping[str, int]) -> Channels:
     """The columns of these indices in a piece: fast for a sound one, else line by line to find the error."""
     separator, width = table.headings.separator, len(table.names)
-    sample = row_after(table.head, table.headings.first, separator)
+    sample = table.first_row
     decimal = "," if any("," in sample[i] for i in indices.values() if i < len(sample)) else "."
     marked = any(mark in body for mark in ("#", "%", "//"))  # a search by pattern takes as long as the parser
     plain = body
@@ -360,11 +376,7 @@ def _numbers(table: TextTable, body: str, after: int, indices: Mapping[str, int]
 
 
 def _parsed(data: bytes, separator: str, decimal: str, order: Sequence[int], width: int) -> list[np.ndarray]:
-    """Columns (n,) of a sound table, in this order, NaN where a cell is empty.
-
-    Raises:
-        ValueError, TypeError: something in them is no finite number.
-    """
+    """Columns (n,) of a sound table, in this order, NaN where a cell is empty."""
     if not data.strip():
         return [np.empty(0) for _ in order]
     # pandas takes for numbers, or for none, what numpy refuses: 1_0, NA; where it is not needed it gets plain numbers
@@ -462,7 +474,7 @@ def read_table(file: Path, needed: Sequence[str]) -> Rows:
         InputFileError: it is no table, or lacks a needed column.
     """
     text = read_text(file)
-    line, separator, names = header(text, lambda cells: len(set(cells) & set(needed)))
+    line, separator, names = find_header(text, lambda cells: len(set(cells) & set(needed)))
     if not any(names):
         raise InputFileError(file, "is empty", f"its header must name {', '.join(needed)}")
     for name in needed:
@@ -497,7 +509,7 @@ def read_columns(file: Path) -> "pd.DataFrame":
     import pandas as pd
 
     text = read_text(file)
-    _, separator, names = header(text, lambda cells: 0)
+    _, separator, names = find_header(text, lambda cells: 0)
     headed = not all(numeric(cell) for cell in names if cell)
     try:
         table = pd.read_csv(

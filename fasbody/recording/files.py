@@ -123,11 +123,7 @@ def _scaled(values: np.ndarray, scale: float) -> np.ndarray:
 def _without_gaps(
     source: "TextTable | _SeriesTable", uses: Mapping[str, Use], numbers: Channels
 ) -> tuple[Channels, dict[str, np.ndarray]]:
-    """Columns without their empty cells, and the rows that a slower channel has of those that share one time.
-
-    Raises:
-        InputFileError: a column lacks a number where others have one.
-    """
+    """Columns without their empty cells, and the rows that a slower channel has of those that share one time."""
     time = next((numbers[key] for key in ("time_s", "time") if key in numbers), None)
     ends = {key: _end(values) for key, values in numbers.items()}
     shared = [ends[key] for key, use in uses.items() if use.clock is None]
@@ -166,11 +162,7 @@ _TAKE, _ANEW = 50, 0.1
 
 
 def _one_take(file: Path, channels: Channels, layout: Layout) -> Channels:
-    """The channels of one take, where the time begins anew.
-
-    Raises:
-        InputFileError: there are several, and study.toml names none; or there is no such take.
-    """
+    """The channels of one take, where the time begins anew."""
     t = channels["time_s"]
     back = np.flatnonzero(np.diff(t) < 0) + 1
     edges = [0, *back.tolist(), t.size]
@@ -187,11 +179,7 @@ def _clocks(
     source: "TextTable | _SeriesTable", uses: Mapping[str, Use], channels: Channels, layout: Layout,
     rate_hz: float | None,
 ) -> Channels:  # fmt: skip
-    """Times [s] of the channels that have a column of times for themselves; one that does not rise is no clock.
-
-    Raises:
-        InputFileError: its unit is not known; or study.toml calls it a clock, and it does not rise.
-    """
+    """Times [s] of the channels that have a column of times for themselves; one that does not rise is no clock."""
     apart = {key: use.clock for key, use in uses.items() if use.clock is not None}
     clocks: Channels = {}
     for key, index in apart.items():

@@ -139,11 +139,6 @@ def _with_slopes(passed: np.ndarray, f: float, half: float) -> np.ndarray:
     return np.column_stack([np.ones_like(turn), cos, sin, passed / half * cos, passed / half * sin])
 
 
-def _solved(P: np.ndarray, N: np.ndarray, right: np.ndarray, signal: np.ndarray) -> np.ndarray:
-    """Coefficients of columns P (n, p), or of all blocks of a long signal by their sum N of P^T P."""
-    return _Basis(P, N).solve(signal) if len(P) == signal.size else np.linalg.solve(N, right)
-
-
 #: Means of a long signal are not slower than this: feet are shaken at less than a quarter of it.
 _SLOW_HZ = 500.0
 
@@ -184,91 +179,96 @@ def narrow_share(time_s: np.ndarray, signal: np.ndarray, frequency_hz: float) ->
 _MOST_NOISE = 0.2
 
 
-class _Basis:
-    """Columns P (n, p) of a least-squares fit, and what all signals on them share."""
+#: Samples whose columns fit a processor's memory, and from which on columns are not kept.
+_BLOCK, _LONG = 1 << 15, 1_500_000
 
-    def __init__(self, P: np.ndarray, N: np.ndarray | None = None) -> None:
-        self.P, self.N = P, P.T @ P if N is None else N
-        self._normal = np.linalg.cond(self.N) < 1e4
+
+class _Basis:
+    """1 and the harmonics of a frequency, as columns P (n, 2 h + 1) of a least-squares fit.
+
+    Of very many samples they are made anew, block by block, for each use: 41 columns of 3e6 samples
+    take 1 GB.
+    """
+
+    def __init__(
+        self, time_s: np.ndarray, frequency_hz: float, count: int, keep: bool = True
+    ) -> None:
+        if time_s.size <= 2 * count + 1:
+            raise RecordingError(
+                f"{time_s.size} samples are too few for {count} harmonics; record at least one "
+                "period."
+            )
+        self.time_s, self.frequency_hz, self.count = time_s, frequency_hz, count
+        self._columns = _columns(time_s, frequency_hz, count) if keep else None
         self._parts: dict[tuple[int, int], list[tuple[slice, _Basis]]] = {}
 
+    def blocks(self) -> Iterator[tuple[slice, np.ndarray, np.ndarray]]:
+        """The samples of each block, its columns P, and P^T P."""
+        if self._columns is not None:
+            yield slice(None), *self._columns
+            return
+        for start in range(0, self.time_s.size, _BLOCK):
+            part = slice(start, start + _BLOCK)
+            yield part, *_columns(self.time_s[part], self.frequency_hz, self.count)
+
     def solve(self, signal: np.ndarray) -> np.ndarray:
-        """Coefficients (p,); harmonics over whole periods are nearly orthogonal: normal equations lose no digits."""
-        if self._normal:
-            return np.linalg.solve(self.N, self.P.T @ signal)
-        return np.linalg.lstsq(self.P, signal, rcond=None)[0]
+        """Coefficients (2 h + 1,) of a signal (n,)."""
+        size = 2 * self.count + 1
+        N, right, P = np.zeros((size, size)), np.zeros(size), np.empty((0, size))
+        for part, P, products in self.blocks():
+            N, right = N + products, right + P.T @ signal[part]
+        return _solved(P, N, right, signal)
 
     def residual(self, signal: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
         """What the columns leave of a signal (n,)."""
-        return signal - self.P @ coefficients
+        return np.concatenate([signal[part] - P @ coefficients for part, P, _ in self.blocks()])
 
     def parts(self, count: int, parts: int) -> "list[tuple[slice, _Basis]]":
         """The first `count` harmonics on each of so many parts of the time."""
         if (count, parts) not in self._parts:
-            edges = np.linspace(0, len(self.P), parts + 1).astype(int)
-            made = [(slice(a, b), _Basis(self.P[a:b, : 2 * count + 1])) for a, b in pairwise(edges)]
-            self._parts[count, parts] = made
+            edges = np.linspace(0, self.time_s.size, parts + 1).astype(int)
+            keep = self._columns is not None
+            self._parts[count, parts] = [
+                (slice(a, b), _Basis(self.time_s[a:b], self.frequency_hz, count, keep))
+                for a, b in pairwise(edges)
+            ]
         return self._parts[count, parts]
 
 
-class _LongBasis:
-    """The same of harmonics over so many samples that their columns are made anew, block by block, for each use."""
+def _solved(P: np.ndarray, N: np.ndarray, right: np.ndarray, signal: np.ndarray) -> np.ndarray:
+    """Coefficients of columns P (n, p), or of all blocks of a long signal, with P^T P = N.
 
-    def __init__(self, time_s: np.ndarray, frequency_hz: float, count: int) -> None:
-        self._time, self._frequency, self._count = time_s, frequency_hz, count
-
-    def solve(self, signal: np.ndarray) -> np.ndarray:
-        """Coefficients (p,), from the normal equations: so many periods are nearly orthogonal."""
-        N, right = np.zeros((2 * self._count + 1,) * 2), np.zeros(2 * self._count + 1)
-        for part, basis in self._blocks():
-            N, right = N + basis.N, right + basis.P.T @ signal[part]
+    Harmonics over whole periods are nearly orthogonal: normal equations lose no digits there.
+    """
+    if len(P) < signal.size or np.linalg.cond(N) < 1e4:
         return np.linalg.solve(N, right)
-
-    def residual(self, signal: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
-        """What the columns leave of a signal (n,)."""
-        left = np.empty_like(signal)
-        for part, basis in self._blocks():
-            left[part] = basis.residual(signal[part], coefficients)
-        return left
-
-    def parts(self, count: int, parts: int) -> "Iterator[tuple[slice, _Basis | _LongBasis]]":
-        """The first `count` harmonics on each of so many parts of the time."""
-        for a, b in pairwise(np.linspace(0, self._time.size, parts + 1).astype(int)):
-            yield slice(a, b), _LongBasis(self._time[a:b], self._frequency, count)
-
-    def _blocks(self) -> "Iterator[tuple[slice, _Basis]]":
-        for a in range(0, self._time.size, _BLOCK):
-            part = slice(a, min(self._time.size, a + _BLOCK))
-            yield part, _made(self._time[part], self._frequency, self._count)
+    return np.linalg.lstsq(P, signal, rcond=None)[0]
 
 
-#: Samples whose columns fit a processor's memory, and from which on they are not kept: a basis of 41 takes 1 GB of 3e6.
-_BLOCK, _LONG = 1 << 15, 1_500_000
-
-
-def _basis(time_s: np.ndarray, frequency_hz: float, count: int) -> "_Basis | _LongBasis":
+def _basis(time_s: np.ndarray, frequency_hz: float, count: int) -> _Basis:
     if time_s.size > _LONG:
-        return _LongBasis(time_s, frequency_hz, count)
-    return _kept_basis(time_s.tobytes(), frequency_hz, count)
+        return _Basis(time_s, frequency_hz, count, keep=False)
+    return _shared_basis(time_s.tobytes(), frequency_hz, count)
 
 
 @functools.lru_cache(maxsize=4)  # the channels of a recording have one basis
-def _kept_basis(times: bytes, frequency_hz: float, count: int) -> _Basis:
-    return _made(np.frombuffer(times), frequency_hz, count)
+def _shared_basis(times: bytes, frequency_hz: float, count: int) -> _Basis:
+    return _Basis(np.frombuffer(times), frequency_hz, count)
 
 
-def _made(time_s: np.ndarray, frequency_hz: float, count: int) -> _Basis:
-    if time_s.size <= 2 * count + 1:
-        raise RecordingError(f"{time_s.size} samples are too few for {count} harmonics; record at least one period.")
+def _columns(
+    time_s: np.ndarray, frequency_hz: float, count: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Columns P (n, 2 h + 1), and P^T P."""
     P = np.ones((2 * count + 1, time_s.size))
     first = np.exp(2j * np.pi * frequency_hz * time_s)
     turning, sums = first.copy(), [complex(time_s.size)]
-    for m in range(1, 2 * count + 1):  # exp(i m w t) by multiplication: sines of each would cost most of the fit
+    for m in range(1, 2 * count + 1):  # by multiplication: sines of each would cost most of the fit
         if m <= count:
             P[2 * m - 1], P[2 * m] = turning.real, turning.imag
         sums.append(turning.sum())
         turning *= first
-    return _Basis(P.T, _products(np.array(sums)))
+    return P.T, _products(np.array(sums))
 
 
 def _products(sums: np.ndarray) -> np.ndarray:
@@ -309,7 +309,7 @@ def _colour(power: np.ndarray, bin_hz: float, frequency_hz: float, count: int) -
 
 
 def _with_scatter(
-    basis: _Basis | _LongBasis,
+    basis: _Basis,
     time_s: np.ndarray,
     signal: np.ndarray,
     frequency_hz: float,

@@ -1,59 +1,102 @@
-"""What stands above the numbers of a text: headings, their parts and units, statements, and where the numbers begin."""
+"""What stands above the numbers of a text: words, names of columns, their units; where the numbers begin.
+
+Programs write, in this order and with all but the names left out at will::
+
+    Logger 4711; Interval= 0.001 s     a preamble, which may state the sampling rate
+    Base,,,Ankle,,                     merged cells over several columns
+    X,Y,Z,X,Y,Z                        the names, on the line of the header
+    g,g,g,g,g,g                        parts of the names, units, counts of samples, statements
+    0.1,0.2,0.9,0.1,0.3,0.8            the numbers
+    End of file                        a footer
+
+`find_header` finds the line of the header, `read_headings` reads from there to the numbers, and
+`read_statements` the preamble.
+"""
 
 import re
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
+from typing import NamedTuple
 
 from fasbody.exceptions import shown
 from fasbody.presentation import counted
 from fasbody.recording.channels import KNOWN_UNITS, TIME_UNITS, Layout
 from fasbody.recording.formats.series import FormatError, stated_rate
-from fasbody.recording.text import COMMENT, SEPARATORS, lines, numeric, offset, split
+from fasbody.recording.text import (
+    COMMENT,
+    SEPARATORS,
+    lines,
+    numeric,
+    offset,
+    rows_below,
+    separator_of,
+    split,
+)
 
 #: A line of measured numbers, which is no header.
 _SAMPLES = re.compile(r"[\s\d.,;|eE+-]*\.[\s\d.,;|eE+-]*")
 #: A time of the day, with or without its date before it; without its hour it has decimals.
 STAMP = re.compile(
-    r"(?:[\d./-]{8,10}[T ]+)?(?:(\d{1,2}):(?=\d\d:\d\d)|(?=\d\d:\d\d[.,]))(\d\d):(\d\d(?:[.,]\d+)?)"
+    r"(?:[\d./-]{8,10}[T ]+)?"
+    r"(?:(\d{1,2}):(?=\d\d:\d\d)|(?=\d\d:\d\d[.,]))(\d\d):(\d\d(?:[.,]\d+)?)"
     r"(?:Z|[+-]\d\d:?\d\d|\s*([AaPp])\.?[Mm]\.?)?"
 )
 #: Lines in which a header is looked for, and rows of headings, units and counts at most.
 _HEADER_LINES, _HEADING_ROWS = 200, 12
-#: What stands in front of a row of names, or of statements below them, and is no name.
-_TITLED = re.compile(r"[A-Z]+_NAMES|\w+=", re.IGNORECASE)
+#: What stands in front of a row of names (Qualisys: CHANNEL_NAMES), or of statements below them.
+_TITLE = re.compile(r"[A-Z]+_NAMES|\w+=", re.IGNORECASE)
 _KEY = re.compile(r"[A-Za-z]\w+=?")
-#: A name, its unit perhaps, and a number with its unit, as ``Sampling frequency [Hz],1000`` or ``Interval= 0.001 s``.
-_STATED = re.compile(
-    r"^\W*(?P<name>[A-Za-z][A-Za-z_ -]*?)\s*(?:[\[(](?P<of>[^\])]*)[\])])?\s*[=:;,\t ]+(?:analog:)?\s*"
-    r"(?P<number>\d[\d.]*(?:e[-+]?\d+)?)\s*(?P<unit>[a-zµ/]*)",
+_GAIN = re.compile(r"gain|scale|factor|sensitivity", re.IGNORECASE)
+#: A name, perhaps its unit, and a number with its unit: ``Sampling frequency [Hz],1000``.
+_STATEMENT = re.compile(
+    r"^\W*(?P<name>[A-Za-z][A-Za-z_ -]*?)\s*(?:[\[(](?P<of>[^\])]*)[\])])?\s*"
+    r"[=:;,\t ]+(?:analog:)?\s*(?P<number>\d[\d.]*(?:e[-+]?\d+)?)\s*(?P<unit>[a-zµ/]*)",
     re.IGNORECASE,
 )
 #: The same of BIOPAC and ActiGraph, the number first.
-_TURNED = (
-    ("dt", re.compile(r"^(?P<number>\d[\d.]*)\s*(?P<unit>msec|sec|ms|s)/sample", re.IGNORECASE)),
-    ("fs", re.compile(r"date format .* at (?P<number>\d+)\s*(?P<unit>hz)\b", re.IGNORECASE)),
-)
-_FREQUENCIES = {"hz": 1.0, "khz": 1e3, "": 1.0}
-#: What texts call a rate or an interval besides; Qualisys alone means it by FREQUENCY, which others have of their sine.
-_RATES = ("rate", "sample_frequency", "scan_rate", "data_rate", "acquisition_rate", "abtastrate", "abtastfrequenz")
-_STEPS = ("interval", "sample_interval", "sample_period", "sampling_period", "sample_time", "time_step", "delta_x")
-_OTHER_NAMES = dict.fromkeys(_RATES, "fs") | dict.fromkeys(_STEPS, "dt")
+_NUMBER_FIRST = {
+    "dt": re.compile(r"^(?P<number>\d[\d.]*)\s*(?P<unit>msec|sec|ms|s)/sample", re.IGNORECASE),
+    "fs": re.compile(r"date format .* at (?P<number>\d+)\s*(?P<unit>hz)\b", re.IGNORECASE),
+}
+_STATED_UNITS = {"hz": 1.0, "khz": 1e3, "": 1.0} | TIME_UNITS
+#: What texts call a sampling rate (fs) or interval (dt), besides the names of `stated_rate`.
+_STATED_NAMES = dict.fromkeys(
+    ("rate", "sample_frequency", "scan_rate", "data_rate", "acquisition_rate", "abtastrate",
+     "abtastfrequenz"), "fs"
+) | dict.fromkeys(
+    ("interval", "sample_interval", "sample_period", "sampling_period", "sample_time",
+     "time_step", "delta_x"), "dt"
+)  # fmt: skip
+
+
+class Header(NamedTuple):
+    """The row with the names of the columns.
+
+    Attributes:
+        line: its number in the text, from 1.
+        separator: between the names.
+        names: of the columns.
+    """
+
+    line: int
+    separator: str
+    names: list[str]
 
 
 @dataclass(frozen=True)
 class Headings:
-    """The headings of a text.
+    """What a text says of its columns.
 
     Attributes:
-        separator: of its columns.
+        separator: between cells.
         names: of the columns.
         units: of the columns, "" where no row states it.
         line: number of the line of the names, 0 without.
         first: how many lines stand above the numbers.
         skipped: rows that are in no use, in words.
         rate_hz: the sampling rate that a line states.
-        remarks: on statements that differ between the channels, in sentences without the file's name.
+        remarks: on statements that differ between the channels, without the file's name.
     """
 
     separator: str
@@ -66,118 +109,195 @@ class Headings:
     remarks: tuple[str, ...] = ()
 
 
-def header(text: str, score: Callable[[Sequence[str]], int]) -> tuple[int, str, list[str]]:
-    """Where the header is, below whatever a program wrote first: number of its line, separator, names.
+def find_header(text: str, score: Callable[[Sequence[str]], int]) -> Header:
+    """The line with most known names; without any the first line that is not a comment.
 
     Args:
         text: of the file.
-        score: how many of a line's cells are known names; the first line with most of them wins,
-            and without any the first line that is not a comment.
+        score: how many of a line's cells are known names.
     """
-    best, result = 0, (1, ",", [""])
-    for place, line in enumerate(islice(lines(text), _HEADER_LINES), 1):
+    best, header = 0, Header(1, ",", [""])
+    for number, line in enumerate(islice(lines(text), _HEADER_LINES), 1):
         if best and _SAMPLES.fullmatch(line):
             continue
-        bare = re.sub(r"^\s*(#|%|//)\s*", "", line)  # some programs write the header as a comment
+        uncommented = re.sub(r"^\s*(#|%|//)\s*", "", line)  # some write the header as a comment
         for separator in SEPARATORS:
-            if separator not in bare:
+            if separator not in uncommented:
                 continue
-            names = split(bare, separator)
+            names = split(uncommented, separator)
             if score(names) > best:
-                best, result = score(names), (place, separator, names)
-        if not best and not result[2][0] and line.strip() and not COMMENT.match(line):
-            separator = next((s for s in SEPARATORS if s in line.strip()), ",")
-            result = (place, separator, split(line, separator))
-    return result
+                best, header = score(names), Header(number, separator, names)
+        if not best and not header.names[0] and line.strip() and not COMMENT.match(line):
+            separator = separator_of(line)
+            header = Header(number, separator, split(line, separator))
+    return header
 
 
-def stated(above: Sequence[str]) -> tuple[float | None, tuple[str, ...]]:
-    """The sampling rate [Hz] that lines state, None without or where two of them disagree; and the other lines."""
-    statements, others = list[tuple[str, float | None]](), list[str]()
+def first_number_row(text: str, header: Header, layout: Layout) -> tuple[int, str, int] | None:
+    """The first row of numbers of a text without a header; None where there is a header.
+
+    Args:
+        text: whole.
+        header: by `find_header`.
+        layout: where study.toml names the columns, words above as many numbers are a preamble.
+
+    Returns:
+        Number of its line, separator, and how many cells it has.
+    """
+    if all(is_sample(cell) for cell in header.names if cell):
+        return header.line, header.separator, len(header.names)
+    if not layout.columns:
+        return None
+    channels = [index for index, name in enumerate(layout.columns) if layout.known([name])]
+    rows = _rows_of_numbers(text, channels)
+    return next((row for row in rows if row[2] == len(layout.columns)), None)
+
+
+def _rows_of_numbers(text: str, needed: Sequence[int] = ()) -> Iterator[tuple[int, str, int]]:
+    """Line, separator and width of each of the first rows with samples in the needed columns.
+
+    All columns are needed unless two or more are named.
+    """
+    for number, line in enumerate(islice(lines(text), _HEADER_LINES), 1):
+        cells = split(line, separator_of(line))
+        samples = [cells[i] for i in needed if i < len(cells)] if len(needed) > 1 else cells
+        if len(cells) > 1 and not COMMENT.match(line) and all(map(is_sample, samples)):
+            yield number, separator_of(line), len(cells)
+
+
+def header_above_numbers(text: str) -> Header | None:
+    """The row of headings above the first row of samples, and above its units.
+
+    A row of units is the header where no other row of words stands above it.
+    """
+    first = next(_rows_of_numbers(text), None)
+    if first is None:
+        return None
+    units, (line, separator, width) = None, first
+    for number, row in reversed(list(enumerate(islice(lines(text), line - 1), 1))):
+        names = split(row, separator)
+        if len(names) < width or any(map(numeric, names)):
+            continue
+        if not any(without_brackets(name).lower() in KNOWN_UNITS for name in names):
+            return Header(number, separator, names)
+        units = units or Header(number, separator, names)
+    return units
+
+
+def read_headings(text: str, header: Header) -> Headings:
+    """Names, units and statements from the header's line to the first row of numbers.
+
+    Args:
+        text: from its first line on.
+        header: by `find_header`.
+    """
+    line, separator, names = header
+    samples = first_samples(text, line, separator)
+    titled = bool(_TITLE.fullmatch(names[0]))
+    if titled and len(names) == len(samples) + 1:
+        names = names[1:]
+    names = _spread(names, samples)
+    groups = _merged_cells_above(text, header, names)
+    if groups:
+        groups = _spread(groups, samples)
+        names = [f"{group} {name}".strip() for group, name in zip(groups, names, strict=True)]
+    units, first = [""] * len(names), line
+    skipped, statements = list[str](), list[str]()
+    for number, row in rows_below(text, line, separator):
+        cells = _fitted(row, len(names))
+        if number > line + _HEADING_ROWS:
+            break
+        if _are_parts(cells, names):
+            repeated = [names.count(name) > 1 for name in names]
+            units = ["" if again else without_brackets(cell)
+                     for again, cell in zip(repeated, cells, strict=True)]  # fmt: skip
+            names = [f"{name} {cell}".strip() if again else name
+                     for again, name, cell in zip(repeated, names, cells, strict=True)]  # fmt: skip
+        elif _are_units(cells):
+            statements += [f"{name} = {cell}" for name, cell in zip(names, cells, strict=True)
+                           if numeric(cell)]  # fmt: skip
+            units = ["" if numeric(cell) else without_brackets(cell) for cell in cells]
+            while len(units) > len(samples) and not units[-1]:
+                names, units = names[:-1], units[:-1]  # as Rigol: the increment behind the units
+        elif _are_counts(cells, samples):
+            skipped.append(f"a row of counts ({shown(separator.join(cells))})")
+        elif any(units) and not any(map(is_sample, cells)) and all(cells):
+            skipped.append(f"a row of words ({shown(separator.join(cells))})")
+        elif titled and _KEY.fullmatch(cells[0]):
+            statements.append(" ".join(row))
+        else:
+            break
+        first = number
+    above = islice(lines(text), line - (2 if groups else 1))
+    rate, others = read_statements([*(row for row in above if row.strip()), *statements])
+    if others:
+        count = counted(len(others), "line")
+        skipped.append(f"{count} beside the headings ({shown('; '.join(others))})")
+    remarks = tuple(_unequal_gains(statements))
+    return Headings(
+        separator, tuple(names), tuple(units), line, first, tuple(skipped), rate, remarks
+    )
+
+
+def read_statements(above: Sequence[str]) -> tuple[float | None, tuple[str, ...]]:
+    """The sampling rate [Hz] that lines state, and the lines that state none.
+
+    Where two lines disagree, neither counts.
+    """
+    rates, others = list[tuple[str, float | None]](), list[str]()
     for line in above:
-        rate = _rate(line)
-        statements += [] if rate is None else [rate]
-        others += [" ".join(line.split())] if rate is None and line.strip(' \t,;#%/-"') else []
+        rate = _stated_rate(line)
+        if rate is not None:
+            rates.append(rate)
+        elif line.strip(' \t,;#%/-"'):
+            others.append(" ".join(line.split()))
     try:
-        return stated_rate(statements), tuple(others)
+        return stated_rate(rates), tuple(others)
     except FormatError:
         return None, tuple(line.strip() for line in above if line.strip())
 
 
-def _rate(line: str) -> tuple[str, float] | None:
-    """A line's statement of a rate or interval: its name as in `stated_rate`, and the number in Hz or s."""
-    match = _STATED.match(line)
-    turned = ((name, hit) for name, pattern in _TURNED if (hit := pattern.search(line)))
-    name, match = (match["name"], match) if match else next(turned, ("", None))
+def _stated_rate(line: str) -> tuple[str, float] | None:
+    """The name of a rate or interval as in `stated_rate`, and its number in Hz or s."""
+    match = _STATEMENT.match(line)
+    if match and match["name"] == "FREQUENCY":  # of Qualisys; others have one of their sine
+        key = "fs"
+    elif match:
+        key = re.sub(r"[ _-]+", "_", match["name"].strip().lower())
+    else:
+        hits = ((key, pattern.search(line)) for key, pattern in _NUMBER_FIRST.items())
+        key, match = next((hit for hit in hits if hit[1]), ("", None))
     if match is None:
         return None
+    key = _STATED_NAMES.get(key, key)
     unit = (match["unit"] or match.groupdict().get("of") or "").lower()
-    key = re.sub(r"[ _-]+", "_", name.strip().lower())
-    key = "fs" if name == "FREQUENCY" else _OTHER_NAMES.get(key, key)
-    scale = {**_FREQUENCIES, **TIME_UNITS}.get(unit)
     try:
-        value = float(match["number"])
-        known = stated_rate([(key, value)])
+        number = float(match["number"])
+        known = stated_rate([(key, number)]) is not None
     except (ValueError, ZeroDivisionError):
         return None
-    return None if known is None or scale is None else (key, scale * value)
+    return (key, _STATED_UNITS[unit] * number) if known and unit in _STATED_UNITS else None
 
 
-def headless(
-    text: str, names: Sequence[str], line: int, separator: str, layout: Layout
-) -> tuple[int, str, int] | None:  # fmt: skip
-    """Line, separator and width of the first row of numbers where no line is a header, None where one is.
-
-    Args:
-        text: whole.
-        names: headings by `header`.
-        line: number of their line.
-        separator: between them.
-        layout: where study.toml names the columns, lines of words above as many numbers are a
-            preamble.
-    """
-    if all(value(cell) for cell in names if cell):
-        return line, separator, len(names)
-    meant = [index for index, name in enumerate(layout.columns) if layout.known([name])]
-    rows_of_numbers = _rows_of_numbers(text, meant) if layout.columns else iter(())
-    return next((row for row in rows_of_numbers if row[2] == len(layout.columns)), None)
+def _unequal_gains(statements: Sequence[str]) -> Iterator[str]:
+    """A sentence on each row of gains that are not alike for all channels."""
+    for row in statements:
+        key, *cells = row.split()
+        if _GAIN.search(key) and len(set(filter(numeric, cells))) > 1:
+            yield (
+                f"the row {shown(row)!r} states factors that differ between the channels, and is "
+                "not applied; if the numbers do not contain them yet, give study.toml a "
+                "sensitivity for each channel"
+            )
 
 
-def _rows_of_numbers(text: str, meant: Sequence[int] = ()) -> Iterator[tuple[int, str, int]]:
-    """Line, separator and width of the first rows with samples in the columns of study.toml, or in all."""
-    for place, row in enumerate(islice(lines(text), _HEADER_LINES), 1):
-        separator = next((s for s in SEPARATORS if s in row.strip()), ",")
-        cells = split(row, separator)
-        some = [cells[index] for index in meant if index < len(cells)] if len(meant) > 1 else cells
-        if row.strip() and not COMMENT.match(row) and all(map(value, some)) and len(cells) > 1:
-            yield place, separator, len(cells)
-
-
-def above_numbers(text: str) -> tuple[int, str, list[str]] | None:
-    """The row of headings above the first row of samples, and above its units: line, separator, names.
-
-    A row of units is the headings where none stands above it.
-    """
-    for first, separator, width in _rows_of_numbers(text):
-        units = None
-        for place, row in reversed(list(enumerate(islice(lines(text), first - 1), 1))):
-            names = split(row, separator)
-            if len(names) < width or any(map(numeric, names)):
-                continue
-            if not any(bare(name).lower() in KNOWN_UNITS for name in names):
-                return place, separator, names
-            units = units or (place, separator, names)
-        return units
-    return None
-
-
-def without_footer(text: str) -> tuple[str, tuple[str, ...]]:
-    """The text without lines of words behind the last number, and what was left out."""
+def without_footer(text: str, separator: str) -> tuple[str, tuple[str, ...]]:
+    """The text without lines behind the last row with a number in a cell, and what was left out."""
     end, words = len(text), list[str]()
     while end > 0 and len(words) < _HEADING_ROWS:
         start = text.rfind("\n", 0, end - 1) + 1
         line = text[start:end].strip()
-        if COMMENT.match(line) or any(map(numeric, re.split(r"[,;|\s]+", line))):
+        if COMMENT.match(line) or any(map(numeric, split(line, separator))):
             break
         words += [line] if line else []
         end = start
@@ -186,141 +306,76 @@ def without_footer(text: str) -> tuple[str, tuple[str, ...]]:
     return text[:end], tuple(f"a footer ({shown(word)})" for word in reversed(words))
 
 
-def bare(cell: str) -> str:
-    """A unit without the brackets around it."""
+def without_brackets(cell: str) -> str:
+    """A unit without the brackets around it; those within it, as of m/(s^2), stay."""
     match = re.fullmatch(r"\[\s*(.*?)\s*\]|\(\s*([^()]*?|[^()]*\([^()]*\)[^()]*?)\s*\)", cell)
     return (match[1] or match[2] or "") if match else cell
 
 
-def value(cell: str) -> bool:
-    """Whether a cell is a sample: a number or a time of the day."""
+def is_sample(cell: str) -> bool:
+    """Whether a cell is a number or a time of the day."""
     return numeric(cell) or STAMP.fullmatch(cell) is not None
-
-
-def headed(text: str, line: int, separator: str, names: Sequence[str]) -> Headings:
-    """The rows of headings from one line to the first row of numbers: names, parts of names, units, counts.
-
-    Args:
-        text: from its first line on.
-        line: number of the line of headings, by `header`.
-        separator: between them.
-        names: the headings.
-    """
-    names, rows_above = list(names), line
-    body = first_samples(text, line, separator)
-    titled = bool(_TITLED.fullmatch(names[0]))
-    if titled and len(names) == len(body) + 1:  # as Qualisys: CHANNEL_NAMES in front of the names
-        names = names[1:]
-    names = _merged(names, body)
-    above = _above(text, line, separator, names)
-    if above is not None:
-        names = [f"{group} {name}".strip() for group, name in zip(_merged(above, body), names, strict=True)]
-    units, skipped, statements = [""] * len(names), list[str](), list[str]()
-    while rows_above < line + _HEADING_ROWS:
-        cells = (row_after(text, rows_above, separator) + [""] * len(names))[: len(names)]
-        texts = [bare(cell) for cell in cells]
-        numbers = any(map(numeric, cells))
-        if not numbers and _parts(cells, names):
-            units = [unit if names.count(name) == 1 else "" for name, unit in zip(names, texts, strict=True)]
-            names = [f"{name} {part}".strip() if names.count(name) > 1 else name
-                     for name, part in zip(names, cells, strict=True)]  # fmt: skip
-        elif _of_units(texts, numbers):
-            units = ["" if numeric(unit) else unit for unit in texts]
-            statements += [f"{name} = {cell}" for name, cell in zip(names, cells, strict=True) if numeric(cell)]
-            while len(units) > len(body) and not units[-1]:  # as Rigol: the increment behind the last unit
-                names, units = names[:-1], units[:-1]
-        elif numbers and _counts(cells, body):
-            skipped.append(f"a row of counts ({shown(separator.join(cells))})")
-        elif titled and _KEY.fullmatch(cells[0]):
-            statements.append(" ".join(row_after(text, rows_above, separator)))
-        else:
-            break
-        rows_above = _line_of_row(text, rows_above)
-    preamble = [row for row in islice(lines(text), line - 1 - (above is not None)) if row.strip()]
-    rate, others = stated([*preamble, *statements])
-    count = counted(len(others), "line")
-    skipped += [f"{count} beside the headings ({shown('; '.join(others))})"] if others else []
-    unequal = tuple(_unequal(statements))
-    return Headings(separator, tuple(names), tuple(units), line, rows_above, tuple(skipped), rate, unequal)
-
-
-def _unequal(statements: Sequence[str]) -> Iterator[str]:
-    """A sentence on each gain that a row states, not alike, for the channels."""
-    for row in statements:
-        key, *cells = row.split()
-        if re.search(r"gain|scale|factor|sensitivity", key, re.IGNORECASE) and len(set(filter(numeric, cells))) > 1:
-            yield (
-                f"the row {shown(row)!r} states factors that differ between the channels, and is not applied; if the "
-                "numbers do not contain them yet, give study.toml a sensitivity for each channel"
-            )
-
-
-def _of_units(cells: Sequence[str], numbers: bool) -> bool:
-    """Whether most cells of a row are units; one with numbers beside them begins with a word."""
-    words = [cell.lower() for cell in cells if cell and not numeric(cell)]
-    known = sum(word in KNOWN_UNITS for word in words)
-    return known > 0 and 2 * known >= len(words) and not (numbers and value(cells[0]))
 
 
 def first_samples(text: str, line: int, separator: str) -> list[str]:
     """The cells of the fullest of the first rows of numbers below a line."""
-    fullest: list[str] = []
-    for row in islice(lines(text, offset(text, line)), _HEADING_ROWS):
-        cells = [] if COMMENT.match(row) else split(row, separator)
-        if _fullness(cells) > _fullness(fullest):
-            fullest = cells
+
+    def fullness(cells: list[str]) -> tuple[int, int]:
+        """How many samples a row has, and how few words beside them."""
+        count = sum(map(is_sample, cells))
+        return count, count - sum(map(bool, cells))
+
+    below = (row for row in islice(lines(text, offset(text, line)), _HEADING_ROWS))
+    rows = [split(row, separator) for row in below if not COMMENT.match(row)]
+    fullest = max([[], *rows], key=fullness)
     while fullest and not fullest[-1]:
         fullest.pop()
     return fullest
 
 
-def _fullness(cells: Sequence[str]) -> tuple[int, int]:
-    """How many samples a row has, and fewest words beside them."""
-    count = sum(map(value, cells))
-    return count, count - sum(map(bool, cells))
+def _fitted(cells: Sequence[str], width: int) -> list[str]:
+    """A row of so many cells."""
+    return [*cells, *[""] * width][:width]
 
 
-def _merged(names: Sequence[str], body: Sequence[str]) -> list[str]:
+def _spread(names: Sequence[str], samples: Sequence[str]) -> list[str]:
     """Names with that of a merged cell over each of its columns, as far as these hold numbers."""
     filled: list[str] = []
     for index, name in enumerate(names):
-        over = not name and index < len(body) and numeric(body[index]) and any(filled)
-        filled.append(filled[-1] if over else name)
+        merged = not name and any(filled) and index < len(samples) and numeric(samples[index])
+        filled.append(filled[-1] if merged else name)
     return filled
 
 
-def _above(text: str, line: int, separator: str, names: Sequence[str]) -> list[str] | None:
-    """The row of merged cells above headings that repeat themselves, as X, Y, Z, X, Y, Z."""
-    some = [name for name in names if name]
-    if line < 2 or len(set(some)) == len(some):
-        return None
-    cells = split(next(lines(text, offset(text, line - 2))), separator)
-    cells = (cells + [""] * len(names))[: len(names)]
-    return cells if any(cells) and not any(map(numeric, cells)) and "" in cells else None
+def _merged_cells_above(text: str, header: Header, names: Sequence[str]) -> list[str]:
+    """The row of merged cells above names that repeat themselves, as X, Y, Z, X, Y, Z."""
+    filled = [name for name in names if name]
+    if header.line < 2 or len(set(filled)) == len(filled):
+        return []
+    above = next(lines(text, offset(text, header.line - 2)))
+    cells = _fitted(split(above, header.separator), len(names))
+    return cells if any(cells) and "" in cells and not any(map(numeric, cells)) else []
 
 
-def _parts(cells: Sequence[str], names: Sequence[str]) -> bool:
-    """Whether a row of words holds parts of the names above it: another for each column under a merged name."""
-    repeated = [(name, cell) for name, cell in zip(names, cells, strict=True) if name and names.count(name) > 1]
-    return bool(repeated) and all(cell for _, cell in repeated) and len(set(repeated)) == len(repeated)
+def _are_parts(cells: Sequence[str], names: Sequence[str]) -> bool:
+    """Whether words are parts of the names above: another for each column under a merged name."""
+    pairs = zip(names, cells, strict=True)
+    repeated = [(name, cell) for name, cell in pairs if name and names.count(name) > 1]
+    words = not any(map(numeric, cells)) and all(cell for _, cell in repeated)
+    return bool(repeated) and words and len(set(repeated)) == len(repeated)
 
 
-def _counts(cells: Sequence[str], body: Sequence[str]) -> bool:
-    """Whether a row holds counts of samples: one whole number in all cells, and none where samples have one."""
+def _are_units(cells: Sequence[str]) -> bool:
+    """Whether most words of a row are units; one with numbers beside them begins with a word."""
+    units = [without_brackets(cell).lower() for cell in cells]
+    words = [unit for unit in units if unit and not numeric(unit)]
+    known = sum(word in KNOWN_UNITS for word in words)
+    mixed = any(map(numeric, cells)) and is_sample(units[0])
+    return known > 0 and 2 * known >= len(words) and not mixed
+
+
+def _are_counts(cells: Sequence[str], samples: Sequence[str]) -> bool:
+    """Whether a row is one whole number again and again, with gaps where samples have none."""
     distinct = {cell for cell in cells if cell}
-    lacking = any(not cell and index < len(body) and value(body[index]) for index, cell in enumerate(cells))
-    return lacking and len(distinct) == 1 and distinct.pop().isdigit()
-
-
-def _line_of_row(text: str, after: int) -> int:
-    """The number of the first line that holds cells after so many lines."""
-    for place, row in enumerate(lines(text, offset(text, after)), after + 1):
-        if row.strip() and not COMMENT.match(row):
-            return place
-    return after + 1
-
-
-def row_after(text: str, after: int, separator: str) -> list[str]:
-    """The cells of the first row after so many lines."""
-    below = (line for line in lines(text, offset(text, after)) if line.strip() and not COMMENT.match(line))
-    return split(next(below, ""), separator)
+    gaps = any(not cell and is_sample(sample) for cell, sample in zip(cells, samples, strict=False))
+    return gaps and len(distinct) == 1 and distinct.pop().isdigit()

@@ -14,13 +14,12 @@ import numpy as np
 from fasbody.constants import GRAVITY
 from fasbody.exceptions import InputFileError, SettingError, unknown
 from fasbody.presentation import Tabled
+from fasbody.recording.study_toml import LARGEST_STD, SHARES, KnownTable, validated
 
 #: Departures of the foot from the model that a laboratory can exclude.
 DEPARTURES = ("mount", "relaxation", "load", "rocking", "drift", "share", "seating")
-_SIZES = {"mass_std": 0.5, "gain_std": 0.5, "delay_std_s": 0.01}
-_FORCE, _SHARE = "static_force_n", "load_share"
-#: Limits of the share of the load that the leg carries.
-_SHARES = (0.3, 1.2)
+#: The weight of a load and the load_share that is stated may differ by this.
+_SAME_SHARE = 0.02
 
 
 @dataclass(frozen=True)
@@ -57,32 +56,20 @@ class Known(Tabled):
         Raises:
             InputFileError: a key or value that does not exist.
         """
-        sizes: dict[str, float] = {}
-        forces = _forces(file, table.get(_FORCE))
-        share = table.get(_SHARE)
-        if share is not None and not (_number(share) and _SHARES[0] <= share <= _SHARES[1]):
-            low, high = _SHARES
-            raise InputFileError(file, f"known.{_SHARE} = {share!r}", f"valid: a share from {low:g} to {high:g}")
-        measured = _share(file, forces)
-        if share is not None and measured is not None and abs(share - measured) > 0.02:
-            raise InputFileError(
-                file,
-                f"known.{_SHARE} = {share:g}, and known.{_FORCE} says {measured:.3g} (force over weight of the load)",
-                "leave out one of them",
-            )
-        for name, value in table.items():
-            place = f"known.{name} = {value!r}"
-            if name in _SIZES:
-                if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= _SIZES[name]:
-                    raise InputFileError(file, place, f"valid: a standard deviation, 0 to {_SIZES[name]:g}")
-                sizes[name] = float(value)
-            elif name not in (*DEPARTURES, _FORCE, _SHARE):
-                raise InputFileError(file, unknown("key of [known]", name, (*_SIZES, _FORCE, _SHARE, *DEPARTURES)))
-            elif name not in (_FORCE, _SHARE) and not (isinstance(value, str) and value.strip()):
-                raise InputFileError(file, place, 'valid: how it was excluded, for example mount = "tapped"')
-        excluded = frozenset(table) & frozenset(DEPARTURES)
+        stated = validated(KnownTable, file, table, "known")
+        forces = tuple(stated.static_force_n.items())
+        share, measured = stated.load_share, _share(file, forces)
+        if share is not None and measured is not None and abs(share - measured) > _SAME_SHARE:
+            weighed = f"known.static_force_n says {measured:.3g} (force over weight of the load)"
+            problem = f"known.load_share = {share:g}, and {weighed}"
+            raise InputFileError(file, problem, "leave out one of them")
         return cls(
-            **sizes, excluded=excluded, static_forces=forces, load_share=measured if share is None else float(share)
+            stated.mass_std,
+            stated.gain_std,
+            stated.delay_std_s,
+            frozenset(name for name in DEPARTURES if getattr(stated, name) is not None),
+            forces,
+            measured if share is None else share,
         )
 
     @classmethod
@@ -112,10 +99,10 @@ class Known(Tabled):
         """
         stated = {"mass_std": mass_std, "gain_std": gain_std, "delay_std_s": delay_std_s}
         for name, value in stated.items():
-            if value is not None and not 0 <= value <= _SIZES[name]:
+            if value is not None and not 0 <= value <= LARGEST_STD[name]:
                 what = name.replace("_", " ").removesuffix(" s")
                 raise SettingError(
-                    f"the {what} is {value:g}; give a standard deviation from 0 to {_SIZES[name]:g}.",
+                    f"the {what} is {value:g}; give a standard deviation from 0 to {LARGEST_STD[name]:g}.",
                     name.removesuffix("_s"),
                 )
         excluded = set(self.excluded)
@@ -130,28 +117,6 @@ class Known(Tabled):
         )  # fmt: skip
 
 
-def _number(value: Any) -> bool:
-    return isinstance(value, int | float) and not isinstance(value, bool)
-
-
-def _forces(file: Path, stated: Any) -> tuple[tuple[float | None, float], ...]:
-    """Static forces as study.toml states them: one for all loads, or a table of load in kg and force in N."""
-    rows = [] if stated is None else [(None, stated)] if not isinstance(stated, Mapping) else list(stated.items())
-    forces: list[tuple[float | None, float]] = []
-    for load, force in rows:
-        place = f"known.{_FORCE} = {stated!r}"
-        try:
-            kg = None if load is None else float(load)
-        except ValueError:
-            raise InputFileError(
-                file, place, 'valid: a load in kg and a force in N, { "0" = 43.0, "2.3" = 62.5 }'
-            ) from None
-        if not (_number(force) and 0 < force < 1e4):
-            raise InputFileError(file, place, "valid: a force in N, above 0 and below 10000")
-        forces.append((kg, float(force)))
-    return tuple(forces)
-
-
 def _share(file: Path, forces: tuple[tuple[float | None, float], ...]) -> float | None:
     """The share of the load that the leg carries: by how much the force grows over the weight added."""
     loaded = [(kg, force) for kg, force in forces if kg is not None]
@@ -159,11 +124,9 @@ def _share(file: Path, forces: tuple[tuple[float | None, float], ...]) -> float 
         return None
     kg, force = (np.array(column) for column in zip(*loaded, strict=True))
     share = float(np.polyfit(kg, force, 1)[0] / GRAVITY)
-    low, high = _SHARES
+    low, high = SHARES
     if not low <= share <= high:
-        raise InputFileError(
-            file,
-            f"known.{_FORCE}: the force grows by {share:.2g} of the weight of the load",
-            f"valid: between {low:g} and {high:g}; check loads (kg) and forces (N)",
-        )
+        problem = f"known.static_force_n: the force grows by {share:.2g} of the weight of the load"
+        hint = f"valid: between {low:g} and {high:g}; check loads (kg) and forces (N)"
+        raise InputFileError(file, problem, hint)
     return share

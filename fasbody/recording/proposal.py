@@ -2,81 +2,33 @@
 
 import json
 import re
-from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 
 import numpy as np
 
 from fasbody.console import write_whole
-from fasbody.exceptions import FasError, InputFileError, SettingError, unknown
+from fasbody.exceptions import FasError, InputFileError
 from fasbody.presentation import counted
 from fasbody.recording.channels import KNOWN_UNITS, NAMES, TIME_UNITS, VOLTAGES, Layout, heading, name_and_unit
-from fasbody.recording.condition import POSTURES
 from fasbody.recording.csv import TextTable, read_table
+from fasbody.recording.file_names import common_value, patterns_of, plain_number, stated
 from fasbody.recording.files import TEXTS, beside, columns_of
 from fasbody.recording.formats import READ, ending
 from fasbody.recording.formats.reader import read_series
-from fasbody.recording.headings import header
+from fasbody.recording.headings import find_header
 from fasbody.recording.recording import Recording
 from fasbody.recording.text import read_text
 from fasbody.recording.trials import parsed
 
-#: What a pattern of file names may hold; {any} is any other text.
-FIELDS = ("subject", "posture", "load", "mass", "frequency", "any")
 TABLES = ("study.toml", "subjects.csv", "recordings.csv")
-_NUMBER = r"\d+(?:[.,p]\d+)?"
-_MATCHES = {
-    "load": _NUMBER,
-    "mass": _NUMBER,
-    "frequency": _NUMBER,
-    "subject": r"[^\W_]+",  # names with accents, too
-    "posture": r"[A-Za-z]+",
-    "any": r"[^/]*?",
-}
-#: How file names state conditions, in the order of the search.
-_SIGNS = (
-    ("frequency", re.compile(rf"({_NUMBER})(?=[ _-]?hz)", re.IGNORECASE)),
-    ("load", re.compile(rf"({_NUMBER})(?=[ _-]?kg)", re.IGNORECASE)),
-    ("posture", re.compile(rf"({'|'.join(POSTURES)})", re.IGNORECASE)),
-    (
-        "subject",
-        re.compile(r"(?<![A-Za-z])(?:subject|subj|sub|s|p|vp|id)[ _-]?(\d+)(?![\d.]*[ _-]?(?:hz|kg))", re.IGNORECASE),
-    ),
-)
-#: More than this in a name is a body mass [kg].
-_MOST_LOAD_KG = 25.0
 #: Words that headings use for each channel.
 _WORDS = {
     "base": ("base", "table", "shaker", "platform", "plate"),
     "malleolus": ("malleol", "ankle"),
     "tuberosity": ("tuberos", "tibia", "knee"),
 }
-
-
-def load_in_name(name: str) -> float | None:
-    """The load [kg] that a file's name states, "rec_20hz_2.3kg.csv" for example; None where it states none.
-
-    A name with several states none, and one above what a knee carries is a body mass.
-    """
-    return _only(mass for mass in _masses(name) if mass <= _MOST_LOAD_KG)
-
-
-def body_mass_in_name(name: str) -> float | None:
-    """The body mass [kg] that a file's name states, "anna_61kg.csv" for example; None where it states none."""
-    return _only(mass for mass in _masses(name) if mass > _MOST_LOAD_KG)
-
-
-def _masses(name: str) -> list[float]:
-    return [float(_plain(match[1].lower())) for match in dict(_SIGNS)["load"].finditer(name)]
-
-
-def _only(values: Iterable[float]) -> float | None:
-    """The value of all, None where they differ or there is none."""
-    distinct = set(values)
-    return distinct.pop() if len(distinct) == 1 else None
 
 
 @dataclass(frozen=True)
@@ -133,8 +85,8 @@ def propose(folder: Path, pattern: str | None = None) -> Proposal:
         listed = ", ".join((*TEXTS, *READ))
         raise InputFileError(folder, "holds no recording", f"valid endings: {listed}, and .gz behind any")
     stems = {p: _stem(p, folder) for p in files}
-    patterns = [pattern] if pattern else _patterns(list(stems.values()))
-    rows = {p: row for p, stem in stems.items() if (row := _row(patterns, stem)) is not None}
+    patterns = [pattern] if pattern else patterns_of(list(stems.values()))
+    rows = {p: row for p, stem in stems.items() if (row := stated(patterns, stem)) is not None}
     if not rows:
         raise InputFileError(folder, f"no file is named {patterns[0]}", f"the first is {stems[files[0]]}")
     new = {p: row for p, row in rows.items() if known is None or p.relative_to(folder).as_posix() not in known}
@@ -148,39 +100,6 @@ def propose(folder: Path, pattern: str | None = None) -> Proposal:
     tables |= people | (_recordings(folder, new, " or ".join(patterns), known is not None) if new else {})
     left = tuple(p.relative_to(folder).as_posix() for p in files if p not in rows)
     return Proposal(folder, " or ".join(patterns), tables, len(new), left, tuple(missing))
-
-
-def _patterns(stems: Sequence[str]) -> list[str]:
-    """The patterns of names that hold a condition, most first; the most frequent one where none does."""
-    named = _with_people(list(map(_template, stems)))
-    every = [pattern for pattern, _ in Counter(named).most_common()]
-    return [pattern for pattern in every if _says(pattern)] or every[:1]
-
-
-def _says(pattern: str) -> bool:
-    return any(f"{{{field}}}" in pattern for field in FIELDS[:-1])
-
-
-def _with_people(templates: list[str]) -> list[str]:
-    """Templates with {subject} for the only word in which those of several persons differ: anna_20Hz, bert_20Hz."""
-    some = [template for template in templates if _says(template) and "{subject}" not in template]
-    split = {template: re.split(r"([_ /-]+)", template) for template in some}
-    shapes = Counter(len(parts) for parts in split.values()).most_common(1)
-    like = {template: parts for template, parts in split.items() if shapes and len(parts) == shapes[0][0]}
-    columns = list(zip(*like.values(), strict=True))
-    apart = [i for i, words in enumerate(columns) if len(set(words)) > 1 and all(word.isalpha() for word in words)]
-    if len(apart) != 1:
-        return templates
-    made = {t: "".join("{subject}" if i == apart[0] else x for i, x in enumerate(parts)) for t, parts in like.items()}
-    return [made.get(template, template) for template in templates]
-
-
-def _row(patterns: Sequence[str], stem: str) -> dict[str, str] | None:
-    """The conditions in a name, by the first pattern that it follows."""
-    for pattern in patterns:
-        if match := _compiled(pattern).fullmatch(stem if "/" in pattern else stem.split("/")[-1]):
-            return {name: value for name, value in match.groupdict().items() if value}
-    return None
 
 
 def _unsaid(rows: Sequence[Mapping[str, str]]) -> list[str]:
@@ -202,8 +121,9 @@ def _people(folder: Path, rows: Sequence[Mapping[str, str]], grows: bool) -> tup
     subjects = [name for name in dict.fromkeys(row.get("subject", "") for row in rows) if name not in listed]
     if not subjects:
         return {}, []
+    weighed = [(row.get("subject", ""), row["mass"]) for row in rows if "mass" in row]
     masses = {
-        name: _only(float(_plain(row["mass"])) for row in rows if row.get("subject", "") == name and "mass" in row)
+        name: common_value(float(plain_number(mass)) for whose, mass in weighed if whose == name)
         for name in subjects
     }
     lacking = sum(mass is None for mass in masses.values())
@@ -226,8 +146,8 @@ def _recordings(folder: Path, rows: Mapping[Path, Mapping[str, str]], pattern: s
     lines = [
         _line(names, {
             "file": path.relative_to(folder).as_posix(), "subject": row.get("subject", ""),
-            "posture": row.get("posture", "").lower(), "added_mass_kg": _plain(row.get("load", "")),
-            "frequency_hz": _plain(row.get("frequency", "")),
+            "posture": row.get("posture", "").lower(), "added_mass_kg": plain_number(row.get("load", "")),
+            "frequency_hz": plain_number(row.get("frequency", "")),
         })
         for path, row in rows.items()
     ]  # fmt: skip
@@ -240,12 +160,8 @@ def _line(names: Sequence[str], cells: Mapping[str, str]) -> str:
 
 
 def _heads(file: Path) -> tuple[str, ...]:
-    """The columns of a table, separated by commas.
-
-    Raises:
-        InputFileError: they are separated otherwise, so that lines cannot be added.
-    """
-    _, separator, names = header(read_text(file), lambda cells: len({*cells} & {"file", "subject"}))
+    """The columns of a table, separated by commas."""
+    _, separator, names = find_header(read_text(file), lambda cells: len({*cells} & {"file", "subject"}))
     if separator != ",":
         raise InputFileError(file, "is not separated by commas", "save it so, and its new lines are added")
     return tuple(names)
@@ -257,11 +173,7 @@ def _whole(file: Path, head: str, grows: bool) -> str:
 
 
 def _listed(folder: Path) -> set[str] | None:
-    """The files that a study lists, None where there is none yet.
-
-    Raises:
-        InputFileError: some of its tables are there, and not all.
-    """
+    """The files that a study lists, None where there is none yet."""
     tables = [name for name in TABLES if (folder / name).exists()]
     if tables and len(tables) < len(TABLES):
         raise InputFileError(folder / tables[0], "exists, and nothing is overwritten", "delete it to have it made anew")
@@ -282,37 +194,6 @@ def _aside(file: Path, folder: Path) -> bool:
 def _stem(file: Path, folder: Path) -> str:
     name = file.relative_to(folder).as_posix().removesuffix(".gz")
     return name[: len(name) - len(Path(name).suffix)]
-
-
-def _template(stem: str) -> str:
-    """The pattern that a name follows: what is known by its sign, and any other number as {any}."""
-    for field, sign in _SIGNS:
-        for m in reversed(list(sign.finditer(stem))):
-            heavy = field == "load" and float(_plain(m[1].lower())) > _MOST_LOAD_KG
-            sort = "mass" if heavy else field
-            if f"{{{sort}}}" not in stem:
-                stem = f"{stem[: m.start(1)]}{{{sort}}}{stem[m.end(1) :]}"
-    return re.sub(r"\d+", "{any}", stem)
-
-
-@cache
-def _compiled(pattern: str) -> re.Pattern[str]:
-    parts = re.split(r"\{(\w*)\}", pattern)
-    for field in parts[1::2]:
-        if field not in FIELDS:
-            raise SettingError(f"--pattern {pattern}: {unknown('field', field, FIELDS)}.")
-        if field != "any" and parts[1::2].count(field) > 1:
-            raise SettingError(f"--pattern {pattern} names {{{field}}} twice; valid: once, and {{any}} for the rest.")
-    text = "".join(
-        re.escape(part) if i % 2 == 0 else f"(?:{_MATCHES[part]})" if part == "any" else f"(?P<{part}>{_MATCHES[part]})"
-        for i, part in enumerate(parts)
-    )
-    return re.compile(text, re.IGNORECASE)
-
-
-def _plain(number: str) -> str:
-    """A number of a name with a decimal point: 2p3 and 2,3 are 2.3."""
-    return f"{float(re.sub('[,p]', '.', number)):g}" if number else ""
 
 
 def _toml(folder: Path, kinds: Sequence[Path], missing: list[str]) -> str:

@@ -19,6 +19,7 @@ from fasbody.recording.channels import Channel, Channels, Layout
 from fasbody.recording.columns import Columns, assign
 from fasbody.recording.condition import Condition, plausible
 from fasbody.recording.known import Known
+from fasbody.sentences import Sentence
 
 #: The three columns that a recording needs, and one that it may have.
 HEADER = ("time_s", "base_m_s2", "malleolus_m_s2", "tuberosity_m_s2")
@@ -87,8 +88,10 @@ class Recording(Tabled):
     def sheet(self) -> Sheet:
         """Range and scatter of each channel, and under what it was recorded."""
         c = self.condition
-        accelerations = {name: values for name, values in self.channels.items() if name != "time_s"}
-        rows = [(name, *(f"{x:.5g}" for x in (v.min(), v.max(), v.std()))) for name, v in accelerations.items()]
+        rows = [
+            (name, *(f"{x:.5g}" for x in (v.min(), v.max(), v.std())))
+            for name, v in self.channels.items() if name != "time_s"
+        ]  # fmt: skip
         known = [f"body mass {c.body_mass_kg:g} kg"] if c.body_mass_kg else []
         known += [f"{c.added_mass_kg:g} kg on the knee"] if c.added_mass_kg else []
         notes = [", ".join([*([f"subject {c.subject}"] if c.subject else []), f"posture {c.posture}", *known])]
@@ -176,24 +179,24 @@ class Recording(Tabled):
         elif getattr(index, "name", None) is not None:
             table = table.reset_index()
         columns = {str(column): table[column] for column in (*getattr(table, "coords", ()), *table)}
-        table_units = getattr(table, "attrs", {}).get("units", {})
-        column_units = [getattr(values, "attrs", {}).get("units") for values in columns.values()]
-        units = [
-            one if isinstance(one, str) else table_units.get(column, "") if isinstance(table_units, dict) else ""
-            for column, one in zip(columns, column_units, strict=True)
-        ]
-        arrays = [plain(values) for values in columns.values()]
-        stamped = [values.dtype.kind in "mM" for values in arrays]
-        units = ["s" if stamps else str(unit) for stamps, unit in zip(stamped, units, strict=True)]
+        stated = getattr(table, "attrs", {}).get("units", {})
+        arrays, units = [plain(values) for values in columns.values()], []
+        for (column, values), array in zip(columns.items(), arrays, strict=True):
+            unit = getattr(values, "attrs", {}).get("units")
+            if not isinstance(unit, str):
+                unit = stated.get(column, "") if isinstance(stated, dict) else ""
+            units.append("s" if array.dtype.kind in "mM" else str(unit))
         layout, file = layout or Layout(), Path(name)
-        sizes = [values.size for values in arrays]
-        table = Columns(list(columns), units, sizes=sizes, clocked=layout.rate_hz is not None)
+        sizes, clocked = [values.size for values in arrays], layout.rate_hz is not None
+        uses = assign(file, Columns(list(columns), units, sizes=sizes, clocked=clocked), layout).uses
         rows = {
-            key: _seconds(arrays[use.index], name) if stamped[use.index] else use.factor * arrays[use.index]
-            for key, use in assign(file, table, layout).uses.items()
+            key: _seconds(arrays[use.index], name)
+            if arrays[use.index].dtype.kind in "mM"
+            else use.factor * arrays[use.index]
+            for key, use in uses.items()
         }
         rows, _ = layout.aligned(file, layout.timed(file, rows))
-        others = {key.removesuffix("_m_s2"): values for key, values in rows.items() if key not in HEADER}
+        others = {key.removesuffix("_m_s2"): x for key, x in rows.items() if key not in HEADER}
         time, base, malleolus = (rows[key] for key in HEADER[:3])
         made = cls.from_arrays(time, base, malleolus, rows.get(HEADER[3]), others=others, **about)
         return replace(made, calibration=layout.channels, known=layout.beyond)
@@ -222,17 +225,18 @@ class Recording(Tabled):
         layout = layout.of(Path(file)) if layout else None
         with by_name(label or str(file)):
             reading = files.reading(Path(file), layout)
-        channels, display_name = reading.channels, label or Path(file).name
+        channels, name = reading.channels, label or Path(file).name
+        remarks, delays = _beside(Path(file))
         return cls(
             time_s=channels[HEADER[0]],
             base_m_s2=channels[HEADER[1]],
             malleolus_m_s2=channels[HEADER[2]],
             tuberosity_m_s2=channels.get(HEADER[3]),
             condition=condition or Condition(),
-            file=display_name,
+            file=name,
             origin=origin,
-            warnings=(*_remarks(Path(file).with_suffix(".json")), *(f"{display_name}: {w}." for w in reading.warnings)),
-            calibration=_with_delays(layout.channels if layout else {}, Path(file).with_suffix(".json")),
+            warnings=(*remarks, *(Sentence(f"{name}: ", w, ".") for w in reading.warnings)),
+            calibration=_with_delays(layout.channels if layout else {}, delays),
             known=layout.beyond if layout else Known(),
             digest=_digest(Path(file)),
             others={name.removesuffix("_m_s2"): values for name, values in channels.items() if name not in HEADER},
@@ -247,9 +251,15 @@ class Recording(Tabled):
         return named | {f"{name}_m_s2": values for name, values in self.others.items()}
 
     @property
+    def accelerations(self) -> dict[str, np.ndarray]:
+        """(n,) of every accelerometer by name [m/s^2]: base, malleolus, and what else there is."""
+        named = self.channels.items()
+        return {name.removesuffix("_m_s2"): x for name, x in named if name != "time_s"}
+
+    @property
     def sensors(self) -> dict[str, np.ndarray]:
         """(n,) of every accelerometer but the base's by name [m/s^2], the malleolus first."""
-        return {name.removesuffix("_m_s2"): values for name, values in self.channels.items() if name not in HEADER[:2]}
+        return {name: values for name, values in self.accelerations.items() if name != "base"}
 
     def with_channels(self, channels: Channels) -> "Recording":
         """The recording with other channels: by their names in `channels`, and no others than the two that it needs."""
@@ -302,31 +312,31 @@ def _seconds(values: ArrayLike, name: str) -> np.ndarray:
     return _row(seconds(values), "time_s", name)
 
 
-def _remarks(file: Path) -> tuple[str, ...]:
-    """Warnings of acquisition (docs/acquisition.md); none if the recording has no such file beside it."""
-    if not file.is_file():
-        return ()
+def _beside(file: Path) -> tuple[tuple[str, ...], dict[str, float]]:
+    """What acquisition or a merge wrote into the .json beside a recording.
+
+    Returns:
+        Its warnings (docs/acquisition.md), and standard deviations of delays by channel [s].
+    """
     try:
-        texts = json.loads(file.read_text())["warnings"]
-    except (ValueError, KeyError, TypeError, OSError):
-        return ()
-    return tuple(text for text in texts if isinstance(text, str)) if isinstance(texts, list) else ()
+        document = json.loads(file.with_suffix(".json").read_text())
+        warnings, stds = document.get("warnings", ()), document.get("delay_std_s", {})
+        delays = {name: float(std) for name, std in stds.items() if 0 <= float(std) <= 1}
+    except (ValueError, TypeError, AttributeError, OSError):  # there is none, or of another program
+        return (), {}
+    texts = warnings if isinstance(warnings, list) else ()
+    return tuple(text for text in texts if isinstance(text, str)), delays
 
 
-def _with_delays(channels: Mapping[str, Channel], file: Path) -> Mapping[str, Channel]:
+def _with_delays(
+    channels: Mapping[str, Channel], delay_std_s: Mapping[str, float]
+) -> Mapping[str, Channel]:
     """The channels with the uncertain delays of a recording that was merged of two loggers."""
-    if not file.is_file():
-        return channels
-    try:
-        stds = json.loads(file.read_text())["delay_std_s"]
-        late = {name: float(value) for name, value in stds.items() if 0 <= float(value) <= 1}
-    except (ValueError, KeyError, TypeError, OSError, AttributeError):
-        return channels
-    stated = {name: channels.get(name, Channel()) for name in late}
-    return {
-        **channels,
-        **{name: replace(c, delay_std_s=math.hypot(c.delay_std_s, late[name])) for name, c in stated.items()},
-    }
+    uncertain = {}
+    for name, std in delay_std_s.items():
+        stated = channels.get(name, Channel())
+        uncertain[name] = replace(stated, delay_std_s=math.hypot(stated.delay_std_s, std))
+    return {**channels, **uncertain}
 
 
 def with_masses(recording: Recording, body_mass_kg: float | None, added_mass_kg: float | None) -> Recording:

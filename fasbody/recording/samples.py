@@ -19,6 +19,8 @@ _FEWEST = 10
 _SLOWEST, _SMALL = 20, 0.05
 #: Samples that show it.
 _ENOUGH = 200_000
+#: Values that differ by less than this share of their range are one value.
+_ROUNDING = 1e-9
 #: Steps of a slow channel are larger than so many of a converter.
 _COARSE = 8.0
 #: A sample stands out where its neighbours miss it by this times what they usually do.
@@ -169,6 +171,7 @@ def cost(time_s: np.ndarray, values: np.ndarray, frequency_hz: float, spikes: np
 def step(values: np.ndarray) -> float:
     """The step of the converter that made a channel (n,), 0 where its values lie on no grid."""
     apart = np.diff(np.unique(values))
+    apart = apart[apart > _ROUNDING * float(np.ptp(values))]
     if apart.size < 2:
         return 0.0
     counts = apart / apart.min()

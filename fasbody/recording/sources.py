@@ -6,8 +6,8 @@ from pathlib import Path
 
 from fasbody.exceptions import InputFileError, SettingError
 from fasbody.recording.condition import plausible
-from fasbody.recording.proposal import load_in_name
-from fasbody.recording.recording import Recording, with_masses
+from fasbody.recording.file_names import body_mass_in_name, load_in_name
+from fasbody.recording.recording import UNSTATED, Recording, with_masses
 from fasbody.recording.study import Study, read_file, read_truth
 
 
@@ -40,65 +40,63 @@ def gather(
             sources.append(study.name)
             for recording in study.recordings:
                 _agree(recording, body, load)
-            recordings += study.recordings
+                recordings.append(with_masses(recording, body, load))
             truth = read_truth(path) if len(data) == 1 else {}
         elif path.exists():
             sources.append(path.name)
             recording = read_file(path, mapping)
-            _agree(recording, body, load)
-            recordings.append(with_masses(recording, body, _load_of(path, recording, load)))
-            if load is None and recording.condition.body_mass_kg is None:
-                named[path.name] = load_in_name(path.name)
+            if recording.origin != UNSTATED:
+                _agree(recording, body, load)
+            else:
+                named |= {path.name: load_in_name(path.name)} if load is None else {}
+                body = _mass_of(path, "--body-mass", body, body_mass_in_name(path.name))
+                load = _mass_of(path, "--added-mass", load, load_in_name(path.name))
+            recordings.append(with_masses(recording, body, load))
         else:
-            raise InputFileError(path, "no such file or folder", "give a study folder or CSV recordings")
+            raise InputFileError(
+                path, "no such file or folder", "give a study folder or CSV recordings"
+            )
     if any(named.values()):
-        recordings[0] = replace(recordings[0], warnings=(*recordings[0].warnings, _of_names(named)))
+        warnings = (*recordings[0].warnings, _loads_of_names(named))
+        recordings[0] = replace(recordings[0], warnings=warnings)
     return together(sources), recordings, truth
 
 
-def _of_names(named: Mapping[str, float | None]) -> str:
+def _loads_of_names(stated: Mapping[str, float | None]) -> str:
     """The sentence on loads [kg] that files' names state, or do not."""
-    loads = sorted({load for load in named.values() if load is not None})
-    parts = [f"{load:g} kg for {together([n for n, kg in named.items() if kg == load])}" for load in loads]
-    unnamed = [name for name, load in named.items() if load is None]
+    loads = sorted({load for load in stated.values() if load is not None})
+    parts = [
+        f"{load:g} kg for {together([name for name, kg in stated.items() if kg == load])}"
+        for load in loads
+    ]
+    unnamed = [name for name, load in stated.items() if load is None]
     none = f" None is named in {together(unnamed)}: 0 kg." if unnamed else ""
     return f"Loads on the knee are those of the files' names: {', '.join(parts)}.{none}"
 
 
-def _load_of(path: Path, recording: Recording, load: float | None) -> float | None:
-    """The load [kg] as given, or as the file's name states it; that of a study stands in its tables.
-
-    Raises:
-        SettingError: name and option disagree.
-    """
-    named = load_in_name(path.name) if recording.condition.body_mass_kg is None else None
-    if named is None:
-        return load
-    if load is not None and abs(load - named) > 1e-6:
+def _mass_of(path: Path, option: str, option_kg: float | None, named: float | None) -> float | None:
+    """A mass [kg] as the option or the file's name states it; refused where they disagree."""
+    if named is None or option_kg is None:
+        return named if option_kg is None else option_kg
+    if abs(option_kg - named) > 1e-6:
         raise SettingError(
-            f"{path.name}: its name says {named:g} kg, and --added-mass says {load:g} kg; rename the file, or leave "
-            "out --added-mass."
+            f"{path.name}: its name says {named:g} kg, and {option} says {option_kg:g} kg; rename the "
+            f"file, or leave out {option}."
         )
     return named
 
 
 def _agree(recording: Recording, body: float | None, load: float | None) -> None:
-    """Refuse a mass that is another than the study of the recording states; a bare file states none.
-
-    Raises:
-        SettingError: two sources of one mass that disagree.
-    """
+    """Refuse a mass that is another than the study of the recording states."""
     condition = recording.condition
-    if condition.body_mass_kg is None:
-        return
     for option, table, name, says, stated in (
         ("--body-mass", "subjects.csv", "body mass", condition.body_mass_kg, body),
         ("--added-mass", "recordings.csv", "added mass", condition.added_mass_kg, load),
     ):
-        if stated is not None and abs(stated - says) > 1e-6:
+        if stated is not None and says is not None and abs(stated - says) > 1e-6:
             raise SettingError(
-                f"{recording.file}: {table} says that the {name} is {says:g} kg, and {option} says {stated:g} kg; "
-                f"leave out {option}, or correct {table}."
+                f"{recording.file}: {table} says that the {name} is {says:g} kg, and {option} says "
+                f"{stated:g} kg; leave out {option}, or correct {table}."
             )
 
 

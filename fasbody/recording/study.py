@@ -7,10 +7,15 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from fasbody.exceptions import FasError, InputFileError
 from fasbody.presentation import Sheet, Tabled
 from fasbody.recording.channels import Layout
-from fasbody.recording.checks import Checked, understood
+from fasbody.recording.checks import PERIODIC_SHARE, Checked, frequency_tolerance, understood
+from fasbody.recording.file_names import condition_in_name
+from fasbody.recording.formats import ending_removed
+from fasbody.recording.harmonics import find_frequency, narrow_share
 from fasbody.recording.recording import Recording
 from fasbody.recording.report import excerpt
 from fasbody.recording.together import out_of_line
@@ -164,7 +169,7 @@ def read_truth(folder: Path) -> dict[str, float]:
 
 
 def read_file(file: Path, study: Path | None = None) -> Recording:
-    """A recording with its conditions where a study lists it, else as a bare file.
+    """A recording with its conditions where a study lists it, else with those of the file's name.
 
     Args:
         file: the recording.
@@ -174,10 +179,36 @@ def read_file(file: Path, study: Path | None = None) -> Recording:
         InputFileError: it, or the study around it, cannot be read.
     """
     if not file.exists():
-        raise InputFileError(file, "no such file", "give a recording or a study folder that exists")
+        remedy = "give a recording or a study folder that exists"
+        raise InputFileError(file, "no such file", remedy)
     if study is not None:
-        return Recording.read(file, layout=describe(study)[1])
+        return read_bare(file, describe(study)[1])
     for folder in file.resolve().parents[:2]:
         if is_listed(file, folder):
             return Study.read(folder, only=file).recordings[0]
-    return Recording.read(file)
+    return read_bare(file)
+
+
+def read_bare(file: Path, layout: Layout | None = None) -> Recording:
+    """A recording that no study lists: its name states subject, posture, load and frequency.
+
+    A frequency at which the base does not vibrate gives a warning, and does not count.
+
+    Args:
+        file: the recording.
+        layout: of its columns.
+    """
+    named = condition_in_name(ending_removed(file))
+    recording = Recording.read(file, replace(named, frequency_hz=None), layout=layout)
+    t, base, stated_hz = recording.time_s, recording.base_m_s2, named.frequency_hz
+    sound = np.isfinite(t).all() and np.isfinite(base).all() and t.size >= 50
+    if not stated_hz or not sound or np.diff(t).min() <= 0 or stated_hz > 0.4 * recording.rate_hz:
+        return recording  # a larger one is that of the samples
+    centred = base - base.mean()
+    hz = find_frequency(t, centred)
+    if narrow_share(t, centred, hz) < PERIODIC_SHARE:
+        return recording
+    if abs(hz - stated_hz) <= frequency_tolerance(recording, stated_hz):
+        return replace(recording, condition=named)
+    remark = f"{file.name}: its name states {stated_hz:g} Hz, and its base vibrates at {hz:.4g} Hz."
+    return replace(recording, warnings=(*recording.warnings, remark))

@@ -25,6 +25,7 @@ COMMENT = re.compile(r"\s*(#|%|//)")
 _BINARY = re.compile(r"[\x00-\x08\x0e-\x1f]")
 _CONTROL = bytes([*range(0x09), *range(0x0E, 0x20)])  # the same, before they are letters
 _MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+_BRACKETED = re.compile(r"\[.*\]|\(.*\)")
 _QUOTE = "opens a quotation mark that nothing closes"
 
 
@@ -138,11 +139,24 @@ def _reads(file: Path, encoding: str) -> bool:
 def split(line: str, separator: str) -> list[str]:
     """The cells of one line without blanks and quotation marks around them."""
     if separator == " ":
-        return [cell.strip('"') for cell in line.split()]
+        cells = [cell.strip('"') for cell in line.split()]
+        return _with_units(cells) if "[" in line or "(" in line else cells
     try:
         return [cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True), [])]
     except csv.Error:  # a cell longer than the module reads
         return [cell.strip() for cell in line.split(separator)]
+
+
+def _with_units(cells: list[str]) -> list[str]:
+    """Words with the unit in brackets behind them, as ``Zeit [s]``; a row of units stays."""
+    joined: list[str] = []
+    for cell in cells:
+        is_unit = _BRACKETED.fullmatch(cell) is not None
+        if is_unit and joined and not _BRACKETED.fullmatch(joined[-1]):
+            joined[-1] += f" {cell}"
+        else:
+            joined.append(cell)
+    return joined
 
 
 def lines(text: str, at: int = 0, longest: int = 20_000) -> Iterator[str]:
@@ -162,6 +176,18 @@ def offset(text: str, count: int) -> int:
         if not at:
             return len(text)
     return at
+
+
+def separator_of(line: str) -> str:
+    """The first of `SEPARATORS` in a line, a comma where there is none."""
+    return next((s for s in SEPARATORS if s in line.strip()), ",")
+
+
+def rows_below(text: str, line: int, separator: str) -> Iterator[tuple[int, list[str]]]:
+    """Number and cells of each line below one, without comments and empty lines."""
+    for number, row in enumerate(lines(text, offset(text, line)), line + 1):
+        if row.strip() and not COMMENT.match(row):
+            yield number, split(row, separator)
 
 
 def rows(file: Path, body: str, separator: str, after: int) -> Iterator[tuple[int, list[str]]]:

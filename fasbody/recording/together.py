@@ -59,10 +59,11 @@ def _of_one(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     wrong = (size > np.maximum(np.log(_FACTOR), _SCATTER * np.median(size))) | (
         angle > np.maximum(np.radians(_ANGLE_DEG), _SCATTER * np.median(angle))
     )
+    whose = "of its subject" if rows[0].get("subject") else "beside it, if of one person and load,"
     return [
-        f"{row['file']}: the malleolus moves {np.exp(one.real):.3g} times as much as the other {f.size - 1} sines of "
-        f"its subject let expect, and {np.degrees(one.imag):+.0f} degrees apart; check the file's units, columns and "
-        "clocks."
+        f"{row['file']}: the malleolus moves {np.exp(one.real):.3g} times as much as the other "
+        f"{f.size - 1} sines {whose} let expect, and {np.degrees(one.imag):+.0f} degrees apart; "
+        "check the file's units, columns and clocks."
         for row, one, odd in zip(rows, off, wrong, strict=True)
         if odd
     ]

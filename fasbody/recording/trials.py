@@ -10,17 +10,18 @@ from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from pathlib import Path
 from shlex import quote
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from fasbody.exceptions import InputFileError, unknown
+from fasbody.exceptions import InputFileError
 from fasbody.presentation import Tabled
 from fasbody.recording.channels import Layout
 from fasbody.recording.condition import POSTURES, Condition, plausible
 from fasbody.recording.csv import column, read_table
 from fasbody.recording.files import TEXTS
 from fasbody.recording.formats import READ, ending
+from fasbody.recording.study_toml import Document, FileTable, LayoutTable, StudyTable, validated
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -60,59 +61,26 @@ def parsed(file: Path, text: str) -> tuple[dict[str, str], Layout]:
         InputFileError: not TOML, or a table, key or value that does not exist.
     """
     try:
-        document = tomllib.loads(text)
+        document = validated(Document, file, tomllib.loads(text))
     except tomllib.TOMLDecodeError as error:
         raise InputFileError(file, f"is not TOML ({error})") from None
-    _known(file, document, "table", ("study", "channels", "known", "layouts"))
-    settings, channels = _table(file, document, "study"), _table(file, document, "channels")
-    _known(file, settings, "key of [study]", _KEYS)
-    about = {"name": file.parent.resolve().name, "origin": "measured", "description": ""}
-    about |= {key: str(value) for key, value in settings.items() if key in about}
-    if about["origin"] not in ("measured", "synthetic"):
-        raise InputFileError(file, f"origin is {about['origin']!r}", 'valid: "measured", "synthetic"')
-    rate, columns, take = settings.get("sampling_rate_hz"), settings.get("columns", ()), settings.get("take")
-    known, apart = _table(file, document, "known"), list[tuple[str, Layout]]()
-    for name, table in _table(file, document, "layouts").items():
-        patterns, further = _apart(file, name, table)
-        rest = (table.get("sampling_rate_hz", rate), table.get("columns", columns), known, table.get("take", take))
-        layout = Layout.from_toml(file, {**channels, **further}, *rest)
-        apart += [(pattern, layout) for pattern in patterns]
-    return about, replace(Layout.from_toml(file, channels, rate, columns, known, take), apart=tuple(apart))
-
-
-def _apart(file: Path, name: str, table: Any) -> tuple[list[str], dict[str, Any]]:
-    """The patterns of file names of one [layouts.*] table, and its channels.
-
-    Raises:
-        InputFileError: it has no such patterns, or a key that does not exist.
-    """
-    if not isinstance(table, dict):
-        raise InputFileError(file, f"layouts.{name} is {table!r}", f"it must be a table, [layouts.{name}]")
-    _known(file, table, f"key of [layouts.{name}]", ("files", "sampling_rate_hz", "columns", "take", "channels"))
-    files = table.get("files")
-    patterns = [files] if isinstance(files, str) else files
-    if not (isinstance(patterns, list) and patterns and all(isinstance(p, str) and p.strip() for p in patterns)):
-        hint = 'valid: a pattern of file names, or several: files = ["*_phone.csv"]'
-        raise InputFileError(file, f"layouts.{name}.files = {files!r}", hint)
-    return patterns, _table(file, table, "channels")
-
-
-_KEYS = ("name", "origin", "description", "sampling_rate_hz", "columns", "take")
-
-
-def _known(file: Path, table: dict[str, Any], kind: str, valid: tuple[str, ...]) -> None:
-    """Refuse what would be ignored: a misspelt table or key."""
-    for name in table:
-        if name not in valid:
-            raise InputFileError(file, unknown(kind, name, valid))
-
-
-def _table(file: Path, document: dict[str, Any], name: str) -> dict[str, Any]:
-    """A table of a TOML document, empty if it is not there."""
-    table = document.get(name, {})
-    if not isinstance(table, dict):
-        raise InputFileError(file, f"{name} is {table!r}", f"it must be a table, [{name}]")
-    return table
+    study = validated(StudyTable, file, document.study, "study")
+    about = {
+        "name": study.name or file.parent.resolve().name,
+        "origin": study.origin,
+        "description": study.description,
+    }
+    settings = FileTable.model_fields
+    apart = list[tuple[str, Layout]]()
+    for name, stated in document.layouts.items():
+        table = validated(LayoutTable, file, stated, f"layouts.{name}")
+        rate, columns, take = (getattr(table, key) or getattr(study, key) for key in settings)
+        channels = document.channels | table.channels
+        layout = Layout.from_toml(file, channels, rate, columns, document.known, take)
+        apart += [(pattern, layout) for pattern in table.files]
+    rate, columns, take = (getattr(study, key) for key in settings)
+    layout = Layout.from_toml(file, document.channels, rate, columns, document.known, take)
+    return about, replace(layout, apart=tuple(apart))
 
 
 @dataclass(frozen=True)
@@ -163,7 +131,7 @@ def listed(folder: Path, only: Path | None = None) -> tuple[Trial, ...]:
         condition = Condition(
             subject=subject,
             posture=" ".join(str(row.get("posture") or "midstance").casefold().split()),
-            body_mass_kg=plausible(masses[subject], "body", f"{folder / 'subjects.csv'}: subject {subject}"),
+            body_mass_kg=_body_mass(folder / "subjects.csv", subject, masses[subject]),
             added_mass_kg=plausible(float(added[i]), "added", f"{file}, line {line}"),
             frequency_hz=float(frequency[i]) if np.isfinite(frequency[i]) else None,
             seating=" ".join(str(row.get("seating") or "").split()),
@@ -200,7 +168,13 @@ def _masses(file: Path) -> dict[str, float]:
                 file, f"subject {subject!r} is listed in line {lines[subject]} already", "keep one row", line
             )
         lines[subject] = line
-    return dict(zip(lines, map(float, column(file, table, "mass_kg")), strict=True))
+    masses = column(file, table, "mass_kg", optional=True)
+    return dict(zip(lines, map(float, masses), strict=True))
+
+
+def _body_mass(file: Path, subject: str, mass_kg: float) -> float | None:
+    """A plausible body mass [kg], None where the table has none yet."""
+    return None if np.isnan(mass_kg) else plausible(mass_kg, "body", f"{file}: subject {subject}")
 
 
 def people(folder: Path) -> "pd.DataFrame":

@@ -40,11 +40,11 @@ def broadband(
     step = rate / round(rate / resolution_hz)
     band = (float(use[0] * step), float(use[-1] * step))
     period = period_of(base, rate, band)
-    if period is not None:
-        best = by_periods(time_s, channels, period, band, resolution_hz)
-    else:
-        first, last = np.ceil(band[0] / resolution_hz - 1e-6), np.floor(band[1] / resolution_hz + 1e-6)
-        best = local(time_s, channels, np.arange(first, last + 1) * resolution_hz, band, resolution_hz)
+    best = by_periods(time_s, channels, period, band, resolution_hz) if period else None
+    if best is None or not best.frequency_hz.size:  # few lines can repeat themselves nearly
+        first, last = band[0] / resolution_hz - 1e-6, band[1] / resolution_hz + 1e-6
+        frequency = np.arange(np.ceil(first), np.floor(last) + 1) * resolution_hz
+        best = local(time_s, channels, frequency, band, resolution_hz)
     return best if estimate == "best" else _averaged(channels, rate, resolution_hz, estimate, best)
 
 

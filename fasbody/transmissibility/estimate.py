@@ -66,7 +66,7 @@ def rows(recording: Recording, resolution_hz: float = 1.0, estimate: str = "best
 
 
 def _rows(good: Recording, nominal_hz: float | None, resolution_hz: float, estimate: str) -> list[Row]:
-    channels = {name.removesuffix("_m_s2"): values for name, values in good.channels.items() if name != "time_s"}
+    channels = good.accelerations
     pairs = {pair: c for pair, c in PAIRS.items() if set(c) <= set(channels)}
     if good.condition.frequency_hz is not None:
         f = good.condition.frequency_hz

@@ -190,6 +190,10 @@ class Plan:
         """A job with its recordings read; those that cannot be are named in it."""
         recordings, unread = [], []
         for trial in job.trials:
+            subject = trial.condition.subject
+            if trial.condition.body_mass_kg is None:
+                unread.append(f"{trial.file}: subjects.csv has no mass_kg of subject {subject!r}.")
+                continue
             try:
                 recordings.append(self.study.read(trial))
             except FasError as problem:

@@ -19,3 +19,8 @@ READ |= {".zip": "archive"}
 def ending(file: Path) -> str:
     """A file's ending in lower case, that of what is packed for `.gz`."""
     return Path(file.stem if file.suffix.lower() == ".gz" else file.name).suffix.lower()
+
+
+def ending_removed(file: Path) -> str:
+    """A file's name without its ending, and without that of what is packed for `.gz`."""
+    return Path(file.stem if file.suffix.lower() == ".gz" else file.name).stem

@@ -35,11 +35,7 @@ def decode(file: Path) -> list[Series]:
 
 
 def _columns(plain: Path, name: str, group: str) -> list[Series]:
-    """The columns of one text; none of one that is no table of numbers.
-
-    Raises:
-        FormatError: its numbers are not sound.
-    """
+    """The columns of one text; none of one that is no table of numbers."""
     try:
         table = TextTable.open(plain, Layout(), strict=False)
         indices = {str(index): index for index in range(len(table.names))}

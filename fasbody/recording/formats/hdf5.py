@@ -19,8 +19,10 @@ from fasbody.recording.formats.series import (
     check_size,
     columns_of,
     passed_over,
+    scaled_by_attributes,
     short,
     stated_rate,
+    text_of,
     with_rate,
 )
 
@@ -61,10 +63,9 @@ def decode(file: Path) -> list[Series]:
                 raise FormatError(f"keeps the data of {name!r} in other files; save them in the file itself")
             total += int(np.prod([float(n) for n in item.shape]))
             check_size(total)
-            unit = item.attrs.get("units", item.attrs.get("unit", b""))
-            text = unit.decode("utf-8", "replace") if isinstance(unit, bytes) else unit if isinstance(unit, str) else ""
+            unit = text_of(item.attrs.get("units", item.attrs.get("unit", b"")))
             values, scaled, unclear = _scaled(item)
-            columns = columns_of(name, values, text, _rate(source, name))
+            columns = columns_of(name, values, unit, _rate(source, name))
             series += [replace(s, scaled=scaled, unclear=unclear, start_s=_start(item.attrs)) for s in columns]
         series = _named(source, series)
     return short(with_rate(series))
@@ -114,13 +115,9 @@ def _scaled(item: Any) -> tuple[np.ndarray, str, str]:
     for key in ("scale_factor", "add_offset"):
         if key in item.attrs and attributes[key] is None:
             raise FormatError(f"the attribute {key} of {item.name!r} is no number; give one, or delete it")
-    empty = _number(item.attrs.get("_FillValue"))
-    if empty is not None and item.dtype.kind in "iuf":
-        values = np.where(values == empty, np.nan, values)
     factor, offset = attributes["scale_factor"], attributes["add_offset"]
-    if factor is not None or offset is not None:
-        values = np.asarray(values, float) * (1.0 if factor is None else factor) + (offset or 0.0)
-    scaled = f"scale_factor = {factor:g}" if factor not in (None, 1.0) else ""
+    empty = _number(item.attrs.get("_FillValue"))
+    values, scaled = scaled_by_attributes(values, factor, offset, empty)
     unclear = [f"{key} = {value:g}" for key, value in attributes.items() if key in _SCALES and value not in (None, 1.0)]
     return values, scaled, ", ".join(unclear)
 
@@ -146,11 +143,7 @@ def _no_numbers(item: Any) -> str:
 
 
 def _rate(source: Any, name: str) -> float | None:
-    """The rate [Hz] that a dataset states, or a folder above it.
-
-    Raises:
-        FormatError: two of them disagree.
-    """
+    """The rate [Hz] that a dataset states, or a folder above it."""
     parts = name.split("/")
     above = [source, *(source["/".join(parts[:count])] for count in range(1, len(parts) + 1))]
     return stated_rate(

@@ -8,7 +8,15 @@ import numpy as np
 
 from fasbody.exceptions import pip_install
 from fasbody.recording.formats import hdf5
-from fasbody.recording.formats.series import FormatError, Series, check_size, columns_of, passed_over, with_rate
+from fasbody.recording.formats.series import (
+    FormatError,
+    Series,
+    check_size,
+    numeric_columns,
+    scaled_by_attributes,
+    text_of,
+    with_rate,
+)
 
 LIBRARY = "scipy"
 
@@ -30,20 +38,14 @@ def decode(file: Path) -> list[Series]:
         check_size(0, len(source.variables))
         for name, variable in source.variables.items():
             values = np.asarray(variable.data)
-            if values.dtype.kind not in "fiu" or values.ndim > 2:
-                series.append(passed_over(name, "no vector or matrix of numbers"))
-                continue
             total += values.size
             check_size(total)
-            attributes = {key: getattr(variable, key, None) for key in ("scale_factor", "add_offset", "_FillValue")}
-            empty = (
-                np.full(values.shape, False) if attributes["_FillValue"] is None else values == attributes["_FillValue"]
-            )
-            factor = 1.0 if attributes["scale_factor"] is None else float(attributes["scale_factor"])
-            offset = 0.0 if attributes["add_offset"] is None else float(attributes["add_offset"])
-            unit = getattr(variable, "units", b"")
-            text = unit.decode("utf-8", "replace") if isinstance(unit, bytes) else str(unit)
-            scaled = f"scale_factor = {factor:g}" if factor != 1.0 else ""
-            columns = columns_of(name, np.where(empty, np.nan, values * factor + offset), text)
+            names = ("scale_factor", "add_offset", "_FillValue")
+            stated = (getattr(variable, key, None) for key in names)
+            numbers = (None if value is None else float(value) for value in stated)
+            scaled = ""
+            if values.dtype.kind in "fiu":
+                values, scaled = scaled_by_attributes(values, *numbers)
+            columns = numeric_columns(name, values, text_of(getattr(variable, "units", b"")))
             series += [replace(s, scaled=scaled) for s in columns]
     return with_rate(series)

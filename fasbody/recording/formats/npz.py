@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fasbody.recording.formats.series import FormatError, Series, check_size, columns_of, passed_over, with_rate
+from fasbody.recording.formats.series import FormatError, Series, check_size, numeric_columns, passed_over, with_rate
 
 LIBRARY = "numpy"
 
@@ -24,6 +24,5 @@ def decode(file: Path) -> list[Series]:
             except ValueError:  # an array of Python objects
                 series.append(passed_over(name, "no numbers"))
                 continue
-            good = values.dtype.kind in "fiub" and values.ndim <= 2
-            series += columns_of(name, values) if good else [passed_over(name, "no vector or matrix of numbers")]
+            series += numeric_columns(name, values)
     return with_rate(series)

@@ -72,6 +72,38 @@ def columns_of(name: str, values: np.ndarray, unit: str = "", rate_hz: float | N
     return [Series(f"{name}_{i + 1}", unit, tall[:, i].copy(), rate_hz) for i in range(tall.shape[1])]
 
 
+def numeric_columns(name: str, values: np.ndarray, unit: str = "") -> list[Series]:
+    """The columns of an array of real numbers; of any other array its name."""
+    if values.dtype.kind in "fiub" and values.ndim <= 2:
+        return columns_of(name, values, unit)
+    return [passed_over(name, "no vector or matrix of numbers")]
+
+
+def scaled_by_attributes(
+    values: np.ndarray, factor: float | None, offset: float | None, empty: float | None
+) -> tuple[np.ndarray, str]:
+    """Values by the CF conventions, and the statement of their scale.
+
+    Args:
+        values: as stored.
+        factor: `scale_factor`.
+        offset: `add_offset`.
+        empty: `_FillValue`, which stands for no number.
+    """
+    if empty is not None and values.dtype.kind in "iuf":
+        values = np.where(values == empty, np.nan, values)
+    if factor is not None or offset is not None:
+        values = np.asarray(values, float) * (1.0 if factor is None else factor) + (offset or 0.0)
+    return values, f"scale_factor = {factor:g}" if factor not in (None, 1.0) else ""
+
+
+def text_of(attribute: object) -> str:
+    """An attribute as text, "" where it is none."""
+    if isinstance(attribute, bytes):
+        return attribute.decode("utf-8", "replace")
+    return attribute if isinstance(attribute, str) else ""
+
+
 def short(series: list[Series]) -> list[Series]:
     """Named without their groups where that is unambiguous."""
     parts = [s.name.rpartition("/") for s in series]
