@@ -80,7 +80,7 @@ def test_scans_that_a_labjack_skipped_are_a_gap_of_their_frame(monkeypatch: pyte
     device = kind("labjack")(wiring("labjack"))
     before = decoded(device, 4)
     signal.broken = "skip"
-    decoder = Decoder(device._hello)
+    decoder = Decoder(device._frames.hello)
     blocks = [m for _ in range(8) for m in decoder.feed(device.read()) if isinstance(m, Block)]
     device.close()
     numbers = [block.sequence for block in (*before, *blocks)]
@@ -139,10 +139,10 @@ def test_a_device_that_gives_nothing_is_gone(monkeypatch: pytest.MonkeyPatch) ->
 
 
 @pytest.mark.parametrize(("text", "problem"), [
-    ("{", "is no JSON document"), ("[]", "describes no device"), ('{"gain": 1}', "describes no device"),
-    ('{"rate_hz": -1}', "positive numbers"), ('{"inputs": ["0"]}', "two or three inputs"),
-    ('{"sensitivity": [0.1]}', "sensitivity for each"), ('{"sensitivity": ["100 m/g", 1]}', "sensitivity"),
-    ('{"iepe": 1}', "no iepe"),
+    ("{", "is no JSON document"), ("[]", "names no device"), ('{"gain": 1}', "knows no gain; valid: device, inputs"),
+    ('{"rate_hz": -1}', "rate_hz is -1; valid: a positive number"), ('{"inputs": ["0"]}', "two or three inputs"),
+    ('{"sensitivity": [0.1, 1, 2]}', "sensitivity for each"), ('{"sensitivity": ["100 m/g", 1]}', "sensitivity"),
+    ('{"iepe": 1}', "iepe is 1; valid: true or false"), ('{"device": 5}', "device is 5"),
 ])  # fmt: skip
 def test_wiring_that_cannot_be_meant_is_refused(tmp_path: Path, text: str, problem: str) -> None:
     file = tmp_path / "ni.json"

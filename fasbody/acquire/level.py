@@ -126,11 +126,7 @@ def peak_to_peak(values: np.ndarray, rate_hz: float, frequency_hz: float) -> flo
 
 
 def _rest(board: Board, wait: bool) -> tuple[float, float]:
-    """Offset and noise [m/s^2, rms] of the base at rest, once it has come to rest; no noise without `wait`.
-
-    Raises:
-        AcquisitionError: it does not.
-    """
+    """Offset and noise [m/s^2, rms] of the base at rest, once it has come to rest; no noise without `wait`."""
     noise = np.inf
     for _ in range(_RESTS):
         rest = board.collect(_REST_S)[:, board.base]

@@ -91,11 +91,7 @@ class Plan:
 
 
 def within(study: Path, subject: str, dose: Dose, limit_a8: float) -> None:
-    """Refuse a dose that, with what the subject had today, is beyond a limit of A(8) [m/s^2].
-
-    Raises:
-        SettingError: it is.
-    """
+    """Refuse a dose that, with what the subject had today, is beyond a limit of A(8) [m/s^2]."""
     before = dose_of(study, subject)
     if (total := before + dose).a8 > limit_a8:
         had = f", with A(8) {before.a8:.3g} had today" if before.seconds else ""
@@ -133,11 +129,7 @@ class PlannedStep:
 
 
 def steps_in(path: Path) -> tuple[dict[str, Any], Sequence[PlannedStep]]:
-    """A file of planned steps, as `python -m identification.plan` writes it: the document, and its steps in order.
-
-    Raises:
-        InputFileError: it cannot be read, is no such file, or has an invalid step.
-    """
+    """A file of planned steps, as `python -m identification.plan` writes it: the document, and its steps in order."""
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:

@@ -189,13 +189,7 @@ class Session:
                 self.generator.off()
 
     def _record(self, capture: Capture, frequency: float | None, level: Level | None) -> None:
-        """Until the planned samples are there.
-
-        Raises:
-            Stalled: no samples, or too few in time.
-            Faulty: a sensor fails.
-            AcquisitionError: the base sensor has failed or is over range, the disk is full, or the board is gone.
-        """
+        """Until the planned samples are there."""
         board, generator = self.board, self.generator
         timeline = board.start(capture)
         hello = timeline.hello

@@ -1,0 +1,108 @@
+"""What devices without a firmware of ours have in common: frames made here, and a JSON file of what is connected."""
+
+import json
+import math
+import time
+from collections.abc import Callable, Mapping
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, ClassVar, Self
+
+import numpy as np
+
+from fasbody.acquire.wire import Channel, Hello, encode_data, encode_hello
+from fasbody.console import to_json, write_whole
+from fasbody.exceptions import InputFileError
+
+#: Samples of a frame, and its bits.
+SAMPLES, BITS = 16, 24
+RAIL = 2 ** (BITS - 1)
+
+
+class Frames:
+    """Samples of a device as the frames of docs/acquisition.md, behind a hello once a second.
+
+    Args:
+        name: of the device.
+        rate_hz: of the samples.
+        channels: as a board describes them.
+    """
+
+    def __init__(self, name: str, rate_hz: float, channels: tuple[Channel, ...]) -> None:
+        short = name.encode()[:32].decode(errors="ignore")
+        boot = int(time.time()) % 65536
+        self.hello = encode_hello(Hello(short, rate_hz, channels, BITS, SAMPLES, boot))
+        self._rate_hz = rate_hz
+        self._number = 0
+        self._greeted = -1  # in which second
+        self._events: list[str] = []
+
+    def frame(self, shares: np.ndarray, flags: int = 0) -> bytes:
+        """The next frame, of shares of full scale (SAMPLES, channels)."""
+        start = self._number * SAMPLES / self._rate_hz
+        greeting = self.hello if int(start) != self._greeted else b""
+        self._greeted = int(start)
+        counts = np.clip(np.round(RAIL * shares), -RAIL, RAIL - 1).astype(np.int32)
+        self._number += 1
+        return greeting + encode_data(self._number - 1, round(1e6 * start), counts, BITS, flags)
+
+    def skip(self, event: str) -> None:
+        """Samples are missing here: a frame's number is left out."""
+        self._number += 1
+        self._events.append(event)
+
+    def greet(self) -> None:
+        """Begin the next frame with a hello."""
+        self._greeted = -1
+
+    def events(self) -> list[str]:
+        """What was skipped since the last call."""
+        events, self._events = self._events, []
+        return events
+
+
+def is_number(value: Any, above: float = -math.inf, least: float = -math.inf) -> bool:
+    """Whether a value of a file is a finite number, beyond one limit and not below another."""
+    plain = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    return plain and value > above and value >= least
+
+
+class SettingsFile:
+    """A frozen dataclass that is kept as a JSON file.
+
+    Attributes:
+        TITLE: what the file is.
+        VALID: what to do about one that is none.
+        NAMED: it must name the device.
+        VALUES: of each field, a test of its value, and what is valid in words.
+    """
+
+    TITLE: ClassVar[str]
+    VALID: ClassVar[str]
+    NAMED: ClassVar[bool] = False
+    VALUES: ClassVar[Mapping[str, tuple[Callable[[Any], bool], str]]]
+
+    @classmethod
+    def read(cls, file: Path) -> Self:
+        """From a file that `write`, or a person, wrote."""
+        try:
+            document = json.loads(file.read_text(encoding="utf-8"))
+        except OSError as error:
+            raise InputFileError(file, f"cannot be read ({error.strerror})", cls.VALID) from None
+        except ValueError:
+            raise InputFileError(file, f"is no {cls.TITLE}: it is no JSON document", cls.VALID) from None
+        if not isinstance(document, dict) or (cls.NAMED and "device" not in document):
+            raise InputFileError(file, f"is no {cls.TITLE}: it names no device", cls.VALID)
+        for key, value in document.items():
+            if key not in cls.VALUES:
+                known = f"valid: {', '.join(cls.VALUES)}"
+                raise InputFileError(file, f"is no {cls.TITLE}: it knows no {key}", known)
+            suits, valid = cls.VALUES[key]
+            if not suits(value):
+                problem = f"is no {cls.TITLE}: {key} is {json.dumps(value)}"
+                raise InputFileError(file, problem, f"valid: {valid}")
+        return cls(**{k: tuple(v) if isinstance(v, list) else v for k, v in document.items()})
+
+    def write(self, file: Path) -> None:
+        """As JSON."""
+        write_whole(file, to_json(asdict(self)) + "\n")  # type: ignore[call-overload]
