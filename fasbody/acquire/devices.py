@@ -15,7 +15,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from fasbody.acquire.board import Board
 from fasbody.acquire.generator import Excitation, Generator
@@ -88,6 +88,14 @@ class Equipment:
     generator: str | None = None
     generator_baud: int = 115200
     settings: Path | None = None
+
+    @classmethod
+    def simulated(cls, stack: ExitStack, **options: float) -> Self:
+        """A virtual bench with these options; the stack ends it."""
+        from fasbody.acquire.bench import Bench
+
+        bench = stack.enter_context(Bench(**options))
+        return cls(port=bench.board_port, generator=bench.generator_port)
 
     def check(self) -> None:
         """Refuse what does not fit together, before anything is opened."""
