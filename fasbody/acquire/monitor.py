@@ -28,6 +28,9 @@ LEVEL = 0.2
 LEAST_SHARE = 0.5
 #: The base turns by more from one window to the next [rad]: 0.4 ms of a sine of 20 Hz. A body that sways makes 0.01.
 TURN = 0.05
+#: And by more within a window, from one sample to the next [rad]: 0.2 ms of a sine of 20 Hz. It is
+#: looked for at so many places of a window, beside what leans and drifts.
+STEP, _PLACES = 0.03, 12
 #: A clock is off by this share at most (`timeline.Limits` refuses more).
 CLOCK = 5e-3
 #: The malleolus' line over the base's changes by this share, and by this one from a window to the next.
@@ -92,6 +95,7 @@ class Window:
         mean: [m/s^2].
         flat: longest run of one value [s].
         unlike: rms of the sensors' difference over that of the base.
+        step: of the base's phase from one sample to the next, less its uncertainty [rad].
     """
 
     start: int
@@ -105,6 +109,7 @@ class Window:
     mean: np.ndarray
     flat: np.ndarray
     unlike: float
+    step: float = 0.0
 
     @property
     def size(self) -> float:
@@ -213,11 +218,11 @@ def _waveform(of: Judged, sensor: int) -> float:
 def _breaks(of: Judged, sensor: int) -> float:
     """Of the phase; until the clocks' drift is known, it may be any that a recording may have."""
     if of.before is None:
-        return 0.0
+        return of.now.step / STEP
     clock = CLOCK * 2 * math.pi * (of.drive.frequency_hz or 0.0) * of.now.seconds
     noise = _SURE * math.hypot(of.now.std[_BASE], of.before.std[_BASE]) / max(min(of.now.size, of.before.size), _TINY)
     turned = abs(of.turn) / (TURN + noise + (0.0 if of.known else clock))
-    return max(turned, (abs(of.drift) - noise) / max(clock, _TINY))
+    return max(turned, of.now.step / STEP, (abs(of.drift) - noise) / max(clock, _TINY))
 
 
 def _equal(of: Judged, sensor: int) -> float:
@@ -327,6 +332,7 @@ class Monitor:
         if drive.frequency_hz:
             self._basis = _harmonics(drive.frequency_hz / rate_hz, 2 * self.hop)
             self._inverse = np.linalg.pinv(self._basis)
+            self._steps = Steps(drive.frequency_hz / rate_hz, 2 * self.hop)
         self._restart(0)
 
     def _restart(self, index: int) -> None:
@@ -383,11 +389,13 @@ class Monitor:
 
     def window(self, start: int, values: np.ndarray) -> Window:
         """Features of samples (n, 2) [m/s^2], the first of which is number `start`."""
-        mean, frequency = values.mean(axis=0), self.drive.frequency_hz
+        mean, frequency, step = values.mean(axis=0), self.drive.frequency_hz, 0.0
         if frequency:
             c = self._inverse @ values
             rest, mean = values - self._basis @ c, c[0]
-            line = (c[1] - 1j * c[2]) * np.exp(-2j * np.pi * frequency / self.rate_hz * start)
+            line = c[1] - 1j * c[2]
+            step = self._steps.largest(values[:, _BASE], complex(line[_BASE]))
+            line = line * np.exp(-2j * np.pi * frequency / self.rate_hz * start)
         else:
             rest = values - mean
             line = rest.std(axis=0).astype(complex)
@@ -399,7 +407,7 @@ class Monitor:
         seconds = len(values) / self.rate_hz
         return Window(
             start, seconds, line, rms * math.sqrt(2 / len(values)), rms, peak, peak / robust, self._hum(rest), mean,
-            _longest_run(values) / self.rate_hz, unlike,
+            _longest_run(values) / self.rate_hz, unlike, step,
         )  # fmt: skip
 
     def _hum(self, rest: np.ndarray) -> np.ndarray:
@@ -410,9 +418,42 @@ class Monitor:
         return np.asarray(power[near].sum(axis=0) / np.maximum(power.sum(axis=0), _TINY))
 
 
-def _harmonics(turns: float, size: int) -> np.ndarray:
+class Steps:
+    """Looks for a step of a sine's phase inside a window.
+
+    A step H_k (0 before sample k, 1 from k on) of the sine is what three harmonics, whose first may grow and turn
+    evenly, leave of H_k cos and H_k sin.
+
+    Args:
+        turns: of the sine a sample.
+        size: of a window.
+    """
+
+    def __init__(self, turns: float, size: int) -> None:
+        even = np.linspace(-1, 1, size)[:, None]
+        waves = _harmonics(turns, size, 3)
+        first = waves[:, 1:3]
+        self._smooth, _ = np.linalg.qr(np.column_stack([waves, even * first]))
+        self._places = []
+        for place in np.linspace(size / 8, 7 * size / 8, _PLACES):
+            after = first * (np.arange(size) >= place)[:, None]
+            q, r = np.linalg.qr(after - self._smooth @ (self._smooth.T @ after))
+            self._places.append((q, np.linalg.inv(r)))
+
+    def largest(self, values: np.ndarray, line: complex) -> float:
+        """The most certain step [rad] of values (n,) with this amplitude, less what noise makes of none."""
+        rest = values - self._smooth @ (self._smooth.T @ values)
+        parts = [(q.T @ rest, q, inverse) for q, inverse in self._places]
+        part, q, inverse = max(parts, key=lambda fit: float(fit[0] @ fit[0]))
+        cosine, sine = inverse @ part
+        turned = abs(((cosine - 1j * sine) * np.conj(line)).imag) / max(abs(line) ** 2, _TINY)
+        noise = float(np.std(rest - q @ part)) * float(np.linalg.norm(inverse, 2))
+        return turned - _SURE * noise / max(abs(line), _TINY)
+
+
+def _harmonics(turns: float, size: int, most: int = _HARMONICS) -> np.ndarray:
     """Columns of a constant, and of cosine and sine of each harmonic of so many turns a sample."""
-    count = max(1, min(_HARMONICS, int(0.4 / turns), size // _SAMPLES_PER_TERM // 2))
+    count = max(1, min(most, int(0.4 / turns), size // _SAMPLES_PER_TERM // 2))
     wt = 2 * np.pi * turns * np.arange(size)
     columns = [f(h * wt) for h in range(1, count + 1) for f in (np.cos, np.sin)]
     return np.column_stack([np.ones(size), *columns])
