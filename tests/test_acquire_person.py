@@ -48,21 +48,31 @@ def test_noise_has_the_dose_of_its_spectrum() -> None:
     assert Dose.of(values, rate).a_w == pytest.approx(a_w, rel=0.04)
 
 
+@pytest.mark.parametrize("option", ["--max-exposure", "--max-vdv"])
 @pytest.mark.parametrize(("seconds", "stops"), [(9, False), (11, True)])
-def test_the_limit_of_the_day_stops(seconds: int, stops: bool) -> None:
+def test_the_limit_of_the_day_stops(seconds: int, stops: bool, option: str) -> None:
     """Ten seconds of this sine are the limit; what was before counts."""
     rate, wave = 500.0, 8.0 * np.sin(2 * np.pi * 20 * np.arange(16 * 500) / 500)
-    limit = (Dose.of_sine(20.0, 8.0, 5.0) + Dose.of_sine(20.0, 8.0, 10.0)).a8 * (1 + 1e-6)
-    meter = Meter(Dose.of_sine(20.0, 8.0, 5.0), limit, rate)
+    most = Dose.of_sine(20.0, 8.0, 5.0) + Dose.of_sine(20.0, 8.0, 10.0)
+    limits = {"--max-exposure": (most.a8, 1e9), "--max-vdv": (1e9, most.vdv)}[option]
+    meter = Meter(Dose.of_sine(20.0, 8.0, 5.0), limits[0] * (1 + 1e-6), rate, limits[1] * (1 + 1e-6))
     pieces = np.split(wave[: seconds * 500], seconds * 20)
     if stops:
-        with pytest.raises(AcquisitionError, match=r"beyond the limit of .* \(--max-exposure\); output off"):
+        with pytest.raises(AcquisitionError, match=rf"exposure is .* beyond .* \({option}\); output off"):
             for piece in pieces:
                 meter.add(piece)
         return
     for piece in pieces:
         meter.add(piece)
     assert meter.dose.seconds == pytest.approx(5 + seconds)
+
+
+def test_the_thesis_protocol_stands_near_the_limit_and_the_sentence_tells() -> None:
+    """Three loads of 10:50:5, ten seconds and the finding of the level each."""
+    steps = [Dose.of_sine(float(hz), 8.95, 10.0 + person.LEVEL_S) for hz in 3 * list(range(10, 51, 5))]
+    text = sum(steps, Dose()).sentence()
+    assert "35 % of the A(8) and 97 % of the VDV" in text and "It asks for action" in text
+    assert "It would ask for action" in Dose.of_sine(20.0, 1.0, 10.0).sentence()
 
 
 def test_days_and_subjects_stay_beside_what_else_a_session_says(tmp_path: Path) -> None:
@@ -104,8 +114,10 @@ def test_a_plan_says_its_dose_and_is_refused_beyond_the_limit(tmp_path: Path) ->
     each = [Dose.of_sine(hz, plan(tmp_path).peak_to_peak / 2, 10.0 + person.LEVEL_S) for hz in (10.0, 20.0)]
     assert plan(tmp_path).dose.a8 == pytest.approx((each[0] + each[1]).a8)
     plan(tmp_path, safety=Safety(daily_a8=1.01 * plan(tmp_path).dose.a8)).check(True)
-    with pytest.raises(SettingError, match=r"exposure.*--max-exposure"):
-        plan(tmp_path, safety=Safety(daily_a8=0.99 * plan(tmp_path).dose.a8)).check(True)
+    dose = plan(tmp_path).dose
+    for low, option in ((Safety(daily_a8=0.99 * dose.a8), "exposure"), (Safety(daily_vdv=0.99 * dose.vdv), "vdv")):
+        with pytest.raises(SettingError, match=f"exposure.*--max-{option}"):
+            plan(tmp_path, safety=low).check(True)
     person.keep(tmp_path / "study", CONDITION.subject, Dose.of_sine(10.0, 9.0, 300.0))
     with pytest.raises(SettingError, match="had today"):
         plan(tmp_path).check(True)

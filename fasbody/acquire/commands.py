@@ -19,7 +19,7 @@ from fasbody.acquire.devices import SERIAL, Equipment, file_of, kind
 from fasbody.acquire.display import Display
 from fasbody.acquire.folder import Converted, convert
 from fasbody.acquire.level import Safety
-from fasbody.acquire.person import ACTION, Dose
+from fasbody.acquire.person import ACTION, VDV_LIMIT, Dose
 from fasbody.acquire.plan import Plan, PlannedStep, steps_in, within
 from fasbody.acquire.port import ports, probe
 from fasbody.acquire.session import Session, terminated
@@ -53,8 +53,8 @@ _Baud = Annotated[int, typer.Option(min=1, help="baud rate of the board")]
 _GeneratorBaud = Annotated[int, typer.Option(min=1, help="baud rate of the generator")]
 _Simulate = Annotated[bool, typer.Option("--simulate", help="a virtual bench instead of hardware")]
 _Json = Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")]
-#: A mass has no exposure; this is a day at 20 g.
-_NOBODY_A8 = 200.0
+#: A mass has no exposure; this is a day at 100 g.
+_NOBODY = 1000.0
 #: No calibration listens longer [s].
 _LONGEST_S = 600.0
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
@@ -90,6 +90,9 @@ def record(
     max_exposure: Annotated[
         float, typer.Option(help="largest daily exposure A(8) of the subject in m/s^2, W_k-weighted")
     ] = ACTION,
+    max_vdv: Annotated[
+        float, typer.Option(help="largest vibration dose value of the subject in a day in m/s^1.75, W_k-weighted")
+    ] = VDV_LIMIT,
     retries: Annotated[int, typer.Option(min=0, help="how often to repeat a recording that lost samples")] = 2,
     baud: _Baud = 921600,
     generator_baud: _GeneratorBaud = 115200,
@@ -197,7 +200,13 @@ def record(
         peak_to_peak=peak_to_peak,
         retries=retries,
         origin="synthetic" if simulate else "measured",
-        safety=Safety(max_volts, peak_m_s2=max_acceleration, displacement_m=max_displacement, daily_a8=max_exposure),
+        safety=Safety(
+            max_volts,
+            peak_m_s2=max_acceleration,
+            displacement_m=max_displacement,
+            daily_a8=max_exposure,
+            daily_vdv=max_vdv,
+        ),
         truth=truth,
     )
     # Then another program plays, or another shaker is used; the card only records.
@@ -210,7 +219,7 @@ def record(
         plan.check(excited and not by_hand)
     if excited and not by_hand:
         dose = sum((plan.dose for plan in plans), Dose())
-        within(out, subject, dose, max_exposure)
+        within(out, subject, dose, template.safety)
         console.print(dose.sentence(), soft_wrap=True, markup=False)
     if left := folder.left_behind(out):
         text = (
@@ -283,7 +292,7 @@ def check(
     origin = "synthetic" if simulate else "measured"
     plan = Plan(
         out / "check", frequencies_hz, Condition("one mass"), seconds, peak_to_peak, origin=origin,
-        safety=Safety(max_volts, daily_a8=_NOBODY_A8), one_mass=True,
+        safety=Safety(max_volts, daily_a8=_NOBODY, daily_vdv=_NOBODY), one_mass=True,
     )  # fmt: skip
     plan.check(True)
     with ExitStack() as stack:

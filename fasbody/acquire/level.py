@@ -6,7 +6,7 @@ import numpy as np
 
 from fasbody.acquire.board import Board, Stalled, Watch
 from fasbody.acquire.generator import Excitation
-from fasbody.acquire.person import ACTION
+from fasbody.acquire.person import ACTION, VDV_LIMIT
 from fasbody.exceptions import AcquisitionError, SettingError
 
 
@@ -21,6 +21,7 @@ class Safety:
         displacement_m: largest peak-to-peak motion of the base.
         growth: the amplitude rises by at most this factor a step.
         daily_a8: largest daily exposure A(8) of a person [m/s^2].
+        daily_vdv: and their largest vibration dose value [m/s^1.75].
     """
 
     volts: float = 5.0
@@ -29,6 +30,7 @@ class Safety:
     displacement_m: float = 0.008
     growth: float = 2.0
     daily_a8: float = ACTION
+    daily_vdv: float = VDV_LIMIT
 
     def check(self, frequency_hz: float, peak_to_peak: float) -> None:
         """Refuse an excitation before anything moves.

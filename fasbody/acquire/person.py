@@ -113,11 +113,20 @@ class Dose:
 
     def sentence(self) -> str:
         """With what the directive has, and for whom it was made."""
+        beyond = self.a8 > ACTION or self.vdv > VDV_ACTION
+        asks = "It asks for action from" if beyond else "It would ask for action from"
         return (
-            f"Exposure, W_k-weighted: {self}. The directive on work acts from A(8) {ACTION:g} or VDV "
-            f"{VDV_ACTION:g} on, and allows {LIMIT:g} or {VDV_LIMIT:g}; made for seated and standing people, not for "
-            "a foot."
+            f"Exposure, W_k-weighted: {self}. That is {100 * self.a8 / LIMIT:.0f} % of the A(8) "
+            f"and {100 * self.vdv / VDV_LIMIT:.0f} % of the VDV that the directive on work allows "
+            f"in a day ({LIMIT:g}, {VDV_LIMIT:g}). {asks} {ACTION:g} or {VDV_ACTION:g} on; made "
+            "for seated and standing people, not for a foot."
         )
+
+    def beyond(self, a8: float, vdv: float) -> str:
+        """Which of two limits of a day is exceeded, its value and the option; empty if none is."""
+        if self.a8 > a8:
+            return f"A(8) {self.a8:.3g} m/s^2, beyond {a8:g} (--max-exposure)"
+        return f"VDV {self.vdv:.3g} m/s^1.75, beyond {vdv:g} (--max-vdv)" if self.vdv > vdv else ""
 
     def document(self) -> dict[str, float]:
         """As plain data."""
@@ -134,10 +143,11 @@ class Meter:
         before: what they had that day.
         limit_a8: A(8) beyond which nothing goes on [m/s^2].
         rate_hz: of the samples.
+        limit_vdv: and VDV [m/s^1.75].
     """
 
-    def __init__(self, before: Dose, limit_a8: float, rate_hz: float) -> None:
-        self._sum, self._limit, self._rate_hz = before, limit_a8, rate_hz
+    def __init__(self, before: Dose, limit_a8: float, rate_hz: float, limit_vdv: float = VDV_LIMIT) -> None:
+        self._sum, self._limits, self._rate_hz = before, (limit_a8, limit_vdv), rate_hz
         self._piece: list[np.ndarray] = []
 
     def add(self, base: np.ndarray) -> None:
@@ -145,11 +155,8 @@ class Meter:
         self._piece.append(base)
         if sum(map(len, self._piece)) >= _PIECE_S * self._rate_hz:
             self._sum, self._piece = self.dose, []
-        if self._sum.a8 > self._limit:
-            raise AcquisitionError(
-                f"the day's exposure is A(8) {self._sum.a8:.3g} m/s^2, beyond the limit of {self._limit:g} "
-                "(--max-exposure); output off. Go on another day."
-            )
+        if beyond := self._sum.beyond(*self._limits):
+            raise AcquisitionError(f"the day's exposure is {beyond}; output off. Go on another day.")
 
     @property
     def dose(self) -> Dose:

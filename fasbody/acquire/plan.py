@@ -87,17 +87,17 @@ class Plan:
                 self.safety.check(frequency, self.peak_to_peak)
         folder.check(self.study, self.condition, self.origin, self.truth)
         if generator:
-            within(self.study, self.condition.subject, self.dose, self.safety.daily_a8)
+            within(self.study, self.condition.subject, self.dose, self.safety)
 
 
-def within(study: Path, subject: str, dose: Dose, limit_a8: float) -> None:
-    """Refuse a dose that, with what the subject had today, is beyond a limit of A(8) [m/s^2]."""
+def within(study: Path, subject: str, dose: Dose, safety: Safety) -> None:
+    """Refuse a dose that, with what the subject had today, is beyond the limits of a day."""
     before = dose_of(study, subject)
-    if (total := before + dose).a8 > limit_a8:
-        had = f", with A(8) {before.a8:.3g} had today" if before.seconds else ""
+    if beyond := (before + dose).beyond(safety.daily_a8, safety.daily_vdv):
+        had = f" with the {before.seconds:.0f} s had today" if before.seconds else ""
         raise SettingError(
-            f"the exposure planned is A(8) {total.a8:.3g} m/s^2{had}, beyond {limit_a8:g} (--max-exposure); record "
-            "less, for a shorter time, at a lower level, or on another day."
+            f"the exposure planned{had} is {beyond}; record less, for a shorter time, at a lower "
+            "level, or on another day."
         )
 
 
