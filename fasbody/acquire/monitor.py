@@ -197,48 +197,63 @@ class Judged:
         """Amplitude of the base [m/s^2]."""
         return max(self.drive.amplitude_m_s2 or self.first.size, _TINY)
 
+    def _flat(self, sensor: int) -> float:
+        return float(self.now.flat[sensor] / FLAT_S)
 
-def _flat(of: Judged, sensor: int) -> float:
-    return float(of.now.flat[sensor] / FLAT_S)
+    def _lost(self, sensor: int) -> float:
+        """Beyond 1 where the base has less than LEAST_SHARE of the expected amplitude."""
+        return LEAST_SHARE * self.expected / max(self.now.size + _SURE * self.now.std[_BASE], _TINY)
 
+    def _off_level(self, sensor: int) -> float:
+        return float(abs(self.now.size - self.expected) - _SURE * self.now.std[_BASE]) / (LEVEL * self.expected)
 
-def _lost(of: Judged, sensor: int) -> float:
-    """Beyond 1 where the base has less than LEAST_SHARE of the expected amplitude."""
-    return LEAST_SHARE * of.expected / max(of.now.size + _SURE * of.now.std[_BASE], _TINY)
+    def _waveform(self, sensor: int) -> float:
+        return float(self.now.rest[_BASE] / (WAVEFORM * self.now.size + _NOISE))
 
+    def _breaks(self, sensor: int) -> float:
+        """Of the phase; until the clocks' drift is known, it may be any that a recording may have."""
+        if self.before is None:
+            return self.now.step / STEP
+        clock = CLOCK * 2 * math.pi * (self.drive.frequency_hz or 0.0) * self.now.seconds
+        std = math.hypot(self.now.std[_BASE], self.before.std[_BASE])
+        noise = _SURE * std / max(min(self.now.size, self.before.size), _TINY)
+        turned = abs(self.turn) / (TURN + noise + (0.0 if self.known else clock))
+        return max(turned, self.now.step / STEP, (abs(self.drift) - noise) / max(clock, _TINY))
 
-def _off_level(of: Judged, sensor: int) -> float:
-    return float(abs(of.now.size - of.expected) - _SURE * of.now.std[_BASE]) / (LEVEL * of.expected)
+    def _equal(self, sensor: int) -> float:
+        if self.drive.one_mass or self.now.size < _MOVES:
+            return 0.0
+        return EQUAL / max(self.now.unlike, _TINY)
 
+    def _silent(self, sensor: int) -> float:
+        """Whether a sensor is still while the other one moves."""
+        other = abs(self.now.line[1 - sensor])
+        return float(SILENT * other / max(abs(self.now.line[sensor]), _TINY)) if other > _MOVES else 0.0
 
-def _waveform(of: Judged, sensor: int) -> float:
-    return float(of.now.rest[_BASE] / (WAVEFORM * of.now.size + _NOISE))
+    def _follows(self, sensor: int) -> float:
+        return float(self.now.rest[_MALLEOLUS] / max(FOLLOWS * abs(self.now.line[_MALLEOLUS]), _TINY))
 
+    def _changed(self, sensor: int) -> float:
+        return _ratio(self.now, self.first, RATIO)
 
-def _breaks(of: Judged, sensor: int) -> float:
-    """Of the phase; until the clocks' drift is known, it may be any that a recording may have."""
-    if of.before is None:
-        return of.now.step / STEP
-    clock = CLOCK * 2 * math.pi * (of.drive.frequency_hz or 0.0) * of.now.seconds
-    noise = _SURE * math.hypot(of.now.std[_BASE], of.before.std[_BASE]) / max(min(of.now.size, of.before.size), _TINY)
-    turned = abs(of.turn) / (TURN + noise + (0.0 if of.known else clock))
-    return max(turned, of.now.step / STEP, (abs(of.drift) - noise) / max(clock, _TINY))
+    def _jumps(self, sensor: int) -> float:
+        return _ratio(self.now, self.before, RATIO_STEP) if self.before else 0.0
 
+    def _grows(self, sensor: int) -> float:
+        return float(self.now.rest[sensor] / (GROWS * self.first.rest[sensor] + _GROWS_BY * self.now.size + _TINY))
 
-def _equal(of: Judged, sensor: int) -> float:
-    if of.drive.one_mass or of.now.size < _MOVES:
-        return 0.0
-    return EQUAL / max(of.now.unlike, _TINY)
+    def _hums(self, sensor: int) -> float:
+        return float(min(self.now.hum[sensor] / HUM, self.now.rest[sensor] / max(_HUM_SIZE * self.now.size, _TINY)))
 
+    def _spikes(self, sensor: int) -> float:
+        """Without a sine, what the base does too (a hammer's blow) is no spike."""
+        over = float(self.now.crest[sensor] / SPIKE)
+        if self.drive.frequency_hz is None:
+            return over if sensor and self.now.crest[_BASE] < _BLOW * SPIKE else 0.0
+        return min(over, float(self.now.peak[sensor]) / max(_SPIKE_SIZE * self.now.size, _TINY))
 
-def _silent(of: Judged, sensor: int) -> float:
-    """Whether a sensor is still while the other one moves."""
-    other = abs(of.now.line[1 - sensor])
-    return float(SILENT * other / max(abs(of.now.line[sensor]), _TINY)) if other > _MOVES else 0.0
-
-
-def _follows(of: Judged, sensor: int) -> float:
-    return float(of.now.rest[_MALLEOLUS] / max(FOLLOWS * abs(of.now.line[_MALLEOLUS]), _TINY))
+    def _off_mean(self, sensor: int) -> float:
+        return float(abs(self.now.mean[sensor] - self.first.mean[sensor]) / OFFSET)
 
 
 def _ratio(now: Window, then: Window, share: float) -> float:
@@ -247,57 +262,32 @@ def _ratio(now: Window, then: Window, share: float) -> float:
     return abs(now.ratio - then.ratio) / max(allowed, _TINY)
 
 
-def _changed(of: Judged, sensor: int) -> float:
-    return _ratio(of.now, of.first, RATIO)
-
-
-def _jumps(of: Judged, sensor: int) -> float:
-    return _ratio(of.now, of.before, RATIO_STEP) if of.before else 0.0
-
-
-def _grows(of: Judged, sensor: int) -> float:
-    return float(of.now.rest[sensor] / (GROWS * of.first.rest[sensor] + _GROWS_BY * of.now.size + _TINY))
-
-
-def _hums(of: Judged, sensor: int) -> float:
-    return float(min(of.now.hum[sensor] / HUM, of.now.rest[sensor] / max(_HUM_SIZE * of.now.size, _TINY)))
-
-
-def _spikes(of: Judged, sensor: int) -> float:
-    """Without a sine, what the base does too (a hammer's blow) is no spike."""
-    over = float(of.now.crest[sensor] / SPIKE)
-    if of.drive.frequency_hz is None:
-        return over if sensor and of.now.crest[_BASE] < _BLOW * SPIKE else 0.0
-    return min(over, float(of.now.peak[sensor]) / max(_SPIKE_SIZE * of.now.size, _TINY))
-
-
-def _off_mean(of: Judged, sensor: int) -> float:
-    return float(abs(of.now.mean[sensor] - of.first.mean[sensor]) / OFFSET)
-
-
 #: All of them; a loss of the base, after which nobody watches it, comes first.
 RULES = (
-    Rule("flat", _BASE, _flat, "check its cable and supply", None, final=True),
-    Rule("lost", _BASE, _lost, "it shows less than half of what drives it; check its cable and the amplifier",
+    Rule("flat", _BASE, Judged._flat, "check its cable and supply", None, final=True),
+    Rule("lost", _BASE, Judged._lost, "it shows less than half of what drives it; check its cable and the amplifier",
          final=True),
-    Rule("lost", _BASE, _silent, "the malleolus moves and it does not; check its cable", False, final=True),
-    Rule("not as driven", _BASE, _waveform, "it is not the drive's sine; is it connected, does it float?",
+    Rule("lost", _BASE, Judged._silent, "the malleolus moves and it does not; check its cable", False, final=True),
+    Rule("not as driven", _BASE, Judged._waveform, "it is not the drive's sine; is it connected, does it float?",
          final=True),
-    Rule("off its level", _BASE, _off_level, "did its gain, or the shaker's, change?", vague=True),
-    Rule("breaks", _BASE, _breaks,
+    Rule("off its level", _BASE, Judged._off_level, "did its gain, or the shaker's, change?", vague=True),
+    Rule("breaks", _BASE, Judged._breaks,
          "the excitation jumped or has another frequency, or samples are missing that nobody counted"),
-    Rule("flat", _MALLEOLUS, _flat, "check its cable and supply", None),
-    Rule("equal to the base", _MALLEOLUS, _equal, "both inputs see one sensor, or both sensors are on one mass", None),
-    Rule("does not follow", _MALLEOLUS, _follows, "its sensor is loose, floats or is not connected"),
-    Rule("does not follow", _MALLEOLUS, _silent, "it hardly moves while the base does; is it connected?", False),
-    Rule("changed", _MALLEOLUS, _changed, "did its sensor loosen, or the foot move?", vague=True),
-    Rule("jumps", _MALLEOLUS, _jumps, "is its sensor loose, or did its channel lose samples?",
+    Rule("flat", _MALLEOLUS, Judged._flat, "check its cable and supply", None),
+    Rule("equal to the base", _MALLEOLUS, Judged._equal,
+         "both inputs see one sensor, or both sensors are on one mass", None),
+    Rule("does not follow", _MALLEOLUS, Judged._follows, "its sensor is loose, floats or is not connected"),
+    Rule("does not follow", _MALLEOLUS, Judged._silent, "it hardly moves while the base does; is it connected?", False),
+    Rule("changed", _MALLEOLUS, Judged._changed, "did its sensor loosen, or the foot move?", vague=True),
+    Rule("jumps", _MALLEOLUS, Judged._jumps, "is its sensor loose, or did its channel lose samples?",
          vague=True),
-    *(Rule("hums", i, _hums, "a tone at the mains' frequency; check grounding and shield") for i in SENSORS),
-    *(Rule("off its mean", i, _off_mean, "did its sensor turn, or its connection open?", vague=True) for i in SENSORS),
-    *(Rule("spikes", i, _spikes, "check cable and connector, and whether the foot lifts", None, vague=True)
+    *(Rule("hums", i, Judged._hums, "a tone at the mains' frequency; check grounding and shield") for i in SENSORS),
+    *(Rule("off its mean", i, Judged._off_mean, "did its sensor turn, or its connection open?", vague=True)
       for i in SENSORS),
-    *(Rule("noisy", i, _grows, "noise or a tone has come up; check cable and mounting", vague=True) for i in SENSORS),
+    *(Rule("spikes", i, Judged._spikes, "check cable and connector, and whether the foot lifts", None, vague=True)
+      for i in SENSORS),
+    *(Rule("noisy", i, Judged._grows, "noise or a tone has come up; check cable and mounting", vague=True)
+      for i in SENSORS),
 )  # fmt: skip
 
 
