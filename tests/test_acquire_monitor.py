@@ -215,11 +215,11 @@ def written(folder: Path, bench: Bench, values: np.ndarray) -> tuple[list[str], 
 
 def heard(bench: Bench, values: np.ndarray) -> list[tuple[float, Fault]]:
     """When which fault is said [s]; block by block, as samples come."""
-    watching = Monitor(bench.rate, Drive(bench.hz, bench.amplitude))
+    watching, block = Monitor(bench.rate, Drive(bench.hz, bench.amplitude)), round(0.01 * bench.rate)
     return [
-        ((start + BLOCK) / bench.rate, fault)
-        for start in range(0, len(values), BLOCK)
-        for fault in watching.add(start, values[start : start + BLOCK])
+        ((start + block) / bench.rate, fault)
+        for start in range(0, len(values), block)
+        for fault in watching.add(start, values[start : start + block])
     ]
 
 
