@@ -17,6 +17,7 @@ from fasbody.acquire.board import Board
 from fasbody.acquire.commands import app
 from fasbody.acquire.daq import Wiring
 from fasbody.acquire.devices import Equipment, kind, opened
+from fasbody.acquire.frames import Frames
 from fasbody.acquire.plan import Plan
 from fasbody.acquire.port import Unplugged
 from fasbody.acquire.session import Session
@@ -156,7 +157,10 @@ def test_wiring_that_cannot_be_meant_is_refused(tmp_path: Path, text: str, probl
 def test_sensitivities_and_over_range() -> None:
     one = Wiring(sensitivity=("100 mV/g", -0.02), range_v=5.0)
     assert one.volts == pytest.approx([0.1 / 9.80665, -0.02])
-    base, malleolus = one.channels
+    decoder = Decoder()
+    decoder.feed(Frames("made", 1000.0, one.range_v / one.volts).hello)
+    assert decoder.hello is not None
+    base, malleolus = decoder.hello.channels
     assert base.range_m_s2 == pytest.approx(5 / 0.1 * 9.80665, rel=1e-3) and malleolus.counts_per_m_s2 < 0
     assert one.with_scale(1, 250.0).volts[1] == pytest.approx(0.02)
 

@@ -20,10 +20,10 @@ from typing import Any, ClassVar, Self
 import numpy as np
 
 from fasbody.acquire.calibrate import FULL, STRAY, within
-from fasbody.acquire.frames import RAIL, SAMPLES, Frames, SettingsFile, is_number
+from fasbody.acquire.frames import SAMPLES, Frames, SettingsFile, is_number
 from fasbody.acquire.generator import Refused
 from fasbody.acquire.port import WAIT_S, Unplugged
-from fasbody.acquire.wire import Channel, over_range
+from fasbody.acquire.wire import over_range
 from fasbody.exceptions import AcquisitionError, MissingPackageError, SettingError
 from fasbody.presentation import counted
 
@@ -348,12 +348,8 @@ class SoundCard:
         self._uncouplers = [Uncoupler(corner) for corner in calibration.corner_hz]
         self._rest = np.zeros((0, 2))
         self._full = np.zeros((0, 2), int)  # how many raw samples of each were at full scale
-        span = [abs(scale) * (1 - 1e-6) for scale in calibration.scale_m_s2]
-        channels = tuple(
-            Channel(role, limit, RAIL / scale)
-            for role, limit, scale in zip(ROLES, span, calibration.scale_m_s2, strict=True)
-        )
-        self._frames = Frames(f"sound card {calibration.device}", RATE_HZ, channels)
+        name = f"sound card {calibration.device}"
+        self._frames = Frames(name, RATE_HZ, calibration.scale_m_s2)
         self.events = self._frames.events
         try:
             self._stream = sounddevice.Stream(

@@ -3,20 +3,21 @@
 import json
 import math
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any, ClassVar, Self
+from typing import Any, ClassVar, Self, TypeGuard
 
 import numpy as np
 
-from fasbody.acquire.wire import Channel, Hello, encode_data, encode_hello
+from fasbody.acquire.wire import ROLES, Channel, Hello, encode_data, encode_hello
 from fasbody.console import to_json, write_whole
 from fasbody.exceptions import InputFileError
 
-#: Samples of a frame, and its bits.
-SAMPLES, BITS = 16, 24
-RAIL = 2 ** (BITS - 1)
+#: Samples of a frame.
+SAMPLES = 16
+#: So much of full scale is over range.
+FULL_SCALE = 1 - 1e-4
 
 
 class Frames:
@@ -25,14 +26,33 @@ class Frames:
     Args:
         name: of the device.
         rate_hz: of the samples.
-        channels: as a board describes them.
+        scales_m_s2: full scale of base, malleolus and so on; negative if upside down.
+        bits: of a sample, 16 or 24.
+        boot: number of this start; by the clock unless given.
+
+    Example:
+        >>> frames = Frames("mine", 1000.0, (40.0, -40.0))
+        >>> len(frames.frame(np.zeros((SAMPLES, 2))))
+        154
     """
 
-    def __init__(self, name: str, rate_hz: float, channels: tuple[Channel, ...]) -> None:
+    def __init__(
+        self,
+        name: str,
+        rate_hz: float,
+        scales_m_s2: Sequence[float] | np.ndarray,
+        bits: int = 24,
+        boot: int | None = None,
+    ) -> None:
+        self.rail = 2 ** (bits - 1)
+        channels = tuple(
+            Channel(role, FULL_SCALE * abs(scale), self.rail / scale)
+            for role, scale in zip(ROLES, scales_m_s2, strict=False)
+        )
         short = name.encode()[:32].decode(errors="ignore")
-        boot = int(time.time()) % 65536
-        self.hello = encode_hello(Hello(short, rate_hz, channels, BITS, SAMPLES, boot))
-        self._rate_hz = rate_hz
+        boot = int(time.time()) % 65536 if boot is None else boot
+        self.hello = encode_hello(Hello(short, rate_hz, channels, bits, SAMPLES, boot))
+        self._rate_hz, self._bits = rate_hz, bits
         self._number = 0
         self._greeted = -1  # in which second
         self._events: list[str] = []
@@ -42,9 +62,10 @@ class Frames:
         start = self._number * SAMPLES / self._rate_hz
         greeting = self.hello if int(start) != self._greeted else b""
         self._greeted = int(start)
-        counts = np.clip(np.round(RAIL * shares), -RAIL, RAIL - 1).astype(np.int32)
+        counts = np.clip(np.round(self.rail * shares), -self.rail, self.rail - 1).astype(np.int32)
         self._number += 1
-        return greeting + encode_data(self._number - 1, round(1e6 * start), counts, BITS, flags)
+        stamp = round(1e6 * start)
+        return greeting + encode_data(self._number - 1, stamp, counts, self._bits, flags)
 
     def skip(self, event: str) -> None:
         """Samples are missing here: a frame's number is left out."""
@@ -61,7 +82,7 @@ class Frames:
         return events
 
 
-def is_number(value: Any, above: float = -math.inf, least: float = -math.inf) -> bool:
+def is_number(value: Any, above: float = -math.inf, least: float = -math.inf) -> TypeGuard[float]:
     """Whether a value of a file is a finite number, beyond one limit and not below another."""
     plain = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
     return plain and value > above and value >= least

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from fasbody.acquire import folder
+from fasbody.acquire.frames import is_number
 from fasbody.acquire.level import Safety
 from fasbody.acquire.person import LEVEL_S, Dose, dose_of
 from fasbody.acquire.timeline import Limits
@@ -139,7 +140,7 @@ def steps_in(path: Path) -> tuple[dict[str, Any], Sequence[PlannedStep]]:
     if not isinstance(document, dict) or document.get("format") != PROTOCOL:
         raise InputFileError(path, f"is no planned session: its format is not {PROTOCOL!r}")
     rows, mass = document.get("protocol"), document.get("body_mass_kg")
-    if isinstance(mass, bool) or not isinstance(mass, int | float) or not 20 <= mass <= 300:
+    if not (is_number(mass, least=20) and mass <= 300):
         raise InputFileError(path, f"body_mass_kg = {mass!r}", "valid: 20 to 300 kg")
     if not isinstance(rows, list) or not rows:
         raise InputFileError(path, "holds no steps", "valid: a list of them as protocol")
@@ -148,7 +149,7 @@ def steps_in(path: Path) -> tuple[dict[str, Any], Sequence[PlannedStep]]:
         values: dict[str, float] = {}
         for name, (low, high) in _NUMBERS.items():
             value = row.get(name) if isinstance(row, dict) else None
-            if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
+            if not (is_number(value, least=low) and value <= high):
                 raise InputFileError(path, f"step {number}: {name} = {value!r}", f"valid: {low:g} to {high:g}")
             values[name] = float(value)
         steps.append(PlannedStep(kind=str(row.get("kind", "sine")), **values))

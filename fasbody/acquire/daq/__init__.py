@@ -13,14 +13,11 @@ from typing import Any, ClassVar, Self
 
 import numpy as np
 
-from fasbody.acquire.frames import RAIL, SAMPLES, Frames, SettingsFile, is_number
+from fasbody.acquire.frames import SAMPLES, Frames, SettingsFile, is_number
 from fasbody.acquire.port import Unplugged
-from fasbody.acquire.wire import ROLES, Channel
 from fasbody.exceptions import AcquisitionError, InputFileError
 from fasbody.recording.channels import volts_per_m_s2
 
-#: So much below the range counts as over it.
-_RAIL_SHARE = 1 - 1e-4
 #: A read that gives nothing for so long means that the device is gone [s].
 _GONE_S = 3.0
 
@@ -88,14 +85,6 @@ class Wiring(SettingsFile):
                   for s in self.sensitivity)  # fmt: skip
         return np.array(list(values), float)
 
-    @property
-    def channels(self) -> tuple[Channel, ...]:
-        """As a board describes them."""
-        return tuple(
-            Channel(role, _RAIL_SHARE * self.range_v / abs(volts), RAIL * volts / self.range_v)
-            for role, volts in zip(ROLES, self.volts, strict=False)
-        )
-
     def at_corner(self, channel: int) -> float:
         """Of an input's high-pass [Hz]: none that is known."""
         return 0.0
@@ -128,7 +117,7 @@ class Daq(ABC):
                 problem = f"cannot be opened ({_first_line(error)})"
                 raise Unplugged(f"{self.name}: {problem}.") from None
             raise
-        self._frames = Frames(self.name, self._rate_hz, wiring.channels)
+        self._frames = Frames(self.name, self._rate_hz, wiring.range_v / wiring.volts)
         self.events = self._frames.events
         self._came = time.monotonic()
 
