@@ -3,7 +3,7 @@
 import math
 import shlex
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from itertools import groupby
@@ -187,11 +187,7 @@ def record(
             f"{body_mass:g}{'' if simulate else ', or leave it out here'}."
         )
     subject = subject or "1"
-    mass = body_mass if body_mass is not None else folder.body_mass(out, subject)
-    if mass is None:
-        raise SettingError(f"the body mass of subject {subject!r} is needed once: --body-mass, 20 to 300 kg.")
-    if not 20 <= mass <= 300:
-        raise SettingError(f"a body mass of {mass:g} kg is not plausible (valid: 20 to 300).")
+    mass = _body_mass(out, subject, body_mass)
     template = Plan(
         study=out,
         frequencies_hz=_frequencies(sweep, frequency),
@@ -226,25 +222,7 @@ def record(
             f"{counted(len(left), 'capture')} of {out} became no recording, as after a crash: {folder.recovery(left)}"
         )
         console.print(text, soft_wrap=True, markup=False)
-    made: list[Converted] = []
-    bad: list[str] = []
-    loads = [list(group) for _, group in groupby(plans, lambda plan: plan.condition.added_mass_kg)]
-    for group in loads:
-        load = group[0].condition.added_mass_kg
-        if len(loads) > 1 and not simulate:
-            typer.confirm(f"{load:g} kg are on the knee", default=True, abort=True, err=True)
-        with ExitStack() as stack:
-            stack.enter_context(terminated())
-            if simulate:
-                equipment = Equipment.simulated(stack, added_mass=load)
-            board, source = equipment.open(stack)
-            stack.enter_context(Display(board))
-            session = Session(group[0], board, None if by_hand else source)
-            for plan in group:
-                session.plan = plan
-                session.run()
-        made += session.made
-        bad += session.unusable()
+    made, bad = _record(plans, None if simulate else equipment, by_hand)
     good = counted(sum(not one.problems for one in made), "recording")
     text = f"{good} in {out}; next: python -m identification.fit {shlex.quote(str(out))}"
     _result({"study": str(out), "recordings": [one.document() for one in made]}, text, json_)
@@ -253,6 +231,45 @@ def record(
         raise AcquisitionError(
             f"{counted(len(bad), 'recording')} {are} unusable and not listed in recordings.csv: {', '.join(bad)}."
         )
+
+
+def _body_mass(study: Path, subject: str, stated_kg: float | None) -> float:
+    """Body mass [kg] as stated, or as the study has it."""
+    mass = stated_kg if stated_kg is not None else folder.body_mass(study, subject)
+    if mass is None:
+        raise SettingError(f"the body mass of subject {subject!r} is needed once: --body-mass, 20 to 300 kg.")
+    if not 20 <= mass <= 300:
+        raise SettingError(f"a body mass of {mass:g} kg is not plausible (valid: 20 to 300).")
+    return mass
+
+
+def _record(plans: Sequence[Plan], equipment: Equipment | None, by_hand: bool) -> tuple[list[Converted], list[str]]:
+    """What was made of the plans, load after load, and the files that no attempt made usable.
+
+    Args:
+        plans: one after the other.
+        equipment: on the bench; None for a virtual one under each load.
+        by_hand: the excitation is somebody else's.
+    """
+    made: list[Converted] = []
+    bad: list[str] = []
+    loads = [list(group) for _, group in groupby(plans, lambda plan: plan.condition.added_mass_kg)]
+    for group in loads:
+        load = group[0].condition.added_mass_kg
+        if len(loads) > 1 and equipment is not None:
+            typer.confirm(f"{load:g} kg are on the knee", default=True, abort=True, err=True)
+        with ExitStack() as stack:
+            stack.enter_context(terminated())
+            bench = equipment or Equipment.simulated(stack, added_mass=load)
+            board, source = bench.open(stack)
+            stack.enter_context(Display(board))
+            session = Session(group[0], board, None if by_hand else source)
+            for plan in group:
+                session.plan = plan
+                session.run()
+        made += session.made
+        bad += session.unusable()
+    return made, bad
 
 
 @app.command()
