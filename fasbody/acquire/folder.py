@@ -262,7 +262,7 @@ def _refused(recording: Recording, name: str) -> list[str]:
     try:
         checked(replace(recording, file=name))
     except RecordingError as error:
-        return [str(error).removeprefix(f"{name}: ").removesuffix(".")]
+        return [error.reason.removesuffix(".")]
     return []
 
 

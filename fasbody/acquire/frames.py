@@ -116,12 +116,14 @@ class SettingsFile:
             raise InputFileError(file, f"is no {cls.TITLE}: it names no device", cls.VALID)
         for key, value in document.items():
             if key not in cls.VALUES:
-                known = f"valid: {', '.join(cls.VALUES)}"
-                raise InputFileError(file, f"is no {cls.TITLE}: it knows no {key}", known)
-            suits, valid = cls.VALUES[key]
-            if not suits(value):
-                problem = f"is no {cls.TITLE}: {key} is {json.dumps(value)}"
-                raise InputFileError(file, problem, f"valid: {valid}")
+                problem, valid = f"it knows no {key}", ", ".join(cls.VALUES)
+            else:
+                suits, valid = cls.VALUES[key]
+                problem = "" if suits(value) else f"{key} is {json.dumps(value)}"
+            if problem:
+                facts = {"quantity": key, "value": value, "valid": valid}
+                problem = f"is no {cls.TITLE}: {problem}"
+                raise InputFileError(file, problem, f"valid: {valid}", **facts)
         return cls(**{k: tuple(v) if isinstance(v, list) else v for k, v in document.items()})
 
     def write(self, file: Path) -> None:

@@ -216,7 +216,8 @@ class Generator:
                         self._tell_guard(OFF)
                     return
         raise AcquisitionError(
-            f"{self.port.name}: the generator does not confirm OUTP OFF; switch the amplifier off by hand."
+            f"{self.port.name}: the generator does not confirm OUTP OFF; switch the amplifier off by hand.",
+            code="output not confirmed off",
         )
 
     def close(self, reason: BaseException | None = None) -> None:
@@ -225,7 +226,7 @@ class Generator:
             if self.identity:  # otherwise nothing was ever sent to it
                 self.off()
         except AcquisitionError as error:
-            if str(error) != str(reason):
+            if getattr(reason, "code", "") != error.code:
                 console.print(f"[bold red]{error}[/]", soft_wrap=True)
         finally:
             self.port.close()

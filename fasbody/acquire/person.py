@@ -122,11 +122,15 @@ class Dose:
             "for seated and standing people, not for a foot."
         )
 
-    def beyond(self, a8: float, vdv: float) -> str:
-        """Which of two limits of a day is exceeded, its value and the option; empty if none is."""
+    def beyond(self, a8: float, vdv: float) -> dict[str, Any]:
+        """Facts of an error where one of two limits of a day is exceeded; none where neither is."""
         if self.a8 > a8:
-            return f"A(8) {self.a8:.3g} m/s^2, beyond {a8:g} (--max-exposure)"
-        return f"VDV {self.vdv:.3g} m/s^1.75, beyond {vdv:g} (--max-vdv)" if self.vdv > vdv else ""
+            facts = {"setting": "max_exposure", "quantity": "A(8) in m/s^2", "value": self.a8}
+            return facts | {"valid": f"at most {a8:g} (--max-exposure)"}
+        if self.vdv > vdv:
+            facts = {"setting": "max_vdv", "quantity": "VDV in m/s^1.75", "value": self.vdv}
+            return facts | {"valid": f"at most {vdv:g} (--max-vdv)"}
+        return {}
 
     def document(self) -> dict[str, float]:
         """As plain data."""
@@ -156,7 +160,9 @@ class Meter:
         if sum(map(len, self._piece)) >= _PIECE_S * self._rate_hz:
             self._sum, self._piece = self.dose, []
         if beyond := self._sum.beyond(*self._limits):
-            raise AcquisitionError(f"the day's exposure is {beyond}; output off. Go on another day.")
+            stated = "{quantity} {value:.3g}, and may be {valid}".format(**beyond)
+            sentence = f"the day's exposure has {stated}; output off. Go on another day."
+            raise AcquisitionError(sentence, **beyond)
 
     @property
     def dose(self) -> Dose:

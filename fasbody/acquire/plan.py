@@ -96,10 +96,9 @@ def within(study: Path, subject: str, dose: Dose, safety: Safety) -> None:
     before = dose_of(study, subject)
     if beyond := (before + dose).beyond(safety.daily_a8, safety.daily_vdv):
         had = f" with the {before.seconds:.0f} s had today" if before.seconds else ""
-        raise SettingError(
-            f"the exposure planned{had} is {beyond}; record less, for a shorter time, at a lower "
-            "level, or on another day."
-        )
+        stated = "{quantity} {value:.3g}, and may be {valid}".format(**beyond)
+        remedy = "record less, for a shorter time, at a lower level, or on another day"
+        raise SettingError(f"the exposure planned{had} has {stated}; {remedy}.", **beyond)
 
 
 #: Format of a file of planned steps.
