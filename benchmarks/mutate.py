@@ -129,8 +129,13 @@ FAULTS = (
     ),
     Fault(
         "the output of a killed driver stays on", "fasbody/acquire/guard.py",
-        "if not said:\n            break", "if not said:\n            return",
+        "if not data:\n            break", "if not data:\n            return",
         (f"{_GENERATOR}::test_guard_acts_on_silence_and_on_the_end_of_the_driver",),
+    ),
+    Fault(
+        "no vibration dose value is too much", "fasbody/acquire/person.py",
+        "if self.vdv > vdv else", "if self.vdv > 10 * vdv else",
+        ("test_acquire_person.py",),
     ),
     Fault(
         "a shaker goes on blindly", "fasbody/acquire/board.py",

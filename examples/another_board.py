@@ -13,40 +13,36 @@ import numpy as np
 
 from fasbody.acquire.board import Board
 from fasbody.acquire.folder import Converted
+from fasbody.acquire.frames import SAMPLES, Frames
 from fasbody.acquire.plan import Plan
 from fasbody.acquire.session import Session
-from fasbody.acquire.wire import Channel, Hello, encode_data, encode_hello
 from fasbody.recording.recording import Condition
 
-RATE_HZ, SAMPLES, COUNTS_PER_M_S2 = 1000.0, 16, 800.0
-CHANNELS = (Channel("base", 39.2, COUNTS_PER_M_S2), Channel("malleolus", 39.2, COUNTS_PER_M_S2))
+RATE_HZ, RANGE_M_S2 = 1000.0, 39.2
 
 
 class Device:
     """Gives frames of samples; raise `fasbody.acquire.port.Unplugged` from `read` when the device is gone."""
 
     def __init__(self, name: str, baud: int) -> None:
-        self.frame, self.start = 0, time.monotonic()  # <- open the device, start its sample clock
-        self.hello = encode_hello(Hello(name, RATE_HZ, CHANNELS, 16, SAMPLES, boot=int(time.time()) % 65536))
+        self.frames = Frames(name, RATE_HZ, (RANGE_M_S2, RANGE_M_S2))  # base and malleolus
+        self.first, self.start = 0, time.monotonic()  # <- open the device, start its sample clock
 
     def read(self) -> bytes:
-        """The next frame, once it is there; its number counts on over frames that the device lost."""
-        first = self.frame * SAMPLES
-        time.sleep(max(0.0, self.start + (first + SAMPLES) / RATE_HZ - time.monotonic()))  # <- wait for the device
-        t = (first + np.arange(SAMPLES)) / RATE_HZ
-        wave = 2 * np.pi * 20 * t
+        """The next frame, once it is there."""
+        self.first += SAMPLES
+        time.sleep(max(0.0, self.start + self.first / RATE_HZ - time.monotonic()))  # <- wait for the device
+        wave = 2 * np.pi * 20 * (self.first + np.arange(SAMPLES)) / RATE_HZ
         values = np.column_stack([9 * np.sin(wave), 12 * np.sin(wave - 0.3)])  # <- its samples [m/s^2]
-        counts = np.round(values * COUNTS_PER_M_S2).astype(np.int32)
-        data = encode_data(self.frame, round(1e6 * first / RATE_HZ), counts, 16)  # <- or the device's own time [us]
-        self.frame += 1
-        return (self.hello if self.frame % 62 == 1 else b"") + data
+        return self.frames.frame(values / RANGE_M_S2)  # <- or self.frames.skip("overrun"), where it lost a frame
 
     def write(self, data: bytes) -> None:
-        """Bytes from the computer; this device has no use for them."""
+        """Bytes from the computer, which asks who this is."""
+        self.frames.greet()
 
     def events(self) -> list[str]:
-        """What a frame cannot tell, in words, such as "overrun"; it is kept beside the recording."""
-        return []
+        """What was lost and why, in words; it is kept beside the recording."""
+        return self.frames.events()
 
     def close(self) -> None:
         """<- stop and close the device."""

@@ -10,11 +10,11 @@ from typing import Self
 import numpy as np
 import pytest
 
-from fasbody.acquire.bench.board import FRAME_SAMPLES
 from fasbody.acquire.bench.foot import BODY_MASS_KG
 from fasbody.acquire.bench.generator import VirtualGenerator
 from fasbody.acquire.bench.line import Line, corrupt
 from fasbody.acquire.capture import Capture
+from fasbody.acquire.frames import SAMPLES
 from fasbody.acquire.wire import Channel, FrameReader, Hello, encode_data, encode_hello
 from fasbody.exceptions import FasError
 from fasbody.recording.recording import Condition
@@ -60,7 +60,7 @@ class Device:
 
 def hello(rate_hz: float = 1000.0, channels: int = 2, bits: int = 16, boot: int = 1) -> Hello:
     roles = ("base", "malleolus", "tuberosity")[:channels]
-    return Hello("feeder", rate_hz, tuple(Channel(r, RANGE, COUNTS) for r in roles), bits, FRAME_SAMPLES, boot)
+    return Hello("feeder", rate_hz, tuple(Channel(r, RANGE, COUNTS) for r in roles), bits, SAMPLES, boot)
 
 
 def counts_of(index: np.ndarray, channels: int) -> np.ndarray:
@@ -93,7 +93,7 @@ class Feeder(Device):
         self._damage, self._rng = damage, np.random.default_rng(5)
 
     def serve(self) -> None:
-        start, n, frame = time.monotonic(), FRAME_SAMPLES, 0
+        start, n, frame = time.monotonic(), SAMPLES, 0
         rate = self.hello.rate_hz
         while not self._end.is_set():
             late = time.monotonic() - start - (frame + 1) * n / rate

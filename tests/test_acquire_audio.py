@@ -124,23 +124,22 @@ def test_calibrations_are_read_back_and_checked(tmp_path: Path) -> None:
         replace(card, scale_m_s2=(100.0, 0.0)).check()
     with pytest.raises(SettingError, match="not in step"):
         replace(card, skew_s=1e-4).check()
-    for text, said in (
-        ("[]", "names no device"),
-        ("{}", "names no device"),
-        ("no JSON", "no JSON document"),
-        ('{"device": 5}', "device is 5; valid: the card's name"),
-        ('{"device": "x", "more": 1}', "knows no more; valid: device, scale_m_s2"),
-        ('{"device": "x", "delay_s": "late"}', 'delay_s is "late"; valid: a number'),
-        ('{"device": "x", "latency_s": 0}', "latency_s is 0; valid: a number, positive"),
-        ('{"device": "x", "skew_s": NaN}', "skew_s is NaN; valid: a number"),
-        ('{"device": "x", "corner_hz": [-1, 2]}', r"corner_hz is \[-1, 2\]; valid: two numbers, not negative"),
-        ('{"device": "x", "loop_gain": [1]}', r"loop_gain is \[1\]; valid: two numbers"),
-        ('{"device": "x", "delay_s": [1, 2]}', r"delay_s is \[1, 2\]; valid: a number"),
-        ('{"device": "x", "output": 3}', "output is 3; valid: 1 or 2"),
-    ):
+    for text, problem in (("[]", "names no device"), ("{}", "names no device"), ("no JSON", "no JSON document")):
         file.write_text(text)
-        with pytest.raises(InputFileError, match=f"{file}: is no calibration of a sound card: .*{said}"):
+        with pytest.raises(InputFileError, match=f"{file}: is no calibration of a sound card: .*{problem}"):
             Calibration.read(file)
+    for name, value, valid in (
+        ("device", 5, "the card's name"), ("more", 1, ", ".join(Calibration.VALUES)), ("delay_s", "late", "a number"),
+        ("latency_s", 0, "a number, positive"), ("skew_s", None, "a number"), ("delay_s", [1, 2], "a number"),
+        ("corner_hz", [-1, 2], "two numbers, not negative"), ("loop_gain", [1], "two numbers"), ("output", 3, "1 or 2"),
+    ):  # fmt: skip
+        file.write_text(json.dumps({"device": "x", name: value}))
+        with pytest.raises(InputFileError, match=f"{file}: is no calibration of a sound card") as caught:
+            Calibration.read(file)
+        assert (caught.value.quantity, caught.value.value, caught.value.valid) == (name, value, valid)
+    file.write_text('{"device": "x", "skew_s": NaN}')
+    with pytest.raises(InputFileError, match="skew_s is NaN"):
+        Calibration.read(file)
     with pytest.raises(InputFileError, match="cannot be read"):
         Calibration.read(tmp_path / "none.json")
 

@@ -17,6 +17,7 @@ from fasbody.acquire.board import Board
 from fasbody.acquire.commands import app
 from fasbody.acquire.daq import Wiring
 from fasbody.acquire.devices import Equipment, kind, opened
+from fasbody.acquire.frames import Frames
 from fasbody.acquire.plan import Plan
 from fasbody.acquire.port import Unplugged
 from fasbody.acquire.session import Session
@@ -80,7 +81,7 @@ def test_scans_that_a_labjack_skipped_are_a_gap_of_their_frame(monkeypatch: pyte
     device = kind("labjack")(wiring("labjack"))
     before = decoded(device, 4)
     signal.broken = "skip"
-    decoder = Decoder(device._hello)
+    decoder = Decoder(device._frames.hello)
     blocks = [m for _ in range(8) for m in decoder.feed(device.read()) if isinstance(m, Block)]
     device.close()
     numbers = [block.sequence for block in (*before, *blocks)]
@@ -138,11 +139,23 @@ def test_a_device_that_gives_nothing_is_gone(monkeypatch: pytest.MonkeyPatch) ->
         device.read()
 
 
+@pytest.mark.parametrize("facts", [
+    {"gain": 1}, {"rate_hz": -1}, {"inputs": ["0"]}, {"sensitivity": [0.1]}, {"iepe": 1}, {"device": 5},
+    {"range_v": float("nan")}, {"rate_hz": True}, {"inputs": "01"},
+])  # fmt: skip
+def test_a_value_of_a_wiring_that_cannot_be_meant_is_named(tmp_path: Path, facts: dict[str, Any]) -> None:
+    file = tmp_path / "ni.json"
+    file.write_text(json.dumps(facts))
+    ((quantity, value),) = json.loads(file.read_text()).items()
+    with pytest.raises(InputFileError) as caught:
+        Wiring.read(file)
+    error = caught.value
+    assert (error.file, error.quantity, str(error.value)) == (str(file), quantity, str(value)) and error.valid
+
+
 @pytest.mark.parametrize(("text", "problem"), [
-    ("{", "is no JSON document"), ("[]", "describes no device"), ('{"gain": 1}', "describes no device"),
-    ('{"rate_hz": -1}', "positive numbers"), ('{"inputs": ["0"]}', "two or three inputs"),
-    ('{"sensitivity": [0.1]}', "sensitivity for each"), ('{"sensitivity": ["100 m/g", 1]}', "sensitivity"),
-    ('{"iepe": 1}', "no iepe"),
+    ("{", "is no JSON document"), ("[]", "names no device"), ('{"sensitivity": [0.1, 1, 2]}', "sensitivity for each"),
+    ('{"sensitivity": ["100 m/g", 1]}', "sensitivity"),
 ])  # fmt: skip
 def test_wiring_that_cannot_be_meant_is_refused(tmp_path: Path, text: str, problem: str) -> None:
     file = tmp_path / "ni.json"
@@ -156,7 +169,10 @@ def test_wiring_that_cannot_be_meant_is_refused(tmp_path: Path, text: str, probl
 def test_sensitivities_and_over_range() -> None:
     one = Wiring(sensitivity=("100 mV/g", -0.02), range_v=5.0)
     assert one.volts == pytest.approx([0.1 / 9.80665, -0.02])
-    base, malleolus = one.channels
+    decoder = Decoder()
+    decoder.feed(Frames("made", 1000.0, one.range_v / one.volts).hello)
+    assert decoder.hello is not None
+    base, malleolus = decoder.hello.channels
     assert base.range_m_s2 == pytest.approx(5 / 0.1 * 9.80665, rel=1e-3) and malleolus.counts_per_m_s2 < 0
     assert one.with_scale(1, 250.0).volts[1] == pytest.approx(0.02)
 

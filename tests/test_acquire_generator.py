@@ -347,6 +347,7 @@ class Rig:
 
     def on(self) -> None:
         self.is_on = self.was_on = True
+        self.began = self.now
 
     def alive(self) -> None:
         """A living driver."""
@@ -450,6 +451,14 @@ def test_sound_sensor_reaches_the_level(gain: float, guess: float, lag: float) -
     slow = 0.025 if lag < 0.05 else 0.15  # the loop takes a slow shaker at its word
     assert gain * level.volts == pytest.approx(17.9, rel=slow)
     assert peak_to_peak(rig.collect(1.0)[:, 0], 1000, 20) == pytest.approx(17.9, rel=slow)
+
+
+@pytest.mark.parametrize(("guess", "seconds"), [(0.0, 2.8), (1.28, 1.1)])
+def test_a_person_is_shaken_only_for_seconds_while_the_level_is_found(guess: float, seconds: float) -> None:
+    """At 20 Hz, in the rig's own time: six doublings of 20 mV; three steps where the voltage is about known."""
+    rig = Rig(lag=0.03)
+    rig.reach(guess=guess)
+    assert 0.4 < rig.now - rig.began <= seconds
 
 
 @pytest.mark.parametrize("frequency_hz", [8.0, 10.0, 50.0])  # travel limits the first

@@ -183,6 +183,8 @@ FAULTS: list[tuple[str, float, Maker, bool]] = [
     ("97 samples of 48 kHz lost", 1.43, lambda b, at: removed(b, 97 / 48_000, at), False),
     ("97 samples of 48 kHz lost late", 3.6, lambda b, at: removed(b, 97 / 48_000, at), False),
     ("97 samples of 48 kHz doubled", 2.21, lambda b, at: removed(b, -97 / 48_000, at), False),
+    *((f"24 samples of 48 kHz lost at {at:g} s", at, lambda b, at: removed(b, 24 / 48_000, at), False)
+      for at in (0.31, 1.337, 1.4, 1.46, 2.5)),
     ("one sample of 1 kHz lost", 1.7, lambda b, at: removed(b, 1e-3, at), False),
     ("one sample of 1 kHz doubled", 1.76, lambda b, at: removed(b, -1e-3, at), False),
     ("a frame doubled", 1.9, lambda b, at: removed(b, -0.016, at), False),
@@ -213,11 +215,11 @@ def written(folder: Path, bench: Bench, values: np.ndarray) -> tuple[list[str], 
 
 def heard(bench: Bench, values: np.ndarray) -> list[tuple[float, Fault]]:
     """When which fault is said [s]; block by block, as samples come."""
-    watching = Monitor(bench.rate, Drive(bench.hz, bench.amplitude))
+    watching, block = Monitor(bench.rate, Drive(bench.hz, bench.amplitude)), round(0.01 * bench.rate)
     return [
-        ((start + BLOCK) / bench.rate, fault)
-        for start in range(0, len(values), BLOCK)
-        for fault in watching.add(start, values[start : start + BLOCK])
+        ((start + block) / bench.rate, fault)
+        for start in range(0, len(values), block)
+        for fault in watching.add(start, values[start : start + block])
     ]
 
 
@@ -289,6 +291,15 @@ def test_white_noise_of_a_skin_sensor_raises_no_alarm() -> None:
     assert not heard(bench, bench.sound())
 
 
+@pytest.mark.parametrize("hz", [5.0, 10.0, 20.0, 50.0])
+def test_a_person_who_sways_breaks_no_sine(hz: float) -> None:
+    """The phase sways by 0.02 rad and the level by 5 % at 0.6 Hz, with a clock that is 0.3 % off."""
+    bench = Bench(hz)
+    sway = np.sin(2 * np.pi * 0.6 * bench.t)
+    moved = bench.at(1.003 * bench.t + 0.02 * sway / (2 * np.pi * hz)) * (1 + 0.05 * sway)[:, None]
+    assert not heard(bench, moved + bench.noisy(bench.t.size))
+
+
 @pytest.mark.parametrize("hz", [10.0, 16.0, 25.0])
 def test_a_foot_that_lifts_and_lands_each_period_is_no_spike(hz: float) -> None:
     """A landing is a pulse of 12 ms, as through a heel pad, as large as the base; it comes with every period."""
@@ -349,6 +360,8 @@ def cases() -> list[tuple[str, int, Callable[[float], Judged]]]:
         ("breaks", 0, lambda k: replace(plain(), turn=k * monitor.TURN, known=True)),
         ("breaks", 0, lambda k: replace(plain(), drift=-k * monitor.CLOCK * 2 * np.pi * 20 * 0.25, known=True)),
         ("breaks", 0, lambda k: replace(plain(), turn=k * (monitor.TURN + monitor.CLOCK * 2 * np.pi * 20 * 0.25))),
+        ("breaks", 0, lambda k: with_(step=k * monitor.STEP)),
+        ("breaks", 0, lambda k: replace(with_(step=k * monitor.STEP), before=None)),
         ("equal to the base", 1, lambda k: with_(unlike=monitor.EQUAL / k)),
         ("does not follow", 1, lambda k: with_(rest=pair(1, k * 9 * monitor.FOLLOWS, 0.1).real)),
         ("does not follow", 1, lambda k: replace(with_(line=pair(1, 9 * monitor.SILENT / k, 9)), drive=quiet)),

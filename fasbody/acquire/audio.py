@@ -8,24 +8,23 @@ Between amplifier and converter, most interfaces have a capacitor, and fall off 
 how: `measure_loop`. Sensitivities come from a hand calibrator (`calibrator`) or a turn in gravity (`flip`).
 """
 
-import json
 import math
 import threading
 import time
 from collections import deque
-from collections.abc import Callable
-from dataclasses import asdict, dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
 from fasbody.acquire.calibrate import FULL, STRAY, within
+from fasbody.acquire.frames import SAMPLES, Frames, SettingsFile, is_number
 from fasbody.acquire.generator import Refused
 from fasbody.acquire.port import WAIT_S, Unplugged
-from fasbody.acquire.wire import Channel, Hello, encode_data, encode_hello, over_range
-from fasbody.console import to_json, write_whole
-from fasbody.exceptions import AcquisitionError, InputFileError, MissingPackageError, SettingError
+from fasbody.acquire.wire import over_range
+from fasbody.exceptions import AcquisitionError, MissingPackageError, SettingError
 from fasbody.presentation import counted
 
 try:
@@ -40,9 +39,6 @@ CARD_HZ, RATE_HZ = 48_000, 4_000
 ROLES = ("base", "malleolus")
 _DOWN = CARD_HZ // RATE_HZ
 _TAPS = 32 * _DOWN + 1
-_SAMPLES = 16
-_BITS = 24
-_RAIL = 2 ** (_BITS - 1)
 _BLOCK = 960
 #: After the coupling is undone, all inputs fall off here [Hz]: far below every excitation, and drift stays bounded.
 _COMMON_HZ = 0.1
@@ -73,8 +69,12 @@ _ALIKE = 0.05
 _IN_STEP_S = 2e-6
 
 
+def _pair(value: Any, least: float = -math.inf) -> bool:
+    return isinstance(value, list) and len(value) == 2 and all(is_number(v, least=least) for v in value)
+
+
 @dataclass(frozen=True)
-class Calibration:
+class Calibration(SettingsFile):
     """What a card does to a signal.
 
     Attributes:
@@ -101,36 +101,21 @@ class Calibration:
     latency_s: float = 0.5
     output: int = 1
 
-    @classmethod
-    def read(cls, file: Path) -> Self:
-        """From a file that `write` wrote.
-
-        Raises:
-            InputFileError: it is none.
-        """
-        valid = "python -m fasbody.acquire calibrate writes it"
-        try:
-            known: Any = json.loads(file.read_text())
-        except OSError as error:
-            raise InputFileError(file, f"cannot be read ({error.strerror})", valid) from None
-        except ValueError:
-            raise InputFileError(file, "is no calibration of a sound card: it is no JSON document", valid) from None
-        if not isinstance(known, dict) or "device" not in known:
-            raise InputFileError(file, "is no calibration of a sound card: it names no device", valid)
-        values: dict[str, Any] = {}
-        for key, value in known.items():
-            if key not in cls.__dataclass_fields__:
-                all_ = ", ".join(cls.__dataclass_fields__)
-                raise InputFileError(file, f"is no calibration of a sound card: it knows no {key}", f"valid: {all_}")
-            if needed := _needed(key, value):
-                text = f"is no calibration of a sound card: {key} is {json.dumps(value)}"
-                raise InputFileError(file, text, f"valid: {needed}")
-            values[key] = tuple(value) if isinstance(value, list) else value
-        return cls(**values)
-
-    def write(self, file: Path) -> None:
-        """As JSON."""
-        write_whole(file, to_json(asdict(self)) + "\n")
+    TITLE = "calibration of a sound card"
+    VALID = "python -m fasbody.acquire calibrate writes it"
+    NAMED = True
+    VALUES: ClassVar[Mapping[str, tuple[Callable[[Any], bool], str]]] = {
+        "device": (lambda value: isinstance(value, str) and bool(value.strip()), "the card's name"),
+        "scale_m_s2": (_pair, "two numbers"),
+        "corner_hz": (lambda value: _pair(value, least=0), "two numbers, not negative"),
+        "output_corner_hz": (lambda value: is_number(value, least=0), "a number, not negative"),
+        "loop_gain": (_pair, "two numbers"),
+        "delay_s": (is_number, "a number"),
+        "skew_s": (is_number, "a number"),
+        "full_scale_v": (lambda value: is_number(value, above=0), "a number, positive"),
+        "latency_s": (lambda value: is_number(value, above=0), "a number, positive"),
+        "output": (lambda value: isinstance(value, int) and value in (1, 2), "1 or 2"),
+    }
 
     def at_corner(self, channel: int) -> float:
         """Of an input's high-pass [Hz]."""
@@ -162,322 +147,6 @@ class Calibration:
         for name, corner in zip((*ROLES, "output"), (*self.corner_hz, self.output_corner_hz), strict=True):
             text += f"; {name} " + (f"falls off below {corner:.3g} Hz" if corner > 0 else "is direct")
         return f"{text}; full scale {self.scale_m_s2[0]:.5g} and {self.scale_m_s2[1]:.5g} m/s^2"
-
-
-#: Values of a calibration file: those that are pairs, those that are not negative, those that are positive.
-_PAIRS, _NOT_BELOW, _ABOVE = (
-    ("scale_m_s2", "corner_hz", "loop_gain"), ("corner_hz", "output_corner_hz"), ("full_scale_v", "latency_s"),
-)  # fmt: skip
-
-
-def _needed(key: str, value: Any) -> str:
-    """What a value of a calibration file should be; empty if it is."""
-    if key == "device":
-        return "" if isinstance(value, str) and value.strip() else "the card's name"
-    if key == "output":
-        return "" if value in (1, 2) and isinstance(value, int) else "1 or 2"
-    numbers = value if key in _PAIRS and isinstance(value, list) and len(value) == 2 else [value]
-    sound = all(isinstance(n, int | float) and not isinstance(n, bool) and math.isfinite(n) for n in numbers)
-    sound = sound and (key in _PAIRS) == (len(numbers) == 2)
-    sound = sound and (key not in _NOT_BELOW or min(numbers) >= 0) and (key not in _ABOVE or min(numbers) > 0)
-    kind = ", not negative" if key in _NOT_BELOW else ", positive" if key in _ABOVE else ""
-    return "" if sound else ("two numbers" if key in _PAIRS else "a number") + kind
-
-
-class SoundCard:
-    """The stream that is played and read; a port for `Board`, and a generator's output.
-
-    Args:
-        calibration: of the card.
-
-    Raises:
-        Unplugged: there is no such card, or it cannot do this.
-    """
-
-    def __init__(self, calibration: Calibration) -> None:
-        self.calibration = calibration
-        self._blocks: deque[tuple[np.ndarray, str]] = deque()
-        self._arrived = threading.Event()
-        self._last = time.monotonic()
-        self._amplitude = self._target = self._phase = 0.0  # amplitude: share of full scale
-        self._omega = 0.0  # a sample
-        self._beat = self._sounded = -math.inf
-        self._happened: list[str] = []
-        self._frame = self._time = 0
-        self._decimator = Decimator()
-        self._uncouplers = [Uncoupler(corner) for corner in calibration.corner_hz]
-        self._rest = np.zeros((0, 2))
-        self._full = np.zeros((0, 2), int)  # how many raw samples of each were at full scale
-        self._greeted = -1
-        try:
-            self._stream = sounddevice.Stream(
-                samplerate=CARD_HZ, blocksize=_BLOCK, device=calibration.device, channels=2, dtype="float32",
-                latency=_buffers(calibration.latency_s), callback=self._serve,
-            )  # fmt: skip
-            self._stream.start()
-            self._last = time.monotonic() + _STARTS_S
-        except (sounddevice.PortAudioError, ValueError) as error:
-            raise Unplugged(f"{calibration.device}: {_why(error)}; {cards()}.") from None
-        span = [abs(scale) * (1 - 1e-6) for scale in calibration.scale_m_s2]
-        kinds = [
-            Channel(role, limit, _RAIL / scale)
-            for role, limit, scale in zip(ROLES, span, calibration.scale_m_s2, strict=True)
-        ]
-        name = f"sound card {calibration.device}".encode()[:32].decode(errors="ignore")
-        self._hello = encode_hello(Hello(name, RATE_HZ, tuple(kinds), _BITS, _SAMPLES, int(time.time()) % 65536))
-
-    @classmethod
-    def settings(cls, file: Path) -> Calibration:
-        """A calibration that allows a recording.
-
-        Raises:
-            InputFileError: it is none. SettingError: something is not calibrated yet.
-        """
-        known = Calibration.read(file)
-        known.check()
-        return known
-
-    @staticmethod
-    def known(file: Path) -> Calibration:
-        """A calibration, perhaps without sensitivities."""
-        return Calibration.read(file)
-
-    @staticmethod
-    def output(calibration: Calibration, card: "Callable[[], SoundCard]") -> "AudioGenerator":
-        """Its output as the generator of a session."""
-        return AudioGenerator(calibration, card)
-
-    @staticmethod
-    def listed() -> "list[CardInfo]":
-        """Cards of this computer."""
-        return listed()
-
-    @staticmethod
-    def listen(calibration: Calibration, seconds: float) -> tuple[np.ndarray, float]:
-        """Both inputs in shares of full scale (n, 2), and their rate [Hz]."""
-        return capture(calibration.device, seconds, calibration.latency_s), CARD_HZ
-
-    def _serve(self, inputs: np.ndarray, outputs: np.ndarray, frames: int, when: object, status: Any) -> None:
-        """In PortAudio's thread: take a block, give a block."""
-        now = time.monotonic()
-        event = "input overrun" if status.input_overflow else "input underrun" if status.input_underflow else ""
-        event = event or ("output underrun" if status.output_underflow else "")
-        self._blocks.append((inputs.copy(), event))
-        target = self._target if now - self._beat < _DEAD_S else 0.0
-        most = frames / (_SLEW_S * CARD_HZ)
-        end = self._amplitude + min(max(target - self._amplitude, -most), most)
-        steps = np.arange(1, frames + 1)
-        wave = np.sin(self._phase + self._omega * steps)
-        outputs[:] = 0.0
-        outputs[:, self.calibration.output - 1] = (self._amplitude + (end - self._amplitude) / frames * steps) * wave
-        if self._amplitude or end:
-            self._sounded = now
-        self._amplitude, self._phase = end, (self._phase + self._omega * frames) % (2 * np.pi)
-        self._last = now
-        self._arrived.set()
-
-    def drive(self, frequency_hz: float | None = None, share: float | None = None) -> None:
-        """What the output is to give from now on: frequency, amplitude as a share of full scale."""
-        if frequency_hz is not None:
-            self._omega = 2 * np.pi * frequency_hz / CARD_HZ
-        if share is not None:
-            self._target = share
-        self.alive()
-
-    def alive(self) -> None:
-        """The base is watched: the output may go on for another second."""
-        self._beat = time.monotonic()
-
-    def read(self) -> bytes:
-        """Frames of what has come in, after at most WAIT_S.
-
-        Raises:
-            Unplugged: the card gives no more.
-        """
-        self._arrived.wait(WAIT_S)
-        self._arrived.clear()
-        try:
-            active = self._stream.active
-        except sounddevice.PortAudioError:  # closed meanwhile
-            active = False
-        if time.monotonic() - self._last > _GONE_S or not active:
-            raise Unplugged(f"{self.calibration.device}: the card went away.")
-        out = b""
-        while self._blocks:
-            block, event = self._blocks.popleft()
-            if event:  # samples are missing before this block; PortAudio does not state how many: at least a frame
-                self._happened.append(event)
-                self._frame += 1
-                self._time += _SAMPLES
-            values, full = self._decimator.feed(block.astype(float))
-            self._rest, self._full = np.concatenate([self._rest, values]), np.concatenate([self._full, full])
-            out += self._frames()
-        return out
-
-    def _frames(self) -> bytes:
-        """Whole frames of what waits."""
-        out = b""
-        whole = len(self._rest) // _SAMPLES * _SAMPLES
-        ready, self._rest = self._rest[:whole], self._rest[whole:]
-        full, self._full = self._full[:whole], self._full[whole:]
-        ready = np.column_stack([one.feed(column) for one, column in zip(self._uncouplers, ready.T, strict=True)])
-        for start in range(0, whole, _SAMPLES):
-            second = self._frame * _SAMPLES // RATE_HZ
-            if second != self._greeted:
-                self._greeted = second
-                out += self._hello
-            counts = np.clip(np.round(_RAIL * ready[start : start + _SAMPLES]), -_RAIL, _RAIL - 1).astype(np.int32)
-            over = over_range(full[start : start + _SAMPLES].sum(axis=0) > STRAY)
-            out += encode_data(self._frame, round(1e6 * self._time / RATE_HZ), counts, _BITS, over)
-            self._frame += 1
-            self._time += _SAMPLES
-        return out
-
-    def events(self) -> list[str]:
-        """What happened to the card since the last call."""
-        events, self._happened = self._happened, []
-        return events
-
-    def write(self, data: bytes) -> None:
-        """A query of the computer: the next hello replies to it."""
-        self._greeted = -1
-
-    def close(self) -> None:
-        """Output faded and played to its end, then the stream closed; that of a card that is gone, at once.
-
-        PortAudio throws away what is in the card's buffers, on stop and on abort.
-        """
-        self._target = 0.0
-        ahead = self.calibration.latency_s + _SLEW_S  # and a little, as a sound server has buffers of its own
-        while self._lives() and time.monotonic() - self._sounded < ahead:
-            time.sleep(WAIT_S)
-        self._stream.close(ignore_errors=True)
-
-    def _lives(self) -> bool:
-        """Whether the stream is running."""
-        try:
-            return bool(self._stream.active) and time.monotonic() - self._last < _LATE_S
-        except sounddevice.PortAudioError:  # closed already
-            return False
-
-
-class AudioGenerator:
-    """The card's output as the generator of a session.
-
-    Should this process be killed or stopped, the card falls silent by itself: nobody feeds it any more. If nobody has
-    watched the base for a second, the stream fades out.
-
-    Args:
-        card: gives the one that is open; after an unplug, another one.
-
-    Attributes:
-        identity: of the card.
-        volts: amplitude [V peak to peak].
-        is_on: whether the output is.
-        latency_s: from a change to what the inputs show of it.
-    """
-
-    def __init__(self, calibration: Calibration, card: Callable[[], SoundCard]) -> None:
-        self._full, self._card = calibration.full_scale_v, card
-        self.identity = f"output of sound card {calibration.device}"
-        self.volts = 0.0
-        self.is_on = False
-        self.latency_s = max(0.0, calibration.delay_s) + 2 * _SLEW_S
-
-    def __enter__(self) -> Self:
-        return self
-
-    def __exit__(self, *error: object) -> None:
-        self.off()
-
-    def alive(self) -> None:
-        """Keep the output on: the base is watched."""
-        self._card().alive()
-
-    def sine(self, frequency_hz: float, volts: float) -> None:
-        """Set a sine: frequency [Hz], amplitude [V peak to peak]; the output stays as it is."""
-        self._card().drive(frequency_hz=frequency_hz)
-        self.set_volts(volts)
-
-    def set_volts(self, volts: float) -> None:
-        """Amplitude [V peak to peak].
-
-        Raises:
-            Refused: beyond full scale.
-        """
-        if not 0 <= volts <= self._full:
-            raise Refused(f"{self.identity}: {volts:.3g} V exceed its {self._full:g} V; raise the amplifier's gain.")
-        self.volts = volts
-        if self.is_on:
-            self._card().drive(share=volts / self._full)
-
-    def on(self) -> None:
-        """Switch the output on."""
-        self.is_on = True
-        self.set_volts(self.volts)
-
-    def ramp_down(self) -> None:
-        """Switch off: the stream fades by itself."""
-        self.off()
-
-    def off(self) -> None:
-        """Switch the output off."""
-        self.is_on = False
-        self._card().drive(share=0.0)
-
-
-class Decimator:
-    """From CARD_HZ to RATE_HZ, by a filter of linear phase: flat to 1.5 kHz, and 80 dB down above 2.5 kHz."""
-
-    def __init__(self) -> None:
-        n = np.arange(_TAPS) - (_TAPS - 1) / 2
-        taps = np.sinc(n / _DOWN) * np.kaiser(_TAPS, 8.0)
-        self._taps = taps / taps.sum()
-        self._rest = np.zeros((_TAPS - 1, 2))
-
-    def feed(self, block: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Samples (n, 2) at CARD_HZ -> (m, 2) at RATE_HZ, and how many of those around each are at full scale (m, 2).
-
-        A filter makes less of a peak that is cut off, so that it must be looked for before.
-        """
-        data = np.concatenate([self._rest, block])
-        count = max(0, (len(data) - _TAPS) // _DOWN + 1)
-        self._rest = data[count * _DOWN :]
-        if not count:
-            return np.zeros((0, 2)), np.zeros((0, 2), int)
-        windows = np.lib.stride_tricks.sliding_window_view(data, _TAPS, axis=0)[::_DOWN][:count]
-        around = windows[:, :, _TAPS // 2 - _DOWN // 2 :][:, :, :_DOWN]
-        return np.asarray(windows @ self._taps), np.sum(np.abs(around) >= FULL, axis=2)
-
-
-class Uncoupler:
-    """Undoes a first-order high-pass down to _COMMON_HZ: (s + w) / (s + w0), by the bilinear transform.
-
-    Args:
-        corner_hz: of the high-pass; 0 if there is none.
-        rate_hz: of the samples.
-    """
-
-    def __init__(self, corner_hz: float, rate_hz: float = RATE_HZ) -> None:
-        low = _COMMON_HZ if corner_hz > 0 else 0.0
-        zero, pole = (math.pi * f / rate_hz for f in (corner_hz, low))
-        self._now, self._before = (1 + zero) / (1 + pole), (zero - 1) / (1 + pole)
-        self._keep = (1 - pole) / (1 + pole)
-        self._x = self._y = 0.0
-
-    def feed(self, values: np.ndarray) -> np.ndarray:
-        """The next samples (n,).
-
-        By numpy alone: scipy.signal takes seconds to import on a busy computer, while the card plays and records.
-        """
-        out = np.empty(values.size)
-        for start in range(0, values.size, _AT_ONCE):
-            x = values[start : start + _AT_ONCE]
-            u = self._now * x + self._before * np.concatenate([[self._x], x[:-1]])
-            fades = self._keep ** np.arange(x.size)
-            out[start : start + x.size] = fades * (self._keep * self._y + np.cumsum(u / fades))
-            self._x, self._y = float(x[-1]), float(out[start + x.size - 1])
-        return out
 
 
 @dataclass(frozen=True)
@@ -540,15 +209,77 @@ def _why(error: Exception) -> str:
     return f"cannot be opened ({str(error).splitlines()[0].rstrip('.')})"
 
 
+class AudioGenerator:
+    """The card's output as the generator of a session.
+
+    Should this process be killed or stopped, the card falls silent by itself: nobody feeds it any more. If nobody has
+    watched the base for a second, the stream fades out.
+
+    Args:
+        card: gives the one that is open; after an unplug, another one.
+
+    Attributes:
+        identity: of the card.
+        volts: amplitude [V peak to peak].
+        is_on: whether the output is.
+        latency_s: from a change to what the inputs show of it.
+    """
+
+    def __init__(self, calibration: Calibration, card: "Callable[[], SoundCard]") -> None:
+        self._full, self._card = calibration.full_scale_v, card
+        self.identity = f"output of sound card {calibration.device}"
+        self.volts = 0.0
+        self.is_on = False
+        self.latency_s = max(0.0, calibration.delay_s) + 2 * _SLEW_S
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self.off()
+
+    def alive(self) -> None:
+        """Keep the output on: the base is watched."""
+        self._card().alive()
+
+    def sine(self, frequency_hz: float, volts: float) -> None:
+        """Set a sine: frequency [Hz], amplitude [V peak to peak]; the output stays as it is."""
+        self._card().drive(frequency_hz=frequency_hz)
+        self.set_volts(volts)
+
+    def set_volts(self, volts: float) -> None:
+        """Amplitude [V peak to peak].
+
+        Raises:
+            Refused: beyond full scale.
+        """
+        if not 0 <= volts <= self._full:
+            raise Refused(f"{self.identity}: {volts:.3g} V exceed its {self._full:g} V; raise the amplifier's gain.")
+        self.volts = volts
+        if self.is_on:
+            self._card().drive(share=volts / self._full)
+
+    def on(self) -> None:
+        """Switch the output on."""
+        self.is_on = True
+        self.set_volts(self.volts)
+
+    def ramp_down(self) -> None:
+        """Switch off: the stream fades by itself."""
+        self.off()
+
+    def off(self) -> None:
+        """Switch the output off."""
+        self.is_on = False
+        self._card().drive(share=0.0)
+
+
 def capture(
     device: str, seconds: float, latency_s: float, play: np.ndarray | None = None, output: int = 1
 ) -> np.ndarray:
     """Samples of both inputs (n, 2) while `play` (m,) is repeated on one output, faded in before and out behind.
 
     Ctrl-C fades it out, too.
-
-    Raises:
-        AcquisitionError: the card is not there, or samples are missing.
     """
     count, first, fade, ahead = (round(s * CARD_HZ) for s in (seconds, _BEGINS_S, _FADE_S, latency_s + _SLEW_S))
     out = np.zeros((first + count + fade + ahead, 2), np.float32)  # what is ahead at the end is never played
@@ -591,6 +322,202 @@ def capture(
     return recorded[first : first + count].astype(float)
 
 
+class SoundCard:
+    """The stream that is played and read; a port for `Board`, and a generator's output.
+
+    Args:
+        calibration: of the card.
+
+    Raises:
+        Unplugged: there is no such card, or it cannot do this.
+    """
+
+    known = staticmethod(Calibration.read)
+    output = AudioGenerator
+    listed = staticmethod(listed)
+
+    def __init__(self, calibration: Calibration) -> None:
+        self.calibration = calibration
+        self._blocks: deque[tuple[np.ndarray, str]] = deque()
+        self._arrived = threading.Event()
+        self._last = time.monotonic()
+        self._amplitude = self._target = self._phase = 0.0  # amplitude: share of full scale
+        self._omega = 0.0  # a sample
+        self._beat = self._sounded = -math.inf
+        self._decimator = Decimator()
+        self._uncouplers = [Uncoupler(corner) for corner in calibration.corner_hz]
+        self._rest = np.zeros((0, 2))
+        self._full = np.zeros((0, 2), int)  # how many raw samples of each were at full scale
+        name = f"sound card {calibration.device}"
+        self._frames = Frames(name, RATE_HZ, calibration.scale_m_s2)
+        self.events = self._frames.events
+        try:
+            self._stream = sounddevice.Stream(
+                samplerate=CARD_HZ, blocksize=_BLOCK, device=calibration.device, channels=2, dtype="float32",
+                latency=_buffers(calibration.latency_s), callback=self._serve,
+            )  # fmt: skip
+            self._stream.start()
+            self._last = time.monotonic() + _STARTS_S
+        except (sounddevice.PortAudioError, ValueError) as error:
+            raise Unplugged(f"{calibration.device}: {_why(error)}; {cards()}.") from None
+
+    @staticmethod
+    def settings(file: Path) -> Calibration:
+        """A calibration that allows a recording."""
+        calibration = Calibration.read(file)
+        calibration.check()
+        return calibration
+
+    @staticmethod
+    def listen(calibration: Calibration, seconds: float) -> tuple[np.ndarray, float]:
+        """Both inputs in shares of full scale (n, 2), and their rate [Hz]."""
+        return capture(calibration.device, seconds, calibration.latency_s), CARD_HZ
+
+    def _serve(self, inputs: np.ndarray, outputs: np.ndarray, frames: int, when: object, status: Any) -> None:
+        """In PortAudio's thread: take a block, give a block."""
+        now = time.monotonic()
+        event = "input overrun" if status.input_overflow else "input underrun" if status.input_underflow else ""
+        event = event or ("output underrun" if status.output_underflow else "")
+        self._blocks.append((inputs.copy(), event))
+        target = self._target if now - self._beat < _DEAD_S else 0.0
+        most = frames / (_SLEW_S * CARD_HZ)
+        end = self._amplitude + min(max(target - self._amplitude, -most), most)
+        steps = np.arange(1, frames + 1)
+        wave = np.sin(self._phase + self._omega * steps)
+        outputs[:] = 0.0
+        outputs[:, self.calibration.output - 1] = (self._amplitude + (end - self._amplitude) / frames * steps) * wave
+        if self._amplitude or end:
+            self._sounded = now
+        self._amplitude, self._phase = end, (self._phase + self._omega * frames) % (2 * np.pi)
+        self._last = now
+        self._arrived.set()
+
+    def drive(self, frequency_hz: float | None = None, share: float | None = None) -> None:
+        """What the output is to give from now on: frequency, amplitude as a share of full scale."""
+        if frequency_hz is not None:
+            self._omega = 2 * np.pi * frequency_hz / CARD_HZ
+        if share is not None:
+            self._target = share
+        self.alive()
+
+    def alive(self) -> None:
+        """The base is watched: the output may go on for another second."""
+        self._beat = time.monotonic()
+
+    def read(self) -> bytes:
+        """Frames of what has come in, after at most WAIT_S.
+
+        Raises:
+            Unplugged: the card gives no more.
+        """
+        self._arrived.wait(WAIT_S)
+        self._arrived.clear()
+        try:
+            active = self._stream.active
+        except sounddevice.PortAudioError:  # closed meanwhile
+            active = False
+        if time.monotonic() - self._last > _GONE_S or not active:
+            raise Unplugged(f"{self.calibration.device}: the card went away.")
+        out = b""
+        while self._blocks:
+            block, event = self._blocks.popleft()
+            if event:  # samples are missing before this block; PortAudio does not state how many: at least a frame
+                self._frames.skip(event)
+            values, full = self._decimator.feed(block.astype(float))
+            self._rest, self._full = np.concatenate([self._rest, values]), np.concatenate([self._full, full])
+            out += self._whole()
+        return out
+
+    def _whole(self) -> bytes:
+        """Whole frames of what waits."""
+        whole = len(self._rest) // SAMPLES * SAMPLES
+        ready, self._rest = self._rest[:whole], self._rest[whole:]
+        full, self._full = self._full[:whole], self._full[whole:]
+        columns = zip(self._uncouplers, ready.T, strict=True)
+        ready = np.column_stack([uncoupler.feed(column) for uncoupler, column in columns])
+        out = b""
+        for start in range(0, whole, SAMPLES):
+            part = slice(start, start + SAMPLES)
+            out += self._frames.frame(ready[part], over_range(full[part].sum(axis=0) > STRAY))
+        return out
+
+    def write(self, data: bytes) -> None:
+        """A query of the computer: a hello replies to it."""
+        self._frames.greet()
+
+    def close(self) -> None:
+        """Output faded and played to its end, then the stream closed; that of a card that is gone, at once.
+
+        PortAudio throws away what is in the card's buffers, on stop and on abort.
+        """
+        self._target = 0.0
+        ahead = self.calibration.latency_s + _SLEW_S  # and a little, as a sound server has buffers of its own
+        while self._lives() and time.monotonic() - self._sounded < ahead:
+            time.sleep(WAIT_S)
+        self._stream.close(ignore_errors=True)
+
+    def _lives(self) -> bool:
+        """Whether the stream is running."""
+        try:
+            return bool(self._stream.active) and time.monotonic() - self._last < _LATE_S
+        except sounddevice.PortAudioError:  # closed already
+            return False
+
+
+class Decimator:
+    """From CARD_HZ to RATE_HZ, by a filter of linear phase: flat to 1.5 kHz, and 80 dB down above 2.5 kHz."""
+
+    def __init__(self) -> None:
+        n = np.arange(_TAPS) - (_TAPS - 1) / 2
+        taps = np.sinc(n / _DOWN) * np.kaiser(_TAPS, 8.0)
+        self._taps = taps / taps.sum()
+        self._rest = np.zeros((_TAPS - 1, 2))
+
+    def feed(self, block: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Samples (n, 2) at CARD_HZ -> (m, 2) at RATE_HZ, and how many of those around each are at full scale (m, 2).
+
+        A filter makes less of a peak that is cut off, so that it must be looked for before.
+        """
+        data = np.concatenate([self._rest, block])
+        count = max(0, (len(data) - _TAPS) // _DOWN + 1)
+        self._rest = data[count * _DOWN :]
+        if not count:
+            return np.zeros((0, 2)), np.zeros((0, 2), int)
+        windows = np.lib.stride_tricks.sliding_window_view(data, _TAPS, axis=0)[::_DOWN][:count]
+        around = windows[:, :, _TAPS // 2 - _DOWN // 2 :][:, :, :_DOWN]
+        return np.asarray(windows @ self._taps), np.sum(np.abs(around) >= FULL, axis=2)
+
+
+class Uncoupler:
+    """Undoes a first-order high-pass down to _COMMON_HZ: (s + w) / (s + w0), by the bilinear transform.
+
+    Args:
+        corner_hz: of the high-pass; 0 if there is none.
+        rate_hz: of the samples.
+    """
+
+    def __init__(self, corner_hz: float, rate_hz: float = RATE_HZ) -> None:
+        low = _COMMON_HZ if corner_hz > 0 else 0.0
+        zero, pole = (math.pi * f / rate_hz for f in (corner_hz, low))
+        self._now, self._before = (1 + zero) / (1 + pole), (zero - 1) / (1 + pole)
+        self._keep = (1 - pole) / (1 + pole)
+        self._x = self._y = 0.0
+
+    def feed(self, values: np.ndarray) -> np.ndarray:
+        """The next samples (n,).
+
+        By numpy alone: scipy.signal takes seconds to import on a busy computer, while the card plays and records.
+        """
+        out = np.empty(values.size)
+        for start in range(0, values.size, _AT_ONCE):
+            x = values[start : start + _AT_ONCE]
+            u = self._now * x + self._before * np.concatenate([[self._x], x[:-1]])
+            fades = self._keep ** np.arange(x.size)
+            out[start : start + x.size] = fades * (self._keep * self._y + np.cumsum(u / fades))
+            self._x, self._y = float(x[-1]), float(out[start + x.size - 1])
+        return out
+
+
 def loop_signal() -> np.ndarray:
     """One period of noise with a flat spectrum from 0.25 Hz to 4 kHz."""
     n = round(PERIOD_S * CARD_HZ)
@@ -602,11 +529,7 @@ def loop_signal() -> np.ndarray:
 
 
 def measure_loop(device: str, latency_s: float, output: int = 1) -> Calibration:
-    """Gain, delay and high-pass of a card one of whose outputs is connected to both inputs.
-
-    Raises:
-        AcquisitionError: samples are missing, or no cable is there.
-    """
+    """Gain, delay and high-pass of a card one of whose outputs is connected to both inputs."""
     signal = loop_signal()
     for _ in range(_TRIES):
         recorded = capture(device, PERIODS * PERIOD_S, latency_s, signal, output)
@@ -624,9 +547,6 @@ def analyse_loop(device: str, recorded: np.ndarray, signal: np.ndarray) -> Calib
 
     Both channels contain the high-passes of output and input:
     L_i = g_i jw/(jw + w_o) jw/(jw + w_i) exp(-jw d_i).
-
-    Raises:
-        AcquisitionError: no cable is there, or an input clips.
     """
     from scipy.optimize import least_squares
 

@@ -288,11 +288,7 @@ class Board:
         return self.recent()[:count]
 
     def watch_for(self, seconds: float) -> None:
-        """Let so many seconds pass, in which the base is watched.
-
-        Raises:
-            AcquisitionError: what `pump` raises.
-        """
+        """Let so many seconds pass, in which the base is watched."""
         deadline = time.monotonic() + seconds
         while time.monotonic() < deadline:
             self.pump()

@@ -36,9 +36,6 @@ def calibrator(
         rate_hz: of the values.
         frequency_hz: of the calibrator.
         rms_m_s2: of the calibrator.
-
-    Raises:
-        AcquisitionError: no such tone, or one that is cut off on its way.
     """
     from scipy.optimize import minimize_scalar
 
@@ -82,9 +79,6 @@ def flip(values: np.ndarray, corner_hz: float, rate_hz: float) -> float:
         values: (n,) of full scale, with a second and a half of rest on either side of the turn.
         corner_hz: of the input's high-pass; 0 if direct.
         rate_hz: of the values.
-
-    Raises:
-        AcquisitionError: no such step, or one that is cut off.
     """
     within(values, "the sensor that is turned over")
     t = np.arange(values.size) / rate_hz

@@ -95,11 +95,7 @@ class Capture:
         return (self.file, self.rescue) if self.rescue else (self.file,)
 
     def add(self, kind: str, host: float, content: bytes | Mapping[str, Any]) -> None:
-        """Append one record.
-
-        Raises:
-            AcquisitionError: neither the file nor the temporary folder takes it.
-        """
+        """Append one record."""
         data = content if isinstance(content, bytes) else json.dumps(content).encode()
         with self._lock:
             for start in range(0, max(1, len(data)), _LONGEST_RECORD):
@@ -148,11 +144,7 @@ class Capture:
 
 
 def read(file: Path) -> Iterator[Record]:
-    """The whole records of a capture file; torn and damaged ones are stepped over.
-
-    Raises:
-        InputFileError: no such file, or no capture file.
-    """
+    """The whole records of a capture file; torn and damaged ones are stepped over."""
     try:
         data = file.read_bytes()
     except OSError as error:
@@ -191,9 +183,6 @@ def grouped(files: Sequence[Path]) -> list[tuple[Path, ...]]:
 
     A file that begins with a plan is a recording. One without is the rest of the one that it continues in time; alone,
     it is a capture whose plan is damaged.
-
-    Raises:
-        InputFileError: no capture file, one that is given twice, or one that continues none of the others.
     """
     seen: set[Path] = set()
     plans: dict[Path, float] = {}  # when the last record came [s]

@@ -3,7 +3,7 @@
 import math
 import shlex
 import sys
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from contextlib import ExitStack
 from dataclasses import replace
 from itertools import groupby
@@ -19,7 +19,7 @@ from fasbody.acquire.devices import SERIAL, Equipment, file_of, kind
 from fasbody.acquire.display import Display
 from fasbody.acquire.folder import Converted, convert
 from fasbody.acquire.level import Safety
-from fasbody.acquire.person import ACTION, Dose
+from fasbody.acquire.person import ACTION, VDV_LIMIT, Dose
 from fasbody.acquire.plan import Plan, PlannedStep, steps_in, within
 from fasbody.acquire.port import ports, probe
 from fasbody.acquire.session import Session, terminated
@@ -30,10 +30,31 @@ from fasbody.foot.shaker import PEAK_TO_PEAK
 from fasbody.presentation import counted
 from fasbody.recording.recording import Condition
 
-_BOARDS = "serial; audio, a sound card that plays and records; ni, mcc, labjack; or a device of a package of yours"
-_CALIBRATION = "settings of a device that is no serial board (default sound_card.json, ni.json and so on)"
-#: A mass has no exposure; this is a day at 20 g.
-_NOBODY_A8 = 200.0
+_Port = Annotated[str | None, typer.Option(help="port of the accelerometer board")]
+_Generator = Annotated[str | None, typer.Option(help="SCPI function generator: its port or VISA name")]
+_Board = Annotated[
+    str,
+    typer.Option(
+        "--board",
+        help="serial; audio, a sound card that plays and records; ni, mcc, labjack; or a device of a package of yours",
+    ),
+]
+_Settings = Annotated[
+    Path | None,
+    typer.Option(
+        "--calibration",
+        help="settings of a device that is no serial board (default sound_card.json, ni.json and so on)",
+    ),
+]
+_Seconds = Annotated[float, typer.Option(help="length of each recording in s")]
+_Level = Annotated[float, typer.Option(help="wanted base acceleration in m/s^2")]
+_MaxVolts = Annotated[float, typer.Option(help="highest generator amplitude in V peak to peak")]
+_Baud = Annotated[int, typer.Option(min=1, help="baud rate of the board")]
+_GeneratorBaud = Annotated[int, typer.Option(min=1, help="baud rate of the generator")]
+_Simulate = Annotated[bool, typer.Option("--simulate", help="a virtual bench instead of hardware")]
+_Json = Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")]
+#: A mass has no exposure; this is a day at 100 g.
+_NOBODY = 1000.0
 #: No calibration listens longer [s].
 _LONGEST_S = 600.0
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
@@ -41,15 +62,15 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 @app.command()
 def record(
-    port: Annotated[str | None, typer.Option(help="port of the accelerometer board")] = None,
-    generator: Annotated[str | None, typer.Option(help="SCPI function generator: its port or VISA name")] = None,
+    port: _Port = None,
+    generator: _Generator = None,
     frequency: Annotated[float | None, typer.Option(help="one recording at this excitation in Hz")] = None,
     sweep: Annotated[str | None, typer.Option(help="START:STOP:STEP in Hz, one recording each")] = None,
     plan_: Annotated[
         Path | None, typer.Option("--plan", help="planned session; python -m identification.plan writes it")
     ] = None,
     first: Annotated[int, typer.Option(min=1, help="with --plan: begin at this step of the file")] = 1,
-    seconds: Annotated[float, typer.Option(help="length of each recording in s")] = 10.0,
+    seconds: _Seconds = 10.0,
     out: Annotated[Path | None, typer.Option(help="study folder; recordings are added to one that exists")] = None,
     subject: Annotated[str | None, typer.Option(help="name or number of the subject (1 if not given)")] = None,
     body_mass: Annotated[float | None, typer.Option(help="body mass in kg; once for each subject")] = None,
@@ -58,8 +79,8 @@ def record(
         typer.Option(help="mass on the knee in kg (default 0); with --plan: only its steps under this load"),
     ] = None,
     posture: Annotated[str, typer.Option(help="posture of the foot")] = "midstance",
-    peak_to_peak: Annotated[float, typer.Option(help="wanted base acceleration in m/s^2")] = PEAK_TO_PEAK,
-    max_volts: Annotated[float, typer.Option(help="highest generator amplitude in V peak to peak")] = Safety.volts,
+    peak_to_peak: _Level = PEAK_TO_PEAK,
+    max_volts: _MaxVolts = Safety.volts,
     max_acceleration: Annotated[
         float, typer.Option(help="highest base acceleration in m/s^2; at most 0.86 of it is wanted")
     ] = Safety.peak_m_s2,
@@ -69,20 +90,23 @@ def record(
     max_exposure: Annotated[
         float, typer.Option(help="largest daily exposure A(8) of the subject in m/s^2, W_k-weighted")
     ] = ACTION,
+    max_vdv: Annotated[
+        float, typer.Option(help="largest vibration dose value of the subject in a day in m/s^1.75, W_k-weighted")
+    ] = VDV_LIMIT,
     retries: Annotated[int, typer.Option(min=0, help="how often to repeat a recording that lost samples")] = 2,
-    baud: Annotated[int, typer.Option(min=1, help="baud rate of the board")] = 921600,
-    generator_baud: Annotated[int, typer.Option(min=1, help="baud rate of the generator")] = 115200,
-    simulate: Annotated[bool, typer.Option("--simulate", help="a virtual bench instead of hardware")] = False,
+    baud: _Baud = 921600,
+    generator_baud: _GeneratorBaud = 115200,
+    simulate: _Simulate = False,
     list_: Annotated[
         bool, typer.Option("--list", help="show the serial ports, or with --board audio the sound cards, and stop")
     ] = False,
     probe_: Annotated[bool, typer.Option("--probe", help="say what answers on --port (or on all) and stop")] = False,
-    board_: Annotated[str, typer.Option("--board", help=_BOARDS)] = SERIAL,
-    calibration: Annotated[Path | None, typer.Option(help=_CALIBRATION)] = None,
+    board_: _Board = SERIAL,
+    calibration: _Settings = None,
     firmware_: Annotated[
         Path | None, typer.Option("--firmware", help="write the firmware for an Arduino into this folder and stop")
     ] = None,
-    json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
+    json_: _Json = False,
 ) -> None:
     """Record accelerations of a foot on the shaker into a study folder.
 
@@ -109,10 +133,8 @@ def record(
     """
     if firmware_ is not None:
         file = str(firmware.write(firmware_))
-        print_json({"sketch": file}) if json_ else results.print(
-            f"{file}: open it in the Arduino IDE, upload it, then record with --baud 500000", soft_wrap=True,
-            markup=False,
-        )  # fmt: skip
+        how = "open it in the Arduino IDE, upload it, then record with --baud 500000"
+        _result({"sketch": file}, f"{file}: {how}", json_)
         return
     if list_ or probe_:
         _look(port, probe_, json_, board_)
@@ -120,9 +142,8 @@ def record(
     texts = {"--port": port, "--generator": generator, "--subject": subject, "--posture": posture}
     for name, text in texts.items():
         if text is not None and not (text.strip() and text.isprintable()):
-            raise SettingError(
-                f"{name} is {'empty' if not text.strip() else 'no line of text'}; name it, or leave it out."
-            )
+            wrong = "no line of text" if text.strip() else "empty"
+            raise SettingError(f"{name} is {wrong}; name it, or leave it out.")
     if out is None:
         raise SettingError("where to? Give --out STUDY, a folder that is made if needed.")
     if port is not None and generator is not None and Path(port).resolve() == Path(generator).resolve():
@@ -166,11 +187,7 @@ def record(
             f"{body_mass:g}{'' if simulate else ', or leave it out here'}."
         )
     subject = subject or "1"
-    mass = body_mass if body_mass is not None else folder.body_mass(out, subject)
-    if mass is None:
-        raise SettingError(f"the body mass of subject {subject!r} is needed once: --body-mass, 20 to 300 kg.")
-    if not 20 <= mass <= 300:
-        raise SettingError(f"a body mass of {mass:g} kg is not plausible (valid: 20 to 300).")
+    mass = _body_mass(out, subject, body_mass)
     template = Plan(
         study=out,
         frequencies_hz=_frequencies(sweep, frequency),
@@ -179,7 +196,13 @@ def record(
         peak_to_peak=peak_to_peak,
         retries=retries,
         origin="synthetic" if simulate else "measured",
-        safety=Safety(max_volts, peak_m_s2=max_acceleration, displacement_m=max_displacement, daily_a8=max_exposure),
+        safety=Safety(
+            max_volts,
+            peak_m_s2=max_acceleration,
+            displacement_m=max_displacement,
+            daily_a8=max_exposure,
+            daily_vdv=max_vdv,
+        ),
         truth=truth,
     )
     # Then another program plays, or another shaker is used; the card only records.
@@ -192,41 +215,17 @@ def record(
         plan.check(excited and not by_hand)
     if excited and not by_hand:
         dose = sum((plan.dose for plan in plans), Dose())
-        within(out, subject, dose, max_exposure)
+        within(out, subject, dose, template.safety)
         console.print(dose.sentence(), soft_wrap=True, markup=False)
     if left := folder.left_behind(out):
         text = (
             f"{counted(len(left), 'capture')} of {out} became no recording, as after a crash: {folder.recovery(left)}"
         )
         console.print(text, soft_wrap=True, markup=False)
-    made: list[Converted] = []
-    bad: list[str] = []
-    loads = [list(group) for _, group in groupby(plans, lambda plan: plan.condition.added_mass_kg)]
-    for group in loads:
-        load = group[0].condition.added_mass_kg
-        if len(loads) > 1 and not simulate:
-            typer.confirm(f"{load:g} kg are on the knee", default=True, abort=True, err=True)
-        with ExitStack() as stack:
-            stack.enter_context(terminated())
-            if simulate:
-                from fasbody.acquire.bench import Bench
-
-                bench = stack.enter_context(Bench(added_mass=load))
-                equipment = Equipment(port=bench.board_port, generator=bench.generator_port)
-            board, source = equipment.open(stack)
-            stack.enter_context(Display(board))
-            session = Session(group[0], board, None if by_hand else source)
-            for plan in group:
-                session.plan = plan
-                session.run()
-        made += session.made
-        bad += session.unusable()
-    if json_:
-        print_json({"study": str(out), "recordings": [one.document() for one in made]})
-    else:
-        good = sum(not one.problems for one in made)
-        text = f"{counted(good, 'recording')} in {out}; next: python -m identification.fit {shlex.quote(str(out))}"
-        results.print(text, soft_wrap=True, markup=False)
+    made, bad = _record(plans, None if simulate else equipment, by_hand)
+    good = counted(sum(not one.problems for one in made), "recording")
+    text = f"{good} in {out}; next: python -m identification.fit {shlex.quote(str(out))}"
+    _result({"study": str(out), "recordings": [one.document() for one in made]}, text, json_)
     if bad:
         are = "is" if len(bad) == 1 else "are"
         raise AcquisitionError(
@@ -234,21 +233,60 @@ def record(
         )
 
 
+def _body_mass(study: Path, subject: str, stated_kg: float | None) -> float:
+    """Body mass [kg] as stated, or as the study has it."""
+    mass = stated_kg if stated_kg is not None else folder.body_mass(study, subject)
+    if mass is None:
+        raise SettingError(f"the body mass of subject {subject!r} is needed once: --body-mass, 20 to 300 kg.")
+    if not 20 <= mass <= 300:
+        raise SettingError(f"a body mass of {mass:g} kg is not plausible (valid: 20 to 300).")
+    return mass
+
+
+def _record(plans: Sequence[Plan], equipment: Equipment | None, by_hand: bool) -> tuple[list[Converted], list[str]]:
+    """What was made of the plans, load after load, and the files that no attempt made usable.
+
+    Args:
+        plans: one after the other.
+        equipment: on the bench; None for a virtual one under each load.
+        by_hand: the excitation is somebody else's.
+    """
+    made: list[Converted] = []
+    bad: list[str] = []
+    loads = [list(group) for _, group in groupby(plans, lambda plan: plan.condition.added_mass_kg)]
+    for group in loads:
+        load = group[0].condition.added_mass_kg
+        if len(loads) > 1 and equipment is not None:
+            typer.confirm(f"{load:g} kg are on the knee", default=True, abort=True, err=True)
+        with ExitStack() as stack:
+            stack.enter_context(terminated())
+            bench = equipment or Equipment.simulated(stack, added_mass=load)
+            board, source = bench.open(stack)
+            stack.enter_context(Display(board))
+            session = Session(group[0], board, None if by_hand else source)
+            for plan in group:
+                session.plan = plan
+                session.run()
+        made += session.made
+        bad += session.unusable()
+    return made, bad
+
+
 @app.command()
 def check(
     out: Annotated[Path, typer.Option(help="study folder, made if needed: check.json and study.toml are written")],
-    port: Annotated[str | None, typer.Option(help="port of the accelerometer board")] = None,
-    generator: Annotated[str | None, typer.Option(help="SCPI function generator: its port or VISA name")] = None,
-    board: Annotated[str, typer.Option(help=_BOARDS)] = SERIAL,
-    calibration: Annotated[Path | None, typer.Option(help=_CALIBRATION)] = None,
+    port: _Port = None,
+    generator: _Generator = None,
+    board: _Board = SERIAL,
+    calibration: _Settings = None,
     frequencies: Annotated[str, typer.Option(help="of the sines in Hz, at least two")] = "10,20,40",
-    seconds: Annotated[float, typer.Option(help="length of each recording in s")] = 4.0,
-    peak_to_peak: Annotated[float, typer.Option(help="wanted base acceleration in m/s^2")] = 10.0,
-    max_volts: Annotated[float, typer.Option(help="highest generator amplitude in V peak to peak")] = Safety.volts,
-    baud: Annotated[int, typer.Option(min=1, help="baud rate of the board")] = 921600,
-    generator_baud: Annotated[int, typer.Option(min=1, help="baud rate of the generator")] = 115200,
-    simulate: Annotated[bool, typer.Option("--simulate", help="a virtual bench instead of hardware")] = False,
-    json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
+    seconds: _Seconds = 4.0,
+    peak_to_peak: _Level = 10.0,
+    max_volts: _MaxVolts = Safety.volts,
+    baud: _Baud = 921600,
+    generator_baud: _GeneratorBaud = 115200,
+    simulate: _Simulate = False,
+    json_: _Json = False,
 ) -> None:
     """Measure the chain with both sensors on one mass, and nobody on the shaker: their ratio must be 1.
 
@@ -271,16 +309,13 @@ def check(
     origin = "synthetic" if simulate else "measured"
     plan = Plan(
         out / "check", frequencies_hz, Condition("one mass"), seconds, peak_to_peak, origin=origin,
-        safety=Safety(max_volts, daily_a8=_NOBODY_A8), one_mass=True,
+        safety=Safety(max_volts, daily_a8=_NOBODY, daily_vdv=_NOBODY), one_mass=True,
     )  # fmt: skip
     plan.check(True)
     with ExitStack() as stack:
         stack.enter_context(terminated())
         if simulate:
-            from fasbody.acquire.bench import Bench
-
-            bench = stack.enter_context(Bench(one_mass=1.02))
-            equipment = Equipment(port=bench.board_port, generator=bench.generator_port)
+            equipment = Equipment.simulated(stack, one_mass=1.02)
         equipment.check()
         source_board, source = equipment.open(stack)
         if source is None:
@@ -288,10 +323,8 @@ def check(
         stack.enter_context(Display(source_board))
         chain = measure(plan, source_board, source)
     files = chain.write(out, origin)
-    if json_:
-        print_json(vars(chain) | {"files": list(map(str, files))})
-    else:
-        results.print(f"{chain}; written to {', '.join(map(str, files))}", soft_wrap=True, markup=False)
+    text = f"{chain}; written to {', '.join(map(str, files))}"
+    _result(vars(chain) | {"files": list(map(str, files))}, text, json_)
     if texts := chain.remarks():
         raise AcquisitionError(f"{'; '.join(texts)}.")
 
@@ -305,7 +338,7 @@ def recover(
     longest: Annotated[
         bool, typer.Option("--longest", help="keep only the longest stretch without a gap, however short")
     ] = False,
-    json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
+    json_: _Json = False,
 ) -> None:
     """Make a recording from a capture file, for example after a crash; several captures make one each.
 
@@ -383,11 +416,7 @@ def _look(port: str | None, probing: bool, json_: bool, board: str) -> None:
             names = [port] if port else [info.device for info in ports()]
             devices = [probe(name) for name in names]
         none = "this computer has no serial port; is the board plugged in, and may you use it (group dialout)?"
-    if json_:
-        print_json([vars(item) for item in devices])
-    else:
-        for item in devices:
-            results.print(str(item), soft_wrap=True, markup=False)
+    _result([vars(device) for device in devices], "\n".join(map(str, devices)), json_)
     if not devices:
         console.print(none, soft_wrap=True)
 
@@ -410,7 +439,7 @@ def calibrate(
     ] = 1,
     full_scale_volts: Annotated[float, typer.Option(help="voltage of the output at full scale, peak to peak")] = 2.0,
     yes: Annotated[bool, typer.Option("--yes", help="the amplifier is off: play the loopback without asking")] = False,
-    json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
+    json_: _Json = False,
 ) -> None:
     """Calibrate a sound card: loopback first (output to both inputs), then calibrator or flip for each sensor.
 
@@ -458,10 +487,7 @@ def calibrate(
     else:
         raise SettingError(f"{what!r} is none of loopback, calibrator, flip.")
     known.write(calibration)
-    if json_:
-        print_json(vars(known))
-    else:
-        results.print(str(known), soft_wrap=True, markup=False)
+    _result(vars(known), str(known), json_)
 
 
 def _amplifier_is_off(output: int, full_scale_volts: float, peak: float, seconds: float, yes: bool) -> None:
@@ -491,6 +517,14 @@ def _frequencies(sweep: str | None, frequency: float | None) -> tuple[float | No
     import numpy as np
 
     return tuple(float(f) for f in np.arange(start, stop + 1e-9 * step, step))
+
+
+def _result(document: Any, text: str, json_: bool) -> None:
+    """Print a result on stdout: as JSON, or for a person."""
+    if json_:
+        print_json(document)
+    elif text:
+        results.print(text, soft_wrap=True, markup=False)
 
 
 def run() -> None:

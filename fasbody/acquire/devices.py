@@ -15,7 +15,7 @@ from contextlib import ExitStack
 from dataclasses import dataclass
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Any
+from typing import Any, Self
 
 from fasbody.acquire.board import Board
 from fasbody.acquire.generator import Excitation, Generator
@@ -41,11 +41,7 @@ def names() -> list[str]:
 
 
 def kind(name: str) -> Any:
-    """The class of a device.
-
-    Raises:
-        SettingError: there is none of this name. MissingPackageError: its library is not installed.
-    """
+    """The class of a device."""
     if name in _SHIPPED:
         module, cls, _ = _SHIPPED[name]
         return getattr(importlib.import_module(module), cls)
@@ -61,11 +57,7 @@ def file_of(name: str, settings: Path | None) -> Path:
 
 
 def opened(device: Any, settings: Any) -> tuple[Board, Excitation | None]:
-    """A board on a device, and the device's own output if it has one.
-
-    Raises:
-        Unplugged: it cannot be opened.
-    """
+    """A board on a device, and the device's own output if it has one."""
     sources: list[Source] = []
 
     def opener(name: str, baud: int) -> Source:
@@ -97,12 +89,16 @@ class Equipment:
     generator_baud: int = 115200
     settings: Path | None = None
 
-    def check(self) -> None:
-        """Refuse what does not fit together, before anything is opened.
+    @classmethod
+    def simulated(cls, stack: ExitStack, **options: float) -> Self:
+        """A virtual bench with these options; the stack ends it."""
+        from fasbody.acquire.bench import Bench
 
-        Raises:
-            SettingError: which option. InputFileError: the settings' file.
-        """
+        bench = stack.enter_context(Bench(**options))
+        return cls(port=bench.board_port, generator=bench.generator_port)
+
+    def check(self) -> None:
+        """Refuse what does not fit together, before anything is opened."""
         if self.board == SERIAL:
             if self.settings is not None:
                 raise SettingError("--calibration belongs to a device: add --board, or leave it out.")
@@ -119,11 +115,7 @@ class Equipment:
         return self.generator is not None or (self.board != SERIAL and hasattr(kind(self.board), "output"))
 
     def open(self, stack: ExitStack) -> tuple[Board, Excitation | None]:
-        """Board and generator, both known to be what they should be; the stack closes them.
-
-        Raises:
-            AcquisitionError: one of them does not reply, or they are swapped.
-        """
+        """Board and generator, both known to be what they should be; the stack closes them."""
         if self.board != SERIAL:
             return self._device(stack)
         assert self.port is not None

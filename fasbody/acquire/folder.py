@@ -19,6 +19,7 @@ from typing import Any
 import numpy as np
 
 from fasbody.acquire import capture
+from fasbody.acquire.frames import is_number
 from fasbody.acquire.monitor import Drive, faults, named
 from fasbody.acquire.timeline import Limits, Quality, Timeline
 from fasbody.acquire.wire import Decoder, Hello
@@ -32,6 +33,8 @@ from fasbody.recording.recording import Condition, Recording
 CAPTURES, RECORDINGS, TRUTH = "captures", "recordings", "truth.json"
 #: Excitation begins here [Hz]; slower motion is drift and leaning.
 _SLOWEST_HZ = 3.0
+#: What of a capture's plan makes the recording.
+_PLANNED = {"seconds", "subject", "posture", "frequency_hz", "body_mass_kg", "added_mass_kg"}
 #: A sine that is set by hand has the stated frequency within this share.
 _AS_STATED = 0.05
 #: A base that moves by less [m/s^2 rms] is at rest: simple sensors have 0.03 to 0.1 of noise, the thesis shakes at 6.3.
@@ -120,7 +123,15 @@ def convert(
     if index.size < 2:
         many = "one sample" if index.size else "no samples"
         raise AcquisitionError(f"{files[0]}: the board's description is there, but {many}; no recording can be made.")
-    recording = _recording(index - index[0], values, hello, condition, origin)
+    column = {role: values[:, i] for i, role in reversed(list(enumerate(hello.roles)))}
+    recording = Recording(
+        time_s=(index - index[0]) / hello.rate_hz,
+        base_m_s2=column["base"],
+        malleolus_m_s2=column["malleolus"],
+        tuberosity_m_s2=column.get("tuberosity"),
+        condition=condition,
+        origin=origin,
+    )
     problems, remarks = quality.problems(limits), quality.remarks(limits)
     length_s = recording.time_s[-1]
     if condition.frequency_hz and length_s * condition.frequency_hz < limits.periods:
@@ -159,16 +170,10 @@ def convert(
 
 
 def replay(files: Sequence[Path]) -> tuple[dict[str, Any], Timeline, list[dict[str, Any]]]:
-    """What a capture holds: its plan, its samples on a timeline, and its events.
-
-    Raises:
-        InputFileError: no capture file, one without a plan and a hello, one given twice, or two recordings.
-    """
+    """What a capture holds: its plan, its samples on a timeline, and its events."""
     about: dict[str, Any] = {}
     events: list[dict[str, Any]] = []
     decoder, timeline = Decoder(), None
-    if len({file.resolve() for file in files}) < len(files):
-        raise InputFileError(files[0], "is given twice", "name each capture file once")
     for number, file in enumerate(files):
         records = list(capture.read(file))
         if number and any(record.kind == "M" for record in records):
@@ -222,16 +227,13 @@ def _check_plan(file: Path, about: dict[str, Any]) -> None:
     """Refuse a plan of senseless content, which acquisition never writes."""
     condition = about.get("condition", {})
     if not isinstance(condition, dict):
-        raise InputFileError(file, f"its plan has the condition {condition!r}", "a table of the recording's condition")
-    numbers = {"seconds": about.get("seconds")}
-    numbers |= {name: condition.get(name) for name in ("frequency_hz", "body_mass_kg", "added_mass_kg")}
-    for name, value in numbers.items():
-        sound = isinstance(value, int | float) and not isinstance(value, bool) and 0 <= value < math.inf
-        if value is not None and not sound:
-            raise InputFileError(file, f"its plan has {name} {value!r}", "a number is needed")
-    for name in ("subject", "posture"):
-        if not isinstance(condition.get(name, ""), str):
-            raise InputFileError(file, f"its plan has {name} {condition[name]!r}", "a text is needed")
+        raise InputFileError(file, f"its plan has the condition {condition!r}", "a table is needed")
+    for name, value in ({"seconds": about.get("seconds")} | condition).items():
+        text = name in ("subject", "posture")
+        suits = isinstance(value, str) if text else value is None or is_number(value, least=0)
+        if name in _PLANNED and not suits:
+            needed = f"a {'text' if text else 'number'} is needed"
+            raise InputFileError(file, f"its plan has {name} {value!r}", needed)
 
 
 def _longest(index: np.ndarray, broken: np.ndarray) -> np.ndarray:
@@ -253,18 +255,6 @@ def _usable(
     return [f"usable: {seconds:.3g} s without a gap from {run[0] / rate_hz:.3g} s on; recover --longest keeps them"]
 
 
-def _recording(index: np.ndarray, values: np.ndarray, hello: Hello, condition: Condition, origin: str) -> Recording:
-    column = {role: values[:, i] for i, role in reversed(list(enumerate(hello.roles)))}
-    return Recording(
-        time_s=index / hello.rate_hz,
-        base_m_s2=column["base"],
-        malleolus_m_s2=column["malleolus"],
-        tuberosity_m_s2=column.get("tuberosity"),
-        condition=condition,
-        origin=origin,
-    )
-
-
 def _refused(recording: Recording, name: str) -> list[str]:
     """Reasons why identification would refuse a recording at a known frequency; without one, whether it was shaken."""
     if recording.condition.frequency_hz is None:
@@ -272,7 +262,7 @@ def _refused(recording: Recording, name: str) -> list[str]:
     try:
         checked(replace(recording, file=name))
     except RecordingError as error:
-        return [str(error).removeprefix(f"{name}: ").removesuffix(".")]
+        return [error.reason.removesuffix(".")]
     return []
 
 
@@ -294,19 +284,24 @@ def recovery(files: Sequence[Path]) -> str:
 
 def left_behind(study: Path) -> list[Path]:
     """Captures of a study of which no recording was made, as after a crash."""
-    made = set()
-    for file in study.glob(f"{RECORDINGS}/*.json"):
-        try:
-            made.add((study / str(json.loads(file.read_text())["captures"][0])).resolve())
-        except (OSError, ValueError, LookupError, TypeError):
-            continue
-    return sorted(file for file in study.glob(f"{CAPTURES}/*{capture.SUFFIX}") if file.resolve() not in made)
+    made = {_source(study, file)[0] for file in study.glob(f"{RECORDINGS}/*.json")}
+    files = study.glob(f"{CAPTURES}/*{capture.SUFFIX}")
+    return sorted(file for file in files if file.resolve() not in made)
+
+
+def _source(study: Path, details: Path) -> tuple[Path | None, str | None]:
+    """The capture that a recording was made of, by the JSON beside it, and when that began."""
+    try:
+        document = json.loads(details.read_text())
+        return (study / str(document["captures"][0])).resolve(), document.get("started_utc")
+    except (OSError, ValueError, LookupError, TypeError, AttributeError):
+        return None, None
 
 
 def free_stem(study: Path, stem: str) -> str:
     """A name that neither captures nor recordings have yet: stem, stem_2, stem_3 ..."""
     taken = (_capture_of, _table_of)
-    return next(name for name in _numbered(stem) if not any(file(study, name).exists() for file in taken))
+    return next(n for n in _numbered(stem) if not any(file(study, n).exists() for file in taken))
 
 
 def stem_of(study: Path, file: Path, started: str | None) -> str:
@@ -338,22 +333,14 @@ def _is_of(study: Path, stem: str, file: Path, started: str | None) -> bool:
     table, capture_file = _table_of(study, stem), _capture_of(study, stem)
     if not table.exists():
         return not capture_file.exists() or capture_file.resolve() == file.resolve()
-    try:
-        details = json.loads(table.with_suffix(".json").read_text())
-        first, began = details["captures"][0], details.get("started_utc")
-    except (OSError, ValueError, LookupError, TypeError, AttributeError):
-        return False
-    if began is not None or started is not None:
-        return bool(began == started)
-    return (study / str(first)).resolve() == file.resolve()
+    source, began = _source(study, table.with_suffix(".json"))
+    if source is None or began is not None or started is not None:
+        return source is not None and began == started
+    return source == file.resolve()
 
 
 def check(study: Path, condition: Condition, origin: str, truth: Mapping[str, Any] | None) -> None:
-    """Refuse a study that cannot take recordings of this condition, origin and (if synthetic) truth.
-
-    Raises:
-        InputFileError: it is a file, of another origin or truth, or has another body mass of the subject.
-    """
+    """Refuse a study that cannot take recordings of this condition, origin and (if synthetic) truth."""
     if study.exists() and not study.is_dir():
         raise InputFileError(study, "is a file where the study cannot be written", "name a folder")
     if truth is not None:
@@ -374,7 +361,8 @@ def _check_truth(study: Path, truth: Mapping[str, Any]) -> None:
     except (OSError, ValueError):
         same = False
     if not same:
-        raise InputFileError(file, "is the truth of another study than the virtual bench's", "name another folder")
+        problem = "is the truth of another study than the virtual bench's"
+        raise InputFileError(file, problem, "name another folder")
 
 
 def _check_origin(study: Path, origin: str) -> None:
@@ -390,11 +378,7 @@ def _check_origin(study: Path, origin: str) -> None:
 
 
 def check_writable(study: Path) -> None:
-    """Make the folders of a study, and write to each.
-
-    Raises:
-        InputFileError: one cannot be written.
-    """
+    """Make the folders of a study, and write to each."""
     for place in (study / CAPTURES, study / RECORDINGS):
         try:
             place.mkdir(parents=True, exist_ok=True)
@@ -405,21 +389,13 @@ def check_writable(study: Path) -> None:
 
 
 def enter_truth(study: Path, truth: Mapping[str, Any]) -> None:
-    """Write the truth of a synthetic study.
-
-    Raises:
-        InputFileError: it has one already, which differs.
-    """
+    """Write the truth of a synthetic study."""
     _check_truth(study, truth)
     write_whole(study / TRUTH, to_json(truth) + "\n")
 
 
 def body_mass(study: Path, subject: str) -> float | None:
-    """Body mass [kg] of a subject that the study lists already.
-
-    Raises:
-        InputFileError: the study states it by no number.
-    """
+    """Body mass [kg] of a subject that the study lists already."""
     file = study / "subjects.csv"
     if file.is_file():
         for row in csv.DictReader(io.StringIO(file.read_text())):

@@ -116,11 +116,7 @@ class Generator:
         self.close(error)
 
     def alive(self) -> None:
-        """Report to the guard that the base is watched.
-
-        Raises:
-            AcquisitionError: the guard has died, or has switched the output off after too long a silence.
-        """
+        """Report to the guard that the base is watched."""
         now = time.monotonic()
         if self.is_on and now - self._beat > _BEAT_S:
             self._beat = now
@@ -140,11 +136,7 @@ class Generator:
             ) from None
 
     def query(self, command: str, patience: float | None = None) -> str:
-        """Reply to a query, waited for so long [s], or as long as usual.
-
-        Raises:
-            AcquisitionError: no reply.
-        """
+        """Reply to a query, waited for so long [s], or as long as usual."""
         patience = _ANSWER_S if patience is None else patience
         self.port.read()  # a late reply to an earlier query is none to this
         answer, whole = self.port.ask(command.encode() + b"\n", patience)
@@ -199,11 +191,7 @@ class Generator:
         self.volts = volts
 
     def on(self) -> None:
-        """Switch the output on.
-
-        Raises:
-            AcquisitionError: the instrument refuses, or the guard has died.
-        """
+        """Switch the output on."""
         self.is_on = True  # before the command: if in doubt, it is on
         self._beat = 0.0
         self.command("OUTP ON")
@@ -218,11 +206,7 @@ class Generator:
         self.off()
 
     def off(self) -> None:
-        """Switch the output off at once, and check that it is.
-
-        Raises:
-            AcquisitionError: it cannot be switched off from here.
-        """
+        """Switch the output off at once, and check that it is."""
         for _ in range(3):
             with contextlib.suppress(AcquisitionError):
                 self.port.write(b"\nOUTP OFF\n")
@@ -232,7 +216,8 @@ class Generator:
                         self._tell_guard(OFF)
                     return
         raise AcquisitionError(
-            f"{self.port.name}: the generator does not confirm OUTP OFF; switch the amplifier off by hand."
+            f"{self.port.name}: the generator does not confirm OUTP OFF; switch the amplifier off by hand.",
+            code="output not confirmed off",
         )
 
     def close(self, reason: BaseException | None = None) -> None:
@@ -241,7 +226,7 @@ class Generator:
             if self.identity:  # otherwise nothing was ever sent to it
                 self.off()
         except AcquisitionError as error:
-            if str(error) != str(reason):
+            if getattr(reason, "code", "") != error.code:
                 console.print(f"[bold red]{error}[/]", soft_wrap=True)
         finally:
             self.port.close()

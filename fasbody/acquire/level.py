@@ -6,7 +6,7 @@ import numpy as np
 
 from fasbody.acquire.board import Board, Stalled, Watch
 from fasbody.acquire.generator import Excitation
-from fasbody.acquire.person import ACTION
+from fasbody.acquire.person import ACTION, VDV_LIMIT
 from fasbody.exceptions import AcquisitionError, SettingError
 
 
@@ -21,6 +21,7 @@ class Safety:
         displacement_m: largest peak-to-peak motion of the base.
         growth: the amplitude rises by at most this factor a step.
         daily_a8: largest daily exposure A(8) of a person [m/s^2].
+        daily_vdv: and their largest vibration dose value [m/s^1.75].
     """
 
     volts: float = 5.0
@@ -29,6 +30,7 @@ class Safety:
     displacement_m: float = 0.008
     growth: float = 2.0
     daily_a8: float = ACTION
+    daily_vdv: float = VDV_LIMIT
 
     def check(self, frequency_hz: float, peak_to_peak: float) -> None:
         """Refuse an excitation before anything moves.
@@ -100,8 +102,10 @@ _RESTS, _REST_S, _FALLS = 20, 0.25, 0.05
 #: The level counts for the gain when it is so many times the noise at rest; a gain that sinks below this share of its
 #: largest is a sensor or an amplifier that clips.
 _ABOVE_NOISE, _LINEAR = 4.0, 0.8
-_TRANSIENT_S, _TRANSIENT_PERIODS = 0.2, 4.0
-_MEASURE_S, _MEASURE_PERIODS = 0.2, 5.0
+#: So long is waited after a change of the voltage, and then measured: seconds, periods. Below a share of
+#: the level only what is about there is needed, and a person is shaken meanwhile.
+_TRANSIENT, _MEASURE = (0.2, 4.0), (0.2, 5.0)
+_QUICKLY, _QUICK = 0.4, (0.1, 2.0)
 #: At a tenth of the largest voltage the base must move by more than this [m/s^2].
 _ANSWER = 0.2
 
@@ -126,11 +130,7 @@ def peak_to_peak(values: np.ndarray, rate_hz: float, frequency_hz: float) -> flo
 
 
 def _rest(board: Board, wait: bool) -> tuple[float, float]:
-    """Offset and noise [m/s^2, rms] of the base at rest, once it has come to rest; no noise without `wait`.
-
-    Raises:
-        AcquisitionError: it does not.
-    """
+    """Offset and noise [m/s^2, rms] of the base at rest, once it has come to rest; no noise without `wait`."""
     noise = np.inf
     for _ in range(_RESTS):
         rest = board.collect(_REST_S)[:, board.base]
@@ -184,8 +184,10 @@ def reach(
     doubted = False
     for step in range(1, _STEPS + 1):
         board.watch_for(generator.latency_s)
-        board.collect(max(_TRANSIENT_S, _TRANSIENT_PERIODS / frequency_hz))
-        values = board.collect(max(_MEASURE_S, _MEASURE_PERIODS / frequency_hz))[:, board.base]
+        quick = gain * volts < _QUICKLY * target and not doubted
+        transient, measure = (_QUICK, _QUICK) if quick else (_TRANSIENT, _MEASURE)
+        board.collect(max(transient[0], transient[1] / frequency_hz))
+        values = board.collect(max(measure[0], measure[1] / frequency_hz))[:, board.base]
         if board.unplugs > unplugs:  # what it shows since then may belong to no amplitude, or to none that was set
             raise Stalled(f"{board.reader.port_name}: unplugged while the shaker was on; output off.")
         measured = peak_to_peak(values, hello.rate_hz, frequency_hz)
@@ -200,7 +202,7 @@ def reach(
         doubted = False
         if measured >= max(_ANSWER, _ABOVE_NOISE * noise) and volts > highest:  # on the way down it shows what was
             highest, gain = volts, max(gain, measured / volts)
-        if abs(measured / target - 1) <= TOLERANCE:
+        if abs(measured / target - 1) <= TOLERANCE and not quick:
             return Level(measured, volts, step)
         if measured < _ANSWER and volts >= 0.1 * safety.volts:
             raise AcquisitionError(

@@ -28,6 +28,9 @@ LEVEL = 0.2
 LEAST_SHARE = 0.5
 #: The base turns by more from one window to the next [rad]: 0.4 ms of a sine of 20 Hz. A body that sways makes 0.01.
 TURN = 0.05
+#: And by more within a window, from one sample to the next [rad]: 0.2 ms of a sine of 20 Hz. It is
+#: looked for at so many places of a window, beside what leans and drifts.
+STEP, _PLACES = 0.03, 12
 #: A clock is off by this share at most (`timeline.Limits` refuses more).
 CLOCK = 5e-3
 #: The malleolus' line over the base's changes by this share, and by this one from a window to the next.
@@ -92,6 +95,7 @@ class Window:
         mean: [m/s^2].
         flat: longest run of one value [s].
         unlike: rms of the sensors' difference over that of the base.
+        step: of the base's phase from one sample to the next, less its uncertainty [rad].
     """
 
     start: int
@@ -105,6 +109,7 @@ class Window:
     mean: np.ndarray
     flat: np.ndarray
     unlike: float
+    step: float = 0.0
 
     @property
     def size(self) -> float:
@@ -192,48 +197,63 @@ class Judged:
         """Amplitude of the base [m/s^2]."""
         return max(self.drive.amplitude_m_s2 or self.first.size, _TINY)
 
+    def _flat(self, sensor: int) -> float:
+        return float(self.now.flat[sensor] / FLAT_S)
 
-def _flat(of: Judged, sensor: int) -> float:
-    return float(of.now.flat[sensor] / FLAT_S)
+    def _lost(self, sensor: int) -> float:
+        """Beyond 1 where the base has less than LEAST_SHARE of the expected amplitude."""
+        return LEAST_SHARE * self.expected / max(self.now.size + _SURE * self.now.std[_BASE], _TINY)
 
+    def _off_level(self, sensor: int) -> float:
+        return float(abs(self.now.size - self.expected) - _SURE * self.now.std[_BASE]) / (LEVEL * self.expected)
 
-def _lost(of: Judged, sensor: int) -> float:
-    """Beyond 1 where the base has less than LEAST_SHARE of the expected amplitude."""
-    return LEAST_SHARE * of.expected / max(of.now.size + _SURE * of.now.std[_BASE], _TINY)
+    def _waveform(self, sensor: int) -> float:
+        return float(self.now.rest[_BASE] / (WAVEFORM * self.now.size + _NOISE))
 
+    def _breaks(self, sensor: int) -> float:
+        """Of the phase; until the clocks' drift is known, it may be any that a recording may have."""
+        if self.before is None:
+            return self.now.step / STEP
+        clock = CLOCK * 2 * math.pi * (self.drive.frequency_hz or 0.0) * self.now.seconds
+        std = math.hypot(self.now.std[_BASE], self.before.std[_BASE])
+        noise = _SURE * std / max(min(self.now.size, self.before.size), _TINY)
+        turned = abs(self.turn) / (TURN + noise + (0.0 if self.known else clock))
+        return max(turned, self.now.step / STEP, (abs(self.drift) - noise) / max(clock, _TINY))
 
-def _off_level(of: Judged, sensor: int) -> float:
-    return float(abs(of.now.size - of.expected) - _SURE * of.now.std[_BASE]) / (LEVEL * of.expected)
+    def _equal(self, sensor: int) -> float:
+        if self.drive.one_mass or self.now.size < _MOVES:
+            return 0.0
+        return EQUAL / max(self.now.unlike, _TINY)
 
+    def _silent(self, sensor: int) -> float:
+        """Whether a sensor is still while the other one moves."""
+        other = abs(self.now.line[1 - sensor])
+        return float(SILENT * other / max(abs(self.now.line[sensor]), _TINY)) if other > _MOVES else 0.0
 
-def _waveform(of: Judged, sensor: int) -> float:
-    return float(of.now.rest[_BASE] / (WAVEFORM * of.now.size + _NOISE))
+    def _follows(self, sensor: int) -> float:
+        return float(self.now.rest[_MALLEOLUS] / max(FOLLOWS * abs(self.now.line[_MALLEOLUS]), _TINY))
 
+    def _changed(self, sensor: int) -> float:
+        return _ratio(self.now, self.first, RATIO)
 
-def _breaks(of: Judged, sensor: int) -> float:
-    """Of the phase; until the clocks' drift is known, it may be any that a recording may have."""
-    if of.before is None:
-        return 0.0
-    clock = CLOCK * 2 * math.pi * (of.drive.frequency_hz or 0.0) * of.now.seconds
-    noise = _SURE * math.hypot(of.now.std[_BASE], of.before.std[_BASE]) / max(min(of.now.size, of.before.size), _TINY)
-    turned = abs(of.turn) / (TURN + noise + (0.0 if of.known else clock))
-    return max(turned, (abs(of.drift) - noise) / max(clock, _TINY))
+    def _jumps(self, sensor: int) -> float:
+        return _ratio(self.now, self.before, RATIO_STEP) if self.before else 0.0
 
+    def _grows(self, sensor: int) -> float:
+        return float(self.now.rest[sensor] / (GROWS * self.first.rest[sensor] + _GROWS_BY * self.now.size + _TINY))
 
-def _equal(of: Judged, sensor: int) -> float:
-    if of.drive.one_mass or of.now.size < _MOVES:
-        return 0.0
-    return EQUAL / max(of.now.unlike, _TINY)
+    def _hums(self, sensor: int) -> float:
+        return float(min(self.now.hum[sensor] / HUM, self.now.rest[sensor] / max(_HUM_SIZE * self.now.size, _TINY)))
 
+    def _spikes(self, sensor: int) -> float:
+        """Without a sine, what the base does too (a hammer's blow) is no spike."""
+        over = float(self.now.crest[sensor] / SPIKE)
+        if self.drive.frequency_hz is None:
+            return over if sensor and self.now.crest[_BASE] < _BLOW * SPIKE else 0.0
+        return min(over, float(self.now.peak[sensor]) / max(_SPIKE_SIZE * self.now.size, _TINY))
 
-def _silent(of: Judged, sensor: int) -> float:
-    """Whether a sensor is still while the other one moves."""
-    other = abs(of.now.line[1 - sensor])
-    return float(SILENT * other / max(abs(of.now.line[sensor]), _TINY)) if other > _MOVES else 0.0
-
-
-def _follows(of: Judged, sensor: int) -> float:
-    return float(of.now.rest[_MALLEOLUS] / max(FOLLOWS * abs(of.now.line[_MALLEOLUS]), _TINY))
+    def _off_mean(self, sensor: int) -> float:
+        return float(abs(self.now.mean[sensor] - self.first.mean[sensor]) / OFFSET)
 
 
 def _ratio(now: Window, then: Window, share: float) -> float:
@@ -242,57 +262,32 @@ def _ratio(now: Window, then: Window, share: float) -> float:
     return abs(now.ratio - then.ratio) / max(allowed, _TINY)
 
 
-def _changed(of: Judged, sensor: int) -> float:
-    return _ratio(of.now, of.first, RATIO)
-
-
-def _jumps(of: Judged, sensor: int) -> float:
-    return _ratio(of.now, of.before, RATIO_STEP) if of.before else 0.0
-
-
-def _grows(of: Judged, sensor: int) -> float:
-    return float(of.now.rest[sensor] / (GROWS * of.first.rest[sensor] + _GROWS_BY * of.now.size + _TINY))
-
-
-def _hums(of: Judged, sensor: int) -> float:
-    return float(min(of.now.hum[sensor] / HUM, of.now.rest[sensor] / max(_HUM_SIZE * of.now.size, _TINY)))
-
-
-def _spikes(of: Judged, sensor: int) -> float:
-    """Without a sine, what the base does too (a hammer's blow) is no spike."""
-    over = float(of.now.crest[sensor] / SPIKE)
-    if of.drive.frequency_hz is None:
-        return over if sensor and of.now.crest[_BASE] < _BLOW * SPIKE else 0.0
-    return min(over, float(of.now.peak[sensor]) / max(_SPIKE_SIZE * of.now.size, _TINY))
-
-
-def _off_mean(of: Judged, sensor: int) -> float:
-    return float(abs(of.now.mean[sensor] - of.first.mean[sensor]) / OFFSET)
-
-
 #: All of them; a loss of the base, after which nobody watches it, comes first.
 RULES = (
-    Rule("flat", _BASE, _flat, "check its cable and supply", None, final=True),
-    Rule("lost", _BASE, _lost, "it shows less than half of what drives it; check its cable and the amplifier",
+    Rule("flat", _BASE, Judged._flat, "check its cable and supply", None, final=True),
+    Rule("lost", _BASE, Judged._lost, "it shows less than half of what drives it; check its cable and the amplifier",
          final=True),
-    Rule("lost", _BASE, _silent, "the malleolus moves and it does not; check its cable", False, final=True),
-    Rule("not as driven", _BASE, _waveform, "it is not the drive's sine; is it connected, does it float?",
+    Rule("lost", _BASE, Judged._silent, "the malleolus moves and it does not; check its cable", False, final=True),
+    Rule("not as driven", _BASE, Judged._waveform, "it is not the drive's sine; is it connected, does it float?",
          final=True),
-    Rule("off its level", _BASE, _off_level, "did its gain, or the shaker's, change?", vague=True),
-    Rule("breaks", _BASE, _breaks,
+    Rule("off its level", _BASE, Judged._off_level, "did its gain, or the shaker's, change?", vague=True),
+    Rule("breaks", _BASE, Judged._breaks,
          "the excitation jumped or has another frequency, or samples are missing that nobody counted"),
-    Rule("flat", _MALLEOLUS, _flat, "check its cable and supply", None),
-    Rule("equal to the base", _MALLEOLUS, _equal, "both inputs see one sensor, or both sensors are on one mass", None),
-    Rule("does not follow", _MALLEOLUS, _follows, "its sensor is loose, floats or is not connected"),
-    Rule("does not follow", _MALLEOLUS, _silent, "it hardly moves while the base does; is it connected?", False),
-    Rule("changed", _MALLEOLUS, _changed, "did its sensor loosen, or the foot move?", vague=True),
-    Rule("jumps", _MALLEOLUS, _jumps, "is its sensor loose, or did its channel lose samples?",
+    Rule("flat", _MALLEOLUS, Judged._flat, "check its cable and supply", None),
+    Rule("equal to the base", _MALLEOLUS, Judged._equal,
+         "both inputs see one sensor, or both sensors are on one mass", None),
+    Rule("does not follow", _MALLEOLUS, Judged._follows, "its sensor is loose, floats or is not connected"),
+    Rule("does not follow", _MALLEOLUS, Judged._silent, "it hardly moves while the base does; is it connected?", False),
+    Rule("changed", _MALLEOLUS, Judged._changed, "did its sensor loosen, or the foot move?", vague=True),
+    Rule("jumps", _MALLEOLUS, Judged._jumps, "is its sensor loose, or did its channel lose samples?",
          vague=True),
-    *(Rule("hums", i, _hums, "a tone at the mains' frequency; check grounding and shield") for i in SENSORS),
-    *(Rule("off its mean", i, _off_mean, "did its sensor turn, or its connection open?", vague=True) for i in SENSORS),
-    *(Rule("spikes", i, _spikes, "check cable and connector, and whether the foot lifts", None, vague=True)
+    *(Rule("hums", i, Judged._hums, "a tone at the mains' frequency; check grounding and shield") for i in SENSORS),
+    *(Rule("off its mean", i, Judged._off_mean, "did its sensor turn, or its connection open?", vague=True)
       for i in SENSORS),
-    *(Rule("noisy", i, _grows, "noise or a tone has come up; check cable and mounting", vague=True) for i in SENSORS),
+    *(Rule("spikes", i, Judged._spikes, "check cable and connector, and whether the foot lifts", None, vague=True)
+      for i in SENSORS),
+    *(Rule("noisy", i, Judged._grows, "noise or a tone has come up; check cable and mounting", vague=True)
+      for i in SENSORS),
 )  # fmt: skip
 
 
@@ -327,6 +322,7 @@ class Monitor:
         if drive.frequency_hz:
             self._basis = _harmonics(drive.frequency_hz / rate_hz, 2 * self.hop)
             self._inverse = np.linalg.pinv(self._basis)
+            self._steps = Steps(drive.frequency_hz / rate_hz, 2 * self.hop)
         self._restart(0)
 
     def _restart(self, index: int) -> None:
@@ -383,11 +379,13 @@ class Monitor:
 
     def window(self, start: int, values: np.ndarray) -> Window:
         """Features of samples (n, 2) [m/s^2], the first of which is number `start`."""
-        mean, frequency = values.mean(axis=0), self.drive.frequency_hz
+        mean, frequency, step = values.mean(axis=0), self.drive.frequency_hz, 0.0
         if frequency:
             c = self._inverse @ values
             rest, mean = values - self._basis @ c, c[0]
-            line = (c[1] - 1j * c[2]) * np.exp(-2j * np.pi * frequency / self.rate_hz * start)
+            line = c[1] - 1j * c[2]
+            step = self._steps.largest(values[:, _BASE], complex(line[_BASE]))
+            line = line * np.exp(-2j * np.pi * frequency / self.rate_hz * start)
         else:
             rest = values - mean
             line = rest.std(axis=0).astype(complex)
@@ -399,7 +397,7 @@ class Monitor:
         seconds = len(values) / self.rate_hz
         return Window(
             start, seconds, line, rms * math.sqrt(2 / len(values)), rms, peak, peak / robust, self._hum(rest), mean,
-            _longest_run(values) / self.rate_hz, unlike,
+            _longest_run(values) / self.rate_hz, unlike, step,
         )  # fmt: skip
 
     def _hum(self, rest: np.ndarray) -> np.ndarray:
@@ -410,9 +408,42 @@ class Monitor:
         return np.asarray(power[near].sum(axis=0) / np.maximum(power.sum(axis=0), _TINY))
 
 
-def _harmonics(turns: float, size: int) -> np.ndarray:
+class Steps:
+    """Looks for a step of a sine's phase inside a window.
+
+    A step H_k (0 before sample k, 1 from k on) of the sine is what three harmonics, whose first may grow and turn
+    evenly, leave of H_k cos and H_k sin.
+
+    Args:
+        turns: of the sine a sample.
+        size: of a window.
+    """
+
+    def __init__(self, turns: float, size: int) -> None:
+        even = np.linspace(-1, 1, size)[:, None]
+        waves = _harmonics(turns, size, 3)
+        first = waves[:, 1:3]
+        self._smooth, _ = np.linalg.qr(np.column_stack([waves, even * first]))
+        self._places = []
+        for place in np.linspace(size / 8, 7 * size / 8, _PLACES):
+            after = first * (np.arange(size) >= place)[:, None]
+            q, r = np.linalg.qr(after - self._smooth @ (self._smooth.T @ after))
+            self._places.append((q, np.linalg.inv(r)))
+
+    def largest(self, values: np.ndarray, line: complex) -> float:
+        """The most certain step [rad] of values (n,) with this amplitude, less what noise makes of none."""
+        rest = values - self._smooth @ (self._smooth.T @ values)
+        parts = [(q.T @ rest, q, inverse) for q, inverse in self._places]
+        part, q, inverse = max(parts, key=lambda fit: float(fit[0] @ fit[0]))
+        cosine, sine = inverse @ part
+        turned = abs(((cosine - 1j * sine) * np.conj(line)).imag) / max(abs(line) ** 2, _TINY)
+        noise = float(np.std(rest - q @ part)) * float(np.linalg.norm(inverse, 2))
+        return turned - _SURE * noise / max(abs(line), _TINY)
+
+
+def _harmonics(turns: float, size: int, most: int = _HARMONICS) -> np.ndarray:
     """Columns of a constant, and of cosine and sine of each harmonic of so many turns a sample."""
-    count = max(1, min(_HARMONICS, int(0.4 / turns), size // _SAMPLES_PER_TERM // 2))
+    count = max(1, min(most, int(0.4 / turns), size // _SAMPLES_PER_TERM // 2))
     wt = 2 * np.pi * turns * np.arange(size)
     columns = [f(h * wt) for h in range(1, count + 1) for f in (np.cos, np.sin)]
     return np.column_stack([np.ones(size), *columns])

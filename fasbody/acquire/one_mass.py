@@ -71,11 +71,7 @@ class OneMass:
 
     @classmethod
     def of(cls, recordings: Sequence[Recording]) -> "OneMass":
-        """Gain and delay from recordings of sines.
-
-        Raises:
-            AcquisitionError: the ratio is not that of one mass.
-        """
+        """Gain and delay from recordings of sines."""
         hz = np.array([float(r.condition.frequency_hz or 0.0) for r in recordings])
         lines = [[fit_harmonics(r.time_s, x, f, 1) for x in (r.base_m_s2, r.malleolus_m_s2)]
                  for r, f in zip(recordings, hz, strict=True)]  # fmt: skip
@@ -112,11 +108,7 @@ class OneMass:
         )
 
     def write(self, study: Path, origin: str) -> list[Path]:
-        """check.json, and the malleolus' channel in study.toml.
-
-        Raises:
-            SettingError: study.toml states something else of that channel.
-        """
+        """check.json, and the malleolus' channel in study.toml."""
         files = [write_whole(study / "check.json", to_json(asdict(self) | {"remarks": self.remarks()}) + "\n")]
         folder.begin(study, origin)
         file = study / "study.toml"
@@ -147,11 +139,7 @@ def rest(values: np.ndarray, rate_hz: float) -> dict[str, Any]:
 
 
 def measure(plan: Plan, board: Board, generator: Excitation) -> OneMass:
-    """The whole test: at rest, at each frequency of the plan, and the watch's trip.
-
-    Raises:
-        AcquisitionError: it did not succeed; the output is off.
-    """
+    """The whole test: at rest, at each frequency of the plan, and the watch's trip."""
     hello = board.decoder.hello
     assert hello is not None
     pair = [hello.roles.index("base"), hello.roles.index("malleolus")]

@@ -1,8 +1,7 @@
 r"""Limits for the person on the shaker: weighted exposure, and what is checked before anything moves.
 
-The base's acceleration is weighted by ISO 2631-1 (W_k vertical, W_d horizontal) or ISO 5349-1 (W_h), whose transfer
-functions ISO 8041 states. From the weighted acceleration a_w come the daily exposure of Directive 2002/44/EC and the
-vibration dose value:
+The base's vertical acceleration is weighted by W_k of ISO 2631-1, whose transfer function ISO 8041 states. From the
+weighted acceleration a_w come the daily exposure of Directive 2002/44/EC and the vibration dose value:
 
     A(8) = (int a_w^2 dt / 8 h)^(1/2)        VDV = (int a_w^4 dt)^(1/4)
 
@@ -27,6 +26,7 @@ SESSION = "session.json"
 ACTION, LIMIT = 0.5, 1.15
 VDV_ACTION, VDV_LIMIT = 9.1, 21.0
 _DAY_S = 8 * 3600.0
+_BUTTERWORTH = 1 / math.sqrt(2)
 #: The weighted signal is evaluated in pieces so long [s]: four periods of the slowest excitation.
 _PIECE_S = 1.0
 #: So long is the base at its level before a recording, finding it included, by the virtual bench [s].
@@ -41,46 +41,19 @@ CHECKLIST = (
 )
 
 
-@dataclass(frozen=True)
-class Weighting:
-    """A frequency weighting: second-order limits at f1 and f2, a transition at f3 and f4, and perhaps a step.
-
-    Attributes:
-        name: as the standard has it.
-        f1: lower limit [Hz].
-        f2: upper limit [Hz].
-        f3: zero of the transition from acceleration to velocity [Hz].
-        f4: its poles [Hz].
-        q4: their quality.
-        step: zeros and poles of the upward step [Hz], and their quality; None without one.
-    """
-
-    name: str
-    f1: float
-    f2: float
-    f3: float
-    f4: float
-    q4: float
-    step: tuple[float, float, float] | None = None
-
-    def __call__(self, hz: np.ndarray | float) -> np.ndarray:
-        """Its magnitude at frequencies (n,) [Hz]; ISO 8041, section 5.6."""
-        f = np.maximum(np.asarray(hz, float), 1e-9)
-        s, q = 1j * f, 1 / math.sqrt(2)
-        low = 1 / (1 + self.f1 / (q * s) + (self.f1 / s) ** 2)
-        high = 1 / (1 + s / (q * self.f2) + (s / self.f2) ** 2)
-        transition = (1 + s / self.f3) / (1 + s / (self.q4 * self.f4) + (s / self.f4) ** 2)
-        whole = low * high * transition
-        if self.step is not None:
-            f5, f6, q5 = self.step
-            rise = (1 + s / (q5 * f5) + (s / f5) ** 2) / (1 + s / (q5 * f6) + (s / f6) ** 2)
-            whole = whole * rise * (f5 / f6) ** 2
-        return np.abs(whole)
+def w_k(hz: np.ndarray | float) -> np.ndarray:
+    """Magnitude of the vertical weighting W_k at frequencies (n,) [Hz]; ISO 8041, section 5.6."""
+    s = 1j * np.maximum(np.asarray(hz, float), 1e-9)
+    limits = _second(s, 0.4, _BUTTERWORTH, high=True) * _second(s, 100.0, _BUTTERWORTH)
+    transition = (1 + s / 12.5) * _second(s, 12.5, 0.63)
+    step = _second(s, 3.35, 0.91) / _second(s, 2.37, 0.91) * (2.37 / 3.35) ** 2
+    return np.abs(limits * transition * step)
 
 
-W_K = Weighting("W_k", 0.4, 100.0, 12.5, 12.5, 0.63, (2.37, 3.35, 0.91))
-W_D = Weighting("W_d", 0.4, 100.0, 2.0, 2.0, 0.63)
-W_H = Weighting("W_h", 10**0.8, 10**3.1, 15.915, 15.915, 0.64)
+def _second(s: np.ndarray, corner_hz: float, quality: float, high: bool = False) -> np.ndarray:
+    """A second-order low-pass, or high-pass, at s = i f."""
+    x = corner_hz / s if high else s / corner_hz
+    return np.asarray(1 / (1 + x / quality + x**2))
 
 
 @dataclass(frozen=True)
@@ -105,16 +78,17 @@ class Dose:
         return Dose(self.square + other.square, self.fourth + other.fourth, self.seconds + other.seconds)
 
     @classmethod
-    def of_sine(cls, hz: float, amplitude_m_s2: float, seconds: float, weighting: Weighting = W_K) -> Self:
+    def of_sine(cls, hz: float, amplitude_m_s2: float, seconds: float) -> Self:
         """Of a sine of this amplitude, not rms."""
-        a = float(weighting(hz)) * amplitude_m_s2
+        a = float(w_k(hz)) * amplitude_m_s2
         return cls(a**2 / 2 * seconds, 3 / 8 * a**4 * seconds, seconds)
 
     @classmethod
-    def of(cls, values: np.ndarray, rate_hz: float, weighting: Weighting = W_K) -> Self:
+    def of(cls, values: np.ndarray, rate_hz: float) -> Self:
         """Of a signal (n,) [m/s^2]; its mean does not count."""
         spectrum = np.fft.rfft(values - values.mean())
-        weighted = np.fft.irfft(spectrum * weighting(np.fft.rfftfreq(values.size, 1 / rate_hz)), values.size)
+        hz = np.fft.rfftfreq(values.size, 1 / rate_hz)
+        weighted = np.fft.irfft(spectrum * w_k(hz), values.size)
         return cls(float(np.sum(weighted**2) / rate_hz), float(np.sum(weighted**4) / rate_hz), values.size / rate_hz)
 
     @property
@@ -139,11 +113,24 @@ class Dose:
 
     def sentence(self) -> str:
         """With what the directive has, and for whom it was made."""
+        beyond = self.a8 > ACTION or self.vdv > VDV_ACTION
+        asks = "It asks for action from" if beyond else "It would ask for action from"
         return (
-            f"Exposure, {W_K.name}-weighted: {self}. The directive on work acts from A(8) {ACTION:g} or VDV "
-            f"{VDV_ACTION:g} on, and allows {LIMIT:g} or {VDV_LIMIT:g}; made for seated and standing people, not for "
-            "a foot."
+            f"Exposure, W_k-weighted: {self}. That is {100 * self.a8 / LIMIT:.0f} % of the A(8) "
+            f"and {100 * self.vdv / VDV_LIMIT:.0f} % of the VDV that the directive on work allows "
+            f"in a day ({LIMIT:g}, {VDV_LIMIT:g}). {asks} {ACTION:g} or {VDV_ACTION:g} on; made "
+            "for seated and standing people, not for a foot."
         )
+
+    def beyond(self, a8: float, vdv: float) -> dict[str, Any]:
+        """Facts of an error where one of two limits of a day is exceeded; none where neither is."""
+        if self.a8 > a8:
+            facts = {"setting": "max_exposure", "quantity": "A(8) in m/s^2", "value": self.a8}
+            return facts | {"valid": f"at most {a8:g} (--max-exposure)"}
+        if self.vdv > vdv:
+            facts = {"setting": "max_vdv", "quantity": "VDV in m/s^1.75", "value": self.vdv}
+            return facts | {"valid": f"at most {vdv:g} (--max-vdv)"}
+        return {}
 
     def document(self) -> dict[str, float]:
         """As plain data."""
@@ -160,26 +147,22 @@ class Meter:
         before: what they had that day.
         limit_a8: A(8) beyond which nothing goes on [m/s^2].
         rate_hz: of the samples.
+        limit_vdv: and VDV [m/s^1.75].
     """
 
-    def __init__(self, before: Dose, limit_a8: float, rate_hz: float) -> None:
-        self._sum, self._limit, self._rate_hz = before, limit_a8, rate_hz
+    def __init__(self, before: Dose, limit_a8: float, rate_hz: float, limit_vdv: float = VDV_LIMIT) -> None:
+        self._sum, self._limits, self._rate_hz = before, (limit_a8, limit_vdv), rate_hz
         self._piece: list[np.ndarray] = []
 
     def add(self, base: np.ndarray) -> None:
-        """The base's next samples (n,) [m/s^2].
-
-        Raises:
-            AcquisitionError: the limit of the day is reached.
-        """
+        """The base's next samples (n,) [m/s^2]."""
         self._piece.append(base)
         if sum(map(len, self._piece)) >= _PIECE_S * self._rate_hz:
             self._sum, self._piece = self.dose, []
-        if self._sum.a8 > self._limit:
-            raise AcquisitionError(
-                f"the day's exposure is A(8) {self._sum.a8:.3g} m/s^2, beyond the limit of {self._limit:g} "
-                "(--max-exposure); output off. Go on another day."
-            )
+        if beyond := self._sum.beyond(*self._limits):
+            stated = "{quantity} {value:.3g}, and may be {valid}".format(**beyond)
+            sentence = f"the day's exposure has {stated}; output off. Go on another day."
+            raise AcquisitionError(sentence, **beyond)
 
     @property
     def dose(self) -> Dose:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from fasbody.acquire import folder
+from fasbody.acquire.frames import is_number
 from fasbody.acquire.level import Safety
 from fasbody.acquire.person import LEVEL_S, Dose, dose_of
 from fasbody.acquire.timeline import Limits
@@ -87,22 +88,17 @@ class Plan:
                 self.safety.check(frequency, self.peak_to_peak)
         folder.check(self.study, self.condition, self.origin, self.truth)
         if generator:
-            within(self.study, self.condition.subject, self.dose, self.safety.daily_a8)
+            within(self.study, self.condition.subject, self.dose, self.safety)
 
 
-def within(study: Path, subject: str, dose: Dose, limit_a8: float) -> None:
-    """Refuse a dose that, with what the subject had today, is beyond a limit of A(8) [m/s^2].
-
-    Raises:
-        SettingError: it is.
-    """
+def within(study: Path, subject: str, dose: Dose, safety: Safety) -> None:
+    """Refuse a dose that, with what the subject had today, is beyond the limits of a day."""
     before = dose_of(study, subject)
-    if (total := before + dose).a8 > limit_a8:
-        had = f", with A(8) {before.a8:.3g} had today" if before.seconds else ""
-        raise SettingError(
-            f"the exposure planned is A(8) {total.a8:.3g} m/s^2{had}, beyond {limit_a8:g} (--max-exposure); record "
-            "less, for a shorter time, at a lower level, or on another day."
-        )
+    if beyond := (before + dose).beyond(safety.daily_a8, safety.daily_vdv):
+        had = f" with the {before.seconds:.0f} s had today" if before.seconds else ""
+        stated = "{quantity} {value:.3g}, and may be {valid}".format(**beyond)
+        remedy = "record less, for a shorter time, at a lower level, or on another day"
+        raise SettingError(f"the exposure planned{had} has {stated}; {remedy}.", **beyond)
 
 
 #: Format of a file of planned steps.
@@ -133,11 +129,7 @@ class PlannedStep:
 
 
 def steps_in(path: Path) -> tuple[dict[str, Any], Sequence[PlannedStep]]:
-    """A file of planned steps, as `python -m identification.plan` writes it: the document, and its steps in order.
-
-    Raises:
-        InputFileError: it cannot be read, is no such file, or has an invalid step.
-    """
+    """A file of planned steps, as `python -m identification.plan` writes it: the document, and its steps in order."""
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
@@ -147,7 +139,7 @@ def steps_in(path: Path) -> tuple[dict[str, Any], Sequence[PlannedStep]]:
     if not isinstance(document, dict) or document.get("format") != PROTOCOL:
         raise InputFileError(path, f"is no planned session: its format is not {PROTOCOL!r}")
     rows, mass = document.get("protocol"), document.get("body_mass_kg")
-    if isinstance(mass, bool) or not isinstance(mass, int | float) or not 20 <= mass <= 300:
+    if not (is_number(mass, least=20) and mass <= 300):
         raise InputFileError(path, f"body_mass_kg = {mass!r}", "valid: 20 to 300 kg")
     if not isinstance(rows, list) or not rows:
         raise InputFileError(path, "holds no steps", "valid: a list of them as protocol")
@@ -156,7 +148,7 @@ def steps_in(path: Path) -> tuple[dict[str, Any], Sequence[PlannedStep]]:
         values: dict[str, float] = {}
         for name, (low, high) in _NUMBERS.items():
             value = row.get(name) if isinstance(row, dict) else None
-            if isinstance(value, bool) or not isinstance(value, int | float) or not low <= value <= high:
+            if not (is_number(value, least=low) and value <= high):
                 raise InputFileError(path, f"step {number}: {name} = {value!r}", f"valid: {low:g} to {high:g}")
             values[name] = float(value)
         steps.append(PlannedStep(kind=str(row.get("kind", "sine")), **values))

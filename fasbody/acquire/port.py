@@ -39,11 +39,7 @@ _GONE = (OSError, termios.error)
 
 
 def pyserial() -> Any:
-    """The package with its list of ports, imported when a port is opened: a plan needs none.
-
-    Raises:
-        MissingPackageError: the extra is not installed.
-    """
+    """The package with its list of ports, imported when a port is opened: a plan needs none."""
     try:
         import serial
         import serial.tools.list_ports
@@ -97,11 +93,7 @@ class Port:
             raise Unplugged(f"{name}: {_why(name, error)}; ports of this computer: {known}.") from None
 
     def change(self, baud: int) -> None:
-        """Go on at another baud rate.
-
-        Raises:
-            Unplugged: it cannot run at that rate, or went away.
-        """
+        """Go on at another baud rate."""
         try:
             self._serial.baudrate = self.baud = baud
             self._serial.reset_input_buffer()
@@ -109,11 +101,7 @@ class Port:
             raise Unplugged(f"{self.name}: {_why(self.name, error)}, at {baud} baud.") from None
 
     def read(self) -> bytes:
-        """What has arrived, after at most WAIT_S.
-
-        Raises:
-            Unplugged: the port went away.
-        """
+        """What has arrived, after at most WAIT_S."""
         try:
             data = self._serial.read(1)
             if data:
@@ -123,22 +111,14 @@ class Port:
         return bytes(data)
 
     def write(self, data: bytes) -> None:
-        """Pass bytes to the system; waiting until it has sent them would have no end on a line that stands still.
-
-        Raises:
-            Unplugged: the port went away, or takes nothing.
-        """
+        """Pass bytes to the system; waiting until it has sent them would have no end on a line that stands still."""
         try:
             self._serial.write(data)
         except _GONE:
             raise Unplugged(f"{self.name}: the port went away or takes no bytes.") from None
 
     def ask(self, question: bytes, patience: float) -> tuple[str, bool]:
-        """The reply to a query, and whether it came to its end within `patience` [s].
-
-        Raises:
-            Unplugged: the port went away.
-        """
+        """The reply to a query, and whether it came to its end within `patience` [s]."""
         self.write(question)
         answer, deadline = b"", time.monotonic() + patience
         while not (whole := b"\n" in answer or len(answer) >= _LONGEST_ANSWER) and time.monotonic() <= deadline:
@@ -218,9 +198,6 @@ class Reader(threading.Thread):
     Attributes:
         failure: why nothing comes any more.
         looked: when the port was last found to have, or not to have, sent something.
-
-    Raises:
-        Unplugged: the port cannot be opened now.
     """
 
     def __init__(self, name: str, baud: int, patience: float = 15.0, opener: Opener = Port) -> None:
@@ -244,11 +221,7 @@ class Reader(threading.Thread):
             self._capture = capture
 
     def take(self, wait: float = WAIT_S) -> list[Arrival]:
-        """All that arrived since the last call, after waiting up to `wait` [s] for something.
-
-        Raises:
-            AcquisitionError: the port is gone for good, or nothing can be written any more.
-        """
+        """All that arrived since the last call, after waiting up to `wait` [s] for something."""
         self._arrived.wait(wait)
         with self._lock:
             out, self._size = list(self._queue), 0
@@ -352,11 +325,7 @@ class ProbeResult:
 
 
 def probe(name: str, rates: tuple[int, ...] = BAUD_RATES) -> ProbeResult:
-    """Find the device on a port.
-
-    Raises:
-        Unplugged: the port cannot be opened.
-    """
+    """Find the device on a port."""
     result = ProbeResult(name, "silence", 0, "")
     with contextlib.closing(Port(name, rates[0])) as port:  # once: opening it resets an Arduino
         boots_until = time.monotonic() + HELLO_S

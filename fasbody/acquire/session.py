@@ -170,7 +170,8 @@ class Session:
         hello = self.board.decoder.hello
         if self.board.meter is None and hello is not None:
             before = person.dose_of(self.plan.study, self.plan.condition.subject)
-            self.board.meter = person.Meter(before, self.plan.safety.daily_a8, hello.rate_hz)
+            safety, rate_hz = self.plan.safety, hello.rate_hz
+            self.board.meter = person.Meter(before, safety.daily_a8, rate_hz, safety.daily_vdv)
         target = self.plan.peak_to_peak
         try:
             level = reach(generator, self.board, frequency, target, self.plan.safety, self._volts_per * target)
@@ -189,13 +190,7 @@ class Session:
                 self.generator.off()
 
     def _record(self, capture: Capture, frequency: float | None, level: Level | None) -> None:
-        """Until the planned samples are there.
-
-        Raises:
-            Stalled: no samples, or too few in time.
-            Faulty: a sensor fails.
-            AcquisitionError: the base sensor has failed or is over range, the disk is full, or the board is gone.
-        """
+        """Until the planned samples are there."""
         board, generator = self.board, self.generator
         timeline = board.start(capture)
         hello = timeline.hello

@@ -47,11 +47,7 @@ class VisaPort:
         return b""
 
     def write(self, data: bytes) -> None:
-        """Each line is one message.
-
-        Raises:
-            Unplugged: the instrument is gone.
-        """
+        """Each line is one message."""
         try:
             for line in filter(None, data.split(b"\n")):
                 self._session.write_raw(line + b"\n")
@@ -59,11 +55,7 @@ class VisaPort:
             raise Unplugged(f"{self.name}: unplugged, or takes nothing ({str(error).rstrip('.')}).") from None
 
     def ask(self, question: bytes, patience: float) -> tuple[str, bool]:
-        """The reply, and whether it came within `patience` [s].
-
-        Raises:
-            Unplugged: the instrument is gone.
-        """
+        """The reply, and whether it came within `patience` [s]."""
         self.write(question)
         try:
             self._session.timeout = round(1000 * patience)
@@ -92,9 +84,5 @@ def is_visa(name: str) -> bool:
 
 
 def opened(name: str, baud: int) -> Port | VisaPort:
-    """The port or instrument of this name.
-
-    Raises:
-        Unplugged: there is none.
-    """
+    """The port or instrument of this name."""
     return VisaPort(name, baud) if is_visa(name) else Port(name, baud)

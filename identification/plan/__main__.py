@@ -190,6 +190,7 @@ def run(
     max_volts: Annotated[float, typer.Option(help="highest generator amplitude in V peak to peak")] = 5.0,
     max_acceleration: Annotated[float, typer.Option(help="highest base acceleration in m/s^2")] = 15.0,
     max_exposure: Annotated[float, typer.Option(help="largest daily exposure A(8) of the person in m/s^2")] = 0.5,
+    max_vdv: Annotated[float, typer.Option(help="largest vibration dose value of a day in m/s^1.75")] = 21.0,
     simulate: Annotated[bool, typer.Option("--simulate", help="a virtual bench instead of hardware")] = False,
     subject: Annotated[str, typer.Option(help="name or number of the subject")] = "1",
     model: _Model = "two_dof",
@@ -268,7 +269,9 @@ def run(
         earlier = [r for r in earlier if r.condition.subject == subject]
     person = _person(model, body_mass, earlier, exclude, mass_std, gain_std, delay_std, subject)
     asked = _director(person, shaker, ask, (), seed, draws).asked if ask == [_AS_THESIS] else _asked(ask)
-    safety = Safety(max_volts, peak_m_s2=max_acceleration, displacement_m=displacement, daily_a8=max_exposure)
+    safety = Safety(
+        max_volts, peak_m_s2=max_acceleration, displacement_m=displacement, daily_a8=max_exposure, daily_vdv=max_vdv
+    )
     with ExitStack() as stack:
         stack.enter_context(terminated())
         laboratory = stack.enter_context(Laboratory(out, person, safety, equipment))

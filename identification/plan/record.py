@@ -7,7 +7,6 @@ from typing import Any, Self
 
 import typer
 
-from fasbody.acquire.bench import Bench
 from fasbody.acquire.board import Stalled
 from fasbody.acquire.devices import Equipment
 from fasbody.acquire.display import Display
@@ -97,8 +96,7 @@ class Laboratory:
         equipment = self._equipment
         if equipment is None:
             self._stack.close()
-            bench = self._stack.enter_context(Bench(added_mass=load_kg))
-            equipment = Equipment(port=bench.board_port, generator=bench.generator_port)
+            equipment = Equipment.simulated(self._stack, added_mass=load_kg)
         elif self._load is not None or load_kg:
             self._lay(load_kg)
         if self._session is None or self._equipment is None:

@@ -13,7 +13,7 @@ import numpy as np
 import typer
 
 from fasbody.acquire.bench import FOLDER
-from fasbody.acquire.bench.board import VirtualBoard
+from fasbody.acquire.bench.board import RANGE_M_S2, VirtualFrames, VirtualLines
 from fasbody.acquire.bench.foot import ShakenFoot
 from fasbody.acquire.bench.generator import VirtualGenerator
 from fasbody.acquire.bench.line import Line, corrupt
@@ -49,7 +49,7 @@ def board(
     """
     rng = np.random.default_rng(seed)
     foot = ShakenFoot(rate, added_mass, rng, one_mass)
-    speaker = VirtualBoard(rate, channels, bits, boot=seed)
+    speaker = VirtualFrames(rate, channels, bits, seed) if bits else VirtualLines(rate, channels)
     n = speaker.samples
     listener = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
     listener.bind(str(cable))
@@ -69,9 +69,9 @@ def board(
                 stalled = _fault(str(order.get("fault")), line, stalled)
                 foot.drive(order)
         if line.receive():
-            line.send(speaker.greeting)  # a query of its identity
-        values = foot.advance(chunk * n)[:, :channels]
-        out = b"".join(speaker.message(sent + i, values[i * n : (i + 1) * n]) for i in range(chunk))
+            line.send(speaker.hello)  # a query of its identity
+        shares = foot.advance(chunk * n)[:, :channels] / RANGE_M_S2
+        out = b"".join(speaker.frame(part) for part in np.split(shares, chunk))
         sent += chunk
         if stalled:
             out = b""

@@ -2,43 +2,33 @@
 
 import numpy as np
 
-from fasbody.acquire.wire import ROLES, Channel, Hello, encode_data, encode_header, encode_hello, encode_line
+from fasbody.acquire.frames import FULL_SCALE, SAMPLES, Frames
+from fasbody.acquire.wire import ROLES, encode_header, encode_line
 
 RANGE_M_S2 = 39.2
-FRAME_SAMPLES = 16
 
 
-class VirtualBoard:
-    """Turns samples into the bytes that a board sends.
+class VirtualFrames(Frames):
+    """The binary board, of a sample rate in Hz, 2 or 3 channels of 16 or 24 bits, and a number of this start."""
 
-    Args:
-        rate_hz: sampling rate.
-        channels: 2, or 3 with the tuberosity.
-        bits: of a sample in a frame; 0 for text lines.
-        boot: number of this start.
-
-    Attributes:
-        greeting: the bytes of its hello.
-        samples: samples a channel in each frame.
-    """
+    samples = SAMPLES
 
     def __init__(self, rate_hz: float, channels: int, bits: int, boot: int) -> None:
-        roles, span = ROLES[:channels], float(np.float32(RANGE_M_S2 * 0.9999))  # a hair inside the rails
-        self.rate_hz, self.bits = rate_hz, bits
-        self.samples = FRAME_SAMPLES if bits else 1
-        self._rail = 2 ** (bits - 1) if bits else 0
-        self._counts_per = self._rail / RANGE_M_S2
-        if bits:
-            kinds = tuple(Channel(role, span, self._counts_per) for role in roles)
-            self.greeting = encode_hello(Hello("virtual board", rate_hz, kinds, bits, self.samples, boot))
-        else:
-            self.greeting = encode_header("virtual", rate_hz, roles, span)
+        super().__init__("virtual board", rate_hz, channels * (RANGE_M_S2,), bits, boot)
 
-    def message(self, number: int, values: np.ndarray) -> bytes:
-        """Frame or line of this number, from its values (samples, channels) [m/s^2]; each second greets anew."""
-        greeting = self.greeting if number % round(self.rate_hz / self.samples) == 0 else b""
-        stamp = round(number * self.samples / self.rate_hz * 1e6)
-        if not self.bits:
-            return greeting + encode_line(stamp, values[0])
-        counts = np.clip(np.round(values * self._counts_per), -self._rail, self._rail - 1).astype(np.int32)
-        return greeting + encode_data(number, stamp, counts, self.bits)
+
+class VirtualLines:
+    """The text board, a sample a line."""
+
+    samples = 1
+
+    def __init__(self, rate_hz: float, channels: int) -> None:
+        self.hello = encode_header("virtual", rate_hz, ROLES[:channels], FULL_SCALE * RANGE_M_S2)
+        self._rate_hz, self._number = rate_hz, -1
+
+    def frame(self, shares: np.ndarray) -> bytes:
+        """The next line, of shares of the range (1, channels), behind a header once a second."""
+        self._number += 1
+        greeting = self.hello if self._number % round(self._rate_hz) == 0 else b""
+        stamp = round(1e6 * self._number / self._rate_hz)
+        return greeting + encode_line(stamp, RANGE_M_S2 * shares[0])

@@ -13,11 +13,7 @@ SKETCH = Path(__file__).parent / "fas_board" / "fas_board.ino"
 
 
 def write(folder: Path) -> Path:
-    """Write the sketch into `folder`/fas_board; returns the file.
-
-    Raises:
-        InputFileError: there is another one already, or it cannot be written.
-    """
+    """Write the sketch into `folder`/fas_board; returns the file."""
     file = folder / SKETCH.parent.name / SKETCH.name
     text = SKETCH.read_text()
     if file.is_file() and file.read_text(errors="replace") != text:

@@ -1,4 +1,4 @@
-"""Wiring: `python -m fasbody.acquire.firmware.wiring docs/figures/wiring.svg` draws that of docs/acquisition.md.
+"""Wiring: `python docs/wiring.py docs/figures/wiring.svg` draws that of docs/acquisition.md.
 
 A file whose name begins with benches gets the two benches of docs/laboratory.md.
 """

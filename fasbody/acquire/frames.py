@@ -1,0 +1,131 @@
+"""What devices without a firmware of ours have in common: frames made here, and a JSON file of what is connected."""
+
+import json
+import math
+import time
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any, ClassVar, Self, TypeGuard
+
+import numpy as np
+
+from fasbody.acquire.wire import ROLES, Channel, Hello, encode_data, encode_hello
+from fasbody.console import to_json, write_whole
+from fasbody.exceptions import InputFileError
+
+#: Samples of a frame.
+SAMPLES = 16
+#: So much of full scale is over range.
+FULL_SCALE = 1 - 1e-4
+
+
+class Frames:
+    """Samples of a device as the frames of docs/acquisition.md, behind a hello once a second.
+
+    Args:
+        name: of the device.
+        rate_hz: of the samples.
+        scales_m_s2: full scale of base, malleolus and so on; negative if upside down.
+        bits: of a sample, 16 or 24.
+        boot: number of this start; by the clock unless given.
+
+    Example:
+        >>> frames = Frames("mine", 1000.0, (40.0, -40.0))
+        >>> len(frames.frame(np.zeros((SAMPLES, 2))))
+        154
+    """
+
+    def __init__(
+        self,
+        name: str,
+        rate_hz: float,
+        scales_m_s2: Sequence[float] | np.ndarray,
+        bits: int = 24,
+        boot: int | None = None,
+    ) -> None:
+        self.rail = 2 ** (bits - 1)
+        channels = tuple(
+            Channel(role, FULL_SCALE * abs(scale), self.rail / scale)
+            for role, scale in zip(ROLES, scales_m_s2, strict=False)
+        )
+        short = name.encode()[:32].decode(errors="ignore")
+        boot = int(time.time()) % 65536 if boot is None else boot
+        self.hello = encode_hello(Hello(short, rate_hz, channels, bits, SAMPLES, boot))
+        self._rate_hz, self._bits = rate_hz, bits
+        self._number = 0
+        self._greeted = -1  # in which second
+        self._events: list[str] = []
+
+    def frame(self, shares: np.ndarray, flags: int = 0) -> bytes:
+        """The next frame, of shares of full scale (SAMPLES, channels)."""
+        start = self._number * SAMPLES / self._rate_hz
+        greeting = self.hello if int(start) != self._greeted else b""
+        self._greeted = int(start)
+        counts = np.clip(np.round(self.rail * shares), -self.rail, self.rail - 1).astype(np.int32)
+        self._number += 1
+        stamp = round(1e6 * start)
+        return greeting + encode_data(self._number - 1, stamp, counts, self._bits, flags)
+
+    def skip(self, event: str) -> None:
+        """Samples are missing here: a frame's number is left out."""
+        self._number += 1
+        self._events.append(event)
+
+    def greet(self) -> None:
+        """Begin the next frame with a hello."""
+        self._greeted = -1
+
+    def events(self) -> list[str]:
+        """What was skipped since the last call."""
+        events, self._events = self._events, []
+        return events
+
+
+def is_number(value: Any, above: float = -math.inf, least: float = -math.inf) -> TypeGuard[float]:
+    """Whether a value of a file is a finite number, beyond one limit and not below another."""
+    plain = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    return plain and value > above and value >= least
+
+
+class SettingsFile:
+    """A frozen dataclass that is kept as a JSON file.
+
+    Attributes:
+        TITLE: what the file is.
+        VALID: what to do about one that is none.
+        NAMED: it must name the device.
+        VALUES: of each field, a test of its value, and what is valid in words.
+    """
+
+    TITLE: ClassVar[str]
+    VALID: ClassVar[str]
+    NAMED: ClassVar[bool] = False
+    VALUES: ClassVar[Mapping[str, tuple[Callable[[Any], bool], str]]]
+
+    @classmethod
+    def read(cls, file: Path) -> Self:
+        """From a file that `write`, or a person, wrote."""
+        try:
+            document = json.loads(file.read_text(encoding="utf-8"))
+        except OSError as error:
+            raise InputFileError(file, f"cannot be read ({error.strerror})", cls.VALID) from None
+        except ValueError:
+            raise InputFileError(file, f"is no {cls.TITLE}: it is no JSON document", cls.VALID) from None
+        if not isinstance(document, dict) or (cls.NAMED and "device" not in document):
+            raise InputFileError(file, f"is no {cls.TITLE}: it names no device", cls.VALID)
+        for key, value in document.items():
+            if key not in cls.VALUES:
+                problem, valid = f"it knows no {key}", ", ".join(cls.VALUES)
+            else:
+                suits, valid = cls.VALUES[key]
+                problem = "" if suits(value) else f"{key} is {json.dumps(value)}"
+            if problem:
+                facts = {"quantity": key, "value": value, "valid": valid}
+                problem = f"is no {cls.TITLE}: {problem}"
+                raise InputFileError(file, problem, f"valid: {valid}", **facts)
+        return cls(**{k: tuple(v) if isinstance(v, list) else v for k, v in document.items()})
+
+    def write(self, file: Path) -> None:
+        """As JSON."""
+        write_whole(file, to_json(asdict(self)) + "\n")  # type: ignore[call-overload]
