@@ -286,19 +286,19 @@ def check_together(context: typer.Context, mesh: Path | None) -> None:
     Raises:
         SettingError: naming the option.
     """
-    given = {
+    typed = {
         option.opts[0]
         for option in context.command.params
         if getattr(context.get_parameter_source(option.name or ""), "name", "") == "COMMANDLINE"
     }
-    wrong, why = given & OF_MESH, "needs --mesh"
+    wrong, why = typed & OF_MESH, "needs --mesh"
     if context.invoked_subcommand is not None:
-        wrong = given
+        wrong = typed
         why = f"stands before {context.invoked_subcommand!r} and would be lost: write it after"
     elif mesh is not None:
-        wrong, why = given & OF_DOME, "shapes the dome, not the cell of --mesh: leave it out"
+        wrong, why = typed & OF_DOME, "shapes the dome, not the cell of --mesh: leave it out"
         if not wrong and mesh.suffix.lower() != ".stl":
-            wrong = given & OF_STL
+            wrong = typed & OF_STL
             why = f"serves an .stl surface; {mesh} brings its own tetrahedra: leave it out"
     for option in sorted(wrong):
         raise SettingError(f"{why}.", option.lstrip("-").replace("-", "_"))

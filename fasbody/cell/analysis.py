@@ -102,7 +102,7 @@ class Analysis(ModalAnalysis):
         dome: the dome that was meshed, None for a user's mesh.
 
     Example:
-        analyse(*assemblies(Dome()), preset("si"), count=5).to_dataframe()
+        >>> analyse(*assemblies(Dome()), preset("si"), count=5).to_dataframe()
     """
 
     preset: Preset

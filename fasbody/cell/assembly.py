@@ -45,7 +45,7 @@ class Assembly:
         basis: scikit-fem's scalar quadratic basis over the whole mesh, for its numbering.
 
     Example:
-        assemble(dome_mesh(Dome())).dof
+        >>> assemble(dome_mesh(Dome())).dof
     """
 
     mesh: TetMesh

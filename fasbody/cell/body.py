@@ -76,7 +76,7 @@ class Body(Tabled):
             triangles leave out of a round one; it is added to the error.
 
     Example:
-        body_modes(read_body("calcaneus"), {None: Material(7.3e9, 0.3, 1500.0)})
+        >>> body_modes(read_body("calcaneus"), {None: Material(7.3e9, 0.3, 1500.0)})
     """
 
     name: str

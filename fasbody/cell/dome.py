@@ -64,7 +64,7 @@ class Dome(Tabled):
             cell.
 
     Example:
-        Dome(67.0, 60.0, nucleus=None).volume_um3
+        >>> Dome(67.0, 60.0, nucleus=None).volume_um3
     """
 
     length: float = 100.0

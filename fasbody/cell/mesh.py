@@ -95,7 +95,7 @@ class TetMesh:
         faces: corners (f, 3) of triangles that a file marks, by their number.
 
     Example:
-        dome_mesh(Dome(), MeshSize.of(5.0)).volume_um3
+        >>> dome_mesh(Dome(), MeshSize.of(5.0)).volume_um3
     """
 
     points_um: NDArray[np.float64]

@@ -52,7 +52,7 @@ class CellModel(Tabled):
         cytoskeleton: likewise.
 
     Example:
-        solve(CellModel(assemble(dome_mesh(Dome())), preset("si").materials)).frequencies_hz
+        >>> solve(CellModel(assemble(dome_mesh(Dome())), preset("si").materials)).frequencies_hz
     """
 
     assembly: Assembly

@@ -55,7 +55,7 @@ class StandardLinearSolid(Tabled):
         SettingError: g is negative or tau not positive.
 
     Example:
-        StandardLinearSolid(0.5, 2e-5)(2j * math.pi * 1000)
+        >>> StandardLinearSolid(0.5, 2e-5)(2j * math.pi * 1000)
     """
 
     g: float

@@ -50,7 +50,7 @@ class HeelLaw:
     """A law of the heel pad.
 
     Example:
-        LAWS["power"].static_force(np.array([5e-3]), np.array([60.0, 2.5]))
+        >>> LAWS["power"].static_force(np.array([5e-3]), np.array([60.0, 2.5]))
 
     Attributes:
         key: short name.

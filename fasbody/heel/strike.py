@@ -113,7 +113,7 @@ class Strike(Tabled):
         published: the numbers of the published analysis.
 
     Example:
-        read_csv("drop.csv").work_j
+        >>> read_csv("drop.csv").work_j
     """
 
     subject: str
@@ -317,9 +317,9 @@ def _in_the_shank(
     a, b = np.searchsorted(frame_time, [time[0], time[-1]])
     near = slice(max(a - 1, 0), b + 1)
     markers = np.concatenate([lower, upper], axis=1)[near]
-    there = np.column_stack([np.interp(time, frame_time[near], column) for column in markers.T])
+    seen = np.column_stack([np.interp(time, frame_time[near], column) for column in markers.T])
     floor = np.column_stack([application, np.zeros(len(application))])
-    local = shank.into(floor, there[:, :3], shank.frames(there[:, :3], there[:, 3:]))
+    local = shank.into(floor, seen[:, :3], shank.frames(seen[:, :3], seen[:, 3:]))
     if not np.isfinite(local).all():
         raise RecordingError("a marker is hidden where the heel point is computed.")
     return local

@@ -95,7 +95,7 @@ class HeelStudy(Tabled):
         digest: of everything that was read.
 
     Example:
-        HeelStudy.read().groups()["05", "normal"][0].work_j
+        >>> HeelStudy.read().groups()["05", "normal"][0].work_j
     """
 
     name: str
@@ -180,8 +180,8 @@ def _document(file: Path) -> _Document:
         name = f"key of [{table}]" if rest else "table"
         raise InputFileError(file, unknown(name, (rest or [table])[0], valid))
     place = f"[{table}] {'.'.join(rest)}"
-    given = "missing" if first["type"] == "missing" else repr(first["input"])
-    raise InputFileError(file, f"{place} is {given}", first["msg"][:1].lower() + first["msg"][1:])
+    value = "missing" if first["type"] == "missing" else repr(first["input"])
+    raise InputFileError(file, f"{place} is {value}", first["msg"][:1].lower() + first["msg"][1:])
 
 
 def _raw(files: list[Path], document: _Document, weights: dict[str, float]) -> Iterator[Strike | str]:
