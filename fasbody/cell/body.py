@@ -208,7 +208,7 @@ def read_body(source: str | Path, *, unit: str = "mm", up: str = "y", size: floa
     otherwise = f"or name a bone: {', '.join(bones())}"
     kind = ".stl" if bone else mesh_format(file, (*VOLUMES, *SURFACES), otherwise)
     if kind in VOLUMES and size is not None:
-        text = f"serves a surface; {file} brings its own tetrahedra: leave it out."
+        text = f"an element size serves a surface; {file} brings its own tetrahedra: leave it out."
         raise SettingError(text, "size")
     with naming(file):
         if kind in VOLUMES:
