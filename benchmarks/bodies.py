@@ -87,7 +87,8 @@ def measured(name: str) -> list[Check]:
     support = BOXES[name][1] if name in BOXES else "base" if name.endswith("base") else "free"
     surface = surface_of(name)
     um = surface.copy().apply_scale(1e3)
-    beside, rows = reference(name, support, um), []
+    beside = reference(name, support, um)
+    rows: list[Check] = []
     with tempfile.TemporaryDirectory() as folder:
         stl, vtu = (Path(folder) / f"body.{kind}" for kind in ("stl", "vtu"))
         surface.export(stl)
