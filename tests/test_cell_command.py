@@ -92,7 +92,7 @@ def test_bad_input_leaves_with_exit_code_two() -> None:
 
 
 def test_a_missing_option_is_described_with_its_units() -> None:
-    """Rich took `[kg/m^3]` for a style, and the refusal read "density \\; of one region"."""
+    r"""Rich took `[kg/m^3]` for a style, and the refusal read "density \\; of one region"."""
     done = command("modes", "sesamoid_medial")
     assert done.returncode == 2
     assert "modulus [Pa], Poisson's ratio, density [kg/m^3]; of one region" in " ".join(done.stderr.split())
