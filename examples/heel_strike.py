@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 
 from fasbody.heel.figures import corrections
-from fasbody.heel.strike import Strike, heel_strike
+from fasbody.heel.strike import Strike
 from fasbody.heel.study import Person
 from fasbody.presentation import write_figure
 
@@ -17,7 +17,7 @@ def main(picture: Path = Path("heel_strike.png")) -> Strike:
     """Draw the corrections of one strike and return it."""
     person = Person.bundled("05")
     speed, number = person.names()[1]
-    strike = heel_strike(person.trial(speed, number), person.plate, person.gain, person.distance_m, person.rate_hz)
+    strike = person.strike(person.trial(speed, number))
     write_figure(corrections(person.steps(speed, number), strike), picture)
     return strike
 

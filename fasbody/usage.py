@@ -21,7 +21,7 @@ def sentence(error: Any) -> str:
     if (option := getattr(error, "option_name", None)) is not None:
         return _option(option, message, command)
     if hasattr(error, "param_type") and parameter is not None:
-        help_text = getattr(parameter, "help", None)
+        help_text = (getattr(parameter, "help", None) or "").replace(r"\[", "[")  # the screen's own mark
         return f"{_name(parameter)} is missing" + (f": {help_text}." if help_text else ".")
     if parameter is not None:
         return f"{_name(parameter)} {_value(error, message)}."

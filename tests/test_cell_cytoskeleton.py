@@ -61,10 +61,15 @@ def test_it_raises_every_frequency_and_prestress_raises_them_further() -> None:
     assert f[2][0] != pytest.approx(f[1][0], rel=1e-6)
 
 
-def test_impossible_nets() -> None:
-    cases = (({"bundle": 0.0}, "bundle"), ({"cable_force_pn": -1.0}, "cannot push"), ({"reach": 1.0}, "inside"))
-    for values, says in cases:
-        with pytest.raises(SettingError, match=says):
-            Tensegrity(**values)
+@pytest.mark.parametrize(
+    ("name", "value"), [("bundle", 0.0), ("cable_force_pn", -1.0), ("reach", 1.0), ("height", 0.0), ("grip_um", np.nan)]
+)
+def test_impossible_nets(name: str, value: float) -> None:
+    with pytest.raises(SettingError) as refusal:
+        Tensegrity(**{name: value})
+    assert refusal.value.setting == name
+
+
+def test_a_node_outside_the_cell_holds_nothing() -> None:
     with pytest.raises(SettingError, match="holds no cytoplasm"):
         cytoskeleton_stiffness(cell(), Tensegrity(reach=0.95, height=0.95, grip_um=1.0), 1e-6)

@@ -36,7 +36,7 @@ def test_shape_text() -> None:
     assert shape(" 67.5 X 60 ") == (67.5, 60.0)
     with pytest.raises(SettingError, match="100x40"):
         shape("100")
-    with pytest.raises(SettingError, match="write the long one first, 100x40"):
+    with pytest.raises(SettingError, match="write 100x40"):
         shape("40x100")
 
 

@@ -11,8 +11,8 @@ from scipy.stats import norm
 from fasbody.exceptions import RecordingError
 from fasbody.heel import population
 from fasbody.heel.analysis import analyse
-from fasbody.heel.comparison import Task, judge, pooled
-from fasbody.heel.estimate import Paths, fit
+from fasbody.heel.comparison import Task, judge
+from fasbody.heel.estimate import Paths, fit, pooled
 from fasbody.heel.laws import LAWS
 from fasbody.heel.population import Observed, estimate, sampled
 from fasbody.heel.stiffness import measured, slopes

@@ -220,13 +220,27 @@ class SagStudy(Presented):
         return [row | {"fascia_share": float(fascia), "heel_share": float(heel)} for row, fascia, heel in shares]
 
     def sheet(self) -> Sheet:
-        """Sag with and without fascia by height."""
-        rows = [
-            (f"{1e3 * h:.3g}", f"{1e3 * whole:.3g}", f"{1e3 * cut:.3g}", f"{100 * s:.3g}")
-            for h, whole, cut, s in zip(self.height, self.sag, self.sag_cut, self.share, strict=True)
-        ]
-        columns = ("arch height [mm]", "sag [mm]", "fascia cut [mm]", "load carried by the fascia [%]")
-        return Sheet(f"Sag under {self.load:.0f} N", columns, rows)
+        """Sag with and without fascia by height, in brackets what was computed elsewhere."""
+        rows = []
+        for i, height in enumerate(self.height):
+            elsewhere = ARANGIO_SAG.get(round(float(height), 3), ()) if self.load == ARANGIO_LOAD else ()
+            cut = ARANGIO_CUT if elsewhere and height > 0.05 else ()
+            sag = self.sag[i], self.sag_cut[i]
+            more = sag[1] / sag[0] - 1, self.elongation_cut[i] / self.elongation[i] - 1
+            cells = [f"{1e3 * height:.0f}"]
+            for form, scale, values, others in (
+                (".1f", 1e3, sag, elsewhere), ("+.0f", 100, more, cut),
+                (".0f", 100, (self.share[i],), ()), (".0f", 100, (self.heel[i],), (HEEL,)),
+            ):  # fmt: skip
+                beside = [f" ({scale * other:{form}})" for other in others] or [""] * len(values)
+                cells += [f"{scale * v:{form}}{b}" for v, b in zip(values, beside, strict=True)]
+            rows.append(cells)
+        columns = (
+            "height [mm]", "sag [mm]", "fascia cut [mm]", "more sag [%]", "more elongation [%]", "fascia's share [%]",
+            "heel's share [%]",
+        )  # fmt: skip
+        title = f"Sag under {self.load:g} N; computed elsewhere in brackets (Arangio; heel: Kim & Voloshin)"
+        return Sheet(title, columns, rows)
 
 
 def sag_study(arch: Arch, height: Array, load: float = ARANGIO_LOAD) -> SagStudy:
@@ -297,9 +311,15 @@ class LoadStudy(Presented):
         rows = []
         for c in self.cases:
             measured = "{:g} to {:g}".format(*MEASURED_HZ[c.added_mass]) if c.added_mass in MEASURED_HZ else ""
-            cells = (f"{c.added_mass:g}", f"{c.peak_hz:.4g}", measured, f"{c.arch_stiffness:.4g}")
-            rows.append((*cells, f"{c.factor:.3g}" if measured else ""))
-        columns = ("added mass [kg]", "resonance [Hz]", "measured [Hz]", "arch stiffness [N/m]", "factor needed")
+            rows.append(
+                (
+                    f"{c.added_mass:g}", f"{c.peak_hz:.4g}", measured, f"{c.transmissibility.max():.2f}",
+                    f"{c.arch_stiffness / 1e3:.1f}", f"{c.factor:.3g}" if measured else "",
+                )
+            )  # fmt: skip
+        columns = (
+            "added mass [kg]", "resonance [Hz]", "measured [Hz]", "|T| there", "arch [kN/m]", "springs x to meet it",
+        )  # fmt: skip
         return Sheet("Resonance at the malleolus under added mass, constants unchanged", columns, rows)
 
 

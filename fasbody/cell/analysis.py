@@ -15,38 +15,100 @@ from fasbody.cell.materials import Preset
 from fasbody.cell.membrane import Membrane
 from fasbody.cell.mesh import MeshSize, dome_mesh
 from fasbody.cell.modal import CellModel, Modes, solve
-from fasbody.cell.modeshape import ModeDescription, describe
+from fasbody.cell.modeshape import describe
 from fasbody.presentation import Presented, Sheet
 
 
 @dataclass(frozen=True, repr=False)
-class Analysis(Presented):
+class ModalAnalysis(Presented):
+    """Modes of a cell or of another body, with errors and descriptions.
+
+    Args:
+        model: matrices, with the mesh.
+        modes: frequencies and shapes.
+        descriptions: one for each mode.
+        errors: estimated relative error (c,) of each frequency, None without a second mesh.
+    """
+
+    model: CellModel
+    modes: Modes
+    descriptions: tuple[Any, ...]
+    errors: NDArray[np.float64] | None
+
+    figures: ClassVar[str] = "fasbody.cell.figures"
+    plots: ClassVar[tuple[str, ...]] = ("mode_shapes",)
+    #: Headings of the columns beside frequency and error, and digits of a frequency.
+    columns: ClassVar[tuple[str, ...]] = ("shape",)
+    digits: ClassVar[int] = 4
+    #: Of figures: the body, what is to be said of all modes, and a length unit with its micrometres.
+    title: ClassVar[Any]
+    remark: ClassVar[Any]
+    unit: ClassVar[Any]
+
+    @property
+    def frequencies_hz(self) -> NDArray[np.float64]:
+        """Natural frequencies (c,), of a free body above its rigid motions [Hz]."""
+        return self.modes.frequencies_hz
+
+    def records(self) -> list[dict[str, Any]]:
+        """One row a mode."""
+        modes = self.document()["modes"]
+        return [{"frequency_hz": f} | m for f, m in zip(self.frequencies_hz, modes, strict=True)]
+
+    def document(self) -> dict[str, Any]:
+        """Everything but the shapes, ready for JSON."""
+        numbers = zip(self.modes.participation, self.modes.residuals, strict=True)
+        return {
+            "dof": self.model.assembly.dof,
+            "frequencies_hz": self.frequencies_hz,
+            "estimated_error": self.errors,
+            "modes": [
+                d.document() | {"participation_xyz": moved, "residual": residual}
+                for d, (moved, residual) in zip(self.descriptions, numbers, strict=True)
+            ],
+            "orthogonality": self.modes.orthogonality,
+            "solver": self.modes.way,
+        }
+
+    def sheet(self) -> Sheet:
+        """Frequency, error and description of each mode."""
+        rows = []
+        for i, (f, d) in enumerate(zip(self.frequencies_hz, self.descriptions, strict=True)):
+            error = "" if self.errors is None else f"{100 * self.errors[i]:.2g}"
+            rows.append((str(i + 1), f"{f:.{self.digits}g}", error, *d.cells))
+        title, notes = self.heading()
+        columns = ("mode", "frequency [Hz]", "estimated error [%]", *self.columns)
+        return Sheet(title, columns, rows, notes)
+
+    def heading(self) -> tuple[str, list[str]]:
+        """Title of the sheet, and notes below it."""
+        return f"{self.title}: {self.model.assembly.dof} degrees of freedom", []
+
+    def lines(self) -> list[str]:
+        """Frequency, error and description of each mode, a line each."""
+        out = []
+        for i, (f, d) in enumerate(zip(self.frequencies_hz, self.descriptions, strict=True)):
+            error = "" if self.errors is None else f" +-{self.errors[i]:.2%}"
+            out.append(f"  mode {i + 1:2d}  {f:10.{self.digits}g} Hz{error}  {d}")
+        return out
+
+
+@dataclass(frozen=True, repr=False)
+class Analysis(ModalAnalysis):
     """What ``python -m fasbody.cell`` reports.
 
     Args:
         preset: materials and units.
-        model: matrices, with the mesh.
-        modes: frequencies and shapes.
-        descriptions: one for each mode.
-        errors: estimated relative error (c,) of each frequency by Richardson extrapolation from a coarser mesh; None
-            for a user's mesh, which has no coarser companion.
         dome: the dome that was meshed, None for a user's mesh.
+
+    Example:
+        >>> analyse(*assemblies(Dome()), preset("si"), count=5).to_dataframe()
     """
 
     preset: Preset
-    model: CellModel
-    modes: Modes
-    descriptions: tuple[ModeDescription, ...]
-    errors: NDArray[np.float64] | None
     dome: Dome | None
 
-    figures: ClassVar[str] = "fasbody.cell.figures"
     plots: ClassVar[tuple[str, ...]] = ("mode_shapes", "mesh_views")
-
-    @property
-    def frequencies_hz(self) -> NDArray[np.float64]:
-        """Natural frequencies (c,) [Hz]."""
-        return self.modes.frequencies_hz
 
     @property
     def title(self) -> str:
@@ -65,84 +127,64 @@ class Analysis(Presented):
 
     @property
     def volume_m3(self) -> float:
-        """Volume at real size [m^3]: a micrometre of the mesh is a micrometre, whatever the preset's slip."""
+        """Volume at real size [m^3]: of the mesh's micrometres, whatever the preset's slip."""
         return self.model.assembly.volume_um3 * 1e-18
 
-    def sheet(self) -> Sheet:
-        """Frequency and shape of each mode."""
-        rows = [
-            (str(i + 1), f"{f:.4g}", "" if self.errors is None else f"{100 * self.errors[i]:.2g}", d.label)
-            for i, (f, d) in enumerate(zip(self.frequencies_hz, self.descriptions, strict=True))
-        ]
-        columns = ("mode", "frequency [Hz]", "estimated error [%]", "shape")
-        return Sheet(f"{self.preset.name}: {self.model.assembly.dof} degrees of freedom", columns, rows)
-
-    def records(self) -> list[dict[str, Any]]:
-        """One row a mode."""
-        modes = self.document()["modes"]
-        return [{"frequency_hz": f, **mode} for f, mode in zip(self.frequencies_hz, modes, strict=True)]
+    def heading(self) -> tuple[str, list[str]]:
+        """Preset and size."""
+        return f"{self.preset.name}: {self.model.assembly.dof} degrees of freedom", []
 
     def document(self) -> dict[str, Any]:
         """Everything but the shapes, ready for JSON."""
-        return {
+        mesh, dome = self.model.assembly.mesh, self.dome
+        return super().document() | {
             "preset": self.preset.name,
             "meaning": self.preset.meaning,
-            "shape_um": [self.dome.length, self.dome.width, self.dome.height] if self.dome else None,
-            "profile": self.dome.profile if self.dome else None,
+            "shape_um": [dome.length, dome.width, dome.height] if dome else None,
+            "profile": dome.profile if dome else None,
             "modulus_pa": self.model.materials[0].E,
             "metres_per_um": self.model.metres_per_um,
-            "dof": self.model.assembly.dof,
             "volume_m3": self.volume_m3,
-            "frequencies_hz": self.frequencies_hz,
-            "estimated_error": self.errors,
-            "modes": [
-                {
-                    "label": d.label,
-                    "nucleus_share": d.nucleus_share,
-                    "nucleus_strain_share": d.nucleus_strain_share,
-                    "energy_xyz": d.energy,
-                    "participation_xyz": p,
-                    "residual": r,
-                }
-                for d, p, r in zip(self.descriptions, self.modes.participation, self.modes.residuals, strict=True)
-            ],
-            "orthogonality": self.modes.orthogonality,
-            "solver": self.modes.way,
             "mesh": {
-                "elements": len(self.model.assembly.mesh.tets),
-                "mean_ratio_min": self.model.assembly.mesh.quality.mean_ratio_min,
-                "mean_ratio_mean": self.model.assembly.mesh.quality.mean_ratio_mean,
-                "det_j_min_over_mean": self.model.assembly.mesh.quality.det_j_min,
+                "elements": len(mesh.tets),
+                "mean_ratio_min": mesh.quality.mean_ratio_min,
+                "mean_ratio_mean": mesh.quality.mean_ratio_mean,
+                "det_j_min_over_mean": mesh.quality.det_j_min,
             },
         }
 
     def __str__(self) -> str:
-        head = f"{self.title}, preset {self.preset.name}: "
-        lines = [f"{head}{self.model.assembly.dof} unknowns, {self.volume_m3:.4g} m^3"]
-        for i, (f, d) in enumerate(zip(self.frequencies_hz, self.descriptions, strict=True)):
-            error = "" if self.errors is None else f" +-{self.errors[i]:.2%}"
-            lines.append(f"  mode {i + 1:2d}  {f:10.4g} Hz{error}  {d}")
-        return "\n".join(lines)
+        head = f"{self.title}, preset {self.preset.name}: {self.model.assembly.dof} unknowns"
+        return "\n".join([f"{head}, {self.volume_m3:.4g} m^3", *self.lines()])
 
 
 def assemblies(dome: Dome, size: MeshSize | None = None, cache: Path | None = None) -> tuple[Assembly, Assembly]:
-    """The assembled mesh of a dome and its coarser companion, which serves the error estimate."""
+    """The assembled mesh of a dome and a coarser one for the error estimate."""
     size = size or MeshSize()
-    return (
-        assemble(dome_mesh(dome, size, cache=cache)),
-        assemble(dome_mesh(dome, size.coarser(COARSER), cache=cache)),
-    )
+    coarse = dome_mesh(dome, size.coarser(COARSER), cache=cache)
+    return assemble(dome_mesh(dome, size, cache=cache)), assemble(coarse)
 
 
 def analyse(
-    fine: Assembly, coarse: Assembly | None, preset: Preset, *, count: int = 10, way: str | None = None,
-    dome: Dome | None = None, membrane: Membrane | None = None, cytoskeleton: Tensegrity | None = None,
+    fine: Assembly, coarse: Assembly | None, preset: Preset, *, count: int = 10,
+    way: str | None = None, dome: Dome | None = None, membrane: Membrane | None = None,
+    cytoskeleton: Tensegrity | None = None,
 ) -> Analysis:  # fmt: skip
-    """Modes, their description, and their error if there is a coarser mesh."""
+    """Modes, their description, and their error if there is a coarser mesh.
+
+    Args:
+        fine: of the mesh whose modes are reported.
+        coarse: of another one for the error; None gives no error.
+        preset: materials and units.
+        count: number of modes.
+        way: solver, None is the fastest.
+        dome: that was meshed, None for a user's mesh.
+        membrane: on its surface, if any.
+        cytoskeleton: in it, if any.
+    """
     model = CellModel(fine, preset.materials, preset.metres_per_um, membrane, cytoskeleton)
-    modes = solve(model, count, way=way)
-    errors = None
+    modes, errors = solve(model, count, way=way), None
     if coarse is not None:
         rough = solve(replace(model, assembly=coarse), count)
         errors = richardson(rough.frequencies_hz, modes.frequencies_hz, coarse.dof, fine.dof)
-    return Analysis(preset, model, modes, describe(model, modes), errors, dome)
+    return Analysis(model, modes, describe(model, modes), errors, preset, dome)

@@ -1,7 +1,7 @@
-"""The cell of section 5.2: an ellipsoidal dome on its base with an ellipsoidal nucleus floating inside (Figure 5.2).
+"""The cell of section 5.2: an ellipsoidal dome with an ellipsoidal nucleus inside (Figure 5.2).
 
-Axes as in the thesis: x along the long axis, y up from the base, z along the short axis. Lengths are in micrometres;
-what a micrometre means in metres is a matter of the material preset (see fasbody/cell/materials.py).
+Axes as in the thesis: x along the long axis, y up from the base, z along the short axis. Lengths
+are in micrometres; what one means in metres is a matter of the preset (fasbody/cell/materials.py).
 """
 
 import math
@@ -21,7 +21,14 @@ PROFILES = ("ellipsoid", "cap")
 
 @dataclass(frozen=True)
 class Nucleus(Tabled):
-    """Ellipsoid with full axes [um] along x, z, y (section 5.2) and its centre above the base [um]."""
+    """Ellipsoid of section 5.2.
+
+    Args:
+        length: full axis along x [um].
+        width: full axis along z [um].
+        height: full axis along y [um].
+        centre: height above the base [um].
+    """
 
     length: float = 8.0
     width: float = 5.0
@@ -41,18 +48,23 @@ class Nucleus(Tabled):
 
 @dataclass(frozen=True)
 class Dome(Tabled):
-    """An adherent cell: base axes [um], height [um], profile and nucleus.
+    """An adherent cell.
 
     Args:
         length: full long axis of the base, along x [um].
         width: full short axis of the base, along z [um].
         height: height of the dome [um].
-        profile: "ellipsoid" is half an ellipsoid (vertical wall at the rim); "cap" is the cap of a sphere of the
-            same height over a base of equal area, stretched to the base axes (a wetting angle at the rim).
+        profile: "ellipsoid" is half an ellipsoid (vertical wall at the rim); "cap" is the cap of a
+            sphere of the same height over a base of equal area, stretched to the base axes (a
+            wetting angle at the rim).
         nucleus: None leaves it out.
 
     Raises:
-        SettingError: a length is not positive, the profile is unknown, or the nucleus leaves the cell.
+        SettingError: a length is not positive, the profile is unknown, or the nucleus leaves the
+            cell.
+
+    Example:
+        >>> Dome(67.0, 60.0, nucleus=None).volume_um3
     """
 
     length: float = 100.0
@@ -63,10 +75,11 @@ class Dome(Tabled):
 
     def __post_init__(self) -> None:
         for name in ("length", "width", "height"):
-            if not (math.isfinite(getattr(self, name)) and getattr(self, name) > 0):
-                raise SettingError(f"the cell's {name} must be a positive number of um, not {getattr(self, name)}.")
+            if not 0 < getattr(self, name) < math.inf:
+                text = f"the cell's {name} must be a positive number of um, not {getattr(self, name)}."
+                raise SettingError(text, name)
         if self.profile not in PROFILES:
-            raise SettingError(unknown("profile", self.profile, PROFILES) + ".")
+            raise SettingError(unknown("profile", self.profile, PROFILES) + ".", "profile")
         if self.nucleus is not None:
             self._check_nucleus(self.nucleus)
 
@@ -77,7 +90,7 @@ class Dome(Tabled):
 
     @property
     def cut(self) -> float:
-        """Height of the cutting plane above the centre of the unit sphere that is cut and stretched into the dome."""
+        """Height above the centre at which the unit sphere is cut that is stretched to the dome."""
         if self.profile == "ellipsoid":
             return 0.0
         r, h = math.sqrt(self.length * self.width) / 2, self.height
@@ -104,15 +117,18 @@ class Dome(Tabled):
 
     def _check_nucleus(self, nucleus: Nucleus) -> None:
         if not (nucleus.semi_axes > 0).all():
-            raise SettingError("the nucleus' axes must be positive numbers of um (or leave the nucleus out).")
+            raise SettingError("the nucleus' axes must be positive numbers of um.", "nucleus")
         theta, phi = np.meshgrid(np.linspace(0, np.pi, 61), np.linspace(0, 2 * np.pi, 121))
-        unit = np.stack([np.sin(theta) * np.cos(phi), np.cos(theta), np.sin(theta) * np.sin(phi)], axis=-1)
-        surface = unit.reshape(-1, 3) * nucleus.semi_axes + np.array([0.0, nucleus.centre, 0.0])
-        if surface[:, 1].min() <= 0 or self.level(surface).max() >= 1:
-            low, high = surface[:, 1].min(), surface[:, 1].max()
+        unit = [np.sin(theta) * np.cos(phi), np.cos(theta), np.sin(theta) * np.sin(phi)]
+        surface = np.stack(unit, axis=-1).reshape(-1, 3) * nucleus.semi_axes
+        surface += [0.0, nucleus.centre, 0.0]
+        low, high = surface[:, 1].min(), surface[:, 1].max()
+        if low <= 0 or self.level(surface).max() >= 1:
             raise SettingError(
-                f"the nucleus ({nucleus.length:g} x {nucleus.width:g} um, from {low:g} to {high:g} um above the base) "
-                f"leaves the cell ({self.length:g} x {self.width:g} x {self.height:g} um): it must lie wholly inside."
+                f"the nucleus ({nucleus.length:g} x {nucleus.width:g} um, from {low:g} to {high:g} um "
+                f"above the base) leaves the cell ({self.length:g} x {self.width:g} x "
+                f"{self.height:g} um): it must lie wholly inside.",
+                "nucleus_centre",
             )
 
     def __str__(self) -> str:
@@ -127,9 +143,9 @@ def shape(text: str) -> tuple[float, float]:
     """
     match = re.fullmatch(r"\s*(\d+(?:\.\d+)?)\s*[xX×]\s*(\d+(?:\.\d+)?)\s*", text)
     if not match:
-        raise SettingError(f"the shape {text!r} is not two lengths in um; write it as 100x40.")
+        raise SettingError(f"{text!r} is not two lengths in um; write it as 100x40.", "shape")
     length, width = float(match[1]), float(match[2])
     if length < width:
-        long_first = f"{width:g}x{length:g}"
-        raise SettingError(f"the shape {text!r} has its short axis first: write the long one first, {long_first}.")
+        text = f"{text!r} has its short axis first: write {width:g}x{length:g}."
+        raise SettingError(text, "shape")
     return length, width

@@ -85,5 +85,5 @@ def preset(name: str) -> Preset:
         SettingError: there is none.
     """
     if name not in PRESETS:
-        raise SettingError(unknown("preset", name, PRESETS) + ".")
+        raise SettingError(unknown("preset", name, PRESETS) + ".", "preset")
     return PRESETS[name]

@@ -1,4 +1,7 @@
-"""A thin elastic membrane on the free surface of the cell (Table 5.1 prints its moduli; the thesis leaves it out)."""
+"""A thin elastic membrane on the free surface of the cell.
+
+Table 5.1 prints its moduli; the thesis leaves it out.
+"""
 
 import math
 from dataclasses import dataclass
@@ -30,17 +33,20 @@ class Membrane:
     thickness_nm: float = 6.0
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.E * self.thickness_nm) and self.E > 0 and self.thickness_nm > 0):
-            raise SettingError("the membrane's modulus [Pa] and thickness [nm] must be positive numbers.")
+        for name in ("E", "thickness_nm"):
+            if not 0 < getattr(self, name) < math.inf:
+                raise SettingError(f"the membrane's {name} must be a positive number.", name)
         if not -1 < self.nu < 1:
-            raise SettingError(f"the membrane's Poisson's ratio must lie between -1 and 1, not {self.nu}.")
+            text = f"the membrane's Poisson's ratio must lie between -1 and 1, not {self.nu}."
+            raise SettingError(text, "nu")
 
 
 def membrane_stiffness(assembly: Assembly, membrane: Membrane, metres_per_um: float) -> sp.csr_array:
     """Stiffness [N/m] of a membrane over the whole surface, on the free unknowns.
 
-    Surface strain e = P sym(grad u) P with P = 1 - n n^T; energy t/2 int (lambda' tr(e)^2 + 2 mu e:e) dA for plane
-    stress. It needs the surface's own gradients only, so it is integrated over its curved six-node triangles.
+    Surface strain e = P sym(grad u) P with P = 1 - n n^T; energy
+    t/2 int (lambda' tr(e)^2 + 2 mu e:e) dA for plane stress, over curved six-node triangles.
+    (scikit-fem's FacetBasis inverts the map of each element, which fails at the bent rim.)
     """
     from skfem.quadrature import get_quadrature
     from skfem.refdom import RefTri
@@ -61,29 +67,27 @@ def membrane_stiffness(assembly: Assembly, membrane: Membrane, metres_per_um: fl
         local += mu * np.einsum("t,tij,tak,tbk->taibj", area, P, G, G, optimize=True)
         local += mu * np.einsum("t,tbi,taj->taibj", area, G, G, optimize=True)
     unknowns = (3 * triangles[:, :, None] + np.arange(3)).reshape(len(triangles), 18)
-    rows = np.repeat(unknowns, 18, axis=1).ravel()
-    columns = np.tile(unknowns, 18).ravel()
+    rows, columns = np.broadcast_arrays(unknowns[:, :, None], unknowns[:, None, :])
     size = 3 * len(assembly.nodes_um)
-    K = sp.coo_array((local.ravel(), (rows, columns)), shape=(size, size)).tocsr()
+    K = sp.coo_array((local.ravel(), (rows.ravel(), columns.ravel())), shape=(size, size)).tocsr()
     free = (3 * assembly.free[:, None] + np.arange(3)).ravel()
     return metres_per_um * membrane.E * membrane.thickness_nm * 1e-3 * K[free][:, free]
 
 
 def _surface_triangles(assembly: Assembly) -> NDArray[np.int64]:
-    """Displacement nodes (f, 6) of the outer faces: three corners, then the middles of edges 01, 12, 20."""
+    """Nodes (f, 6) of the outer faces: three corners, then the middles of edges 01, 12, 20."""
     middle = {frozenset(edge): 4 + i for i, edge in enumerate(EDGES)}
-    sides = [[*face, *(middle[frozenset((face[i], face[(i + 1) % 3]))] for i in range(3))] for face in FACES]
+    sides = [[*face, *(middle[frozenset((face[i], face[i - 2]))] for i in range(3))] for face in FACES]
     faces = assembly.basis.element_dofs.T[:, np.array(sides)].reshape(-1, 6)
-    _, first, count = np.unique(np.sort(faces[:, :3], axis=1), axis=0, return_index=True, return_counts=True)
+    corners = np.sort(faces[:, :3], axis=1)
+    _, first, count = np.unique(corners, axis=0, return_index=True, return_counts=True)
     return np.asarray(faces[first[count == 1]], dtype=np.int64)
 
 
 def _slopes(x: float, y: float) -> NDArray[np.float64]:
-    """Derivatives (6, 2) of the quadratic shape functions of a triangle at its local coordinates."""
+    """Derivatives (6, 2) of a triangle's quadratic shape functions at its local coordinates."""
     z = 1 - x - y
-    return np.array(
-        [
-            [1 - 4 * z, 1 - 4 * z], [4 * x - 1, 0], [0, 4 * y - 1],
-            [4 * (z - x), -4 * x], [4 * y, 4 * x], [-4 * y, 4 * (z - y)],
-        ]
-    )  # fmt: skip
+    return np.array([
+        [1 - 4 * z, 1 - 4 * z], [4 * x - 1, 0], [0, 4 * y - 1],
+        [4 * (z - x), -4 * x], [4 * y, 4 * x], [-4 * y, 4 * (z - y)],
+    ])  # fmt: skip

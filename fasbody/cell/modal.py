@@ -1,13 +1,14 @@
-"""Natural frequencies and mode shapes: Eq. (5.3) by shift-invert Lanczos, with checks of their accuracy.
+"""Natural frequencies and mode shapes: Eq. (5.3), with checks of their accuracy.
 
-SuperLU, which comes with scipy, is the fastest inverse of a small cell. Above 15,000 unknowns LOBPCG is faster, over a
-two-level preconditioner, in which only the problem of the corner nodes (linear elements, an eighth of the unknowns,
-which hold the rigid motions exactly) is factored and Chebyshev steps smooth what it cannot represent. Where it does not
-converge, a factorisation follows by itself. Measured side by side in docs/cell.md.
+SuperLU, which comes with scipy, is the fastest inverse of a small body. Above 15,000 unknowns
+LOBPCG is faster, over a two-level preconditioner: only the problem of the corner nodes (linear
+elements, an eighth of the unknowns, which hold the rigid motions exactly) is factored, and
+Chebyshev steps smooth what it cannot represent. Where it does not converge, a factorisation
+follows by itself. Measured side by side in docs/cell.md.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from importlib.util import find_spec
 
@@ -27,16 +28,16 @@ Solve = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 Block = NDArray[np.float64]
 #: Unknowns up to which SuperLU is the fastest (docs/cell.md).
 SUPERLU_TO = 15_000
-HINGED = "parts of the body hang together by a hinge only: they must share faces."
 NOT_POSITIVE = "the stiffness is not positive: its prestress exceeds what it can carry."
 #: Squares of a free body's first mode, relative to the lift, below which it is no mode but a hinge.
 LOOSE = 1e-8
 #: Relative error of the squares at which an iteration ends.
 CONVERGED = 1e-10
-#: Of the two-level iteration: Chebyshev steps before and after the coarse correction; the smoother damps the upper 3/4
-#: of the spectrum, the coarse level serves the rest; vectors carried beyond those requested, for the convergence of the
-#: last of them; most iterations.
-SMOOTHING, BAND, GUARD, ITERATIONS = 2, 4.0, 4, 60
+#: Chebyshev steps before and after the coarse correction; they damp the upper 3/4 of the spectrum.
+SMOOTHING, BAND = 2, 4.0
+#: Vectors carried beyond those requested, for the convergence of the last of them.
+GUARD = 4
+ITERATIONS = 60
 
 
 @dataclass(frozen=True)
@@ -49,6 +50,9 @@ class CellModel(Tabled):
         metres_per_um: size of the mesh's micrometre [m] (see Preset).
         membrane: further stiffness, None leaves it out as the thesis does.
         cytoskeleton: likewise.
+
+    Example:
+        >>> solve(CellModel(assemble(dome_mesh(Dome())), preset("si").materials)).frequencies_hz
     """
 
     assembly: Assembly
@@ -69,22 +73,22 @@ class CellModel(Tabled):
     @cached_property
     def K(self) -> sp.csr_array:
         """Stiffness matrix [N/m], [K] of Eq. (5.2)."""
-        return sum((self.stiffness(region) for region in range(len(self.materials))), self.additions)
+        return sum(map(self.stiffness, range(len(self.materials))), self.additions)
 
     @cached_property
     def additions(self) -> sp.csr_array:
         """Stiffness of membrane and cytoskeleton [N/m]."""
-        K = sp.csr_array((self.assembly.dof, self.assembly.dof))
+        K, size = sp.csr_array((self.assembly.dof, self.assembly.dof)), self.metres_per_um
         if self.membrane is not None:
-            K = K + membrane_stiffness(self.assembly, self.membrane, self.metres_per_um)
+            K = K + membrane_stiffness(self.assembly, self.membrane, size)
         if self.cytoskeleton is not None:
-            K = K + cytoskeleton_stiffness(self.assembly, self.cytoskeleton, self.metres_per_um)
+            K = K + cytoskeleton_stiffness(self.assembly, self.cytoskeleton, size)
         return K
 
     @cached_property
     def M(self) -> sp.csr_array:
         """Mass matrix [kg], [M] of Eq. (5.2)."""
-        return sum((self.mass(region) for region in range(1, len(self.materials))), self.mass(0))
+        return sum(map(self.mass, range(1, len(self.materials))), self.mass(0))
 
     @cached_property
     def rigid(self) -> NDArray[np.float64]:
@@ -93,18 +97,18 @@ class CellModel(Tabled):
 
     @cached_property
     def flight(self) -> NDArray[np.float64]:
-        """Rigid motions of the body, mass-orthonormal: six (dof, 6) if it is free, none (dof, 0) if held."""
+        """Rigid motions, mass-orthonormal: six (dof, 6) of a free body, none (dof, 0) if held."""
         if not self.assembly.flies:
             return np.zeros((self.assembly.dof, 0))
         x = self.assembly.nodes_um - self.assembly.nodes_um.mean(axis=0)
-        turns = np.stack([np.cross(axis, x / np.abs(x).max()).ravel() for axis in np.eye(3)], axis=1)
-        motions = np.column_stack([self.rigid, turns])
+        turns = [np.cross(axis, x / np.abs(x).max()).ravel() for axis in np.eye(3)]
+        motions = np.column_stack([self.rigid, *turns])
         gram = np.linalg.cholesky(motions.T @ (self.M @ motions))
         return np.asarray(np.linalg.solve(gram, motions.T).T)
 
     @property
     def lift(self) -> float:
-        """What is added to the squares of a free body so that its stiffness can be inverted [rad^2/s^2].
+        """What makes a free body's stiffness invertible: added to its squares [rad^2/s^2].
 
         A hundredth of the first square of a free rod as long as the body.
         """
@@ -114,9 +118,15 @@ class CellModel(Tabled):
 
     @property
     def mass_kg(self) -> float:
-        """Mass of the whole cell, clamped layer included [kg]."""
-        volumes = (region.volume_um3 for region in self.assembly.regions)
-        return self.metres_per_um**3 * sum(m.rho * v for m, v in zip(self.materials, volumes, strict=False))
+        """Mass of the whole body, held nodes included [kg]."""
+        regions = zip(self.materials, self.assembly.regions, strict=False)
+        return self.metres_per_um**3 * sum(m.rho * region.volume_um3 for m, region in regions)
+
+    @property
+    def node_masses(self) -> NDArray[np.float64]:
+        """What weighs the nodes (n,) when shapes are compared [kg/m^3 um^3]."""
+        regions = zip(self.materials, self.assembly.regions, strict=True)
+        return np.asarray(sum(m.rho * region.m.diagonal() for m, region in regions))
 
 
 @dataclass(frozen=True)
@@ -128,10 +138,11 @@ class Modes(Tabled):
         vectors: mass-normalised shapes over the free unknowns (dof, c) [1/sqrt(kg)].
         residuals: |K phi - omega^2 M phi| / |K phi| (c,).
         orthogonality: largest off-diagonal entry of phi^T M phi.
-        participation: share (c, 3) of the cell's mass that each mode moves along x, y, z (effective modal mass).
+        participation: share (c, 3) of the body's mass that each mode moves along x, y, z
+            (effective modal mass).
         way: how the problem was solved.
-        rigid_hz: frequencies (6,) of a free body's rigid motions, which are skipped; none for a held body. They are
-            zero but for rounding [Hz].
+        rigid_hz: frequencies (6,) of a free body's rigid motions, which are skipped; none for a
+            held body. They are zero but for rounding [Hz].
     """
 
     frequencies_hz: NDArray[np.float64]
@@ -149,13 +160,13 @@ class Modes(Tabled):
 
     def __str__(self) -> str:
         return (
-            f"{len(self.frequencies_hz)} modes by {self.way}: largest residual {self.residuals.max():.1e}, "
-            f"orthogonal to {self.orthogonality:.1e}"
+            f"{len(self.frequencies_hz)} modes by {self.way}: largest residual "
+            f"{self.residuals.max():.1e}, orthogonal to {self.orthogonality:.1e}"
         )
 
 
 def solve(model: CellModel, count: int = 10, *, way: str | None = None) -> Modes:
-    """The lowest modes of a cell, or of another body; of one that nothing holds, those above the six rigid motions.
+    """The lowest modes; of a body that nothing holds, those above the six rigid motions.
 
     Args:
         model: matrices.
@@ -164,16 +175,19 @@ def solve(model: CellModel, count: int = 10, *, way: str | None = None) -> Modes
 
     Raises:
         SettingError: more modes than unknowns.
-        SimulationError: the iteration did not converge, the stiffness is not positive (a prestress that buckles), or a
-            free body is loose.
+        SimulationError: the iteration did not converge, the stiffness is not positive (a
+            prestress that buckles), or a free body is loose.
     """
     K, M, flight = model.K, model.M, model.flight
     most = K.shape[0] - 2 - flight.shape[1]
     if not 0 < count <= most:
-        raise SettingError(f"{count} modes cannot be computed from {K.shape[0]} unknowns: ask for 1 to {most}.")
+        raise SettingError(
+            f"{count} modes cannot be computed from {K.shape[0]} unknowns: ask for 1 to {most}.",
+            "modes",
+        )
     lifted = K + model.lift * M if flight.shape[1] else K
 
-    def lowest(way: str) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    def lowest(way: str) -> tuple[Block, Block]:
         if way == "multigrid":
             return lowest_by_multigrid(lifted, M, model.assembly, count, flight)
         return _lanczos(lifted, M, count, way, flight)
@@ -189,15 +203,26 @@ def solve(model: CellModel, count: int = 10, *, way: str | None = None) -> Modes
     order = np.argsort(squares)
     squares, vectors = squares[order] - model.lift, vectors[:, order]
     if squares[0] <= LOOSE * model.lift:
-        raise SimulationError(HINGED if model.assembly.flies else NOT_POSITIVE)
-    rigid = np.sqrt(np.abs(np.einsum("ij,ij->j", flight, K @ flight))) / (2 * np.pi)
-    return replace(_assess(model, K, squares, vectors, chosen), rigid_hz=rigid)
+        hinged = "parts of the body hang together by a hinge only: they must share faces."
+        raise SimulationError(hinged if model.assembly.flies else NOT_POSITIVE)
+    M_phi = M @ vectors
+    scale = 1 / np.sqrt((vectors * M_phi).sum(axis=0))
+    vectors, M_phi = vectors * scale, M_phi * scale
+    K_phi = K @ vectors
+    gram = vectors.T @ M_phi
+    return Modes(
+        np.sqrt(squares) / (2 * np.pi),
+        vectors,
+        np.linalg.norm(K_phi - M_phi * squares, axis=0) / np.linalg.norm(K_phi, axis=0),
+        float(np.abs(gram - np.diag(np.diag(gram))).max()),
+        (M_phi.T @ model.rigid) ** 2 / model.mass_kg,
+        chosen,
+        np.sqrt(np.abs((flight * (K @ flight)).sum(axis=0))) / (2 * np.pi),
+    )
 
 
-def _lanczos(
-    K: sp.csr_array, M: sp.csr_array, count: int, way: str, flight: Block
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """([K] - omega^2 [M]) {Phi} = 0, Eq. (5.3), by Lanczos on K^-1 M, beside the rigid motions `flight`."""
+def _lanczos(K: sp.csr_array, M: sp.csr_array, count: int, way: str, flight: Block) -> tuple[Block, Block]:
+    """([K] - omega^2 [M]) {Phi} = 0, Eq. (5.3), by Lanczos on K^-1 M, beside the rigid motions."""
     invert, weights = inverse(K, way), M @ flight
 
     def apply(b: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -205,36 +230,18 @@ def _lanczos(
         return x - flight @ (weights.T @ x)
 
     operator = spla.LinearOperator(K.shape, apply, dtype=np.float64)
-    start = np.random.default_rng(5).standard_normal(K.shape[0])  # fixed: the same run gives the same digits
+    start = np.random.default_rng(5).standard_normal(K.shape[0])  # the same run, the same digits
     start -= flight @ (weights.T @ start)
-    many = min(count + GUARD, K.shape[0] - 2 - flight.shape[1])  # Lanczos may miss one of two close modes at its end
-    subspace = min(K.shape[0] - 1, 2 * many + 4)
+    # Lanczos may miss one of two close modes at its end
+    many = min(count + GUARD, K.shape[0] - 2 - flight.shape[1])
+    space = min(K.shape[0] - 1, 2 * many + 4)
     try:
-        squares, vectors = spla.eigsh(K, many, M, sigma=0, OPinv=operator, v0=start, ncv=subspace, tol=CONVERGED)
-        lowest = np.argsort(squares)[:count]
-        return squares[lowest], vectors[:, lowest]
+        squares, vectors = spla.eigsh(K, many, M, sigma=0, OPinv=operator, v0=start, ncv=space, tol=CONVERGED)
     except spla.ArpackError as error:
-        raise SimulationError(f"the modes did not converge ({error}): ask for fewer or refine the mesh.") from error
-
-
-def _assess(
-    model: CellModel, K: sp.csr_array, squares: NDArray[np.float64], vectors: NDArray[np.float64], way: str
-) -> Modes:
-    M_phi = model.M @ vectors
-    scale = 1 / np.sqrt(np.einsum("ij,ij->j", vectors, M_phi))
-    vectors, M_phi = vectors * scale, M_phi * scale
-    K_phi = K @ vectors
-    residuals = np.linalg.norm(K_phi - M_phi * squares, axis=0) / np.linalg.norm(K_phi, axis=0)
-    gram = vectors.T @ M_phi
-    moved = (M_phi.T @ model.rigid) ** 2 / model.mass_kg
-    return Modes(
-        frequencies_hz=np.sqrt(squares) / (2 * np.pi),
-        vectors=vectors,
-        residuals=residuals,
-        orthogonality=float(np.abs(gram - np.diag(np.diag(gram))).max()) if len(gram) > 1 else 0.0,
-        participation=moved,
-        way=way,
-    )
+        text = f"the modes did not converge ({error}): ask for fewer or refine the mesh."
+        raise SimulationError(text) from error
+    lowest = np.argsort(squares)[:count]
+    return squares[lowest], vectors[:, lowest]
 
 
 def pardiso(K: sp.csr_array) -> Solve:
@@ -257,10 +264,9 @@ def pardiso(K: sp.csr_array) -> Solve:
 
 
 def superlu(K: sp.csr_array) -> Solve:
-    """Sparse LU without pivoting over a symmetric minimum-degree ordering: half the fill of scipy's default."""
-    factors = spla.splu(
-        sp.csc_array(K), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
-    )
+    """Sparse LU without pivoting, symmetric minimum degree: half the fill of scipy's default."""
+    symmetric = {"SymmetricMode": True}
+    factors = spla.splu(sp.csc_array(K), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=symmetric)
     return lambda b: np.asarray(factors.solve(np.asarray(b, dtype=np.float64)))
 
 
@@ -273,7 +279,7 @@ def direct() -> str:
 
 
 def fastest(unknowns: int) -> str:
-    """The fastest way without further packages, as measured at that number of unknowns (docs/cell.md)."""
+    """The fastest way without further packages, as measured at that number of unknowns."""
     return "superlu" if unknowns <= SUPERLU_TO else "multigrid"
 
 
@@ -281,10 +287,11 @@ def inverse(K: sp.csr_array, way: str) -> Solve:
     """A function that applies the inverse of `K`.
 
     Raises:
-        SettingError: there is no such way. MissingPackageError: its package is not installed.
+        SettingError: there is no such way.
+        MissingPackageError: its package is not installed.
     """
     if way not in WAYS:
-        raise SettingError(unknown("solver", way, (*WAYS, "multigrid")) + ".")
+        raise SettingError(unknown("solver", way, (*WAYS, "multigrid")) + ".", "solver")
     try:
         return WAYS[way](K)
     except ImportError as error:
@@ -294,10 +301,11 @@ def inverse(K: sp.csr_array, way: str) -> Solve:
 def lowest_by_multigrid(
     K: sp.csr_array, M: sp.csr_array, assembly: Assembly, count: int, flight: Block
 ) -> tuple[Block, Block]:
-    """Eigenvalues (count,) and vectors (dof, count) of K x = lambda M x, beside the rigid motions `flight`.
+    """Eigenvalues (count,) and vectors (dof, count) of K x = lambda M x beside the rigid motions.
 
-    LOBPCG (Knyazev 2001), which ends by r B r / lambda for the residual r and the preconditioner B: the relative error
-    of an eigenvalue, as far as B inverts K. The norm of r, by which scipy's ends, never falls far in a slender body.
+    LOBPCG (Knyazev 2001), which ends by r B r / lambda for the residual r and the preconditioner
+    B: the relative error of an eigenvalue, as far as B inverts K. The norm of r, by which scipy's
+    ends, never falls far in a slender body.
 
     Raises:
         SimulationError: it did not converge within `ITERATIONS`.
@@ -317,13 +325,15 @@ def lowest_by_multigrid(
     for _ in range(ITERATIONS):
         r = K @ x - (M @ x) * squares
         towards = deforming(precondition(r))
-        errors = np.abs(np.einsum("ij,ij->j", r, towards) / squares)
+        errors = np.abs((r * towards).sum(axis=0) / squares)
         if errors[:count].max() < CONVERGED:
             return squares[:count], x[:, :count]
         before = x
-        squares, x = _ritz(K, M, np.column_stack([x, towards[:, errors > CONVERGED], step]), size)
+        open_ones = towards[:, errors > CONVERGED]
+        squares, x = _ritz(K, M, np.column_stack([x, open_ones, step]), size)
         step = x - before @ (before.T @ (M @ x))
-    raise SimulationError(f"the modes did not converge in {ITERATIONS} iterations: take --solver superlu.")
+    text = f"the modes did not converge in {ITERATIONS} iterations: take --solver superlu."
+    raise SimulationError(text)
 
 
 def _ritz(K: sp.csr_array, M: sp.csr_array, vectors: Block, count: int) -> tuple[Block, Block]:
@@ -335,7 +345,7 @@ def _ritz(K: sp.csr_array, M: sp.csr_array, vectors: Block, count: int) -> tuple
 
 def orthonormal(vectors: Block, M: sp.csr_array) -> Block:
     """M-orthonormal basis of the columns' span; directions that add nothing are dropped."""
-    vectors = vectors / np.sqrt(np.einsum("ij,ij->j", vectors, M @ vectors))
+    vectors = vectors / np.sqrt((vectors * (M @ vectors)).sum(axis=0))
     for _ in range(2):  # the second pass removes what rounding left of the first
         values, turn = np.linalg.eigh(vectors.T @ (M @ vectors))
         keep = values > 1e-10 * values[-1]
@@ -344,19 +354,20 @@ def orthonormal(vectors: Block, M: sp.csr_array) -> Block:
 
 
 def prolongation(assembly: Assembly) -> sp.csr_array:
-    """Interpolation (dof, coarse) from the free corners to all free nodes: a mid-edge node is the mean of its ends."""
+    """Interpolation (dof, coarse) from the free corners; a mid-edge node is its ends' mean."""
     corners, edges = assembly.basis.nodal_dofs[0], assembly.basis.edge_dofs[0]
     ends = assembly.basis.mesh.edges
     rows = np.concatenate([corners, edges, edges])
-    columns = np.concatenate([np.arange(len(corners)), ends[0], ends[1]])
-    values = np.concatenate([np.ones(len(corners)), np.full(2 * len(edges), 0.5)])
-    scalar = sp.csr_array((values, (rows, columns)), shape=(len(assembly.nodes_um), len(corners)))
+    columns = np.concatenate([np.arange(len(corners)), *ends])
+    values = np.repeat([1.0, 0.5], [len(corners), 2 * len(edges)])
+    shape = len(assembly.nodes_um), len(corners)
+    scalar = sp.csr_array((values, (rows, columns)), shape=shape)
     free_corners = np.flatnonzero(np.isin(corners, assembly.free))
     return sp.kron(scalar[assembly.free][:, free_corners], sp.eye_array(3), format="csr")
 
 
 def _coarse_modes(M: sp.csr_array, apply: Solve, count: int) -> Block:
-    """Roughly the lowest modes (n, count) of the corners' problem, whose stiffness `apply` inverts."""
+    """Roughly the lowest modes (n, count) of the corners' problem; `apply` inverts its K."""
     n = M.shape[0]
     start = np.random.default_rng(5).standard_normal((n, count))
     if n <= 2 * count:
@@ -367,8 +378,8 @@ def _coarse_modes(M: sp.csr_array, apply: Solve, count: int) -> Block:
     return np.asarray(vectors[:, np.argsort(squares)])
 
 
-def two_level(K: sp.csr_array, P: sp.csr_array, coarse: Solve) -> Callable[[Block], Block]:
-    """A symmetric positive approximation of K^-1 acting on blocks (dof, c); `coarse` inverts P^T K P."""
+def two_level(K: sp.csr_array, P: sp.csr_array, coarse: Solve) -> Solve:
+    """A symmetric positive approximation of K^-1 for blocks (dof, c); `coarse` inverts P^T K P."""
     R = P.T.tocsr()
     d = 1 / K.diagonal()[:, None]
     x = np.random.default_rng(0).standard_normal((K.shape[0], 1))
@@ -392,7 +403,6 @@ def two_level(K: sp.csr_array, P: sp.csr_array, coarse: Solve) -> Callable[[Bloc
     def precondition(b: Block) -> Block:
         b = np.asarray(b, dtype=np.float64)
         x = smooth(b, np.zeros_like(b))
-        x = x + P @ coarse(R @ (b - K @ x))
-        return smooth(b, x)
+        return smooth(b, x + P @ coarse(R @ (b - K @ x)))
 
     return precondition

@@ -102,22 +102,19 @@ class Analysis(Tabled):
         people, law = self.population, LAWS[self.law]
         if people is None:
             return None
-        out: list[dict[str, Any]] = []
-        for speed in people.speeds:
-            for i, item in enumerate(law.parameters):
-                value, lower, upper = people.interval(speed, item.name)
-                low, high = people.predictive(speed, item.name)
-                out.append({
-                    "speed": speed, "parameter": item.name, "unit": item.unit, "median": value,
-                    "lower": lower, "upper": upper,
-                    "new_person_lower": low, "new_person_upper": high,
-                    "std_between_persons": float(np.sqrt(people.between[i, i])),
-                    "std_within_person": float(np.sqrt(people.within[i, i])),
-                })  # fmt: skip
+        stds = {
+            "std_between_persons": np.sqrt(np.diag(people.between)),
+            "std_within_person": np.sqrt(np.diag(people.within)),
+        }
+        items = {item.name: (i, item.unit) for i, item in enumerate(law.parameters)}
+        parameters = []
+        for row in people.rows():
+            i, unit = items[row["parameter"]]
+            parameters.append({**row, "unit": unit, **{name: float(std[i]) for name, std in stds.items()}})
         return {
             "law": self.law, "window": self.window, "formula": law.formula,
             "method": "Laplace, restricted maximum likelihood",
-            "persons": people.persons, "parameters": out,
+            "persons": people.persons, "parameters": parameters,
             "diagnostics": {"converged": people.converged, "inside_95_percent": people.inside},
         }  # fmt: skip
 

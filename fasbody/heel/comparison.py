@@ -1,6 +1,5 @@
-"""One law compared with all strikes: each person and speed, another speed, and a person left out."""
+"""One law compared with all strikes: each person and speed, another speed, a person left out."""
 
-import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -8,23 +7,22 @@ from typing import Any
 import numpy as np
 
 from fasbody.exceptions import RecordingError
-from fasbody.heel.estimate import LawFit, Paths, fit
+from fasbody.heel.estimate import LawFit, Paths, fit, pooled
 from fasbody.heel.laws import LAWS, HeelLaw
 from fasbody.heel.strike import Strike
-from fasbody.runner import program
+from fasbody.runner import key, program
 
-Array = np.ndarray
 Groups = Mapping[tuple[str, str], tuple[Strike, ...]]
 Document = dict[str, Any]
 
 
 @dataclass(frozen=True, eq=False)
 class Task:
-    """A law, the window of the strikes that it is compared with, and the strikes.
+    """A law, and the strikes that it is compared with.
 
     Attributes:
         law: key of the law.
-        window: one of `estimate.WINDOWS`.
+        window: of the strikes, one of `estimate.WINDOWS`.
         groups: strikes by person and speed.
         digest: of the study that they are from.
     """
@@ -37,9 +35,7 @@ class Task:
     @property
     def key(self) -> str:
         """Name of the document: of the data, the law and this program."""
-        limits = [(item.name, item.start, item.lower, item.upper) for item in LAWS[self.law].parameters]
-        parts = f"{program(__name__)} {self.digest} {self.law} {self.window} {limits}"
-        return hashlib.sha256(parts.encode()).hexdigest()[:24]
+        return key(program(__name__), self.digest, self.law, self.window)
 
 
 def judge(task: Task) -> Document:
@@ -47,15 +43,21 @@ def judge(task: Task) -> Document:
     law = LAWS[task.law]
     fits: dict[tuple[str, str], LawFit] = {}
     left_out = []
-    for (subject, speed), strikes in task.groups.items():
+    for group, strikes in task.groups.items():
         try:
-            fits[subject, speed] = fit(law, strikes, task.window)
+            fits[group] = fit(law, strikes, task.window)
         except RecordingError as error:
             left_out.append(str(error))
     return {
         "key": task.key, "law": law.key, "window": task.window, "name": law.name,
         "equation": law.equation, "formula": law.formula,
-        "persons": [_person(key, of, len(task.groups[key])) for key, of in fits.items()],
+        "persons": [
+            {"subject": subject, "speed": speed, "strikes": len(task.groups[subject, speed]),
+             "misfit": of.misfit, "offset_mm": 1e3 * of.offset_m,
+             "parameters": {name: vars(item) for name, item in of.parameters.items()},
+             "theta": of.theta, "covariance": of.covariance}
+            for (subject, speed), of in fits.items()
+        ],
         "misfit": float(np.median([of.misfit for of in fits.values()])) if fits else None,
         "at_bound": sum(bool(of.at_bound) for of in fits.values()),
         "other_speed": _other_speed(law, task, fits), "other_person": _other_person(law, task),
@@ -63,25 +65,19 @@ def judge(task: Task) -> Document:
     }  # fmt: skip
 
 
-def _person(key: tuple[str, str], fitted: LawFit, strikes: int) -> Document:
-    return {
-        "subject": key[0], "speed": key[1], "strikes": strikes, "misfit": fitted.misfit,
-        "offset_mm": 1e3 * fitted.offset_m,
-        "parameters": {name: vars(item) for name, item in fitted.parameters.items()},
-        "theta": fitted.theta, "covariance": fitted.covariance,
-    }  # fmt: skip
+def _error(law: HeelLaw, window: str, theta: np.ndarray, strikes: Sequence[Strike], offset_m: float = 0.0) -> float:
+    """Mean error of the force over the peak on strikes that the law was not fitted to."""
+    return float(np.mean(Paths.of(strikes, window).misfits(law, theta, offset_m)))
 
 
 def _other_speed(law: HeelLaw, task: Task, fits: Mapping[tuple[str, str], LawFit]) -> list[Document]:
-    """Errors, over the peak, on a person's normal strikes of the law fitted to the slow ones."""
-    out = []
-    for (subject, speed), fitted in fits.items():
-        target = task.groups.get((subject, "normal"))
-        if speed == "slow" and target:
-            paths = Paths.of(target, task.window)
-            error = float(np.mean(paths.misfits(law, fitted.theta, fitted.offset_m)))
-            out.append({"subject": subject, "from": speed, "to": "normal", "error": error})
-    return out
+    """Errors on a person's normal strikes of the law fitted to the slow ones."""
+    return [
+        {"subject": subject, "from": speed, "to": "normal",
+         "error": _error(law, task.window, of.theta, task.groups[subject, "normal"], of.offset_m)}
+        for (subject, speed), of in fits.items()
+        if speed == "slow" and (subject, "normal") in task.groups
+    ]  # fmt: skip
 
 
 def _other_person(law: HeelLaw, task: Task) -> list[Document]:
@@ -92,47 +88,21 @@ def _other_person(law: HeelLaw, task: Task) -> list[Document]:
     if len(strikes) < 3:
         return []
     theta = pooled(law, [s for group in strikes.values() for s in group], task.window)
-    out = []
+    errors = []
     for name, group in strikes.items():
         others = [s for other in strikes if other != name for s in strikes[other]]
-        of_others = pooled(law, others, task.window, theta)
-        error = float(np.mean(Paths.of(group, task.window).misfits(law, of_others)))
-        out.append({"subject": name, "strikes": len(group), "error": error})
-    return out
-
-
-def pooled(law: HeelLaw, strikes: Sequence[Strike], window: str, start: Array | None = None) -> Array:
-    """Parameters (p,) that fit many people's strikes at once, without offsets.
-
-    Args:
-        law: which.
-        strikes: of all.
-        window: one of `estimate.WINDOWS`.
-        start: parameters (p,) to start from, the law's unless given.
-    """
-    from scipy.optimize import least_squares
-
-    paths = Paths.of(strikes, window)
-    zero = np.zeros(len(paths))
-    bounds = np.log([[item.lower, item.upper] for item in law.parameters]).T
-    first = np.log([item.start for item in law.parameters] if start is None else start)
-    inner = bounds[0] + 1e-6, bounds[1] - 1e-6
-    solution = least_squares(
-        lambda p: paths.residual(law, np.exp(p), zero), np.clip(first, *inner), bounds=bounds,
-        x_scale="jac", max_nfev=60, ftol=1e-6, xtol=1e-6,
-    )  # fmt: skip
-    return np.exp(solution.x)
+        error = _error(law, task.window, pooled(law, others, task.window, theta), group)
+        errors.append({"subject": name, "strikes": len(group), "error": error})
+    return errors
 
 
 def persons(groups: Groups, body_weight_n: Mapping[str, float]) -> list[Document]:
     """What the published analysis says of each person and speed: means of the strikes."""
-    out = []
+    rows = []
     for (subject, speed), strikes in groups.items():
-        names = vars(strikes[0].published)
-        mean = {n: float(np.mean([getattr(s.published, n) for s in strikes])) for n in names}
-        work = float(np.mean([s.work_j for s in strikes]))
-        returned = float(np.mean([s.returned_j for s in strikes]))
-        out.append({
+        mean = {n: float(np.mean([getattr(s.published, n) for s in strikes])) for n in vars(strikes[0].published)}
+        work, returned = (float(np.mean([getattr(s, n) for s in strikes])) for n in ("work_j", "returned_j"))
+        rows.append({
             "subject": subject, "speed": speed, "strikes": len(strikes),
             "compression_at_peak_mm": 1e3 * mean["compression_at_peak_m"],
             "work_to_peak_j": mean["work_to_peak_j"],
@@ -147,4 +117,4 @@ def persons(groups: Groups, body_weight_n: Mapping[str, float]) -> list[Document
             "returned_at_most_j": returned,
             "absorbed_share_at_least": 1.0 - returned / work if work > 0 else None,
         })  # fmt: skip
-    return out
+    return rows

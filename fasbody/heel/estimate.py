@@ -10,6 +10,8 @@ one strike out, linearised, with Student's t.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
 
 import numpy as np
 
@@ -161,12 +163,10 @@ def fit(law: HeelLaw, strikes: Sequence[Strike], window: str = "whole") -> LawFi
     if len(strikes) < 3:
         who = strikes[0] if strikes else "nobody"
         raise RecordingError(f"{who}: fewer than three strikes show no scatter.")
-    search = _Search(law, Paths.of(strikes, window))
-    q, misfit, jacobian, residual = _weighed(search)
-    p, offsets = q[: search.p], OFFSET_STD_M * q[search.p :]
-    low, high = search.bounds
-    rests = np.minimum(p - low, high - p) < _RESTS * (high - low)
-    covariance = _jackknife(jacobian, residual, ~rests)
+    paths, bounds = Paths.of(strikes, window), law.bounds
+    p, offsets, end = _weighed(law, paths)
+    rests = np.minimum(p - bounds[0], bounds[1] - p) < _RESTS * (bounds[1] - bounds[0])
+    covariance = _jackknife(*_blocks(paths, p.size, end), ~rests)
     width = student.ppf(0.5 + 0.5 * LEVEL, len(strikes) - 1) * np.sqrt(np.diag(covariance))
     lower, upper = np.exp(p - width), np.exp(np.minimum(p + width, 700.0))
     parameters = {
@@ -175,93 +175,91 @@ def fit(law: HeelLaw, strikes: Sequence[Strike], window: str = "whole") -> LawFi
         else Interval(float(np.exp(p[i])), float(lower[i]), float(upper[i]), item.unit)
         for i, item in enumerate(law.parameters)
     }
+    misfit = _misfit(paths, end.fun)
     return LawFit(law, window, np.exp(p), covariance, parameters, offsets, misfit)
 
 
-def _weighed(search: "_Search") -> tuple[Array, float, list[Array], list[Array]]:
-    """Unknowns, misfit, and `_Search.blocks`, with offsets weighed by the misfit before."""
-    q, weight = search.start, 0.3 / np.sqrt(_INDEPENDENT)
+def pooled(law: HeelLaw, strikes: Sequence[Strike], window: str, start: Array | None = None) -> Array:
+    """Parameters (p,) that fit many people's strikes at once, without offsets.
+
+    Args:
+        law: which.
+        strikes: of all.
+        window: of `WINDOWS`.
+        start: parameters (p,) to start from, the law's unless given.
+    """
+    from scipy.optimize import least_squares
+
+    paths = Paths.of(strikes, window)
+    first = law.start if start is None else np.log(start)
+    inner = law.bounds + 1e-6 * np.array([[1.0], [-1.0]])
+    end = least_squares(
+        lambda p: paths.residual(law, np.exp(p), np.zeros(len(paths))), np.clip(first, *inner),
+        bounds=inner, x_scale="jac", max_nfev=60, ftol=1e-6, xtol=1e-6,
+    )  # fmt: skip
+    return np.exp(end.x)
+
+
+def _weighed(law: HeelLaw, paths: Paths) -> tuple[Array, Array, Any]:
+    """Logarithms (p,), offsets (g,) [m], and scipy's end, with offsets weighed by the misfit before.
+
+    The unknowns are the logarithms and the offsets in standard deviations; the weight is the error
+    that an offset of one standard deviation counts as.
+    """
+    from scipy.optimize import least_squares
+
+    p, g = len(law.parameters), len(paths)
+    top = np.full(g, OFFSET_M / OFFSET_STD_M)
+    limits = np.r_[law.bounds[0], -top], np.r_[law.bounds[1], top]
+    q, weight = np.r_[law.start, np.zeros(g)], 0.3 / np.sqrt(_INDEPENDENT)
+
+    def residual(q: Array, weight: float) -> Array:
+        errors = paths.residual(law, np.exp(q[:p]), OFFSET_STD_M * q[p:])
+        return np.concatenate([errors, weight * q[p:]])
+
+    def jacobian(q: Array, weight: float) -> Array:
+        """(n + g, p + g); an offset moves the errors of its strike only: all offsets at once."""
+        n, now = paths.force_n.size, residual(q, weight)
+        J = np.zeros((n + g, p + g))
+        for i in range(p):
+            step = _STEP if q[i] + _STEP <= limits[1][i] else -_STEP
+            J[:, i] = (residual(q + step * (np.arange(p + g) == i), weight) - now) / step
+        later = residual(q + _STEP * (np.arange(p + g) >= p), weight)
+        strike = np.repeat(np.arange(g), np.diff(paths.begins))
+        J[np.arange(n), p + strike] = (later - now)[:n] / _STEP
+        J[n + np.arange(g), p + np.arange(g)] = weight
+        return J
+
     for _ in range(_ROUNDS):
-        q, r = search.minimum(q, weight)
-        end = q, search.misfit(r), *search.blocks(q, r, weight)
-        theta, offsets = np.exp(q[: search.p]), OFFSET_STD_M * q[search.p :]
-        before = weight
-        weight = end[1] / np.sqrt(search.paths.independent(search.law, theta, offsets))
+        end = least_squares(
+            residual, np.clip(q, *limits), jacobian, limits, args=(weight,), x_scale="jac",
+            max_nfev=100, ftol=1e-7, xtol=1e-7,
+        )  # fmt: skip
+        q, before = end.x, weight
+        independent = paths.independent(law, np.exp(q[:p]), OFFSET_STD_M * q[p:])
+        weight = _misfit(paths, end.fun) / np.sqrt(independent)
         if abs(weight - before) < 0.05 * weight:
             break
-    return end
+    return q[:p], OFFSET_STD_M * q[p:], end
 
 
-@dataclass(frozen=True, eq=False)
-class _Search:
-    """Least squares of parameters' logarithms and of offsets in standard deviations (p + g,).
+def _misfit(paths: Paths, residual: Array) -> float:
+    """Root mean square of the strikes' errors over the peak."""
+    errors = residual[: paths.force_n.size]
+    return float(np.sqrt(errors @ errors / len(paths)))
 
-    A weight is the error that an offset of one standard deviation counts as.
-    """
 
-    law: HeelLaw
-    paths: Paths
-
-    @property
-    def p(self) -> int:
-        return len(self.law.parameters)
-
-    @property
-    def bounds(self) -> Array:
-        """Of the parameters' logarithms (2, p)."""
-        return np.log([[item.lower, item.upper] for item in self.law.parameters]).T
-
-    @property
-    def start(self) -> Array:
-        first = np.log([item.start for item in self.law.parameters])
-        return np.concatenate([first, np.zeros(len(self.paths))])
-
-    def residual(self, q: Array, weight: float) -> Array:
-        """Errors (n,), and the offsets' prior (g,)."""
-        errors = self.paths.residual(self.law, np.exp(q[: self.p]), OFFSET_STD_M * q[self.p :])
-        return np.concatenate([errors, weight * q[self.p :]])
-
-    def jacobian(self, q: Array, weight: float) -> Array:
-        """Its derivative (n + g, p + g)."""
-        p, g, n = self.p, len(self.paths), self.paths.force_n.size
-        now, out = self.residual(q, weight), np.zeros((n + g, p + g))
-        for i in range(p):
-            step = _STEP if q[i] + _STEP <= self.bounds[1, i] else -_STEP
-            out[:, i] = (self.residual(q + step * (np.arange(p + g) == i), weight) - now) / step
-        later = self.residual(q + _STEP * (np.arange(p + g) >= p), weight)
-        number = np.repeat(np.arange(g), np.diff(self.paths.begins))
-        out[np.arange(n), p + number] = (later - now)[:n] / _STEP  # of its strike only
-        out[n + np.arange(g), p + np.arange(g)] = weight
-        return out
-
-    def minimum(self, start: Array, weight: float) -> tuple[Array, Array]:
-        """Unknowns and residual at the minimum from a start."""
-        from scipy.optimize import least_squares
-
-        top = np.full(len(self.paths), OFFSET_M / OFFSET_STD_M)
-        limits = np.r_[self.bounds[0], -top], np.r_[self.bounds[1], top]
-        end = least_squares(
-            self.residual, np.clip(start, *limits), self.jacobian, limits, args=(weight,),
-            x_scale="jac", max_nfev=100, ftol=1e-7, xtol=1e-7,
-        )  # fmt: skip
-        return end.x, end.fun
-
-    def misfit(self, r: Array) -> float:
-        """Root mean square of the strikes' errors over the peak."""
-        errors = r[: self.paths.force_n.size]
-        return float(np.sqrt(errors @ errors / len(self.paths)))
-
-    def blocks(self, q: Array, r: Array, weight: float) -> tuple[list[Array], list[Array]]:
-        """Jacobian and residual of each strike, less what its offset can imitate."""
-        J, p, n = self.jacobian(q, weight), self.p, self.paths.force_n.size
-        slopes, errors = [], []
-        for k in range(len(self.paths)):
-            part = np.append(np.arange(self.paths.begins[k], self.paths.begins[k + 1]), n + k)
-            unit = J[part, p + k] / np.linalg.norm(J[part, p + k])
-            free = abs(q[p + k]) < OFFSET_M / OFFSET_STD_M - 1e-6
-            slopes.append(J[part, :p] - np.outer(unit, unit @ J[part, :p]) * free)
-            errors.append(r[part] - unit * (unit @ r[part]) * free)
-        return slopes, errors
+def _blocks(paths: Paths, p: int, end: Any) -> tuple[list[Array], list[Array]]:
+    """Jacobian and residual of each strike at the end, less what its offset can imitate."""
+    slopes, errors = [], []
+    for k, (first, last) in enumerate(pairwise(paths.begins)):
+        part = np.append(np.arange(first, last), paths.force_n.size + k)
+        J, r = end.jac[part, :p], end.fun[part]
+        unit = end.jac[part, p + k] / np.linalg.norm(end.jac[part, p + k])
+        free = abs(end.x[p + k]) < OFFSET_M / OFFSET_STD_M - 1e-6
+        slopes.append(J - np.outer(unit, unit @ J) * free)
+        errors.append(r - unit * (unit @ r) * free)
+    return slopes, errors
 
 
 def _jackknife(jacobian: Sequence[Array], residual: Sequence[Array], free: Array) -> Array:

@@ -216,18 +216,16 @@ def _force(ax: Any, steps: "Steps") -> None:
     part = (t > -15) & (t < 70)
     ax.plot(t[part], steps.raw_n[part], color="0.7", label="volts × gain")
     ax.plot(t[part], steps.force_n[part], color=COLOURS[0], label="less the empty plate")
-    for sample, name, shift in (
-        (steps.contact, "contact", (-36, 7)),
-        (steps.peak, "first peak", (5, 5)),
-    ):
-        ax.plot(t[sample], steps.force_n[sample], "o", color=COLOURS[1], ms=4)
-        ax.annotate(name, (t[sample], steps.force_n[sample]), shift, textcoords="offset points")
-    ax.set(
-        title="a  offset, gain, contact, peak",
-        xlabel="time from contact [ms]",
-        ylabel="vertical force [N]",
-    )
+    _mark(ax, t, steps.force_n, {"contact": (steps.contact, (-36, 7)), "first peak": (steps.peak, (5, 5))})
+    ax.set(title="a  offset, gain, contact, peak", xlabel="time from contact [ms]", ylabel="vertical force [N]")
     ax.legend(loc="lower right")
+
+
+def _mark(ax: Any, x: np.ndarray, y: np.ndarray, places: Mapping[str, tuple[int, tuple[int, int]]]) -> None:
+    """Name samples of a curve, each with a shift of its name [points]."""
+    for name, (i, shift) in places.items():
+        ax.plot(x[i], y[i], "o", color=COLOURS[1], ms=4)
+        ax.annotate(name, (x[i], y[i]), shift, textcoords="offset points")
 
 
 def _place(ax: Any, steps: "Steps") -> None:
@@ -246,47 +244,24 @@ def _path(ax: Any, steps: "Steps") -> None:
     """Height of the heel point before and after the filter."""
     t = 1e3 * (steps.frame_time_s - steps.time_s[steps.contact])
     part = (t > -15) & (t < 70)
-    at_contact = steps.path_m[steps.frames[0]]
-    ax.plot(
-        t[part],
-        1e3 * (steps.raw_path_m[part] - at_contact),
-        ".",
-        color="0.6",
-        ms=3,
-        label="markers",
-    )
-    ax.plot(t[part], 1e3 * (steps.path_m[part] - at_contact), color=COLOURS[0], label="filtered")
+    raw, path = (1e3 * (y - steps.path_m[steps.frames[0]]) for y in (steps.raw_path_m, steps.path_m))
+    ax.plot(t[part], raw[part], ".", color="0.6", ms=3, label="markers")
+    ax.plot(t[part], path[part], color=COLOURS[0], label="filtered")
     ax.axhline(0.0, color="0.8", lw=0.6, zorder=0)
-    places = (("contact", (5, 4)), ("first peak", (5, 4)), ("standstill", (-20, -13)))
-    for frame, (name, shift) in zip(steps.frames, places, strict=True):
-        ax.plot(t[frame], 1e3 * (steps.path_m[frame] - at_contact), "o", color=COLOURS[1], ms=4)
-        ax.annotate(
-            name,
-            (t[frame], 1e3 * (steps.path_m[frame] - at_contact)),
-            shift,
-            textcoords="offset points",
-        )
+    names = {"contact": (5, 4), "first peak": (5, 4), "standstill": (-20, -13)}
+    _mark(ax, t, path, dict(zip(names, zip(steps.frames, names.values(), strict=True), strict=True)))
     ax.margins(y=0.15)
-    ax.set(
-        title="c  filter, standstill",
-        xlabel="time from contact [ms]",
-        ylabel="height of the heel point [mm]",
-    )
+    ax.set(title="c  filter, standstill", xlabel="time from contact [ms]", ylabel="height of the heel point [mm]")
     ax.legend(loc="upper right")
 
 
 def _loop(ax: Any, strike: "Strike") -> None:
     """Force over compression, the work to the peak shaded."""
     x, F = 1e3 * strike.compression_m, strike.force_n
+    ends = [strike.peak, strike.standstill]
     ax.fill_between(x[strike.loading], F[strike.loading], color=COLOURS[5], alpha=0.35, lw=0)
     ax.plot(x[strike.whole], F[strike.whole], color=COLOURS[0])
-    ax.plot(
-        x[[strike.peak, strike.standstill]],
-        F[[strike.peak, strike.standstill]],
-        "o",
-        color=COLOURS[1],
-        ms=4,
-    )
+    ax.plot(x[ends], F[ends], "o", color=COLOURS[1], ms=4)
     work = strike.published.work_to_peak_j
     ax.text(0.97, 0.06, f"work to peak {work:.2f} J", transform=ax.transAxes, ha="right")
     ax.set(title="d  force over compression", xlim=(0, None), ylim=(0, None))

@@ -1,13 +1,13 @@
 """Laws of the heel pad: force over compression and its rate, in closed form.
 
-The three of the thesis (Eqs. (4.22) to (4.24), functions of strain) and four beside them (power, exponential,
-Hunt-Crossley, Ogden). Forces are compressive [N], compressions x [m] and rates v [m/s] positive while the heel is
-pressed. The strain is x/h with a nominal thickness h, which was not measured on these people; only products with h are
-identifiable. Where a law gives tension (the damper exceeds the spring) the force is zero, as a heel does not stick to a
-plate.
+The three of the thesis (Eqs. (4.22) to (4.24), functions of strain) and four beside them (power,
+exponential, Hunt-Crossley, Ogden). Forces are compressive [N], compressions x [m] and rates v [m/s]
+positive while the heel is pressed. The strain is x/h with a nominal thickness h, which was not
+measured on these people; only products with h are identifiable. Where a law gives tension (the
+damper exceeds the spring) the force is zero, as a heel does not stick to a plate.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,13 +19,24 @@ from fasbody.foot import damper
 Array = np.ndarray
 #: Thickness of an unloaded heel pad [m]: nominal, as ultrasound finds it in adults.
 THICKNESS_M = 0.018
-#: Relaxation times of Eq. (4.22) [s], held: a strike of 40 ms sampled at 3 kHz does not identify others.
+#: Relaxation times of Eq. (4.22) [s], held: a strike of 40 ms at 3 kHz does not identify others.
 TAU_S = (1e-3, 1.0)
+#: Compression at which the power laws' force is quoted [m]: force and exponent are then nearly
+#: uncorrelated.
+REFERENCE_M = 5e-3
 
 
 @dataclass(frozen=True)
 class Parameter:
-    """A parameter of a law: its symbol, unit, and where the search starts and must stay (all are positive)."""
+    """A parameter of a law, which is positive.
+
+    Attributes:
+        name: symbol.
+        unit: empty where it has none.
+        start: of the search.
+        lower: end of the search.
+        upper: the other end.
+    """
 
     name: str
     unit: str
@@ -38,6 +49,9 @@ class Parameter:
 class HeelLaw:
     """A law of the heel pad.
 
+    Example:
+        >>> LAWS["power"].static_force(np.array([5e-3]), np.array([60.0, 2.5]))
+
     Attributes:
         key: short name.
         name: in words.
@@ -45,7 +59,6 @@ class HeelLaw:
         formula: as one writes it.
         parameters: what is estimated.
         force: of time [s], compression [m], rate [m/s] (n,) and parameters (p,), [N].
-        rate: whether it depends on the rate or the history.
     """
 
     key: str
@@ -54,20 +67,23 @@ class HeelLaw:
     formula: str
     parameters: tuple[Parameter, ...]
     force: Callable[[Array, Array, Array, Array], Array]
-    rate: bool
 
-    def predict(self, time_s: Array, compression_m: Array, rate_m_s: Array, values: Mapping[str, float]) -> Array:
-        """Force (n,) [N] along a path with the parameters by name."""
-        theta = np.array([values[item.name] for item in self.parameters])
-        return self.force(time_s, compression_m, rate_m_s, theta)
+    @property
+    def bounds(self) -> Array:
+        """Of the parameters' logarithms (2, p)."""
+        return np.log([[item.lower, item.upper] for item in self.parameters]).T
+
+    @property
+    def start(self) -> Array:
+        """Of the search: the parameters' logarithms (p,)."""
+        return np.log([item.start for item in self.parameters])
 
     def static_force(self, compression_m: Array, theta: Array) -> Array:
         """Force (n,) [N] of a pad held at each compression (n,) [m]: fully relaxed."""
         x = np.atleast_1d(np.asarray(compression_m, float))
         if self.key == "qlv":
-            return damper.elastic.py_func(x / THICKNESS_M, theta[0], theta[1]) / (
-                1.0 + theta[2] * np.log(TAU_S[1] / TAU_S[0])
-            )
+            relaxed = 1.0 + theta[2] * np.log(TAU_S[1] / TAU_S[0])
+            return damper.elastic.py_func(x / THICKNESS_M, theta[0], theta[1]) / relaxed
         return self.force(np.arange(x.size, dtype=float), x, np.zeros_like(x), theta)
 
 
@@ -79,7 +95,7 @@ def _quasilinear(t: Array, x: Array, v: Array, theta: Array) -> Array:
 
 @njit(cache=True)
 def _relaxed(t: Array, sigma: Array, c: float) -> Array:
-    """Eq. (4.22): the convolution of each exponential, exact for a stress that is linear between samples.
+    """Eq. (4.22): the convolution of each exponential, exact for a stress linear between samples.
 
     A clock that does not rise begins another strike, so that many can stand in one array (n,).
     """
@@ -91,14 +107,16 @@ def _relaxed(t: Array, sigma: Array, c: float) -> Array:
                 h = 0.0
                 continue
             decay = np.exp(-(t[k] - t[k - 1]) / tau)
-            h = h * decay + (sigma[k] - sigma[k - 1]) * tau / (t[k] - t[k - 1]) * (1.0 - decay)
+            rate = (sigma[k] - sigma[k - 1]) / (t[k] - t[k - 1])
+            h = h * decay + rate * tau * (1.0 - decay)
             total[k] += c * weight * h
     return total / (1.0 + c * np.log(TAU_S[1] / TAU_S[0]))
 
 
 def _nonlinear(t: Array, x: Array, v: Array, theta: Array) -> Array:
     e = np.maximum(x, 1e-9) / THICKNESS_M
-    return np.maximum(damper.power_law.py_func(e, v / THICKNESS_M, *theta), 0.0)  # Eq. (4.23), exponents corrected
+    force = damper.power_law.py_func(e, v / THICKNESS_M, *theta)  # Eq. (4.23), exponents corrected
+    return np.maximum(force, 0.0)
 
 
 def _strain_damper(t: Array, x: Array, v: Array, theta: Array) -> Array:
@@ -117,8 +135,7 @@ def _exponential(t: Array, x: Array, v: Array, theta: Array) -> Array:
 
 
 def _hunt_crossley(t: Array, x: Array, v: Array, theta: Array) -> Array:
-    F_5, n, c = theta
-    return np.maximum(F_5 * (np.maximum(x, 0.0) / REFERENCE_M) ** n * (1.0 + c * v), 0.0)
+    return np.maximum(_power(t, x, v, theta[:2]) * (1.0 + theta[2] * v), 0.0)
 
 
 def _ogden(t: Array, x: Array, v: Array, theta: Array) -> Array:
@@ -127,41 +144,33 @@ def _ogden(t: Array, x: Array, v: Array, theta: Array) -> Array:
     return 2.0 * P / alpha * (stretch ** (-0.5 * alpha - 1.0) - stretch ** (alpha - 1.0))
 
 
-#: Compression at which the power laws' force is quoted [m]: force and exponent are then nearly uncorrelated.
-REFERENCE_M = 5e-3
-_F5 = Parameter("F_5", "N", 60.0, 1e-2, 5e3)
-_EXPONENT = Parameter("n", "", 2.5, 0.5, 12.0)
+_F5, _EXPONENT = Parameter("F_5", "N", 60.0, 1e-2, 5e3), Parameter("n", "", 2.5, 0.5, 12.0)
+_A = Parameter("A", "N", 20.0, 1e-3, 5e3)
+_QUASILINEAR = _A, Parameter("B", "", 6.0, 0.1, 40.0), Parameter("c", "", 0.1, 1e-4, 20.0)
+_NONLINEAR = (
+    Parameter("j", "N", 1500.0, 1e-1, 1e7),
+    Parameter("k", "", 2.5, 0.5, 12.0),
+    Parameter("l", "N s^n", 50.0, 1e-4, 1e6),
+    Parameter("m", "", 2.5, 0.1, 12.0),
+    Parameter("n", "", 1.0, 0.1, 3.0),
+)
+_STRAIN = Parameter("E", "N", 600.0, 1e-2, 1e5), Parameter("eta", "N s", 5.0, 1e-4, 1e4)
+_OGDEN = Parameter("P", "N", 30.0, 1e-2, 1e4), Parameter("alpha", "", 4.0, 0.1, 40.0)
 
 LAWS: dict[str, HeelLaw] = {law.key: law for law in (
-    HeelLaw(
-        "qlv", "quasi-linear viscoelastic pad", "4.22", "G(t) * A (exp(B x/h) - 1)",
-        (Parameter("A", "N", 20.0, 1e-3, 5e3), Parameter("B", "", 6.0, 0.1, 40.0), Parameter("c", "", 0.1, 1e-4, 20.0)),
-        _quasilinear, True,
-    ),
-    HeelLaw(
-        "nonlinear", "nonlinear spring and damper", "4.23", "j (x/h)^k + l (x/h)^m |v/h|^n sign(v)",
-        (Parameter("j", "N", 1500.0, 1e-1, 1e7), Parameter("k", "", 2.5, 0.5, 12.0),
-         Parameter("l", "N s^n", 50.0, 1e-4, 1e6), Parameter("m", "", 2.5, 0.1, 12.0),
-         Parameter("n", "", 1.0, 0.1, 3.0)),
-        _nonlinear, True,
-    ),
-    HeelLaw(
-        "strain_damper", "linear spring, strain-proportional damper", "4.24", "E x/h + eta (x/h) v/h",
-        (Parameter("E", "N", 600.0, 1e-2, 1e5), Parameter("eta", "N s", 5.0, 1e-4, 1e4)), _strain_damper, True,
-    ),
-    HeelLaw("power", "power law", "", "F_5 (x/5 mm)^n", (_F5, _EXPONENT), _power, False),
-    HeelLaw(
-        "exponential", "exponential", "", "A (exp(b x) - 1)",
-        (Parameter("A", "N", 20.0, 1e-3, 5e3), Parameter("b", "1/m", 350.0, 5.0, 3e3)), _exponential, False,
-    ),
-    HeelLaw(
-        "hunt_crossley", "Hunt-Crossley", "", "F_5 (x/5 mm)^n (1 + c v)",
-        (_F5, _EXPONENT, Parameter("c", "s/m", 0.5, 1e-4, 20.0)), _hunt_crossley, True,
-    ),
-    HeelLaw(
-        "ogden", "Ogden, one term, incompressible", "", "2 P/alpha (s^(-alpha/2 - 1) - s^(alpha - 1)), s = 1 - x/h",
-        (Parameter("P", "N", 30.0, 1e-2, 1e4), Parameter("alpha", "", 4.0, 0.1, 40.0)), _ogden, False,
-    ),
+    HeelLaw("qlv", "quasi-linear viscoelastic pad", "4.22", "G(t) * A (exp(B x/h) - 1)",
+            _QUASILINEAR, _quasilinear),
+    HeelLaw("nonlinear", "nonlinear spring and damper", "4.23",
+            "j (x/h)^k + l (x/h)^m |v/h|^n sign(v)", _NONLINEAR, _nonlinear),
+    HeelLaw("strain_damper", "linear spring, strain-proportional damper", "4.24",
+            "E x/h + eta (x/h) v/h", _STRAIN, _strain_damper),
+    HeelLaw("power", "power law", "", "F_5 (x/5 mm)^n", (_F5, _EXPONENT), _power),
+    HeelLaw("exponential", "exponential", "", "A (exp(b x) - 1)",
+            (_A, Parameter("b", "1/m", 350.0, 5.0, 3e3)), _exponential),
+    HeelLaw("hunt_crossley", "Hunt-Crossley", "", "F_5 (x/5 mm)^n (1 + c v)",
+            (_F5, _EXPONENT, Parameter("c", "s/m", 0.5, 1e-4, 20.0)), _hunt_crossley),
+    HeelLaw("ogden", "Ogden, one term, incompressible", "",
+            "2 P/alpha (s^(-alpha/2 - 1) - s^(alpha - 1)), s = 1 - x/h", _OGDEN, _ogden),
 )}  # fmt: skip
 
 
@@ -172,5 +181,5 @@ def law(key: str) -> HeelLaw:
         SettingError: there is none; the message lists those that exist.
     """
     if key not in LAWS:
-        raise SettingError(f"{unknown('law of the heel', key, LAWS)}.")
+        raise SettingError(f"{unknown('law of the heel', key, LAWS)}.", "law")
     return LAWS[key]

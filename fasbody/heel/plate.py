@@ -1,7 +1,7 @@
 """A force plate: from the volts of its channels to newtons, and to the point where the force acts.
 
-The gains and distances are those of Baines, Schwab and van Soest (2018), doi 10.1371/journal.pone.0197428, unless a
-study.toml says otherwise.
+The gains and distances are those of Baines, Schwab and van Soest (2018), doi
+10.1371/journal.pone.0197428, unless a study.toml says otherwise.
 """
 
 from dataclasses import dataclass
@@ -31,7 +31,10 @@ class Plate:
     reach_m: tuple[float, float] = (0.12, 0.2)
 
     def gain(self, calibration_volts: np.ndarray) -> float:
-        """Newtons a volt, the mean over the calibrations (n,), each the sum of the vertical channels under `mass_kg`.
+        """Newtons a volt: the mean over calibrations.
+
+        Args:
+            calibration_volts: (n,), each the sum of the vertical channels under `mass_kg`.
 
         Raises:
             RecordingError: there is no calibration, or it is no plausible one.
@@ -44,7 +47,7 @@ class Plate:
         return float(np.mean(self.mass_kg * self.gravity_m_s2 / volts))
 
     def newtons(self, volts: np.ndarray, offset_volts: np.ndarray, gain: float) -> np.ndarray:
-        """Forces (n, 4) [N] of the vertical sensors, less what the empty plate showed before the trial.
+        """Forces (n, 4) [N] of the vertical sensors, less what the empty plate showed before.
 
         Args:
             volts: (n, 8) channels: x (2), y (2), z (4).
@@ -54,10 +57,9 @@ class Plate:
         return gain * (np.asarray(volts, float)[:, 4:] - np.asarray(offset_volts, float)[4:])
 
     def application(self, forces: np.ndarray) -> np.ndarray:
-        """Point of application (n, 2) [m] of the four forces (n, 4) [N]; NaN where the sum is nothing."""
+        """Point of application (n, 2) [m] of four forces (n, 4) [N]; NaN where the sum is nothing."""
         f1, f2, f3, f4 = forces.T
-        total = forces.sum(axis=1)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            x = self.centre_m[0] + self.reach_m[0] * (f2 + f3 - f1 - f4) / total
-            y = self.centre_m[1] + self.reach_m[1] * (f1 + f2 - f3 - f4) / total
-        return np.where(total[:, None] == 0.0, np.nan, np.column_stack([x, y]))
+        total = np.where(forces.sum(axis=1) == 0.0, np.nan, forces.sum(axis=1))
+        x = self.centre_m[0] + self.reach_m[0] * (f2 + f3 - f1 - f4) / total
+        y = self.centre_m[1] + self.reach_m[1] * (f1 + f2 - f3 - f4) / total
+        return np.column_stack([x, y])

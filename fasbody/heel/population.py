@@ -79,6 +79,16 @@ class Population(Tabled):
         mean, variance, scatter = self._moments(speed, name)
         return _interval(mean, variance + scatter, self.persons)[1:]
 
+    def rows(self) -> list[dict[str, Any]]:
+        """One a speed and parameter: median, its interval, and where a new person lies."""
+        keys = ("median", "lower", "upper", "new_person_lower", "new_person_upper")
+        return [
+            {"speed": speed, "parameter": name}
+            | dict(zip(keys, (*self.interval(speed, name), *self.predictive(speed, name)), strict=True))
+            for speed in self.speeds
+            for name in self.names
+        ]
+
     def draws(self, speed: str, count: int = 2000, seed: int = 0) -> Array:
         """Parameters (count, p) of new persons."""
         p, s = len(self.names), self.speeds.index(speed)

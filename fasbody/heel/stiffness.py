@@ -5,6 +5,7 @@ the load.
 """
 
 from collections.abc import Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -17,6 +18,8 @@ from fasbody.heel.strike import Strike
 LOADS_N = (43.0, 66.0, 88.0)
 #: The parabola goes through the samples whose force lies between these shares of the load.
 _AROUND = (0.6, 1.4)
+#: And which are nearer than so many samples to the first above it.
+_BESIDE = 30
 #: Pad of the bundled synthetic subject [N/m].
 BUNDLED_K_F = 9.4e4
 
@@ -27,17 +30,15 @@ def slopes(strike: Strike, loads_n: Sequence[float] = LOADS_N) -> np.ndarray:
     NaN where it does not reach a load or has too few samples.
     """
     F, x = strike.force_n[strike.loading], strike.compression_m[strike.loading]
-    low, high = _AROUND
-    out = []
-    for load_n in loads_n:
-        beside = np.abs(np.arange(F.size) - int(np.argmax(load_n < F))) < 30
-        near = np.flatnonzero((low * load_n < F) & (high * load_n > F) & beside)
-        if F.max() > high * load_n and near.size > 3 and np.ptp(x[near]) > 0:
+    out = np.full(len(loads_n), np.nan)
+    for k, load_n in enumerate(loads_n):
+        low, high = (share * load_n for share in _AROUND)
+        beside = np.abs(np.arange(F.size) - int(np.argmax(load_n < F))) < _BESIDE
+        near = np.flatnonzero((low < F) & (high > F) & beside)
+        if F.max() > high and near.size > 3 and np.ptp(x[near]) > 0:
             at = float(np.interp(load_n, F[near], x[near]))
-            out.append(float(np.polyfit(1e3 * (x[near] - at), F[near], 2)[1]) * 1e3)
-        else:
-            out.append(np.nan)
-    return np.array(out)
+            out[k] = float(np.polyfit(1e3 * (x[near] - at), F[near], 2)[1]) * 1e3
+    return out
 
 
 def measured(groups: Groups, loads_n: Sequence[float] = LOADS_N) -> list[Population]:
@@ -46,15 +47,15 @@ def measured(groups: Groups, loads_n: Sequence[float] = LOADS_N) -> list[Populat
     Raises:
         RecordingError: fewer than four persons reach the loads.
     """
-    logs = {key: np.log([slopes(s, loads_n) for s in group]) for key, group in groups.items()}
+    logs = {who: np.log([slopes(s, loads_n) for s in group]).T for who, group in groups.items()}
     out = []
     for k, load_n in enumerate(loads_n):
-        observed = []
-        for (subject, speed), values in logs.items():
-            known = values[np.isfinite(values[:, k]), k]
-            if known.size >= 3:
-                covariance = np.array([[np.var(known, ddof=1) / known.size]])
-                observed.append(Observed(subject, speed, np.array([known.mean()]), covariance))
+        known = {who: values[k][np.isfinite(values[k])] for who, values in logs.items()}
+        observed = [
+            Observed(*who, np.array([v.mean()]), np.array([[np.var(v, ddof=1) / v.size]]))
+            for who, v in known.items()
+            if v.size >= 3
+        ]
         out.append(estimate([f"{load_n:g} N"], observed))
     return out
 
@@ -69,17 +70,10 @@ def of_model() -> dict[str, float]:
     }  # fmt: skip
 
 
-def rows(populations: Sequence[Population], beside: Mapping[str, float]) -> list[dict[str, object]]:
+def rows(populations: Sequence[Population], beside: Mapping[str, float]) -> list[dict[str, Any]]:
     """One row a load and speed: median, interval, and where a new person lies, with `beside`."""
-    out: list[dict[str, object]] = []
-    for population in populations:
-        (name,) = population.names
-        for speed in population.speeds:
-            value, lower, upper = population.interval(speed, name)
-            low, high = population.predictive(speed, name)
-            out.append({
-                "load_n": float(name.removesuffix(" N")), "speed": speed,
-                "stiffness_n_per_m": value, "lower": lower, "upper": upper,
-                "new_person_lower": low, "new_person_upper": high, **beside,
-            })  # fmt: skip
+    out = []
+    for row in (row for population in populations for row in population.rows()):
+        load_n = float(row.pop("parameter").removesuffix(" N"))
+        out.append({"load_n": load_n, "stiffness_n_per_m": row.pop("median"), **row, **beside})
     return out

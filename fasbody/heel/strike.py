@@ -1,8 +1,8 @@
-"""One heel strike: force over compression and rate, by the published procedure with each correction a named step.
+"""One heel strike: force over compression and rate, each correction of the procedure a named step.
 
-The procedure is that of Baines, Schwab and van Soest (2018), doi 10.1371/journal.pone.0197428, as their public scripts
-do it. The compression is the fall of a heel point fixed to the shank, so everything between the skin of the heel and
-the shank is in it: fat pad, bones, arch and ankle.
+The procedure is that of Baines, Schwab and van Soest (2018), doi 10.1371/journal.pone.0197428, as
+their public scripts do it. The compression is the fall of a heel point fixed to the shank, so
+everything between the skin of the heel and the shank is in it: fat pad, bones, arch and ankle.
 """
 
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ STEPS = {
     "filter": "the heel point's path, Butterworth of order 2 forwards and backwards, over the stretch without gaps",
     "standstill": "where the heel point's vertical velocity turns positive",
     "travel": "for the laws only: the path smoothed gently, as the filter above rounds a strike of 15 ms",
-}  # fmt: skip
+}
 #: Cut-off of the filter over the Nyquist frequency, and its order.
 CUTOFF, ORDER = 0.15, 2
 #: Frames and order of the gentle smoothing (Savitzky-Golay) of the path that the laws see.
@@ -35,6 +35,8 @@ THRESHOLD_N = 100.0
 TRUSTED = 0.25
 #: How far the markers' distance may be from that of the standing person, relative.
 RIGID = 0.1
+#: Frames around the contact that the filter needs.
+_FEWEST = 20
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,12 +44,13 @@ class Trial:
     """What was recorded of one strike.
 
     Attributes:
-        subject, speed, number: which it is.
+        subject: the person.
+        speed: of walking.
+        number: of the trial.
         force_volts: (n, 8).
         offset_volts: (8,) of the empty plate.
         first_sample: index of the first row in the whole trial.
-        markers_m: (m, 2, 3), the lower marker first, NaN where
-        hidden.
+        markers_m: (m, 2, 3), the lower marker first, NaN where hidden.
         first_frame: index of the first frame in the whole trial; both clocks start together.
     """
 
@@ -66,17 +69,19 @@ class Trial:
 
 @dataclass(frozen=True)
 class Published:
-    """The numbers of the published analysis of one strike, SI.
+    """The numbers of the published analysis of one strike, from contact on.
 
     Attributes:
-        compression_at_peak_m, deepest_m: fall of the heel point from contact to the first force
-            peak and to standstill.
-        work_to_peak_j, work_to_standstill_j: of the vertical force.
+        compression_at_peak_m: fall of the heel point to the first force peak.
+        deepest_m: to standstill.
+        work_to_peak_j: of the vertical force.
+        work_to_standstill_j: likewise.
         contact_speed_m_s: downward, at contact.
-        time_to_peak_s, time_to_standstill_s: from contact.
+        time_to_peak_s: of the first force peak.
+        time_to_standstill_s: of the end.
         peak_n: force there.
-        turned: whether the heel point did
-        come to a stand; else the end is where its acceleration turns, as in the authors' scripts.
+        turned: whether the heel point came to a stand; else the end is where its acceleration
+            turns, as in the authors' scripts.
     """
 
     compression_at_peak_m: float
@@ -95,14 +100,20 @@ class Strike(Tabled):
     """Force over compression of one strike, from contact on.
 
     Attributes:
-        subject, speed, number: which it is.
-        time_s, force_n, compression_m, rate_m_s: (n,) from contact, the rate
-        positive while the heel is pressed.
+        subject: the person.
+        speed: of walking.
+        number: of the trial.
+        time_s: (n,).
+        force_n: (n,).
+        compression_m: (n,).
+        rate_m_s: (n,), positive while the heel is pressed.
         peak: sample of the first force peak.
-        standstill: of the end of the contact
-        that the laws are held against.
+        standstill: sample at the end of the contact that the laws are held against.
         origin: "measured" or "synthetic".
         published: the numbers of the published analysis.
+
+    Example:
+        >>> read_csv("drop.csv").work_j
     """
 
     subject: str
@@ -117,8 +128,7 @@ class Strike(Tabled):
     origin: str
     published: Published
 
-    def __str__(self) -> str:
-        return f"subject {self.subject}, {self.speed}, trial {self.number}"
+    __str__ = Trial.__str__
 
     @property
     def whole(self) -> slice:
@@ -174,15 +184,17 @@ class Steps:
     """What each correction of a trial made, for the figure and for the strike.
 
     Attributes:
-        time_s, raw_n, force_n: (n,) clock of the whole trial, force with the plate's offset still
-            in it, and without.
-        contact, peak: samples.
+        time_s: (n,) clock of the whole trial.
+        raw_n: (n,) force with the plate's offset still in it.
+        force_n: (n,) without.
+        contact: sample.
+        peak: sample.
         application_m: (k, 3) points of application in the shank's frame.
-        heel_point_m: (3,)
-        their mean.
-        frame_time_s, raw_path_m, path_m, velocity_m_s: (m,) height of the heel point before and
-            after the
-        filter, and its velocity upwards, over the stretch without gaps.
+        heel_point_m: (3,) their mean.
+        frame_time_s: (m,) clock of the stretch without gaps.
+        raw_path_m: (m,) height of the heel point before the filter.
+        path_m: (m,) after it.
+        velocity_m_s: (m,) upwards.
         frames: those of contact, peak and standstill.
         turned: whether the heel point stands there.
     """
@@ -213,7 +225,7 @@ def heel_strike(trial: Trial, plate: Plate, gain: float, distance_m: float, rate
         rate_hz: frames of the markers a second.
 
     Raises:
-        RecordingError: no markers, hidden or exchanged markers, or no strike; one sentence that names the trial.
+        RecordingError: no markers, hidden or exchanged markers, or no strike; it names the trial.
     """
     from scipy.interpolate import CubicSpline
     from scipy.signal import savgol_filter
@@ -224,31 +236,28 @@ def heel_strike(trial: Trial, plate: Plate, gain: float, distance_m: float, rate
         raise RecordingError(f"{trial}: {error}") from None
     frame_0, frame_peak, stand = steps.frames
     time, frame_time = steps.time_s, steps.frame_time_s
-    last = int(np.searchsorted(time, frame_time[-1], side="right")) - 1
-    part = slice(steps.contact, last + 1)
-    filtered = np.interp(time[part], frame_time, steps.path_m)
-    filtered, F = filtered[0] - filtered, steps.force_n[part]
+    part = slice(steps.contact, int(np.searchsorted(time, frame_time[-1], side="right")))
+    filtered, F = np.interp(time[part], frame_time, steps.path_m), steps.force_n[part]
     smooth, rise = (savgol_filter(steps.raw_path_m, *GENTLE, deriv=k, delta=1.0 / rate_hz) for k in (0, 1))
     travel = CubicSpline(frame_time, smooth)(time[part])
     x, v = travel[0] - travel, -CubicSpline(frame_time, rise)(time[part])
     k = steps.peak - steps.contact
-    standstill = _nearest(frame_time[stand] * plate.rate_hz) - 1 - trial.first_sample - steps.contact
-    standstill = min(standstill, x.size - 1)
+    end = _nearest(frame_time[stand] * plate.rate_hz) - 1 - trial.first_sample - steps.contact
+    end = min(end, x.size - 1)
+    loading, whole = (float(np.trapezoid(F[: last + 1], filtered[0] - filtered[: last + 1])) for last in (k, end))
     published = Published(
         compression_at_peak_m=float(steps.path_m[frame_0] - steps.path_m[frame_peak]),
         deepest_m=float(steps.path_m[frame_0] - steps.path_m[stand]),
-        work_to_peak_j=float(np.trapezoid(F[: k + 1], filtered[: k + 1])),
-        work_to_standstill_j=float(np.trapezoid(F[: standstill + 1], filtered[: standstill + 1])),
+        work_to_peak_j=loading,
+        work_to_standstill_j=whole,
         contact_speed_m_s=float(-steps.velocity_m_s[frame_0]),
         time_to_peak_s=float(time[steps.peak] - time[steps.contact]),
         time_to_standstill_s=float(frame_time[stand] - time[steps.contact]),
         peak_n=float(steps.force_n[steps.peak]),
         turned=steps.turned,
     )
-    return Strike(
-        trial.subject, trial.speed, trial.number, time[part] - time[part.start], F, x, v, k, standstill, "measured",
-        published,
-    )  # fmt: skip
+    name = trial.subject, trial.speed, trial.number
+    return Strike(*name, time[part] - time[part.start], F, x, v, k, end, "measured", published)
 
 
 def corrected(trial: Trial, plate: Plate, gain: float, distance_m: float, rate_hz: float) -> Steps:
@@ -267,12 +276,14 @@ def corrected(trial: Trial, plate: Plate, gain: float, distance_m: float, rate_h
         for i in (contact, peak)
     )
     lower, upper = trial.markers_m[:, 0], trial.markers_m[:, 1]
-    if not 0 < frame_0 < frame_peak < len(lower) or not np.isfinite(trial.markers_m[frame_0 : frame_peak + 1]).all():
+    strike = trial.markers_m[max(frame_0, 0) : frame_peak + 1]
+    if not 0 < frame_0 < frame_peak < len(lower) or not np.isfinite(strike).all():
         raise RecordingError("a marker is hidden between contact and the first force peak.")
     _check_markers(lower[frame_0], upper[frame_0], distance_m)
     first = int(np.flatnonzero(force[: peak + 1] > TRUSTED * force[peak])[0])
     trusted = np.arange(first, min(2 * peak - first, force.size - 1) + 1)
-    application = _in_the_shank(plate.application(forces)[trusted], time[trusted], frame_time, lower, upper)
+    floor = plate.application(forces)[trusted]
+    application = _in_the_shank(floor, time[trusted], frame_time, lower, upper)
     heel = application.mean(axis=0)
     height = shank.out_of(heel, lower, shank.frames(lower, upper))[:, 2]
     known, path = _filtered(height, frame_0)
@@ -281,26 +292,27 @@ def corrected(trial: Trial, plate: Plate, gain: float, distance_m: float, rate_h
     stand, turned = _standstill(velocity, frame_0, frame_peak)
     raw = gain * np.asarray(trial.force_volts, float)[:, 4:].sum(axis=1)
     return Steps(
-        time, raw, force, contact, peak, application, heel, frame_time[known], height[known], path, velocity,
-        (frame_0, frame_peak, stand), turned,
+        time, raw, force, contact, peak, application, heel, frame_time[known], height[known], path,
+        velocity, (frame_0, frame_peak, stand), turned,
     )  # fmt: skip
 
 
 def _check_markers(lower: np.ndarray, upper: np.ndarray, distance_m: float) -> None:
-    """At contact the lower marker is the lower one, and both are as far apart as on the standing person."""
+    """At contact the lower marker is lower, and both are as far apart as on the standing person."""
     if lower[2] >= upper[2]:
         raise RecordingError("the markers are exchanged: the one that is lower on the standing person is higher here.")
     gap_m = float(np.linalg.norm(upper - lower))
     if abs(gap_m - distance_m) > RIGID * distance_m:
         raise RecordingError(
-            f"the markers are {1e3 * gap_m:.0f} mm apart and {1e3 * distance_m:.0f} mm on the standing person, so they "
-            "are not on one rigid shank."
+            f"the markers are {1e3 * gap_m:.0f} mm apart and {1e3 * distance_m:.0f} mm on the "
+            "standing person, so they are not on one rigid shank."
         )
 
 
 def _in_the_shank(
-    application: np.ndarray, time: np.ndarray, frame_time: np.ndarray, lower: np.ndarray, upper: np.ndarray
-) -> np.ndarray:
+    application: np.ndarray, time: np.ndarray, frame_time: np.ndarray, lower: np.ndarray,
+    upper: np.ndarray,
+) -> np.ndarray:  # fmt: skip
     """Points of application (k, 3) [m] in the shank's frame, the floor being at z = 0."""
     a, b = np.searchsorted(frame_time, [time[0], time[-1]])
     near = slice(max(a - 1, 0), b + 1)
@@ -309,24 +321,24 @@ def _in_the_shank(
     floor = np.column_stack([application, np.zeros(len(application))])
     local = shank.into(floor, seen[:, :3], shank.frames(seen[:, :3], seen[:, 3:]))
     if not np.isfinite(local).all():
-        raise RecordingError("a marker is hidden while the heel point is found.")
+        raise RecordingError("a marker is hidden where the heel point is computed.")
     return local
 
 
 def _filtered(path: np.ndarray, contact: int) -> tuple[slice, np.ndarray]:
-    """The stretch without gaps around the contact, and the path over it, filtered forwards and backwards."""
+    """The stretch without gaps around the contact, and the path over it, filtered both ways."""
     from scipy.signal import butter, filtfilt
 
     hidden = np.flatnonzero(~np.isfinite(path))
-    before, after = hidden[hidden < contact], hidden[hidden > contact]
-    known = slice(int(before[-1]) + 1 if before.size else 0, int(after[0]) if after.size else path.size)
-    if known.stop - known.start < 20:
+    first = int(max(hidden[hidden < contact], default=-1)) + 1
+    known = slice(first, int(min(hidden[hidden > contact], default=path.size)))
+    if known.stop - known.start < _FEWEST:
         raise RecordingError("the markers are seen for too few frames around the contact to be filtered.")
     return known, filtfilt(*butter(ORDER, CUTOFF), path[known])
 
 
 def _standstill(velocity: np.ndarray, contact: int, peak: int) -> tuple[int, bool]:
-    """Frame where the heel point stands, and whether it does; else where its acceleration turns, as the authors do."""
+    """Frame where the heel point stands, True; else where its acceleration turns, as published."""
     window = slice(peak, peak + 2 * (peak - contact) + 1)
     for values, turned in ((velocity, True), (-np.gradient(velocity), False)):
         crossings = np.flatnonzero(values[window] >= 0.0)

@@ -1,8 +1,9 @@
-"""A study of heel strikes on disk: raw volts and markers (NPZ, one file a person), or force over compression (CSV).
+"""A study of heel strikes on disk: raw volts and markers (NPZ, one file a person), or CSV.
 
-`study.toml` says `kind = "heel strikes"` and `origin = "measured"` or `"synthetic"`. A folder of raw files has tables
-[plate], [markers] and [sha256]; a folder of CSV has `strikes.csv` with the columns file, subject, speed, and files with
-`time_s,force_n,compression_m`. What cannot be read is one sentence, and the rest goes on.
+`study.toml` says `kind = "heel strikes"` and `origin = "measured"` or `"synthetic"`. A folder of
+raw files has tables [plate], [markers] and [sha256]; a folder of CSV has `strikes.csv` with the
+columns file, subject, speed, and files with `time_s,force_n,compression_m`. What cannot be read is
+one sentence, and the rest goes on.
 """
 
 import hashlib
@@ -13,25 +14,30 @@ import zipfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
+from pydantic import BaseModel, ConfigDict, ValidationError, create_model
 
 from fasbody.exceptions import FasError, InputFileError, RecordingError, unknown
 from fasbody.heel.plate import Plate
-from fasbody.heel.strike import THRESHOLD_N, Published, Steps, Strike, Trial, contact_and_peak, corrected, heel_strike
+from fasbody.heel.strike import (
+    THRESHOLD_N,
+    Published,
+    Steps,
+    Strike,
+    Trial,
+    contact_and_peak,
+    corrected,
+    heel_strike,
+)
 from fasbody.presentation import Tabled
+from fasbody.runner import key
 
 #: What study.toml calls such a study.
 KIND = "heel strikes"
 #: The study that is shipped.
 BUNDLED = Path(__file__).parent.parent / "studies" / "heel_strikes"
-_TABLES = {
-    "study": ("name", "kind", "origin", "licence", "doi", "source", "description", "threshold_n"),
-    "plate": tuple(field.name for field in fields(Plate)),
-    "markers": ("rate_hz",),
-    "sha256": (),
-}
 _TRIAL = re.compile(r"([^_]+)_(\w+)_force_volts")
 #: Markers nearer to each other than this were not there [m]: a torn file has zeros.
 _APART_M = 0.01
@@ -41,16 +47,55 @@ _FEWEST = 10
 _DEEPEST_M = 0.1
 
 
+class _Table(BaseModel):
+    """A table of study.toml: no key that it does not have, and no number written as text."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+
+
+class _Study(_Table):
+    kind: Literal["heel strikes"]
+    origin: Literal["measured", "synthetic"]
+    name: str = ""
+    licence: str = ""
+    doi: str = ""
+    source: str = ""
+    description: str = ""
+    threshold_n: float = THRESHOLD_N
+
+
+_KEYS: Any = {field.name: (field.type, field.default) for field in fields(Plate)}
+_Plate = create_model("_Plate", __base__=_Table, **_KEYS)
+
+
+class _Markers(_Table):
+    rate_hz: float = 1293.5
+
+
+class _Document(_Table):
+    study: _Study
+    plate: _Plate = _Plate()  # type: ignore[valid-type]
+    markers: _Markers = _Markers()
+    sha256: dict[str, str] = {}
+
+
 @dataclass(frozen=True)
 class HeelStudy(Tabled):
     """Strikes of people, all read.
 
     Attributes:
-        name, origin, licence, doi, description: what study.toml says.
+        name: of study.toml, or of the folder.
+        origin: "measured" or "synthetic".
+        licence: of study.toml, as the two below.
+        doi: of its publication.
+        description: in words.
         strikes: in the order of the files.
         problems: one sentence for each person, file or strike that could not be used.
         body_weight_n: by subject, where it is known.
         digest: of everything that was read.
+
+    Example:
+        >>> HeelStudy.read().groups()["05", "normal"][0].work_j
     """
 
     name: str
@@ -69,11 +114,11 @@ class HeelStudy(Tabled):
 
     def groups(self) -> dict[tuple[str, str], tuple[Strike, ...]]:
         """The strikes of each person and speed, in order."""
-        by_person: dict[tuple[str, str], tuple[Strike, ...]] = {}
+        groups: dict[tuple[str, str], tuple[Strike, ...]] = {}
         for strike in self.strikes:
-            key = strike.subject, strike.speed
-            by_person[key] = (*by_person.get(key, ()), strike)
-        return by_person
+            group = strike.subject, strike.speed
+            groups[group] = (*groups.get(group, ()), strike)
+        return groups
 
     @classmethod
     def read(cls, folder: Path | str = BUNDLED) -> "HeelStudy":
@@ -83,119 +128,77 @@ class HeelStudy(Tabled):
             InputFileError: study.toml is missing or wrong, or nothing in the folder can be used.
         """
         folder = Path(folder)
-        file = folder / "study.toml"
-        document = _document(file)
-        about = {
-            "name": folder.resolve().name,
-            "licence": "",
-            "doi": "",
-            "description": "",
-            **document.get("study", {}),
-        }
-        if about.get("origin") not in ("measured", "synthetic"):
-            raise InputFileError(
-                file, f"origin is {about.get('origin')!r}", 'say origin = "measured" or "synthetic" under [study]'
-            )
-        raw = sorted(folder.glob("*.npz"))
-        if raw:
-            outcomes, weights = _raw(raw, document)
+        document = _document(folder / "study.toml")
+        about, weights = document.study, dict[str, float]()
+        if raw := sorted(folder.glob("*.npz")):
+            outcomes = list(_raw(raw, document, weights))
         else:
-            threshold = _number(file, "threshold_n", about.get("threshold_n", THRESHOLD_N))
-            outcomes, weights = list(_tables(folder, threshold, about["origin"])), {}
+            outcomes = list(_tables(folder, about.threshold_n, about.origin))
         strikes = tuple(outcome for outcome in outcomes if isinstance(outcome, Strike))
         problems = tuple(outcome for outcome in outcomes if isinstance(outcome, str))
         if not strikes:
-            raise InputFileError(folder, f"no heel strike can be used ({problems[0] if problems else 'no files'})")
-        digest = hashlib.sha256()
-        for strike in strikes:
-            for field in fields(strike):
-                value = getattr(strike, field.name)
-                content = (
-                    np.ascontiguousarray(value).tobytes() if isinstance(value, np.ndarray) else repr(value).encode()
-                )
-                digest.update(field.name.encode() + content)
+            why = problems[0] if problems else "no files"
+            raise InputFileError(folder, f"no heel strike can be used ({why})")
+        values = (value for strike in strikes for value in vars(strike).values())
+        digest = key(*(v.tobytes() if isinstance(v, np.ndarray) else repr(v) for v in values))
         return cls(
-            about["name"], about["origin"], about["licence"], about["doi"], about["description"].strip(), strikes,
-            problems, weights, digest.hexdigest(),
+            about.name or folder.resolve().name, about.origin, about.licence, about.doi,
+            about.description.strip(), strikes, problems, weights, digest,
         )  # fmt: skip
 
 
 def is_heel_study(folder: Path) -> bool:
     """Whether the study.toml of a folder says that it is one of heel strikes."""
     try:
-        document = tomllib.loads((folder / "study.toml").read_text("utf-8"))
+        table = tomllib.loads((folder / "study.toml").read_text("utf-8")).get("study", {})
     except (OSError, ValueError):
         return False
-    table = document.get("study", {})
     return isinstance(table, dict) and table.get("kind") == KIND
 
 
-def _document(file: Path) -> dict[str, Any]:
-    """study.toml, its tables and keys known."""
+def _document(file: Path) -> _Document:
+    """study.toml, its tables, keys and values checked."""
+    say = f'say kind = "{KIND}" under [study]'
     if not file.is_file():
-        raise InputFileError(file, "no such file", f'a study of heel strikes needs study.toml with kind = "{KIND}"')
+        raise InputFileError(file, "no such file", f"a study of heel strikes needs one: {say}")
     try:
-        document = tomllib.loads(file.read_text("utf-8"))
+        content = tomllib.loads(file.read_text("utf-8"))
     except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
         raise InputFileError(file, f"is not TOML ({error})") from None
-    for table, content in document.items():
-        if table not in _TABLES:
-            raise InputFileError(file, unknown("table", table, _TABLES))
-        for key in content if isinstance(content, dict) else ():
-            if _TABLES[table] and key not in _TABLES[table]:
-                raise InputFileError(file, unknown(f"key of [{table}]", key, _TABLES[table]))
-    if not isinstance(document.get("study"), dict) or document["study"].get("kind") != KIND:
-        raise InputFileError(file, "is no study of heel strikes", f'say kind = "{KIND}" under [study]')
-    return document
+    if not is_heel_study(file.parent):
+        raise InputFileError(file, "is no study of heel strikes", say)
+    if isinstance(plate := content.get("plate"), dict):  # TOML has no tuples
+        content["plate"] = {k: tuple(v) if isinstance(v, list) else v for k, v in plate.items()}
+    try:
+        return _Document.model_validate(content)
+    except ValidationError as error:
+        first = error.errors()[0]
+    table, *rest = map(str, first["loc"])
+    if first["type"] == "extra_forbidden":
+        tables: dict[str, type[BaseModel]] = {"study": _Study, "plate": _Plate, "markers": _Markers}
+        valid = (tables[table] if rest else _Document).model_fields
+        name = f"key of [{table}]" if rest else "table"
+        raise InputFileError(file, unknown(name, (rest or [table])[0], valid))
+    place = f"[{table}] {'.'.join(rest)}"
+    value = "missing" if first["type"] == "missing" else repr(first["input"])
+    raise InputFileError(file, f"{place} is {value}", first["msg"][:1].lower() + first["msg"][1:])
 
 
-def _raw(files: list[Path], document: dict[str, Any]) -> tuple[list[Strike | str], dict[str, float]]:
-    """Strikes and sentences of raw files, and the body weights [N]."""
-    plate, rate, known = _plate(document)
-    outcomes: list[Strike | str] = [f"{name}: is listed in study.toml and is not there."
-                                 for name in known if name not in {file.name for file in files}]  # fmt: skip
-    weights = {}
+def _raw(files: list[Path], document: _Document, weights: dict[str, float]) -> Iterator[Strike | str]:
+    """Strikes and sentences of raw files; body weights [N] go into `weights`."""
+    for name in document.sha256.keys() - {file.name for file in files}:
+        yield f"{name}: is listed in study.toml and is not there."
     for file in files:
-        subject = file.stem.rpartition("_")[2]
         try:
-            person = Person.read(file, plate, rate, known.get(file.name))
-            weights[subject] = person.body_weight_n
-            outcomes += person.strikes()
+            person = Person.read(file, document)
+            weights[person.subject] = person.body_weight_n
+            yield from person.strikes()
         except RecordingError as error:
-            outcomes.append(f"{file.name}: {error}")
-        except (ValueError, TypeError, IndexError, KeyError) as error:  # an array of another kind or shape
-            outcomes.append(
-                f"{file.name}: holds arrays that no raw file has ({error}); see README.md of the bundled study."
-            )
+            yield f"{file.name}: {error}"
         except FasError as error:
-            outcomes.append(str(error))
-    return outcomes, weights
-
-
-def _plate(document: dict[str, Any]) -> tuple[Plate, float, dict[str, str]]:
-    """The plate, the markers' rate [Hz] and the digests that study.toml gives."""
-    settings: dict[str, Any] = {}
-    for key, value in document.get("plate", {}).items():
-        where = Path("study.toml")
-        if isinstance(value, list):
-            if len(value) != 2:
-                raise InputFileError(where, f"[plate] {key} has {len(value)} numbers", "give two, [x, y]")
-            settings[key] = tuple(_number(where, f"[plate] {key}", coordinate) for coordinate in value)
-        else:
-            settings[key] = _number(where, f"[plate] {key}", value)
-    rate = _number(Path("study.toml"), "[markers] rate_hz", document.get("markers", {}).get("rate_hz", 1293.5))
-    return Plate(**settings), rate, document.get("sha256", {})
-
-
-def _number(file: Path, name: str, value: object) -> float:
-    """A number of study.toml that is above or below zero.
-
-    Raises:
-        InputFileError: it is none.
-    """
-    if isinstance(value, bool) or not isinstance(value, int | float) or not np.isfinite(value):
-        raise InputFileError(file, f"{name} is {value!r}", "give a number")
-    return float(value)
+            yield str(error)
+        except (ValueError, TypeError, IndexError, KeyError) as error:  # arrays of another kind
+            yield (f"{file.name}: holds arrays that no raw file has ({error}); see README.md of the bundled study.")
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,11 +207,11 @@ class Person(Tabled):
 
     Attributes:
         subject: the file's number.
-        plate, gain: what makes newtons of volts.
-        rate_hz: of the markers. lower_first:
-        whether the first marker is the lower one on the standing person.
-        distance_m: between the two, NaN if that is
-        not known.
+        plate: what makes, with the gain, newtons of volts.
+        gain: [N/V].
+        rate_hz: of the markers.
+        lower_first: whether the first marker is the lower one on the standing person.
+        distance_m: between the two, NaN if that is not known.
         body_weight_n: NaN if it is not known.
         arrays: what the file holds.
     """
@@ -225,144 +228,162 @@ class Person(Tabled):
     @classmethod
     def bundled(cls, subject: str) -> "Person":
         """A person of the shipped study."""
-        plate, rate, known = _plate(_document(BUNDLED / "study.toml"))
         file = BUNDLED / f"subject_{subject}.npz"
         if not file.is_file():
             raise InputFileError(file, "no such file", "valid: 02 to 13")
-        return cls.read(file, plate, rate, known.get(file.name))
+        return cls.read(file, _document(BUNDLED / "study.toml"))
 
     @classmethod
-    def read(cls, file: Path, plate: Plate, rate_hz: float, sha256: str | None = None) -> "Person":
-        """Read a raw file; a wrong digest, a broken file and a missing calibration are errors."""
-        arrays = _arrays(file, sha256)
+    def read(cls, file: Path, document: _Document) -> "Person":
+        """Read a raw file.
+
+        Raises:
+            InputFileError: it is broken, or not the one that study.toml lists.
+            RecordingError: there is no calibration.
+        """
+        arrays = _arrays(file, document.sha256.get(file.name))
+        plate = Plate(**dict(document.plate))
         gain = plate.gain(arrays.get("calibration_volts", np.array([])))
         weight = gain * float(np.mean(arrays.get("standing_volts", np.array([np.nan]))))
-        lower_first, distance = _standing(arrays.get("standing_markers_mm"))
-        return cls(file.stem.rpartition("_")[2], plate, gain, rate_hz, lower_first, distance, weight, arrays)
+        standing = _standing(arrays.get("standing_markers_mm"))
+        subject = file.stem.rpartition("_")[2]
+        return cls(subject, plate, gain, document.markers.rate_hz, *standing, weight, arrays)
 
     def names(self) -> list[tuple[str, str]]:
         """Speed and number of each trial."""
-        return [match.groups() for match in map(_TRIAL.fullmatch, self.arrays) if match]  # type: ignore[misc]
+        matches = [match for match in map(_TRIAL.fullmatch, self.arrays) if match]
+        return [(match[1], match[2]) for match in matches]
 
     def trial(self, speed: str, number: str) -> Trial:
         """One trial.
 
         Raises:
-            RecordingError: its arrays have shapes that no trial has.
+            RecordingError: an array is missing, or has a shape that no trial has.
         """
         stem = f"{speed}_{number}"
-        force = np.asarray(self.arrays[f"{stem}_force_volts"], float)
-        markers = 1e-3 * np.asarray(self.arrays.get(f"{stem}_markers_mm", np.empty((0, 6))), float)
-        if force.ndim != 2 or force.shape[1] != 8 or markers.ndim != 2 or markers.shape[1] != 6:
-            raise RecordingError(
-                f"subject {self.subject}, {speed}, trial {number}: the arrays have shapes {force.shape} and "
-                f"{markers.shape}; valid: (n, 8) volts and (m, 6) millimetres."
-            )
-        needed = ["offset_volts", "first_force_sample", *(["first_marker_frame"] if len(markers) else [])]
-        missing = [name for name in needed if f"{stem}_{name}" not in self.arrays]
-        if missing:
-            raise RecordingError(
-                f"subject {self.subject}, {speed}, trial {number}: no {stem}_{missing[0]}, without which "
-                "force and markers do not belong together."
-            )
-        offset = np.asarray(self.arrays[f"{stem}_offset_volts"], float)
-        if offset.shape != (8,):
-            raise RecordingError(
-                f"subject {self.subject}, {speed}, trial {number}: the offsets have shape {offset.shape}, not (8,)."
-            )
-        pairs = markers.reshape(-1, 2, 3)
+
+        def array(name: str, columns: int, default: Any = None) -> np.ndarray:
+            values = np.asarray(self.arrays.get(f"{stem}_{name}", default), float)
+            if values.ndim == 0 or values.shape[-1] != columns:
+                raise RecordingError(
+                    f"subject {self.subject}, {speed}, trial {number}: {name} has shape "
+                    f"{values.shape}, and {columns} columns are needed."
+                )
+            return values
+
+        force = array("force_volts", 8)
+        pairs = 1e-3 * array("markers_mm", 6, np.empty((0, 6))).reshape(-1, 2, 3)
+        for name in ("first_force_sample", *(["first_marker_frame"] if len(pairs) else [])):
+            if f"{stem}_{name}" not in self.arrays:
+                raise RecordingError(
+                    f"subject {self.subject}, {speed}, trial {number}: no {stem}_{name}, without "
+                    "which force and markers do not belong together."
+                )
         return Trial(
-            self.subject, speed, number, force, offset, int(self.arrays[f"{stem}_first_force_sample"]),
-            pairs if self.lower_first else pairs[:, ::-1], int(self.arrays.get(f"{stem}_first_marker_frame", 0)),
+            self.subject, speed, number, force, array("offset_volts", 8),
+            int(self.arrays[f"{stem}_first_force_sample"]),
+            pairs if self.lower_first else pairs[:, ::-1],
+            int(self.arrays.get(f"{stem}_first_marker_frame", 0)),
         )  # fmt: skip
 
     def steps(self, speed: str, number: str) -> Steps:
         """What each correction made of a trial."""
-        return corrected(self.trial(speed, number), self.plate, self.gain, self.distance_m, self.rate_hz)
+        trial = self.trial(speed, number)
+        return corrected(trial, self.plate, self.gain, self.distance_m, self.rate_hz)
 
-    def strikes(self) -> list[Strike | str]:
-        """Every strike, or the sentence on why it cannot be used; trials without markers share one."""
-        outcomes: list[Strike | str] = []
+    def strike(self, trial: Trial) -> Strike:
+        """Force over compression of a trial."""
+        return heel_strike(trial, self.plate, self.gain, self.distance_m, self.rate_hz)
+
+    def strikes(self) -> Iterator[Strike | str]:
+        """Every strike, or why it cannot be used; trials without markers share a sentence."""
         without = 0
         for speed, number in self.names():
             try:
                 trial = self.trial(speed, number)
-                if not len(trial.markers_m):
+                if len(trial.markers_m):
+                    yield self.strike(trial)
+                else:
                     without += 1
-                    continue
-                outcomes.append(heel_strike(trial, self.plate, self.gain, self.distance_m, self.rate_hz))
             except RecordingError as error:
-                outcomes.append(str(error))
+                yield str(error)
         if without:
-            outcomes.append(
+            yield (
                 f"subject {self.subject}: {without} trials have no markers, so they have a force and no compression."
             )
-        return outcomes
 
 
 def _arrays(file: Path, sha256: str | None) -> dict[str, np.ndarray]:
     """The arrays of an NPZ file without pickles, its digest checked where study.toml has one."""
     try:
         data = file.read_bytes()
-    except OSError as error:
-        raise InputFileError(file, f"cannot be read ({error.strerror})") from None
-    if sha256 is not None and hashlib.sha256(data).hexdigest() != sha256:
-        raise InputFileError(file, "is not the file that study.toml lists (its SHA-256 differs)", "fetch it again")
-    try:
+        if sha256 is not None and hashlib.sha256(data).hexdigest() != sha256:
+            text = "is not the file that study.toml lists (its SHA-256 differs)"
+            raise InputFileError(file, text, "fetch it again")
         with np.load(io.BytesIO(data), allow_pickle=False) as content:
             return {name: content[name] for name in content.files}
     except (OSError, ValueError, EOFError, zipfile.BadZipFile) as error:
-        raise InputFileError(
-            file, f"cannot be read ({str(error) or type(error).__name__})", "an NPZ file is needed"
-        ) from None
+        text = f"cannot be read ({str(error) or type(error).__name__})"
+        raise InputFileError(file, text, "an NPZ file is needed") from None
 
 
 def _standing(markers_mm: np.ndarray | None) -> tuple[bool, float]:
-    """Whether the first marker is the lower one on the standing person, and how far apart they are [m]."""
-    if markers_mm is None or not markers_mm.size:
-        return True, np.nan
-    pairs = 1e-3 * np.asarray(markers_mm, float).reshape(-1, 2, 3)
-    apart = np.linalg.norm(pairs[:, 1] - pairs[:, 0], axis=1)
+    """Whether the first marker of the standing person is the lower one, and their distance [m]."""
+    pairs = 1e-3 * np.asarray([] if markers_mm is None else markers_mm, float).reshape(-1, 2, 3)
+    along = pairs[:, 1] - pairs[:, 0]
+    apart = np.linalg.norm(along, axis=1)
     seen = np.isfinite(apart) & (apart > _APART_M)
     if not seen.any():
         return True, np.nan
-    return bool(np.median(pairs[seen, 1, 2] - pairs[seen, 0, 2]) > 0), float(np.median(apart[seen]))
+    return bool(np.median(along[seen, 2]) > 0), float(np.median(apart[seen]))
 
 
 def _tables(folder: Path, threshold_n: float, origin: str) -> Iterator[Strike | str]:
     """Strikes of `strikes.csv`, or the sentence on each that could not be used."""
-    import pandas as pd
-
-    file = folder / "strikes.csv"
-    try:
-        table = pd.read_csv(file, dtype=str, keep_default_na=False)
-    except FileNotFoundError:
-        raise InputFileError(
-            file, "no such file", "a study needs strikes.csv (file, subject, speed) or NPZ files"
-        ) from None
-    except (OSError, ValueError) as error:
-        raise InputFileError(file, f"cannot be read ({error})") from None
-    missing = [name for name in ("file", "subject", "speed") if name not in table]
-    if missing:
-        raise InputFileError(file, f"has no column {missing[0]!r}", "valid: file, subject, speed")
-    for number, row in enumerate(table.itertuples(), 1):
+    names = ("file", "subject", "speed")
+    table = _table(folder / "strikes.csv", names, dtype=str, keep_default_na=False)
+    for number, (name, subject, speed) in enumerate(table[list(names)].to_numpy(), 1):
         try:
-            yield read_csv(folder / str(row.file), str(row.subject), str(row.speed), str(number), threshold_n, origin)
+            yield read_csv(folder / name, subject, speed, str(number), threshold_n, origin)
         except FasError as error:
             yield str(error)
 
 
+def _table(file: Path, names: tuple[str, ...], **options: Any) -> Any:
+    """A CSV file with these columns, and others beside.
+
+    Raises:
+        InputFileError: it cannot be read, or a column is missing.
+    """
+    import pandas as pd
+
+    valid = f"valid: a CSV file with {','.join(names)}"
+    try:
+        table = pd.read_csv(file, **options).rename(columns=lambda name: str(name).strip())
+    except FileNotFoundError:
+        raise InputFileError(file, "no such file", valid) from None
+    except (OSError, ValueError) as error:
+        raise InputFileError(file, f"cannot be read ({error})", valid) from None
+    for name in names:
+        if name not in table:
+            raise InputFileError(file, f"has no column {name!r}", valid)
+    return table
+
+
 def read_csv(
-    file: Path | str, subject: str = "1", speed: str = "", number: str = "1", threshold_n: float = THRESHOLD_N,
-    origin: str = "measured",
+    file: Path | str, subject: str = "1", speed: str = "", number: str = "1",
+    threshold_n: float = THRESHOLD_N, origin: str = "measured",
 ) -> Strike:  # fmt: skip
     """A strike from a CSV file with `time_s,force_n,compression_m`: a walker's, or a drop test's.
 
-    Contact and peak are found as for the raw files; the compression counts from the contact. Nothing is filtered.
+    Contact and peak are those of the raw files; the compression counts from the contact. Nothing
+    is filtered.
 
     Args:
         file: the table.
-        subject, speed, number: what to call it.
+        subject: what to call the person.
+        speed: what to call it.
+        number: of the strike.
         threshold_n: force that only the strike makes [N].
         origin: "measured" or "synthetic".
 
@@ -372,41 +393,33 @@ def read_csv(
     """
     import pandas as pd
 
-    names = ("time_s", "force_n", "compression_m")
-    try:
-        table = pd.read_csv(file, comment="#")
-    except FileNotFoundError:
-        raise InputFileError(file, "no such file") from None
-    except (OSError, ValueError) as error:
-        raise InputFileError(file, f"cannot be read ({error})", f"valid: a CSV file with {','.join(names)}") from None
-    table.columns = [str(name).strip() for name in table.columns]
-    for name in names:
-        if name not in table:
-            raise InputFileError(file, f"has no column {name!r}", f"valid: {','.join(names)}")
-    numbers = [np.asarray(pd.to_numeric(table[name], errors="coerce"), float) for name in names]
-    wrong = [int(np.flatnonzero(~np.isfinite(values))[0]) for values in numbers if not np.isfinite(values).all()]
-    if wrong:
-        raise InputFileError(file, "a cell is no number", "time, force and compression must be finite", min(wrong) + 2)
+    file, names = Path(file), ("time_s", "force_n", "compression_m")
+    table = _table(file, names, comment="#")
+    numbers = np.array([pd.to_numeric(table[name], errors="coerce") for name in names], float)
+    if (wrong := np.flatnonzero(~np.isfinite(numbers).all(axis=0))).size:
+        valid = "time, force and compression must be finite"
+        raise InputFileError(file, "a cell is no number", valid, int(wrong[0]) + 2)
     t, F, x = numbers
     if t.size < _FEWEST or not (np.diff(t) > 0).all():
-        raise InputFileError(file, "the clock does not run, or there are fewer than ten samples", "time_s must rise")
+        text = "the clock does not run, or there are fewer than ten samples"
+        raise InputFileError(file, text, "time_s must rise")
     try:
         contact, peak = contact_and_peak(F, threshold_n)
     except RecordingError as error:
         raise RecordingError(f"{file}: {error}") from None
     t, F, x = t[contact:] - t[contact], F[contact:], x[contact:] - x[contact]
-    v, k = np.gradient(x, t), peak - contact
+    v, k, deepest = np.gradient(x, t), peak - contact, np.abs(x).max()
     if x[k] <= 0.0:
-        raise RecordingError(f"{file}: the compression falls while the force rises; pressing must be positive.")
-    if np.abs(x).max() > _DEEPEST_M:
-        raise RecordingError(
-            f"{file}: the compression reaches {np.abs(x).max():.3g} m, more than a heel has; give metres."
-        )
+        text = "the compression falls while the force rises; pressing must be positive."
+        raise RecordingError(f"{file}: {text}")
+    if deepest > _DEEPEST_M:
+        text = f"the compression reaches {deepest:.3g} m, more than a heel has; give metres."
+        raise RecordingError(f"{file}: {text}")
     back = np.flatnonzero(v[k:] <= 0.0)
     stand = k + int(back[0]) if back.size else t.size - 1
+    loading, whole = (float(np.trapezoid(F[: end + 1], x[: end + 1])) for end in (k, stand))
     published = Published(
-        float(x[k]), float(x[stand]), float(np.trapezoid(F[: k + 1], x[: k + 1])),
-        float(np.trapezoid(F[: stand + 1], x[: stand + 1])), float(v[0]), float(t[k]), float(t[stand]), float(F[k]),
-        bool(back.size),
+        float(x[k]), float(x[stand]), loading, whole, float(v[0]), float(t[k]), float(t[stand]),
+        float(F[k]), bool(back.size),
     )  # fmt: skip
     return Strike(subject, speed, number, t, F, x, v, k, stand, origin, published)

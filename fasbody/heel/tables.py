@@ -19,16 +19,17 @@ def show(result: Analysis) -> None:
     results.print(_persons(result))
     results.print(_laws(result))
     if result.population is not None:
-        title = f"Population: {LAWS[result.law].formula}"
-        units = {item.name: item.unit for item in LAWS[result.law].parameters}
-        results.print(_intervals(title, "parameter", [result.population], 1.0, units))
+        law = LAWS[result.law]
+        units = {item.name: rf"{item.name} \[{item.unit}]" for item in law.parameters if item.unit}
+        heads = ("speed", "parameter")
+        results.print(_intervals(f"Population: {law.formula}", heads, [result.population], 1, units))
     if result.slopes:
         title = r"Slope of the loading where the foot rests on the shaker \[kN/m]"
-        results.print(_intervals(title, "load", result.slopes, 1e-3, {}))
+        results.print(_intervals(title, ("load", "speed"), result.slopes, 1e-3, {}))
     for sentence in result.sentences():
         results.print(sentence, markup=False, soft_wrap=True)
-    seconds = f"{result.computed} of {len(result.laws)} laws computed in {result.seconds:.0f} s"
-    console.print(seconds)
+    computed = f"{result.computed} of {len(result.laws)} laws computed"
+    console.print(f"{computed} in {result.seconds:.0f} s")
 
 
 def _persons(result: Analysis) -> Table:
@@ -47,13 +48,8 @@ def _persons(result: Analysis) -> Table:
 
 
 def _laws(result: Analysis) -> Table:
-    table = Table(
-        "law",
-        "Eq.",
-        "contact",
-        title="Laws: error of the force over its peak",
-        title_justify="left",
-    )
+    title = "Laws: error of the force over its peak"
+    table = Table("law", "Eq.", "contact", title=title, title_justify="left")
     for head in ("own strikes", "slow to normal", "another person", "on a bound"):
         table.add_column(head, justify="right")
     for d in result.laws:
@@ -67,16 +63,15 @@ def _laws(result: Analysis) -> Table:
     return table
 
 
-def _intervals(title: str, of: str, populations: Sequence[Population], scale: float, units: dict[str, str]) -> Table:
+def _intervals(
+    title: str, heads: tuple[str, str], populations: Sequence[Population], scale: float, names: dict[str, str]
+) -> Table:
     """Medians of populations, their intervals, and where a new person lies."""
-    by_speed = [(speed, p, name) for p in populations for speed in p.speeds for name in p.names]
-    heads = ("speed", of) if of == "parameter" else (of, "speed")
-    table = Table(*heads, "median", "95 % interval", "a new person, 95 %", title=title,
-                  title_justify="left")  # fmt: skip
-    for speed, people, name in by_speed:
-        value, lower, upper = (scale * x for x in people.interval(speed, name))
-        low, high = (scale * x for x in people.predictive(speed, name))
-        unit = rf" \[{units[name]}]" if units.get(name) else ""
-        first = (speed, name + unit) if of == "parameter" else (name, speed)
-        table.add_row(*first, f"{value:.3g}", f"{lower:.3g} to {upper:.3g}", f"{low:.3g} to {high:.3g}")
+    columns = (*heads, "median", "95 % interval", "a new person, 95 %")
+    table = Table(*columns, title=title, title_justify="left")
+    for row in (row for people in populations for row in people.rows()):
+        name = names.get(row["parameter"], row["parameter"])
+        first = (row["speed"], name) if heads[0] == "speed" else (name, row["speed"])
+        value, *ends = (f"{scale * row[key]:.3g}" for key in list(row)[2:])
+        table.add_row(*first, value, " to ".join(ends[:2]), " to ".join(ends[2:]))
     return table

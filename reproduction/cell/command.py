@@ -9,8 +9,6 @@ from fasbody.cell.options import (
     PresetOption,
     ShapeOption,
     SizeOption,
-    check_count,
-    mesh_size,
     report,
 )
 from fasbody.console import console, progress_bar, to_json, write_whole
@@ -31,8 +29,8 @@ def sweep(
     """
     chosen = preset(preset_name)
     dome = Dome(*shape(shape_text), chosen.height_um)
-    check_count(modes)
     from fasbody.cell.dome import SHAPES
+    from fasbody.cell.mesh import MeshSize
     from reproduction.cell.sweep import YEAST_PA, summarise, sweep_moduli, sweep_shapes
 
     with progress_bar() as progress:
@@ -41,15 +39,9 @@ def sweep(
         def advance() -> None:
             progress.advance(task)
 
-        by_shape = sweep_shapes(chosen, size=mesh_size(size), count=modes, advance=advance)
-        by_modulus = sweep_moduli(
-            chosen,
-            dome,
-            moduli=(*MODULI_PA, YEAST_PA),
-            size=mesh_size(size),
-            count=modes,
-            advance=advance,
-        )
+        sizes, moduli = MeshSize.of(size), (*MODULI_PA, YEAST_PA)
+        by_shape = sweep_shapes(chosen, size=sizes, count=modes, advance=advance)
+        by_modulus = sweep_moduli(chosen, dome, moduli=moduli, size=sizes, count=modes, advance=advance)
     summary = summarise(by_shape, by_modulus)
     printed, direct = by_modulus.without_last(), by_modulus.analyses[-1]
     document = {
@@ -80,6 +72,7 @@ def verify(preset_name: PresetOption = "as-reproduced", as_json: JsonOption = Fa
     Examples:
       python -m fasbody.cell verify
     """
+    from fasbody.cell.mesh import MeshSize
     from reproduction.cell.verification import (
         check_beams,
         check_plates,
@@ -95,7 +88,7 @@ def verify(preset_name: PresetOption = "as-reproduced", as_json: JsonOption = Fa
             *check_sphere(),
             *check_beams(),
             *check_plates(),
-            *check_scaling(chosen, dome, mesh_size(6.0)),
+            *check_scaling(chosen, dome, MeshSize.of(6.0)),
         ]
         study = convergence(chosen, dome)
     document = {"checks": [check.document() for check in checks], "convergence": study.document()}

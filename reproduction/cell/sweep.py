@@ -13,9 +13,9 @@ from fasbody.cell.analysis import Analysis, analyse, assemblies
 from fasbody.cell.dome import SHAPES, Dome
 from fasbody.cell.materials import MODULI_PA, Preset
 from fasbody.cell.mesh import MeshSize
-from fasbody.cell.modeshape import Match, track_along
 from fasbody.exceptions import SettingError
 from fasbody.presentation import Tabled
+from reproduction.cell.tracking import Match, track_along
 
 #: Modulus of the yeast cells that section 5.5 extrapolates to [Pa].
 YEAST_PA = 0.75e6
