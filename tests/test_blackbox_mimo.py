@@ -10,7 +10,7 @@ from typer.testing import CliRunner
 from fasbody.exceptions import FasError, InputFileError, SettingError
 from identification.blackbox import mimo
 from identification.blackbox.__main__ import app
-from identification.blackbox.data import read_csv
+from identification.blackbox.data import Series, read_csv
 
 A = np.array([[0.9, 0.2, 0.0], [-0.2, 0.9, 0.1], [0.0, 0.0, 0.6]])
 B = np.array([[1.0, 0.0], [0.3, 0.5], [0.0, 1.0]])
@@ -18,14 +18,14 @@ C = np.array([[1.0, 0.0, 0.5], [0.0, 1.0, -1.0]])
 FREQUENCY = np.array([0.02, 0.1, 0.3])
 
 
-def plant(n: int, noise: float, seed: int = 0) -> mimo.Channels:
+def plant(n: int, noise: float, seed: int = 0) -> Series:
     rng = np.random.default_rng(seed)
     u, x, y = rng.standard_normal((n, 2)), np.zeros(3), np.empty((n, 2))
     for t in range(n):
         y[t] = C @ x
         x = A @ x + B @ u[t]
     y += noise * y.std(axis=0) * rng.standard_normal((n, 2))
-    return mimo.Channels(u, y, 1.0, "plant", ("u1", "u2"), ("y1", "y2"))
+    return Series(u, y, 1.0, "plant", (("u1", "u2"), ("y1", "y2")))
 
 
 def exact() -> np.ndarray:
@@ -51,7 +51,7 @@ def test_orders_and_responses_are_found(report: mimo.MimoReport) -> None:
 def test_exact_data_give_the_exact_plant() -> None:
     """Without noise both structures return the poles and the answer to a fresh input from rest."""
     record = plant(600, 0.0)
-    for found in (mimo.arx(record, 2, 2, 1), mimo._space(record, 3).model(3)):
+    for found in (mimo.arx(record, 2, 2, 1), mimo._space(record, 3)):
         poles = np.linalg.eigvals(found.A)
         for pole in np.linalg.eigvals(A):
             assert np.abs(poles - pole).min() < 1e-6
@@ -69,7 +69,7 @@ def test_intervals_of_arx_hold_the_truth() -> None:
         u, e, y = rng.standard_normal((300, 2)), rng.standard_normal((300, 2)), np.zeros((300, 2))
         for t in range(1, 300):
             y[t] = -a1 @ y[t - 1] + b1 @ u[t - 1] + e[t]
-        found = mimo.arx(mimo.Channels(u, y, 1.0, "a", ("u1", "u2"), ("y1", "y2")), 1, 1, 1)
+        found = mimo.arx(Series(u, y, 1.0, "a", (("u1", "u2"), ("y1", "y2"))), 1, 1, 1)
         inside.append(np.abs(found.theta - truth) < 1.96 * found.std_error)
     assert np.mean(inside) == pytest.approx(0.95, abs=0.03)
 

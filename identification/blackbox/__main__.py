@@ -112,16 +112,14 @@ def _several(
 
     if len(files) != 1:
         raise SettingError("several inputs or outputs are fitted from one file at a time.")
-    inputs, outputs = map(_names, columns)
-    if not inputs or not outputs:
+    if not all(map(_names, columns)):
         raise SettingError("several inputs or outputs need both --input and --output.")
     chosen = structures or mimo.STRUCTURES
     numbers = parse_orders(orders, chosen)
     if out is not None:
         make_folder(out)
-    pairs = [[data.read_csv(files[0], input=u, output=y, sample_time=sample_time) for u in inputs] for y in outputs]
-    pairs = [[condition.detrend(series, detrend) for series in row] for row in pairs]
-    report = mimo.identify(mimo.Channels.of(pairs), chosen, numbers, split)
+    series = data.read_csv(files[0], input=columns[0], output=columns[1], sample_time=sample_time)
+    report = mimo.identify(condition.detrend(series, detrend), chosen, numbers, split)
     console.print(str(report), markup=False, soft_wrap=True)
     if json:
         print_json(report.document())

@@ -166,7 +166,9 @@ def identify(
     places = shown_frequencies(seen, [m.best.model for m in models.values()], pooled[0].sample_time)
     models = {name: replace(m, response=m.selection.curve(places)) for name, m in models.items()}
     rational, left_out = _through_points(pooled)
-    free = None if seen.lines or seen.single_sine else frequency.local(referee.estimation, shown_frequencies(seen))
+    continuous = not (seen.lines or seen.single_sine)
+    band = seen.band_hz[0], seen.band_hz[-1]
+    free = frequency.local(referee.estimation, shown_frequencies(seen), band) if continuous else None
     title = pooled[0].name if len(pooled) == 1 else f"{len(pooled)} recordings pooled"
     return Report(
         title, tuple(referee.estimation), tuple(chooser.validation), seen, state, tuple(notes), models, left_out,

@@ -192,12 +192,10 @@ def refine(model: Narx, recordings: Sequence[Series]) -> Narx:
     problem = _Simulation(recordings, model)
     if not np.isfinite(problem.at(model.theta).loss):
         return replace(model, loss=np.inf, warnings=("free simulation diverges on the estimation data",))
-    minimum = minimise(problem, model.theta, iterations=30, tolerance=1e-2)
-    warnings = () if minimum.converged else ("the iterations ended before the loss stopped falling",)
-    return replace(
-        model, theta=minimum.theta, loss=minimum.at.loss, samples=minimum.at.samples,
-        spread=spread(minimum.at, coloured=True), warnings=warnings,
-    )  # fmt: skip
+    theta, at, converged = minimise(problem, model.theta, evaluations=30, tolerance=1e-2)
+    warnings = () if converged else ("the iterations ended before the loss stopped falling",)
+    root = spread(at, coloured=True)
+    return replace(model, theta=theta, loss=at.loss, samples=at.samples, spread=root, warnings=warnings)
 
 
 def estimate(

@@ -235,15 +235,15 @@ def estimate(
     u_scale = float(np.sqrt(np.mean(np.concatenate([s.u for s in pooled]) ** 2)))
     y_scale = float(np.sqrt(np.mean(np.concatenate([s.y for s in pooled]) ** 2)))
     problem = _Problem(pooled, orders, p, q, u_scale, y_scale)
-    minimum = minimise(problem, np.concatenate([start.theta, np.zeros(p - 1 + q)]), iterations=100)
-    root = spread(minimum.at, coloured=True)
+    theta, at, converged = minimise(problem, np.concatenate([start.theta, np.zeros(p - 1 + q)]), evaluations=100)
+    root = spread(at, coloured=True)
     count = orders.nb + orders.nf
     block = PolynomialModel(
-        "oe", orders, minimum.theta[:count], root[:count], minimum.at.loss, minimum.at.samples, pooled[0].sample_time
+        "oe", orders, theta[:count], root[:count], at.loss, at.samples, pooled[0].sample_time
     )
-    warnings: tuple[str, ...] = () if minimum.converged else ("the iterations ended before the loss stopped falling",)
+    warnings: tuple[str, ...] = () if converged else ("the iterations ended before the loss stopped falling",)
     count_of = min(levels(series.u) for series in pooled)
     if p >= count_of:
         warnings += (f"an input of {count_of:g} levels cannot identify an input polynomial of degree {p}",)
-    terms, out = np.split(minimum.theta[count:], [p - 1])
-    return HammersteinWiener(block, terms, out, u_scale, y_scale, minimum.at.loss, minimum.at.samples, warnings)
+    terms, out = np.split(theta[count:], [p - 1])
+    return HammersteinWiener(block, terms, out, u_scale, y_scale, at.loss, at.samples, warnings)

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike
 from fasbody.exceptions import SettingError
 from identification.blackbox import criteria
 from identification.blackbox.data import Series
-from identification.blackbox.filters import outlasting
+from identification.blackbox.filters import as_columns, outlasting
 from identification.blackbox.frequency import Response
 
 if TYPE_CHECKING:
@@ -80,20 +80,32 @@ class Candidate:
 def judge(model: "Model", validation: Sequence[Series]) -> Candidate:
     """The model with its fit over all held-out parts together, in free simulation.
 
+    Several outputs count alike, as shares of their standard deviations.
+
     The first n_k samples respond to inputs before the part, which are fitted with its initial state: they do not count.
     """
     plant = getattr(model, "linear", model)
     delay = getattr(getattr(plant, "orders", None), "nk", 0)
     fitted = np.concatenate([np.arange(len(series)) < min(delay, len(series) // 2) for series in validation])
-    measured = np.concatenate([series.y - series.y.mean() for series in validation])
-    simulated = np.concatenate([model.simulate(series) - series.y.mean() for series in validation])
-    squares = (measured - simulated) ** 2
+    scale = np.std(np.concatenate([series.y for series in validation]), axis=0)
+    measured = np.concatenate([series.y - series.y.mean(axis=0) for series in validation]) / scale
+    simulated = [model.simulate(series) - series.y.mean(axis=0) for series in validation]
+    missed = measured - np.concatenate(simulated) / scale
+    squares = as_columns(missed**2).mean(axis=1)
     squares[fitted] = np.mean(squares[~fitted])
     blocks = np.array([np.mean(part) for part in np.array_split(squares, BLOCKS)])
     errors = [model.residuals(series) for series in validation]
-    seen = np.concatenate([series.y[len(series) - len(e) :] for series, e in zip(validation, errors, strict=True)])
-    one_step = criteria.fit_percent(seen, seen - np.concatenate(errors)) if np.ptp(seen) else -np.inf
-    return Candidate(model, criteria.fit_percent(measured[~fitted], simulated[~fitted]), blocks, one_step)
+    ends = [s.y[len(s) - len(e) :] for s, e in zip(validation, errors, strict=True)]
+    seen, errors = np.concatenate(ends) / scale, np.concatenate(errors) / scale
+    one_step = criteria.fit_percent(seen, seen - errors) if np.ptp(seen) else -np.inf
+    rest = measured[~fitted]
+    return Candidate(model, criteria.fit_percent(rest, rest - missed[~fitted]), blocks, one_step)
+
+
+def charged_poles(model: "Model", samples: int) -> int:
+    """Poles, those twice whose motion outlasts the record: they may go to any peak of the noise."""
+    sizes = np.abs(model.poles())
+    return len(sizes) + sum(outlasting(float(size), samples) for size in sizes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,9 +150,10 @@ class Referee:
         one_step = model.structure in NOISE_MODELS or not self.simulates
         errors = [model.residuals(s) if one_step else s.y - model.simulate(s) for s in self.fitted]
         samples = sum(len(series) for series in self.fitted)
-        score = criteria.whitened_score(errors, model.parameters, len(model.poles()), samples=samples)
+        poles = charged_poles(model, min(map(len, self.fitted)))
+        score = criteria.whitened_score(errors, model.parameters, poles, samples=samples)
         if self.steps:  # they excite little, so the stricter penalty of Schwarz applies
-            score += (np.log(samples) - 4.0) * (model.parameters + len(model.poles()))
+            score += (np.log(samples) - 4.0) * (model.parameters + poles)
         return replace(judge(model, self.check), score=score)
 
 
