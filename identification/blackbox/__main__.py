@@ -176,10 +176,10 @@ def _show(reports: "list[Report]", pool: bool) -> None:
 
 
 def _write(folder: Path, reports: "list[Report]", document: dict[str, object]) -> None:
-    from identification.blackbox import figures, keep, page, report
+    from identification.blackbox import figures, keep, report
 
     write_whole(folder / "result.json", to_json(document))
-    write_whole(folder / "report.html", page.html(reports))
+    write_whole(folder / "report.html", report.page(reports))
     write_whole(folder / "models.csv", report.csv_text(reports))
     for one in reports:
         stem = "".join(c if c.isalnum() or c in "-_." else "_" for c in one.name)
