@@ -53,11 +53,6 @@ def test_pooled_sines_add_up() -> None:
     assert excitation.examine(pool[:1] * 3).rank == 2
 
 
-def test_gram_recursion_equals_the_matrix_product() -> None:
-    u = RNG.standard_normal(400)
-    rows = np.lib.stride_tricks.sliding_window_view(u, 30)[:, ::-1]
-    np.testing.assert_allclose(excitation._gram(u, 30), rows.T @ rows, atol=1e-9)
-
 
 def test_sine_fit_standard_error() -> None:
     """Over 300 noises the scatter of the amplitude is the stated standard error."""

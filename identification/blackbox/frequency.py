@@ -113,7 +113,8 @@ def _averaged(measured: list[tuple[float, complex, float]]) -> Points:
         f, G, s = map(np.array, zip(*group, strict=True))
         weight = 1.0 / np.maximum(s, 1e-15) ** 2
         means.append((f.mean(), np.sum(weight * G) / weight.sum(), 1.0 / np.sqrt(weight.sum())))
-    return Points(*map(np.array, zip(*means, strict=True)))
+    frequency, value, std = map(np.array, zip(*means, strict=True))
+    return Points(frequency, value, std)
 
 
 def local(

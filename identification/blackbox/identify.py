@@ -22,7 +22,7 @@ from identification.blackbox import (
     subspace,
 )
 from identification.blackbox.condition import Condition
-from identification.blackbox.data import ALL, DEFAULT, Series
+from identification.blackbox.data import ALL, DEFAULT, Series, listed
 from identification.blackbox.excitation import Excitation
 from identification.blackbox.frequency import Rational, Response
 from identification.blackbox.keep import Single
@@ -45,7 +45,7 @@ GivenOrders = Mapping[str, tuple[int, ...]]
 
 
 @dataclass(frozen=True, eq=False)
-class Found(Tabled):
+class ChosenModel(Tabled):
     """The chosen model of one structure.
 
     Attributes:
@@ -90,7 +90,7 @@ class Report(Tabled):
     excitation: Excitation
     condition: Condition
     notes: tuple[str, ...]
-    models: Mapping[str, Found]
+    models: Mapping[str, ChosenModel]
     left_out: frequency.LeftOut | None
     rational: Rational | None
     nonparametric: frequency.Points | None
@@ -131,7 +131,7 @@ def identify(
     for name in structures:
         if name not in ALL:
             raise SettingError(unknown("structure", name, ALL) + ".")
-    pooled = [recordings] if isinstance(recordings, Series) else list(recordings)
+    pooled = listed(recordings)
     notes = []
     if robust:
         repaired = [condition.mend(series.centred()) for series in pooled]
@@ -212,7 +212,7 @@ class _Chooser:
         return best if _log_loss(model, self.validation) - losses[best] > WORSE else ""
 
     def _model(self, name: str) -> PolynomialModel:
-        return self.select(name).best.model  # type: ignore[return-value]  # arx and oe are polynomial
+        return self.select(name).best.model
 
     def _select(self, name: str) -> Selection:
         referee = self.referee
@@ -238,7 +238,7 @@ class _Chooser:
         referee = self.referee
         tried = [narx.estimate(referee.fitted, referee.check, nk=nk) for nk in self.delays]
         best, *others = sorted(tried, key=lambda c: -c.fit_percent)
-        whole = narx.refine(best.model, referee.estimation)  # type: ignore[arg-type]
+        whole = narx.refine(best.model, referee.estimation)
         alike = tuple((1.0, c.model) for c in others if c.no_worse_than(best))
         count = narx.LARGEST_TERMS * len(tried)
         return Selection((replace(best, model=whole), *others), count, (whole.label,), (), alike)
@@ -250,7 +250,7 @@ class _Chooser:
         models = [nonlinear.estimate(referee.fitted, linear.orders, d, linear) for d in degrees]
         fewer = [f"the input has {levels:g} levels: no input polynomial of that degree or more is tried"]
         chosen = selection.rank([referee.judge(m) for m in models], referee, 0, fewer * (len(degrees) < len(DEGREES)))
-        best: nonlinear.HammersteinWiener = chosen.best.model  # type: ignore[assignment]
+        best: nonlinear.HammersteinWiener = chosen.best.model
         whole = nonlinear.estimate(referee.estimation, linear.orders, best.degrees, linear)
         return replace(chosen, candidates=(replace(chosen.best, model=whole), *chosen.candidates[1:]))
 
@@ -266,7 +266,7 @@ class _Chooser:
         raise SettingError(f"{name} takes {valid.get(name, 'no orders')}, not {len(numbers)}.")
 
 
-def _judge(chosen: Selection, chooser: _Chooser, seen: Excitation) -> Found:
+def _judge(chosen: Selection, chooser: _Chooser, seen: Excitation) -> ChosenModel:
     """The chosen model on the held-out data, which no choice depends on."""
     model = chosen.best.model
     noise = sum(getattr(getattr(model, "orders", None), key, 0) for key in ("na", "nc", "nd"))
@@ -293,7 +293,7 @@ def _judge(chosen: Selection, chooser: _Chooser, seen: Excitation) -> Found:
         )
     if not np.isfinite(chosen.best.fit_percent):
         warnings.append("free simulation diverges, so there is no fit")
-    return Found(chosen, test, model.response([]), tuple(warnings) + test.warnings)
+    return ChosenModel(chosen, test, model.response([]), tuple(warnings) + test.warnings)
 
 
 def _log_loss(model: Single, recordings: Sequence[Series]) -> float:

@@ -240,13 +240,13 @@ def estimate(
         )
     pooled = listed(recordings)
     start = linear or pem.estimate("oe", pooled, orders)
-    scales = [
+    u_scale, y_scale = (
         float(np.sqrt(np.mean(np.concatenate(signals) ** 2)))
         for signals in ([s.u for s in pooled], [s.y for s in pooled])
-    ]
+    )
     terms = np.zeros(degrees[0] - 1 + degrees[1])
     theta, at, converged = minimise(
-        Errors(orders, degrees, *scales, pooled), np.concatenate([start.theta, terms]),
+        Errors(orders, degrees, u_scale, y_scale, pooled), np.concatenate([start.theta, terms]),
         evaluations=100,
     )  # fmt: skip
     block, bends, out = np.split(theta, np.cumsum([orders.nb + orders.nf, degrees[0] - 1]))
@@ -259,4 +259,6 @@ def estimate(
             f"{degrees[0]}"
         )
     linear = PolynomialModel("oe", orders, block, root, at.loss, at.samples, seconds)
-    return HammersteinWiener(linear, bends, out, *scales, at.loss, at.samples, tuple(warnings))
+    return HammersteinWiener(
+        linear, bends, out, u_scale, y_scale, at.loss, at.samples, tuple(warnings)
+    )

@@ -9,7 +9,7 @@ from rich.table import Table
 
 from fasbody.constants import Z95
 from fasbody.presentation import Sheet, inline, picture
-from identification.blackbox.identify import Found, Report
+from identification.blackbox.identify import ChosenModel, Report
 from identification.blackbox.keep import Single, named
 from identification.blackbox.polynomial import STRUCTURES
 
@@ -72,7 +72,7 @@ def _pairs(values: np.ndarray) -> list[list[float]]:
     return [[v.real, v.imag] for v in np.asarray(values, dtype=complex)]
 
 
-def model(report: Report, chosen: Found) -> dict[str, Any]:
+def model(report: Report, chosen: ChosenModel) -> dict[str, Any]:
     """One model as JSON."""
     best, response = chosen.best, chosen.response
     estimate = best.model
@@ -244,7 +244,7 @@ def page(reports: Sequence[Report]) -> str:
     return html(sections)
 
 
-def _coefficient_rows(chosen: Found) -> list[tuple[str, ...]]:
+def _coefficient_rows(chosen: ChosenModel) -> list[tuple[str, ...]]:
     rows = named(chosen.best.model).items()
     return [(name, f"{e['value']:.6g}", _finite(e["std_error"], ".2g", "–")) for name, e in rows]
 

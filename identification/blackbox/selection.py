@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -12,6 +12,7 @@ from identification.blackbox import criteria
 from identification.blackbox.data import Series
 from identification.blackbox.filters import as_columns, outlasting
 from identification.blackbox.frequency import Response
+from identification.blackbox.polynomial import PolynomialModel
 
 if TYPE_CHECKING:
     from identification.blackbox.keep import Single as Model
@@ -32,14 +33,14 @@ class Candidate:
     """One model with its criteria, and its fit on held-out data in free simulation.
 
     Attributes:
-        model: the estimate.
+        model: the estimate, of any structure.
         fit_percent: over all held-out parts together.
         block_errors: mean squared simulation error in each block of the held-out data, shape (BLOCKS,).
         one_step_percent: the same fit of one-step predictions.
         score: `criteria.whitened_score` on the data fitted; NaN where not computed.
     """
 
-    model: "Model"
+    model: Any
     fit_percent: float
     block_errors: np.ndarray
     one_step_percent: float
@@ -77,7 +78,7 @@ class Candidate:
         return f"{self.model.label}: fit {self.fit_percent:.2f} %, AIC {self.aic:.4f}, BIC {self.bic:.4f}"
 
 
-def judge(model: "Model", validation: Sequence[Series]) -> Candidate:
+def judge(model: Any, validation: Sequence[Series]) -> Candidate:
     """The model with its fit over all held-out parts together, in free simulation.
 
     Several outputs count alike, as shares of their standard deviations.
@@ -197,11 +198,11 @@ class Selection:
 
 def begins(model: "Model") -> int:
     """The lag at which the input of a polynomial or NARX model counts, by two standard errors of B."""
-    orders = getattr(model, "orders", None)
-    if orders is None:
+    if not isinstance(model, PolynomialModel):
         return int(getattr(model, "nk", 0))
+    orders = model.orders
     of_b = slice(orders.na, orders.na + orders.nb)
-    counts = np.abs(model.theta[of_b]) > 2.0 * model.std_error[of_b]  # type: ignore[union-attr]
+    counts = np.abs(model.theta[of_b]) > 2.0 * model.std_error[of_b]
     return int(orders.nk + np.argmax(counts))
 
 
