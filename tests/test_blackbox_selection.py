@@ -3,6 +3,7 @@
 import linear_foot as foot
 import numpy as np
 import pytest
+from recorded_foot import record
 from scipy import signal
 
 from identification.blackbox import criteria, pem, search, selection
@@ -11,11 +12,6 @@ from identification.blackbox.identify import identify
 from identification.blackbox.polynomial import Orders
 from identification.blackbox.selection import Referee
 from identification.blackbox.validation import residual_test
-
-
-def halves(base: np.ndarray, seed: int = 0) -> tuple[Series, Series]:
-    y = foot.linear_output(base) + 0.25 * np.random.default_rng(seed).standard_normal(len(base))
-    return Series(base, y, foot.SAMPLE_TIME).split()
 
 
 def test_criteria_agree_where_they_must() -> None:
@@ -89,7 +85,7 @@ def test_independence_test_on_sines() -> None:
 
 
 def test_arx_selection_warns_at_the_edge_and_lists_what_is_alike() -> None:
-    estimation, _ = halves(foot.prbs(3000))
+    estimation, _ = record(foot.prbs(3000)).split()
     chosen = search.select_arx(Referee([estimation]))
     assert chosen.tried == 3375
     assert any("edge of the grid" in text for text in chosen.warnings)
@@ -98,7 +94,7 @@ def test_arx_selection_warns_at_the_edge_and_lists_what_is_alike() -> None:
 
 
 def test_sine_leaves_arx_orders_undecided() -> None:
-    estimation, _ = halves(foot.sine(20.0, 4000))
+    estimation, _ = record(foot.sine(20.0, 4000)).split()
     chosen = search.select_arx(Referee([estimation], weak=True))
     assert any("orders are not decided" in text for text in chosen.warnings)
     spread = [c.fit_percent for c in chosen.candidates if c.model.parameters >= 8]
@@ -106,7 +102,7 @@ def test_sine_leaves_arx_orders_undecided() -> None:
 
 
 def test_output_error_orders_are_found_with_few_parameters() -> None:
-    estimation, _ = halves(foot.prbs(4000))
+    estimation, _ = record(foot.prbs(4000)).split()
     chosen = search.select_oe(Referee([estimation]), (1,))
     best = chosen.best.model
     assert len(best.poles()) == 4
@@ -124,7 +120,7 @@ def test_delay_of_a_delayed_foot() -> None:
 
 
 def test_state_space_selection() -> None:
-    estimation, _ = halves(foot.prbs(4000))
+    estimation, _ = record(foot.prbs(4000)).split()
     chosen = search.select_state_space(Referee([estimation]), range(2, 9))
     assert 4 <= chosen.best.model.order <= 5  # type: ignore[attr-defined]
     assert chosen.best.fit_percent > 97
@@ -135,7 +131,7 @@ def test_a_free_motion_that_outlasts_the_record_ranks_last() -> None:
 
     Under a rich input the same pole is no reason to demote anything.
     """
-    estimation, validation = halves(foot.sine(20.0, 4000))
+    estimation, validation = record(foot.sine(20.0, 4000)).split()
     angle = 2 * np.pi * 20.0 * foot.SAMPLE_TIME
     honest = pem.estimate("oe", estimation, Orders.of("oe", (2, 2, 1)))
     ringing = pem.PolynomialModel(
@@ -185,7 +181,7 @@ def test_delays_from_none_to_long(wait: int) -> None:
 
 
 def test_the_edge_of_every_order_is_named() -> None:
-    estimation, _ = halves(foot.prbs(1500))
+    estimation, _ = record(foot.prbs(1500)).split()
     referee = Referee([estimation])
     chosen = search.select_oe(referee, (1,), largest=2)
     assert any("n_f = 2 is the largest tried" in text for text in chosen.warnings)

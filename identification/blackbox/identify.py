@@ -305,7 +305,7 @@ def _log_loss(model: Single, recordings: Sequence[Series]) -> float:
 def _no_intervals(model: Single, test: ResidualTest, chooser: _Chooser) -> str:
     """Why the standard errors of a model would mislead, or an empty string."""
     name, state = model.structure.upper(), chooser.state
-    errors = [model.residuals(series) for series in chooser.referee.estimation]
+    errors = [series.y - model.simulate(series) for series in chooser.referee.estimation]
     coloured = STRONGLY * criteria.whitened_variance(errors) < np.mean(np.concatenate(errors) ** 2)
     if model.structure in WHITE and min(test.white_p, test.cross_p) < CALM:
         return f"those of {name} are valid only for white residuals that do not depend on past inputs"
