@@ -28,11 +28,10 @@ from identification.blackbox.frequency import Rational, Response
 from identification.blackbox.keep import Single
 from identification.blackbox.polynomial import STRUCTURES, Orders, PolynomialModel
 from identification.blackbox.selection import Candidate, Referee, Selection
-from identification.blackbox.validation import ResidualTest, residual_test
+from identification.blackbox.validation import CALM, ResidualTest, residual_test
 
 DEGREES = ((3, 1), (1, 3), (3, 3), (5, 3))  # of the Hammerstein-Wiener polynomials tried
 WHITE = ("arx", "armax", "bj")  # their standard errors assume that e(t) is white; those of OE do not
-CALM = 0.05  # p-values of both residual tests from which those standard errors hold
 WORSE = 4.0  # N times the log of held-out one-step losses by which another noise model refutes one
 STRONGLY = 5.0  # times its whitened variance that noise may have before output errors follow it
 FEW = 20  # excitation rank up to which a pulse response cannot be estimated

@@ -8,16 +8,22 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import linalg
 
-from fasbody.exceptions import SettingError, unknown
+from fasbody.constants import Z95
+from fasbody.exceptions import RecordingError, SettingError, unknown
 from identification.blackbox import criteria, pem, subspace
 from identification.blackbox.data import Series
-from identification.blackbox.filters import as_columns
+from identification.blackbox.filters import as_columns, shifted
 from identification.blackbox.polynomial import Orders
 from identification.blackbox.selection import FITTED, Candidate, judge
 from identification.blackbox.state_space import StateSpace
+from identification.blackbox.validation import ALARM, CALM, residual_test
 
 STRUCTURES = ("arx", "ss")
 LARGEST = 10  # order up to which models are tried
+FOLLOWS = 1e-6  # share of an input's power that others leave from which it is none of its own
+MOSTLY = 0.1  # the same from which a sentence says so
+REACH = 10  # samples before and after over which an input may follow from others
+NONE = np.zeros((0, 0))
 ROWS = 12  # block rows of the subspace method; more than the largest order over one output
 
 
@@ -41,6 +47,8 @@ class MimoModel(StateSpace):
             n_b m of inputs. It is empty for ss, whose basis is arbitrary.
         std_error: of `theta`, the same shape.
         warnings: sentences for the user.
+        spread: root S of the covariance S S' of one output's `theta` for noise of variance 1; it is
+            empty where there are no intervals.
     """
 
     A: np.ndarray
@@ -57,6 +65,7 @@ class MimoModel(StateSpace):
     theta: np.ndarray
     std_error: np.ndarray
     warnings: tuple[str, ...] = field(default=())
+    spread: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
 
     @property
     def label(self) -> str:
@@ -72,6 +81,30 @@ class MimoModel(StateSpace):
     def response(self, frequency_hz: ArrayLike) -> np.ndarray:
         """Frequency response, complex, shape (M, p, m)."""
         return self.plant_response(frequency_hz)
+
+    def gain_std(self, frequency_hz: ArrayLike) -> np.ndarray:
+        """Standard deviations of the gains, first order, shape (M, p, m); NaN without intervals."""
+        G = self.plant_response(frequency_hz)
+        std = np.full(G.shape, np.nan)
+        if not self.spread.size:
+            return std
+        (na, nb, nk), (p, m) = self.numbers, G.shape[1:]
+        shift = np.exp(-2j * np.pi * np.atleast_1d(frequency_hz) * self.sample_time)
+        power, directions = np.linalg.eigh(self.noise)
+        root = directions * np.sqrt(np.maximum(power, 0.0))
+        for k, z in enumerate(shift):
+            lags_y, lags_u = z ** np.arange(1, na + 1), z ** np.arange(nk, nk + nb)
+            a = self.theta[: na * p].reshape(p, na, p)  # [of output, lag, equation]
+            inverse = np.linalg.inv(np.eye(p) + np.einsum("qlr,l->rq", a, lags_y))
+            for j in range(m):
+                drive = np.concatenate([
+                    np.kron(-G[k, :, j], lags_y), np.kron(np.eye(m)[j], lags_u),
+                ])  # fmt: skip
+                for i in range(p):
+                    turn = np.conj(G[k, i, j]) / max(abs(G[k, i, j]), 1e-300)
+                    slope = np.real(turn * np.outer(inverse[i], drive))  # by equation and term
+                    std[k, i, j] = np.linalg.norm(root.T @ slope @ self.spread)
+        return std
 
 
 def _loss(errors: np.ndarray, y: np.ndarray) -> float:
@@ -99,8 +132,9 @@ def arx(recording: Series, na: int, nb: int, nk: int) -> MimoModel:
     noise = errors.T @ errors / (len(phi) - phi.shape[1])
     scale = np.linalg.norm(phi, axis=0)
     inverse = np.linalg.pinv(linalg.qr(phi / scale, mode="r")[0][: phi.shape[1]])
-    root = np.linalg.norm(inverse, axis=1) / scale
-    theta, std_error = theta[:count], root[:count, None] * np.sqrt(np.diag(noise))
+    root = (inverse / scale[:, None])[:count]
+    theta = theta[:count]
+    std_error = np.linalg.norm(root, axis=1)[:, None] * np.sqrt(np.diag(noise))
     past_y = theta[: na * p].reshape(p, na, p).transpose(1, 2, 0)  # [lag, output, from output]
     past_u = theta[na * p :].reshape(m, nb, p).transpose(1, 2, 0)
     a = np.concatenate([past_y, np.zeros((size - na, p, p))])
@@ -111,7 +145,7 @@ def arx(recording: Series, na: int, nb: int, nk: int) -> MimoModel:
     B, K = (b[1:] - a @ b[0]).reshape(size * p, m), -a.reshape(size * p, p)
     return MimoModel(
         A, B, np.eye(p, size * p), b[0], K, noise, _loss(errors, recording.y), len(phi),
-        recording.sample_time, "arx", (na, nb, nk), theta, std_error,
+        recording.sample_time, "arx", (na, nb, nk), theta, std_error, spread=root,
     )  # fmt: skip
 
 
@@ -141,12 +175,21 @@ class MimoReport:
         validation: held out.
         models: structure -> model, with its fits over all outputs of the held-out data.
         output_fits: structure -> fit [%] of each output in free simulation.
+        white_p: structure -> p-value of white residuals of each output.
+        independent_p: structure -> p-values that the residual of an output (row) does not depend on
+            past values of an input (column), shape (p, m).
+        warnings: structure -> sentences for the user.
+        frequency_hz: where the inputs are strongest, for the gains.
     """
 
     estimation: Series
     validation: Series
     models: dict[str, Candidate]
     output_fits: dict[str, tuple[float, ...]]
+    white_p: dict[str, np.ndarray]
+    independent_p: dict[str, np.ndarray]
+    warnings: dict[str, tuple[str, ...]]
+    frequency_hz: float
 
     def __str__(self) -> str:
         inputs, outputs = self.estimation.inputs, self.estimation.outputs
@@ -155,7 +198,16 @@ class MimoReport:
             parts = zip(outputs, self.output_fits[name], strict=True)
             fits = ", ".join(f"{output} {fit:.2f} %" for output, fit in parts)
             rows += [f"  {candidate.model.label}: {fits}"]
-            rows += [f"    {text}" for text in candidate.model.warnings]
+            gain = np.abs(candidate.model.response(self.frequency_hz)[0])
+            std = candidate.model.gain_std(self.frequency_hz)[0]
+            for i, output in enumerate(outputs):
+                gains = [
+                    f"{u} {gain[i, j]:.4g}"
+                    + (f" +- {Z95 * std[i, j]:.1g}" if np.isfinite(std[i, j]) else "")
+                    for j, u in enumerate(inputs)
+                ]
+                rows.append(f"    {output}, gain at {self.frequency_hz:.4g} Hz: {', '.join(gains)}")
+            rows += [f"    {text}" for text in self.warnings[name]]
         return "\n".join(rows)
 
     def document(self) -> dict[str, Any]:
@@ -172,7 +224,12 @@ class MimoReport:
                         zip(series.outputs, self.output_fits[name], strict=True)
                     ),
                     "poles": [[p.real, p.imag] for p in c.model.poles().astype(complex)],
-                    "warnings": c.model.warnings,
+                    "frequency_hz": self.frequency_hz,
+                    "gain": np.abs(c.model.response(self.frequency_hz)[0]),
+                    "gain_std": c.model.gain_std(self.frequency_hz)[0],
+                    "residual_whiteness_p": self.white_p[name],
+                    "residual_input_independence_p": self.independent_p[name],
+                    "warnings": self.warnings[name],
                 }
                 for name, c in self.models.items()
             ],
@@ -190,6 +247,7 @@ def identify(
 
     Raises:
         SettingError: a structure that has no several outputs here, or invalid orders.
+        RecordingError: an input follows from the others.
     """
     for name in structures:
         if name not in STRUCTURES:
@@ -197,19 +255,82 @@ def identify(
             raise SettingError(unknown(what, name, STRUCTURES) + ".")
     u, y = as_columns(recording.u), as_columns(recording.y)
     estimation, validation = replace(recording, u=u, y=y).split(split)
+    notes = together(estimation)
     models: dict[str, Candidate] = {}
     fits: dict[str, tuple[float, ...]] = {}
+    white, independent, warnings = {}, {}, {}
     for name in structures:
         numbers = (orders or {}).get(name) or _chosen(name, estimation)
         if len(numbers) != (3 if name == "arx" else 1):
             valid = "3 orders (na, nb, nk)" if name == "arx" else "1 order"
             raise SettingError(f"{name} takes {valid}.")
         model = arx(estimation, *numbers) if name == "arx" else _space(estimation, *numbers)
-        models[name] = judge(model, [validation])
+        white[name], independent[name], texts = _tested(model, validation)
+        if name == "arx" and min(white[name].min(), independent[name].min()) < CALM / independent[name].size:
+            texts.append("no intervals: those of ARX are valid only for white, independent residuals")
+            model = replace(model, std_error=np.full_like(model.std_error, np.nan), spread=NONE)
+        models[name], warnings[name] = judge(model, [validation]), (*notes, *model.warnings, *texts)
         simulated = model.simulate(validation)
         pairs = zip(validation.y.T, simulated.T, strict=True)
         fits[name] = tuple(criteria.fit_percent(y, s) for y, s in pairs)
-    return MimoReport(estimation, validation, models, fits)
+    power = np.sum(np.abs(np.fft.rfft(u / u.std(axis=0), axis=0))[1:] ** 2, axis=1)
+    strongest = (int(np.argmax(power)) + 1) / (len(u) * recording.sample_time)
+    return MimoReport(
+        estimation, validation, models, fits, white, independent, warnings, strongest
+    )
+
+
+def together(recording: Series) -> list[str]:
+    """A sentence on each input that mostly follows from the others, their past and their future.
+
+    Raises:
+        RecordingError: it follows entirely, so nothing tells their effects apart.
+    """
+    notes, reach = [], min(REACH, len(recording) // (20 * len(recording.inputs)))
+    for j, name in enumerate(recording.inputs):
+        others = np.delete(recording.u, j, axis=1)
+        lags = [shifted(u, 2 * reach + 1)[2 * reach :] for u in others.T]
+        if not lags:
+            break
+        phi, target = np.hstack(lags), recording.u[reach : len(recording) - reach, j]
+        left = float(np.var(target - phi @ pem.solve([(phi, target)])) / np.var(target))
+        rest = ", ".join(repr(other) for other in recording.inputs if other != name)
+        if left < FOLLOWS:
+            raise RecordingError(
+                f"{recording.name}: the input {name!r} follows from {rest}, so their effects cannot "
+                "be told apart; leave one out, or move them independently."
+            )
+        if left < MOSTLY:
+            notes.append(
+                f"{1 - left:.0%} of the input {name!r} follow from {rest}: their effects are told "
+                "apart by the rest alone"
+            )
+    return notes
+
+
+def _tested(model: MimoModel, validation: Series) -> tuple[np.ndarray, np.ndarray, list[str]]:
+    """Residual tests of each output, with each input, on held-out data."""
+    errors, pairs = model.residuals(validation), np.ndindex(len(model.C), model.B.shape[1])
+    noise = model.numbers[0] * (len(model.C) if model.structure == "arx" else 1)
+    white, independent = np.ones(len(model.C)), np.ones((len(model.C), model.B.shape[1]))
+    for i, j in pairs:
+        pair = replace(
+            validation, u=validation.u[:, j], y=validation.y[:, i],
+            channels=(validation.inputs[j], validation.outputs[i]),
+        )  # fmt: skip
+        test = residual_test(errors[:, i], pair, noise)
+        white[i], independent[i, j] = test.white_p, test.cross_p
+    texts = [
+        f"residuals of {validation.outputs[i]} are not white (p {white[i]:.1g}): the noise model is "
+        "incomplete"
+        for i in np.flatnonzero(white < ALARM)
+    ]
+    texts += [
+        f"residuals of {validation.outputs[i]} depend on past {validation.inputs[j]} "
+        f"(p {independent[i, j]:.1g}): plant incomplete or nonlinear"
+        for i, j in np.argwhere(independent < ALARM)
+    ]
+    return white, independent, texts
 
 
 def _factors(recording: Series, order: int) -> subspace.Subspace:

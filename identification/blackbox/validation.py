@@ -9,6 +9,7 @@ from identification.blackbox.data import Series
 from identification.blackbox.filters import shifted
 
 LAGS = 25  # largest lag m
+CALM = 0.05  # p-values of both tests from which standard errors for white residuals hold
 ALARM = 1e-3  # p-value below which a test is reported: several recordings and structures are tested at once
 
 
