@@ -24,6 +24,7 @@ from identification.blackbox import (
 from identification.blackbox.condition import Condition
 from identification.blackbox.data import ALL, DEFAULT, Series, listed
 from identification.blackbox.excitation import Excitation
+from identification.blackbox.filters import largest_root
 from identification.blackbox.frequency import Rational, Response
 from identification.blackbox.keep import Single
 from identification.blackbox.polynomial import STRUCTURES, Orders, PolynomialModel
@@ -33,6 +34,7 @@ from identification.blackbox.validation import CALM, ResidualTest, residual_test
 DEGREES = ((3, 1), (1, 3), (3, 3), (5, 3))  # of the Hammerstein-Wiener polynomials tried
 WHITE = ("arx", "armax", "bj")  # their standard errors assume that e(t) is white; those of OE do not
 WORSE = 4.0  # N times the log of held-out one-step losses by which another noise model refutes one
+ON_CIRCLE = 0.999  # root of C from which its errors are no Gaussian: such an interval held 20 %
 STRONGLY = 5.0  # times its whitened variance that noise may have before output errors follow it
 FEW = 20  # excitation rank up to which a pulse response cannot be estimated
 #: Half-widths from a resonance at which its curve is drawn.
@@ -195,10 +197,13 @@ class _Chooser:
 
     @cached_property
     def delays(self) -> tuple[int, ...]:
-        """Delays n_k that compete: the one that is read off and its neighbours; a controller leaves at least one."""
-        delay = search.delay(self.referee.estimation, far=not self.referee.weak)
+        """Delays n_k that compete: the one that is read off and its neighbours."""
+        return self._near(search.delay(self.referee.estimation, far=not self.referee.weak))
+
+    def _near(self, delay: int) -> tuple[int, ...]:
+        """A delay and its neighbours, none below the least: a controller leaves one sample."""
         least = self.referee.least_delay
-        return tuple(nk for nk in (delay - 1, delay, delay + 1) if nk >= least) or (least,)
+        return tuple(sorted({max(nk, least) for nk in (delay - 1, delay, delay + 1)}))
 
     def predicts_better(self, model: Single) -> str:
         """The noise model that predicts held-out data a step ahead decisively better than this one; empty for none."""
@@ -233,9 +238,10 @@ class _Chooser:
         return self._narx()
 
     def _narx(self) -> Selection:
-        """The delay that simulates best; its coefficients from all data that orders may be chosen on."""
+        """The delay near that of OE that simulates best; its coefficients from all data."""
         referee = self.referee
-        tried = [narx.estimate(referee.fitted, referee.check, nk=nk) for nk in self.delays]
+        delays = self._near(self._model("oe").orders.nk)
+        tried = [narx.estimate(referee.fitted, referee.check, nk=nk) for nk in delays]
         best, *others = sorted(tried, key=lambda c: -c.fit_percent)
         whole = narx.refine(best.model, referee.estimation)
         alike = tuple((1.0, c.model) for c in others if c.no_worse_than(best))
@@ -304,17 +310,24 @@ def _log_loss(model: Single, recordings: Sequence[Series]) -> float:
 def _no_intervals(model: Single, test: ResidualTest, chooser: _Chooser) -> str:
     """Why the standard errors of a model would mislead, or an empty string."""
     name, state = model.structure.upper(), chooser.state
-    errors = [series.y - model.simulate(series) for series in chooser.referee.estimation]
-    coloured = STRONGLY * criteria.whitened_variance(errors) < np.mean(np.concatenate(errors) ** 2)
-    if model.structure in WHITE and min(test.white_p, test.cross_p) < CALM:
-        return f"those of {name} are valid only for white residuals that do not depend on past inputs"
-    better = chooser.predicts_better(model) if model.structure in WHITE else ""
-    if better:
-        return f"{better} predicts the held-out part better, so the noise is not that of {name}"
-    if model.structure not in WHITE and state.feedback:
-        return f"{name} has no noise model, so feedback biases it"
-    if model.structure not in WHITE and coloured:
-        return f"the errors of {name} are so strongly coloured that it follows them; BJ models them"
+    if model.structure in WHITE:
+        if min(test.white_p, test.cross_p) < CALM:
+            return (
+                f"those of {name} are valid only for white residuals that do not depend on past "
+                "inputs"
+            )
+        if isinstance(model, PolynomialModel) and largest_root(model.polynomials[2]) > ON_CIRCLE:
+            return "a zero of the noise model lies on the unit circle, where no linearisation holds"
+        better = chooser.predicts_better(model)
+        if better:
+            return f"{better} predicts the held-out part better, so the noise is not that of {name}"
+    else:
+        if state.feedback:
+            return f"{name} has no noise model, so feedback biases it"
+        errors = [series.y - model.simulate(series) for series in chooser.referee.estimation]
+        whitened = criteria.whitened_variance(errors)
+        if STRONGLY * whitened < np.mean(np.concatenate(errors) ** 2):
+            return f"the errors of {name} are so strongly coloured that it follows them; BJ models them"
     if state.suspect and not state.feedback:
         return "the input may answer the output, which biases every structure a little"
     if state.spikes:

@@ -16,6 +16,7 @@ from identification.blackbox.polynomial import Orders, PolynomialModel
 from identification.blackbox.selection import ALIKE, NEARLY, Candidate, Referee, Selection, rank, with_rivals
 
 NEAR = range(1, 6)  # n_k compared for sines, whose pulse response is periodic
+DECISIVE = 10.0  # N times the difference of log losses that the delay read may lose by
 LONGEST = 1000  # samples searched for the peak
 LARGEST = 12  # n_f up to here
 RACED = 3  # n_b = n_f up to which every delay is tried
@@ -288,21 +289,25 @@ def delay(recordings: Sequence[Series], *, far: bool = True) -> int:
     """The delay n_k of a plant, about which those that compete lie.
 
     A long ARX model separates it from the zeros of B: its input coefficients before the delay are
-    zero whatever the noise, and BIC gives how many.
+    zero whatever the noise, and BIC gives how many. An output-error model of order four must agree,
+    as a nonlinear plant leads the former astray.
 
     Args:
         recordings: estimation data, means removed.
         far: whether the input is rich enough for a long ARX model; for sines 1 to 5 are compared by
-            output error.
+            output error alone.
     """
-    if far:
-        return _leading_zeros(recordings)
+    read = _leading_zeros(recordings) if far else 0
+    if far and read < 2:
+        return read
     losses = {}
-    for nk in NEAR:
+    for nk in (1, read) if far else NEAR:
         with suppress(FasError):
             at = pem.estimate("oe", recordings, Orders(nb=4, nf=4, nk=nk), quick=True)
             losses[nk] = round(float(np.log(max(at.loss, 1e-300))), 4)
-    return min(losses, key=lambda nk: (losses[nk], nk), default=1)
+    best = min(losses, key=lambda nk: (losses[nk], nk), default=1)
+    agrees = losses.get(read, np.inf) < losses.get(best, 0.0) + DECISIVE / sum(map(len, recordings))
+    return read if agrees else best
 
 
 def _leading_zeros(recordings: Sequence[Series], lags: int = 20) -> int:
