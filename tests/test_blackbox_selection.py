@@ -59,6 +59,18 @@ def test_residual_tests_have_their_size() -> None:
     assert np.mean(dependent) <= 0.05  # halved, so safe rather than exact
 
 
+def test_coefficients_do_not_make_right_models_look_coloured() -> None:
+    """ARX (8, 8, 1) of an ARX plant, judged on a part as long as the one that it comes from."""
+    rejected = 0
+    for seed in range(80):
+        u, e = np.random.default_rng(seed).standard_normal((2, 1200))
+        y = signal.lfilter([0, 1, 0.5], [1, -1.2, 0.6], u) + signal.lfilter([0.5], [1, -1.2, 0.6], e)
+        first, second = Series(u, y, 1.0).split()
+        model = pem.estimate("arx", first, Orders.of("arx", (8, 8, 1)))
+        rejected += residual_test(model.residuals(second), second, 8).white_p < 0.05
+    assert rejected <= 10
+
+
 def test_residual_tests_find_colour_and_a_missing_plant() -> None:
     rng = np.random.default_rng(1)
     u, e = rng.standard_normal(2000), rng.standard_normal(2000)

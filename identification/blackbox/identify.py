@@ -197,11 +197,11 @@ class _Chooser:
 
     @cached_property
     def delays(self) -> tuple[int, ...]:
-        """Delays n_k that compete: the one that is read off and its neighbours."""
-        return self._near(search.delay(self.referee.estimation, far=not self.referee.weak))
+        """Delays n_k that compete: the one read off and its neighbours.
 
-    def _near(self, delay: int) -> tuple[int, ...]:
-        """A delay and its neighbours, none below the least: a controller leaves one sample."""
+        None is below the least: a controller leaves one sample.
+        """
+        delay = search.delay(self.referee.estimation, far=not self.referee.weak)
         least = self.referee.least_delay
         return tuple(sorted({max(nk, least) for nk in (delay - 1, delay, delay + 1)}))
 
@@ -238,10 +238,9 @@ class _Chooser:
         return self._narx()
 
     def _narx(self) -> Selection:
-        """The delay near that of OE that simulates best; its coefficients from all data."""
+        """The delay that simulates best; its coefficients from all data for the choice."""
         referee = self.referee
-        delays = self._near(self._model("oe").orders.nk)
-        tried = [narx.estimate(referee.fitted, referee.check, nk=nk) for nk in delays]
+        tried = [narx.estimate(referee.fitted, referee.check, nk=nk) for nk in self.delays]
         best, *others = sorted(tried, key=lambda c: -c.fit_percent)
         whole = narx.refine(best.model, referee.estimation)
         alike = tuple((1.0, c.model) for c in others if c.no_worse_than(best))
