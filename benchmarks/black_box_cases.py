@@ -175,7 +175,8 @@ def several(seeds: int = 5) -> Iterator[Check]:
         u, fresh = rng.standard_normal((2, SAMPLES, 2))
         y = plant(u)
         y += 0.1 * y.std(axis=0) * rng.standard_normal(y.shape)
-        model = mimo.identify(mimo.Channels(u, y, 1.0, "plant", ("u1", "u2"), ("y1", "y2")), ("ss",)).models["ss"].model
+        series = Series(u, y, 1.0, "plant", (("u1", "u2"), ("y1", "y2")))
+        model = mimo.identify(series, ("ss",)).models["ss"].model
         exact = plant(fresh)
         fits.append(criteria.fit_percent(exact.ravel(), model.simulate(fresh).ravel()))
         labels.append(model.label)

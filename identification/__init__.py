@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from identification.blackbox.data import Series
     from identification.blackbox.data import from_recording as series_of
     from identification.blackbox.frequency import Points, Rational
-    from identification.blackbox.identify import Found, Report, identify
+    from identification.blackbox.identify import ChosenModel, Report, identify
     from identification.blackbox.polynomial import Orders, PolynomialModel
     from identification.blackbox.state_space import StateSpaceModel
     from identification.estimates import Estimate
@@ -28,7 +28,7 @@ else:
         "Branch": "identification.result",
         "Estimate": "identification.result",
         "FitResult": "identification.result",
-        "Found": "identification.blackbox.identify",
+        "ChosenModel": "identification.blackbox.identify",
         "Orders": "identification.blackbox.polynomial",
         "Points": "identification.blackbox.frequency",
         "PolynomialModel": "identification.blackbox.polynomial",
@@ -57,9 +57,9 @@ else:
 
 __all__ = [
     "Branch",
+    "ChosenModel",
     "Estimate",
     "FitResult",
-    "Found",
     "Orders",
     "Points",
     "PolynomialModel",

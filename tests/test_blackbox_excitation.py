@@ -3,6 +3,7 @@
 import linear_foot as foot
 import numpy as np
 import pytest
+from recorded_foot import record
 
 from identification.blackbox import excitation
 from identification.blackbox.data import Series
@@ -12,14 +13,10 @@ N = 5000
 RNG = np.random.default_rng(2)
 
 
-def series(u: np.ndarray) -> Series:
-    return Series(u, foot.linear_output(u) + 0.25 * np.random.default_rng(0).standard_normal(len(u)), foot.SAMPLE_TIME)
-
-
 @pytest.mark.parametrize("frequency", [10.0, 20.37, 50.0])
 @pytest.mark.parametrize("noise", [0.0, 0.03, 0.25])
 def test_a_sine_has_rank_two(frequency: float, noise: float) -> None:
-    found = excitation.examine(series(foot.sine(frequency, N) + noise * RNG.standard_normal(N)))
+    found = excitation.examine(record(foot.sine(frequency, N) + noise * RNG.standard_normal(N)))
     assert found.rank == 2
     assert found.single_sine
     assert found.frequency_hz == pytest.approx(frequency, abs=2e-3)
@@ -27,36 +24,32 @@ def test_a_sine_has_rank_two(frequency: float, noise: float) -> None:
     assert found.warning(2) == ""
 
 
-def test_a_shaker_harmonic_adds_two() -> None:
-    t = np.arange(N) * foot.SAMPLE_TIME
-    u = foot.sine(20.0, N) + 0.2 * np.sin(2 * np.pi * 40 * t + 1) + 0.03 * RNG.standard_normal(N)
-    found = excitation.examine(series(u))
-    assert found.harmonics == (1, 2)
-    assert found.rank == 4
+@pytest.mark.parametrize(("share", "noise", "harmonics"), [(0.2, 0.03, (1, 2)), (0.01, 0.0, (1, 2, 3))])
+def test_each_harmonic_of_the_shaker_adds_two(share: float, noise: float, harmonics: tuple[int, ...]) -> None:
+    """A large second one behind noise, small second and third ones without."""
+    u = foot.sine(20.0, N) + noise * RNG.standard_normal(N)
+    u += share * sum(foot.sine(20.0 * h, N) for h in harmonics[1:])
+    found = excitation.examine(record(u))
+    assert (found.harmonics, found.rank) == (harmonics, 2 * len(harmonics))
 
 
 def test_lines_count_twice_each_and_broad_inputs_fill_the_limit() -> None:
     two = foot.sine(20.0, N) + 0.6 * foot.sine(33.0, N)
-    assert excitation.examine(series(two)).rank == 4
-    assert excitation.examine(series(foot.multisine(N, 5.0, 12) + 0.1 * RNG.standard_normal(N))).rank == 24
+    assert excitation.examine(record(two)).rank == 4
+    assert excitation.examine(record(foot.multisine(N, 5.0, 12) + 0.1 * RNG.standard_normal(N))).rank == 24
     for broad in (foot.prbs(N), RNG.standard_normal(N)):
-        found = excitation.examine(series(broad))
+        found = excitation.examine(record(broad))
         assert found.rank == found.limit == 200
         assert found.warning(60) == ""
 
 
 def test_pooled_sines_add_up() -> None:
-    pool = [series(foot.sine(f, 2000)) for f in np.arange(10.0, 51.0, 5.0)]
+    pool = [record(foot.sine(f, 2000)) for f in np.arange(10.0, 51.0, 5.0)]
     found = excitation.examine(pool)
     assert found.rank == 18
     assert not found.single_sine
     assert excitation.examine(pool[:1] * 3).rank == 2
 
-
-def test_gram_recursion_equals_the_matrix_product() -> None:
-    u = RNG.standard_normal(400)
-    rows = np.lib.stride_tricks.sliding_window_view(u, 30)[:, ::-1]
-    np.testing.assert_allclose(excitation._gram(u, 30), rows.T @ rows, atol=1e-9)
 
 
 def test_sine_fit_standard_error() -> None:
@@ -73,12 +66,12 @@ def test_sine_fit_standard_error() -> None:
 
 
 def test_response_is_shown_only_where_excited() -> None:
-    sine = shown_frequencies(excitation.examine(series(foot.sine(20.0, N))))
+    sine = shown_frequencies(excitation.examine(record(foot.sine(20.0, N))))
     assert sine == pytest.approx([20.0], abs=1e-3)
-    lines = shown_frequencies(excitation.examine(series(foot.multisine(N, 5.0, 10))))
+    lines = shown_frequencies(excitation.examine(record(foot.multisine(N, 5.0, 10))))
     assert np.abs(lines / 5.0 - np.round(lines / 5.0)).max() < 0.1
     two_bands = foot.multisine(N, 2.0, 5) + 8.0 * np.cos(2 * np.pi * 100.0 * np.arange(N) * foot.SAMPLE_TIME)
-    shown = shown_frequencies(excitation.examine(series(two_bands)))
+    shown = shown_frequencies(excitation.examine(record(two_bands)))
     assert not np.any((shown > 12) & (shown < 98))
 
 

@@ -3,6 +3,7 @@
 import linear_foot as foot
 import numpy as np
 import pytest
+from recorded_foot import record
 
 from fasbody.exceptions import SettingError
 from identification.blackbox import frequency, pem
@@ -10,11 +11,6 @@ from identification.blackbox.data import Series
 from identification.blackbox.polynomial import Orders
 
 FREQUENCIES = np.arange(10.0, 51.0, 5.0)
-
-
-def record(u: np.ndarray, seed: int, noise: float = 0.25) -> Series:
-    y = foot.linear_output(u) + noise * np.random.default_rng(seed).standard_normal(len(u))
-    return Series(u, y, foot.SAMPLE_TIME, "record")
 
 
 def nine(noise: float = 0.25, seed: int = 0) -> list[Series]:

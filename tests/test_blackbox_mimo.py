@@ -5,27 +5,29 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy import signal
 from typer.testing import CliRunner
 
-from fasbody.exceptions import FasError, InputFileError, SettingError
+from fasbody.exceptions import FasError, InputFileError, RecordingError, SettingError
 from identification.blackbox import mimo
 from identification.blackbox.__main__ import app
-from identification.blackbox.data import read_csv
+from identification.blackbox.data import Series, read_csv
 
 A = np.array([[0.9, 0.2, 0.0], [-0.2, 0.9, 0.1], [0.0, 0.0, 0.6]])
 B = np.array([[1.0, 0.0], [0.3, 0.5], [0.0, 1.0]])
 C = np.array([[1.0, 0.0, 0.5], [0.0, 1.0, -1.0]])
+NAMES = (("u1", "u2"), ("y1", "y2"))
 FREQUENCY = np.array([0.02, 0.1, 0.3])
 
 
-def plant(n: int, noise: float, seed: int = 0) -> mimo.Channels:
+def plant(n: int, noise: float, seed: int = 0) -> Series:
     rng = np.random.default_rng(seed)
     u, x, y = rng.standard_normal((n, 2)), np.zeros(3), np.empty((n, 2))
     for t in range(n):
         y[t] = C @ x
         x = A @ x + B @ u[t]
     y += noise * y.std(axis=0) * rng.standard_normal((n, 2))
-    return mimo.Channels(u, y, 1.0, "plant", ("u1", "u2"), ("y1", "y2"))
+    return Series(u, y, 1.0, "plant", NAMES)
 
 
 def exact() -> np.ndarray:
@@ -51,7 +53,7 @@ def test_orders_and_responses_are_found(report: mimo.MimoReport) -> None:
 def test_exact_data_give_the_exact_plant() -> None:
     """Without noise both structures return the poles and the answer to a fresh input from rest."""
     record = plant(600, 0.0)
-    for found in (mimo.arx(record, 2, 2, 1), mimo._space(record, 3).model(3)):
+    for found in (mimo.arx(record, 2, 2, 1), mimo._space(record, 3)):
         poles = np.linalg.eigvals(found.A)
         for pole in np.linalg.eigvals(A):
             assert np.abs(poles - pole).min() < 1e-6
@@ -63,15 +65,47 @@ def test_intervals_of_arx_hold_the_truth() -> None:
     """y(t) = -A1 y(t-1) + B1 u(t-1) + e(t), 60 recordings."""
     a1, b1 = np.array([[-0.7, 0.2], [-0.1, -0.5]]), np.array([[1.0, 0.3], [0.0, -0.8]])
     truth = np.vstack([a1.T, b1.T])
-    inside = []
+    exact_gain = np.abs([
+        np.linalg.solve(np.eye(2) + a1 * shift, b1 * shift)
+        for shift in np.exp(-2j * np.pi * FREQUENCY)
+    ])  # fmt: skip
+    inside, gains = [], []
     for seed in range(60):
         rng = np.random.default_rng(seed)
         u, e, y = rng.standard_normal((300, 2)), rng.standard_normal((300, 2)), np.zeros((300, 2))
         for t in range(1, 300):
             y[t] = -a1 @ y[t - 1] + b1 @ u[t - 1] + e[t]
-        found = mimo.arx(mimo.Channels(u, y, 1.0, "a", ("u1", "u2"), ("y1", "y2")), 1, 1, 1)
+        found = mimo.arx(Series(u, y, 1.0, "a", NAMES), 1, 1, 1)
         inside.append(np.abs(found.theta - truth) < 1.96 * found.std_error)
+        apart = np.abs(np.abs(found.response(FREQUENCY)) - exact_gain)
+        gains.append(apart < 1.96 * found.gain_std(FREQUENCY))
     assert np.mean(inside) == pytest.approx(0.95, abs=0.03)
+    assert np.mean(gains) == pytest.approx(0.95, abs=0.03)
+
+
+def test_inputs_that_follow_from_one_another_are_refused_or_named() -> None:
+    """A copy or a filtered copy leaves nothing to tell effects apart; a mostly equal input little."""
+    rng = np.random.default_rng(0)
+    u, other = rng.standard_normal((2, 800))
+    for copy in (2 * u, signal.lfilter([0.0, 0.5, 0.3], [1.0], u)):
+        series = Series(np.column_stack([u, copy]), plant(800, 0.1).y, 1.0, "pair", NAMES)
+        with pytest.raises(RecordingError, match=r"'u1' follows from 'u2'|'u2' follows from 'u1'"):
+            mimo.identify(series)
+    near = Series(np.column_stack([u, u + 0.2 * other]), plant(800, 0.1).y, 1.0, "near", NAMES)
+    warnings = mimo.identify(near, ("arx",), {"arx": (1, 1, 1)}).warnings["arx"]
+    assert any("% of the input 'u2' follow from 'u1'" in text for text in warnings)
+
+
+def test_residuals_name_the_signals_and_withhold_intervals() -> None:
+    """A model without the second input leaves its effect on the first output alone."""
+    rng = np.random.default_rng(1)
+    u, e = rng.standard_normal((2, 1500, 2))
+    y = np.vstack([np.zeros(2), u[:-1]]) + 0.3 * e
+    y[3:, 0] += u[:-3, 1]  # later than the model's lags
+    report = mimo.identify(Series(u, y, 1.0, "late", NAMES), ("arx",), {"arx": (1, 1, 1)})
+    assert report.independent_p["arx"][0, 1] < 1e-6 < 1e-3 < report.independent_p["arx"][1].min()
+    assert any("residuals of y1 depend on past u2" in text for text in report.warnings["arx"])
+    assert np.isnan(report.models["arx"].model.gain_std(0.1)).all()
 
 
 def test_files_with_several_signals_are_never_guessed(tmp_path: Path) -> None:

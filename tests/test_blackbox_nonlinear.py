@@ -33,7 +33,7 @@ def test_gradient_equals_differences() -> None:
     rng = np.random.default_rng(1)
     u = rng.standard_normal(300)
     series = Series(u, lfilter([0.0, 0.5], [1.0, -0.7], u) + 0.1 * rng.standard_normal(300), 1.0)
-    problem = nonlinear._Problem([series], ORDERS, 3, 3, 1.0, 1.0)
+    problem = nonlinear.Errors(ORDERS, (3, 3), 1.0, 1.0, [series])
     theta = np.array([0.4, 0.1, -0.6, 0.05, 0.1, 0.05, 0.02, 0.05, -0.01])
     at = problem.at(theta, gradient=True)
     slope = at.gradient[0].T @ at.errors[0]

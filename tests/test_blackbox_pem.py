@@ -3,6 +3,7 @@
 import linear_foot as foot
 import numpy as np
 import pytest
+from recorded_foot import record
 from scipy.signal import lfilter
 
 from fasbody.exceptions import SettingError
@@ -15,11 +16,6 @@ BAND = np.linspace(5, 60, 56)
 NUM, DEN = foot.transfer()
 TRUE_B, TRUE_F = NUM[1:], DEN[1:]
 ORDERS = {"oe": (4, 4, 1), "armax": (4, 4, 4, 1), "bj": (4, 2, 2, 4, 1)}
-
-
-def record(base: np.ndarray, seed: int, noise: float = 0.25) -> Series:
-    y = foot.linear_output(base) + noise * np.random.default_rng(seed).standard_normal(len(base))
-    return Series(base, y, foot.SAMPLE_TIME)
 
 
 @pytest.mark.parametrize("counts", [(0, 3, 0, 0, 2, 1), (2, 2, 2, 0, 0, 2), (0, 2, 1, 2, 3, 0), (2, 1, 2, 1, 1, 1)])
@@ -117,16 +113,12 @@ def test_nine_pooled_sines_give_the_whole_response() -> None:
     assert np.abs(model.response(band).value / foot.response(band) - 1).max() < 0.01
 
 
-def test_recordings_of_unlike_sample_times_do_not_pool() -> None:
-    one = record(foot.prbs(500), 0)
-    other = Series(one.u, one.y, 2e-3)
+def test_what_cannot_be_estimated_is_refused() -> None:
+    one = record(foot.prbs(500))
     with pytest.raises(SettingError, match="cannot be pooled"):
-        pem.estimate("oe", [one, other], Orders.of("oe", (2, 2, 1)))
-
-
-def test_more_parameters_than_samples() -> None:
+        pem.estimate("oe", [one, Series(one.u, one.y, 2e-3)], Orders.of("oe", (2, 2, 1)))
     with pytest.raises(SettingError, match="cannot carry"):
-        pem.estimate("oe", record(foot.multisine(60, 25.0, 8), 0), Orders.of("oe", (15, 15, 1)))
+        pem.estimate("oe", record(foot.multisine(60, 25.0, 8)), Orders.of("oe", (15, 15, 1)))
 
 
 def test_difference_equation_is_recovered_to_rounding() -> None:

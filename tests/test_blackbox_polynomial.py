@@ -99,13 +99,20 @@ def test_conversions_keep_poles_and_steady_gain() -> None:
     assert made.dt == 0.01
 
 
-def test_orders_that_cannot_be_meant() -> None:
+@pytest.mark.parametrize(
+    ("structure", "numbers", "sentence"),
+    [
+        ("oe", (4, 4), "takes 3 orders"),
+        ("arma", (1, 1, 1, 1), "did you mean 'armax'"),
+        ("oe", (-1, 4, 1), "oe=-1,4,1 makes no model; valid: nb 1 or more, nf 0 or more, nk 0 or more"),
+        ("oe", (0, 2, 1), "oe=0,2,1 makes no model"),
+    ],
+)
+def test_orders_that_cannot_be_meant(structure: str, numbers: tuple[int, ...], sentence: str) -> None:
+    with pytest.raises(SettingError, match=sentence):
+        Orders.of(structure, numbers)
     with pytest.raises(SettingError, match="n_b is at least 1"):
         Orders(nb=0)
-    with pytest.raises(SettingError, match="takes 3 orders"):
-        Orders.of("oe", (4, 4))
-    with pytest.raises(SettingError, match="did you mean 'armax'"):
-        Orders.of("arma", (1, 1, 1, 1))
 
 
 def test_model_prints_itself() -> None:

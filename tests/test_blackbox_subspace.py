@@ -3,6 +3,7 @@
 import linear_foot as foot
 import numpy as np
 import pytest
+from recorded_foot import record
 
 from fasbody.exceptions import SettingError
 from identification.blackbox import subspace
@@ -11,14 +12,8 @@ from identification.blackbox.data import Series
 BAND = np.linspace(5, 60, 56)
 
 
-def record(seed: int = 0, noise: float = 0.25, n: int = 7000) -> Series:
-    base = foot.prbs(n)
-    y = foot.linear_output(base) + noise * np.random.default_rng(seed).standard_normal(n)
-    return Series(base, y, foot.SAMPLE_TIME)
-
-
 def test_noise_free_order_and_poles() -> None:
-    found = subspace.decompose(record(noise=0.0, n=3000))
+    found = subspace.decompose(record(foot.prbs(3000), noise=0.0))
     assert found.singular_values[4] < 1e-8 * found.singular_values[0]
     model = found.model(4)
     exact = np.roots(foot.transfer()[1])
@@ -28,7 +23,7 @@ def test_noise_free_order_and_poles() -> None:
 
 def test_foot_with_noise() -> None:
     """At most 1 % with PRBS, order found, no worse after refinement."""
-    series = record()
+    series = record(foot.prbs(7000))
     found = subspace.decompose(series)
     assert found.order() == 4
     plain, refined = found.model(4), found.model(4, refine=True)
@@ -38,7 +33,7 @@ def test_foot_with_noise() -> None:
 
 
 def test_simulation_and_prediction_equal_the_state_recursion() -> None:
-    model, series = subspace.estimate(record(n=3000), 4), record(3, n=500)
+    model, series = subspace.estimate(record(foot.prbs(3000)), 4), record(foot.prbs(500), 3)
     forced = np.zeros(500)
     x = np.zeros(4)
     for t in range(500):
@@ -70,7 +65,7 @@ def test_kalman_gain_whitens_the_residuals() -> None:
 
 
 def test_polynomial_form_has_the_same_response() -> None:
-    model = subspace.estimate(record(n=3000), 5)
+    model = subspace.estimate(record(foot.prbs(3000)), 5)
     np.testing.assert_allclose(model.response(BAND).value, model.transfer.response(BAND).value, rtol=1e-6)
     space = model.to_state_space()
     assert space.A.shape == (5, 5)
@@ -78,18 +73,16 @@ def test_polynomial_form_has_the_same_response() -> None:
 
 def test_orders_and_lengths_that_cannot_be() -> None:
     with pytest.raises(SettingError, match="not between 1 and 15"):
-        subspace.decompose(record(n=1000)).model(16)
+        subspace.decompose(record(foot.prbs(1000))).model(16)
     with pytest.raises(SettingError, match="more than"):
-        subspace.estimate(record(n=90), 4)
+        subspace.estimate(record(foot.prbs(90)), 4)
 
 
 def test_only_refined_models_have_intervals_and_they_cover() -> None:
     """Multisine, 10 records: the plain estimate errs by many formal deviations, the refined interval holds the gain."""
     inside, exact = [], np.abs(foot.response(BAND))
     for seed in range(10):
-        base = foot.multisine(2000)
-        y = foot.linear_output(base) + 0.25 * np.random.default_rng(seed).standard_normal(2000)
-        found = subspace.decompose(Series(base, y, foot.SAMPLE_TIME))
+        found = subspace.decompose(record(foot.multisine(2000), seed))
         response = found.model(4, refine=True).response(BAND)
         inside.append(np.mean(np.abs(np.abs(response.value) - exact) < 1.96 * response.gain_std))
     assert 0.85 <= np.mean(inside) <= 1.0

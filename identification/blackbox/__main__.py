@@ -10,6 +10,7 @@ from fasbody.exceptions import SettingError, unknown
 from identification.blackbox.data import ALL, DEFAULT
 
 if TYPE_CHECKING:
+    from identification.blackbox.data import Series
     from identification.blackbox.identify import Report
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
@@ -59,26 +60,38 @@ def main(
     from identification.blackbox import data, report
     from identification.blackbox.identify import identify
 
-    chosen = tuple(name.lower() for name in _names(structures))
-    if "," in input + output:
+    several = "," in input + output
+    chosen = tuple(_names(structures.lower()))
+    if several:
+        from identification.blackbox import mimo
+
         if pool or robust:
             raise SettingError("--pool and --robust are for one input and one output.")
-        chosen = () if structures == ",".join(DEFAULT) else chosen
-        _several(files, (input, output), sample_time, chosen, orders, split, detrend, json, out)
-        return
+        if not (_names(input) and _names(output)):
+            raise SettingError("several inputs or outputs need both --input and --output.")
+        if len(files) != 1:
+            raise SettingError("several inputs or outputs are fitted from one file at a time.")
+        chosen = mimo.STRUCTURES if chosen == DEFAULT else chosen
+    valid = mimo.STRUCTURES if several else ALL
     if not chosen:
-        raise SettingError(f"no structure named (valid: {', '.join(ALL)}).")
+        raise SettingError(f"no structure named (valid: {', '.join(valid)}).")
     for name in chosen:
-        if name not in ALL:
-            raise SettingError(unknown("structure", name, ALL) + ".")
+        if name not in valid:
+            what = "structure for several inputs or outputs" if several else "structure"
+            raise SettingError(unknown(what, name, valid) + ".")
     if not 0.0 < split < 1.0:
         raise SettingError(f"split {split:g} is not between 0 and 1.")
     numbers = parse_orders(orders, chosen)
     if out is not None:
         make_folder(out)
     recordings = [
-        series for path in files for series in data.read(path, input=input, output=output, sample_time=sample_time)
+        series
+        for path in files
+        for series in data.read(path, input=input, output=output, sample_time=sample_time)
     ]
+    if several:
+        _several(recordings[0], chosen, numbers, split, detrend, json, out)
+        return
     groups = [recordings] if pool else [[series] for series in recordings]
     reports: list[Report] = []
     with progress_bar() as progress:
@@ -89,7 +102,9 @@ def main(
             def step(text: str, name: str = name) -> None:
                 progress.update(task, advance=1, description=f"{name}: {text}")
 
-            reports.append(identify(group, chosen, numbers, split, step, detrend=detrend, robust=robust))
+            reports.append(
+                identify(group, chosen, numbers, split, step, detrend=detrend, robust=robust)
+            )
     document = report.document(reports)
     if json:
         print_json(document)
@@ -104,31 +119,20 @@ def _names(text: str) -> list[str]:
 
 
 def _several(
-    files: list[Path], columns: tuple[str, str], sample_time: float | None, structures: tuple[str, ...], orders: str,
+    series: "Series", structures: tuple[str, ...], orders: dict[str, tuple[int, ...]],
     split: float, detrend: int, json: bool, out: Path | None,
 ) -> None:  # fmt: skip
-    """Models of several inputs or outputs of one file."""
-    from identification.blackbox import condition, data, keep, mimo
+    """Models of several inputs or outputs."""
+    from identification.blackbox import condition, keep, mimo
 
-    if len(files) != 1:
-        raise SettingError("several inputs or outputs are fitted from one file at a time.")
-    inputs, outputs = map(_names, columns)
-    if not inputs or not outputs:
-        raise SettingError("several inputs or outputs need both --input and --output.")
-    chosen = structures or mimo.STRUCTURES
-    numbers = parse_orders(orders, chosen)
-    if out is not None:
-        make_folder(out)
-    pairs = [[data.read_csv(files[0], input=u, output=y, sample_time=sample_time) for u in inputs] for y in outputs]
-    pairs = [[condition.detrend(series, detrend) for series in row] for row in pairs]
-    report = mimo.identify(mimo.Channels.of(pairs), chosen, numbers, split)
+    report = mimo.identify(condition.detrend(series, detrend), structures, orders, split)
     console.print(str(report), markup=False, soft_wrap=True)
     if json:
         print_json(report.document())
     if out is not None:
         write_whole(out / "result.json", to_json(report.document()))
         for name, candidate in report.models.items():
-            keep.save(candidate.model, out / f"{files[0].stem}_{name}.json")
+            keep.save(candidate.model, out / f"{series.name}_{name}.json")
         console.print(f"written to {out}", markup=False)
 
 
@@ -178,10 +182,10 @@ def _show(reports: "list[Report]", pool: bool) -> None:
 
 
 def _write(folder: Path, reports: "list[Report]", document: dict[str, object]) -> None:
-    from identification.blackbox import figures, keep, page, report
+    from identification.blackbox import figures, keep, report
 
     write_whole(folder / "result.json", to_json(document))
-    write_whole(folder / "report.html", page.html(reports))
+    write_whole(folder / "report.html", report.page(reports))
     write_whole(folder / "models.csv", report.csv_text(reports))
     for one in reports:
         stem = "".join(c if c.isalnum() or c in "-_." else "_" for c in one.name)

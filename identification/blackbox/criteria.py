@@ -32,14 +32,14 @@ def bic(loss: float | np.ndarray, parameters: int | np.ndarray, samples: int) ->
 
 
 def fit_percent(measured: np.ndarray, simulated: np.ndarray) -> float:
-    """Fit in percent of two signals (N,), Eq. (3.20) with 2-norms.
+    """Fit in percent of two signals, (N,) or (N, p), Eq. (3.20) with 2-norms.
 
     100 is perfect, 0 no better than the mean; -inf for a diverged one.
     """
     error = np.linalg.norm(measured - simulated)
     if not np.isfinite(error):
         return -np.inf
-    return float(100 * (1 - error / np.linalg.norm(measured - measured.mean())))
+    return float(100 * (1 - error / np.linalg.norm(measured - measured.mean(axis=0))))
 
 
 def whitened_score(

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import linalg
 
-from identification.blackbox.data import Series
+from identification.blackbox.data import Series, listed
 
 THRESHOLD = 1e-3  # of the largest singular value: weaker directions drown in sensor noise, whatever eps allows
 LAGS = 200  # the largest excitation order looked for
@@ -66,7 +66,7 @@ class Excitation:
 
 def examine(recordings: Series | Sequence[Series]) -> Excitation:
     """Excitation of one recording or of many pooled (their excited directions add up)."""
-    pooled = [recordings] if isinstance(recordings, Series) else list(recordings)
+    pooled = listed(recordings)
     limit = min(LAGS, min(len(series) for series in pooled) // 3)
     gram = np.zeros((limit, limit))
     bands = []
@@ -113,19 +113,10 @@ def _significant_part(series: Series) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _gram(u: np.ndarray, lags: int) -> np.ndarray:
-    """Inner products of all pairs of delayed inputs over the complete rows, shape (lags, lags).
-
-    Row by row from the first: moving both delays by one swaps two end terms, so no large matrix is formed.
-    """
-    n = len(u)
-    first = np.array([u[lags - 1 :] @ u[lags - 1 - k : n - k] for k in range(lags)])
-    gram = np.zeros((lags, lags))
-    gram[0] = first
-    for i in range(1, lags):
-        gains = u[lags - 1 - i] * u[lags - 1 - np.arange(i, lags)]
-        losses = u[n - i] * u[n - np.arange(i, lags)]
-        gram[i, i:] = gram[i - 1, i - 1 : lags - 1] + gains - losses
-    return np.triu(gram) + np.triu(gram, 1).T
+    """Inner products of all pairs of delayed inputs over the complete rows, shape (lags, lags)."""
+    rows = np.lib.stride_tricks.sliding_window_view(u, lags)[:, ::-1]
+    parts = (rows[k : k + 10_000] for k in range(0, len(rows), 10_000))
+    return np.sum([part.T @ part for part in parts], axis=0)
 
 
 def single_sine(series: Series) -> tuple[float, tuple[int, ...]]:

@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 from fasbody.constants import Z95
 from fasbody.presentation import COLOURS as SERIES
 from fasbody.presentation import PAGE, picture, printed
-from identification.blackbox.identify import Found, Report
+from identification.blackbox.identify import ChosenModel, Report
 
 #: One colour for each structure in every figure.
 COLOURS = dict(zip(("arx", "armax", "oe", "bj", "ss", "hw", "narx"), (*SERIES, "#7F4F24"), strict=True))
@@ -73,7 +73,7 @@ def bode(report: Report) -> Figure:
     return _points_of_sine(report) if report.excitation.single_sine else _bode_band(report)
 
 
-def _responding(report: Report) -> dict[str, Found]:
+def _responding(report: Report) -> dict[str, ChosenModel]:
     return {name: chosen for name, chosen in report.models.items() if np.isfinite(chosen.response.value).any()}
 
 

@@ -64,6 +64,11 @@ def free_run(num: np.ndarray, den: np.ndarray, u: np.ndarray, y: np.ndarray) -> 
     return forced + free @ start
 
 
+def as_columns(signals: np.ndarray) -> np.ndarray:
+    """Signals as columns (N, m), of one (N,) or of several."""
+    return signals.reshape(len(signals), -1)
+
+
 def pulse_response(den: np.ndarray, length: int) -> np.ndarray:
     """Response (length,) of 1/den to a unit pulse at the first sample."""
     pulse = np.zeros(length)

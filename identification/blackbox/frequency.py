@@ -8,11 +8,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import optimize, signal, stats
 
-from fasbody.exceptions import SettingError
+from fasbody.exceptions import RecordingError, SettingError
 from fasbody.presentation import Tabled
+from fasbody.transmissibility.local import local as local_response
 from identification.blackbox import excitation
-from identification.blackbox.data import Series
+from identification.blackbox.data import Series, listed
 from identification.blackbox.validation import ALARM
+
+REACH = 8  # lines at either side of a frequency whose spectrum a local model describes
 
 
 @dataclass(frozen=True, eq=False)
@@ -82,7 +85,7 @@ def points(recordings: Series | Sequence[Series]) -> Points:
     Raises:
         SettingError: an input has no separate lines.
     """
-    pooled = [recordings] if isinstance(recordings, Series) else list(recordings)
+    pooled = listed(recordings)
     measured, distortion = [], 0.0
     for series in map(_steady, pooled):
         lines, extra = _lines(series)
@@ -94,6 +97,11 @@ def points(recordings: Series | Sequence[Series]) -> Points:
         more = np.abs(y[len(lines) :]) - 3.0 * np.abs(value).max() * np.abs(u[len(lines) :])  # 3: a resonance there
         certain = more[more > 5.0 * sigma_y]
         distortion = max(distortion, float(certain.max(initial=0.0) / np.abs(y[: len(lines)]).max()))
+    return replace(_averaged(measured), distortion=distortion)
+
+
+def _averaged(measured: list[tuple[float, complex, float]]) -> Points:
+    """Frequency, response and deviation of each frequency, the mean where several agree in it."""
     groups: list[list[tuple[float, complex, float]]] = []
     for point in sorted(measured, key=lambda point: point[0]):
         if groups and abs(point[0] / groups[-1][0][0] - 1) < 1e-3:
@@ -106,39 +114,30 @@ def points(recordings: Series | Sequence[Series]) -> Points:
         weight = 1.0 / np.maximum(s, 1e-15) ** 2
         means.append((f.mean(), np.sum(weight * G) / weight.sum(), 1.0 / np.sqrt(weight.sum())))
     frequency, value, std = map(np.array, zip(*means, strict=True))
-    return Points(frequency, value, std, distortion)
+    return Points(frequency, value, std)
 
 
-def local(recordings: Series | Sequence[Series], frequency_hz: ArrayLike, reach: int = 6) -> Points:
-    """Response without a model, at the spectral lines nearest to `frequency_hz` (M,).
-
-    The local polynomial method (Pintelon, Schoukens and others 2010): over `reach` lines at either side the response
-    and the leakage of the record's ends are parabolas, fitted together; what they leave is the noise.
+def local(
+    recordings: Series | Sequence[Series], frequency_hz: np.ndarray, band_hz: tuple[float, float]
+) -> Points | None:
+    """Response without a model, by local models of the spectrum; None where windows are too short.
 
     Args:
         recordings: one or many, means removed; averaged with their weights.
         frequency_hz: of the response, shape (M,).
-        reach: lines at either side, at least 4.
+        band_hz: that the input excites.
     """
-    pooled = [recordings] if isinstance(recordings, Series) else list(recordings)
-    frequency = np.atleast_1d(np.asarray(frequency_hz, dtype=float))
-    value, weight = np.zeros(len(frequency), dtype=complex), np.zeros(len(frequency))
-    offset = np.arange(-reach, reach + 1)
-    parabola = (offset / reach)[:, None] ** np.arange(3)
-    for series in pooled:
-        U, Y = np.fft.rfft(series.u), np.fft.rfft(series.y)
-        at = np.rint(frequency * len(series) * series.sample_time).astype(int)
-        at = np.clip(at, reach + 1, len(U) - reach - 2)
-        for k, middle in enumerate(at):
-            part = middle + offset
-            phi = np.hstack([parabola * U[part, None], parabola])
-            inverse = np.linalg.pinv(phi, rcond=1e-10)
-            theta = inverse @ Y[part]
-            left = float(np.sum(np.abs(Y[part] - phi @ theta) ** 2)) / (len(part) - phi.shape[1])
-            variance = max(left * float(np.sum(np.abs(inverse[0]) ** 2)) / 2, 1e-300)
-            value[k] += theta[0] / variance
-            weight[k] += 1.0 / variance
-    return Points(frequency, value / weight, 1.0 / np.sqrt(weight))
+    measured = []
+    for series in listed(recordings):
+        resolution = REACH / (len(series) * series.sample_time)
+        try:
+            response = local_response(
+                series.time, {"base": series.u, "out": series.y}, frequency_hz, band_hz, resolution
+            )
+        except RecordingError:
+            continue
+        measured += list(zip(response.frequency_hz, *response.ratio("out"), strict=True))
+    return _averaged(measured) if measured else None
 
 
 def _steady(series: Series) -> Series:

@@ -22,18 +22,19 @@ from identification.blackbox import (
     subspace,
 )
 from identification.blackbox.condition import Condition
-from identification.blackbox.data import ALL, DEFAULT, Series
+from identification.blackbox.data import ALL, DEFAULT, Series, listed
 from identification.blackbox.excitation import Excitation
+from identification.blackbox.filters import largest_root
 from identification.blackbox.frequency import Rational, Response
 from identification.blackbox.keep import Single
 from identification.blackbox.polynomial import STRUCTURES, Orders, PolynomialModel
 from identification.blackbox.selection import Candidate, Referee, Selection
-from identification.blackbox.validation import ResidualTest, residual_test
+from identification.blackbox.validation import CALM, ResidualTest, residual_test
 
 DEGREES = ((3, 1), (1, 3), (3, 3), (5, 3))  # of the Hammerstein-Wiener polynomials tried
 WHITE = ("arx", "armax", "bj")  # their standard errors assume that e(t) is white; those of OE do not
-CALM = 0.05  # p-values of both residual tests from which those standard errors hold
 WORSE = 4.0  # N times the log of held-out one-step losses by which another noise model refutes one
+ON_CIRCLE = 0.999  # root of C from which its errors are no Gaussian: such an interval held 20 %
 STRONGLY = 5.0  # times its whitened variance that noise may have before output errors follow it
 FEW = 20  # excitation rank up to which a pulse response cannot be estimated
 #: Half-widths from a resonance at which its curve is drawn.
@@ -45,7 +46,7 @@ GivenOrders = Mapping[str, tuple[int, ...]]
 
 
 @dataclass(frozen=True, eq=False)
-class Found(Tabled):
+class ChosenModel(Tabled):
     """The chosen model of one structure.
 
     Attributes:
@@ -90,7 +91,7 @@ class Report(Tabled):
     excitation: Excitation
     condition: Condition
     notes: tuple[str, ...]
-    models: Mapping[str, Found]
+    models: Mapping[str, ChosenModel]
     left_out: frequency.LeftOut | None
     rational: Rational | None
     nonparametric: frequency.Points | None
@@ -131,7 +132,7 @@ def identify(
     for name in structures:
         if name not in ALL:
             raise SettingError(unknown("structure", name, ALL) + ".")
-    pooled = [recordings] if isinstance(recordings, Series) else list(recordings)
+    pooled = listed(recordings)
     notes = []
     if robust:
         repaired = [condition.mend(series.centred()) for series in pooled]
@@ -166,7 +167,9 @@ def identify(
     places = shown_frequencies(seen, [m.best.model for m in models.values()], pooled[0].sample_time)
     models = {name: replace(m, response=m.selection.curve(places)) for name, m in models.items()}
     rational, left_out = _through_points(pooled)
-    free = None if seen.lines or seen.single_sine else frequency.local(referee.estimation, shown_frequencies(seen))
+    continuous = not (seen.lines or seen.single_sine)
+    band = seen.band_hz[0], seen.band_hz[-1]
+    free = frequency.local(referee.estimation, shown_frequencies(seen), band) if continuous else None
     title = pooled[0].name if len(pooled) == 1 else f"{len(pooled)} recordings pooled"
     return Report(
         title, tuple(referee.estimation), tuple(chooser.validation), seen, state, tuple(notes), models, left_out,
@@ -194,10 +197,13 @@ class _Chooser:
 
     @cached_property
     def delays(self) -> tuple[int, ...]:
-        """Delays n_k that compete: the one that is read off and its neighbours; a controller leaves at least one."""
+        """Delays n_k that compete: the one read off and its neighbours.
+
+        None is below the least: a controller leaves one sample.
+        """
         delay = search.delay(self.referee.estimation, far=not self.referee.weak)
         least = self.referee.least_delay
-        return tuple(nk for nk in (delay - 1, delay, delay + 1) if nk >= least) or (least,)
+        return tuple(sorted({max(nk, least) for nk in (delay - 1, delay, delay + 1)}))
 
     def predicts_better(self, model: Single) -> str:
         """The noise model that predicts held-out data a step ahead decisively better than this one; empty for none."""
@@ -210,7 +216,7 @@ class _Chooser:
         return best if _log_loss(model, self.validation) - losses[best] > WORSE else ""
 
     def _model(self, name: str) -> PolynomialModel:
-        return self.select(name).best.model  # type: ignore[return-value]  # arx and oe are polynomial
+        return self.select(name).best.model
 
     def _select(self, name: str) -> Selection:
         referee = self.referee
@@ -232,11 +238,11 @@ class _Chooser:
         return self._narx()
 
     def _narx(self) -> Selection:
-        """The delay that simulates best; its coefficients from all data that orders may be chosen on."""
+        """The delay that simulates best; its coefficients from all data for the choice."""
         referee = self.referee
         tried = [narx.estimate(referee.fitted, referee.check, nk=nk) for nk in self.delays]
         best, *others = sorted(tried, key=lambda c: -c.fit_percent)
-        whole = narx.refine(best.model, referee.estimation)  # type: ignore[arg-type]
+        whole = narx.refine(best.model, referee.estimation)
         alike = tuple((1.0, c.model) for c in others if c.no_worse_than(best))
         count = narx.LARGEST_TERMS * len(tried)
         return Selection((replace(best, model=whole), *others), count, (whole.label,), (), alike)
@@ -248,7 +254,7 @@ class _Chooser:
         models = [nonlinear.estimate(referee.fitted, linear.orders, d, linear) for d in degrees]
         fewer = [f"the input has {levels:g} levels: no input polynomial of that degree or more is tried"]
         chosen = selection.rank([referee.judge(m) for m in models], referee, 0, fewer * (len(degrees) < len(DEGREES)))
-        best: nonlinear.HammersteinWiener = chosen.best.model  # type: ignore[assignment]
+        best: nonlinear.HammersteinWiener = chosen.best.model
         whole = nonlinear.estimate(referee.estimation, linear.orders, best.degrees, linear)
         return replace(chosen, candidates=(replace(chosen.best, model=whole), *chosen.candidates[1:]))
 
@@ -264,7 +270,7 @@ class _Chooser:
         raise SettingError(f"{name} takes {valid.get(name, 'no orders')}, not {len(numbers)}.")
 
 
-def _judge(chosen: Selection, chooser: _Chooser, seen: Excitation) -> Found:
+def _judge(chosen: Selection, chooser: _Chooser, seen: Excitation) -> ChosenModel:
     """The chosen model on the held-out data, which no choice depends on."""
     model = chosen.best.model
     noise = sum(getattr(getattr(model, "orders", None), key, 0) for key in ("na", "nc", "nd"))
@@ -291,7 +297,7 @@ def _judge(chosen: Selection, chooser: _Chooser, seen: Excitation) -> Found:
         )
     if not np.isfinite(chosen.best.fit_percent):
         warnings.append("free simulation diverges, so there is no fit")
-    return Found(chosen, test, model.response([]), tuple(warnings) + test.warnings)
+    return ChosenModel(chosen, test, model.response([]), tuple(warnings) + test.warnings)
 
 
 def _log_loss(model: Single, recordings: Sequence[Series]) -> float:
@@ -303,17 +309,24 @@ def _log_loss(model: Single, recordings: Sequence[Series]) -> float:
 def _no_intervals(model: Single, test: ResidualTest, chooser: _Chooser) -> str:
     """Why the standard errors of a model would mislead, or an empty string."""
     name, state = model.structure.upper(), chooser.state
-    errors = [model.residuals(series) for series in chooser.referee.estimation]
-    coloured = STRONGLY * criteria.whitened_variance(errors) < np.mean(np.concatenate(errors) ** 2)
-    if model.structure in WHITE and min(test.white_p, test.cross_p) < CALM:
-        return f"those of {name} are valid only for white residuals that do not depend on past inputs"
-    better = chooser.predicts_better(model) if model.structure in WHITE else ""
-    if better:
-        return f"{better} predicts the held-out part better, so the noise is not that of {name}"
-    if model.structure not in WHITE and state.feedback:
-        return f"{name} has no noise model, so feedback biases it"
-    if model.structure not in WHITE and coloured:
-        return f"the errors of {name} are so strongly coloured that it follows them; BJ models them"
+    if model.structure in WHITE:
+        if min(test.white_p, test.cross_p) < CALM:
+            return (
+                f"those of {name} are valid only for white residuals that do not depend on past "
+                "inputs"
+            )
+        if isinstance(model, PolynomialModel) and largest_root(model.polynomials[2]) > ON_CIRCLE:
+            return "a zero of the noise model lies on the unit circle, where no linearisation holds"
+        better = chooser.predicts_better(model)
+        if better:
+            return f"{better} predicts the held-out part better, so the noise is not that of {name}"
+    else:
+        if state.feedback:
+            return f"{name} has no noise model, so feedback biases it"
+        errors = [series.y - model.simulate(series) for series in chooser.referee.estimation]
+        whitened = criteria.whitened_variance(errors)
+        if STRONGLY * whitened < np.mean(np.concatenate(errors) ** 2):
+            return f"the errors of {name} are so strongly coloured that it follows them; BJ models them"
     if state.suspect and not state.feedback:
         return "the input may answer the output, which biases every structure a little"
     if state.spikes:

@@ -118,6 +118,8 @@ def _made(value: Any) -> Any:
     kind = KINDS[value["kind"]]
     parts: dict[str, Any] = {}
     for one in fields(kind):
+        if one.name == "spread" and kind is MimoModel and one.name not in value:
+            continue  # saved before it was kept
         part = value[one.name]
         if one.type is np.ndarray:
             parts[one.name] = np.array(part, dtype=float)

@@ -1,11 +1,11 @@
-"""Levenberg-Marquardt on stacked recordings, with the initial states of each recording projected out."""
+"""Least squares on stacked recordings, with the initial states of each recording projected out."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Protocol, Self
 
 import numpy as np
-from scipy import linalg
+from scipy import linalg, optimize
 
 #: Directions of the parameters with less than this share of the largest singular value count as unseen and get that
 #: share: a huge standard error, yet small enough not to leak by rounding into what is well determined.
@@ -52,16 +52,6 @@ class Problem(Protocol):
         """Errors at theta (d,), and their derivatives on request."""
 
 
-@dataclass(frozen=True, eq=False)
-class Minimum:
-    """Where the iterations ended."""
-
-    theta: np.ndarray
-    at: Linearisation
-    iterations: int
-    converged: bool
-
-
 def project_states(errors: np.ndarray, states: np.ndarray) -> tuple[np.ndarray, Callable[[np.ndarray], np.ndarray]]:
     """Fit `states` (N, n) to `errors` (N,): the coefficients, and the map that removes them from other columns.
 
@@ -81,41 +71,32 @@ def project_states(errors: np.ndarray, states: np.ndarray) -> tuple[np.ndarray, 
     return fitted / scale, lambda columns: columns - q @ (q.T @ columns)
 
 
-def minimise(problem: Problem, start: np.ndarray, *, iterations: int = 60, tolerance: float = 1e-4) -> Minimum:
-    """Minimise the mean squared prediction error, Eq. (3.16), over theta (d,) by damped Gauss-Newton steps.
+def minimise(
+    problem: Problem, start: np.ndarray, *, evaluations: int = 60, tolerance: float = 1e-4
+) -> tuple[np.ndarray, Linearisation, bool]:
+    """Least mean squared prediction error, Eq. (3.16), by scipy's trust-region method.
 
-    A step is refused when it raises the loss or makes the predictor unstable. The end is reached when an undamped
-    step promises to lower chi-square (the sum of squares over the noise variance) by less than `tolerance`, so at
-    1e-4 the estimate is within a hundredth of a standard error of the minimum.
+    Parameters whose predictor is unstable have infinite errors, which no step enters. The end is reached when a step
+    lowers chi-square (the sum of squares over the noise variance) by less than `tolerance`, so at 1e-4 the estimate is
+    within a hundredth of a standard error of the minimum.
+
+    Returns:
+        theta (d,), its linearisation, and whether the end was reached within so many evaluations.
     """
-    theta, now = start, problem.at(start, gradient=True)
-    damping, done = 1e-3, 0
-    for done in range(1, iterations + 1):
-        r, rhs = reduced(now)
-        scale = np.linalg.norm(r, axis=0)
-        scale[scale == 0] = 1.0
-        u, s, vt = linalg.svd(r / scale, full_matrices=False, check_finite=False)
-        along = u.T @ rhs
-        if along @ along <= tolerance * now.loss:
-            return Minimum(theta, now, done, True)
-        moved = False
-        while damping < 1e9:
-            step = -(vt.T @ (s * along / (s**2 + damping))) / scale
-            if problem.admissible(theta + step):
-                trial = problem.at(theta + step)
-                if np.isfinite(trial.loss) and trial.loss < now.loss:
-                    moved = True
-                    break
-            damping *= 6.0
-        if not moved:
-            return Minimum(theta, now, done, True)
-        small = (now.loss - trial.loss) * now.samples < 10 * tolerance * now.loss
-        theta = theta + step
-        now = problem.at(theta, gradient=True)
-        damping = max(damping / 10.0, 1e-14)
-        if small:
-            return Minimum(theta, now, done, True)
-    return Minimum(theta, now, done, False)
+    samples = problem.at(start).samples
+
+    def errors(theta: np.ndarray) -> np.ndarray:
+        if not problem.admissible(theta):
+            return np.full(samples, np.inf)
+        return np.concatenate(problem.at(theta).errors)
+
+    def jacobian(theta: np.ndarray) -> np.ndarray:
+        return np.vstack(problem.at(theta, gradient=True).gradient)
+
+    ended = optimize.least_squares(
+        errors, start, jacobian, x_scale="jac", ftol=tolerance / samples, xtol=1e-14, gtol=None, max_nfev=evaluations
+    )
+    return ended.x, problem.at(ended.x, gradient=True), ended.status > 0
 
 
 def reduced(at: Linearisation) -> tuple[np.ndarray, np.ndarray]:

@@ -1,93 +1,35 @@
-"""Several inputs and outputs: state-space models by the subspace method, and ARX, both in innovations form."""
+"""Several inputs and outputs: state-space models by the subspace method, and ARX."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
-from scipy import linalg, signal
+from scipy import linalg
 
+from fasbody.constants import Z95
 from fasbody.exceptions import RecordingError, SettingError, unknown
-from identification.blackbox import criteria, subspace
-from identification.blackbox.data import SHORTEST, Series, not_finite, split_point
-from identification.blackbox.filters import shifted
-from identification.blackbox.polynomial import control_package
-from identification.blackbox.selection import BLOCKS, FITTED, Candidate
+from identification.blackbox import criteria, pem, subspace
+from identification.blackbox.data import Series
+from identification.blackbox.filters import as_columns, shifted
+from identification.blackbox.polynomial import Orders
+from identification.blackbox.selection import FITTED, Candidate, judge
+from identification.blackbox.state_space import StateSpace
+from identification.blackbox.validation import ALARM, CALM, residual_test
 
 STRUCTURES = ("arx", "ss")
 LARGEST = 10  # order up to which models are tried
+FOLLOWS = 1e-6  # share of an input's power that others leave from which it is none of its own
+MOSTLY = 0.1  # the same from which a sentence says so
+REACH = 10  # samples before and after over which an input may follow from others
+NONE = np.zeros((0, 0))
 ROWS = 12  # block rows of the subspace method; more than the largest order over one output
-LONG = 15  # lags of the ARX model whose errors stand for e(t)
 
 
 @dataclass(frozen=True, eq=False)
-class Channels:
-    """One recording of several inputs and outputs.
-
-    Attributes:
-        u: inputs, shape (N, m).
-        y: outputs, shape (N, p).
-        sample_time: seconds.
-        name: what to call it.
-        inputs: names of the inputs.
-        outputs: names of the outputs.
-
-    Raises:
-        RecordingError: a signal is not finite or does nothing; lengths differ.
-    """
-
-    u: np.ndarray
-    y: np.ndarray
-    sample_time: float
-    name: str
-    inputs: tuple[str, ...]
-    outputs: tuple[str, ...]
-
-    def __post_init__(self) -> None:
-        """Check the whole through its pairs: each first input with each output, and the other inputs."""
-        if len(self.u) < SHORTEST:
-            raise RecordingError(f"{self.name}: {len(self.u)} samples are too few; at least {SHORTEST} are needed.")
-        names = (*self.inputs, *self.outputs)
-        if len({*names}) < len(names):
-            raise RecordingError(f"{self.name}: a signal is named twice in {', '.join(names)}; name each once.")
-        for label, values in zip(names, (*self.u.T, *self.y.T), strict=True):
-            if problem := not_finite(label, values):
-                raise RecordingError(f"{self.name}: {problem}.")
-            if np.ptp(values) <= 1e-12 * np.abs(values).max(initial=1e-300):
-                raise RecordingError(f"{self.name}: {label} is constant; leave it out.")
-
-    def __len__(self) -> int:
-        return len(self.u)
-
-    @classmethod
-    def of(cls, pairs: Sequence[Sequence[Series]]) -> Self:
-        """From series of each output (rows) to each input (columns) of one file."""
-        first = pairs[0][0]
-        return cls(
-            np.column_stack([one.u for one in pairs[0]]), np.column_stack([row[0].y for row in pairs]),
-            first.sample_time, first.name, tuple(one.channels[0] for one in pairs[0]),
-            tuple(row[0].channels[1] for row in pairs),
-        )  # fmt: skip
-
-    def cut(self, start: int, stop: int) -> Self:
-        """The samples from `start` up to, not including, `stop`."""
-        return replace(self, u=self.u[start:stop], y=self.y[start:stop])
-
-    def split(self, fraction: float) -> tuple[Self, Self]:
-        """The first `fraction` and the rest, both less the means of the first.
-
-        Raises:
-            SettingError: `fraction` leaves one part shorter than any model needs.
-        """
-        middle = split_point(len(self), fraction)
-        centred = replace(self, u=self.u - self.u[:middle].mean(axis=0), y=self.y - self.y[:middle].mean(axis=0))
-        return centred.cut(0, middle), centred.cut(middle, len(self))
-
-
-@dataclass(frozen=True, eq=False)
-class MimoModel:
-    """x(t+1) = A x + B u + K e, y = C x + D u + e, with m inputs and p outputs.
+class MimoModel(StateSpace):
+    """A model with m inputs and p outputs.
 
     Attributes:
         A: (n, n).
@@ -101,10 +43,12 @@ class MimoModel:
         sample_time: seconds.
         structure: ss or arx.
         numbers: order of ss; n_a, n_b, n_k of arx.
-        theta: ARX coefficients, one column an output: n_a p of past outputs (with a minus), then n_b m of inputs.
-            It is empty for ss, whose basis is arbitrary.
+        theta: ARX coefficients, one column an output: n_a p of past outputs (with a minus), then
+            n_b m of inputs. It is empty for ss, whose basis is arbitrary.
         std_error: of `theta`, the same shape.
         warnings: sentences for the user.
+        spread: root S of the covariance S S' of one output's `theta` for noise of variance 1; it is
+            empty where there are no intervals.
     """
 
     A: np.ndarray
@@ -121,6 +65,7 @@ class MimoModel:
     theta: np.ndarray
     std_error: np.ndarray
     warnings: tuple[str, ...] = field(default=())
+    spread: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
 
     @property
     def label(self) -> str:
@@ -133,180 +78,92 @@ class MimoModel:
         (p, n), m = self.C.shape, self.B.shape[1]
         return self.theta.size or n * (2 * p + m) + p * m
 
-    def poles(self) -> np.ndarray:
-        """Eigenvalues of A, shape (n,)."""
-        return np.linalg.eigvals(self.A)
-
     def response(self, frequency_hz: ArrayLike) -> np.ndarray:
-        """Frequency response, shape (M, p, m)."""
-        z = np.exp(2j * np.pi * np.atleast_1d(np.asarray(frequency_hz, dtype=float)) * self.sample_time)
-        inside = np.linalg.solve(z[:, None, None] * np.eye(len(self.A)) - self.A, self.B.astype(complex)[None])
-        return self.C @ inside + self.D
+        """Frequency response, complex, shape (M, p, m)."""
+        return self.plant_response(frequency_hz)
 
-    def simulate(self, u: Channels | ArrayLike, x0: ArrayLike = 0.0) -> np.ndarray:
-        """Free simulation, shape (N, p); of a recording with initial state and level that fit best.
-
-        Args:
-            u: inputs (N, m), or a recording.
-            x0: state at the first sample of inputs alone, shape (n,).
-        """
-        if not isinstance(u, Channels):
-            values = np.asarray(u, dtype=float)
-            return _run(self.A, self.B, self.C, values, np.broadcast_to(x0, len(self.A))) + values @ self.D.T
-        if np.abs(self.poles()).max(initial=0.0) >= 1.0:
-            return np.full(u.y.shape, np.inf)
-        return _fitted(self.A, self.C, u.y, _run(self.A, self.B, self.C, u.u) + u.u @ self.D.T)
-
-    def residuals(self, recording: Channels) -> np.ndarray:
-        """One-step prediction errors (N, p), initial state fitted."""
-        observer = self.A - self.K @ self.C
-        gain = np.hstack([self.B - self.K @ self.D, self.K])
-        drive = np.hstack([recording.u, recording.y])
-        seen = _run(observer, gain, self.C, drive) + recording.u @ self.D.T
-        return recording.y - _fitted(observer, self.C, recording.y, seen)
-
-    def to_state_space(self) -> Any:
-        """The plant as `scipy.signal.StateSpace`."""
-        return signal.StateSpace(self.A, self.B, self.C, self.D, dt=self.sample_time)
-
-    def to_control(self, part: str = "plant") -> Any:
-        """The plant, or with "noise" the way from e to y, as a python-control `StateSpace`."""
-        parts = {"plant": (self.B, self.D), "noise": (self.K, np.eye(len(self.C)))}
-        if part not in parts:
-            raise SettingError(unknown("part", part, parts) + ".")
-        return control_package().StateSpace(self.A, parts[part][0], self.C, parts[part][1], self.sample_time)
+    def gain_std(self, frequency_hz: ArrayLike) -> np.ndarray:
+        """Standard deviations of the gains, first order, shape (M, p, m); NaN without intervals."""
+        G = self.plant_response(frequency_hz)
+        std = np.full(G.shape, np.nan)
+        if not self.spread.size:
+            return std
+        (na, nb, nk), (p, m) = self.numbers, G.shape[1:]
+        shift = np.exp(-2j * np.pi * np.atleast_1d(frequency_hz) * self.sample_time)
+        power, directions = np.linalg.eigh(self.noise)
+        root = directions * np.sqrt(np.maximum(power, 0.0))
+        for k, z in enumerate(shift):
+            lags_y, lags_u = z ** np.arange(1, na + 1), z ** np.arange(nk, nk + nb)
+            a = self.theta[: na * p].reshape(p, na, p)  # [of output, lag, equation]
+            inverse = np.linalg.inv(np.eye(p) + np.einsum("qlr,l->rq", a, lags_y))
+            for j in range(m):
+                drive = np.concatenate([
+                    np.kron(-G[k, :, j], lags_y), np.kron(np.eye(m)[j], lags_u),
+                ])  # fmt: skip
+                for i in range(p):
+                    turn = np.conj(G[k, i, j]) / max(abs(G[k, i, j]), 1e-300)
+                    slope = np.real(turn * np.outer(inverse[i], drive))  # by equation and term
+                    std[k, i, j] = np.linalg.norm(root.T @ slope @ self.spread)
+        return std
 
 
-def _run(A: np.ndarray, B: np.ndarray, C: np.ndarray, u: np.ndarray, x0: np.ndarray | float = 0.0) -> np.ndarray:
-    """C x(t) of x(t+1) = A x + B u, shape (N, p)."""
-    out, state = np.empty((len(u), len(C))), np.broadcast_to(np.asarray(x0, dtype=float), len(A))
-    for t, drive in enumerate(u @ B.T):
-        out[t] = C @ state
-        state = A @ state + drive
-    return out
+def _loss(errors: np.ndarray, y: np.ndarray) -> float:
+    return float(np.mean(errors**2 / y.var(axis=0)))
 
 
-def _free(A: np.ndarray, C: np.ndarray, length: int) -> np.ndarray:
-    """Outputs from unit initial states, and a level of each output, shape (length p, n + p)."""
-    p, n = C.shape
-    rows, power = np.empty((length, p, n + p)), C
-    for t in range(length):
-        rows[t, :, :n] = power
-        power = power @ A
-    rows[:, :, n:] = np.eye(p)
-    return rows.reshape(length * p, n + p)
-
-
-def _fitted(A: np.ndarray, C: np.ndarray, y: np.ndarray, forced: np.ndarray) -> np.ndarray:
-    """`forced` with the free motion and levels that fit y (N, p) best."""
-    free = _free(A, C, len(y))
-    start = linalg.lstsq(free, (y - forced).ravel(), cond=1e-10, check_finite=False)[0]
-    return forced + (free @ start).reshape(y.shape)
-
-
-def arx(recording: Channels, na: int, nb: int, nk: int) -> MimoModel:
+def arx(recording: Series, na: int, nb: int, nk: int) -> MimoModel:
     """ARX by least squares, one regression an output, all with the same regressors.
 
     Raises:
         SettingError: more coefficients than samples.
     """
-    p, m = recording.y.shape[1], recording.u.shape[1]
-    first = max(na, nk + nb - 1)
-    count = na * p + nb * m
-    if min(na, nb - 1, nk) < 0 or len(recording) - first < 2 * (count + 1):
+    p, m = len(recording.outputs), len(recording.inputs)
+    size, count = max(na, nk + nb - 1, 1), na * p + nb * m
+    if min(na, nb - 1, nk) < 0 or len(recording) - size < 2 * (count + 1):
         raise SettingError(
-            f"arx={na},{nb},{nk} with {m} inputs and {p} outputs cannot be estimated from {len(recording)} samples; "
-            "n_b is at least 1, and a model has at most half as many coefficients as there are samples."
+            f"arx={na},{nb},{nk} with {m} inputs and {p} outputs cannot be estimated from "
+            f"{len(recording)} samples; n_b is at least 1, and a model has at most half as many "
+            "coefficients as there are samples."
         )
-    past = [-shifted(y, na, 1) for y in recording.y.T] + [shifted(u, nb, nk) for u in recording.u.T]
-    phi = np.column_stack([*past, np.ones(len(recording))])[first:]
-    scale = np.linalg.norm(phi, axis=0)
-    theta, _, _, _ = linalg.lstsq(phi / scale, recording.y[first:], cond=1e-12, check_finite=False)
-    errors = recording.y[first:] - phi / scale @ theta
+    phi, y = pem.regressors(recording, Orders(na=na, nb=nb, nk=nk))
+    phi = np.column_stack([phi, np.ones(len(phi))])
+    theta = pem.solve([(phi, y)])
+    errors = y - phi @ theta
     noise = errors.T @ errors / (len(phi) - phi.shape[1])
+    scale = np.linalg.norm(phi, axis=0)
     inverse = np.linalg.pinv(linalg.qr(phi / scale, mode="r")[0][: phi.shape[1]])
-    root = np.linalg.norm(inverse, axis=1) / scale
-    std_error = root[:count, None] * np.sqrt(np.diag(noise))
-    theta = (theta / scale[:, None])[:count]
+    root = (inverse / scale[:, None])[:count]
+    theta = theta[:count]
+    std_error = np.linalg.norm(root, axis=1)[:, None] * np.sqrt(np.diag(noise))
     past_y = theta[: na * p].reshape(p, na, p).transpose(1, 2, 0)  # [lag, output, from output]
     past_u = theta[na * p :].reshape(m, nb, p).transpose(1, 2, 0)
-    size = max(na, nk + nb - 1, 1)
     a = np.concatenate([past_y, np.zeros((size - na, p, p))])
-    b = np.concatenate([np.zeros((nk, p, m)), past_u, np.zeros((max(size + 1 - nk - nb, 0), p, m))])
+    late = max(size + 1 - nk - nb, 0)
+    b = np.concatenate([np.zeros((nk, p, m)), past_u, np.zeros((late, p, m))])
     A = np.eye(size * p, k=p)
     A[:, :p] -= a.reshape(size * p, p)
-    D = b[0]
-    B = (b[1:] - a @ D).reshape(size * p, m)
-    loss = float(np.mean(errors**2 / recording.y.var(axis=0)))
+    B, K = (b[1:] - a @ b[0]).reshape(size * p, m), -a.reshape(size * p, p)
     return MimoModel(
-        A, B, np.eye(p, size * p), D, -a.reshape(size * p, p), noise, loss, len(phi), recording.sample_time, "arx",
-        (na, nb, nk), theta, std_error,
+        A, B, np.eye(p, size * p), b[0], K, noise, _loss(errors, recording.y), len(phi),
+        recording.sample_time, "arx", (na, nb, nk), theta, std_error, spread=root,
     )  # fmt: skip
 
 
-@dataclass(frozen=True, eq=False)
-class _Subspace:
-    recording: Channels
-    left: np.ndarray
-    values: np.ndarray
-    errors: np.ndarray
+def space(factors: subspace.Subspace, order: int) -> MimoModel:
+    """The state-space model of `order` states from a factorisation of one recording."""
+    recording = factors.recordings[0]
+    A, C, warnings = factors.observed(order)
+    B, D, K = factors.driven_by(A, C)
+    blank, p = np.zeros((0, 0)), len(C)
 
-    @classmethod
-    def of(cls, recording: Channels, rows: int) -> Self:
-        """PO-MOESP: future outputs on the past, future inputs projected out."""
-        columns = 2 * rows * (recording.u.shape[1] + recording.y.shape[1])
-        if len(recording) - 2 * rows + 1 < columns:
-            raise SettingError(f"a subspace estimate needs more than {columns + 2 * rows} samples; record longer.")
-        left, values = subspace.projected([(recording.u, recording.y)], rows)
-        lags = min(LONG, len(recording) // (4 * (recording.u.shape[1] + recording.y.shape[1])))
-        long = arx(recording, lags, lags + 1, 0)
-        return cls(recording, left, values, long.residuals(recording))
-
-    def model(self, order: int) -> MimoModel:
-        """The model of `order` states; B, D, K and the initial state by one least-squares problem in simulation."""
-        recording, p, m = self.recording, self.recording.y.shape[1], self.recording.u.shape[1]
-        gamma = self.left[:, :order] * np.sqrt(self.values[:order])
-        C, A = gamma[:p], linalg.lstsq(gamma[:-p], gamma[p:])[0]
-        inside = np.abs(np.linalg.eigvals(A)).max()
-        warnings: tuple[str, ...] = ()
-        if inside >= 0.9999:
-            A = A * (0.999 / inside)
-            warnings = (f"A was scaled to be stable: its largest pole {inside:.4f} moved to 0.999",)
-        drive = np.hstack([recording.u, self.errors])
-        width = order * drive.shape[1]
-        state, columns = np.zeros((order, width)), np.empty((len(recording), p, width))
-        for t, now in enumerate(drive):
-            columns[t] = C @ state
-            state = A @ state + np.kron(now, np.eye(order))
-        direct = np.einsum("tm,pq->tpqm", recording.u, np.eye(p)).reshape(len(recording), p, p * m)
-        phi = np.concatenate([columns, direct], axis=2).reshape(len(recording) * p, -1)
-        phi = np.hstack([phi, _free(A, C, len(recording))])
-        weight = np.tile(1.0 / recording.y.std(axis=0), len(recording))
-        target = (recording.y - self.errors).ravel()
-        theta = linalg.lstsq(phi * weight[:, None], target * weight, cond=1e-12, check_finite=False)[0]
-        gains = theta[:width].reshape(drive.shape[1], order).T
-        B, K, D = gains[:, :m], gains[:, m:], theta[width : width + p * m].reshape(p, m)
-        if np.abs(np.linalg.eigvals(A - K @ C)).max() >= 1.0:
-            K = np.zeros_like(K)
-        blank = np.zeros((0, 0))
-        model = MimoModel(
-            A, B, C, D, K, np.eye(p), np.nan, len(recording), recording.sample_time, "ss", (order,), blank, blank,
-            warnings,
+    def model(noise: np.ndarray, loss: float) -> MimoModel:
+        return MimoModel(
+            A, B, C, D, K, noise, loss, len(recording), recording.sample_time, "ss", (order,),
+            blank, blank, tuple(warnings),
         )  # fmt: skip
-        errors = model.residuals(recording)
-        loss = float(np.mean(errors**2 / recording.y.var(axis=0)))
-        return replace(model, noise=errors.T @ errors / len(errors), loss=loss)
 
-
-def judge(model: MimoModel, recording: Channels) -> Candidate:
-    """The model on a recording: fits over all outputs, each in the unit of its standard deviation."""
-    scale = recording.y.std(axis=0)
-    measured = (recording.y - recording.y.mean(axis=0)) / scale
-    error = (recording.y - model.simulate(recording)) / scale
-    one_step = model.residuals(recording) / scale
-    blocks = np.array([np.mean(part**2) for part in np.array_split(error, BLOCKS)])
-    fits = [criteria.fit_percent(measured.ravel(), (measured - e).ravel()) for e in (error, one_step)]
-    return Candidate(model, fits[0], blocks, fits[1])  # type: ignore[arg-type]
+    errors = model(np.eye(p), np.nan).residuals(recording)
+    return model(errors.T @ errors / len(errors), _loss(errors, recording.y))
 
 
 @dataclass(frozen=True, eq=False)
@@ -318,42 +175,70 @@ class MimoReport:
         validation: held out.
         models: structure -> model, with its fits over all outputs of the held-out data.
         output_fits: structure -> fit [%] of each output in free simulation.
+        white_p: structure -> p-value of white residuals of each output.
+        independent_p: structure -> p-values that the residual of an output (row) does not depend on
+            past values of an input (column), shape (p, m).
+        warnings: structure -> sentences for the user.
+        frequency_hz: where the inputs are strongest, for the gains.
     """
 
-    estimation: Channels
-    validation: Channels
+    estimation: Series
+    validation: Series
     models: dict[str, Candidate]
     output_fits: dict[str, tuple[float, ...]]
+    white_p: dict[str, np.ndarray]
+    independent_p: dict[str, np.ndarray]
+    warnings: dict[str, tuple[str, ...]]
+    frequency_hz: float
 
     def __str__(self) -> str:
-        rows = [f"{self.estimation.name}: {', '.join(self.estimation.inputs)} to {', '.join(self.estimation.outputs)}"]
+        inputs, outputs = self.estimation.inputs, self.estimation.outputs
+        rows = [f"{self.estimation.name}: {', '.join(inputs)} to {', '.join(outputs)}"]
         for name, candidate in self.models.items():
-            parts = zip(self.estimation.outputs, self.output_fits[name], strict=True)
-            rows.append(f"  {candidate.model.label}: " + ", ".join(f"{output} {fit:.2f} %" for output, fit in parts))
-            rows += [f"    {text}" for text in candidate.model.warnings]
+            parts = zip(outputs, self.output_fits[name], strict=True)
+            fits = ", ".join(f"{output} {fit:.2f} %" for output, fit in parts)
+            rows += [f"  {candidate.model.label}: {fits}"]
+            gain = np.abs(candidate.model.response(self.frequency_hz)[0])
+            std = candidate.model.gain_std(self.frequency_hz)[0]
+            for i, output in enumerate(outputs):
+                gains = [
+                    f"{u} {gain[i, j]:.4g}"
+                    + (f" +- {Z95 * std[i, j]:.1g}" if np.isfinite(std[i, j]) else "")
+                    for j, u in enumerate(inputs)
+                ]
+                rows.append(f"    {output}, gain at {self.frequency_hz:.4g} Hz: {', '.join(gains)}")
+            rows += [f"    {text}" for text in self.warnings[name]]
         return "\n".join(rows)
 
     def document(self) -> dict[str, Any]:
         """The JSON document."""
+        series = self.estimation
         return {
-            "recording": self.estimation.name, "inputs": self.estimation.inputs, "outputs": self.estimation.outputs,
-            "sample_time_s": self.estimation.sample_time,
+            "recording": series.name, "inputs": series.inputs, "outputs": series.outputs,
+            "sample_time_s": series.sample_time,
             "models": [
                 {
-                    "structure": name, "label": candidate.model.label, "fit_percent": candidate.fit_percent,
-                    "one_step_percent": candidate.one_step_percent, "parameters": candidate.model.parameters,
-                    "output_fit_percent": dict(zip(self.estimation.outputs, self.output_fits[name], strict=True)),
-                    "poles": [[pole.real, pole.imag] for pole in np.asarray(candidate.model.poles(), dtype=complex)],
-                    "warnings": candidate.model.warnings,
+                    "structure": name, "label": c.model.label, "fit_percent": c.fit_percent,
+                    "one_step_percent": c.one_step_percent, "parameters": c.model.parameters,
+                    "output_fit_percent": dict(
+                        zip(series.outputs, self.output_fits[name], strict=True)
+                    ),
+                    "poles": [[p.real, p.imag] for p in c.model.poles().astype(complex)],
+                    "frequency_hz": self.frequency_hz,
+                    "gain": np.abs(c.model.response(self.frequency_hz)[0]),
+                    "gain_std": c.model.gain_std(self.frequency_hz)[0],
+                    "residual_whiteness_p": self.white_p[name],
+                    "residual_input_independence_p": self.independent_p[name],
+                    "warnings": self.warnings[name],
                 }
-                for name, candidate in self.models.items()
+                for name, c in self.models.items()
             ],
         }  # fmt: skip
 
 
 def identify(
-    recording: Channels, structures: Sequence[str] = STRUCTURES, orders: dict[str, tuple[int, ...]] | None = None,
-    split: float = 0.5,
+    recording: Series, structures: Sequence[str] = STRUCTURES,
+    orders: dict[str, tuple[int, ...]] | None = None, split: float = 0.5,
 ) -> MimoReport:  # fmt: skip
     """Estimate, choose and validate.
 
@@ -362,40 +247,113 @@ def identify(
 
     Raises:
         SettingError: a structure that has no several outputs here, or invalid orders.
+        RecordingError: an input follows from the others.
     """
     for name in structures:
         if name not in STRUCTURES:
-            raise SettingError(unknown("structure for several inputs or outputs", name, STRUCTURES) + ".")
-    estimation, validation = recording.split(split)
-    middle = round(FITTED * len(estimation))
-    fitted, check = estimation.cut(0, middle), estimation.cut(middle, len(estimation))
+            what = "structure for several inputs or outputs"
+            raise SettingError(unknown(what, name, STRUCTURES) + ".")
+    u, y = as_columns(recording.u), as_columns(recording.y)
+    estimation, validation = replace(recording, u=u, y=y).split(split)
+    notes = together(estimation)
     models: dict[str, Candidate] = {}
     fits: dict[str, tuple[float, ...]] = {}
+    white, independent, warnings = {}, {}, {}
     for name in structures:
-        numbers = (orders or {}).get(name) or _choose(name, fitted, check)
+        numbers = (orders or {}).get(name) or _chosen(name, estimation)
         if len(numbers) != (3 if name == "arx" else 1):
-            raise SettingError(f"{name} takes {'3 orders (na, nb, nk)' if name == 'arx' else '1 order'}.")
-        model = arx(estimation, *numbers) if name == "arx" else _space(estimation, numbers[0]).model(numbers[0])
-        models[name] = judge(model, validation)
+            valid = "3 orders (na, nb, nk)" if name == "arx" else "1 order"
+            raise SettingError(f"{name} takes {valid}.")
+        model = arx(estimation, *numbers) if name == "arx" else _space(estimation, *numbers)
+        white[name], independent[name], texts = _tested(model, validation)
+        if name == "arx" and min(white[name].min(), independent[name].min()) < CALM / independent[name].size:
+            texts.append("no intervals: those of ARX are valid only for white, independent residuals")
+            model = replace(model, std_error=np.full_like(model.std_error, np.nan), spread=NONE)
+        models[name], warnings[name] = judge(model, [validation]), (*notes, *model.warnings, *texts)
         simulated = model.simulate(validation)
-        fits[name] = tuple(criteria.fit_percent(y, s) for y, s in zip(validation.y.T, simulated.T, strict=True))
-    return MimoReport(estimation, validation, models, fits)
+        pairs = zip(validation.y.T, simulated.T, strict=True)
+        fits[name] = tuple(criteria.fit_percent(y, s) for y, s in pairs)
+    power = np.sum(np.abs(np.fft.rfft(u / u.std(axis=0), axis=0))[1:] ** 2, axis=1)
+    strongest = (int(np.argmax(power)) + 1) / (len(u) * recording.sample_time)
+    return MimoReport(
+        estimation, validation, models, fits, white, independent, warnings, strongest
+    )
 
 
-def _space(recording: Channels, order: int) -> _Subspace:
+def together(recording: Series) -> list[str]:
+    """A sentence on each input that mostly follows from the others, their past and their future.
+
+    Raises:
+        RecordingError: it follows entirely, so nothing tells their effects apart.
+    """
+    notes, reach = [], min(REACH, len(recording) // (20 * len(recording.inputs)))
+    for j, name in enumerate(recording.inputs):
+        others = np.delete(recording.u, j, axis=1)
+        lags = [shifted(u, 2 * reach + 1)[2 * reach :] for u in others.T]
+        if not lags:
+            break
+        phi, target = np.hstack(lags), recording.u[reach : len(recording) - reach, j]
+        left = float(np.var(target - phi @ pem.solve([(phi, target)])) / np.var(target))
+        rest = ", ".join(repr(other) for other in recording.inputs if other != name)
+        if left < FOLLOWS:
+            raise RecordingError(
+                f"{recording.name}: the input {name!r} follows from {rest}, so their effects cannot "
+                "be told apart; leave one out, or move them independently."
+            )
+        if left < MOSTLY:
+            notes.append(
+                f"{1 - left:.0%} of the input {name!r} follow from {rest}: their effects are told "
+                "apart by the rest alone"
+            )
+    return notes
+
+
+def _tested(model: MimoModel, validation: Series) -> tuple[np.ndarray, np.ndarray, list[str]]:
+    """Residual tests of each output, with each input, on held-out data."""
+    errors, pairs = model.residuals(validation), np.ndindex(len(model.C), model.B.shape[1])
+    noise = model.numbers[0] * (len(model.C) if model.structure == "arx" else 1)
+    white, independent = np.ones(len(model.C)), np.ones((len(model.C), model.B.shape[1]))
+    for i, j in pairs:
+        pair = replace(
+            validation, u=validation.u[:, j], y=validation.y[:, i],
+            channels=(validation.inputs[j], validation.outputs[i]),
+        )  # fmt: skip
+        test = residual_test(errors[:, i], pair, noise)
+        white[i], independent[i, j] = test.white_p, test.cross_p
+    texts = [
+        f"residuals of {validation.outputs[i]} are not white (p {white[i]:.1g}): the noise model is "
+        "incomplete"
+        for i in np.flatnonzero(white < ALARM)
+    ]
+    texts += [
+        f"residuals of {validation.outputs[i]} depend on past {validation.inputs[j]} "
+        f"(p {independent[i, j]:.1g}): plant incomplete or nonlinear"
+        for i, j in np.argwhere(independent < ALARM)
+    ]
+    return white, independent, texts
+
+
+def _factors(recording: Series, order: int) -> subspace.Subspace:
+    return subspace.decompose(recording, max(ROWS, order // len(recording.outputs) + 2))
+
+
+def _space(recording: Series, order: int) -> MimoModel:
     if not 1 <= order <= 40:
         raise SettingError(f"state-space order {order} is not between 1 and 40.")
-    return _Subspace.of(recording, max(ROWS, order // recording.y.shape[1] + 2))
+    return space(_factors(recording, order), order)
 
 
-def _choose(name: str, fitted: Channels, check: Channels) -> tuple[int, ...]:
-    """Orders with the fewest coefficients among those that simulate no worse than the best; n_a = n_b for ARX."""
+def _chosen(name: str, estimation: Series) -> tuple[int, ...]:
+    """Orders of the fewest coefficients among the models that simulate no worse than the best."""
+    middle = round(FITTED * len(estimation))
+    fitted, check = estimation.cut(0, middle), estimation.cut(middle, len(estimation))
+    sizes = range(1, LARGEST + 1)
     if name == "arx":
-        trials = [arx(fitted, n, n, nk) for n in range(1, LARGEST + 1) for nk in (0, 1)]
+        trials = [arx(fitted, n, n, nk) for n in sizes for nk in (0, 1)]
     else:
-        factors = _space(fitted, LARGEST)
-        trials = [factors.model(n) for n in range(1, LARGEST + 1)]
-    candidates = [judge(model, check) for model in trials]
+        factors = _factors(fitted, LARGEST)
+        trials = [space(factors, n) for n in sizes]
+    candidates = [judge(model, [check]) for model in trials]
     best = max(candidates, key=lambda c: c.fit_percent)
     near = [c for c in candidates if c is best or c.no_worse_than(best)]
-    return min(near, key=lambda c: c.model.parameters).model.numbers  # type: ignore[union-attr]
+    return min(near, key=lambda c: c.model.parameters).model.numbers

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from identification.blackbox import excitation
-from identification.blackbox.data import Series
+from identification.blackbox.data import Series, listed
 from identification.blackbox.frequency import Response
 from identification.blackbox.least_squares import Linearisation, minimise, spread, triangle
 from identification.blackbox.selection import Candidate, judge
@@ -192,12 +192,10 @@ def refine(model: Narx, recordings: Sequence[Series]) -> Narx:
     problem = _Simulation(recordings, model)
     if not np.isfinite(problem.at(model.theta).loss):
         return replace(model, loss=np.inf, warnings=("free simulation diverges on the estimation data",))
-    minimum = minimise(problem, model.theta, iterations=30, tolerance=1e-2)
-    warnings = () if minimum.converged else ("the iterations ended before the loss stopped falling",)
-    return replace(
-        model, theta=minimum.theta, loss=minimum.at.loss, samples=minimum.at.samples,
-        spread=spread(minimum.at, coloured=True), warnings=warnings,
-    )  # fmt: skip
+    theta, at, converged = minimise(problem, model.theta, evaluations=30, tolerance=1e-2)
+    warnings = () if converged else ("the iterations ended before the loss stopped falling",)
+    root = spread(at, coloured=True)
+    return replace(model, theta=theta, loss=at.loss, samples=at.samples, spread=root, warnings=warnings)
 
 
 def estimate(
@@ -218,7 +216,7 @@ def estimate(
         step: samples between lags; default: the better of 1 and about 25 lags in a period of the strongest input line.
         nk: delay of the nearest input; 0 for the direct term.
     """
-    pooled = [recordings] if isinstance(recordings, Series) else list(recordings)
+    pooled = listed(recordings)
     if step is None:
         lines = [excitation.fundamental(s.u - s.u.mean(), s.sample_time) for s in pooled]
         step = max(round(1.0 / (25 * max(lines) * pooled[0].sample_time)), 1)

@@ -287,7 +287,7 @@ class PolynomialModel(Tabled):
         Raises:
             SettingError: python-control is not installed, or another part.
         """
-        num, den = _same_length(*{"plant": self.plant, "noise": self.noise}[checked_part(part)])
+        num, den = _same_length(*model_part(part, self.plant, self.noise))
         return control_package().TransferFunction(num, den, self.sample_time)
 
     @property
@@ -315,15 +315,16 @@ def _same_length(num: np.ndarray, den: np.ndarray) -> tuple[np.ndarray, np.ndarr
     return np.pad(num, (0, length - len(num))), np.pad(den, (0, length - len(den)))
 
 
-def checked_part(part: str) -> str:
-    """The name of a part of a model that can be exported.
+def model_part(part: str, plant: Any, noise: Any) -> Any:
+    """The plant or the noise model, by its name.
 
     Raises:
         SettingError: there is no such part.
     """
-    if part not in ("plant", "noise"):
-        raise SettingError(unknown("part", part, ("plant", "noise")) + ".")
-    return part
+    parts = {"plant": plant, "noise": noise}
+    if part not in parts:
+        raise SettingError(unknown("part", part, parts) + ".")
+    return parts[part]
 
 
 def control_package() -> Any:

@@ -1,7 +1,5 @@
-"""Reports as a table in the form of Table 3.2, as JSON and as CSV."""
+"""Reports as a table in the form of Table 3.2, as JSON, as CSV and as a page."""
 
-import csv
-import io
 from collections.abc import Sequence
 from typing import Any
 
@@ -10,14 +8,16 @@ from rich.markup import escape
 from rich.table import Table
 
 from fasbody.constants import Z95
-from identification.blackbox.identify import Found, Report
+from fasbody.presentation import Sheet, inline, picture
+from identification.blackbox.identify import ChosenModel, Report
+from identification.blackbox.keep import Single, named
 from identification.blackbox.polynomial import STRUCTURES
 
 
 def document(reports: Sequence[Report]) -> dict[str, Any]:
     """The JSON document of a run; `models` lists the models of all recordings."""
     return {
-        "models": [model(report, chosen) for report in reports for chosen in report.models.values()],
+        "models": [model(report, m) for report in reports for m in report.models.values()],
         "excitation_rank": min(report.excitation.rank for report in reports),
         "recordings": [recording(report) for report in reports],
     }
@@ -25,15 +25,15 @@ def document(reports: Sequence[Report]) -> dict[str, Any]:
 
 def recording(report: Report) -> dict[str, Any]:
     """Notes on one recording or pool, without its models."""
-    seen = report.excitation
+    seen, series = report.excitation, report.estimation[0]
     about: dict[str, Any] = {
         "recording": report.name,
         "files": [series.name for series in report.estimation],
-        "estimation_samples": sum(len(series) for series in report.estimation),
-        "held_out_samples": sum(len(series) for series in report.validation),
-        "input": report.estimation[0].channels[0],
-        "output": report.estimation[0].channels[1],
-        "sample_time_s": report.estimation[0].sample_time,
+        "estimation_samples": sum(map(len, report.estimation)),
+        "held_out_samples": sum(map(len, report.validation)),
+        "input": series.channels[0],
+        "output": series.channels[1],
+        "sample_time_s": series.sample_time,
         "excitation_rank": seen.rank,
         "excitation_rank_limit": seen.limit,
         "excitation": str(seen),
@@ -49,13 +49,14 @@ def recording(report: Report) -> dict[str, Any]:
     if report.nonparametric is not None:
         free = report.nonparametric
         about["nonparametric"] = {
-            "frequency_hz": free.frequency_hz, "gain": np.abs(free.value), "gain_std": free.std,
+            "frequency_hz": free.frequency_hz,
+            "gain": np.abs(free.value),
+            "gain_std": free.std,
             "phase_deg": np.angle(free.value, deg=True),
-        }  # fmt: skip
+        }
     if report.rational and report.left_out:
-        poles = report.rational.poles()
         about["rational_fit"] = {
-            "poles_rad_per_s": [[p.real, p.imag] for p in poles],
+            "poles_rad_per_s": _pairs(report.rational.poles()),
             "chi_square": report.rational.chi_square,
             "degrees_of_freedom": report.rational.freedom,
             "distortion": report.rational.distortion,
@@ -66,11 +67,15 @@ def recording(report: Report) -> dict[str, Any]:
     return about
 
 
-def model(report: Report, chosen: Found) -> dict[str, Any]:
+def _pairs(values: np.ndarray) -> list[list[float]]:
+    """Complex numbers as JSON has them."""
+    return [[v.real, v.imag] for v in np.asarray(values, dtype=complex)]
+
+
+def model(report: Report, chosen: ChosenModel) -> dict[str, Any]:
     """One model as JSON."""
-    best = chosen.best
+    best, response = chosen.best, chosen.response
     estimate = best.model
-    response = chosen.response
     return {
         "recording": report.name,
         "structure": estimate.structure,
@@ -82,11 +87,11 @@ def model(report: Report, chosen: Found) -> dict[str, Any]:
         "fpe": best.fpe,
         "bic": best.bic,
         "loss": estimate.loss,
-        "noise_variance": getattr(estimate, "noise_variance", None),  # of e(t), polynomial models only
+        "noise_variance": getattr(estimate, "noise_variance", None),  # of e(t), polynomial models
         "parameters": estimate.parameters,
         "coefficients": coefficients(estimate),
-        "poles": [[p.real, p.imag] for p in np.asarray(estimate.poles(), dtype=complex)],
-        "zeros": [[z.real, z.imag] for z in np.asarray(estimate.zeros(), dtype=complex)],
+        "poles": _pairs(estimate.poles()),
+        "zeros": _pairs(estimate.zeros()),
         "response": {
             "frequency_hz": response.frequency_hz,
             "gain": np.abs(response.value),
@@ -108,49 +113,53 @@ def orders(estimate: Any) -> dict[str, int]:
     if estimate.structure == "ss":
         return {"order": estimate.order}
     if estimate.structure == "narx":
-        return {"lags": estimate.lags, "nk": estimate.nk, "step": estimate.step, "terms": len(estimate.terms)}
+        lags = {key: getattr(estimate, key) for key in ("lags", "nk", "step")}
+        return lags | {"terms": len(estimate.terms)}
     linear = getattr(estimate, "linear", estimate)
     numbers = {name: getattr(linear.orders, name) for name in STRUCTURES[linear.structure]}
     if estimate.structure == "hw":
-        numbers |= dict(zip(("input_degree", "output_degree"), estimate.degrees, strict=True))
+        names = "input_degree", "output_degree"
+        numbers |= dict(zip(names, estimate.degrees, strict=True))
     return numbers
 
 
 def coefficients(estimate: Any) -> dict[str, Any]:
     """Estimated coefficients with standard errors, or the state-space matrices."""
+    keys = {
+        "ss": ("A", "B", "C", "D", "K", "x0"), "hw": ("input_terms", "output_terms"),
+    }.get(estimate.structure, ())  # fmt: skip
+    values = {key: getattr(estimate, key) for key in keys}
     if estimate.structure == "ss":
-        return {key: getattr(estimate, key) for key in ("A", "B", "C", "D", "K", "x0")}
-    if estimate.structure == "narx":
-        return {"terms": estimate.names, "theta": estimate.theta, "std_error": estimate.std_error}
+        return values
     linear = getattr(estimate, "linear", estimate)
-    values = {"theta": linear.theta, "std_error": linear.std_error}
-    if estimate.structure == "hw":
-        values |= {"input_terms": estimate.input_terms, "output_terms": estimate.output_terms}
-    return values
+    names = {"terms": estimate.names} if estimate.structure == "narx" else {}
+    return {**names, "theta": linear.theta, "std_error": linear.std_error, **values}
 
 
 def strongest(report: Report) -> int:
-    """Which of the frequencies shown the estimation inputs excite most: there table and CSV give the gain."""
+    """Which of the frequencies shown the inputs excite most: there table and CSV give the gain."""
     frequency = next(iter(report.models.values())).response.frequency_hz
     power = np.zeros(len(frequency))
     for series in report.estimation:
         windowed = np.hanning(len(series)) * series.u
-        power += np.abs(np.exp(-2j * np.pi * np.outer(frequency, series.time)) @ windowed) ** 2
+        waves = np.exp(-2j * np.pi * np.outer(frequency, series.time))
+        power += np.abs(waves @ windowed) ** 2
     return int(power.argmax())
 
 
 def single_table(report: Report) -> Table:
-    """Models of one recording or pool, one a row; the gain, with its 95 % interval, where the input is strongest.
+    """Models of one recording or pool, one a row; the gain, with its 95 % interval, where the
+    input is strongest.
 
     It fits into 80 columns; the criteria stand in JSON and CSV.
     """
-    best = max(report.models.values(), key=lambda chosen: chosen.best.fit_percent)
-    place = strongest(report)
-    at = f" at {best.response.frequency_hz[place]:.4g} Hz, 95 %"
-    series = report.estimation[0]
-    what = f"input {series.channels[0]}, output {series.channels[1]}, sample time {series.sample_time:.6g} s"
-    table = Table(title=f"{escape(f'{report.name}: {what}')}\n{report.excitation}", title_justify="left")
-    for heading in ("model", "fit %", "one step %", f"gain{at}", "alike"):
+    best = max(report.models.values(), key=lambda m: m.best.fit_percent)
+    place, series = strongest(report), report.estimation[0]
+    u, y = series.channels
+    title = f"{report.name}: input {u}, output {y}, sample time {series.sample_time:.6g} s"
+    table = Table(title=f"{escape(title)}\n{report.excitation}", title_justify="left")
+    at = f"gain at {best.response.frequency_hz[place]:.4g} Hz, 95 %"
+    for heading in ("model", "fit %", "one step %", at, "alike"):
         table.add_column(heading, justify="left" if heading == "model" else "right")
     for chosen in report.models.values():
         c, response = chosen.best, chosen.response
@@ -160,50 +169,123 @@ def single_table(report: Report) -> Table:
             gain = f"{abs(response.value[place]):.4g}"
             if np.isfinite(response.gain_std[place]):
                 gain += f" +- {Z95 * response.gain_std[place]:.1g}"
-        table.add_row(
-            c.model.label, f"[bold]{fit}[/]" if chosen is best else fit, f"{c.one_step_percent:.2f}", gain,
-            str(len(chosen.selection.alike)),
-        )  # fmt: skip
+        fit, alike = f"[bold]{fit}[/]" if chosen is best else fit, len(chosen.selection.alike)
+        table.add_row(c.model.label, fit, f"{c.one_step_percent:.2f}", gain, str(alike))
     return table
 
 
 def thesis_table(reports: Sequence[Report]) -> Table:
     """All recordings in the form of Table 3.2: orders and fit of each structure."""
     names = list(dict.fromkeys(name for report in reports for name in report.models))
-    table = Table(title="orders and held-out fit in free simulation (form of Table 3.2)", title_justify="left")
-    for heading in ("recording", "rank", *(name.upper() for name in names)):
-        table.add_column(heading)
+    title = "orders and held-out fit in free simulation (form of Table 3.2)"
+    table = Table("recording", "rank", *map(str.upper, names), title=title, title_justify="left")
     for report in reports:
-        cells = []
         best = max(chosen.best.fit_percent for chosen in report.models.values())
-        for name in names:
-            chosen = report.models.get(name)
-            if chosen is None:
-                cells.append("-")
-                continue
-            fit = chosen.best.fit_percent
-            numbers = chosen.best.model.label.split(" ", 1)[1]
-            cells.append(f"{numbers} {'[bold]' if fit == best else ''}{fit:.1f}{'[/]' if fit == best else ''}")
-        table.add_row(report.name, str(report.excitation.rank), *cells)
+        cells = dict.fromkeys(names, "-")
+        for name, chosen in report.models.items():
+            fit, numbers = chosen.best.fit_percent, chosen.best.model.label.split(" ", 1)[1]
+            cells[name] = f"{numbers} " + (f"[bold]{fit:.1f}[/]" if fit == best else f"{fit:.1f}")
+        table.add_row(report.name, str(report.excitation.rank), *cells.values())
     return table
 
 
 def csv_text(reports: Sequence[Report]) -> str:
     """One row for each model: a table to continue with."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow([
-        "recording", "frequency_hz", "excitation_rank", "model", "fit_percent", "aic", "bic", "fpe", "parameters",
-        "gain", "gain_std", "gain_frequency_hz", "warnings",
-    ])  # fmt: skip
+    import pandas as pd
+
+    rows = []
     for report in reports:
         k = strongest(report)
         for chosen in report.models.values():
             c, r = chosen.best, chosen.response
-            gain, std = abs(complex(r.value[k])), float(r.gain_std[k])
-            writer.writerow([
-                report.name, f"{report.excitation.frequency_hz:.6g}", report.excitation.rank, c.model.label,
-                f"{c.fit_percent:.4f}", f"{c.aic:.6f}", f"{c.bic:.6f}", f"{c.fpe:.6g}", c.model.parameters,
-                f"{gain:.6g}", f"{std:.3g}", f"{r.frequency_hz[k]:.6g}", " | ".join(chosen.warnings),
-            ])  # fmt: skip
-    return text.getvalue()
+            rows.append({
+                "recording": report.name,
+                "frequency_hz": f"{report.excitation.frequency_hz:.6g}",
+                "excitation_rank": report.excitation.rank,
+                "model": c.model.label,
+                "fit_percent": f"{c.fit_percent:.4f}",
+                "aic": f"{c.aic:.6f}",
+                "bic": f"{c.bic:.6f}",
+                "fpe": f"{c.fpe:.6g}",
+                "parameters": c.model.parameters,
+                "gain": f"{abs(r.value[k]):.6g}",
+                "gain_std": f"{r.gain_std[k]:.3g}",
+                "gain_frequency_hz": f"{r.frequency_hz[k]:.6g}",
+                "warnings": " | ".join(chosen.warnings),
+            })  # fmt: skip
+    return pd.DataFrame(rows).to_csv(index=False, lineterminator="\n")
+
+
+def page(reports: Sequence[Report]) -> str:
+    """report.html: the models of every recording on one self-contained page."""
+    from markupsafe import Markup
+
+    from identification.blackbox import figures
+    from identification.page import Section, html
+
+    sections = []
+    for report in reports:
+        series = report.estimation[0]
+        u, y = series.channels
+        origin = (
+            f"input {u} · output {y} · sample time {series.sample_time:.6g} s · "
+            f"{sum(map(len, report.estimation))} samples estimated, "
+            f"{sum(map(len, report.validation))} held out"
+        )
+        pictures = [
+            (Markup(inline(picture(draw(report), "svg"))), (draw.__doc__ or "").split("\n\n")[0])
+            for draw in figures.DRAWINGS.values()
+        ]
+        details = [
+            Sheet(m.best.model.label, ("name", "value", "standard error"), _coefficient_rows(m))
+            for m in report.models.values()
+        ]
+        sections.append(Section(_sheet(report), origin, pictures, details))
+    return html(sections)
+
+
+def _coefficient_rows(chosen: ChosenModel) -> list[tuple[str, ...]]:
+    rows = named(chosen.best.model).items()
+    return [(name, f"{e['value']:.6g}", _finite(e["std_error"], ".2g", "–")) for name, e in rows]
+
+
+def _sheet(report: Report) -> Sheet:
+    """The models in one table, and the best of them in one sentence."""
+    best = max((m.best for m in report.models.values()), key=lambda c: c.fit_percent)
+    answer = f"{best.model.label} simulates {best.fit_percent:.1f} % of the held-out output freely."
+    if not np.isfinite(best.fit_percent):
+        best = max((m.best for m in report.models.values()), key=lambda c: c.one_step_percent)
+        answer = (
+            f"{best.model.label} predicts {best.one_step_percent:.1f} % one step ahead; none can be "
+            "simulated freely."
+        )
+    columns = (
+        "model", "free simulation [%]", "one step [%]", "AIC", "BIC", "coefficients",
+        "slowest mode", "alike",
+    )  # fmt: skip
+    rows, notes = [], [f"{answer} Input: {report.excitation}."]
+    notes += ["Fits are of the held-out part, which no choice has seen.", *report.notes]
+    notes += report.failures
+    for chosen in report.models.values():
+        c = chosen.best
+        fits = (_finite(fit, ".2f", "diverges") for fit in (c.fit_percent, c.one_step_percent))
+        mode = _slowest(c.model, report.estimation[0].sample_time)
+        counts = str(c.model.parameters), mode, str(len(chosen.selection.alike))
+        rows.append((c.model.label, *fits, f"{c.aic:.4f}", f"{c.bic:.4f}", *counts))
+        notes += [f"{c.model.label}: {text}" for text in chosen.warnings]
+    return Sheet(report.name, columns, rows, notes)
+
+
+def _finite(value: float, form: str, otherwise: str) -> str:
+    return format(value, form) if np.isfinite(value) else otherwise
+
+
+def _slowest(model: Single, sample_time: float) -> str:
+    """Frequency and damping of the mode nearest to the unit circle."""
+    poles = model.poles()
+    if not len(poles) or not np.abs(poles).max() > 0:
+        return "–"
+    s = np.log(complex(poles[np.argmax(np.abs(poles))])) / sample_time
+    if abs(s.imag) * sample_time < 1e-9:
+        return f"{1 / max(-s.real, 1e-300):.3g} s"
+    return f"{abs(s) / 2 / np.pi:.4g} Hz, damping {100 * -s.real / abs(s):.2g} %"

@@ -1,6 +1,7 @@
 """Search for orders: each model starts from the smaller ones it nests, and the search goes where the fit improves."""
 
 from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 
@@ -15,8 +16,7 @@ from identification.blackbox.polynomial import Orders, PolynomialModel
 from identification.blackbox.selection import ALIKE, NEARLY, Candidate, Referee, Selection, rank, with_rivals
 
 NEAR = range(1, 6)  # n_k compared for sines, whose pulse response is periodic
-CERTAIN = 4.0  # standard errors that the coefficient of direct feedthrough must stand out by
-DECISIVE = 10.0  # N times the difference of log losses that a later response may lose by
+DECISIVE = 10.0  # N times the difference of log losses that the delay read may lose by
 LONGEST = 1000  # samples searched for the peak
 LARGEST = 12  # n_f up to here
 RACED = 3  # n_b = n_f up to which every delay is tried
@@ -69,7 +69,7 @@ class Search:
 
 def best_of(begun: dict[Orders, Candidate], referee: Referee) -> Orders:
     """Orders of the preferred model."""
-    return rank(list(begun.values()), referee).best.model.orders  # type: ignore[union-attr]  # all are polynomial
+    return rank(list(begun.values()), referee).best.model.orders
 
 
 def climb(
@@ -78,14 +78,14 @@ def climb(
     """From the best of the models begun with to the first neighbour that is preferred, until none is."""
     chosen = rank(list(begun.values()), referee)
     for _ in range(MOVES):
-        start = chosen.best.model.orders  # type: ignore[union-attr]  # all are polynomial
+        start = chosen.best.model.orders
         for orders in moves(start):
             model = None if orders in begun else search.at(orders)
             if model is None:
                 continue
             begun[orders] = referee.judge(model)
             chosen = rank(list(begun.values()), referee)
-            if chosen.best.model.orders != start:  # type: ignore[union-attr]
+            if chosen.best.model.orders != start:
                 break
         else:
             break
@@ -102,7 +102,7 @@ def plant_moves(o: Orders, least_delay: int) -> Iterator[Orders]:
 
 def edge(chosen: Selection, **largest: int) -> Selection:
     """The selection with a sentence when an order of its best model is the largest that may be tried."""
-    orders = chosen.best.model.orders  # type: ignore[union-attr]
+    orders = chosen.best.model.orders
     reached = [f"n_{name[1]} = {size}" for name, size in largest.items() if getattr(orders, name) >= size]
     if not reached:
         return chosen
@@ -150,7 +150,7 @@ def _on_the_whole(chosen: Selection, referee: Referee, first_row: int) -> Select
     begun: dict[Orders, Candidate] = {}
     best.append(max(chosen.candidates, key=lambda c: c.fit_percent))
     for one in (chosen.best, *(c for c in best if c.missed <= NEARLY * chosen.best.missed)):
-        model = search.at(one.model.orders, one.model)  # type: ignore[union-attr,arg-type]
+        model = search.at(one.model.orders, one.model)
         if model is not None:
             begun[model.orders] = whole.judge(model)
     again = climb(search, whole, begun, partial(plant_moves, least_delay=referee.least_delay))
@@ -160,7 +160,7 @@ def _on_the_whole(chosen: Selection, referee: Referee, first_row: int) -> Select
 
 def _again(chosen: Selection, structure: str, referee: Referee) -> Selection:
     """The best model estimated once more, from all data that orders were chosen on."""
-    model: PolynomialModel = chosen.best.model  # type: ignore[assignment]
+    model: PolynomialModel = chosen.best.model
     whole = pem.estimate(structure, referee.estimation, model.orders, starts=[model])
     return replace(chosen, candidates=(replace(chosen.best, model=whole), *chosen.candidates[1:]))
 
@@ -245,7 +245,7 @@ def select_bj(referee: Referee, from_oe: PolynomialModel, delays: Sequence[int])
     plants = [o]
     if nc + nd:
         white = pem.whitened(whole.estimation, noises, NOISE)
-        again: PolynomialModel = select_oe(replace(whole, estimation=white), delays, NOISE + 3).best.model  # type: ignore[assignment]
+        again: PolynomialModel = select_oe(replace(whole, estimation=white), delays, NOISE + 3).best.model
         plants = [again.orders]
     search = Search("bj", whole.estimation, max(plant.nk + plant.nb for plant in plants) + 3)
     begun: dict[Orders, Candidate] = {}
@@ -270,7 +270,7 @@ def select_state_space(referee: Referee, orders: Sequence[int] = tuple(range(1, 
     fitted = subspace.decompose(referee.fitted, rows)
     trials = [n for n in orders if n < fitted.block_rows]
     chosen = rank([referee.judge(fitted.model(n)) for n in trials], referee)
-    order = chosen.best.model.order  # type: ignore[union-attr]  # all are state-space models
+    order = chosen.best.model.order
     refined = referee.judge(fitted.model(order, refine=True))
     warnings = list(chosen.warnings)
     if order == max(trials):
@@ -286,40 +286,28 @@ def select_state_space(referee: Referee, orders: Sequence[int] = tuple(range(1, 
 
 
 def delay(recordings: Sequence[Series], *, far: bool = True) -> int:
-    """The delay n_k of a plant.
+    """The delay n_k of a plant, about which those that compete lie.
 
-    A long ARX model separates it from the zeros of B: its input coefficients before the delay are zero whatever the
-    noise, and BIC gives how many. An output-error model of order four must agree. Where 1 is found, it is 0 when a
-    coefficient of direct feedthrough added to B is certain.
+    A long ARX model separates it from the zeros of B: its input coefficients before the delay are
+    zero whatever the noise, and BIC gives how many. An output-error model of order four must agree,
+    as a nonlinear plant leads the former astray.
 
     Args:
         recordings: estimation data, means removed.
-        far: whether the input is rich enough for a long ARX model; for sines 1 to 5 are compared by output error alone.
+        far: whether the input is rich enough for a long ARX model; for sines 1 to 5 are compared by
+            output error alone.
     """
-    losses: dict[int, float] = {}
-
-    def loss(nk: int) -> float:
-        if nk not in losses:
-            try:
-                at = pem.estimate("oe", recordings, Orders(nb=4, nf=4, nk=nk), quick=True)
-                losses[nk] = round(float(np.log(max(at.loss, 1e-300))), 4)
-            except FasError:
-                losses[nk] = np.inf
-        return losses[nk]
-
-    if far:
-        samples = sum(len(series) for series in recordings)
-        seen = max(_leading_zeros(recordings), 1)
-        best = min({1, max(seen - 2, 1), seen}, key=lambda nk: (loss(nk), nk))
-        while best > 1 and loss(best - 1) < loss(best):
-            best -= 1
-        if loss(seen) < loss(best) + DECISIVE / samples:
-            best = seen
-    else:
-        best = min(NEAR, key=lambda nk: (loss(nk), nk))
-    if not np.isfinite(loss(best)):
-        return 1
-    return 0 if best == 1 and _feedthrough(recordings) else best
+    read = _leading_zeros(recordings) if far else 0
+    if far and read < 2:
+        return read
+    losses = {}
+    for nk in (1, read) if far else NEAR:
+        with suppress(FasError):
+            at = pem.estimate("oe", recordings, Orders(nb=4, nf=4, nk=nk), quick=True)
+            losses[nk] = round(float(np.log(max(at.loss, 1e-300))), 4)
+    best = min(losses, key=lambda nk: (losses[nk], nk), default=1)
+    agrees = losses.get(read, np.inf) < losses.get(best, 0.0) + DECISIVE / sum(map(len, recordings))
+    return read if agrees else best
 
 
 def _leading_zeros(recordings: Sequence[Series], lags: int = 20) -> int:
@@ -347,14 +335,6 @@ def _leading_zeros(recordings: Sequence[Series], lags: int = 20) -> int:
         if zeros > first or first == 0:
             return zeros
         first = max(first - 2 * lags, 0)
-
-
-def _feedthrough(recordings: Sequence[Series]) -> bool:
-    try:
-        model = pem.estimate("oe", recordings, Orders(nb=5, nf=4, nk=0))
-    except FasError:
-        return False
-    return bool(abs(model.theta[0]) > CERTAIN * model.std_error[0])
 
 
 def pulse_peak(recordings: Sequence[Series]) -> int:

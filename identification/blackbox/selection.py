@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -10,8 +10,9 @@ from numpy.typing import ArrayLike
 from fasbody.exceptions import SettingError
 from identification.blackbox import criteria
 from identification.blackbox.data import Series
-from identification.blackbox.filters import outlasting
+from identification.blackbox.filters import as_columns, outlasting
 from identification.blackbox.frequency import Response
+from identification.blackbox.polynomial import PolynomialModel
 
 if TYPE_CHECKING:
     from identification.blackbox.keep import Single as Model
@@ -32,14 +33,14 @@ class Candidate:
     """One model with its criteria, and its fit on held-out data in free simulation.
 
     Attributes:
-        model: the estimate.
+        model: the estimate, of any structure.
         fit_percent: over all held-out parts together.
         block_errors: mean squared simulation error in each block of the held-out data, shape (BLOCKS,).
         one_step_percent: the same fit of one-step predictions.
         score: `criteria.whitened_score` on the data fitted; NaN where not computed.
     """
 
-    model: "Model"
+    model: Any
     fit_percent: float
     block_errors: np.ndarray
     one_step_percent: float
@@ -77,23 +78,35 @@ class Candidate:
         return f"{self.model.label}: fit {self.fit_percent:.2f} %, AIC {self.aic:.4f}, BIC {self.bic:.4f}"
 
 
-def judge(model: "Model", validation: Sequence[Series]) -> Candidate:
+def judge(model: Any, validation: Sequence[Series]) -> Candidate:
     """The model with its fit over all held-out parts together, in free simulation.
+
+    Several outputs count alike, as shares of their standard deviations.
 
     The first n_k samples respond to inputs before the part, which are fitted with its initial state: they do not count.
     """
     plant = getattr(model, "linear", model)
     delay = getattr(getattr(plant, "orders", None), "nk", 0)
     fitted = np.concatenate([np.arange(len(series)) < min(delay, len(series) // 2) for series in validation])
-    measured = np.concatenate([series.y - series.y.mean() for series in validation])
-    simulated = np.concatenate([model.simulate(series) - series.y.mean() for series in validation])
-    squares = (measured - simulated) ** 2
+    scale = np.std(np.concatenate([series.y for series in validation]), axis=0)
+    measured = np.concatenate([series.y - series.y.mean(axis=0) for series in validation]) / scale
+    simulated = [model.simulate(series) - series.y.mean(axis=0) for series in validation]
+    missed = measured - np.concatenate(simulated) / scale
+    squares = as_columns(missed**2).mean(axis=1)
     squares[fitted] = np.mean(squares[~fitted])
     blocks = np.array([np.mean(part) for part in np.array_split(squares, BLOCKS)])
     errors = [model.residuals(series) for series in validation]
-    seen = np.concatenate([series.y[len(series) - len(e) :] for series, e in zip(validation, errors, strict=True)])
-    one_step = criteria.fit_percent(seen, seen - np.concatenate(errors)) if np.ptp(seen) else -np.inf
-    return Candidate(model, criteria.fit_percent(measured[~fitted], simulated[~fitted]), blocks, one_step)
+    ends = [s.y[len(s) - len(e) :] for s, e in zip(validation, errors, strict=True)]
+    seen, errors = np.concatenate(ends) / scale, np.concatenate(errors) / scale
+    one_step = criteria.fit_percent(seen, seen - errors) if np.ptp(seen) else -np.inf
+    rest = measured[~fitted]
+    return Candidate(model, criteria.fit_percent(rest, rest - missed[~fitted]), blocks, one_step)
+
+
+def charged_poles(model: "Model", samples: int) -> int:
+    """Poles, those twice whose motion outlasts the record: they may go to any peak of the noise."""
+    sizes = np.abs(model.poles())
+    return len(sizes) + sum(outlasting(float(size), samples) for size in sizes)
 
 
 @dataclass(frozen=True, eq=False)
@@ -138,9 +151,10 @@ class Referee:
         one_step = model.structure in NOISE_MODELS or not self.simulates
         errors = [model.residuals(s) if one_step else s.y - model.simulate(s) for s in self.fitted]
         samples = sum(len(series) for series in self.fitted)
-        score = criteria.whitened_score(errors, model.parameters, len(model.poles()), samples=samples)
+        poles = charged_poles(model, min(map(len, self.fitted)))
+        score = criteria.whitened_score(errors, model.parameters, poles, samples=samples)
         if self.steps:  # they excite little, so the stricter penalty of Schwarz applies
-            score += (np.log(samples) - 4.0) * (model.parameters + len(model.poles()))
+            score += (np.log(samples) - 4.0) * (model.parameters + poles)
         return replace(judge(model, self.check), score=score)
 
 
@@ -184,11 +198,11 @@ class Selection:
 
 def begins(model: "Model") -> int:
     """The lag at which the input of a polynomial or NARX model counts, by two standard errors of B."""
-    orders = getattr(model, "orders", None)
-    if orders is None:
+    if not isinstance(model, PolynomialModel):
         return int(getattr(model, "nk", 0))
+    orders = model.orders
     of_b = slice(orders.na, orders.na + orders.nb)
-    counts = np.abs(model.theta[of_b]) > 2.0 * model.std_error[of_b]  # type: ignore[union-attr]
+    counts = np.abs(model.theta[of_b]) > 2.0 * model.std_error[of_b]
     return int(orders.nk + np.argmax(counts))
 
 

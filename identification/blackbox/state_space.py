@@ -9,14 +9,97 @@ from scipy import signal
 
 from fasbody.presentation import Tabled
 from identification.blackbox.data import Series
+from identification.blackbox.filters import as_columns
 from identification.blackbox.frequency import Response
 from identification.blackbox.least_squares import project_states
-from identification.blackbox.polynomial import PolynomialModel, checked_part, control_package
+from identification.blackbox.polynomial import PolynomialModel, control_package, model_part
+
+DEFECTIVE = 1e8  # condition of the eigenvectors from which the recursion replaces them
+
+
+class StateSpace(Tabled):
+    """x(t+1) = A x + B u + K e, Eq. (3.9), y = C x + D u + e, Eq. (3.10), of any number of signals.
+
+    Attributes:
+        A: shape (n, n).
+        B: shape (n,); of m inputs (n, m).
+        C: shape (n,); of p outputs (p, n).
+        D: a number; of several signals (p, m).
+        K: shape (n,); of p outputs (n, p).
+        sample_time: seconds.
+    """
+
+    A: np.ndarray
+    B: np.ndarray
+    C: np.ndarray
+    D: np.ndarray | float
+    K: np.ndarray
+    sample_time: float
+
+    @property
+    def matrices(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+        """A (n, n), B (n, m), C (p, n), D (p, m) and K (n, p), whatever the number of signals."""
+        n = len(self.A)
+        B, C = np.reshape(self.B, (n, -1)), np.reshape(self.C, (-1, n))
+        return self.A, B, C, np.reshape(self.D, (len(C), B.shape[1])), np.reshape(self.K, (n, len(C)))
+
+    def poles(self) -> np.ndarray:
+        """Eigenvalues of A, shape (n,)."""
+        return np.linalg.eigvals(self.A)
+
+    def plant_response(self, frequency_hz: ArrayLike) -> np.ndarray:
+        """Frequency response of the plant, complex, shape (M, p, m)."""
+        A, B, C, D, _ = self.matrices
+        frequency = np.atleast_1d(np.asarray(frequency_hz, dtype=float))
+        z = np.exp(2j * np.pi * frequency * self.sample_time)
+        inside = np.linalg.solve(z[:, None, None] * np.eye(len(A)) - A, B.astype(complex)[None])
+        return C @ inside + D
+
+    def simulate(self, u: Series | ArrayLike, x0: ArrayLike = 0.0) -> np.ndarray:
+        """Free simulation, shape (N,) or (N, p).
+
+        Args:
+            u: input (N,) or (N, m); or a recording, whose initial state and level are then fitted.
+                For an unstable model the answer to a recording is infinite.
+            x0: state at the first sample of an input alone, shape (n,).
+        """
+        A, B, C, D, _ = self.matrices
+        inputs = as_columns(u.u if isinstance(u, Series) else np.asarray(u, dtype=float))
+        if not isinstance(u, Series):
+            out = run(A, B, C, inputs, x0)[0] + inputs @ D.T
+        elif np.abs(self.poles()).max(initial=0.0) >= 1.0:
+            out = np.full((len(u), len(C)), np.inf)
+        else:
+            out = with_free_motion(A, C, as_columns(u.y), driven(A, B, C, inputs) + inputs @ D.T)
+        return out.reshape(len(inputs), *np.shape(self.D)[:1])
+
+    def predict(self, series: Series) -> np.ndarray:
+        """One-step prediction, initial state and level fitted, shape (N,) or (N, p)."""
+        A, B, C, D, K = self.matrices
+        u, y = as_columns(series.u), as_columns(series.y)
+        observer, gain = A - K @ C, np.hstack([B - K @ D, K])
+        forced = driven(observer, gain, C, np.hstack([u, y])) + u @ D.T
+        return with_free_motion(observer, C, y, forced).reshape(series.y.shape)
+
+    def residuals(self, series: Series) -> np.ndarray:
+        """One-step prediction errors, shape (N,) or (N, p)."""
+        return series.y - self.predict(series)
+
+    def to_state_space(self) -> Any:
+        """The plant as `scipy.signal.StateSpace`."""
+        A, B, C, D, _ = self.matrices
+        return signal.StateSpace(A, B, C, D, dt=self.sample_time)
+
+    def to_control(self, part: str = "plant") -> Any:
+        """The plant, or with "noise" the way from e to y, as a python-control `StateSpace`."""
+        A, B, C, D, K = self.matrices
+        B, D = model_part(part, (B, D), (K, np.eye(len(C))))
+        return control_package().StateSpace(A, B, C, D, self.sample_time)
 
 
 @dataclass(frozen=True, eq=False)
-class StateSpaceModel(Tabled):
-    """Innovations form x(t+1) = A x + B u + K e, Eq. (3.9); y = C x + D u + e, Eq. (3.10).
+class StateSpaceModel(StateSpace):
+    """State-space model of one input and one output.
 
     Attributes:
         A: (n, n).
@@ -29,7 +112,7 @@ class StateSpaceModel(Tabled):
         samples: number of residuals.
         sample_time: seconds.
         singular_values: of the weighted data matrix, from which the order is chosen.
-        transfer: the same plant as an output-error polynomial with the covariance of its coefficients.
+        transfer: the same plant as an output-error polynomial with its coefficients' covariance.
         warnings: sentences for the user.
     """
 
@@ -57,9 +140,10 @@ class StateSpaceModel(Tabled):
         """Independent coefficients: 2 n + 1 of the plant and n of the noise model."""
         return 3 * self.order + 1
 
-    def poles(self) -> np.ndarray:
-        """Eigenvalues of A, shape (n,)."""
-        return np.linalg.eigvals(self.A)
+    @property
+    def label(self) -> str:
+        """Structure and order, as `SS (4)`."""
+        return f"SS ({self.order})"
 
     def zeros(self) -> np.ndarray:
         """Zeros of the plant, shape (n,)."""
@@ -67,89 +151,38 @@ class StateSpaceModel(Tabled):
 
     def response(self, frequency_hz: ArrayLike) -> Response:
         """Frequency response; the covariance is that of the output-error form linearised here."""
-        frequency = np.atleast_1d(np.asarray(frequency_hz, dtype=float))
-        z = np.exp(2j * np.pi * frequency * self.sample_time)
-        inverse = np.linalg.solve(
-            z[:, None, None] * np.eye(self.order) - self.A, np.tile(self.B[:, None], (len(z), 1, 1)).astype(complex)
-        )
-        return Response(frequency, (inverse[:, :, 0] @ self.C) + self.D, self.transfer.response(frequency).spread)
-
-    def simulate(self, u: Series | ArrayLike, x0: ArrayLike = 0.0) -> np.ndarray:
-        """Free simulation, shape (N,); of a recording with the initial state that fits best, infinite where unstable.
-
-        Args:
-            u: input (N,), or a recording.
-            x0: state at the first sample of an input alone, shape (n,).
-        """
-        if not isinstance(u, Series):
-            values = np.asarray(u, dtype=float)
-            start = np.broadcast_to(np.asarray(x0, dtype=float), self.order)
-            return self._run(values, start)[0]
-        if np.abs(self.poles()).max(initial=0.0) >= 1.0:
-            return np.full(len(u), np.inf)
-        forced = modal_response(self.A, self.C, self.B[:, None], u.u[:, None]) + self.D * u.u
-        return _with_free_motion(self.A, self.C, u.y, forced)
-
-    def _run(self, u: np.ndarray, x0: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Outputs (N,) and the last state (n,), sample by sample, whatever the poles."""
-        y, state = np.empty(len(u)), x0
-        for t, value in enumerate(u):
-            y[t] = self.C @ state + self.D * value
-            state = self.A @ state + self.B * value
-        return y, state
+        shadow = self.transfer.response(frequency_hz)
+        value = self.plant_response(frequency_hz)[:, 0, 0]
+        return Response(shadow.frequency_hz, value, shadow.spread)
 
     def forecast(self, series: Series, u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Output after the end of a recording for the input `u` (steps,) there, and its standard deviation.
+        """Output after the end of a recording for the input `u` (steps,), and its deviation.
 
-        The state at the end is that of the one-step predictor, its initial state and a level fitted to the recording.
+        The state at the end is that of the one-step predictor; its initial state and a level are
+        fitted to the recording.
         """
         observer = self.A - np.outer(self.K, self.C)
+        # the answers to the data, to a level and to each initial state
         states = np.column_stack([np.zeros(self.order), np.zeros(self.order), np.eye(self.order)])
-        seen = np.empty((len(series), states.shape[1]))  # of the data, of a level, of each initial state
+        answers = np.empty((len(series), states.shape[1]))
         for t, (value, measured) in enumerate(zip(series.u, series.y, strict=True)):
-            seen[t] = self.C @ states
-            seen[t, 0] += self.D * value
+            answers[t] = self.C @ states
+            answers[t, 0] += self.D * value
             states = observer @ states
             states[:, 0] += (self.B - self.K * self.D) * value + self.K * measured
             states[:, 1] -= self.K
-        seen[:, 1] += 1.0
-        fitted, _ = project_states(series.y - seen[:, 0], seen[:, 1:])
+        answers[:, 1] += 1.0
+        fitted, _ = project_states(series.y - answers[:, 0], answers[:, 1:])
         state, level = states @ np.concatenate([[1.0], fitted]), fitted[0]
-        spread, answer = np.zeros(len(u)), self.K
+        noise, answer = np.zeros(len(u)), self.K
         for k in range(1, len(u)):
-            spread[k] = spread[k - 1] + (self.C @ answer) ** 2
+            noise[k] = noise[k - 1] + (self.C @ answer) ** 2
             answer = self.A @ answer
-        return self._run(u, state)[0] + level, np.sqrt(self.loss * (1.0 + spread))
-
-    def predict(self, series: Series) -> np.ndarray:
-        """One-step prediction by the innovations form, initial state fitted, shape (N,)."""
-        observer = self.A - np.outer(self.K, self.C)
-        gain = np.column_stack([self.B - self.K * self.D, self.K])
-        forced = modal_response(observer, self.C, gain, np.column_stack([series.u, series.y])) + self.D * series.u
-        return _with_free_motion(observer, self.C, series.y, forced)
-
-    def residuals(self, series: Series) -> np.ndarray:
-        """One-step prediction errors, shape (N,)."""
-        return series.y - self.predict(series)
-
-    def to_state_space(self) -> Any:
-        """The plant as `scipy.signal.StateSpace`."""
-        return signal.StateSpace(self.A, self.B[:, None], self.C[None, :], np.array([[self.D]]), dt=self.sample_time)
+        return self.simulate(u, state) + level, np.sqrt(self.loss * (1.0 + noise))
 
     def to_transfer_function(self) -> Any:
         """The plant as `scipy.signal.TransferFunction`."""
         return self.transfer.to_transfer_function()
-
-    def to_control(self, part: str = "plant") -> Any:
-        """The plant, or with "noise" the way from e to y, as a python-control `StateSpace`."""
-        plant = checked_part(part) == "plant"
-        B, D = (self.B, self.D) if plant else (self.K, 1.0)
-        return control_package().StateSpace(self.A, B[:, None], self.C[None, :], [[D]], self.sample_time)
-
-    @property
-    def label(self) -> str:
-        """Structure and order, as `SS (4)`."""
-        return f"SS ({self.order})"
 
     def __str__(self) -> str:
         poles = ", ".join(f"{p:.4f}" for p in self.poles())
@@ -157,7 +190,7 @@ class StateSpaceModel(Tabled):
 
 
 def innovations(model: PolynomialModel | StateSpaceModel) -> StateSpaceModel:
-    """A model in innovations form; a polynomial one in observer form over the denominator A F D of G and H."""
+    """A model in innovations form; a polynomial one in observer form over A F D of G and H."""
     if isinstance(model, StateSpaceModel):
         return model
     a, b, c, d, f = model.polynomials
@@ -166,32 +199,51 @@ def innovations(model: PolynomialModel | StateSpaceModel) -> StateSpaceModel:
     num, noise, den = (np.pad(p, (0, size - len(p))) for p in (num, noise, den))
     A = np.eye(size - 1, k=1)
     A[:, 0] -= den[1:]
-    B, K = num[1:] - den[1:] * num[0], noise[1:] - den[1:]
-    C = np.eye(size - 1)[0]
+    B, C, K = num[1:] - den[1:] * num[0], np.eye(size - 1)[0], noise[1:] - den[1:]
+    x0, unknown = np.zeros(size - 1), np.zeros(0)
     return StateSpaceModel(
-        A, B, C, float(num[0]), K, np.zeros(size - 1), model.loss, model.samples, model.sample_time, np.zeros(0), model
+        A, B, C, float(num[0]), K, x0, model.loss, model.samples, model.sample_time, unknown, model
     )
 
 
-def modal_response(A: np.ndarray, C: np.ndarray, B: np.ndarray, inputs: np.ndarray) -> np.ndarray:
-    """C x(t) of x(t+1) = A x + B inputs from rest, by first-order filters along the eigenvectors; shape (N,)."""
+def run(
+    A: np.ndarray, B: np.ndarray, C: np.ndarray, inputs: np.ndarray, x0: ArrayLike = 0.0
+) -> tuple[np.ndarray, np.ndarray]:
+    """C x(t) of x(t+1) = A x + B inputs, shape (N, p), and the last state, whatever the poles."""
+    out, state = np.empty((len(inputs), len(C))), np.broadcast_to(np.asarray(x0, float), len(A))
+    for t, drive in enumerate(inputs @ B.T):
+        out[t] = C @ state
+        state = A @ state + drive
+    return out, state
+
+
+def unit_responses(A: np.ndarray, C: np.ndarray, u: np.ndarray) -> np.ndarray:
+    """Outputs C x(t) where a signal (N,) drives each state in turn from rest, shape (N, p, n)."""
     values, vectors = np.linalg.eig(A)
-    drive = inputs @ np.linalg.solve(vectors, B.astype(complex)).T
-    seen = C @ vectors
-    return np.sum(
-        [(c * signal.lfilter([0.0, 1.0], [1.0, -p], drive[:, k])).real
-         for k, (p, c) in enumerate(zip(values, seen, strict=True))], axis=0,
-    )  # fmt: skip
+    if np.linalg.cond(vectors) > DEFECTIVE:
+        states, out = np.zeros_like(A), np.empty((len(u), *C.shape))
+        for t, value in enumerate(u):
+            out[t] = C @ states
+            states = A @ states + value * np.eye(len(A))
+        return out
+    modes = np.column_stack([signal.lfilter([0.0, 1.0], [1.0, -p], u.astype(complex)) for p in values])
+    return np.real((modes[:, None, :] * (C @ vectors)) @ np.linalg.inv(vectors))
 
 
-def _with_free_motion(A: np.ndarray, C: np.ndarray, y: np.ndarray, forced: np.ndarray) -> np.ndarray:
-    """A forced motion (N,) with the initial state and level that fit `y` (N,) best."""
-    free = free_responses(A, C, len(y))
-    return forced + free @ project_states(y - forced, free)[0]
+def driven(A: np.ndarray, B: np.ndarray, C: np.ndarray, inputs: np.ndarray) -> np.ndarray:
+    """C x(t) of x(t+1) = A x + B inputs from rest, shape (N, p)."""
+    return np.sum([unit_responses(A, C, u) @ b for u, b in zip(inputs.T, B.T, strict=True)], axis=0)
 
 
 def free_responses(A: np.ndarray, C: np.ndarray, length: int) -> np.ndarray:
-    """Outputs C A^t from each unit initial state, and a level, shape (length, n + 1)."""
-    values, vectors = np.linalg.eig(A)
-    powers = np.vander(values, length, increasing=True).T
-    return np.column_stack([((powers * (C @ vectors)) @ np.linalg.inv(vectors)).real, np.ones(length)])
+    """Outputs C A^t from each unit initial state, and each output's level, (length p, n + p)."""
+    before = np.eye(1, length + 1)[0]  # a pulse one sample before the first
+    free = unit_responses(A, C, before)[1:]
+    levels = np.broadcast_to(np.eye(len(C)), (length, len(C), len(C)))
+    return np.concatenate([free, levels], axis=2).reshape(length * len(C), -1)
+
+
+def with_free_motion(A: np.ndarray, C: np.ndarray, y: np.ndarray, forced: np.ndarray) -> np.ndarray:
+    """A forced motion (N, p) with the initial state and levels that fit y (N, p) best."""
+    free = free_responses(A, C, len(y))
+    return forced + (free @ project_states((y - forced).ravel(), free)[0]).reshape(y.shape)

@@ -9,6 +9,7 @@ from identification.blackbox.data import Series
 from identification.blackbox.filters import shifted
 
 LAGS = 25  # largest lag m
+CALM = 0.05  # p-values of both tests from which standard errors for white residuals hold
 ALARM = 1e-3  # p-value below which a test is reported: several recordings and structures are tested at once
 
 
@@ -53,7 +54,7 @@ def residual_test(errors: np.ndarray, series: Series, parameters: int = 0, neare
     Args:
         errors: one-step prediction errors, shape (M,), M at most N.
         series: the recording they belong to.
-        parameters: number of noise-model coefficients, taken off the degrees of freedom.
+        parameters: number of noise-model coefficients, whose errors from a part as long as the tested one colour it.
         nearest: lag of the nearest input that errors must not depend on; 1 in a loop, where u(t) depends on e(t).
     """
     e = errors - errors.mean()
@@ -67,7 +68,8 @@ def residual_test(errors: np.ndarray, series: Series, parameters: int = 0, neare
         e, scale_e = np.zeros(n), 1.0
     auto = np.array([e[k:] @ e[: n - k] for k in range(1, lags + 1)]) / scale_e**2
     statistic = n * (n + 2) * np.sum(auto**2 / (n - np.arange(1, lags + 1)))
-    white_p = float(stats.chi2.sf(statistic, max(lags - parameters, 1)))
+    statistic *= lags / (lags + min(parameters, lags))  # coefficients err, too
+    white_p = float(stats.chi2.sf(statistic, lags))
     cross_lags = np.arange(-lags, lags + 1)
     cross = np.array([e[max(k, 0) : n + min(k, 0)] @ u[max(-k, 0) : n - max(k, 0)] for k in range(-lags, lags + 1)])
     cross /= scale_e * scale_u
