@@ -1,33 +1,64 @@
-"""report.html of a plan or a comparison: its sentences, its table and its figures on one self-contained page."""
+"""A plan or a comparison on the terminal, and on one self-contained page: report.html."""
 
 from datetime import date
 from importlib import import_module
 from inspect import cleandoc
 from pathlib import Path
 
-from jinja2 import Environment, PackageLoader, select_autoescape
-from markupsafe import Markup
+from rich import box
+from rich.markup import escape
+from rich.table import Table
 
-from fasbody.console import write_whole
+from fasbody.console import console, results, write_whole
 from fasbody.presentation import Presented, inline, picture, write_figure
 
 
+def show(result: Presented, wide: str = "") -> None:
+    """Print the sheet of a result for a person.
+
+    Args:
+        result: what is presented.
+        wide: the column of words; the others are of numbers.
+    """
+    sheet = result.sheet()
+    table = Table(title=escape(sheet.title), title_justify="left", box=box.SIMPLE_HEAD, padding=0)
+    table.show_edge = False
+    for column in sheet.columns:
+        table.add_column(escape(column), justify="left" if column == wide else "right")
+    for row in sheet.rows:
+        table.add_row(*map(escape, row))
+    results.print(table)
+    first, *others = sheet.notes
+    results.print(f"[bold]{escape(first)}[/]", soft_wrap=True)
+    for text in others:
+        results.print(escape(text), soft_wrap=True)
+
+
 def write(result: Presented, folder: Path, command: str) -> list[Path]:
-    """Write the numbers of a result, each figure as SVG and PNG, and report.html into a folder.
+    """Write the numbers of a result, each figure as SVG and PNG, and report.html; say so.
 
     Args:
         result: what is presented.
         folder: to write into.
         command: that made it, as it was typed.
     """
+    from jinja2 import Environment, PackageLoader, select_autoescape
+    from markupsafe import Markup
+
     files, pictures = result.write(folder), []
     for kind in result.plots:
         figure = result.plot(kind)
         pictures.append((Markup(inline(picture(figure, "svg"))), _caption(result, kind)))
         files += write_figure(figure, folder / f"{kind}.svg", folder / f"{kind}.png")
-    environment = Environment(loader=PackageLoader("identification"), autoescape=select_autoescape(default=True))
+    environment = Environment(
+        loader=PackageLoader("identification"), autoescape=select_autoescape(default=True)
+    )
     text = environment.get_template("page.html").render(
         sheet=result.sheet(), figures=pictures, command=command, day=date.today().isoformat()
+    )
+    beside = ", ".join(path.name for path in files if path.suffix in (".json", ".csv"))
+    console.print(
+        f"report: [bold]{folder}/report.html[/], with {beside} and figures beside it", soft_wrap=True
     )
     return [*files, write_whole(folder / "report.html", text)]
 

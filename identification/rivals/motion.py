@@ -42,8 +42,10 @@ _JOINTS = np.array(
 )
 #: Differences in each parameter: large against rounding, small against what bends a response.
 _NUDGES = np.array(
-    [10, 10, 0.05, 0.02, 0.02, 0.05, 0.02, 0.02, 1e-4, 1e-4, 1, 1, 1]  # `PARAMETERS`
-    + [0.02, 0.02, 50, 0.02, 0.02, 50, 1e-4, 2e-3, 2e-5]  # `EXTRA`
+    [
+        *(10, 10, 0.05, 0.02, 0.02, 0.05, 0.02, 0.02, 1e-4, 1e-4, 1, 1, 1),  # `PARAMETERS`
+        *(0.02, 0.02, 50, 0.02, 0.02, 50, 1e-4, 2e-3, 2e-5),  # `EXTRA`
+    ]
 )
 #: Size of a last step over the motion: what is left is the square of it.
 _TIGHT = 1e-8
