@@ -76,16 +76,19 @@ class Options:
     ] = 5.0
     seconds: Annotated[float, typer.Option(help="length of a recording in s")] = 10.0
     noise: Annotated[
-        float,
-        typer.Option(help="noise of a sensor, rms of a sample in m/s^2, until recordings tell"),
-    ] = 0.5
+        float | None,
+        typer.Option(
+            help="noise of a sensor, rms of a sample in m/s^2 (default about 0.5, or what recordings say)"
+        ),
+    ] = None
     repeatability: Annotated[
-        float,
+        float | None,
         typer.Option(
             metavar="SHARE",
-            help="relative scatter of a harmonic between recordings, until they determine it",
+            help="relative scatter of a harmonic between recordings (default about 0.03, or what "
+            "recordings say)",
         ),
-    ] = 0.03
+    ] = None
     exclude: Annotated[
         str | None,
         typer.Option(

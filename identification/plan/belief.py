@@ -14,6 +14,7 @@ from fasbody.exceptions import SimulationError
 from fasbody.presentation import readable
 from fasbody.recording.recording import Recording
 from identification.branches import DECISIVE_ODDS
+from identification.estimates import Estimate
 from identification.harmonics import Line, Measured
 from identification.intervals import Solution
 from identification.motion import TwoMassMotion
@@ -45,6 +46,11 @@ class Band:
     value: float
     lower: float
     upper: float
+
+    @classmethod
+    def of(cls, estimate: Estimate) -> "Band":
+        """Of an estimate of the fit."""
+        return cls(estimate.value, estimate.lower, estimate.upper)
 
     @property
     def half_width(self) -> float:
@@ -103,8 +109,7 @@ class Belief:
         problem = replace(solution.problem, variables=replace(self.variables, populated=False))
         estimates, _ = replace(solution, problem=problem).estimates()
         keys = {item.name: item.key for item in self.variables.space.free}
-        chosen = {name: estimates[keys[name]] for name in names}
-        return {name: Band(e.value, e.lower, e.upper) for name, e in chosen.items()}
+        return {name: Band.of(estimates[keys[name]]) for name in names}
 
     def open_bands(self, names: Sequence[str]) -> dict[str, Band]:
         """The same, over both feet while their branch is open."""

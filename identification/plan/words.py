@@ -12,9 +12,9 @@ def percent(share: float) -> str:
     return f"{100 * share:.2g} %" if share < 0.995 else f"{100 * share:.0f} %"
 
 
-def whole(share: float) -> str:
-    """A share of counted things in percent, without a decimal."""
-    return f"{100 * share:.0f} %"
+def chance(probability: float) -> str:
+    """A probability in whole percent; what is next to nothing, or next to certain, is no more than that."""
+    return "under 1 %" if probability < 0.005 else "over 99 %" if probability > 0.995 else f"{100 * probability:.0f} %"
 
 
 def plain(value: float, digits: int = 2) -> str:
