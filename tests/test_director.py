@@ -383,8 +383,7 @@ def test_noise_is_told_from_what_shaking_cannot_tell(director: Director) -> None
     )
     assert loud.met(long) and not loud.met(short)
     # what no noise leaves does not depend on how much there was
-    silent, other = loud.for_ever().half_width, director.for_ever().half_width
-    assert all(silent[name] == pytest.approx(other[name], rel=1e-3) for name in EXCHANGED)
+    assert max(loud.for_ever().half_width.values()) < 1e-3 > max(director.for_ever().half_width.values())
 
 
 def test_what_is_not_named_is_not_asked_for() -> None:
