@@ -27,9 +27,9 @@ from identification.rivals.__main__ import app
 from identification.rivals.compare import compare_rivals
 from identification.rivals.ladder import AT_REST, LADDER, RungVariables, rungs_of
 from identification.rivals.mjcf import difference, edited_text, write_models
+from identification.rivals.motion import AT, EXTRA, RivalMotion, felt
 from identification.rivals.result import DECISIVE, Rival, Rivals, preferred
 from identification.rivals.search import evidence, folds, only
-from identification.rivals.motion import AT, EXTRA, RivalMotion, felt
 from simulator import worlds
 from simulator.departure import Exponential, Following, Maxwell, Mount, Polynomial
 from simulator.leg import Departure, Leg, Shaking, harmonics
@@ -251,6 +251,10 @@ def test_only_what_all_adequate_rivals_say_is_shared() -> None:
     out = compared(model, replace(far, bic=130.0))  # out-predicted, so it has no say
     assert all(c.shared for c in out.conclusions) and [r.name for r in out.adequate] == ["model"]
     assert far.k_T and far.k_F
+    rich = made("third", 125.0, 100.0, 11, penalty=20.0)  # as near as the model, and more constants
+    both = compared(model, rich, made("linear", 190.0, 200.0, 4))
+    assert [r.name for r in both.not_needed] == ["third"] and [r.name for r in both.adequate] == ["model"]
+    assert "the other is ruled out" in both.sentence()
     open_ = replace(model, log_odds=1.0, other=(far.k_T, far.k_F))
     assert {c.what for c in compared(open_).conclusions if c.shared} == {"k_F"}
 

@@ -9,7 +9,7 @@ from typing import Any, ClassVar
 import numpy as np
 
 from fasbody.console import to_json, write_whole
-from fasbody.presentation import Presented, Sheet, counted, readable
+from fasbody.presentation import Presented, Sheet, counted, listed, readable
 from identification.branches import EXCHANGED
 from identification.plan.candidates import PLANNED, THESIS, THESIS_AMPLITUDE, UNLOADED, Step, thesis
 from identification.plan.director import GOAL, SHARE, Director
@@ -18,7 +18,6 @@ from identification.plan.protocol import Protocol, exposure, shaking_s
 from identification.plan.words import (
     chance,
     in_the_way,
-    listed,
     minutes,
     percent,
     plain,

@@ -11,7 +11,7 @@ from fasbody.acquire.board import Stalled
 from fasbody.acquire.person import note
 from fasbody.console import heeded
 from fasbody.exceptions import AcquisitionError, FasError, RecordingError, SettingError, SimulationError
-from fasbody.presentation import Presented, Sheet, counted
+from fasbody.presentation import Presented, Sheet, counted, listed
 from fasbody.recording.checks import checked
 from fasbody.recording.recording import Recording
 from identification.branches import EXCHANGED
@@ -24,7 +24,7 @@ from identification.plan.prior import Person
 from identification.plan.protocol import shaking_s
 from identification.plan.result import Longer, believed, goal, nothing_brings, unreachable
 from identification.plan.shaker import Shaker
-from identification.plan.words import chance, in_the_way, listed, minutes, percent, plain
+from identification.plan.words import chance, in_the_way, minutes, percent, plain
 
 #: Why a session ended.
 MET, NEVER, SPENT, FAILING, STOPPED = "met", "never", "spent", "failing", "stopped"

@@ -1,7 +1,5 @@
 """Numbers with their nouns, as the sentences of a plan and a session have them."""
 
-from collections.abc import Sequence
-
 from fasbody.presentation import readable
 
 
@@ -35,11 +33,6 @@ def span(seconds: float) -> str:
     size, unit = (3600, "hour") if seconds < 48 * 3600 else (86400, "day")
     text = plain(seconds / size)
     return f"{text} {unit}{'' if text == '1' else 's'}"
-
-
-def listed(words: Sequence[str], last: str = "and") -> str:
-    """Words with commas and an `and`, or another last word."""
-    return f" {last} ".join([", ".join(words[:-1]), words[-1]]) if len(words) > 1 else "".join(words)
 
 
 def repeating(repeatability: float) -> str:
