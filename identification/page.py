@@ -13,18 +13,18 @@ from fasbody.console import console, results, write_whole
 from fasbody.presentation import Presented, inline, picture, write_figure
 
 
-def show(result: Presented, wide: str = "") -> None:
+def show(result: Presented, words: str = "") -> None:
     """Print the sheet of a result for a person.
 
     Args:
         result: what is presented.
-        wide: the column of words; the others are of numbers.
+        words: the column of words; the others are of numbers.
     """
     sheet = result.sheet()
     table = Table(title=escape(sheet.title), title_justify="left", box=box.SIMPLE_HEAD, padding=0)
     table.show_edge = False
     for column in sheet.columns:
-        table.add_column(escape(column), justify="left" if column == wide else "right")
+        table.add_column(escape(column), justify="left" if column == words else "right")
     for row in sheet.rows:
         table.add_row(*map(escape, row))
     results.print(table)

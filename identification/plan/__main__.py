@@ -13,7 +13,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from fasbody.console import command_line, console, make_folder, print_json, run_app
+from fasbody.console import (
+    command_line,
+    console,
+    make_folder,
+    print_json,
+    run_app,
+    to_json,
+    write_whole,
+)
 from fasbody.exceptions import AcquisitionError, SettingError, Stopped, unknown
 from fasbody.foot.shaker import PEAK_TO_PEAK
 from identification.options import DelayStd, GainStd, MassStd
@@ -267,11 +275,11 @@ def propose(
     spent = time.perf_counter() - began
     result = planned(director, options.recordings, 60 * options.minutes, spent)
     if protocol is not None:
-        result.protocol.write(protocol)
+        write_whole(protocol, to_json(result.protocol) + "\n")
     if options.json_:
         print_json(result.document())
     else:
-        page.show(result, wide="kind")
+        page.show(result, words="kind")
     if out is not None:
         words = sys.argv[2:] if sys.argv[1:2] == ["propose"] else sys.argv[1:]
         page.write(result, out, join(["fasbody", "plan", *words]))

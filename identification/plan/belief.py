@@ -19,7 +19,7 @@ from identification.harmonics import Line, Measured
 from identification.intervals import Solution
 from identification.motion import TwoMassMotion
 from identification.nuisances import Nuisance
-from identification.optimiser import search
+from identification.optimiser import Searched, search
 from identification.plan.prior import Person, PlanVariables, stream
 from identification.residual import Problem
 from identification.sensors import MALLEOLUS
@@ -170,13 +170,19 @@ def believe(
         first = [variables.draw(stream(seed, str(i)), (-1) ** i) for i in range(_STARTS)]
     else:
         first = [variables.carried(end.q, before.variables) for end in before.ends]
+
+    def searched(problem: Problem, first: Sequence[np.ndarray]) -> Searched:
+        return search(
+            problem, (1, -1), starts=0, rounds=1, estimate=False, first=np.stack(first), smooth=_SMOOTH
+        )  # fmt: skip
+
     for _ in range(2):  # what is left over says how well the recordings repeat, and weighs them anew
-        found = search(problem, (1, -1), starts=0, rounds=1, estimate=False, first=np.stack(first), smooth=_SMOOTH)
-        q, first = found.optima[0].q, [o.q for o in found.optima]
+        optima = searched(problem, first).optima
+        q, first = optima[0].q, [o.q for o in optima]
         problem = problem.weighed(q)
         problem = problem.with_repeatability(repeatability(problem, q, expected))
-    found = search(problem, (1, -1), starts=0, rounds=1, estimate=False, first=np.stack(first), smooth=_SMOOTH)
-    ends = tuple(Solution(SIDES[o.sign], found.problem, o) for o in found.optima)
+    last = searched(problem, first)
+    ends = tuple(Solution(SIDES[o.sign], last.problem, o) for o in last.optima)
     if not all(end.evaluation.moves[0] for end in ends):
         raise SimulationError("no foot of the population moves as these recordings do; check masses and units.")
     return Belief(ends)

@@ -18,7 +18,7 @@ from identification.branches import EXCHANGED
 from identification.engines.twin import carriers
 from identification.harmonics import Line
 from identification.plan.belief import Belief, believe
-from identification.plan.candidates import ADDED_MASSES_KG, Candidates, Step, thesis, within
+from identification.plan.candidates import ADDED_MASSES_KG, Step, candidates, thesis, within
 from identification.plan.feet import Feet, Outlook, Score, Sums
 from identification.plan.information import Seen, Sight
 from identification.plan.prior import Person, stream
@@ -101,7 +101,7 @@ class Director:
         draws = draws or (FEWER if earlier else DRAWS)
         _refuse(person, shaker, ask or {}, earlier, draws)
         self.person, self.shaker, self.seed = person, shaker, seed
-        self.candidates = Candidates(shaker, person.leg_kg).steps
+        self.candidates = candidates(shaker, person.leg_kg)
         self.done = tuple(map(step_of, earlier))
         # the order of the session, the starts of the belief, and the feet
         self._order, starts, self._stream = np.random.SeedSequence([seed, len(earlier)]).spawn(3)
@@ -319,12 +319,6 @@ class Director:
         """Total score (K,) of steps of any length, each alone beside what is done."""
         now = self.outlook(()).utility.sum()
         return np.array([self.outlook([step]).utility.sum() - now for step in steps])
-
-    def next(self, steps: Sequence[Step] = ()) -> tuple[Step, Score]:
-        """The candidate that adds most to what is done and to steps planned before it."""
-        scores = self.scores(steps)
-        best = int(np.argmax([score.total for score in scores]))
-        return self.candidates[best], scores[best]
 
     def met(self, outlook: Outlook) -> bool:
         """The branch is decided and the asked intervals are met, with a probability of `SHARE`."""

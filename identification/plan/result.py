@@ -8,13 +8,22 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from fasbody.acquire.plan import PROTOCOL
 from fasbody.console import to_json, write_whole
 from fasbody.presentation import Presented, Sheet, counted, listed, readable
 from identification.branches import EXCHANGED
-from identification.plan.candidates import PLANNED, THESIS, THESIS_AMPLITUDE, UNLOADED, Step, thesis
+from identification.plan.candidates import (
+    PLANNED,
+    THESIS,
+    THESIS_AMPLITUDE,
+    UNLOADED,
+    Step,
+    exposure,
+    shaking_s,
+    thesis,
+)
 from identification.plan.director import GOAL, SHARE, Director
 from identification.plan.feet import Outlook, Score
-from identification.plan.protocol import Protocol, exposure, shaking_s
 from identification.plan.words import (
     chance,
     in_the_way,
@@ -284,20 +293,23 @@ class Planned(Presented):
         return best if best is not None and self.steps and gain(best) > _DECIDES else None
 
     @property
-    def protocol(self) -> Protocol:
-        """For the file."""
-        return Protocol(self.steps, self.subject, self.body_mass_kg, self.posture, self.seed)
+    def protocol(self) -> dict[str, Any]:
+        """The steps in order, and whom they are for, as `python -m fasbody.acquire --plan` reads them."""
+        return {
+            "format": PROTOCOL, "subject": self.subject, "body_mass_kg": self.body_mass_kg, "posture": self.posture,
+            "seed": self.seed, "protocol": [asdict(step) for step in self.steps],
+        }  # fmt: skip
 
     def sentence(self) -> str:
         """What to expect."""
-        there = "the recording" if self.earlier == 1 else f"the {self.earlier} recordings"
+        existing = "the recording" if self.earlier == 1 else f"the {self.earlier} recordings"
         likely = f"with a probability of {chance(self.mine.goal)}"
         if not self.steps:
-            return f"Nothing more needs to be recorded: what is asked is met by {there} that exist, {likely}."
+            return f"Nothing more needs to be recorded: what is asked is met by {existing} that exist, {likely}."
         more = "more " if self.earlier else ""
         shaking = minutes(shaking_s(self.steps))
         text = f"{counted(len(self.steps), f'{more}recording')} and {shaking} of shaking"
-        text += f" after {there} that exist" if self.earlier else ""
+        text += f" after {existing} that exist" if self.earlier else ""
         text += f" meet what is asked {likely}"
         parts = [f"{self.mine.width(name)} for +-{percent(self.asked[name])}" for name in self.missed]
         if self.mine.decided < SHARE:
@@ -406,7 +418,7 @@ class Planned(Presented):
         """The plan as plain data."""
         first = self.begins_with
         return {
-            **self.protocol.document(), "model": self.model, "feet": self.feet,
+            **self.protocol, "model": self.model, "feet": self.feet,
             "next": asdict(self.steps[0]) if self.steps else None,
             "scores": [asdict(score) | {"total": score.total} for score in self.adds],
             "expected": {name: e.document() for name, e in self.expected.items()},
@@ -434,7 +446,7 @@ class Planned(Presented):
         """Write protocol.json, which acquire runs, plan.json and plan.csv into a folder."""
         place = Path(folder)
         return [
-            self.protocol.write(place / "protocol.json"),
+            write_whole(place / "protocol.json", to_json(self.protocol) + "\n"),
             write_whole(place / "plan.json", to_json(self.document()) + "\n"),
             write_whole(place / "plan.csv", self.to_dataframe().to_csv(index=False)),
         ]

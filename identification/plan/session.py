@@ -17,11 +17,10 @@ from fasbody.recording.recording import Recording
 from identification.branches import EXCHANGED
 from identification.fitting import fit_foot
 from identification.plan.belief import Band, Belief
-from identification.plan.candidates import Step
+from identification.plan.candidates import Step, shaking_s
 from identification.plan.director import GOAL, HOPELESS, SHARE, Director
 from identification.plan.observed import Observed, observed
 from identification.plan.prior import Person
-from identification.plan.protocol import shaking_s
 from identification.plan.result import Longer, believed, goal, nothing_brings, unreachable
 from identification.plan.shaker import Shaker
 from identification.plan.words import chance, in_the_way, minutes, percent, plain
@@ -303,10 +302,10 @@ class Session:
             return False
         self._fitted = {n: Band.of(next(e for key, e in result.best.parameters.items() if key.startswith(f"{n}_")))
                         for n in EXCHANGED}  # fmt: skip
-        wide = [n for n, share in self._ask.items() if self._fitted[n].half_width > share]
-        if result.verdict == "decided" and not wide:
+        missed = [n for n, share in self._ask.items() if self._fitted[n].half_width > share]
+        if result.verdict == "decided" and not missed:
             return True
-        what = [f"{n} +-{percent(self._fitted[n].half_width)}" for n in wide]
+        what = [f"{n} +-{percent(self._fitted[n].half_width)}" for n in missed]
         what += ["the branch open"] * (result.verdict != "decided")
         self._offering.told(f"The fit of all recordings is not there yet: {listed(what)}.")
         return False

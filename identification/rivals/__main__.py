@@ -66,7 +66,7 @@ def main(
     if json_:
         print_json(result.document())
     else:
-        page.show(result, wide="rival")
+        page.show(result, words="rival")
     if write_model is not None:
         from identification.rivals.mjcf import write_models
 
