@@ -23,7 +23,9 @@ from fasbody.recording.known import DEPARTURES, Known
 from fasbody.recording.recording import Recording
 from fasbody.recording.study import Study
 from identification.branches import EXCHANGED
+from identification.fitting import fit_foot
 from identification.nuisances import FOOT_STD, SHANK_STD
+from identification.plan import session
 from identification.plan.__main__ import _of, app
 from identification.plan.belief import Belief
 from identification.plan.candidates import PLANNED, THESIS, UNLOADED, Step, candidates, shaking_s, thesis
@@ -34,7 +36,7 @@ from identification.plan.observed import coherence, observed
 from identification.plan.prior import LOSS_STD, STIFFNESS_STD, Person
 from identification.plan.record import Offer
 from identification.plan.result import Planned, believed, planned
-from identification.plan.session import FAILING, INTERRUPTED, NEVER, SPENT, Offering, Session, Shaken
+from identification.plan.session import FAILING, INTERRUPTED, MET, NEVER, SPENT, Offering, Session, Shaken
 from identification.plan.shaker import NOISE_M_S2, NOISE_STD, REPEATABILITY, REPEATABILITY_STD, Shaker
 from identification.residual import Problem
 from simulator.rig import SHORTER, Rig, recorded, virtual
@@ -529,7 +531,8 @@ def test_protocol_comes_back_and_broken_ones_are_refused(tmp_path: Path, plan: P
     step = document["protocol"][0]
     for broken in (
         {**document, "format": "x"}, {**document, "protocol": []}, {**document, "body_mass_kg": None},
-        {**document, "protocol": [{**step, "seconds": True}]}, {**document, "protocol": [{**step, "frequency_hz": 1e9}]},
+        {**document, "protocol": [{**step, "seconds": True}]},
+        {**document, "protocol": [{**step, "frequency_hz": 1e9}]},
         {**document, "protocol": [7]}, [],
     ):  # fmt: skip
         file.write_text(json.dumps(broken))
@@ -625,7 +628,7 @@ def test_session_ends_by_itself_within_the_limits() -> None:
     said: list[str] = []
 
     class Listening(Offering):
-        def told(self, sentence: str) -> None:
+        def report(self, sentence: str) -> None:
             said.append(sentence)
 
     who = Person(load("two_dof"), foot.body_kg, ALONE, "made")
@@ -751,6 +754,52 @@ def test_session_goes_on_while_more_minutes_narrow_what_can_never_be_met() -> No
     assert on is None and over is not None and over[0] == NEVER
     assert f"k_T below +-{100 * ever['k_T']:.2g} % (+-2 % asked)" in over[1]
     assert "shank mass" in over[1] and "with unlimited minutes" in over[1]
+
+
+def made(half_way: tuple[Director, list[Recording]], ask: dict[str, float]) -> Session:
+    """A session that goes on from recordings, as wide as a test asks."""
+    director, data = half_way
+    return Session(director.person, SHAKER, ask, 4, 40.0, 0, 4, lambda step: data[0], None, data)
+
+
+def test_a_session_is_met_by_the_fits_own_bands(half_way: tuple[Director, list[Recording]]) -> None:
+    director, data = half_way
+    widths = {name: band.half_width for name, band in director.belief.open_bands(EXCHANGED).items()}  # type: ignore[union-attr]
+    result = fit_foot(data, load("two_dof"), exclude=("all",), threads=1)
+    fitted = {n: next(e for key, e in result.best.parameters.items() if key.startswith(f"{n}_")) for n in EXCHANGED}
+    met = made(half_way, {name: 1.5 * width for name, width in widths.items()})
+    director.aim(met._ask)
+    ended = met._over(director)
+    assert ended is not None and ended[0] == MET and result.verdict == "decided"
+    bands = met._end(*ended).bands
+    assert all(bands[n].lower == pytest.approx(fitted[n].lower, rel=1e-3) for n in EXCHANGED)
+
+
+def test_a_session_goes_on_where_the_fit_is_not_there_yet(
+    half_way: tuple[Director, list[Recording]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    director, _ = half_way
+    director.aim(dict.fromkeys(EXCHANGED, 0.9))
+    result = fit_foot(half_way[1], load("two_dof"), exclude=("all",), threads=1)
+    monkeypatch.setattr(session, "fit_foot", lambda *data, **more: replace(result, verdict="undecided"))
+    assert made(half_way, director.asked)._over(director) is None
+
+
+def test_nothing_more_helps_only_where_all_that_is_left_would_fail(half_way: tuple[Director, list[Recording]]) -> None:
+    """Expected to stay where it is, a little wider than asked: another recording may still meet that."""
+    director, _ = half_way
+    assert director.belief is not None
+    widths = {name: band.half_width for name, band in director.belief.open_bands(EXCHANGED).items()}
+    last = (director.candidates[0],)
+    for share, ends in ((0.97, False), (0.2, True)):
+        director.aim({"k_T": share * min(widths["k_T"], director.outlook(last).half_width["k_T"])})
+        on = made(half_way, director.asked)
+        on._left = last
+        now = director.outlook(())
+        director.outlook = lambda steps, now=now: now  # type: ignore[method-assign]
+        ended = on._idle(director)
+        del director.outlook
+        assert (ended is not None and ended[0] == NEVER) is ends
 
 
 def test_step_whose_board_stalls_is_tried_again() -> None:

@@ -54,7 +54,7 @@ class Offering:
         """The step to take, None to end."""
         return proposed
 
-    def told(self, sentence: str) -> None:
+    def report(self, sentence: str) -> None:
         """What happened."""
 
 
@@ -229,7 +229,7 @@ class Session:
 
         Ctrl-C, or what can neither be recorded nor fitted, ends it with what there is.
         """
-        self._offering.told(goal(self._ask))
+        self._offering.report(goal(self._ask))
         try:
             while True:
                 with heeded():  # compiled code makes something else of Ctrl-C
@@ -263,7 +263,7 @@ class Session:
         self._director = director
         if self._taken and self._taken[-1].observed is not None:
             self._taken[-1] = _after(self._taken[-1], director.belief)
-            self._offering.told(believed(director))
+            self._offering.report(believed(director))
         return director
 
     def _over(self, director: Director) -> tuple[str, str] | None:
@@ -271,7 +271,7 @@ class Session:
         belief = director.belief
         count, spent = len(self._recordings) - self._before, shaking_s([t.step for t in self._taken if t.observed])
         if belief is not None:
-            bands, missed = belief.open_bands(EXCHANGED), self._wide(director)
+            bands, missed = belief.open_bands(EXCHANGED), self._missed(director)
             if belief.decided and not missed and self._confirmed():
                 return MET, "What is asked is met, as the fit of all recordings says."
             ever = director.for_ever()
@@ -307,7 +307,7 @@ class Session:
             return True
         what = [f"{n} +-{percent(self._fitted[n].half_width)}" for n in missed]
         what += ["the branch open"] * (result.verdict != "decided")
-        self._offering.told(f"The fit of all recordings is not there yet: {listed(what)}.")
+        self._offering.report(f"The fit of all recordings is not there yet: {listed(what)}.")
         return False
 
     def _idle(self, director: Director) -> tuple[str, str] | None:
@@ -316,7 +316,7 @@ class Session:
         if belief is None or not rest:
             return None
         now, then, bands = director.outlook(()), director.outlook(rest), belief.open_bands(EXCHANGED)
-        missed = self._wide(director)
+        missed = self._missed(director)
         helps = any(then.half_width[name] < _HELPS * now.half_width[name] for name in missed)
         if then.goal() >= HOPELESS or helps or not missed or (not belief.decided and then.decided > now.decided):
             return None
@@ -338,7 +338,7 @@ class Session:
         belief, good = director.belief, [t.step for t in self._taken if t.observed]
         if belief is None or not good:
             return ""
-        ever, missed = director.for_ever(), self._wide(director)
+        ever, missed = director.for_ever(), self._missed(director)
         names = [n for n in missed if ever.goal([n], branch=False) >= SHARE]
         branch = not belief.decided and ever.decided >= SHARE
         never, open_ = [n for n in missed if n not in names], not belief.decided and not branch
@@ -352,7 +352,7 @@ class Session:
         text = f"{what[:1].upper()}{what[1:]} in the way of {of}. {longer} {self._unreachable(director, never, open_)}"
         return text.strip()
 
-    def _wide(self, director: Director) -> list[str]:
+    def _missed(self, director: Director) -> list[str]:
         """Constants whose intervals are wider than asked."""
         assert director.belief is not None
         bands = director.belief.open_bands(EXCHANGED)
@@ -394,12 +394,12 @@ class Session:
         except Stalled as error:
             self._again = step
             self._taken.append(Taken(step, None, str(error), stalled=True))
-            self._offering.told(f"{step}: the board stalled, {error}")
+            self._offering.report(f"{step}: the board stalled, {error}")
             return
         except (AcquisitionError, RecordingError, SimulationError) as error:
             self._failed.add((step.frequency_hz, step.added_mass_kg))
             self._taken.append(Taken(step, None, str(error)))
-            self._offering.told(f"{step}: failed, {error}")
+            self._offering.report(f"{step}: failed, {error}")
             return
         self._recordings.append(recording)
         self._taken.append(Taken(step, lines))
@@ -409,7 +409,7 @@ class Session:
             notes.append("the base is distorted")
         if lines.coherence < INCOHERENT:
             notes.append("the foot does not follow the base alone")
-        self._offering.told(f"{step}: {lines}{'; ' + ', '.join(notes) if notes else ''}")
+        self._offering.report(f"{step}: {lines}{'; ' + ', '.join(notes) if notes else ''}")
 
     def _end(self, ended: str, reason: str) -> Shaken:
         director = self._director
