@@ -21,7 +21,7 @@ from identification.plan.belief import Belief, believe
 from identification.plan.candidates import ADDED_MASSES_KG, Step, candidates, thesis, within
 from identification.plan.feet import Feet, Outlook, Score, Sums
 from identification.plan.information import Seen, Sight
-from identification.plan.prior import Person, stream
+from identification.plan.prior import Person, PlanVariables, stream
 from identification.plan.shaker import (
     NOISE_M_S2,
     NOISE_STD,
@@ -174,20 +174,26 @@ class Director:
 
     def _drawn(self, count: int) -> Seen:
         """So many feet that have a steady motion: of either branch in turn, or of what recordings leave possible."""
-        scout = self._sees(self._little()) if self._departs else None
         seen: Seen | None = None
         for first in range(0, _TRIES * count, count):
             numbers = range(first, first + count)
             Q = np.stack([self._draw(number) for number in numbers])
             scatter = np.stack([self._scatter(number) for number in numbers])
-            mirror = self._sight.variables.image(Q), np.zeros(Q.shape, bool)
-            rivals = scout.rivals(Q, scatter) if scout else mirror
+            rivals = self._rivals(Q, scatter, self._sight.variables, self._little())
             more, moves = self._sight.see(Q, *rivals, scatter)
             more = more.rows(moves)
             seen = more if seen is None else seen.joined(more)
             if len(seen.q) >= count:
                 return seen.rows(slice(count))
         raise SimulationError("too few feet of the population move steadily on this shaker; lower its amplitude.")
+
+    def _rivals(
+        self, Q: np.ndarray, scatter: np.ndarray, variables: PlanVariables, little: Sequence[Step]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Rivals (D, n) of feet Q and what of them is at a bound: mirror images, or where a session leads these."""
+        if self._departs:
+            return self._sees(little).rivals(Q, scatter)
+        return variables.image(Q), np.zeros(Q.shape, bool)
 
     def _scatter(self, number: int) -> np.ndarray:
         """(2,) noise [m/s^2] and repeatability of a foot's recordings."""
@@ -241,13 +247,19 @@ class Director:
 
         The sensor brings a gain, a delay, and what else is allowed for, of its own. Recordings that exist lack it.
         """
-        worn = [replace(step, sensors=(*self.shaker.sensors, sensor)) for step in steps]
+
+        def wears(steps: Sequence[Step]) -> list[Step]:
+            return [
+                step if step in self.done else replace(step, sensors=(*self.shaker.sensors, sensor))
+                for step in steps
+            ]
+
+        worn, seen = wears(steps), self._feet.seen
         every = tuple(dict.fromkeys([*self.done, *worn]))
-        sight, before, seen = self._sees(every), self._sight.variables, self._feet.seen
-        q, rival = (sight.variables.carried(Q, before) for Q in (seen.q, seen.rival))
-        held = np.stack([seen.held[:, before.names.index(name)] if name in before.names else np.zeros(len(q), bool)
-                         for name in sight.variables.names], 1)  # fmt: skip
-        worn_by, moves = sight.see(q, rival, held, seen.scatter)
+        sight = self._sees(every)
+        q = sight.variables.carried(seen.q, self._sight.variables)
+        rivals = self._rivals(q, seen.scatter, sight.variables, tuple(wears(self._little())))
+        worn_by, moves = sight.see(q, *rivals, seen.scatter)
         feet = Feet(worn_by.rows(moves), sight.variables)
         feet.asked = self.asked
         places = [every.index(step) for step in [*self.done, *worn]]
@@ -269,10 +281,12 @@ class Director:
 
     def causes(self) -> dict[str, str]:
         """What keeps each constant uncertain then, in words: shares of its variance by what is not known beforehand."""
-        return {
-            name: ", ".join(f"{what} {100 * share:.0f} %" for what, share in shares.items() if share >= _NAMED)
-            for name, shares in self._feet.causes(self._for_ever).items()
-        }
+        causes = {}
+        for name, shares in self._feet.causes(self._for_ever).items():
+            whole = {what: round(100 * share) for what, share in shares.items() if share >= _NAMED}
+            order = sorted(whole, key=lambda what: (-whole[what], what))
+            causes[name] = ", ".join(f"{what} {whole[what]} %" for what in order)
+        return causes
 
     @cached_property
     def _for_ever(self) -> Sums:

@@ -21,7 +21,7 @@ from identification.optimiser import descend
 from identification.plan.candidates import Step
 from identification.plan.prior import Person, stub
 from identification.plan.shaker import Shaker
-from identification.residual import Problem
+from identification.residual import Evaluation, Problem
 
 #: Motions that are sought at once: more of them leave the processor's cache.
 _AT_ONCE = 600
@@ -120,24 +120,14 @@ class Sight:
         One step from the mirror image is not enough where much else may be true: then it may go far,
         and miss little.
         """
-        measured, (Y, _, _) = self.problem.measured, self._read(Q)
-        image, rivals, held = self.variables.image(Q), Q.copy(), np.zeros(Q.shape, bool)
-        shape = len(measured.lines), 2, *measured.output.shape[1:]
-        variances = np.add(*self._variances(Y, scatter))
-        for i, (y, variance) in enumerate(zip(Y, variances, strict=True)):
-            full, noise = np.zeros(measured.rows.shape), np.ones(measured.rows.shape)
-            full[measured.rows], noise[measured.rows] = y, variance
-            real, imaginary = np.moveaxis(full.reshape(shape), 1, 0)
-            made = replace(
-                self.problem,
-                measured=replace(measured, output=real + 1j * imaginary),
-                noise=noise[..., None] * np.eye(measured.rows.shape[1]),
-            )
-            sign = -1 if Q[i, self.variables.index["k_F"]] > 0 else 1
-            rivals[i] = descend(made, image[i, None], np.array([sign]), _DESCENT).Q[0]
-            low, high = made.bounds(sign)
-            held[i] = np.minimum(rivals[i] - low, high - rivals[i]) < _AT_BOUND
-        return rivals, held
+        Y, _, _ = self._read(Q)
+        weights = 1 / np.sqrt(np.add(*self._variances(Y, scatter)))
+        same = {item.name: getattr(self.problem, item.name) for item in fields(Problem)}
+        problem = _Rivals(**same, motions=Y, weights=weights)
+        signs = np.where(Q[:, self.variables.index["k_F"]] > 0, -1, 1)
+        rival = descend(problem, self.variables.image(Q), signs, _DESCENT).Q
+        low, high = (np.stack(x) for x in zip(*map(problem.bounds, signs), strict=True))
+        return rival, np.minimum(rival - low, high - rival) < _AT_BOUND
 
     def _read(self, Q: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """All harmonics (D, N) of feet Q (D, n), their derivatives (D, N, n), and which feet move (D,)."""
@@ -179,6 +169,43 @@ class _Exact(TwoMassMotion):
         start = None if near is None else near.at(theta).reshape(C * R, 2, -1)
         omega, base = np.tile(self.omega, C), np.tile(self.base, (C, 1))
         return orbits(theta.reshape(C * R, P), omega, base, start, slopes=slopes)
+
+
+@dataclass(frozen=True, eq=False)
+class _Paired:
+    """Motions of candidates to start from, and the number (C,) of the foot that each is a rival of."""
+
+    number: np.ndarray
+    memory: object
+
+    def rows(self, which: np.ndarray) -> "_Paired":
+        return _Paired(self.number[which], self.memory.rows(which))  # type: ignore[attr-defined]
+
+    def replaced(self, other: "_Paired", where: np.ndarray) -> "_Paired":
+        return _Paired(self.number, self.memory.replaced(other.memory, where))  # type: ignore[attr-defined]
+
+
+@dataclass(frozen=True, eq=False)
+class _Rivals(Problem):
+    """What rivals miss of the motions of feet, a rival for each foot, so that all descend together.
+
+    Attributes:
+        motions: (D, N) of the feet.
+        weights: (D, N) one over their standard deviations.
+    """
+
+    motions: np.ndarray
+    weights: np.ndarray
+
+    def evaluate(self, Q: np.ndarray, near: Evaluation | None = None) -> Evaluation:
+        """See `Problem`; without motions to start from there is one candidate for each foot."""
+        number = np.arange(len(Q)) if near is None else near.memory.number
+        now = super().evaluate(Q, near and replace(near, memory=near.memory.memory))
+        N, w = self.size, self.weights[number]
+        r, J = now.residual.copy(), now.jacobian.copy()
+        r[:, :N] = w * (r[:, :N] - self.motions[number])
+        J[:, :N] *= w[..., None]
+        return Evaluation(r, J, now.moves, _Paired(number, now.memory))
 
 
 def _line(person: Person, step: Step, rate_hz: float) -> Line:
