@@ -1,7 +1,7 @@
 """The experiment director against closed forms, finite differences, its own limits, and acquire's virtual bench."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import combinations, product
 from pathlib import Path
@@ -39,7 +39,7 @@ from identification.plan.result import Planned, believed, planned
 from identification.plan.session import FAILING, INTERRUPTED, MET, NEVER, SPENT, Offering, Session, Shaken
 from identification.plan.shaker import NOISE_M_S2, NOISE_STD, REPEATABILITY, REPEATABILITY_STD, Shaker
 from identification.residual import Problem
-from simulator.rig import SHORTER, Rig, recorded, virtual
+from simulator.rig import SHORTER, Rig, Virtual, recorded, virtual
 
 ALONE = Known().told(exclude=("all",))
 #: A rig of which every recording repeats exactly, and one with a person on it.
@@ -50,6 +50,15 @@ FOOT = {"k_T": 1.5e5, "k_F": 1.0e5, "c_11": 300.0, "c_12": 0.0, "c_13": 0.0, "c_
 
 def person(body_mass_kg: float = 72.0, known: Known = ALONE) -> Person:
     return Person(load("two_dof"), body_mass_kg, known)
+
+
+def owner(foot: Virtual, known: Known = ALONE) -> Person:
+    """Who stands on the shaker with a foot of the simulator."""
+    return Person(load("two_dof"), foot.body_kg, known, "made")
+
+
+def shaken(foot: Virtual, steps: Sequence[Step], session: int = 5) -> list[Recording]:
+    return [checked(r) for r in recorded(foot, steps, session)]
 
 
 def as_thesis(seed: int = 0) -> Director:
@@ -323,7 +332,7 @@ def test_recordings_are_chosen_that_tell_departures_from_constants(wide: Directo
 def test_rival_of_a_foot_is_within_its_bounds_and_misses_less_than_the_mirror_image() -> None:
     foot = virtual(4)
     steps = [Step("sine", hz, kg, 8.95, 10.0) for kg in (0.0, 4.5) for hz in (12.0, 20.0, 32.0, 48.0)]
-    who = Person(load("two_dof"), foot.body_kg, Known(), "made")
+    who = owner(foot, Known())
     quiet = replace(SHAKER, noise_m_s2=0.02)
     eye = sight(steps, who, quiet)
     q = eye.variables.start({name: getattr(foot.leg, name) for name in FOOT})[None]
@@ -586,8 +595,8 @@ def test_acquire_refuses_a_plan_that_it_cannot_run(
 @pytest.fixture(scope="module")
 def half_way() -> Iterator[tuple[Director, list[Recording]]]:
     foot = virtual(3)
-    data = [checked(r) for r in recorded(foot, thesis((0.0, 4.5), 2.0)[::2], 5)]
-    yield Director(Person(load("two_dof"), foot.body_kg, ALONE, "made"), SHAKER, earlier=data, draws=4), data
+    data = shaken(foot, thesis((0.0, 4.5), 2.0)[::2])
+    yield Director(owner(foot), SHAKER, earlier=data, draws=4), data
 
 
 def test_recordings_of_another_simulator_are_believed(half_way: tuple[Director, list[Recording]]) -> None:
@@ -631,7 +640,7 @@ def test_session_ends_by_itself_within_the_limits() -> None:
         def report(self, sentence: str) -> None:
             said.append(sentence)
 
-    who = Person(load("two_dof"), foot.body_kg, ALONE, "made")
+    who = owner(foot)
     shaker = Shaker(every_hz=10.0, loads_kg=(0.0, 4.5), seconds=2.0, repeatability=0.0)
     done = Session(who, shaker, dict.fromkeys(EXCHANGED, 0.3), 4, 20.0, 0, 3, rig.record, Listening()).run()
     assert len(done.good) <= 4 and sum(t.step.seconds for t in done.good) <= 20.0
@@ -645,8 +654,8 @@ def test_session_ends_by_itself_within_the_limits() -> None:
 def test_another_load_is_laid_where_it_pays() -> None:
     """Under one load the mass of the leg leaves all constants open; another load adds more than a minute there."""
     foot, shaker = virtual(3), Shaker(every_hz=10.0, loads_kg=(0.0, 4.5), repeatability=0.0)
-    data = [checked(r) for r in recorded(foot, thesis((0.0,), 10.0)[::2], 5)]
-    who = Person(load("two_dof"), foot.body_kg, ALONE, "made")
+    data = shaken(foot, thesis((0.0,), 10.0)[::2])
+    who = owner(foot)
     director = Director(who, shaker, dict.fromkeys(EXCHANGED, 0.02), data, draws=2)
 
     def chosen(change_s: float) -> Step:
@@ -662,14 +671,14 @@ def test_another_load_is_laid_where_it_pays() -> None:
     stay = [replace(s, seconds=s.seconds + 60.0) for s in director.candidates if s.added_mass_kg == 0.0]
     assert step.added_mass_kg == 4.5 and director.gains([step])[0] > director.gains(stay).max()
     # once both loads are known, a little more under the other is not worth an hour's change
-    both = [checked(r) for r in recorded(foot, thesis((0.0, 4.5), 10.0)[::2], 5)]
+    both = shaken(foot, thesis((0.0, 4.5), 10.0)[::2])
     director = Director(who, shaker, dict.fromkeys(EXCHANGED, 0.001), both, draws=2)
     assert chosen(3600.0).added_mass_kg == 0.0
 
 
 def test_interrupted_session_keeps_what_it_has(tmp_path: Path) -> None:
     foot = virtual(3)
-    who = Person(load("two_dof"), foot.body_kg, ALONE, "made")
+    who = owner(foot)
     shaker = Shaker(every_hz=20.0, loads_kg=(0.0, 4.5), seconds=5.0, repeatability=0.0)
     made: list[Step] = []
 
@@ -711,7 +720,7 @@ def test_strangeness_takes_several_recordings(half_way: tuple[Director, list[Rec
     assert not repeating(0.149).strange and repeating(0.149).decided
     bad = repeating(0.151)
     assert bad.strange and not bad.follows and not bad.decided
-    who = Person(load("two_dof"), virtual(3).body_kg, ALONE, "made")
+    who = owner(virtual(3))
     wild = [replace(r, malleolus_m_s2=3.0 ** (-1) ** i * r.malleolus_m_s2) for i, r in enumerate(data)]
     both, all_ = (Director(who, PEOPLE, earlier=wild[:count], draws=2) for count in (2, 9))
     assert both.belief is not None and not both.belief.strange
@@ -723,7 +732,7 @@ def test_strangeness_takes_several_recordings(half_way: tuple[Director, list[Rec
 def test_repeatability_is_what_recordings_say() -> None:
     """Scattered by so much each, as a person who sits down anew; one recording alone says nothing of it."""
     foot = replace(virtual(3), noise_m_s2=0.1)
-    who = Person(load("two_dof"), foot.body_kg, ALONE, "made")
+    who = owner(foot)
     rng = np.random.default_rng(1)
     exact = recorded(foot, thesis(seconds=5.0), 5)
     for scatter in (0.02, 0.06):
@@ -742,8 +751,8 @@ def test_session_goes_on_while_more_minutes_narrow_what_can_never_be_met() -> No
     ends = []
     for seed, noise, ratio in ((11, 0.2, 1.75), (7, 0.05, 1.0)):
         foot = replace(virtual(seed), noise_m_s2=noise)
-        who = Person(load("two_dof"), foot.body_kg, ALONE, "made")
-        data = [checked(r) for r in recorded(foot, thesis((0.0,), 10.0)[::2], 5)]
+        who = owner(foot)
+        data = shaken(foot, thesis((0.0,), 10.0)[::2])
         director = Director(who, shaker, ask, data, draws=4)
         session = Session(who, shaker, ask, 4, 40.0, 0, 4, lambda step: recorded(foot, [step], 5)[0], None, data)  # noqa: B023
         ever, belief = director.for_ever().half_width, director.belief
@@ -804,7 +813,7 @@ def test_nothing_more_helps_only_where_all_that_is_left_would_fail(half_way: tup
 
 def test_step_whose_board_stalls_is_tried_again() -> None:
     foot = virtual(3)
-    who = Person(load("two_dof"), foot.body_kg, ALONE, "made")
+    who = owner(foot)
     shaker, tried = Shaker(every_hz=20.0, loads_kg=(0.0, 4.5), seconds=5.0, repeatability=0.0), list[Step]()
 
     def stalling(times: int) -> Shaken:
@@ -830,7 +839,7 @@ def test_step_whose_board_stalls_is_tried_again() -> None:
 def test_session_on_a_dead_shaker_gives_up() -> None:
     rig = Rig(virtual(0), np.random.default_rng(0))
     rig._gain = 0.0
-    who = Person(load("two_dof"), virtual(0).body_kg, ALONE, "made")
+    who = owner(virtual(0))
     shaker = Shaker(every_hz=20.0, loads_kg=(0.0, 4.5), seconds=2.0, repeatability=0.0)
     done = Session(who, shaker, dict.fromkeys(EXCHANGED, 0.3), 4, 20.0, 0, 2, rig.record).run()
     assert done.ended == FAILING and not done.good and not rig.is_on

@@ -12,6 +12,7 @@ from shlex import join
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from typer import Argument, Option
 
 from fasbody.console import (
     command_line,
@@ -51,13 +52,13 @@ def _finite(minutes: float) -> float:
 class Options:
     """Options of a plan and of a session alike."""
 
-    model: Annotated[str, typer.Option(help="two-mass model, or its file")] = "two_dof"
+    model: Annotated[str, Option(help="two-mass model, or its file")] = "two_dof"
     body_mass: Annotated[
-        float | None, typer.Option(help="body mass in kg (72.57 unless a recording gives it)")
+        float | None, Option(help="body mass in kg (72.57 unless a recording gives it)")
     ] = None
     ask: Annotated[
         list[str] | None,
-        typer.Option(
+        Option(
             help="NAME=SHARE, half-width of a 95 % interval, for example k_T=0.05; repeat for several. "
             "What is not named is not asked for. thesis: all as narrow as its three loads would make "
             "them here",
@@ -65,33 +66,30 @@ class Options:
         ),
     ] = None
     # a third of the thesis' recordings, and as long as it shook
-    minutes: Annotated[float, typer.Option(help="most minutes of shaking", callback=_finite)] = 4.5
-    recordings: Annotated[int, typer.Option(help="recordings at most", min=1)] = 9
-    frequencies: Annotated[str, typer.Option(help="START:STOP:STEP in Hz")] = "10:50:2"
-    loads: Annotated[
-        str, typer.Option(help="masses for the knee in kg, separated by commas")
-    ] = "0,2.3,4.5"
+    minutes: Annotated[float, Option(help="most minutes of shaking", callback=_finite)] = 4.5
+    recordings: Annotated[int, Option(help="recordings at most", min=1)] = 9
+    frequencies: Annotated[str, Option(help="START:STOP:STEP in Hz")] = "10:50:2"
+    loads: Annotated[str, Option(help="masses for the knee in kg, separated by commas")] = (
+        "0,2.3,4.5"
+    )
     amplitude: Annotated[
-        float,
-        typer.Option(help="largest amplitude of the base in m/s^2, half of peak to peak"),
+        float, Option(help="largest amplitude of the base in m/s^2, half of peak to peak")
     ] = 0.5 * PEAK_TO_PEAK
-    displacement: Annotated[
-        float, typer.Option(help="largest travel of the base in m, peak to peak")
-    ] = 0.008
-    force: Annotated[float | None, typer.Option(help="largest force of the shaker in N")] = None
-    table_mass: Annotated[
-        float, typer.Option(help="moving mass of the shaker in kg, for --force")
-    ] = 5.0
-    seconds: Annotated[float, typer.Option(help="length of a recording in s")] = 10.0
+    displacement: Annotated[float, Option(help="largest travel of the base in m, peak to peak")] = (
+        0.008
+    )
+    force: Annotated[float | None, Option(help="largest force of the shaker in N")] = None
+    table_mass: Annotated[float, Option(help="moving mass of the shaker in kg, for --force")] = 5.0
+    seconds: Annotated[float, Option(help="length of a recording in s")] = 10.0
     noise: Annotated[
         float | None,
-        typer.Option(
+        Option(
             help="noise of a sensor, rms of a sample in m/s^2 (default about 0.5, or what recordings say)"
         ),
     ] = None
     repeatability: Annotated[
         float | None,
-        typer.Option(
+        Option(
             metavar="SHARE",
             help="relative scatter of a harmonic between recordings (default about 0.03, or what "
             "recordings say)",
@@ -99,7 +97,7 @@ class Options:
     ] = None
     exclude: Annotated[
         str | None,
-        typer.Option(
+        Option(
             help="nuisances to exclude, as in a fit: mount, relaxation, load, share, rocking, drift, "
             "or all"
         ),
@@ -107,11 +105,9 @@ class Options:
     mass_std: MassStd = None
     gain_std: GainStd = None
     delay_std: DelayStd = None
-    draws: Annotated[
-        int, typer.Option(help="feet to average over (default 32, after recordings 12)")
-    ] = 0
-    seed: Annotated[int, typer.Option(min=0, help="seed of the drawn feet")] = 0
-    json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False
+    draws: Annotated[int, Option(help="feet to average over (default 32, after recordings 12)")] = 0
+    seed: Annotated[int, Option(min=0, help="seed of the drawn feet")] = 0
+    json_: Annotated[bool, Option("--json", help="print one JSON document on stdout")] = False
 
     def shaker(self, **more: Any) -> "Shaker":
         """The shaker's limits."""
@@ -126,7 +122,7 @@ class Options:
         return Shaker(
             low, high, step, self.amplitude, self.displacement, self.force, self.table_mass,
             loads_kg=_numbers(self.loads, "--loads"), seconds=self.seconds, noise_m_s2=self.noise,
-            repeatability=self.repeatability, **more,
+            repeatability=self.repeatability, **more
         )  # fmt: skip
 
     def person(self, earlier: "Sequence[Recording]", subject: str = "1") -> "Person":
@@ -147,7 +143,7 @@ class Options:
         stated = first.body_mass_kg if first and self.body_mass is None else self.body_mass
         return Person(
             load(self.model), BODY_MASS_KG if stated is None else stated, known,
-            first.subject or subject if first else subject, first.posture if first else "midstance",
+            first.subject or subject if first else subject, first.posture if first else "midstance"
         )  # fmt: skip
 
     def director(
@@ -179,7 +175,9 @@ class Options:
             try:
                 shares[name] = float(share)
             except ValueError:
-                raise SettingError(f"--ask {text!r} is not NAME=SHARE, for example k_T=0.05.") from None
+                raise SettingError(
+                    f"--ask {text!r} is not NAME=SHARE, for example k_T=0.05."
+                ) from None
         return shares
 
 
@@ -208,28 +206,26 @@ def propose(
     options: Options,
     data: Annotated[
         list[Path] | None,
-        typer.Argument(help="earlier recordings: study folder, or CSV files", show_default="none"),
+        Argument(help="earlier recordings: study folder, or CSV files", show_default="none"),
     ] = None,
     subject: Annotated[
-        str | None,
-        typer.Option(help="whose recordings of an earlier study of several people count"),
+        str | None, Option(help="whose recordings of an earlier study of several people count")
     ] = None,
-    posture: Annotated[str | None, typer.Option(help="in which posture, of several")] = None,
+    posture: Annotated[str | None, Option(help="in which posture, of several")] = None,
     amplitudes: Annotated[
-        str | None,
-        typer.Option(help="amplitudes to try, separated by commas (default: the largest)"),
+        str | None, Option(help="amplitudes to try, separated by commas (default: the largest)")
     ] = None,
-    kinds: Annotated[str, typer.Option(help="sine, multisine; separated by commas")] = "sine",
+    kinds: Annotated[str, Option(help="sine, multisine; separated by commas")] = "sine",
     sensors: Annotated[
-        str, typer.Option(help="accelerometers that are worn, e.g. malleolus,foot")
+        str, Option(help="accelerometers that are worn, e.g. malleolus,foot")
     ] = "malleolus",
     protocol: Annotated[
         Path | None,
-        typer.Option(help="write the steps to this file, which python -m fasbody.acquire --plan runs"),
+        Option(help="write the steps to this file, which python -m fasbody.acquire --plan runs"),
     ] = None,
     out: Annotated[
         Path | None,
-        typer.Option(help="folder for report.html, protocol.json, plan.json, plan.csv and figures"),
+        Option(help="folder for report.html, protocol.json, plan.json, plan.csv and figures"),
     ] = None,
 ) -> None:
     """Plan what to record next: a session that decides between the mirror feet and narrows the intervals.
@@ -290,38 +286,33 @@ def propose(
 def run(
     options: Options,
     out: Annotated[
-        Path | None, typer.Option(help="study folder; recordings that are there count")
+        Path | None, Option(help="study folder; recordings that are there count")
     ] = None,
-    auto: Annotated[bool, typer.Option("--auto", help="take each step without asking")] = False,
-    port: Annotated[str | None, typer.Option(help="port of the accelerometer board")] = None,
+    auto: Annotated[bool, Option("--auto", help="take each step without asking")] = False,
+    port: Annotated[str | None, Option(help="port of the accelerometer board")] = None,
     generator: Annotated[
-        str | None, typer.Option(help="SCPI function generator: its port or VISA name")
+        str | None, Option(help="SCPI function generator: its port or VISA name")
     ] = None,
     board: Annotated[
-        str, typer.Option(help="serial, audio, ni, mcc, labjack, or a device of a package")
+        str, Option(help="serial, audio, ni, mcc, labjack, or a device of a package")
     ] = "serial",
     calibration: Annotated[
         Path | None,
-        typer.Option(help="settings of a device that is no serial board (default sound_card.json ...)"),
+        Option(help="settings of a device that is no serial board (default sound_card.json ...)"),
     ] = None,
-    baud: Annotated[int, typer.Option(help="baud rate of the board")] = 921600,
-    generator_baud: Annotated[int, typer.Option(help="baud rate of the generator")] = 115200,
-    max_volts: Annotated[
-        float, typer.Option(help="highest generator amplitude in V peak to peak")
-    ] = 5.0,
-    max_acceleration: Annotated[
-        float, typer.Option(help="highest base acceleration in m/s^2")
-    ] = 15.0,
+    baud: Annotated[int, Option(help="baud rate of the board")] = 921600,
+    generator_baud: Annotated[int, Option(help="baud rate of the generator")] = 115200,
+    max_volts: Annotated[float, Option(help="highest generator amplitude in V peak to peak")] = 5.0,
+    max_acceleration: Annotated[float, Option(help="highest base acceleration in m/s^2")] = 15.0,
     max_exposure: Annotated[
-        float, typer.Option(help="largest daily exposure A(8) of the person in m/s^2")
+        float, Option(help="largest daily exposure A(8) of the person in m/s^2")
     ] = 0.5,
     simulate: Annotated[
-        bool, typer.Option("--simulate", help="a virtual bench instead of hardware")
+        bool, Option("--simulate", help="a virtual bench instead of hardware")
     ] = False,
-    subject: Annotated[str, typer.Option(help="name or number of the subject")] = "1",
+    subject: Annotated[str, Option(help="name or number of the subject")] = "1",
     load_change: Annotated[
-        float,
-        typer.Option(help="what laying another load costs, in seconds of shaking", min=0, max=3600),
+        float, Option(help="what laying another load costs, in seconds of shaking", min=0, max=3600)
     ] = 60.0,
 ) -> None:
     """Record, fit and plan in turn; report each recording, the intervals so far, and the next step.
@@ -385,14 +376,14 @@ def run(
     asked = options.director(person, shaker).asked if as_thesis else options.asked()
     safety = Safety(
         max_volts, peak_m_s2=max_acceleration, displacement_m=options.displacement,
-        daily_a8=max_exposure,
+        daily_a8=max_exposure
     )  # fmt: skip
     with ExitStack() as stack:
         stack.enter_context(terminated())
         laboratory = stack.enter_context(Laboratory(out, person, safety, equipment))
         session = Session(
             person, shaker, asked, options.recordings, 60 * options.minutes, options.seed,
-            options.draws, laboratory.record, Offer(auto), earlier, load_change,
+            options.draws, laboratory.record, Offer(auto), earlier, load_change
         )  # fmt: skip
         result = session.run()
     if options.json_:
@@ -413,7 +404,9 @@ def _numbers(text: str | None, option: str) -> tuple[float, ...]:
     try:
         return tuple(float(part) for part in text.split(",") if part.strip()) if text else ()
     except ValueError:
-        raise SettingError(f"{option} {text!r} holds no numbers with commas between them.") from None
+        raise SettingError(
+            f"{option} {text!r} holds no numbers with commas between them."
+        ) from None
 
 
 def _earlier(data: Sequence[Path] | None, body_mass: float | None) -> "list[Recording]":
@@ -430,9 +423,7 @@ def _earlier(data: Sequence[Path] | None, body_mass: float | None) -> "list[Reco
     return recordings
 
 
-def _of(
-    earlier: "list[Recording]", subject: str | None, posture: str | None
-) -> "list[Recording]":
+def _of(earlier: "list[Recording]", subject: str | None, posture: str | None) -> "list[Recording]":
     """Those of one person in one posture.
 
     Raises:
