@@ -132,7 +132,7 @@ def digest() -> str:
     files = [*SOURCES, ROOT / "fasbody" / "foot" / "two_mass.py"]
     fit = ("harmonics", "nuisances", "parameters", "residual", "optimiser", "intervals", "motion")
     files += [ROOT / "identification" / f"{name}.py" for name in fit]
-    files += [ROOT / "identification" / "rivals" / f"{name}.py" for name in ("steady", "ladder", "motion", "search")]
+    files += [ROOT / "identification" / "rivals" / f"{name}.py" for name in ("ladder", "motion", "search")]
     return kept.digest(files)
 
 

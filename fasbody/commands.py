@@ -297,7 +297,7 @@ GROUPS: dict[str, tuple[Command, ...]] = {
         ),
         Command(
             "bench director", "benchmarks.director", "",
-            "Compare planned sessions with that of the thesis, on feet that the plan did not know.",
+            "Compare what a plan foretells with what the fit says, on feet that the plan did not know.",
         ),
         Command(
             "bench rivals", "benchmarks.rivals", "",

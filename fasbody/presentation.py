@@ -70,6 +70,11 @@ def counted(count: int, one: str, more: str = "") -> str:
     return f"{count} {one if count == 1 else more or one + 's'}"
 
 
+def listed(words: Sequence[str], last: str = "and") -> str:
+    """Words with commas and an `and`, or another last word."""
+    return f" {last} ".join([", ".join(words[:-1]), words[-1]]) if len(words) > 1 else "".join(words)
+
+
 def readable(value: float, digits: int = 3) -> str:
     """A number for people: so many significant digits, no exponent from a ten thousandth to a billion, grouped."""
     if not math.isfinite(value) or value == 0 or not 1e-4 <= abs(value) < 1e9:

@@ -1,4 +1,4 @@
-"""report.html of a plan, a comparison or a black box: sentences, tables and figures on one page."""
+"""A plan, a comparison or a black box on the terminal, and on one self-contained page: report.html."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,12 +6,17 @@ from datetime import date
 from importlib import import_module
 from inspect import cleandoc
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from jinja2 import Environment, PackageLoader, select_autoescape
-from markupsafe import Markup
+from rich import box
+from rich.markup import escape
+from rich.table import Table
 
-from fasbody.console import write_whole
+from fasbody.console import console, results, write_whole
 from fasbody.presentation import Presented, Sheet, inline, picture, write_figure
+
+if TYPE_CHECKING:
+    from markupsafe import Markup
 
 
 @dataclass(frozen=True)
@@ -27,31 +32,60 @@ class Section:
 
     sheet: Sheet
     origin: str
-    figures: Sequence[tuple[Markup, str]]
+    figures: Sequence[tuple["Markup", str]]
     details: Sequence[Sheet] = ()
 
 
 def html(sections: Sequence[Section]) -> str:
     """The page as text; no outside address is needed to read it."""
-    loader, escape = PackageLoader("identification"), select_autoescape(default=True)
-    template = Environment(loader=loader, autoescape=escape).get_template("page.html")
+    from jinja2 import Environment, PackageLoader, select_autoescape
+
+    loader, escaping = PackageLoader("identification"), select_autoescape(default=True)
+    template = Environment(loader=loader, autoescape=escaping).get_template("page.html")
     return template.render(sections=sections, day=date.today().isoformat())
 
 
+def show(result: Presented, words: str = "") -> None:
+    """Print the sheet of a result for a person.
+
+    Args:
+        result: what is presented.
+        words: the column of words; the others are of numbers.
+    """
+    sheet = result.sheet()
+    table = Table(title=escape(sheet.title), title_justify="left", box=box.SIMPLE_HEAD, padding=0)
+    table.show_edge = False
+    for column in sheet.columns:
+        table.add_column(escape(column), justify="left" if column == words else "right")
+    for row in sheet.rows:
+        table.add_row(*map(escape, row))
+    results.print(table)
+    first, *others = sheet.notes
+    results.print(f"[bold]{escape(first)}[/]", soft_wrap=True)
+    for text in others:
+        results.print(escape(text), soft_wrap=True)
+
+
 def write(result: Presented, folder: Path, command: str) -> list[Path]:
-    """Write the numbers of a result, each figure as SVG and PNG, and report.html into a folder.
+    """Write the numbers of a result, each figure as SVG and PNG, and report.html; say so.
 
     Args:
         result: what is presented.
         folder: to write into.
         command: that made it, as it was typed.
     """
+    from markupsafe import Markup
+
     files, pictures = result.write(folder), []
     for kind in result.plots:
         figure = result.plot(kind)
         pictures.append((Markup(inline(picture(figure, "svg"))), _caption(result, kind)))
         files += write_figure(figure, folder / f"{kind}.svg", folder / f"{kind}.png")
     text = html([Section(result.sheet(), Markup("<code>{}</code>").format(command), pictures)])
+    beside = ", ".join(path.name for path in files if path.suffix in (".json", ".csv"))
+    console.print(
+        f"report: [bold]{folder}/report.html[/], with {beside} and figures beside it", soft_wrap=True
+    )
     return [*files, write_whole(folder / "report.html", text)]
 
 

@@ -45,13 +45,22 @@ class Virtual:
     strength: float
 
 
-def virtual(seed: int) -> Virtual:
-    """A foot of a population that is not the plan's: neither its springs, nor its dampers, nor its noise."""
+def virtual(seed: int, stiffer: float = 1.0) -> Virtual:
+    """A foot of a population that is not the plan's: neither its springs, nor its dampers, nor its noise.
+
+    Args:
+        seed: of the foot.
+        stiffer: factor of the springs, and of the dampers by its root; for a population that is shifted.
+    """
     rng = np.random.default_rng([seed, 2020])
     body, strength = float(rng.uniform(45, 110)), float(np.exp(rng.uniform(np.log(0.03), np.log(1.3))))
     true = np.exp(MASS_STD * rng.standard_normal(2))
     leg = leg_of(rng, body, strength)
-    leg = replace(leg, m_S=SHANK * body * true[0], m_F=FOOT * body * true[1])
+    root = float(np.sqrt(stiffer))
+    leg = replace(
+        leg, k_T=stiffer * leg.k_T, k_F=stiffer * leg.k_F, c_11=root * leg.c_11, c_21=root * leg.c_21,
+        m_S=SHANK * body * true[0], m_F=FOOT * body * true[1],
+    )  # fmt: skip
     noise = float(np.exp(rng.uniform(*np.log(NOISE))))
     return Virtual(seed, leg, body, float(GAIN_STD * rng.standard_normal()), noise, strength)
 
@@ -62,8 +71,16 @@ def malleolus(leg: Leg, steps: Sequence[Step], bases: np.ndarray) -> np.ndarray:
     return harmonics(leg, (), Shaking(loads, hz, bases))[0]
 
 
-def recorded(foot: Virtual, steps: Sequence[Step], session: int) -> list[Recording]:
-    """What the laboratory writes of these steps."""
+def recorded(foot: Virtual, steps: Sequence[Step], session: int, scatter: float = 0.0) -> list[Recording]:
+    """What the laboratory writes of these steps.
+
+    Args:
+        foot: who is shaken.
+        steps: recordings.
+        session: of the random numbers.
+        scatter: standard deviation of real and imaginary part of a harmonic of the malleolus from one
+            recording to the next, as a share of it.
+    """
     rng = np.random.default_rng([foot.seed, session])
     made, bases, noises = [], [], []
     for step in steps:
@@ -71,6 +88,7 @@ def recorded(foot: Virtual, steps: Sequence[Step], session: int) -> list[Recordi
         bases.append(step.amplitude_m_s2 * np.array([1.0, 0.015, 0.008]) * np.exp(1j * phases))
         noises.append(rng.standard_normal((2, round(step.seconds / SHORTER * RATE_HZ))))
     moved = (1 + foot.gain) * malleolus(foot.leg, steps, np.array(bases))
+    moved = moved * (1 + scatter * (rng.standard_normal(moved.shape) + 1j * rng.standard_normal(moved.shape)))
     size = foot.noise_m_s2 / np.sqrt(SHORTER)
     for step, base, felt, noise in zip(steps, bases, moved, noises, strict=True):
         t, hz = np.arange(noise.shape[1]) / RATE_HZ, step.frequency_hz

@@ -1,7 +1,7 @@
 """The experiment director against closed forms, finite differences, its own limits, and acquire's virtual bench."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import combinations, product
 from pathlib import Path
@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from fasbody.acquire.board import Stalled
 from fasbody.acquire.commands import app as acquire
 from fasbody.acquire.level import COMMANDED, Safety
-from fasbody.acquire.plan import PROTOCOL
+from fasbody.acquire.plan import PROTOCOL, steps_in
 from fasbody.exceptions import FasError, InputFileError, SettingError
 from fasbody.foot.model import load
 from fasbody.foot.two_dof import TwoDof
@@ -23,32 +23,42 @@ from fasbody.recording.known import DEPARTURES, Known
 from fasbody.recording.recording import Recording
 from fasbody.recording.study import Study
 from identification.branches import EXCHANGED
+from identification.fitting import fit_foot
 from identification.nuisances import FOOT_STD, SHANK_STD
+from identification.plan import session
 from identification.plan.__main__ import _of, app
 from identification.plan.belief import Belief
-from identification.plan.candidates import PLANNED, THESIS, UNLOADED, Candidates, Step, thesis
-from identification.plan.director import Director
-from identification.plan.feet import Feet
+from identification.plan.candidates import PLANNED, THESIS, UNLOADED, Step, candidates, shaking_s, thesis
+from identification.plan.director import SHARE, Director
+from identification.plan.feet import WIDTH_STD, Feet, Outlook
 from identification.plan.information import Seen, Sight
 from identification.plan.observed import coherence, observed
 from identification.plan.prior import LOSS_STD, STIFFNESS_STD, Person
-from identification.plan.protocol import Protocol, shaking_s
 from identification.plan.record import Offer
 from identification.plan.result import Planned, believed, planned
-from identification.plan.session import FAILING, INTERRUPTED, NEVER, SPENT, Offering, Session, Shaken
-from identification.plan.shaker import REPEATABILITY, Shaker
+from identification.plan.session import FAILING, INTERRUPTED, MET, NEVER, SPENT, Offering, Session, Shaken
+from identification.plan.shaker import NOISE_M_S2, NOISE_STD, REPEATABILITY, REPEATABILITY_STD, Shaker
 from identification.residual import Problem
-from simulator.rig import SHORTER, Rig, recorded, virtual
+from simulator.rig import SHORTER, Rig, Virtual, recorded, virtual
 
 ALONE = Known().told(exclude=("all",))
 #: A rig of which every recording repeats exactly, and one with a person on it.
 SHAKER = Shaker(every_hz=5.0, loads_kg=(0.0, 4.5), repeatability=0.0)
-PEOPLE = replace(SHAKER, repeatability=REPEATABILITY)
+PEOPLE = replace(SHAKER, repeatability=None)
 FOOT = {"k_T": 1.5e5, "k_F": 1.0e5, "c_11": 300.0, "c_12": 0.0, "c_13": 0.0, "c_21": 400.0, "c_22": 0.0, "c_23": 0.0}
 
 
 def person(body_mass_kg: float = 72.0, known: Known = ALONE) -> Person:
     return Person(load("two_dof"), body_mass_kg, known)
+
+
+def owner(foot: Virtual, known: Known = ALONE) -> Person:
+    """Who stands on the shaker with a foot of the simulator."""
+    return Person(load("two_dof"), foot.body_kg, known, "made")
+
+
+def shaken(foot: Virtual, steps: Sequence[Step], session: int = 5) -> list[Recording]:
+    return [checked(r) for r in recorded(foot, steps, session)]
 
 
 def as_thesis(seed: int = 0) -> Director:
@@ -72,9 +82,14 @@ def sight(steps: list[Step], who: Person, shaker: Shaker = SHAKER) -> Sight:
     return Sight(who, steps, shaker, who.allowed(steps, (), 1000.0), np.random.default_rng(0), 25.0)
 
 
-def seen_of(eye: Sight, q: np.ndarray) -> Seen:
-    """A foot beside its mirror image."""
-    seen, moves = eye.see(q[None], eye.variables.image(q[None]), np.zeros((1, q.size), bool))
+def scatter_of(shaker: Shaker) -> np.ndarray:
+    noise = NOISE_M_S2 if shaker.noise_m_s2 is None else shaker.noise_m_s2
+    return np.array([[noise, REPEATABILITY if shaker.repeatability is None else shaker.repeatability]])
+
+
+def seen_of(eye: Sight, q: np.ndarray, shaker: Shaker = SHAKER) -> Seen:
+    """A foot beside its mirror image, with the noise and the repeatability of a shaker."""
+    seen, moves = eye.see(q[None], eye.variables.image(q[None]), np.zeros((1, q.size), bool), scatter_of(shaker))
     assert moves.all()
     return seen
 
@@ -118,9 +133,9 @@ def test_information_is_that_of_finite_differences_of_the_closed_form(sensors: t
         x = q[at]
         nudges = np.eye(len(at)) * 1e-4
         J = np.array([(harmonics(x + d, step) - harmonics(x - d, step)) / 2e-4 for d in nudges]).T
-        std = SHAKER.noise_m_s2 * np.sqrt(2 / 10_000) * np.hypot(1, abs(harmonics(x, step)) / 8.95)
+        std = NOISE_M_S2 * np.sqrt(2 / 10_000) * np.hypot(1, abs(harmonics(x, step)) / 8.95)
         expected = np.real((J / std[:, None]).conj().T @ (J / std[:, None]))
-        found = Feet(seen, variables, 3).sums([number], [1.0]).A[0]
+        found = Feet(seen, variables).sums([number], [1.0]).A[0]
         felt = [i for i in range(variables.size) if np.abs(seen.J[..., i]).any() or i < 8]
         found = found[np.ix_(*[[felt.index(i) for i in at]] * 2)]
         scale = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
@@ -141,13 +156,14 @@ def test_information_is_that_of_the_fits_problem(shaker: Shaker) -> None:
     steps = [Step("sine", hz, load_kg, 8.95, 10.0) for hz, load_kg in ((18.0, 0.0), (25.0, 2.3))]
     eye = sight(steps, person(known=Known()), shaker)
     q = eye.variables.draw(np.random.SeedSequence(3), 1)
-    seen = seen_of(eye, q)
+    seen = seen_of(eye, q, shaker)
     read = eye.problem.predicted(q)
-    std = np.full(read.shape, shaker.noise_m_s2 * np.sqrt(2 / 10_000))
+    noise, repeatability = scatter_of(shaker)[0]
+    std = np.full(read.shape, noise * np.sqrt(2 / 10_000))
     measured = replace(eye.problem.measured, output=read, output_std=std, base_std=std[:, 0])
-    made = Problem.of(measured, eye.variables, eye.problem.motion, shaker.repeatability)
+    made = Problem.of(measured, eye.variables, eye.problem.motion, repeatability)
     J = made.evaluate(q[None]).jacobian[0, : made.size]
-    feet = Feet(seen, eye.variables, 2)
+    feet = Feet(seen, eye.variables)
     felt = [i for i in range(q.size) if np.abs(seen.J[..., i]).any()]
     found, expected = feet.sums([0, 1], [1.0, 1.0]).A[0], (J.T @ J)[np.ix_(felt, felt)]
     size = np.sqrt(np.outer(np.diag(expected), np.diag(expected)))
@@ -163,8 +179,11 @@ def test_people_are_recorded_again_and_not_longer() -> None:
     assert twice < longer < once
     # what a candidate adds that is planned already is that of a longer recording
     k = director.candidates.index(step)
-    gained = director._feet.gains(director._sums(()), {k: 1.0})[k].sum()
-    assert gained == pytest.approx(director.gains([replace(step, seconds=20.0)])[0] - director.gains([step])[0])
+    more = director._feet.gains(director._sums(()), [(k, 1.0)], [(k, 1.0), (k, 0.0)]).sum(1)
+    alone = director.gains([step])[0]
+    assert more[0] == pytest.approx(director.gains([replace(step, seconds=20.0)])[0] - alone)
+    both = director.outlook([step, step]).utility.sum() - director.outlook(()).utility.sum()
+    assert more[1] == pytest.approx(both - alone) and more[1] > more[0]
 
 
 def test_least_uncertainty_is_that_of_the_scale_of_all_masses() -> None:
@@ -181,12 +200,13 @@ def test_least_uncertainty_is_that_of_the_scale_of_all_masses() -> None:
 
 def test_next_step_is_the_one_of_the_largest_score(director: Director) -> None:
     chosen = [director.candidates[0]]
-    step, score = director.next(chosen)
+    totals_of = [score.total for score in director.scores(chosen)]
+    best = int(np.argmax(totals_of))
     totals = [
         director.outlook([*chosen, each]).utility.sum() - director.outlook(chosen).utility.sum()
         for each in director.candidates
     ]
-    assert director.candidates[int(np.argmax(totals))] == step and score.total == pytest.approx(max(totals))
+    assert int(np.argmax(totals)) == best and totals_of[best] == pytest.approx(max(totals), rel=1e-5)
 
 
 # plans
@@ -195,9 +215,51 @@ def test_next_step_is_the_one_of_the_largest_score(director: Director) -> None:
 def test_third_of_the_recordings_leaves_the_intervals_of_the_thesis(plan: Planned) -> None:
     mine, three, one = (plan.expected[name] for name in (PLANNED, THESIS, UNLOADED))
     assert len(mine.steps) <= 9 and len(three.steps) == 27 and len(one.steps) == 9
-    assert all(mine.half_width[n] <= 1.15 * three.half_width[n] for n in EXCHANGED)
-    assert mine.half_width["k_T"] <= 0.5 * one.half_width["k_T"]
-    assert plan.met and not plan.never
+    narrow = Director(person(), SHAKER, dict.fromkeys(EXCHANGED, 1e-3), draws=6)  # uses all of its time
+    widths = narrow.outlook(narrow.session(9, 270.0)).half_width
+    assert all(widths[n] <= 1.15 * three.half_width[n] for n in EXCHANGED)
+    assert widths["k_T"] <= 0.5 * one.half_width["k_T"]
+    assert plan.met and not plan.never and mine.goal >= SHARE
+
+
+def test_probability_of_a_goal_is_that_of_feet_whose_widths_and_odds_scatter() -> None:
+    """Against draws: a logarithm about the expected width, common to all four, and log-odds of variance 2 L."""
+    rng, count = np.random.default_rng(0), 200_000
+    half = np.array([[0.03, 0.05, 0.1, 0.1], [0.05, 0.04, 0.05, 0.3]])
+    outlook = Outlook(half, np.array([9.0, 30.0]), {"k_T": 0.04, "c_11": 0.09}, np.zeros(4))
+    factor = np.exp(WIDTH_STD * rng.standard_normal(count))
+    met = []
+    for widths, odds in zip(half, outlook.log_odds, strict=True):
+        narrow = (widths[0] * factor <= 0.04) & (widths[2] * factor <= 0.09)
+        decided = odds + np.sqrt(2 * odds) * rng.standard_normal(count) > np.log(1000)
+        met.append(np.mean(narrow & decided))
+    assert outlook.goal() == pytest.approx(np.mean(met), abs=0.003)
+    alone = np.mean(factor[:, None] * half[:, 0] <= 0.04)
+    assert outlook.goal(["k_T"], branch=False) == pytest.approx(alone, abs=0.003)
+    assert outlook.half_width["k_F"] == pytest.approx(0.045) and outlook.quantile(1.0)["c_21"] == 0.3
+
+
+def test_a_plan_says_what_a_mean_foot_hides() -> None:
+    """Half of the feet are far narrower than asked and half far wider: one foot in two, whatever the mean is."""
+    half = np.repeat([[0.01] * 4, [0.2] * 4], 8, axis=0)
+    outlook = Outlook(half, np.full(16, 50.0), dict.fromkeys(EXCHANGED, 0.05), np.zeros(4))
+    assert np.exp(np.log(half).mean()) < 0.05 and outlook.goal() == pytest.approx(0.5, abs=1e-3)
+
+
+def test_people_are_planned_to_be_recorded_again_and_rigs_longer() -> None:
+    """One frequency and load: what scatters is recorded again, what only hisses is recorded longer."""
+    for shaker, count in ((replace(PEOPLE, lowest_hz=20.0, highest_hz=20.0, loads_kg=(0.0,)), 4),
+                          (replace(SHAKER, lowest_hz=20.0, highest_hz=20.0, loads_kg=(0.0,)), 1)):  # fmt: skip
+        steps = Director(person(), shaker, draws=4).session(4, 80.0)
+        assert len(steps) == count and shaking_s(steps) == 80.0 and len({s.frequency_hz for s in steps}) == 1
+
+
+def test_what_is_stated_of_noise_and_repeatability_holds_and_the_rest_is_drawn() -> None:
+    usual, stated = (Director(person(), x, draws=32)._feet.seen.scatter for x in (PEOPLE, SHAKER))
+    assert np.ptp(stated[:, 1]) == 0 and np.ptp(usual[:, 1]) > 0
+    for values, middle, std in ((usual[:, 0], NOISE_M_S2, NOISE_STD), (usual[:, 1], REPEATABILITY, REPEATABILITY_STD)):
+        logs = np.log(values / middle)
+        assert abs(logs.mean()) < 3 * std / np.sqrt(32) and logs.std() == pytest.approx(std, rel=0.4)
 
 
 def test_plan_follows_from_its_seed(plan: Planned) -> None:
@@ -251,7 +313,7 @@ def test_plan_allows_for_what_the_fit_allows_for(wide: Director) -> None:
     steps = thesis((0.0, 4.5))
     told = wide.excluding(steps)
     exact = Known().told(mass_std=0.0)  # other feet, too: those of the first have masses that are off
-    for group, known, rel in (("load", Known().told(exclude=("load",)), 0.02), ("masses", exact, 0.1)):
+    for group, known, rel in (("load", Known().told(exclude=("load",)), 0.02), ("masses", exact, 0.2)):
         other = Director(person(known=known), SHAKER, draws=6)
         assert group not in other.uncertain
         assert other.outlook(steps).half_width == pytest.approx(told[group], rel=rel)
@@ -270,15 +332,16 @@ def test_recordings_are_chosen_that_tell_departures_from_constants(wide: Directo
 def test_rival_of_a_foot_is_within_its_bounds_and_misses_less_than_the_mirror_image() -> None:
     foot = virtual(4)
     steps = [Step("sine", hz, kg, 8.95, 10.0) for kg in (0.0, 4.5) for hz in (12.0, 20.0, 32.0, 48.0)]
-    who = Person(load("two_dof"), foot.body_kg, Known(), "made")
+    who = owner(foot, Known())
     quiet = replace(SHAKER, noise_m_s2=0.02)
     eye = sight(steps, who, quiet)
     q = eye.variables.start({name: getattr(foot.leg, name) for name in FOOT})[None]
-    rival, held = eye.rivals(q)
+    scatter = scatter_of(quiet)
+    rival, held = eye.rivals(q, scatter)
     side = -1 if q[0, eye.variables.index["k_F"]] > 0 else 1
     low, high = eye.variables.side(side)
     assert (low <= rival).all() and (rival <= high).all() and held.any()
-    near, far = (eye.see(q, other, held)[0] for other in (rival, eye.variables.image(q)))
+    near, far = (eye.see(q, other, held, scatter)[0] for other in (rival, eye.variables.image(q)))
     missed = [(x.missed**2 / x.noise).sum() for x in (near, far)]
     assert missed[0] < 0.5 * missed[1]  # the mirror image itself misses far more
 
@@ -310,7 +373,7 @@ def test_what_shaking_cannot_tell_is_said() -> None:
     assert set(result.never) == set(EXCHANGED)
     for name in EXCHANGED:  # what is asked, what can be reached, and what is in the way
         reached = 100 * result.reached.half_width[name]
-        assert reached > 10 and f"{name} below +-{reached:.2g} % (+-1 % asked; its variance" in result.sentence()
+        assert reached > 10 and f"{name} below +-{reached:.2g} % (+-1 % asked)" in result.sentence()
         assert "shank mass" in result.causes[name] and "foot mass" in result.causes[name]
     # an unlimited plan is as wide as that, and exact masses leave nothing of it
     known = Known().told(exclude=("all",), mass_std=0.0)
@@ -319,12 +382,10 @@ def test_what_shaking_cannot_tell_is_said() -> None:
 
 def test_noise_is_told_from_what_shaking_cannot_tell(director: Director) -> None:
     """Where noise is in the way the plan says for how long it must be shaken, and that time is enough."""
-    loud = Director(person(), replace(SHAKER, noise_m_s2=10.0), dict.fromkeys(EXCHANGED, 0.1), draws=6)
+    loud = Director(person(), replace(SHAKER, noise_m_s2=2.0), dict.fromkeys(EXCHANGED, 0.2), draws=6)
     result = planned(loud, 9, 270.0)
-    assert (
-        result.missed and not result.never and "never" not in result.stop() and "noise is in the way" in result.stop()
-    )
-    assert result.longer is not None and f"{result.longer}" in result.stop()
+    assert result.missed and not result.never and "oise is in the way" in result.sentence()
+    assert result.longer is not None and f"{result.longer}" in result.sentence()
     steps = result.steps if result.longer.steps == "the plan" else loud.candidates
     long, short = (
         loud.outlook([replace(s, seconds=share * result.longer.times * s.seconds) for s in steps])
@@ -332,8 +393,7 @@ def test_noise_is_told_from_what_shaking_cannot_tell(director: Director) -> None
     )
     assert loud.met(long) and not loud.met(short)
     # what no noise leaves does not depend on how much there was
-    silent, other = loud.for_ever().half_width, director.for_ever().half_width
-    assert all(silent[name] == pytest.approx(other[name], rel=1e-3) for name in EXCHANGED)
+    assert max(loud.for_ever().half_width.values()) < 1e-3 > max(director.for_ever().half_width.values())
 
 
 def test_what_is_not_named_is_not_asked_for() -> None:
@@ -406,7 +466,7 @@ def test_one_person_of_an_earlier_study_is_chosen() -> None:
 @pytest.mark.parametrize("shaker", [Shaker(displacement_m=1e-3), Shaker(force_n=60.0), Shaker(amplitude_m_s2=3.0)])
 def test_no_candidate_exceeds_a_limit(shaker: Shaker) -> None:
     leg, safety = person().leg_kg, Safety(displacement_m=shaker.displacement_m)
-    steps = Candidates(replace(shaker, kinds=("sine", "multisine")), leg).steps
+    steps = candidates(replace(shaker, kinds=("sine", "multisine")), leg)
     for step in steps:
         U = step.base(step.count(1000.0))
         wave = np.real(np.exp(2j * np.pi * np.outer(np.arange(4096) / 4096, np.arange(1, U.size + 1))) @ U)
@@ -459,45 +519,43 @@ def test_command_writes_what_it_says(tmp_path: Path) -> None:
     file = tmp_path / "steps.json"
     result = CliRunner().invoke(app, ["propose", *words, "--json", "--protocol", str(file)])
     document = json.loads(result.stdout)
-    assert {type(row["sensors"]) for row in (*document["protocol"], document["next"], *document["information"])} == {
-        list
-    }
-    assert [vars_of(s) for s in Protocol.read(file).steps] == [
-        {**s, "sensors": tuple(s["sensors"])} for s in document["protocol"]
-    ]
-
-
-def vars_of(step: Step) -> dict[str, object]:
-    return dict(vars(step))
+    rows = document["protocol"], [document["next"]], document["information"]
+    assert {type(row["sensors"]) for part in rows for row in part} == {list}
+    assert json.loads(file.read_text())["protocol"] == document["protocol"]
+    assert document["shaker"]["seconds"] == 10.0 and document["shaker"]["noise_m_s2"] == NOISE_M_S2
+    stated = CliRunner().invoke(app, ["propose", *words, "--noise", "0.2", "--repeatability", "0", "--json"])
+    shaker = json.loads(stated.stdout)["shaker"]
+    assert (shaker["noise_m_s2"], shaker["repeatability"]) == (0.2, 0.0)
 
 
 # files
 
 
 def test_protocol_comes_back_and_broken_ones_are_refused(tmp_path: Path, plan: Planned) -> None:
-    file = plan.protocol.write(tmp_path / "protocol.json")
-    assert Protocol.read(file) == plan.protocol
-    document = json.loads(file.read_text())
+    file = next(path for path in plan.write(tmp_path) if path.name == "protocol.json")
+    document, steps = steps_in(file)
+    names = ("kind", "frequency_hz", "added_mass_kg", "amplitude_m_s2", "seconds")
+    assert [[getattr(s, n) for n in names] for s in steps] == [[getattr(s, n) for n in names] for s in plan.steps]
+    assert (document["subject"], document["body_mass_kg"]) == (plan.subject, plan.body_mass_kg)
     step = document["protocol"][0]
-    wrong = {"seconds": True, "frequency_hz": 1e9, "kind": "noise", "tones": 99, "sensors": "malleolus"}
     for broken in (
         {**document, "format": "x"}, {**document, "protocol": []}, {**document, "body_mass_kg": None},
-        *({**document, "protocol": [{**step, name: value}]} for name, value in wrong.items()),
+        {**document, "protocol": [{**step, "seconds": True}]},
+        {**document, "protocol": [{**step, "frequency_hz": 1e9}]},
         {**document, "protocol": [7]}, [],
     ):  # fmt: skip
         file.write_text(json.dumps(broken))
         with pytest.raises(InputFileError, match=r"protocol\.json"):
-            Protocol.read(file)
-    file.write_text("{")
-    with pytest.raises(InputFileError, match="JSON"):
-        Protocol.read(file)
+            steps_in(file)
 
 
 @pytest.mark.long
 @pytest.mark.usefixtures("patient")
 def test_acquire_runs_a_plan_on_the_virtual_bench(tmp_path: Path) -> None:
     steps = (Step("sine", 30.0, 2.3, 5.0, 0.6), Step("sine", 40.0, 2.3, 4.0, 0.5))
-    file = Protocol(steps, "16", 72.57, "midstance", 0).write(tmp_path / "steps.json")
+    file = tmp_path / "steps.json"
+    rows = [vars(step) | {"sensors": list(step.sensors)} for step in steps]
+    file.write_text(json.dumps({"format": PROTOCOL, "subject": "16", "body_mass_kg": 72.57, "protocol": rows}))
     study = tmp_path / "study"
     result = CliRunner().invoke(acquire, ["record", "--simulate", "--plan", str(file), "--out", str(study), "--json"])
     assert result.exit_code == 0, result.output
@@ -537,8 +595,8 @@ def test_acquire_refuses_a_plan_that_it_cannot_run(
 @pytest.fixture(scope="module")
 def half_way() -> Iterator[tuple[Director, list[Recording]]]:
     foot = virtual(3)
-    data = [checked(r) for r in recorded(foot, thesis((0.0, 4.5), 2.0)[::2], 5)]
-    yield Director(Person(load("two_dof"), foot.body_kg, ALONE, "made"), SHAKER, earlier=data, draws=4), data
+    data = shaken(foot, thesis((0.0, 4.5), 2.0)[::2])
+    yield Director(owner(foot), SHAKER, earlier=data, draws=4), data
 
 
 def test_recordings_of_another_simulator_are_believed(half_way: tuple[Director, list[Recording]]) -> None:
@@ -548,9 +606,9 @@ def test_recordings_of_another_simulator_are_believed(half_way: tuple[Director, 
     assert belief.ends[0].branch == ("stiff ankle" if truth.stiff_ankle else "stiff pad")
     for name, band in belief.open_bands(EXCHANGED).items():
         assert band.lower <= getattr(truth, name) <= band.upper
-    more = director.outlook([director.next()[0]]).half_width
+    more = director.outlook([director.candidates[0]]).half_width
     assert all(more[n] < director.outlook(()).half_width[n] for n in EXCHANGED)
-    assert director.shaker.noise_m_s2 == pytest.approx(virtual(3).noise_m_s2 / np.sqrt(SHORTER), rel=0.05)
+    assert director.noise_m_s2 == pytest.approx(virtual(3).noise_m_s2 / np.sqrt(SHORTER), rel=0.05)
 
 
 def test_recordings_of_somebody_else_are_refused(half_way: tuple[Director, list[Recording]]) -> None:
@@ -579,16 +637,16 @@ def test_session_ends_by_itself_within_the_limits() -> None:
     said: list[str] = []
 
     class Listening(Offering):
-        def told(self, sentence: str) -> None:
+        def report(self, sentence: str) -> None:
             said.append(sentence)
 
-    who = Person(load("two_dof"), foot.body_kg, ALONE, "made")
+    who = owner(foot)
     shaker = Shaker(every_hz=10.0, loads_kg=(0.0, 4.5), seconds=2.0, repeatability=0.0)
     done = Session(who, shaker, dict.fromkeys(EXCHANGED, 0.3), 4, 20.0, 0, 3, rig.record, Listening()).run()
     assert len(done.good) <= 4 and sum(t.step.seconds for t in done.good) <= 20.0
     assert not rig.is_on and not rig.crept and rig.beyond_s <= 0.06
     assert rig.peak_m_s2 > 4.0 and rig.travel_m > 1e-4  # it did shake
-    assert {replace(t.step, seconds=2.0) for t in done.taken} <= set(Candidates(shaker, who.leg_kg).steps)
+    assert {replace(t.step, seconds=2.0) for t in done.taken} <= set(candidates(shaker, who.leg_kg))
     assert any("transmissibility" in text for text in said) and done.reason in done.sentence()
     assert json.loads(json.dumps(done.document(), default=float))["recordings"] == len(done.good)
 
@@ -596,8 +654,8 @@ def test_session_ends_by_itself_within_the_limits() -> None:
 def test_another_load_is_laid_where_it_pays() -> None:
     """Under one load the mass of the leg leaves all constants open; another load adds more than a minute there."""
     foot, shaker = virtual(3), Shaker(every_hz=10.0, loads_kg=(0.0, 4.5), repeatability=0.0)
-    data = [checked(r) for r in recorded(foot, thesis((0.0,), 10.0)[::2], 5)]
-    who = Person(load("two_dof"), foot.body_kg, ALONE, "made")
+    data = shaken(foot, thesis((0.0,), 10.0)[::2])
+    who = owner(foot)
     director = Director(who, shaker, dict.fromkeys(EXCHANGED, 0.02), data, draws=2)
 
     def chosen(change_s: float) -> Step:
@@ -613,14 +671,14 @@ def test_another_load_is_laid_where_it_pays() -> None:
     stay = [replace(s, seconds=s.seconds + 60.0) for s in director.candidates if s.added_mass_kg == 0.0]
     assert step.added_mass_kg == 4.5 and director.gains([step])[0] > director.gains(stay).max()
     # once both loads are known, a little more under the other is not worth an hour's change
-    both = [checked(r) for r in recorded(foot, thesis((0.0, 4.5), 10.0)[::2], 5)]
+    both = shaken(foot, thesis((0.0, 4.5), 10.0)[::2])
     director = Director(who, shaker, dict.fromkeys(EXCHANGED, 0.001), both, draws=2)
     assert chosen(3600.0).added_mass_kg == 0.0
 
 
 def test_interrupted_session_keeps_what_it_has(tmp_path: Path) -> None:
     foot = virtual(3)
-    who = Person(load("two_dof"), foot.body_kg, ALONE, "made")
+    who = owner(foot)
     shaker = Shaker(every_hz=20.0, loads_kg=(0.0, 4.5), seconds=5.0, repeatability=0.0)
     made: list[Step] = []
 
@@ -662,7 +720,7 @@ def test_strangeness_takes_several_recordings(half_way: tuple[Director, list[Rec
     assert not repeating(0.149).strange and repeating(0.149).decided
     bad = repeating(0.151)
     assert bad.strange and not bad.follows and not bad.decided
-    who = Person(load("two_dof"), virtual(3).body_kg, ALONE, "made")
+    who = owner(virtual(3))
     wild = [replace(r, malleolus_m_s2=3.0 ** (-1) ** i * r.malleolus_m_s2) for i, r in enumerate(data)]
     both, all_ = (Director(who, PEOPLE, earlier=wild[:count], draws=2) for count in (2, 9))
     assert both.belief is not None and not both.belief.strange
@@ -674,7 +732,7 @@ def test_strangeness_takes_several_recordings(half_way: tuple[Director, list[Rec
 def test_repeatability_is_what_recordings_say() -> None:
     """Scattered by so much each, as a person who sits down anew; one recording alone says nothing of it."""
     foot = replace(virtual(3), noise_m_s2=0.1)
-    who = Person(load("two_dof"), foot.body_kg, ALONE, "made")
+    who = owner(foot)
     rng = np.random.default_rng(1)
     exact = recorded(foot, thesis(seconds=5.0), 5)
     for scatter in (0.02, 0.06):
@@ -682,19 +740,19 @@ def test_repeatability_is_what_recordings_say() -> None:
                 for r in exact]  # fmt: skip
         director = Director(who, PEOPLE, earlier=data, draws=2)
         # of one part in phase, and none out of phase
-        assert director.shaker.repeatability == pytest.approx(scatter / np.sqrt(2), rel=0.3)
+        assert director.repeatability == pytest.approx(scatter / np.sqrt(2), rel=0.3)
     first = Director(who, PEOPLE, earlier=data[:1], draws=2)
-    assert first.shaker.repeatability == pytest.approx(REPEATABILITY, rel=0.3)
+    assert first.repeatability == pytest.approx(REPEATABILITY, rel=0.3)
 
 
 def test_session_goes_on_while_more_minutes_narrow_what_can_never_be_met() -> None:
     """One load leaves 14 % whatever is recorded: twice as wide it goes on, there it ends and says why."""
     shaker, ask = Shaker(every_hz=20.0, loads_kg=(0.0,), repeatability=0.0), dict.fromkeys(EXCHANGED, 0.02)
     ends = []
-    for seed, noise, ratio in ((11, 0.2, 2.0), (7, 0.05, 1.0)):
+    for seed, noise, ratio in ((11, 0.2, 1.75), (7, 0.05, 1.0)):
         foot = replace(virtual(seed), noise_m_s2=noise)
-        who = Person(load("two_dof"), foot.body_kg, ALONE, "made")
-        data = [checked(r) for r in recorded(foot, thesis((0.0,), 10.0)[::2], 5)]
+        who = owner(foot)
+        data = shaken(foot, thesis((0.0,), 10.0)[::2])
         director = Director(who, shaker, ask, data, draws=4)
         session = Session(who, shaker, ask, 4, 40.0, 0, 4, lambda step: recorded(foot, [step], 5)[0], None, data)  # noqa: B023
         ever, belief = director.for_ever().half_width, director.belief
@@ -703,13 +761,59 @@ def test_session_goes_on_while_more_minutes_narrow_what_can_never_be_met() -> No
         ends.append(session._over(director))
     on, over = ends
     assert on is None and over is not None and over[0] == NEVER
-    assert f"k_T below +-{100 * ever['k_T']:.2g} % (+-2 % asked; its variance comes from" in over[1]
+    assert f"k_T below +-{100 * ever['k_T']:.2g} % (+-2 % asked)" in over[1]
     assert "shank mass" in over[1] and "with unlimited minutes" in over[1]
+
+
+def made(half_way: tuple[Director, list[Recording]], ask: dict[str, float]) -> Session:
+    """A session that goes on from recordings, as wide as a test asks."""
+    director, data = half_way
+    return Session(director.person, SHAKER, ask, 4, 40.0, 0, 4, lambda step: data[0], None, data)
+
+
+def test_a_session_is_met_by_the_fits_own_bands(half_way: tuple[Director, list[Recording]]) -> None:
+    director, data = half_way
+    widths = {name: band.half_width for name, band in director.belief.open_bands(EXCHANGED).items()}  # type: ignore[union-attr]
+    result = fit_foot(data, load("two_dof"), exclude=("all",), threads=1)
+    fitted = {n: next(e for key, e in result.best.parameters.items() if key.startswith(f"{n}_")) for n in EXCHANGED}
+    met = made(half_way, {name: 1.5 * width for name, width in widths.items()})
+    director.aim(met._ask)
+    ended = met._over(director)
+    assert ended is not None and ended[0] == MET and result.verdict == "decided"
+    bands = met._end(*ended).bands
+    assert all(bands[n].lower == pytest.approx(fitted[n].lower, rel=1e-3) for n in EXCHANGED)
+
+
+def test_a_session_goes_on_where_the_fit_is_not_there_yet(
+    half_way: tuple[Director, list[Recording]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    director, _ = half_way
+    director.aim(dict.fromkeys(EXCHANGED, 0.9))
+    result = fit_foot(half_way[1], load("two_dof"), exclude=("all",), threads=1)
+    monkeypatch.setattr(session, "fit_foot", lambda *data, **more: replace(result, verdict="undecided"))
+    assert made(half_way, director.asked)._over(director) is None
+
+
+def test_nothing_more_helps_only_where_all_that_is_left_would_fail(half_way: tuple[Director, list[Recording]]) -> None:
+    """Expected to stay where it is, a little wider than asked: another recording may still meet that."""
+    director, _ = half_way
+    assert director.belief is not None
+    widths = {name: band.half_width for name, band in director.belief.open_bands(EXCHANGED).items()}
+    last = (director.candidates[0],)
+    for share, ends in ((0.97, False), (0.2, True)):
+        director.aim({"k_T": share * min(widths["k_T"], director.outlook(last).half_width["k_T"])})
+        on = made(half_way, director.asked)
+        on._left = last
+        now = director.outlook(())
+        director.outlook = lambda steps, now=now: now  # type: ignore[method-assign]
+        ended = on._idle(director)
+        del director.outlook
+        assert (ended is not None and ended[0] == NEVER) is ends
 
 
 def test_step_whose_board_stalls_is_tried_again() -> None:
     foot = virtual(3)
-    who = Person(load("two_dof"), foot.body_kg, ALONE, "made")
+    who = owner(foot)
     shaker, tried = Shaker(every_hz=20.0, loads_kg=(0.0, 4.5), seconds=5.0, repeatability=0.0), list[Step]()
 
     def stalling(times: int) -> Shaken:
@@ -735,7 +839,7 @@ def test_step_whose_board_stalls_is_tried_again() -> None:
 def test_session_on_a_dead_shaker_gives_up() -> None:
     rig = Rig(virtual(0), np.random.default_rng(0))
     rig._gain = 0.0
-    who = Person(load("two_dof"), virtual(0).body_kg, ALONE, "made")
+    who = owner(virtual(0))
     shaker = Shaker(every_hz=20.0, loads_kg=(0.0, 4.5), seconds=2.0, repeatability=0.0)
     done = Session(who, shaker, dict.fromkeys(EXCHANGED, 0.3), 4, 20.0, 0, 2, rig.record).run()
     assert done.ended == FAILING and not done.good and not rig.is_on

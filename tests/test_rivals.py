@@ -1,5 +1,6 @@
 """Rival models against closed forms, MuJoCo, a simulator of their own, and worlds whose departure is known."""
 
+import copy
 import json
 from dataclasses import replace
 from pathlib import Path
@@ -24,11 +25,11 @@ from identification.optimiser import Optimum
 from identification.residual import Problem
 from identification.rivals.__main__ import app
 from identification.rivals.compare import compare_rivals
-from identification.rivals.ladder import LADDER, RungVariables, rungs_of
+from identification.rivals.ladder import AT_REST, LADDER, RungVariables, rungs_of
 from identification.rivals.mjcf import difference, edited_text, write_models
+from identification.rivals.motion import AT, EXTRA, RivalMotion, felt
 from identification.rivals.result import DECISIVE, Rival, Rivals, preferred
 from identification.rivals.search import evidence, folds, only
-from identification.rivals.steady import CONSTANTS, SERIES, Feet
 from simulator import worlds
 from simulator.departure import Exponential, Following, Maxwell, Mount, Polynomial
 from simulator.leg import Departure, Leg, Shaking, harmonics
@@ -39,21 +40,12 @@ LINEAR = replace(LEG, c_12=0.0, c_13=0.0, c_22=0.0, c_23=0.0)
 U = 8.95 * np.array([1, 0.02j, 0.01])
 
 
-def constants(leg: Leg, **changed: float) -> np.ndarray:
-    found = {**dict.fromkeys(CONSTANTS, 0.0), "tau": 5e-3, "f_w": 25.0, "zeta_w": 0.2, "zeta_u": 0.2, **vars(leg)}
-    return np.array([{**found, **changed}[name] for name in CONSTANTS])
+def constants(leg: Leg, **changed: float) -> dict[str, float]:
+    return AT_REST | vars(leg) | changed
 
 
-def response(c: np.ndarray, hz: float, base: np.ndarray = U, load_kg: float = 0.0) -> np.ndarray:
-    feet, x = moving(c, hz, base, load_kg)
-    return feet.felt(x)[0, : base.size]
-
-
-def moving(c: np.ndarray, hz: float, base: np.ndarray, load_kg: float) -> tuple[Feet, np.ndarray]:
-    feet = Feet.of(c, np.array([load_kg]), np.array([hz]), np.array([0.25]), base[None])
-    x, found = feet.solve(np.zeros((1, 2 * SERIES.size)))
-    assert found.all()
-    return feet, x
+def response(values: dict[str, float], hz: float, base: np.ndarray = U, load_kg: float = 0.0) -> np.ndarray:
+    return felt(values, hz, base, load_kg)[: base.size]
 
 
 # the equations
@@ -66,24 +58,22 @@ def test_linear_foot_has_the_closed_form_response() -> None:
         assert np.allclose(response(constants(LINEAR), hz), H * U, rtol=1e-11)
 
 
-def test_linear_rivals_have_their_closed_form_responses() -> None:
+@pytest.mark.parametrize("swings", [0.0, 0.3])
+def test_linear_rivals_have_their_closed_form_responses(swings: float) -> None:
     """A complex stiffness, a complex mass and a factor, in the transmissibility of two masses on springs."""
-    r, tau, w, f_w, zeta, u, load_kg, hz = 0.4, 6e-3, 0.3, 22.0, 0.15, 1 / 95**2, 2.3, 18.0
+    r, tau, f_w, zeta, u, load_kg, hz = 0.0 if swings else 0.4, 6e-3, 22.0, 0.15, 1 / 95**2, 2.3, 18.0
     s = 2j * np.pi * hz * np.arange(1, 4)
     relax = s * tau / (1 + s * tau)
     p_T = LINEAR.k_T * (1 + r * relax) + LINEAR.c_11 * s
     p_F = LINEAR.k_F * (1 + 0.5 * r * relax) + LINEAR.c_21 * s
     W = 2 * np.pi * f_w
     hangs = (W**2 + 2 * zeta * W * s) / (s**2 + 2 * zeta * W * s + W**2)
-    m_S = load_kg + LINEAR.m_S * (1 - w + w * hangs)
+    m_S = load_kg + LINEAR.m_S * (1 - swings + swings * hangs)
     G = p_T * p_F / ((m_S * s**2 + p_T) * (LINEAR.m_F * s**2 + p_T + p_F) - p_T**2)
     M = 2 * np.pi / np.sqrt(u)
     sensor = (M**2 + 0.4 * M * s) / (s**2 + 0.4 * M * s + M**2)
-    late = np.exp(-s * 1e-4) * (1 + 0.01 + 0.02 * 0.25)
-    c = constants(
-        LINEAR, r_T=r, r_F=0.5 * r, tau=tau, w=w, f_w=f_w, zeta_w=zeta, u=u, gain=0.01, drift=0.02, delay=1e-4
-    )
-    assert np.allclose(response(c, hz, load_kg=load_kg), G * U * sensor * late, rtol=1e-10)
+    c = constants(LINEAR, r_T=r, r_F=0.5 * r, tau=tau, w=swings, f_w=f_w, zeta_w=zeta, u=u)
+    assert np.allclose(response(c, hz, load_kg=load_kg), G * U * sensor, rtol=1e-10)
 
 
 @pytest.mark.parametrize(
@@ -106,23 +96,28 @@ def test_every_rival_moves_as_in_the_other_simulator(
         assert np.abs(response(constants(LEG, **changed), hz, load_kg=2.3) - want).max() < 1e-7 * abs(want[0])
 
 
-def test_derivatives_are_those_of_differences() -> None:
-    c = constants(
-        LEG, b_T=400, b_F=-300, p_T=100, p_F=-50, d_T=1e5, d_F=2e5, r_T=0.4, r_F=0.3, w=0.2, e_T=0.1, e_F=-0.1,
-        u=1e-4, gain=0.01, drift=0.02, delay=1e-4,
-    )  # fmt: skip
-    feet, x = moving(c, 20.0, U, 2.3)
-    D = feet.by_constants(x)[0, :3]
-    for i, name in enumerate(CONSTANTS):
-        nudge = np.zeros(c.size)
-        nudge[i] = 1e-5 * abs(c[i])
-        wide = (response(c + nudge, 20.0, load_kg=2.3) - response(c - nudge, 20.0, load_kg=2.3)) / (2 * nudge[i])
-        assert np.abs(D[:, i] - wide).max() < 1e-5 * np.abs(wide).max(), name
-    noisy = feet.by_base(x)[0, :3]
-    for i, turn in enumerate((1, 1j)):
-        turned = 1e-5 * turn * np.array([0, 1, 0])
-        wide = (response(c, 20.0, U + turned, 2.3) - response(c, 20.0, U - turned, 2.3)) / 2e-5
-        assert np.abs(noisy[:, 1 + 8 * i] - wide).max() < 1e-5 * np.abs(wide).max()
+def test_derivatives_are_those_of_differences(problems: dict[str, Problem]) -> None:
+    motion = problems["third"].motion
+    assert isinstance(motion, RivalMotion)
+    bent = constants(LEG, b_T=400, b_F=-300, p_T=100, p_F=-50, d_T=1e5, d_F=2e5, w=0.2)
+    theta = np.tile([bent[name] for name in AT], (1, len(motion.omega), 1))
+    D, G = motion.response(theta, None)[1], motion.by_base(theta[0])
+
+    def read(nudge: np.ndarray) -> np.ndarray:
+        return motion.response(theta + nudge, None)[0]
+
+    for name in (*LEG.__dataclass_fields__, *EXTRA):
+        nudge = 1e-5 * abs(bent[name]) * np.eye(len(AT))[AT[name]]
+        expected = (read(nudge) - read(-nudge)) / (2 * nudge.sum())
+        assert np.abs(D[..., AT[name]] - expected).max() < 1e-5 * np.abs(expected).max(), name
+    count, base = G.shape[2] // 2, motion.base
+    for place, turn in ((1, 1), (1 + count, 1j)):
+        nudge = 1e-5 * turn * np.eye(base.shape[1])[1]
+        more, less = (copy.copy(motion) for _ in range(2))
+        more.base, less.base = base + nudge, base - nudge
+        y = (more.response(theta, None)[0] - less.response(theta, None)[0])[0, :, 0] / 2e-5
+        y = np.concatenate([y.real, y.imag], 1)
+        assert np.abs(G[:, 0, :, place] - y).max() < 1e-5 * np.abs(y).max()
 
 
 # the search
@@ -157,11 +152,13 @@ def test_every_rung_reads_what_the_equations_say(name: str, problems: dict[str, 
     share = v.of_kind("load share")
     assert share is not None
     q[share] = 1 / v.scale[share]  # all of the load, as the equations have it
-    c = np.array([v.named(q)[n] for n in CONSTANTS])
-    feet = Feet.of(c, v.loads, v.omega / (2 * np.pi), v.place_in_session, problem.motion.base)
-    x, moves = feet.solve(np.zeros((len(v.loads), 2 * SERIES.size)))
-    want, have = feet.felt(x)[:, : problem.measured.base.shape[1]], problem.predicted(q)[:, 0]
-    assert moves.all() and np.abs(have - want).max() < 1e-6 * np.abs(want).max()
+    c, H = v.named(q), problem.measured.base.shape[1]
+    for r, have in enumerate(problem.predicted(q)[:, 0]):
+        hz, base = v.omega[r] / (2 * np.pi), problem.motion.base[r]
+        late = np.exp(-2j * np.pi * hz * np.arange(1, H + 1) * c["delay"])
+        gain = 1 + c["gain"] + c["drift"] * v.place_in_session[r]
+        want = felt(c, hz, base, v.loads[r])[:H] * gain * late
+        assert np.abs(have - want).max() < 1e-6 * np.abs(want).max()
 
 
 def test_the_image_is_the_mirror_and_a_place_carries_over(problems: dict[str, Problem]) -> None:
@@ -254,6 +251,10 @@ def test_only_what_all_adequate_rivals_say_is_shared() -> None:
     out = compared(model, replace(far, bic=130.0))  # out-predicted, so it has no say
     assert all(c.shared for c in out.conclusions) and [r.name for r in out.adequate] == ["model"]
     assert far.k_T and far.k_F
+    rich = made("third", 125.0, 100.0, 11, penalty=20.0)  # as near as the model, and more constants
+    both = compared(model, rich, made("linear", 190.0, 200.0, 4))
+    assert [r.name for r in both.not_needed] == ["third"] and [r.name for r in both.adequate] == ["model"]
+    assert "the other is ruled out" in both.sentence()
     open_ = replace(model, log_odds=1.0, other=(far.k_T, far.k_F))
     assert {c.what for c in compared(open_).conclusions if c.shared} == {"k_F"}
 
@@ -375,10 +376,10 @@ def test_figures_files_and_command(relaxing: Rivals, tmp_path: Path) -> None:
     ],
 )
 def test_mujoco_moves_as_the_compiled_rival(name: str, changed: dict[str, float], tmp_path: Path) -> None:
-    values = dict(zip(CONSTANTS, map(float, constants(LEG, **changed)), strict=True))
+    values = constants(LEG, **changed)
     file = tmp_path / f"{name}.xml"
     file.write_text(edited_text(mjcf.path("two_dof"), name, name, values, 2.3 if name == "load" else 0.0))
-    assert difference(file, name, values, 24.0, U, 2.3) < 1e-5
+    assert difference(file, values, 24.0, U, 2.3) < 1e-5
     foot = load(file).values()
     told = {"k_T", "k_F", "c_11", "c_21"} if name != "load" else {"c_12", "c_22"}
     assert all(np.isclose(foot[key], values[key]) for key in told)
@@ -390,9 +391,9 @@ def test_mujoco_moves_as_the_compiled_rival(name: str, changed: dict[str, float]
 @pytest.mark.long
 def test_a_users_own_model_is_a_rival(tmp_path: Path) -> None:
     """The truth written as MJCF, with all but the springs held: it follows, and its springs are the truth's."""
-    values = dict(zip(CONSTANTS, map(float, constants(LEG, u=1 / 90**2)), strict=True))
+    values = constants(LEG, u=1 / 90**2)
     text = edited_text(mjcf.path("two_dof"), "mount", "mount", values)
-    lines = [line for line in text.splitlines() if not any(f'text name="{name}"' in line for name in CONSTANTS[2:8])]
+    lines = [line for line in text.splitlines() if not any(f'text name="{name}"' in line for name in tuple(AT)[2:8])]
     file = tmp_path / "my_foot.xml"
     file.write_text("\n".join(lines))
     data = recorded(Mount(90.0), loads=(0.0,))[1:4]
@@ -427,6 +428,6 @@ def test_bad_input_is_one_sentence(tmp_path: Path) -> None:
     bare = tmp_path / "bare.xml"
     bare.write_text(mjcf.path("two_dof").read_text().replace('name="talocrural"', 'name="ankle"'))
     with pytest.raises(ModelError, match="no body with the joint 'talocrural'"):
-        edited_text(bare, "model", "model", dict(zip(CONSTANTS, constants(LEG), strict=True)))
+        edited_text(bare, "model", "model", constants(LEG))
     found = CliRunner().invoke(app, [str(tmp_path / "nothing.csv")])
     assert found.exception is not None and "no such file" in str(found.exception)

@@ -14,20 +14,19 @@ from fasbody.exceptions import SimulationError
 from fasbody.presentation import readable
 from fasbody.recording.recording import Recording
 from identification.branches import DECISIVE_ODDS
+from identification.estimates import Estimate
 from identification.harmonics import Line, Measured
 from identification.intervals import Solution
 from identification.motion import TwoMassMotion
 from identification.nuisances import Nuisance
-from identification.optimiser import Optimum, descend
+from identification.optimiser import Searched, search
 from identification.plan.prior import Person, PlanVariables, stream
 from identification.residual import Problem
 from identification.sensors import MALLEOLUS
 from identification.steady import FOLLOWS, SIDES
 
-#: Starts of a first descent on each branch, and how many of their ends are followed.
-_STARTS, _KEPT = 6, 3
-#: Scatter with which a search begins, as that makes the landscape smooth, and by which it comes nearer to the true one.
-_LEVELS = (0.1, 0.03, 0.01)
+#: Feet of the population from which a first search starts, and the scatter with which it begins.
+_STARTS, _SMOOTH = 12, (0.1,)
 #: Chi-square per degree of freedom beyond which such a foot does not make these recordings.
 _MISFIT = 2.0
 #: What keeps a correlation matrix positive definite.
@@ -47,6 +46,11 @@ class Band:
     value: float
     lower: float
     upper: float
+
+    @classmethod
+    def of(cls, estimate: Estimate) -> "Band":
+        """Of an estimate of the fit."""
+        return cls(estimate.value, estimate.lower, estimate.upper)
 
     @property
     def half_width(self) -> float:
@@ -105,8 +109,7 @@ class Belief:
         problem = replace(solution.problem, variables=replace(self.variables, populated=False))
         estimates, _ = replace(solution, problem=problem).estimates()
         keys = {item.name: item.key for item in self.variables.space.free}
-        chosen = {name: estimates[keys[name]] for name in names}
-        return {name: Band(e.value, e.lower, e.upper) for name, e in chosen.items()}
+        return {name: Band.of(estimates[keys[name]]) for name in names}
 
     def open_bands(self, names: Sequence[str]) -> dict[str, Band]:
         """The same, over both feet while their branch is open."""
@@ -162,44 +165,27 @@ def believe(
     measured = Measured.of([Line.of(recording) for recording in recordings], MALLEOLUS)
     variables = person.variables(allowed, recordings, middle_hz)
     motion = TwoMassMotion(measured, variables.omega, (False,))
-    problem = Problem.of(measured, variables, motion)
-    Q, signs = _starts(variables, seed, before)
-    for level in _LEVELS:
-        Q, signs = _followed(problem.with_repeatability(level), Q, signs)
+    problem = Problem.of(measured, variables, motion, max(expected, _LEAST))
+    if before is None:
+        first = [variables.draw(stream(seed, str(i)), (-1) ** i) for i in range(_STARTS)]
+    else:
+        first = [variables.carried(end.q, before.variables) for end in before.ends]
+
+    def searched(problem: Problem, first: Sequence[np.ndarray]) -> Searched:
+        return search(
+            problem, (1, -1), starts=0, rounds=1, estimate=False, first=np.stack(first), smooth=_SMOOTH
+        )  # fmt: skip
+
     for _ in range(2):  # what is left over says how well the recordings repeat, and weighs them anew
-        problem = problem.weighed(Q[0]).with_repeatability(repeatability(problem, Q[0], expected))
-        Q, signs = _followed(problem, Q, signs)
-    ends = [_end(problem, Q[signs == sign][0], sign) for sign in (1, -1)]
+        optima = searched(problem, first).optima
+        q, first = optima[0].q, [o.q for o in optima]
+        problem = problem.weighed(q)
+        problem = problem.with_repeatability(repeatability(problem, q, expected))
+    last = searched(problem, first)
+    ends = tuple(Solution(SIDES[o.sign], last.problem, o) for o in last.optima)
     if not all(end.evaluation.moves[0] for end in ends):
         raise SimulationError("no foot of the population moves as these recordings do; check masses and units.")
-    return Belief(tuple(sorted(ends, key=lambda end: end.optimum.objective)))
-
-
-def _starts(
-    variables: PlanVariables, seed: np.random.SeedSequence, before: Belief | None
-) -> tuple[np.ndarray, np.ndarray]:
-    """Places (k, n) of the ends that were believed, or of feet of the population, and their sides (k,)."""
-    if before is None:
-        signs = np.tile([1, -1], _STARTS)
-        Q = np.stack([variables.draw(stream(seed, str(i)), sign) for i, sign in enumerate(signs)])
-        return Q, signs
-    Q = np.stack([end.q for end in before.ends])
-    return variables.carried(Q, before.variables), np.array([end.optimum.sign for end in before.ends])
-
-
-def _followed(problem: Problem, Q: np.ndarray, signs: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The best few ends (k, n) of each side (k,), the likeliest first, from places and from their mirror images."""
-    Q, signs = np.concatenate([Q, problem.variables.image(Q)]), np.concatenate([signs, -signs])
-    down = descend(problem, Q, signs)
-    order = np.argsort(down.objective)
-    best = np.sort(np.concatenate([np.flatnonzero(signs[order] == sign)[:_KEPT] for sign in (1, -1)]))
-    return down.Q[order][best], signs[order][best]
-
-
-def _end(problem: Problem, q: np.ndarray, sign: int) -> Solution:
-    """An end (n,) of one side."""
-    objective = float(problem.evaluate(q[None]).objective[0])
-    return Solution(SIDES[sign], problem, Optimum(sign, q, objective, True, 1, 1))
+    return Belief(ends)
 
 
 def repeatability(problem: Problem, q: np.ndarray, expected: float) -> float:

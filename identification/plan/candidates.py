@@ -2,10 +2,10 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
 
 import numpy as np
 
+from fasbody.acquire.person import LEVEL_S, Dose
 from fasbody.foot.shaker import PEAK_TO_PEAK
 from fasbody.recording.condition import ADDED_MASSES_KG
 from fasbody.recording.harmonics import harmonic_count
@@ -71,31 +71,23 @@ def weight(mass_kg: float, load_kg: float) -> float:
     return _RESONANT * (mass_kg + load_kg)
 
 
-@dataclass(frozen=True)
-class Candidates:
-    """What could be recorded with a shaker.
+def candidates(shaker: Shaker, leg_kg: float) -> tuple[Step, ...]:
+    """Every recording that the limits of a shaker allow, in a fixed order.
 
-    Attributes:
+    Args:
         shaker: its limits.
         leg_kg: shank and foot of the person.
     """
-
-    shaker: Shaker
-    leg_kg: float
-
-    @cached_property
-    def steps(self) -> tuple[Step, ...]:
-        """Every recording that the limits allow, in a fixed order."""
-        s, trials = self.shaker, []
-        for load in dict.fromkeys(s.loads_kg):
-            moving = weight(self.leg_kg, load)
-            for f in s.frequencies_hz:
-                for a in s.amplitudes(f, moving) if SINE in s.kinds else ():
-                    trials.append(Step(SINE, f, load, a, s.seconds, sensors=s.sensors))
-                tones = min(harmonic_count(f, s.rate_hz), int(1.001 * s.highest_hz // f))
-                for a in s.amplitudes(f, moving) if MULTISINE in s.kinds and tones > 1 else ():
-                    trials.append(Step(MULTISINE, f, load, a, s.seconds, tones, s.sensors))
-        return tuple(trials)
+    s, steps = shaker, []
+    for load in dict.fromkeys(s.loads_kg):
+        moving = weight(leg_kg, load)
+        for f in s.frequencies_hz:
+            for a in s.amplitudes(f, moving) if SINE in s.kinds else ():
+                steps.append(Step(SINE, f, load, a, s.seconds, sensors=s.sensors))
+            tones = min(harmonic_count(f, s.rate_hz), int(1.001 * s.highest_hz // f))
+            for a in s.amplitudes(f, moving) if MULTISINE in s.kinds and tones > 1 else ():
+                steps.append(Step(MULTISINE, f, load, a, s.seconds, tones, s.sensors))
+    return tuple(steps)
 
 
 def within(shaker: Shaker, leg_kg: float, steps: Sequence[Step]) -> tuple[Step, ...]:
@@ -106,14 +98,26 @@ def within(shaker: Shaker, leg_kg: float, steps: Sequence[Step]) -> tuple[Step, 
         leg_kg: shank and foot of the person.
         steps: of a protocol made for another shaker.
     """
-    candidates = []
+    possible = []
     for step in steps:
         if shaker.lowest_hz <= step.frequency_hz <= shaker.highest_hz:
             most = shaker.allowed(step.frequency_hz, weight(leg_kg, step.added_mass_kg))
-            candidates.append(replace(step, amplitude_m_s2=min(step.amplitude_m_s2, most)))
-    return tuple(candidates)
+            possible.append(replace(step, amplitude_m_s2=min(step.amplitude_m_s2, most)))
+    return tuple(possible)
 
 
 def thesis(loads_kg: tuple[float, ...] = ADDED_MASSES_KG, seconds: float = THESIS_S) -> tuple[Step, ...]:
     """The thesis' protocol: nine sines under each load."""
     return tuple(Step(SINE, f, load, THESIS_AMPLITUDE, seconds) for load in loads_kg for f in THESIS_HZ)
+
+
+def shaking_s(steps: Sequence[Step]) -> float:
+    """How long the shaker shakes [s], without what it takes to find its level."""
+    return float(sum(step.seconds for step in steps))
+
+
+def exposure(steps: Sequence[Step]) -> Dose:
+    """What a person gets of steps; those of several tones count as one at their frequency, of the same amplitude."""
+    return sum(
+        (Dose.of_sine(s.frequency_hz, s.amplitude_m_s2, s.seconds + LEVEL_S) for s in steps if s.frequency_hz), Dose()
+    )

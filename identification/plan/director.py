@@ -1,10 +1,9 @@
 """Which recording is worth making next: scores of every candidate over feet that could be the person's (`Feet`).
 
-The feet are drawn from the prior or, after recordings, from what they leave possible. Each purpose has random numbers
-of its own, so that the same seed draws the same feet whatever the candidates are.
+The feet are drawn from the prior or, after recordings, from what they leave possible. Each purpose has
+random numbers of its own, so that the same seed draws the same feet whatever the candidates are.
 """
 
-from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from functools import cached_property
@@ -19,29 +18,40 @@ from identification.branches import EXCHANGED
 from identification.engines.twin import carriers
 from identification.harmonics import Line
 from identification.plan.belief import Belief, believe
-from identification.plan.candidates import ADDED_MASSES_KG, Candidates, Step, thesis, within
+from identification.plan.candidates import ADDED_MASSES_KG, Step, candidates, thesis, within
 from identification.plan.feet import Feet, Outlook, Score, Sums
 from identification.plan.information import Seen, Sight
-from identification.plan.prior import Person, stream
-from identification.plan.shaker import SINE, Shaker
+from identification.plan.prior import Person, PlanVariables, stream
+from identification.plan.shaker import (
+    NOISE_M_S2,
+    NOISE_STD,
+    REPEATABILITY,
+    REPEATABILITY_STD,
+    SINE,
+    Shaker,
+)
 from identification.sensors import MALLEOLUS
 
-#: Feet over which scores are averaged: of the prior, and of what recordings leave possible, where they are more alike.
+#: Feet over which scores are averaged: of the prior, and of what recordings leave possible, which are
+#: more alike.
 DRAWS, FEWER = 32, 12
-#: A branch counts as decided for a plan where so large a share of the feet is.
-SHARE = 0.9
-#: Half-widths of the 95 % intervals that are asked for where nobody asks, whatever the rig and the person: what the
-#: thesis' three loads leave of most feet with the usual noise where a person repeats exactly, and rounder.
+#: What is asked counts as met by a plan at this probability, and as out of reach below the second one.
+SHARE, HOPELESS = 0.9, 0.05
+#: Half-widths of the 95 % intervals that are asked for where nobody asks, whatever the rig and the
+#: person: what the thesis' three loads leave of most feet with the usual noise where a person repeats
+#: exactly, and rounder.
 GOAL = {"k_T": 0.03, "k_F": 0.03, "c_11": 0.06, "c_21": 0.06}
-#: As narrow as the thesis' three loads means within this factor: 15 % are allowed for feet that are not the
-#: population's, and the rest is room for the difference.
-AS_THESIS = 1.05
-#: The search of a session. Rounds in which its recordings are exchanged, and the gain in nats that is worth a change.
-_ROUNDS, _LEAST_GAIN = 5, 1e-3
-#: Feet that search; which session is best is judged by all, and where nothing departs all exchange once more.
+#: As narrow as the thesis' three loads means within this factor.
+AS_THESIS = 1.02
+#: The search of a session. Rounds in which its recordings are exchanged, and the gain in nats that is
+#: worth a change; below the second one two ways are equally good.
+_ROUNDS, _LEAST_GAIN, _ALIKE = 5, 1e-3, 1e-9
+#: Feet that search; which session is best is judged by all, and where nothing departs all exchange once
+#: more.
 _SEARCHING = 8
-#: A protocol that goes on for ever has every candidate so often, and oftener until the noise of all of them together
-#: is that of a sample with this rms [m/s^2], and their scatter this share: far below any sensor and any person.
+#: A protocol that goes on for ever has every candidate so often, and oftener until the noise of all of
+#: them together is that of a sample with this rms [m/s^2], and their scatter this share: far below any
+#: sensor and any person.
 _FOR_EVER, _SILENT, _STILL = 1e4, 1e-3, 1e-5
 #: From this share of a constant's variance on, a cause is named.
 _NAMED = 0.1
@@ -51,6 +61,9 @@ _INSTRUMENT = ("masses", "gain", "delay")
 _LITTLE, _USUAL_S = 9, 270.0
 #: Draws of feet that have no steady motion before it is given up.
 _TRIES = 10
+
+#: A recording of a plan while it is searched: the place of its candidate, and its length in pieces.
+_Planned = tuple[int, int]
 
 
 class Director:
@@ -70,6 +83,8 @@ class Director:
     Attributes:
         asked: half-widths by constant.
         uncertain: groups of what is not known beforehand, beside the foot's constants.
+        noise_m_s2: of a sample, as stated, recorded or usual: the middle one of the feet.
+        repeatability: of recordings, likewise.
     """
 
     def __init__(
@@ -86,7 +101,7 @@ class Director:
         draws = draws or (FEWER if earlier else DRAWS)
         _refuse(person, shaker, ask or {}, earlier, draws)
         self.person, self.shaker, self.seed = person, shaker, seed
-        self.candidates = Candidates(shaker, person.leg_kg).steps
+        self.candidates = candidates(shaker, person.leg_kg)
         self.done = tuple(map(step_of, earlier))
         # the order of the session, the starts of the belief, and the feet
         self._order, starts, self._stream = np.random.SeedSequence([seed, len(earlier)]).spawn(3)
@@ -99,15 +114,24 @@ class Director:
         self.uncertain = tuple(name for name in (*_INSTRUMENT, *DEPARTURES) if name in groups)
         self._middle_hz = float(np.sqrt(shaker.lowest_hz * shaker.highest_hz))
         self.belief: Belief | None = None
-        if earlier:  # what sensors and person hiss, and how well they repeat, is known by now
-            expected = shaker.repeatability
-            self.belief = believe(person, earlier, allowed, self._middle_hz, expected, starts, believed)
-            sigma = [(line.base.sigma, line.malleolus.sigma) for line in map(Line.of, earlier)]
+        noise, repeats = NOISE_M_S2, REPEATABILITY
+        std = np.array([NOISE_STD, REPEATABILITY_STD / np.sqrt(1 + len(earlier))])
+        if earlier:
+            expected = repeats if shaker.repeatability is None else shaker.repeatability
+            self.belief = believe(
+                person, earlier, allowed, self._middle_hz, expected, starts, believed
+            )
+            lines = [Line.of(recording) for recording in earlier]
+            sigma = [(line.base.sigma, line.malleolus.sigma) for line in lines]
             noise = float(np.clip(np.sqrt(np.mean(np.square(sigma))), 1e-6, 10.0))
-            self.shaker = replace(shaker, noise_m_s2=noise, repeatability=min(self.belief.repeatability, 0.5))
+            repeats, std[0] = min(self.belief.repeatability, 0.5), 0.0
+        stated = np.array([shaker.noise_m_s2 is not None, shaker.repeatability is not None])
+        self._scatter_std = np.where(stated, 0.0, std)
+        self.noise_m_s2 = noise if shaker.noise_m_s2 is None else shaker.noise_m_s2
+        self.repeatability = repeats if shaker.repeatability is None else shaker.repeatability
         self._sight = self._sees(every)
-        self._feet = Feet(self._drawn(draws), self._sight.variables, len(self.candidates))
-        self._scored: dict[tuple[tuple[tuple[int, int], ...], int, int], np.ndarray] = {}  # see `_best`
+        self._feet = Feet(self._drawn(draws), self._sight.variables)
+        self._scored: dict[tuple[object, ...], dict[_Planned, float]] = {}  # see `_gains`
         self.asked: dict[str, float] = {}
         self.aim(ask or GOAL)
 
@@ -126,7 +150,7 @@ class Director:
         return within(self.shaker, self.person.leg_kg, thesis(loads_kg))
 
     def as_thesis(self) -> dict[str, float]:
-        """Half-widths as the thesis' three loads would leave them here, within 5 %; to aim at.
+        """Half-widths that the thesis' three loads would bring here with a probability of `SHARE`; to aim at.
 
         Raises:
             SettingError: this shaker makes none of its sines.
@@ -134,7 +158,11 @@ class Director:
         steps = self.thesis()
         if not steps:
             raise SettingError("this shaker makes none of the thesis' sines of 10 to 50 Hz; ask for intervals by name.")
-        return {n: AS_THESIS * width for n, width in self.outlook(steps, fresh=True).half_width.items()}
+        outlook = self.outlook(steps, fresh=True)
+        asked = outlook.quantile(SHARE)
+        while replace(outlook, asked=asked).goal(branch=False) < SHARE:
+            asked = {name: AS_THESIS * width for name, width in asked.items()}
+        return asked
 
     # feet
 
@@ -146,17 +174,32 @@ class Director:
 
     def _drawn(self, count: int) -> Seen:
         """So many feet that have a steady motion: of either branch in turn, or of what recordings leave possible."""
-        scout = self._sees(self._little()) if self._departs else None
         seen: Seen | None = None
         for first in range(0, _TRIES * count, count):
-            Q = np.stack([self._draw(number) for number in range(first, first + count)])
-            mirror = self._sight.variables.image(Q), np.zeros(Q.shape, bool)
-            more, moves = self._sight.see(Q, *(scout.rivals(Q) if scout else mirror))
+            numbers = range(first, first + count)
+            Q = np.stack([self._draw(number) for number in numbers])
+            scatter = np.stack([self._scatter(number) for number in numbers])
+            rivals = self._rivals(Q, scatter, self._sight.variables, self._little())
+            more, moves = self._sight.see(Q, *rivals, scatter)
             more = more.rows(moves)
             seen = more if seen is None else seen.joined(more)
             if len(seen.q) >= count:
                 return seen.rows(slice(count))
         raise SimulationError("too few feet of the population move steadily on this shaker; lower its amplitude.")
+
+    def _rivals(
+        self, Q: np.ndarray, scatter: np.ndarray, variables: PlanVariables, little: Sequence[Step]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Rivals (D, n) of feet Q and what of them is at a bound: mirror images, or where a session leads these."""
+        if self._departs:
+            return self._sees(little).rivals(Q, scatter)
+        return variables.image(Q), np.zeros(Q.shape, bool)
+
+    def _scatter(self, number: int) -> np.ndarray:
+        """(2,) noise [m/s^2] and repeatability of a foot's recordings."""
+        seed = stream(stream(self._stream, str(number)), "scatter")
+        factors = np.exp(self._scatter_std * np.random.default_rng(seed).standard_normal(2))
+        return np.array([self.noise_m_s2, self.repeatability]) * factors
 
     def _draw(self, number: int) -> np.ndarray:
         """One foot (n,)."""
@@ -204,14 +247,20 @@ class Director:
 
         The sensor brings a gain, a delay, and what else is allowed for, of its own. Recordings that exist lack it.
         """
-        worn = [replace(step, sensors=(*self.shaker.sensors, sensor)) for step in steps]
+
+        def wears(steps: Sequence[Step]) -> list[Step]:
+            return [
+                step if step in self.done else replace(step, sensors=(*self.shaker.sensors, sensor))
+                for step in steps
+            ]
+
+        worn, seen = wears(steps), self._feet.seen
         every = tuple(dict.fromkeys([*self.done, *worn]))
-        sight, before, seen = self._sees(every), self._sight.variables, self._feet.seen
-        q, rival = (sight.variables.carried(Q, before) for Q in (seen.q, seen.rival))
-        held = np.stack([seen.held[:, before.names.index(name)] if name in before.names else np.zeros(len(q), bool)
-                         for name in sight.variables.names], 1)  # fmt: skip
-        worn_by, moves = sight.see(q, rival, held)
-        feet = Feet(worn_by.rows(moves), sight.variables, len(every))
+        sight = self._sees(every)
+        q = sight.variables.carried(seen.q, self._sight.variables)
+        rivals = self._rivals(q, seen.scatter, sight.variables, tuple(wears(self._little())))
+        worn_by, moves = sight.see(q, *rivals, seen.scatter)
+        feet = Feet(worn_by.rows(moves), sight.variables)
         feet.asked = self.asked
         places = [every.index(step) for step in [*self.done, *worn]]
         return feet.outlook(feet.sums(places, np.ones(len(places))))
@@ -232,10 +281,12 @@ class Director:
 
     def causes(self) -> dict[str, str]:
         """What keeps each constant uncertain then, in words: shares of its variance by what is not known beforehand."""
-        return {
-            name: ", ".join(f"{what} {100 * share:.0f} %" for what, share in shares.items() if share >= _NAMED)
-            for name, shares in self._feet.causes(self._for_ever).items()
-        }
+        causes = {}
+        for name, shares in self._feet.causes(self._for_ever).items():
+            whole = {what: round(100 * share) for what, share in shares.items() if share >= _NAMED}
+            order = sorted(whole, key=lambda what: (-whole[what], what))
+            causes[name] = ", ".join(f"{what} {whole[what]} %" for what in order)
+        return causes
 
     @cached_property
     def _for_ever(self) -> Sums:
@@ -245,10 +296,11 @@ class Director:
     @property
     def _longest(self) -> float:
         """How often every candidate is recorded then."""
-        return max(_FOR_EVER, (self.shaker.noise_m_s2 / _SILENT) ** 2, (self.shaker.repeatability / _STILL) ** 2)
+        noise, repeatability = self._feet.seen.scatter.max(axis=0)
+        return max(_FOR_EVER, float(noise / _SILENT) ** 2, float(repeatability / _STILL) ** 2)
 
     def times(self, steps: Sequence[Step], names: Sequence[str], branch: bool) -> float:
-        """How often steps must be recorded until some intervals are as asked; infinite where that is never.
+        """How often steps must be recorded until some of what is asked is met; infinite where that is never.
 
         Args:
             steps: together, beside what is done.
@@ -258,9 +310,7 @@ class Director:
         done, more = self._sums(()), self._sums(steps, fresh=True)
 
         def enough(times: float) -> bool:
-            outlook = self._feet.outlook(done + times * more)
-            narrow = all(outlook.half_width[name] <= self.asked[name] for name in names)
-            return narrow and (outlook.decided >= SHARE or not branch)
+            return self._feet.outlook(done + times * more).goal(names, branch) >= SHARE
 
         low, high = 0.0, 1.0
         while not enough(high):
@@ -276,35 +326,30 @@ class Director:
 
     def scores(self, steps: Sequence[Step]) -> list[Score]:
         """What each candidate adds to what is done and to steps."""
-        return [Score(*row) for row in self._feet.gains(self._sums(steps), {})]
+        once = [(i, 0.0) for i in range(len(self.candidates))]
+        return [Score(*row) for row in self._feet.gains(self._sums(steps), [], once)]
 
     def gains(self, steps: Sequence[Step]) -> np.ndarray:
         """Total score (K,) of steps of any length, each alone beside what is done."""
         now = self.outlook(()).utility.sum()
         return np.array([self.outlook([step]).utility.sum() - now for step in steps])
 
-    def next(self, steps: Sequence[Step] = ()) -> tuple[Step, Score]:
-        """The candidate that adds most to what is done and to steps planned before it."""
-        scores = self.scores(steps)
-        best = int(np.argmax([score.total for score in scores]))
-        return self.candidates[best], scores[best]
-
     def met(self, outlook: Outlook) -> bool:
-        """The branch is expected to be decided and the asked intervals are met."""
-        narrow = all(outlook.half_width[name] <= share for name, share in self.asked.items())
-        return narrow and outlook.decided >= SHARE
+        """The branch is decided and the asked intervals are met, with a probability of `SHARE`."""
+        return outlook.goal() >= SHARE
 
     def session(self, most: int, seconds: float) -> tuple[Step, ...]:
         """A whole session, in the order of its loads.
 
-        The time is divided into pieces of the usual length. While it is searched, a session is a `Counter`: place of a
-        candidate -> its pieces; all pieces of one candidate are one recording, as long as they are together.
+        The time is divided into pieces of the usual length; a recording is one or more of them. A
+        condition may be recorded again, which averages out how a person scatters.
 
-        1. Pieces are added one by one, each where it adds most, until what is asked is expected to be met (`_grown`).
-        2. Whole recordings are put elsewhere, and single pieces moved from one to another, while that gains; pieces
-           that the goal does not need are taken out (`_polished`).
-        A few of the feet search. Where nothing departs from the model, step 2 is done once more by all of them; else
-        there are twice the unknowns, and that is not worth its time.
+        1. Pieces are added one by one, each where it adds most, until what is asked is likely to be
+           met (`_grown`).
+        2. Whole recordings are put elsewhere, and single pieces moved from one to another, while that
+           gains; pieces that the goal does not need are taken out (`_polished`).
+        A few of the feet search. Where nothing departs from the model, step 2 is done once more by all
+        of them; else there are twice the unknowns, and that is not worth its time.
 
         Args:
             most: recordings.
@@ -321,77 +366,110 @@ class Director:
             )
         self._scored.clear()
         few = min(_SEARCHING, self.feet)
-        best = self._polished(self._grown(Counter(), most, pieces, few), most, pieces, few)
+        best = self._polished(self._grown((), most, pieces, few), most, pieces, few)
         if not self._departs:
             best = max(best, self._polished(best, most, pieces, self.feet), key=self._rank)
         return tuple(
             sorted(self._steps(best), key=lambda s: (s.added_mass_kg, s.frequency_hz, -s.amplitude_m_s2, s.kind))
         )
 
-    # the search: plans are Counters of pieces by candidate, most is of recordings, feet is by how many is scored
+    # the search: plans are sorted recordings, most is of recordings, feet is by how many is scored
 
-    def _polished(self, plan: Counter[int], most: int, pieces: int, feet: int) -> Counter[int]:
+    def _polished(
+        self, plan: tuple[_Planned, ...], most: int, pieces: int, feet: int
+    ) -> tuple[_Planned, ...]:
         """The best session that exchanges lead to from a plan, without pieces that the goal does not need."""
         for _ in range(_ROUNDS):
-            before = plan.copy()
-            for place in sorted(plan, key=lambda i: plan[i]):  # whole recordings, the shortest first
-                plan = self._exchanged(plan, place, plan[place], most, feet)
+            before = plan
+            for recording in sorted(plan, key=lambda r: r[1]):  # whole recordings, the shortest first
+                plan = self._exchanged(plan, recording, recording[1], most, feet)
             if plan != before:  # single pieces only once whole recordings have their places
                 continue
-            for place in sorted(plan):
-                plan = self._exchanged(plan, place, 1, most, feet)
+            for recording in plan:
+                plan = self._exchanged(plan, recording, 1, most, feet)
             plan = self._grown(plan, most, pieces, feet)
             if plan == before:
                 break
         while self._met(plan):
-            fewer = [plan - Counter([place]) for place in plan]
+            fewer = [_without(plan, recording, 1) for recording in dict.fromkeys(plan)]
             fewer = [shorter for shorter in fewer if shorter and self._met(shorter)]
             if not fewer:
                 break
             plan = max(fewer, key=self._rank)
         return plan
 
-    def _grown(self, plan: Counter[int], most: int, pieces: int, feet: int) -> Counter[int]:
-        """A plan with more pieces, one by one, until what is asked is expected to be met or no piece is left."""
-        while plan.total() < pieces and not (plan and self._met(plan)):
-            plan = plan + Counter([self._best(plan, 1, most, feet)[0]])
+    def _grown(
+        self, plan: tuple[_Planned, ...], most: int, pieces: int, feet: int
+    ) -> tuple[_Planned, ...]:
+        """A plan with more pieces, one by one, until what is asked is likely to be met or none is left."""
+        while sum(n for _, n in plan) < pieces and not (plan and self._met(plan)):
+            plan = _with(plan, _best(self._gains(plan, 1, most, feet)), 1)
         return plan
 
-    def _exchanged(self, plan: Counter[int], place: int, pieces: int, most: int, feet: int) -> Counter[int]:
+    def _exchanged(
+        self, plan: tuple[_Planned, ...], recording: _Planned, pieces: int, most: int, feet: int
+    ) -> tuple[_Planned, ...]:
         """A plan with so many pieces of one recording put where they add most, if that is worth it."""
-        if not plan[place]:  # an exchange before this one has emptied it
+        if recording not in plan:  # an exchange before this one has changed it
             return plan
-        rest = plan - Counter({place: pieces})
-        best, gains = self._best(rest, pieces, most, feet)
-        return rest + Counter({best: pieces}) if gains[best] > gains[place] + _LEAST_GAIN else plan
+        rest, (place, whole) = _without(plan, recording, pieces), recording
+        gains = self._gains(rest, pieces, most, feet)
+        best = _best(gains)
+        worth = gains[best] > gains[place, whole - pieces] + _LEAST_GAIN
+        return _with(rest, best, pieces) if worth else plan
 
-    def _best(self, plan: Counter[int], pieces: int, most: int, feet: int) -> tuple[int, np.ndarray]:
-        """The candidate to which so many pieces add most to a plan, and what they add at each (K,), in nats.
+    def _gains(
+        self, plan: tuple[_Planned, ...], pieces: int, most: int, feet: int
+    ) -> dict[_Planned, float]:
+        """What so many pieces add to a plan, in nats, as a longer recording or as one more (place, 0).
 
-        Where the plan has all its recordings, only these may become longer. Scores are kept: exchanges come back to
-        the same plans.
+        Where the plan has all its recordings, only these may become longer. Scores are kept: exchanges
+        come back to the same plans.
         """
-        key = (tuple(sorted(plan.items())), pieces, feet)
+        more = range(len(self.candidates)) if len(plan) < most else ()
+        options = [*dict.fromkeys(plan), *((place, 0) for place in more)]
+        key = plan, pieces, bool(more), feet
         if key not in self._scored:
-            self._scored[key] = self._feet.gains(self._sums(()), plan, pieces, feet).sum(1)
-        gains, order = self._scored[key], sorted(plan)
-        if len(order) < most:
-            return int(np.argmax(gains)), gains
-        return order[int(np.argmax(gains[order]))], gains
+            gains = self._feet.gains(self._sums(()), plan, options, pieces, feet).sum(1)
+            self._scored[key] = dict(zip(options, map(float, gains), strict=True))
+        return self._scored[key]
 
-    def _met(self, plan: Counter[int]) -> bool:
-        """What is asked is expected to be met, by all feet."""
+    def _met(self, plan: tuple[_Planned, ...]) -> bool:
+        """What is asked is likely to be met, by all feet."""
         return self.met(self.outlook(self._steps(plan)))
 
-    def _rank(self, plan: Counter[int]) -> tuple[bool, int, float]:
+    def _rank(self, plan: tuple[_Planned, ...]) -> tuple[bool, int, float]:
         """Better sessions rank higher: those that meet the goal, by less shaking; then by the score of all feet."""
         outlook = self.outlook(self._steps(plan))
         met = self.met(outlook)
-        return met, -plan.total() if met else 0, float(outlook.utility.sum())
+        return met, -sum(n for _, n in plan) if met else 0, float(outlook.utility.sum())
 
-    def _steps(self, plan: Counter[int]) -> list[Step]:
+    def _steps(self, plan: tuple[_Planned, ...]) -> list[Step]:
         """The recordings of a plan."""
-        return [replace(self.candidates[i], seconds=n * self.shaker.seconds) for i, n in plan.items()]
+        return [replace(self.candidates[i], seconds=n * self.shaker.seconds) for i, n in plan]
+
+
+def _best(gains: Mapping[_Planned, float]) -> _Planned:
+    """The first of those that gain most: recordings that become longer stand before new ones."""
+    most = max(gains.values())
+    return next(option for option, gain in gains.items() if gain > most - _ALIKE)
+
+
+def _without(
+    plan: tuple[_Planned, ...], recording: _Planned, pieces: int
+) -> tuple[_Planned, ...]:
+    """A plan without some pieces of one recording."""
+    rest, (place, whole) = list(plan), recording
+    rest.remove(recording)
+    return tuple(sorted([*rest, (place, whole - pieces)] if whole > pieces else rest))
+
+
+def _with(plan: tuple[_Planned, ...], option: _Planned, pieces: int) -> tuple[_Planned, ...]:
+    """A plan with a recording that is longer by so many pieces, or with one more."""
+    rest, (place, whole) = list(plan), option
+    if whole:
+        rest.remove(option)
+    return tuple(sorted([*rest, (place, whole + pieces)]))
 
 
 def _refuse(person: Person, shaker: Shaker, ask: Mapping[str, float], earlier: Sequence[Recording], draws: int) -> None:

@@ -1,20 +1,23 @@
-"""Feet that could be the person's, all at once: what protocols are expected to leave of their constants and branches.
+"""Feet that could be the person's, all at once: what protocols leave of their constants and branches.
 
 The score is in nats, and a mean over the feet:
 
-- information: half the log det that the asked constants' information gains, everything else integrated out;
-- branch: how much nearer the expected log-odds between the foot and its mirror image come to 1000 to 1, as a share;
+- information: half the log det that the asked constants' information gains, all else integrated out;
+- branch: how much nearer the expected log-odds between the foot and its mirror image come to 1000 to
+  1, as a share;
 - rivals: the same for the departures that are not excluded, each of the size that its prior expects;
 - widest: the logarithm by which the widest asked interval comes nearer to what was asked.
 
-The odds are those of one Gauss-Newton step from the rival: the mirror image, which has everything else that may be true
-to help, or where that leads it in a session that has a little of everything (`Sight.rivals`).
+The odds are those of one Gauss-Newton step from the rival: the mirror image, which has everything else
+that may be true to help, or where that leads it in a session of a little of everything
+(`Sight.rivals`).
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import ndtr
 
 from fasbody.constants import Z95
 from identification.branches import DECISIVE_ODDS, EXCHANGED
@@ -24,6 +27,9 @@ from identification.plan.prior import PlanVariables
 _DECISIVE = float(np.log(DECISIVE_ODDS))
 #: Precision of what a rival holds at a bound.
 _HELD = 1e9
+#: Standard deviation of the logarithm of a fit's half-width about the expected one of the same foot:
+#: the scatter of recordings is itself estimated, and the curvature is that of where the fit ends.
+WIDTH_STD = 0.25
 #: Nuisances that say how large a departure is; the others of its group say of what kind.
 _SIZES = ("mount", "relaxing", "rocking", "under load", "load share")
 
@@ -45,26 +51,53 @@ class Score:
 
 @dataclass(frozen=True, eq=False)
 class Outlook:
-    """What recordings are expected to leave.
+    """What recordings are expected to leave, foot by foot.
 
     Attributes:
-        half_width: by constant, half of the 95 % interval as a share of the value, the geometric mean over the feet.
-        spread: by constant, least and largest over the feet.
-        met: share of the feet for whom all that is asked of intervals is met.
-        log_odds: (D,) of each foot over its rival.
+        half: (D, 4) half of the 95 % intervals as shares of the values, in the order of `EXCHANGED`.
+        log_odds: (D,) expected, of each foot over its rival.
+        asked: half-widths by constant.
         utility: (4,) in the order of `Score`, to take differences of.
     """
 
-    half_width: Mapping[str, float]
-    spread: Mapping[str, tuple[float, float]]
-    met: float
+    half: np.ndarray
     log_odds: np.ndarray
+    asked: Mapping[str, float]
     utility: np.ndarray
+
+    def quantile(self, share: float) -> dict[str, float]:
+        """Half-widths by constant that so large a share of the feet stays below."""
+        widths = np.quantile(self.half, share, axis=0)
+        return dict(zip(EXCHANGED, map(float, widths), strict=True))
+
+    @property
+    def half_width(self) -> dict[str, float]:
+        """Median over the feet."""
+        return self.quantile(0.5)
+
+    @property
+    def decisions(self) -> np.ndarray:
+        """(D,) probability that the branch is decided: log-odds scatter by the root of twice themselves."""
+        odds = np.maximum(self.log_odds, 1e-9)
+        return np.asarray(ndtr((odds - _DECISIVE) / np.sqrt(2 * odds)))
+
+    def within(self, names: Sequence[str]) -> np.ndarray:
+        """(D,) probability that the intervals of some constants are as asked; they vary together."""
+        at = [EXCHANGED.index(name) for name in names]
+        if not at:
+            return np.ones(len(self.half))
+        over = np.log([self.asked[name] for name in names] / self.half[:, at]).min(axis=1)
+        return np.asarray(ndtr(over / WIDTH_STD))
+
+    def goal(self, names: Sequence[str] | None = None, branch: bool = True) -> float:
+        """Probability that some intervals, all that are asked unless given, and the branch are as asked."""
+        narrow = self.within(list(self.asked) if names is None else names)
+        return float(np.mean(narrow * self.decisions if branch else narrow))
 
     @property
     def decided(self) -> float:
-        """Share of the feet whose branch is decided."""
-        return float(np.mean(self.log_odds > _DECISIVE))
+        """Probability that the branch is decided."""
+        return float(np.mean(self.decisions))
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,15 +151,13 @@ class Feet:
     Args:
         seen: D feet, as all steps see them.
         variables: n of them.
-        candidates: so many steps come first that could be added.
 
     Attributes:
         asked: half-widths by constant that the widest interval is compared with; none, and it does not count.
     """
 
-    def __init__(self, seen: Seen, variables: PlanVariables, candidates: int) -> None:
+    def __init__(self, seen: Seen, variables: PlanVariables) -> None:
         self.seen, self.asked = seen, dict[str, float]()
-        self._candidates = candidates
         mean, std = variables.prior
         self._P = 1 / std**2
         true, rival = seen.q - mean, seen.rival - mean
@@ -147,7 +178,7 @@ class Feet:
     def sums(self, places: Sequence[int], lengths: Sequence[float] | np.ndarray) -> Sums:
         """Of recordings of the steps at some places, so many usual lengths long."""
         at, x = list(places), self.seen
-        W = 1 / (x.noise[:, at] / np.array(lengths, float)[:, None] + x.scatter[:, at])
+        W = 1 / (x.noise[:, at] / np.array(lengths, float)[:, None] + x.spread[:, at])
         J, K, r, W = (y.reshape(len(y), -1, *y.shape[3:]) for y in (self._J[:, at], x.K[:, at], x.missed[:, at], W))
         KW = np.swapaxes(K * W[..., None], 1, 2)
         A = np.swapaxes(J * W[..., None], 1, 2) @ J
@@ -157,39 +188,41 @@ class Feet:
         """What recordings leave."""
         after = self._after(sums)
         std, odds, utility = self._judge(after.known[:, None], after.missed[:, None])
-        half = np.sinh(Z95 * std[:, 0])
-        met = [all(row[EXCHANGED.index(n)] <= share for n, share in self.asked.items()) for row in half]
-        mean, low, high = np.exp(np.log(half).mean(0)), half.min(0), half.max(0)
-        return Outlook(
-            dict(zip(EXCHANGED, map(float, mean), strict=True)),
-            {name: (float(low[i]), float(high[i])) for i, name in enumerate(EXCHANGED)},
-            float(np.mean(met)), odds[:, 0], utility[0],
-        )  # fmt: skip
+        return Outlook(np.sinh(np.minimum(Z95 * std[:, 0], 50.0)), odds[:, 0], self.asked, utility[0])
 
-    def gains(self, done: Sums, plan: Mapping[int, float], length: float = 1.0, feet: int | None = None) -> np.ndarray:
-        """What each candidate of a length adds by the first feet: (K, 4) as in `Score`.
+    def gains(
+        self,
+        done: Sums,
+        plan: Sequence[tuple[int, float]],
+        options: Sequence[tuple[int, float]],
+        length: float = 1.0,
+        feet: int | None = None,
+    ) -> np.ndarray:
+        """What each option adds by the first feet: (K, 4) as in `Score`.
 
         A recording updates what is known as a measurement does in Kalman's filter.
 
         Args:
             done: recordings that stay as they are.
-            plan: candidates that are planned, with their lengths; more of one makes it longer.
+            plan: recordings that are planned, by the place of the candidate and their length.
+            options: recordings of it that become longer, or candidates and a length of 0 for one more.
             length: of what is added.
             feet: how many, None for all.
         """
         D, x = feet or len(self.seen.q), self.seen
-        now = self._after((done + self.sums(list(plan), list(plan.values())))[slice(D)])
-        at = np.s_[:D, : self._candidates]
-        before = np.array([plan.get(i, 0.0) for i in range(self._candidates)])[:, None]
-        noise, scatter = x.noise[at], x.scatter[at]
-        W = (before + length) / (noise + (before + length) * scatter) - before / (noise + before * scatter)
+        planned = self.sums([i for i, _ in plan], [n for _, n in plan])
+        now = self._after((done + planned)[slice(D)])
+        at, before = [i for i, _ in options], np.array([n for _, n in options])[:, None]
+        noise, spread = x.noise[:D, at], x.spread[:D, at]
+        after = before + length
+        W = after / (noise + after * spread) - before / (noise + before * spread)
         root, unit = np.sqrt(W)[..., None], np.eye(W.shape[-1])
-        J, K = root * self._J[at], root * x.K[at]
+        J, K = root * self._J[:D, at], root * x.K[:D, at]
         moved = J @ now.C[:, None]
         G = moved @ np.swapaxes(self._rows[:D], -1, -2)
         S = unit + moved @ np.swapaxes(J, -1, -2)
         known = now.known[:, None] - np.swapaxes(G, -1, -2) @ np.linalg.solve(S, G)
-        e = root[..., 0] * x.missed[at] + (K @ now.nearer[:, None, :, None])[..., 0]
+        e = root[..., 0] * x.missed[:D, at] + (K @ now.nearer[:, None, :, None])[..., 0]
         S = unit + K @ now.of_rival[:, None] @ np.swapaxes(K, -1, -2)
         missed = now.missed[:, None] + (e * np.linalg.solve(S, e[..., None])[..., 0]).sum(-1)
         return self._judge(known, missed)[2] - self._judge(now.known[:, None], now.missed[:, None])[2]
@@ -224,7 +257,7 @@ class Feet:
         A = (sums.A + np.diag(self._P[self._felt]))[:, left][:, :, left]
         L = self._rows[:, 0, : len(EXCHANGED)][:, :, left]
         half = np.sinh(Z95 * np.sqrt(np.einsum("dmn,dnk,dmk->dm", L, np.linalg.inv(A), L)))
-        return dict(zip(EXCHANGED, map(float, np.exp(np.log(half).mean(0))), strict=True))
+        return dict(zip(EXCHANGED, map(float, np.median(half, axis=0)), strict=True))
 
     def _judge(self, known: np.ndarray, missed: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Standard errors (D, K, m) of logarithms, log-odds (D, K), utility (K, 4), of K protocols (`_After`)."""

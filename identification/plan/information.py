@@ -41,7 +41,8 @@ class Seen:
         K: (D, C, M, n) of the rivals.
         missed: (D, C, M) what sensors read of the rivals, less what they read of the feet [m/s^2].
         noise: (D, C, M) variance of a reading.
-        scatter: (D, C, M) variance from one recording to the next.
+        spread: (D, C, M) variance from one recording to the next.
+        scatter: (D, 2) noise of a sample [m/s^2] and repeatability that these come from.
     """
 
     q: np.ndarray
@@ -51,6 +52,7 @@ class Seen:
     K: np.ndarray
     missed: np.ndarray
     noise: np.ndarray
+    spread: np.ndarray
     scatter: np.ndarray
 
     def rows(self, which: np.ndarray | slice) -> "Seen":
@@ -69,7 +71,7 @@ class Sight:
     Args:
         person: on the shaker.
         steps: to be seen.
-        shaker: its noise, rate, and how well recordings repeat.
+        shaker: its rate.
         allowed: what else may be true.
         rng: of the order: a gain that drifts does so with the time, which a plan does not know yet.
         middle_hz: of the band.
@@ -85,7 +87,7 @@ class Sight:
         middle_hz: float,
     ) -> None:
         order = rng.permutation(len(steps))
-        self._place, self._shaker = np.argsort(order), shaker
+        self._place, self._rate_hz = np.argsort(order), shaker.rate_hz
         lines = [_line(person, steps[i], shaker.rate_hz) for i in order]
         sensors = tuple(dict.fromkeys(name for step in steps for name in step.sensors))
         measured = Measured.of(lines, sensors)
@@ -95,20 +97,31 @@ class Sight:
         self.problem = Problem.of(measured, self.variables, motion)
         self._seconds = np.array([steps[i].seconds for i in order])
 
-    def see(self, Q: np.ndarray, rival: np.ndarray, held: np.ndarray) -> tuple[Seen, np.ndarray]:
-        """What each step reads of feet and rivals (D, n), and which of both move steadily (D,)."""
+    def see(
+        self, Q: np.ndarray, rival: np.ndarray, held: np.ndarray, scatter: np.ndarray
+    ) -> tuple[Seen, np.ndarray]:
+        """What each step reads of feet and rivals (D, n), and which of both move steadily (D,).
+
+        Args:
+            Q: feet.
+            rival: of each foot.
+            held: (D, n) variables of the rival that rest on a bound.
+            scatter: (D, 2) noise of a sample [m/s^2], and repeatability, of each foot.
+        """
         (Y, J, moves), (Z, K, also) = self._read(Q), self._read(rival)
         J, K, missed = (self._by_step(x) for x in (J, K, Z - Y))
-        noise, scatter = (self._by_step(x, rest) for x, rest in zip(self._variances(Y), (np.inf, 0.0), strict=True))
-        return Seen(Q, rival, held, J, K, missed, noise, scatter), moves & also
+        noise, spread = self._variances(Y, scatter)
+        noise, spread = self._by_step(noise, np.inf), self._by_step(spread)
+        return Seen(Q, rival, held, J, K, missed, noise, spread, scatter), moves & also
 
-    def rivals(self, Q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The likeliest feet (D, n) of the other branch if all steps are made of feet Q (D, n), and what is at bounds.
+    def rivals(self, Q: np.ndarray, scatter: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The likeliest feet (D, n) of the other branch if all steps are made of feet Q, and what is at bounds.
 
-        One step from the mirror image is not enough where much else may be true: then it may go far, and miss little.
+        One step from the mirror image is not enough where much else may be true: then it may go far,
+        and miss little.
         """
         Y, _, _ = self._read(Q)
-        weights = 1 / np.sqrt(sum(self._variances(Y)))
+        weights = 1 / np.sqrt(np.add(*self._variances(Y, scatter)))
         same = {item.name: getattr(self.problem, item.name) for item in fields(Problem)}
         problem = _Rivals(**same, motions=Y, weights=weights)
         signs = np.where(Q[:, self.variables.index["k_F"]] > 0, -1, 1)
@@ -131,7 +144,7 @@ class Sight:
         full[:, rows] = x
         return full[:, self._place]
 
-    def _variances(self, Y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    def _variances(self, Y: np.ndarray, scatter: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Of all harmonics Y (D, N): noise of the sensor and of the base through the foot, and scatter."""
         measured, D = self.problem.measured, len(Y)
         R, S, H = measured.output.shape
@@ -139,11 +152,12 @@ class Sight:
         full[:, measured.rows] = Y
         size = np.hypot(*np.moveaxis(full.reshape(D, R, 2, S, H), 2, 0))  # (D, R, S, H)
         gain = size[..., :1] / np.abs(measured.base[:, None, :1])
-        std = self._shaker.noise_m_s2 * np.sqrt(2 / (self._seconds * self._shaker.rate_hz))
-        noise = np.broadcast_to(std[:, None, None] ** 2 * (1 + gain**2), size.shape)
-        variances = (noise, (self._shaker.repeatability * size) ** 2)
-        noise, scatter = (np.tile(x.reshape(D, R, -1), 2)[:, measured.rows] for x in variances)
-        return noise, scatter
+        noise_m_s2, repeatability = scatter.T[:, :, None, None, None]
+        share = np.sqrt(2 / (self._seconds * self._rate_hz))[:, None, None]
+        noise = np.broadcast_to((noise_m_s2 * share) ** 2 * (1 + gain**2), size.shape)
+        variances = noise, (repeatability * size) ** 2
+        noise, spread = (np.tile(x.reshape(D, R, -1), 2)[:, measured.rows] for x in variances)
+        return noise, spread
 
 
 class _Exact(TwoMassMotion):

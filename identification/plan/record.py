@@ -125,7 +125,7 @@ class Offer(Offering):
             return proposed
         return proposed if _agreed("take it") else None
 
-    def told(self, sentence: str) -> None:
+    def report(self, sentence: str) -> None:
         """See `Offering`."""
         console.print(sentence, soft_wrap=True, markup=False)
 

@@ -1,5 +1,6 @@
 """A session planned in advance, beside the thesis' protocol."""
 
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
@@ -7,14 +8,31 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from fasbody.acquire.plan import PROTOCOL
 from fasbody.console import to_json, write_whole
-from fasbody.presentation import Presented, Sheet, counted, readable
+from fasbody.presentation import Presented, Sheet, counted, listed, readable
 from identification.branches import EXCHANGED
-from identification.plan.candidates import PLANNED, THESIS, THESIS_AMPLITUDE, UNLOADED, Step, thesis
+from identification.plan.candidates import (
+    PLANNED,
+    THESIS,
+    THESIS_AMPLITUDE,
+    UNLOADED,
+    Step,
+    exposure,
+    shaking_s,
+    thesis,
+)
 from identification.plan.director import GOAL, SHARE, Director
 from identification.plan.feet import Outlook, Score
-from identification.plan.protocol import Protocol, exposure, shaking_s
-from identification.plan.words import in_the_way, listed, minutes, percent, plain, repeating, span, whole
+from identification.plan.words import (
+    chance,
+    in_the_way,
+    minutes,
+    percent,
+    plain,
+    repeating,
+    span,
+)
 
 _TITLES = {PLANNED: "planned", THESIS: "the thesis, three loads", UNLOADED: "the thesis, unloaded"}
 
@@ -25,33 +43,55 @@ class Expected:
 
     Attributes:
         steps: of it.
-        half_width: half of the 95 % interval as a share of the value, by constant; the geometric
-            mean over the feet.
+        half_width: half of the 95 % interval as a share of the value, by constant; the median of the
+            feet.
+        low, high: between which eight of ten feet lie.
         least, most: over the feet.
-        met: share of the feet for whom all that is asked is met.
-        decided: share of the feet whose branch is decided.
+        within: probability that the interval of a constant that is asked for is met.
+        met: probability that all of these are met.
+        decided: probability that the branch is decided.
+        goal: probability of all that.
     """
 
     steps: tuple[Step, ...]
     half_width: dict[str, float]
+    low: dict[str, float]
+    high: dict[str, float]
     least: dict[str, float]
     most: dict[str, float]
+    within: dict[str, float]
     met: float
     decided: float
+    goal: float
 
     @classmethod
     def of(cls, steps: Sequence[Step], outlook: Outlook) -> "Expected":
         """Of an outlook."""
-        low, high = ({name: ends[i] for name, ends in outlook.spread.items()} for i in (0, 1))
-        return cls(tuple(steps), dict(outlook.half_width), low, high, outlook.met, outlook.decided)
+        middle, low, high, least, most = (outlook.quantile(x) for x in (0.5, 0.1, 0.9, 0.0, 1.0))
+        within = {name: outlook.goal([name], branch=False) for name in outlook.asked}
+        met = outlook.goal(branch=False)
+        return cls(
+            tuple(steps), middle, low, high, least, most, within, met, outlook.decided, outlook.goal()
+        )
 
     def document(self) -> dict[str, Any]:
         """As plain data."""
+        widths = "relative_half_width"
         return {
-            "recordings": len(self.steps), "shaking_s": shaking_s(self.steps), "relative_half_width": self.half_width,
-            "relative_half_width_least": self.least, "relative_half_width_most": self.most,
-            "met_share": self.met, "decided_share": self.decided,
+            "recordings": len(self.steps), "shaking_s": shaking_s(self.steps),
+            widths: self.half_width, f"{widths}_low": self.low, f"{widths}_high": self.high,
+            f"{widths}_least": self.least, f"{widths}_most": self.most, "met_share": self.met,
+            "decided_share": self.decided, "goal_probability": self.goal,
         }  # fmt: skip
+
+    def width(self, name: str) -> str:
+        """The interval of a constant, and of how many feet."""
+        low, high = percent(self.low[name]), percent(self.high[name])
+        return f"{name} +-{percent(self.half_width[name])} ({low} to {high})"
+
+    def widths(self, names: Sequence[str] = EXCHANGED) -> str:
+        """Those of several, without their range."""
+        return _widths(self.half_width, names)
 
 
 #: What a group of what is uncertain is, and what a laboratory does about it, in words that the fit takes.
@@ -69,10 +109,12 @@ _RELIEF = {
 #: What the last columns of the table are.
 _LEGEND = (
     "The last columns say what a recording adds to all others, in nat: to the asked intervals together, to the widest "
-    "of them, and to the decision of the branch."
+    "of them, and to the decision of the branch. Intervals are medians of the feet, in brackets of eight in ten."
 )
 #: Shaking beyond this [s] is no plan, and relief by less than this factor is none.
 _FAR_S, _WORTH = 6 * 3600.0, 1.1
+#: A sensor comes first where it adds so much to the probability of a decision, or of the goal.
+_DECIDES = 0.1
 #: What is recorded where no few steps would do.
 EVERY = "every candidate"
 
@@ -112,12 +154,14 @@ class Longer:
         branch: bool,
         available_s: float,
     ) -> "Longer | None":
-        """The quickest of some protocols, by what they are called; None where none ever does."""
+        """The quickest of some protocols, by what they are called, or `EVERY`; None where none ever does."""
         sessions = []
-        for what, chosen in steps.items():
-            times = director.times(chosen, names, branch)
+        for what, chosen in ({**steps, EVERY: director.candidates} if names or branch else {}).items():
+            times = director.times(chosen, names, branch) if chosen else np.inf
+            times = times if what == EVERY else max(1.0, times)
             if np.isfinite(times):
-                sessions.append(cls(times, times * shaking_s(chosen), what, available_s))
+                seconds = max(times * shaking_s(chosen), director.shaker.seconds)
+                sessions.append(cls(times, seconds, what, available_s))
         return min(sessions, key=lambda x: x.shaking_s, default=None)
 
 
@@ -161,8 +205,7 @@ class Planned(Presented):
         adds: what each adds to all the others.
         expected: by protocol.
         asked: half-widths by constant; those that are not asked for are left out.
-        reached: half-widths if every candidate were recorded until no noise is left, and the share
-            decided then.
+        reached: what is left if every candidate were recorded until no noise is left.
         causes: what keeps each constant uncertain then, in words.
         longer: what it takes to meet what the noise is in the way of; None where nothing is.
         excluding: half-widths after the plan if one group of what is uncertain were known, by its
@@ -173,7 +216,8 @@ class Planned(Presented):
         findings: what they say.
         computing_s: that the planning took.
         uncertain: what is not known beforehand, beside the constants.
-        repeatability: relative scatter of a harmonic from recording to recording.
+        repeatability: relative scatter of a harmonic from recording to recording, of the middle foot.
+        shaker: its settings.
     """
 
     figures: ClassVar[str] = "identification.plan.figures"
@@ -198,8 +242,9 @@ class Planned(Presented):
     places: tuple[Place, ...]
     findings: str
     computing_s: float
-    uncertain: tuple[str, ...] = ()
-    repeatability: float = 0.0
+    uncertain: tuple[str, ...]
+    repeatability: float
+    shaker: dict[str, Any]
 
     @property
     def limited(self) -> str:
@@ -217,99 +262,97 @@ class Planned(Presented):
         return f"The thesis' protocol is taken as this shaker can do it: {', and '.join(parts)}." if parts else ""
 
     @property
+    def mine(self) -> Expected:
+        """What the plan is expected to leave."""
+        return self.expected[PLANNED]
+
+    @property
     def missed(self) -> tuple[str, ...]:
-        """Constants whose interval the plan is not expected to bring down to what is asked."""
-        mine = self.expected[PLANNED].half_width
-        return tuple(name for name, share in self.asked.items() if mine[name] > share)
+        """Constants whose interval the plan does not bring down to what is asked with `SHARE`."""
+        return tuple(name for name in self.asked if self.mine.within[name] < SHARE)
 
     @property
     def never(self) -> tuple[str, ...]:
-        """Constants whose interval no protocol of these candidates brings down to what is asked."""
-        return tuple(name for name in self.missed if self.reached.half_width[name] > self.asked[name])
-
-    @property
-    def decides(self) -> bool:
-        """The branch is expected to be decided."""
-        return self.expected[PLANNED].decided >= SHARE
+        """Constants whose interval no protocol of these candidates brings down to what is asked, of most feet."""
+        return tuple(name for name in self.missed if self.reached.within[name] < 0.5)
 
     @property
     def met(self) -> bool:
-        """The branch is expected to be decided, and every asked interval to be met."""
-        return self.decides and not self.missed
+        """The branch is decided, and every asked interval is met, with a probability of `SHARE`."""
+        return self.mine.goal >= SHARE
 
     @property
-    def protocol(self) -> Protocol:
-        """For the file."""
-        return Protocol(self.steps, self.subject, self.body_mass_kg, self.posture, self.seed)
+    def begins_with(self) -> Offer | None:
+        """The sensor that decides: what to begin with."""
+
+        def gain(offer: Offer) -> float:
+            e = offer.expected
+            return max(e.decided - self.mine.decided, e.goal - self.mine.goal)
+
+        best = max(self.offers, key=gain, default=None)
+        return best if best is not None and self.steps and gain(best) > _DECIDES else None
 
     @property
-    def _existing(self) -> str:
-        """The earlier recordings, in words."""
-        return "the recording that exists" if self.earlier == 1 else f"the {self.earlier} recordings that exist"
+    def protocol(self) -> dict[str, Any]:
+        """The steps in order, and whom they are for, as `python -m fasbody.acquire --plan` reads them."""
+        return {
+            "format": PROTOCOL, "subject": self.subject, "body_mass_kg": self.body_mass_kg, "posture": self.posture,
+            "seed": self.seed, "protocol": [asdict(step) for step in self.steps],
+        }  # fmt: skip
 
     def sentence(self) -> str:
         """What to expect."""
-        mine, theirs = self.expected[PLANNED], self.expected[THESIS]
+        existing = "the recording" if self.earlier == 1 else f"the {self.earlier} recordings"
+        likely = f"with a probability of {chance(self.mine.goal)}"
         if not self.steps:
-            return f"Nothing more needs to be recorded. {self.stop()}"
+            return f"Nothing more needs to be recorded: what is asked is met by {existing} that exist, {likely}."
         more = "more " if self.earlier else ""
-        text = f"{counted(len(self.steps), f'{more}recording')} and {minutes(shaking_s(self.steps))} of shaking"
-        if self.earlier:
-            text += f" after {self._existing}:"
-        elif theirs.steps:
-            ratio = [mine.half_width[name] / theirs.half_width[name] for name in EXCHANGED]
-            low, high = (plain(x, 3) for x in (min(ratio), max(ratio)))
-            text += (
-                f" in place of {len(theirs.steps)} and {plain(shaking_s(theirs.steps) / 60)}: intervals of {low} to "
-                f"{high} times those of the thesis' three loads, and"
-            )
-        else:
-            text += ":"
-        text += f" the branch decided for {whole(mine.decided)} of such feet."
-        return f"{text} {self.stop()}"
+        shaking = minutes(shaking_s(self.steps))
+        text = f"{counted(len(self.steps), f'{more}recording')} and {shaking} of shaking"
+        text += f" after {existing} that exist" if self.earlier else ""
+        text += f" meet what is asked {likely}"
+        parts = [f"{self.mine.width(name)} for +-{percent(self.asked[name])}" for name in self.missed]
+        if self.mine.decided < SHARE:
+            parts.append(f"the branch decided with {chance(self.mine.decided)}")
+        text += f": {'; '.join(parts)}." if parts else "."
+        return " ".join([text, *filter(None, (self._first(), self._more(), self._never(), self.relief()))])
 
-    def stop(self) -> str:
-        """Whether what is asked is met, will be, or never is."""
-        if self.met and not self.steps:
-            return f"What is asked is met by {self._existing}."
-        if self.met:
-            feet, share = counted(self.feet, "foot", "feet"), whole(self.expected[PLANNED].met)
-            return (
-                f"What is asked is met in the mean over the {feet} that the plan was made for, and for {share} of them "
-                "in every interval; other feet come out wider."
-            )
-        mine = self.expected[PLANNED].half_width
-        parts = [
-            f"{name} comes to +-{percent(mine[name])} (+-{percent(self.asked[name])} asked)"
-            for name in self.missed
-            if name not in self.never
-        ]
-        if not self.decides and self.reached.decided >= SHARE:
-            parts.append("the branch may stay open")
-        never = [
-            unreachable(name, self.reached.half_width[name], self.asked[name], self.causes[name]) for name in self.never
-        ]
-        if self.reached.decided < SHARE:
-            never.append(f"the branch for more than {whole(self.reached.decided)} of such feet")
-        text = ""
-        if parts and self.longer and self.longer.shaking_s > _FAR_S:
-            text = f"Out of reach, as it would take {span(self.longer.shaking_s)} of shaking: {', '.join(parts)}. "
-        elif parts:
-            text = f"More is needed, as {in_the_way(self.repeatability)} in the way: {', '.join(parts)}. "
-            text += f"{self.longer} " if self.longer else ""
-        if never:
-            text += (
-                f"No protocol of these candidates is expected to bring {', nor '.join(never)}, with unlimited minutes "
-                "of every candidate: what stays uncertain is not in the vibration. Weigh the segments, calibrate the "
-                "channels, or add a load or a sensor on the foot. "
-            )
-        return f"{text}{self.relief()}".strip()
+    def _first(self) -> str:
+        """The sensor that decides."""
+        offer = self.begins_with
+        if offer is None:
+            return ""
+        e = offer.expected
+        return (
+            f"Begin with a second sensor {offer.sensor!r}: with it the branch is decided with {chance(e.decided)}, "
+            f"and {e.widths()}."
+        )
+
+    def _more(self) -> str:
+        """What noise and scatter are in the way of, and what that would take."""
+        names = [name for name in self.missed if name not in self.never]
+        if self.mine.decided < SHARE and self.reached.decided >= 0.5:
+            names.append("the branch")
+        if not names:
+            return ""
+        what, of = in_the_way(self.repeatability), listed(names)
+        if self.longer is not None and self.longer.shaking_s > _FAR_S:
+            return f"Out of reach of these candidates, with {span(self.longer.shaking_s)} of shaking: {of}."
+        ever = f"With unlimited minutes that is met with {chance(self.reached.goal)}."
+        return f"{what[:1].upper()}{what[1:]} in the way of {of}. {self.longer or ever}"
+
+    def _never(self) -> str:
+        """What no minutes bring."""
+        never = unreachable(self.reached.half_width, self.asked, self.causes, self.never)
+        if self.reached.decided < 0.5:
+            never.append(f"the branch with more than {chance(self.reached.decided)}")
+        return nothing_brings(never)
 
     def relief(self) -> str:
         """What keeps the missed intervals wide, and what would take it away; empty where nothing is missed by it."""
-        mine = self.expected[PLANNED].half_width
 
         def narrower(half: Mapping[str, float]) -> float:
+            mine = self.mine.half_width
             return float(np.exp(np.mean([np.log(mine[name] / half[name]) for name in self.missed])))
 
         if not self.missed or not self.steps or not self.excluding:
@@ -318,13 +361,7 @@ class Planned(Presented):
         if narrower(self.excluding[most]) < _WORTH:
             return ""
         what, how = _RELIEF[most]
-        text = f"What costs most is {what}: without, {_widths(self.excluding[most], self.missed)} ({how})."
-        offer = max(self.offers, key=lambda o: narrower(o.expected.half_width), default=None)
-        if offer is not None and narrower(offer.expected.half_width) > narrower(self.excluding[most]):
-            text += (
-                f" A second sensor {offer.sensor!r} takes more away: {_widths(offer.expected.half_width, self.missed)}."
-            )
-        return text
+        return f"What costs most is {what}: without, {_widths(self.excluding[most], self.missed)} ({how})."
 
     def sheet(self) -> Sheet:
         """The session, step by step."""
@@ -335,43 +372,40 @@ class Planned(Presented):
             )
             for i, (step, score) in enumerate(zip(self.steps, self.adds, strict=True), start=1)
         ]  # fmt: skip
-        columns = (
-            "step", "kind", "Hz", "kg", "m/s^2", "s", "together", "widest", "branch",
-        )  # fmt: skip
-        notes = [self.sentence(), goal(self.asked), *([_LEGEND] if rows else [])]
-        notes += [self.limited] if self.limited else []
+        columns = ("step", "kind", "Hz", "kg", "m/s^2", "s", "together", "widest", "branch")
+        notes = [self.sentence(), goal(self.asked), _LEGEND if rows else "", self.limited]
         for name, e in self.expected.items():
             if not e.steps and not (name == PLANNED and self.earlier):
                 continue
-            widths = _widths(e.half_width)
             title = _TITLES[name]
             if self.earlier:
-                title += ", with what exists" if name == PLANNED else ", without what exists"
+                title += f", {'with' if name == PLANNED else 'without'} what exists"
             notes.append(
-                f"{title}: {counted(len(e.steps), 'recording')}, {minutes(shaking_s(e.steps))}, {widths}, "
-                f"decided {whole(e.decided)}."
+                f"{title}: {counted(len(e.steps), 'recording')}, {minutes(shaking_s(e.steps))}, {e.widths()}, "
+                f"decided {chance(e.decided)}, all that is asked {chance(e.goal)}."
             )
         for offer in self.offers:
-            mine, e = self.expected[PLANNED], offer.expected
-            widths = ", ".join(f"{n} +-{percent(e.half_width[n])} ({percent(mine.half_width[n])})" for n in EXCHANGED)
+            e = offer.expected
+            widths = ", ".join(
+                f"{n} +-{percent(e.half_width[n])} ({percent(self.mine.half_width[n])})" for n in EXCHANGED
+            )
             notes.append(
-                f"With a second sensor {offer.sensor!r} (without it): {widths}, decided {whole(e.decided)} "
-                f"({whole(mine.decided)})."
+                f"With a second sensor {offer.sensor!r} (without it): {widths}, decided {chance(e.decided)} "
+                f"({chance(self.mine.decided)})."
             )
         one = len(self.uncertain) == 1 and self.uncertain != ("masses",)
-        also = (
-            f"{listed(self.uncertain)} {'is' if one else 'are'} uncertain"
-            if self.uncertain
-            else "nothing beside their constants is uncertain"
+        also = "nothing beside their constants is uncertain"
+        if self.uncertain:
+            also = f"{listed(self.uncertain)} {'is' if one else 'are'} uncertain"
+        notes += [
+            f"Of {counted(self.feet, 'foot', 'feet')} of persons of {self.body_mass_kg:g} kg; {also}; "
+            f"{repeating(self.repeatability)}. Seed {self.seed}.",
+            exposure(self.steps).sentence(),
+            self.findings,
+        ]
+        return Sheet(
+            f"{self.model}: the next session of subject {self.subject}", columns, rows, [*filter(None, notes)]
         )
-        notes.append(
-            f"Averages over {counted(self.feet, 'foot', 'feet')} of persons of {self.body_mass_kg:g} kg; {also}; "
-            f"{repeating(self.repeatability)}. Seed {self.seed}."
-        )
-        notes.append(exposure(self.steps).sentence())
-        if self.findings:
-            notes.append(self.findings)
-        return Sheet(f"{self.model}: the next session of subject {self.subject}", columns, rows, notes)
 
     def records(self) -> list[dict[str, Any]]:
         """One row a step."""
@@ -382,19 +416,21 @@ class Planned(Presented):
 
     def document(self) -> dict[str, Any]:
         """The plan as plain data."""
+        first = self.begins_with
         return {
-            **self.protocol.document(), "model": self.model, "feet": self.feet,
+            **self.protocol, "model": self.model, "feet": self.feet,
             "next": asdict(self.steps[0]) if self.steps else None,
             "scores": [asdict(score) | {"total": score.total} for score in self.adds],
             "expected": {name: e.document() for name, e in self.expected.items()},
             "asked": {name: self.asked.get(name) for name in EXCHANGED}, "met": self.met,
+            "goal_probability": self.mine.goal, "begin_with": first and first.sensor,
             "never": {
                 "constants": list(self.never), "relative_half_width": self.reached.half_width,
                 "decided_share": self.reached.decided, "variance": {name: self.causes[name] for name in self.never},
             },
             "longer": None if self.longer is None else asdict(self.longer), "excluding": self.excluding,
             "offers": [offer.document() for offer in self.offers],
-            "uncertain": list(self.uncertain), "repeatability": self.repeatability,
+            "uncertain": list(self.uncertain), "repeatability": self.repeatability, "shaker": self.shaker,
             "limited": self.limited, "earlier_recordings": self.earlier,
             "information": [
                 {
@@ -410,7 +446,7 @@ class Planned(Presented):
         """Write protocol.json, which acquire runs, plan.json and plan.csv into a folder."""
         place = Path(folder)
         return [
-            self.protocol.write(place / "protocol.json"),
+            write_whole(place / "protocol.json", to_json(self.protocol) + "\n"),
             write_whole(place / "plan.json", to_json(self.document()) + "\n"),
             write_whole(place / "plan.csv", self.to_dataframe().to_csv(index=False)),
         ]
@@ -425,52 +461,48 @@ def planned(director: Director, most: int, seconds: float, took_s: float = 0.0) 
         seconds: of shaking.
         took_s: that making the director took.
     """
-    import time
-
     began = time.perf_counter()
     known = bool(director.done) and director.met(director.outlook(()))
     steps = () if known else director.session(most, seconds)
-    protocols: dict[str, Sequence[Step]] = {
-        PLANNED: steps,
-        THESIS: director.thesis(),
-        UNLOADED: director.thesis((0.0,)),
-    }
-    expected = {
-        name: Expected.of(protocol, director.outlook(protocol, fresh=name != PLANNED))
-        for name, protocol in protocols.items()
-    }
-    whole = director.outlook(steps).utility
+    protocols = {PLANNED: steps, THESIS: director.thesis(), UNLOADED: director.thesis((0.0,))}
+    outlooks = {name: director.outlook(x, fresh=name != PLANNED) for name, x in protocols.items()}
+    mine = outlooks[PLANNED].utility
     adds = []
     for number in range(len(steps)):
         without = director.outlook([*steps[:number], *steps[number + 1 :]]).utility
-        adds.append(Score(*map(float, whole - without)))
+        adds.append(Score(*map(float, mine - without)))
     first, more = director.scores(()), director.scores(steps)
-    person, reached = director.person, Expected.of((), director.for_ever())
+    offers = []
+    for sensor in director.offers:
+        worn = director.wearing(sensor, steps)
+        offers.append(
+            Offer(sensor, Expected.of(steps, worn), Score(*map(float, worn.utility - mine)))
+        )
+    person = director.person
+    shaker = asdict(director.shaker) | {
+        "noise_m_s2": director.noise_m_s2, "repeatability": director.repeatability
+    }  # fmt: skip
     return Planned(
         person.foot.name, person.name, person.body_mass_kg, person.posture, director.seed, director.feet, steps,
-        tuple(adds), expected, dict(director.asked), reached, director.causes(),
-        _longer(director, steps, expected[PLANNED], reached, seconds), director.excluding(steps),
-        tuple(_offer(director, name, steps, whole) for name in director.offers), len(director.done),
+        tuple(adds), {name: Expected.of(protocols[name], x) for name, x in outlooks.items()}, dict(director.asked),
+        Expected.of((), director.for_ever()), director.causes(),
+        _longer(director, steps, seconds), director.excluding(steps), tuple(offers), len(director.done),
         tuple(Place(s, a, b) for s, a, b in zip(director.candidates, first, more, strict=True)),
         "" if director.belief is None else believed(director), took_s + time.perf_counter() - began,
-        director.uncertain, director.shaker.repeatability,
+        director.uncertain, director.repeatability, shaker,
     )  # fmt: skip
 
 
-def _offer(director: Director, sensor: str, steps: Sequence[Step], without: np.ndarray) -> Offer:
-    outlook = director.wearing(sensor, steps)
-    return Offer(sensor, Expected.of(steps, outlook), Score(*map(float, outlook.utility - without)))
-
-
-def _longer(
-    director: Director, steps: Sequence[Step], mine: Expected, reached: Expected, available_s: float
-) -> Longer | None:
-    """What it takes to meet what can be met and is not."""
-    asked, branch = director.asked, mine.decided < SHARE <= reached.decided
-    names = [name for name, share in asked.items() if mine.half_width[name] > share >= reached.half_width[name]]
-    if not names and not branch:
+def _longer(director: Director, steps: Sequence[Step], available_s: float) -> Longer | None:
+    """What it takes to meet what can be met and is not likely to be."""
+    mine, ever = director.outlook(steps), director.for_ever()
+    if director.met(mine):
         return None
-    return Longer.of(director, {"the plan": steps, EVERY: director.candidates}, names, branch, available_s)
+    names = [n for n in director.asked if ever.goal([n], branch=False) >= SHARE]
+    branch = ever.decided >= SHARE
+    if mine.goal(names, branch) >= SHARE:
+        return None
+    return Longer.of(director, {"the plan": steps}, names, branch, available_s)
 
 
 def believed(director: Director) -> str:
@@ -491,24 +523,43 @@ def believed(director: Director) -> str:
         )
         doubt += f" like this (chi-square {belief.ends[0].excess:.3g} per degree of freedom)."
     # theirs, in place of what was expected
-    about = f"noise {readable(director.shaker.noise_m_s2, 2)} m/s^2, {repeating(belief.repeatability)}"
+    about = f"noise {readable(director.noise_m_s2, 2)} m/s^2, {repeating(belief.repeatability)}"
     return f"After {counted(len(director.done), 'recording')} ({about}): {verdict}; {bands}.{doubt}"
 
 
-def _widths(half: Mapping[str, float], names: Sequence[str] = ()) -> str:
-    """Half-widths by constant, of some or of all."""
-    return ", ".join(f"{name} +-{percent(half[name])}" for name in names or half)
+def _widths(half: Mapping[str, float], names: Sequence[str]) -> str:
+    """Half-widths of some constants."""
+    return ", ".join(f"{name} +-{percent(half[name])}" for name in names)
 
 
 def goal(asked: Mapping[str, float]) -> str:
     """What is asked for, in full."""
-    widths = _widths(asked)
+    widths = _widths(asked, list(asked))
     rest = ", ".join(name for name in EXCHANGED if name not in asked)
     usual = " (the usual goal, whatever the rig)" if asked == GOAL else ""
     return f"Asked: {widths}{usual}, and the branch.{f' Not asked: {rest}.' if rest else ''}"
 
 
-def unreachable(name: str, reached: float, asked: float, cause: str) -> str:
-    """A constant that no protocol brings down to what is asked, and why."""
-    why = f"; its variance comes from {cause}" if cause else ""
-    return f"{name} below +-{percent(reached)} (+-{percent(asked)} asked{why})"
+def unreachable(
+    reached: Mapping[str, float], asked: Mapping[str, float], causes: Mapping[str, str], names: Sequence[str]
+) -> list[str]:
+    """Constants that no protocol brings down to what is asked, and why; those of one cause together."""
+    together: dict[str, list[str]] = {}
+    for name in names:
+        together.setdefault(causes[name], []).append(
+            f"{name} below +-{percent(reached[name])} (+-{percent(asked[name])} asked)"
+        )
+    return [
+        listed(texts, "nor") + (f" (variance: {cause})" if cause else "")
+        for cause, texts in together.items()
+    ]
+
+
+def nothing_brings(what: Sequence[str]) -> str:
+    """That no minutes bring some things; empty where there are none."""
+    if not what:
+        return ""
+    return (
+        f"No protocol of these candidates brings {', nor '.join(what)}, with unlimited minutes: what stays uncertain "
+        "is not in the vibration. Weigh the segments, calibrate the channels, or add a load or a sensor on the foot."
+    )

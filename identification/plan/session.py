@@ -11,20 +11,19 @@ from fasbody.acquire.board import Stalled
 from fasbody.acquire.person import note
 from fasbody.console import heeded
 from fasbody.exceptions import AcquisitionError, FasError, RecordingError, SettingError, SimulationError
-from fasbody.presentation import Presented, Sheet, counted
+from fasbody.presentation import Presented, Sheet, counted, listed
 from fasbody.recording.checks import checked
 from fasbody.recording.recording import Recording
 from identification.branches import EXCHANGED
+from identification.fitting import fit_foot
 from identification.plan.belief import Band, Belief
-from identification.plan.candidates import Step
-from identification.plan.director import GOAL, SHARE, Director
-from identification.plan.feet import Outlook
+from identification.plan.candidates import Step, shaking_s
+from identification.plan.director import GOAL, HOPELESS, SHARE, Director
 from identification.plan.observed import Observed, observed
 from identification.plan.prior import Person
-from identification.plan.protocol import shaking_s
-from identification.plan.result import EVERY, Longer, believed, goal, unreachable
+from identification.plan.result import Longer, believed, goal, nothing_brings, unreachable
 from identification.plan.shaker import Shaker
-from identification.plan.words import in_the_way, listed, minutes, percent, plain, whole
+from identification.plan.words import chance, in_the_way, minutes, percent, plain
 
 #: Why a session ended.
 MET, NEVER, SPENT, FAILING, STOPPED = "met", "never", "spent", "failing", "stopped"
@@ -55,7 +54,7 @@ class Offering:
         """The step to take, None to end."""
         return proposed
 
-    def told(self, sentence: str) -> None:
+    def report(self, sentence: str) -> None:
         """What happened."""
 
 
@@ -223,13 +222,14 @@ class Session:
         self._change_s = change_s
         self._load: float | None = None
         self._left: tuple[Step, ...] = ()
+        self._fitted: Mapping[str, Band] = {}
 
     def run(self) -> Shaken:
         """Until it ends by itself, nobody takes the next step, it is interrupted, or it cannot go on.
 
         Ctrl-C, or what can neither be recorded nor fitted, ends it with what there is.
         """
-        self._offering.told(goal(self._ask))
+        self._offering.report(goal(self._ask))
         try:
             while True:
                 with heeded():  # compiled code makes something else of Ctrl-C
@@ -263,7 +263,7 @@ class Session:
         self._director = director
         if self._taken and self._taken[-1].observed is not None:
             self._taken[-1] = _after(self._taken[-1], director.belief)
-            self._offering.told(believed(director))
+            self._offering.report(believed(director))
         return director
 
     def _over(self, director: Director) -> tuple[str, str] | None:
@@ -271,16 +271,16 @@ class Session:
         belief = director.belief
         count, spent = len(self._recordings) - self._before, shaking_s([t.step for t in self._taken if t.observed])
         if belief is not None:
-            bands, missed = belief.open_bands(EXCHANGED), self._wide(director)
-            if belief.decided and not missed:
-                return MET, "What is asked is met."
+            bands, missed = belief.open_bands(EXCHANGED), self._missed(director)
+            if belief.decided and not missed and self._confirmed():
+                return MET, "What is asked is met, as the fit of all recordings says."
             ever = director.for_ever()
             never = [name for name in missed if ever.half_width[name] > director.asked[name]]
-            open_ = not belief.decided and ever.decided <= 1 - SHARE
+            open_ = not belief.decided and ever.decided < HOPELESS
             # it goes on while anything that is asked for comes nearer with more minutes
             near = [n for n in never if bands[n].half_width <= _NEARLY * ever.half_width[n]]
-            if len(near) == len(missed) and (belief.decided or open_):
-                return NEVER, _unreachable(director, ever, never, open_)
+            if len(near) == len(missed) > 0 and ever.goal() < HOPELESS and (belief.decided or open_):
+                return NEVER, self._unreachable(director, never, open_)
         if count >= self._most or spent + self._shaker.seconds > self._seconds + 1e-9:
             return SPENT, f"The recordings or minutes that were given are spent. {self._missing(director)}".strip()
         last = self._taken[-_FAILURES:]
@@ -290,43 +290,69 @@ class Session:
             return FAILING, f"{_FAILURES} steps in a row have failed."
         return None
 
+    def _confirmed(self) -> bool:
+        """Whether the fit itself, which knows no population, decides and is as narrow as asked."""
+        known = self._person.known
+        try:
+            result = fit_foot(
+                self._recordings, self._person.foot, mass_std=known.mass_std, gain_std=known.gain_std,
+                delay_std_s=known.delay_std_s, exclude=tuple(known.excluded), threads=1,
+            )  # fmt: skip
+        except FasError:
+            return False
+        self._fitted = {n: Band.of(next(e for key, e in result.best.parameters.items() if key.startswith(f"{n}_")))
+                        for n in EXCHANGED}  # fmt: skip
+        missed = [n for n, share in self._ask.items() if self._fitted[n].half_width > share]
+        if result.verdict == "decided" and not missed:
+            return True
+        what = [f"{n} +-{percent(self._fitted[n].half_width)}" for n in missed]
+        what += ["the branch open"] * (result.verdict != "decided")
+        self._offering.report(f"The fit of all recordings is not there yet: {listed(what)}.")
+        return False
+
     def _idle(self, director: Director) -> tuple[str, str] | None:
-        """Why the session ends although there is time: what is left to record narrows nothing and decides nothing."""
+        """Why the session ends although there is time: all that is left would fail, and brings nothing nearer."""
         belief, rest = director.belief, self._left
         if belief is None or not rest:
             return None
         now, then, bands = director.outlook(()), director.outlook(rest), belief.open_bands(EXCHANGED)
-        missed = self._wide(director)
+        missed = self._missed(director)
         helps = any(then.half_width[name] < _HELPS * now.half_width[name] for name in missed)
-        if helps or (not belief.decided and then.decided > now.decided):
+        if then.goal() >= HOPELESS or helps or not missed or (not belief.decided and then.decided > now.decided):
             return None
         still = [f"{name} stays at +-{percent(bands[name].half_width)}" for name in missed]
         still += ["the branch stays open"] * (not belief.decided)
         return NEVER, (
             f"Nothing more helps: with {counted(len(rest), 'more recording')} of {minutes(shaking_s(rest))} in all, "
-            f"{listed(still)}."
+            f"{listed(still)}; what is asked would be met with {chance(then.goal())}."
         )
+
+    def _unreachable(self, director: Director, never: Sequence[str], open_: bool) -> str:
+        """What no protocol does, how far it is reached with unlimited minutes, and why not further."""
+        ever = director.for_ever()
+        what = unreachable(ever.half_width, director.asked, director.causes(), never)
+        return nothing_brings([*what, *["a decision between the mirror feet"] * open_])
 
     def _missing(self, director: Director) -> str:
         """What it would take where noise is in the way of what is asked."""
         belief, good = director.belief, [t.step for t in self._taken if t.observed]
         if belief is None or not good:
             return ""
-        ever, missed = director.for_ever(), self._wide(director)
-        names = [n for n in missed if director.asked[n] >= ever.half_width[n]]
+        ever, missed = director.for_ever(), self._missed(director)
+        names = [n for n in missed if ever.goal([n], branch=False) >= SHARE]
         branch = not belief.decided and ever.decided >= SHARE
         never, open_ = [n for n in missed if n not in names], not belief.decided and not branch
-        text = _unreachable(director, ever, never, open_) if never or open_ else ""
         done = [replace(step, seconds=self._shaker.seconds) for step in good]
-        steps = {"these recordings": [s for s in done if s in director.candidates], EVERY: director.candidates}
-        longer = Longer.of(director, steps, names, branch, self._seconds) if names or branch else None
-        if longer:
-            what = in_the_way(director.shaker.repeatability)
-            what, of = what[:1].upper() + what[1:], ", ".join([*names, *["the branch"] * branch])
-            text = f"{what} in the way of {of}. {longer} {text}"
+        again = [s for s in done if s in director.candidates]
+        longer = Longer.of(director, {"these recordings": again}, names, branch, self._seconds)
+        if not longer:
+            return self._unreachable(director, never, open_)
+        what = in_the_way(director.repeatability)
+        of = ", ".join([*names, *["the branch"] * branch])
+        text = f"{what[:1].upper()}{what[1:]} in the way of {of}. {longer} {self._unreachable(director, never, open_)}"
         return text.strip()
 
-    def _wide(self, director: Director) -> list[str]:
+    def _missed(self, director: Director) -> list[str]:
         """Constants whose intervals are wider than asked."""
         assert director.belief is not None
         bands = director.belief.open_bands(EXCHANGED)
@@ -368,12 +394,12 @@ class Session:
         except Stalled as error:
             self._again = step
             self._taken.append(Taken(step, None, str(error), stalled=True))
-            self._offering.told(f"{step}: the board stalled, {error}")
+            self._offering.report(f"{step}: the board stalled, {error}")
             return
         except (AcquisitionError, RecordingError, SimulationError) as error:
             self._failed.add((step.frequency_hz, step.added_mass_kg))
             self._taken.append(Taken(step, None, str(error)))
-            self._offering.told(f"{step}: failed, {error}")
+            self._offering.report(f"{step}: failed, {error}")
             return
         self._recordings.append(recording)
         self._taken.append(Taken(step, lines))
@@ -383,7 +409,7 @@ class Session:
             notes.append("the base is distorted")
         if lines.coherence < INCOHERENT:
             notes.append("the foot does not follow the base alone")
-        self._offering.told(f"{step}: {lines}{'; ' + ', '.join(notes) if notes else ''}")
+        self._offering.report(f"{step}: {lines}{'; ' + ', '.join(notes) if notes else ''}")
 
     def _end(self, ended: str, reason: str) -> Shaken:
         director = self._director
@@ -391,19 +417,8 @@ class Session:
         return Shaken(
             tuple(self._taken), ended, reason, "Nothing is recorded yet." if director is None else believed(director),
             self._ask, tuple(self._recordings),
-            {} if belief is None else belief.open_bands(EXCHANGED), self._left,
+            self._fitted if ended == MET else {} if belief is None else belief.open_bands(EXCHANGED), self._left,
         )  # fmt: skip
-
-
-def _unreachable(director: Director, ever: Outlook, never: Sequence[str], open_: bool) -> str:
-    """What no protocol does, how far it is reached with unlimited minutes, and why not further."""
-    causes = director.causes()
-    what = [unreachable(n, ever.half_width[n], director.asked[n], causes[n]) for n in never]
-    what += [f"a decision between the mirror feet (but for {whole(ever.decided)} of such feet)"] * open_
-    return (
-        f"No protocol of these candidates is expected to bring {', nor '.join(what)}, with unlimited minutes of every "
-        "candidate: what stays uncertain is not in the vibration."
-    )
 
 
 def _after(taken: Taken, belief: Belief | None) -> Taken:

@@ -12,8 +12,13 @@ from fasbody.recording.condition import ADDED_MASSES_KG
 #: Kinds of excitation. A function generator speaks sines; a multisine needs a shaker that plays a waveform.
 SINE, MULTISINE = "sine", "multisine"
 KINDS = (SINE, MULTISINE)
-#: Who sits down anew repeats to 2 to 5 % of a harmonic; until recordings tell, a plan takes what lies between.
+#: Noise of a sample where nobody says one [m/s^2]: a person trembles and sways where a rig does not.
+NOISE_M_S2 = 0.5
+#: Who sits down anew repeats to 2 to 5 % of a harmonic; where nobody says one, what lies between.
 REPEATABILITY = 0.03
+#: Standard deviations of the logarithms of both among people, where nobody says them: half of a factor
+#: of two, and what makes 2 and 5 % of 3 %.
+NOISE_STD, REPEATABILITY_STD = 0.35, 0.4
 
 
 @dataclass(frozen=True)
@@ -33,9 +38,10 @@ class Shaker:
         sensors: that are worn, the malleolus' first.
         seconds: length of a recording.
         rate_hz: sampling rate.
-        noise_m_s2: rms in a sample: of a sensor (0.05), and of a person, who trembles and sways
-            where a rig does not.
-        repeatability: relative standard deviation of a harmonic from one recording to the next.
+        noise_m_s2: rms in a sample, of sensor and person; None for what recordings say, and
+            about `NOISE_M_S2` before there are any.
+        repeatability: relative standard deviation of a harmonic from one recording to the next;
+            None likewise, and about `REPEATABILITY`.
 
     Raises:
         SettingError: a limit that cannot be meant.
@@ -54,8 +60,8 @@ class Shaker:
     sensors: tuple[str, ...] = ("malleolus",)
     seconds: float = 10.0
     rate_hz: float = 1000.0
-    noise_m_s2: float = 0.5
-    repeatability: float = REPEATABILITY
+    noise_m_s2: float | None = None
+    repeatability: float | None = None
 
     def __post_init__(self) -> None:
         limits = {
@@ -67,13 +73,16 @@ class Shaker:
             "table's mass": (self.table_kg, 0.0, 1e4, "kg"),
             "length of a recording": (self.seconds, 0.5, 3600.0, "s"),
             "sampling rate": (self.rate_hz, 50.0, 1e6, "Hz"),
-            "noise": (self.noise_m_s2, 1e-6, 10.0, "m/s^2"),
-            "repeatability": (self.repeatability, 0.0, 0.5, ""),
         }
         limits |= {f"amplitude {i + 1}": (a, 0.01, 100.0, "m/s^2") for i, a in enumerate(self.amplitudes_m_s2)}
         limits |= {f"load {i + 1}": (load, 0.0, 100.0, "kg") for i, load in enumerate(self.loads_kg)}
-        if self.force_n is not None:
-            limits["force"] = (self.force_n, 0.1, 1e6, "N")
+        for name, stated, low, high, unit in (
+            ("force", self.force_n, 0.1, 1e6, "N"),
+            ("noise", self.noise_m_s2, 1e-6, 10.0, "m/s^2"),
+            ("repeatability", self.repeatability, 0.0, 0.5, ""),
+        ):
+            if stated is not None:
+                limits[name] = stated, low, high, unit
         for name, (value, low, high, unit) in limits.items():
             if not low <= value <= high:
                 size = f"{value:g} {unit}".strip()

@@ -1,7 +1,5 @@
 """Numbers with their nouns, as the sentences of a plan and a session have them."""
 
-from collections.abc import Sequence
-
 from fasbody.presentation import readable
 
 
@@ -12,9 +10,9 @@ def percent(share: float) -> str:
     return f"{100 * share:.2g} %" if share < 0.995 else f"{100 * share:.0f} %"
 
 
-def whole(share: float) -> str:
-    """A share of counted things in percent, without a decimal."""
-    return f"{100 * share:.0f} %"
+def chance(probability: float) -> str:
+    """A probability in whole percent; what is next to nothing, or next to certain, is no more than that."""
+    return "under 1 %" if probability < 0.005 else "over 99 %" if probability > 0.995 else f"{100 * probability:.0f} %"
 
 
 def plain(value: float, digits: int = 2) -> str:
@@ -35,11 +33,6 @@ def span(seconds: float) -> str:
     size, unit = (3600, "hour") if seconds < 48 * 3600 else (86400, "day")
     text = plain(seconds / size)
     return f"{text} {unit}{'' if text == '1' else 's'}"
-
-
-def listed(words: Sequence[str], last: str = "and") -> str:
-    """Words with commas and an `and`, or another last word."""
-    return f" {last} ".join([", ".join(words[:-1]), words[-1]]) if len(words) > 1 else "".join(words)
 
 
 def repeating(repeatability: float) -> str:

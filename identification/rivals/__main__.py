@@ -3,18 +3,14 @@
 import sys
 from pathlib import Path
 from shlex import join
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 import typer
-from rich.markup import escape
 
-from fasbody.console import command_line, console, make_folder, print_json, results, stages
+from fasbody.console import command_line, console, make_folder, print_json, stages
 from fasbody.recording.sources import gather
 from fasbody.recording.study import BUNDLED
 from identification.options import AddedMass, BodyMass, Data, DelayStd, GainStd, Mapping, MassStd
-
-if TYPE_CHECKING:
-    from identification.rivals.result import Rivals
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
@@ -53,6 +49,7 @@ def main(
     """
     import mjcf
     from fasbody.foot.model import load
+    from identification import page
     from identification.parameters import names
     from identification.rivals.compare import compare_rivals
 
@@ -69,7 +66,7 @@ def main(
     if json_:
         print_json(result.document())
     else:
-        show(result)
+        page.show(result, words="rival")
     if write_model is not None:
         from identification.rivals.mjcf import write_models
 
@@ -77,29 +74,7 @@ def main(
         for path, gap in write_models(result, file, write_model).items():
             console.print(f"{path}: MuJoCo moves as fitted to {gap:.1e} of the peak", soft_wrap=True)
     if out is not None:
-        from identification import page  # its figures take seconds that the table need not wait
-
         page.write(result, out, join(["fasbody", "rivals", *sys.argv[1:]]))
-        console.print(
-            f"report: [bold]{out}/report.html[/], with rivals.csv, rivals.json and figures beside it", soft_wrap=True
-        )
-
-
-def show(result: "Rivals") -> None:
-    """Print the comparison for a person."""
-    from rich.table import Table
-
-    sheet = result.sheet()
-    table = Table(title=sheet.title, title_justify="left")
-    for number, column in enumerate(sheet.columns):
-        table.add_column(column, justify="left" if number == 0 else "right", no_wrap=number > 0)
-    for row in sheet.rows:
-        table.add_row(*map(escape, row))
-    results.print(table)
-    first, *others = sheet.notes
-    results.print(f"[bold]{escape(first)}[/]", soft_wrap=True)
-    for text in others:
-        results.print(escape(text), soft_wrap=True)
 
 
 if __name__ == "__main__":

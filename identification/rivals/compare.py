@@ -144,16 +144,17 @@ def _rival(contender: Contender, best: Solution) -> Rival:
     deviances = [best.deviance(e.optimum.objective) for e in contender.solutions]
     scores, error = held_out(end)
     (k_T, k_F), across = _springs(end), _springs(others[0]) if others else (None, None)
+    penalty = candidate.free * float(np.log(problem.size))
     Y, valid = problem.predicted(end.q)[:, 0], problem.measured.valid[:, 0]
     return Rival(
         name=rung.name, title=rung.title, free=candidate.free, chi_square=end.chi_square, dof=end.dof,
-        bic=deviances[0] + candidate.free * float(np.log(problem.size)), held_out=scores, error=error,
+        bic=deviances[0] + penalty, held_out=scores, error=error,
         branch=end.branch, log_odds=0.5 * (deviances[1] - deviances[0]) if others else None,
         k_T=k_T, k_F=k_F, log_ratio=_log_ratio(end) if k_T and k_F else None,
         other=(across[0], across[1]) if across[0] and across[1] else None, own=_constants(candidate, end),
         values=v.named(end.q) if isinstance(v, RungVariables) else {},
         predicted=tuple(y[ok] for y, ok in zip(Y, valid, strict=True)), converged=end.optimum.converged,
-        extra=candidate.extra, repeatability=contender.repeatability,
+        extra=candidate.extra, repeatability=contender.repeatability, penalty=penalty,
     )  # fmt: skip
 
 

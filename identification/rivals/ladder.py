@@ -21,9 +21,8 @@ from identification.motion import TwoMassMotion
 from identification.nuisances import OF_SENSOR, OF_SPRINGS, Nuisance, nuisances
 from identification.parameters import MASSES, space_of
 from identification.residual import Problem
-from identification.rivals.motion import AT, EXTRA, RivalMotion
+from identification.rivals.motion import AT, EXTRA, HARMONICS, LOAD_KG, RivalMotion
 from identification.rivals.result import MODEL
-from identification.rivals.steady import CONSTANTS, HARMONICS, LOAD_KG
 from identification.sensors import MALLEOLUS
 from identification.steady import problem_of
 from identification.variables import Variables
@@ -43,7 +42,7 @@ class Rung:
     Attributes:
         name: for options and files.
         title: for people.
-        constants: what it frees beside the foot, by the symbol of `steady.CONSTANTS`.
+        constants: what it frees beside the foot, by the symbol of `AT_REST`.
         held: what it holds at zero.
         loads: recorded loads that it takes to tell it from the model.
     """
@@ -93,8 +92,9 @@ LADDER = (
 )
 #: Rungs that say the same of the foot, by what they say.
 KINDS = {"exponential": "stiffening", "polynomial": "stiffening"}
-#: Constants where nothing is free.
-_AT_REST = dict.fromkeys(CONSTANTS, 0.0) | {"tau": 5e-3, "f_w": 25.0, "zeta_w": 0.2, "zeta_u": 0.2}
+#: Constants of all rungs, where nothing departs from the model.
+AT_REST = dict.fromkeys((*AT, "e_T", "e_F", "u", "gain", "drift", "delay"), 0.0)
+AT_REST |= {"tau": 5e-3, "f_w": 25.0, "zeta_w": 0.2, "zeta_u": 0.2}
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +111,7 @@ class RungVariables(Variables):
         """A constant (...,) of the rung in its unit, at rest if it has none of this symbol."""
         item = self.rung.constants.get(symbol)
         if item is None:
-            return np.full(Q.shape[:-1], _AT_REST[symbol])
+            return np.full(Q.shape[:-1], AT_REST[symbol])
         x = self.value(Q, self.place(item))
         return np.exp(x) if item.logarithmic else x
 
@@ -135,7 +135,7 @@ class RungVariables(Variables):
     def named(self, q: np.ndarray) -> dict[str, float]:
         """All constants by name at q (n,), springs at rest and masses without load."""
         theta, carried = super().theta(q)[0], self._carried(q)[0]
-        values = _AT_REST | {name: float(theta[i]) for name, i in AT.items() if i < theta.size}
+        values = AT_REST | {name: float(theta[i]) for name, i in AT.items() if i < theta.size}
         values["m_S"] -= float(carried)
         for item in self.nuisances:
             if item.kind in ("gain", "delay", "drift"):

@@ -22,8 +22,8 @@ from fasbody.console import write_whole
 from fasbody.exceptions import InputFileError, ModelError
 from fasbody.foot.model import load
 from fasbody.foot.steady_state import Balance
+from identification.rivals.motion import LOAD_KG, felt
 from identification.rivals.result import Rivals
-from identification.rivals.steady import CONSTANTS, LOAD_KG, SERIES, Feet
 
 #: Mass of the sensor's body [kg], too small to act on the shank, and its inertia [kg m^2].
 _SENSOR_KG, _TINY = 1e-6, "1e-9 1e-9 1e-9"
@@ -61,7 +61,7 @@ def write_models(result: Rivals, file: Path, folder: Path) -> dict[Path, float]:
             name = f"{rival.name}_{load_kg:g}kg.xml" if len(by_load) > 1 else f"{rival.name}.xml"
             text = edited_text(file, rival.name, rival.title, rival.values, load_kg)
             path = write_whole(folder / name, text)
-            differences[path] = difference(path, rival.name, rival.values, hz, U, load_kg)
+            differences[path] = difference(path, rival.values, hz, U, load_kg)
     return differences
 
 
@@ -116,13 +116,14 @@ def edited_text(file: Path, name: str, title: str, values: Mapping[str, float], 
     return ET.tostring(root, encoding="unicode") + "\n"
 
 
-def difference(file: Path, name: str, values: Mapping[str, float], hz: float, U: np.ndarray, load_kg: float) -> float:
+def difference(
+    file: Path, values: Mapping[str, float], hz: float, U: np.ndarray, load_kg: float
+) -> float:
     """How far MuJoCo's motion of a written model is from the equations, as a share of the fundamental.
 
     Args:
         file: the model.
-        name: of the rung.
-        values: its constants.
+        values: constants of the rung.
         hz: fundamental.
         U: (H,) base [m/s^2].
         load_kg: on it.
@@ -130,12 +131,9 @@ def difference(file: Path, name: str, values: Mapping[str, float], hz: float, U:
     foot = load(file)
     masses = {"m_S": values["m_S"] + load_kg, "m_F": values["m_F"], "added_mass": load_kg}
     stated = {name: kg for name, kg in masses.items() if name in foot.parameters}
-    have = Balance(foot).orbit(hz, U, stated).harmonics()[: U.size]
-    c = np.array([0.0 if n in ("gain", "delay", "drift") else values[n] for n in CONSTANTS])
-    feet = Feet.of(c, np.array([load_kg]), np.array([hz]), np.zeros(1), U[None])
-    x, moves = feet.solve(np.zeros((1, 2 * SERIES.size)))
-    want = feet.felt(x)[0, : U.size]
-    return float(np.abs(have - want).max() / abs(want[0])) if moves[0] else np.inf
+    moved = Balance(foot).orbit(hz, U, stated).harmonics()[: U.size]
+    expected = felt(values, hz, U, load_kg)[: U.size]
+    return float(np.abs(moved - expected).max() / abs(expected[0]))
 
 
 def _body_of(root: ET.Element, joint: str, file: Path) -> ET.Element:

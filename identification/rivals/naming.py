@@ -6,7 +6,7 @@ many of them it names rightly.
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -48,8 +48,6 @@ DETECTED = 4.0
 ENOUGH = 2.0
 #: Sum of squares per number below which a foot is far nearer than the departure assumed.
 CLOSE = 0.1
-#: Columns of the sines that are read.
-_REAL, _COMPLEX = ("frequency_hz", "added_kg", "table"), ("MB", "TB", "second")
 #: Virtual subjects from which on the share that is named rightly is known to some 5 %.
 RATE = 100
 
@@ -115,26 +113,29 @@ def _read(subject: str, posture: str, recordings: Sequence[Recording]) -> Sines:
     if rows and not tuberosity:
         without = next(row.file for row in rows if not np.isfinite(row.TB))
         notes.append(f"Only the malleolus is used: {without} has no tuberosity.")
-    rows = _merged(rows)
-    columns = {
-        name: np.array([getattr(row, name) for row in rows], kind)
-        for kind, names in ((float, _REAL), (complex, _COMPLEX), (bool, ("repeats",)))
-        for name in names
-    }
-    hz, added, table = (columns[name] for name in _REAL)
-    plan = Plan("these recordings", hz, added, table, tuberosity, harmonics)
-    MB, TB, second = (columns[name] for name in _COMPLEX)
-    air = np.full(len(rows), np.nan)
-    made = Recordings(MB, TB if tuberosity else MB, second, air, columns["repeats"])
     masses = {r.condition.body_mass_kg for r in recordings}
-    used = len(recordings) - len(left_out)
     if len(masses) > 1:
         raise RecordingError(f"Subject {subject} has several body masses; give one.")
-    return Sines(subject, posture, masses.pop(), plan, made, used, tuple(left_out), tuple(notes))
+    hz, added, table, MB, TB, second, repeats = (
+        np.array([getattr(row, name) for row in _merged(rows)], kind)
+        for kind, names in (
+            (float, ("frequency_hz", "added_kg", "table")),
+            (complex, ("MB", "TB", "second")),
+            (bool, ("repeats",)),
+        )
+        for name in names
+    )
+    plan = Plan("these recordings", hz, added, table, tuberosity, harmonics)
+    made = Recordings(MB, TB if tuberosity else MB, second, np.full(hz.size, np.nan), repeats)
+    used = len(recordings) - len(left_out)
+    return Sines(
+        subject, posture, masses.pop(), plan, made, used, tuple(left_out), tuple(notes)
+    )
 
 
-@dataclass(frozen=True)
-class _Row:
+class _Row(NamedTuple):
+    """One sine; the complex responses as `Recordings` has them."""
+
     frequency_hz: float
     added_kg: float
     table: float
@@ -145,23 +146,24 @@ class _Row:
     repeats: bool
     file: str
 
-    @property
-    def condition(self) -> tuple[float, float, bool]:
-        """What recordings of one sine share."""
-        return self.frequency_hz, self.added_kg, self.repeats
-
 
 def _merged(rows: Sequence[_Row]) -> list[_Row]:
     """Repeated sines as their mean: how far a foot departs from a mechanism is no scatter."""
     groups: list[list[_Row]] = []
-    for row in sorted(rows, key=lambda row: (row.condition, row.table)):
-        last = groups[-1][0] if groups else None
-        if last and row.condition == last.condition and row.table < HIGHER * last.table:
+    for row in sorted(rows, key=lambda r: (r.frequency_hz, r.added_kg, r.repeats, r.table)):
+        first = groups[-1][0] if groups else None
+        same = first and all(
+            getattr(row, name) == getattr(first, name)
+            for name in ("frequency_hz", "added_kg", "repeats")
+        )
+        if first and same and row.table < HIGHER * first.table:
             groups[-1].append(row)
         else:
             groups.append([row])
+    means = ("table", "MB", "TB", "second")
     return [
-        replace(g[0], **{k: sum(getattr(row, k) for row in g) / len(g) for k in ("table", *_COMPLEX)}) for g in groups
+        g[0]._replace(**{k: sum(getattr(row, k) for row in g) / len(g) for k in means})
+        for g in groups
     ]
 
 

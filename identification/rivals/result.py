@@ -8,7 +8,7 @@ import numpy as np
 
 from fasbody.constants import Z95
 from fasbody.exceptions import SettingError, unknown
-from fasbody.presentation import Presented, Sheet, Tabled
+from fasbody.presentation import Presented, Sheet, Tabled, listed
 from identification.branches import DECISIVE_ODDS
 from identification.estimates import Estimate
 from identification.steady import FOLLOWS
@@ -60,6 +60,7 @@ class Rival(Tabled):
         converged: the descent came to rest.
         extra: it frees more than the model.
         repeatability: what recordings would have to repeat to if it were right.
+        penalty: of its parameters, in BIC.
     """
 
     name: str
@@ -82,6 +83,12 @@ class Rival(Tabled):
     converged: bool
     extra: bool
     repeatability: float
+    penalty: float = 0.0
+
+    @property
+    def deviance(self) -> float:
+        """BIC without the penalty for its parameters."""
+        return self.bic - self.penalty
 
     @property
     def follows(self) -> bool:
@@ -177,6 +184,13 @@ class Rivals(Presented):
         return tuple(r for r in good if r.bic - least <= DECISIVE)
 
     @property
+    def not_needed(self) -> tuple[Rival, ...]:
+        """Those that describe the recordings as well, and are behind for their parameters alone."""
+        adequate = self.adequate
+        least = min((r.deviance for r in adequate), default=-np.inf)
+        return tuple(r for r in self.rivals if r.follows and r not in adequate and r.deviance - least <= DECISIVE)
+
+    @property
     def conclusions(self) -> tuple[Conclusion, ...]:
         """Conclusions on k_T, k_F, the branch, and which spring is stiffer."""
         return conclusions(self.adequate)
@@ -191,9 +205,14 @@ class Rivals(Presented):
             )
         shared = [c.text for c in self.conclusions if c.shared]
         changing = [c.text for c in self.conclusions if not c.shared]
-        also = [r.title for r in self.adequate if r is not self.first]
-        text = f"The recordings prefer {self.first.title}"
-        text += f"; {_listed(also)} cannot be ruled out." if also else "; every other rival is ruled out."
+        also, more = [r.title for r in self.adequate if r is not self.first], [r.title for r in self.not_needed]
+        parts = [f"The recordings prefer {self.first.title}"]
+        parts += [f"{listed(also)} cannot be ruled out"] * bool(also)
+        parts += [f"{listed(more)} would do as well with more constants, which the recordings do not need"] * bool(more)
+        if rest := len(self.rivals) - 1 - len(also) - len(more):
+            many = f"the other {rest} are" if rest > 1 else "the other is"
+            parts.append(f"{many if also or more else 'every other rival is'} ruled out")
+        text = f"{'; '.join(parts)}."
         text += f" Shared by all of these: {'; '.join(shared)}." if shared else " They share no conclusion."
         return text + (f" No fact, as it changes with the rival: {'; '.join(changing)}." if changing else "")
 
@@ -245,7 +264,8 @@ class Rivals(Presented):
             rivals.append(row | more | {"values": dict(r.values)})
         return {
             "source": self.source, "model": self.model, "first": self.first.name, "sentence": self.sentence(),
-            "adequate": [r.name for r in self.adequate], "rivals": rivals,
+            "adequate": [r.name for r in self.adequate], "not_needed": [r.name for r in self.not_needed],
+            "rivals": rivals,
             "conclusions": [asdict(c) for c in self.conclusions], "repeatability": self.repeatability,
             "warnings": list(self.warnings), "seconds": self.seconds,
         }  # fmt: skip
@@ -258,10 +278,6 @@ def _branch(r: Rival, adequate: bool) -> str:
     if r.log_odds is None:
         return "–"
     return r.branch if adequate and r.decided else f"{r.branch}?"
-
-
-def _listed(names: list[str]) -> str:
-    return names[0] if len(names) == 1 else f"{', '.join(names[:-1])} and {names[-1]}"
 
 
 def preferred(rivals: list[Rival]) -> list[Rival]:
