@@ -123,7 +123,7 @@ class TwoMassMotion:
         return orbits(
             theta.reshape(C * R, P), np.tile(self.omega, C), np.tile(self.base, (C, 1)),
             None if near is None else near.at(theta).reshape(C * R, 2, -1),
-            slopes=slopes, passes=8 if many else 30, tolerance=1e-3 if many else 1e-6,
+            slopes=slopes, passes=8 if many else 30, tolerance=1e-3 if many else 1e-10,
         )  # fmt: skip
 
     def response(self, theta: np.ndarray, near: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, Any]:

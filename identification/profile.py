@@ -60,11 +60,11 @@ class _Pinned:
     def evaluate(self, Q: np.ndarray, near: Evaluation | None = None) -> Evaluation:
         pins, Q = Q[:, -1].astype(int), Q[:, :-1]
         C, n = Q.shape
-        now, c, each = self.problem.evaluate(Q, near), self.coordinates, (np.arange(C), pins // 2)
+        now, c, pinned = self.problem.evaluate(Q, near), self.coordinates, (np.arange(C), pins // 2)
         stiff = _STIFF / c.std[pins // 2]
-        row = stiff * (c.of(Q)[each] - self.places[pins])
+        row = stiff * (c.of(Q)[pinned] - self.places[pins])
         slopes = np.zeros((C, 1, n + 1))
-        slopes[:, 0, :n] = stiff[:, None] * self.problem.variables.slopes(c.of, Q, np.arange(n))[each]
+        slopes[:, 0, :n] = stiff[:, None] * self.problem.variables.slopes(c.of, Q, np.arange(n))[pinned]
         slopes[:, 0, :n][:, self.problem.held] = 0.0
         J = np.concatenate([now.jacobian, np.zeros((*now.jacobian.shape[:2], 1))], 2)
         r = np.concatenate([now.residual, row[:, None]], 1)

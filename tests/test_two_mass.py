@@ -223,3 +223,16 @@ def test_mujoco_stays_on_the_orbit(name: str) -> None:
         want = np.stack([found.shank[0, :6], found.foot[0, :6]])
         errors.append(np.abs(Y - want).max() / np.abs(want).max())
     assert errors[1] < 1e-6 and errors[0] / errors[1] > 10
+
+
+def test_slopes_know_that_one_factor_common_to_all_constants_changes_no_motion() -> None:
+    """Stiffness, damping and mass times one factor: what a plan of endless recordings rests on."""
+    rng = np.random.default_rng(0)
+    usual = {"k_T": 1.3e5, "k_F": 9.4e4, "c_11": 380, "c_12": 90, "c_13": 140, "c_21": 700, "c_22": -120, "c_23": 120}
+    theta = np.tile(parameters(usual | {"m_S": 3.4, "m_F": 1.05, "r_T": 0.1, "r_F": 0.2}), (40, 1))
+    theta *= np.exp(0.2 * rng.normal(size=theta.shape))
+    moved = orbits(theta, 2 * np.pi * rng.uniform(10, 50, 40), 8.95 * np.eye(1, 6, dtype=complex).repeat(40, 0))
+    assert moved.converged.all() and moved.slopes is not None
+    scaled = [PARAMETERS.index(name) for name in ("k_T", "k_F", "c_11", "c_21", "m_S", "m_F")]
+    along = (moved.slopes[..., scaled] * theta[:, None, None, scaled]).sum(-1)
+    assert np.abs(along).max() < 1e-7 * np.abs(moved.shank).max()

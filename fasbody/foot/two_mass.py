@@ -136,7 +136,7 @@ def orbits(
     start: np.ndarray | None = None,
     *,
     slopes: bool = True,
-    tolerance: float = 1e-6,
+    tolerance: float = 1e-10,
     passes: int = _PASSES,
 ) -> Orbits:
     """Periodic motions of feet, each on a base of its own, with the harmonics that `base` has.
@@ -153,7 +153,7 @@ def orbits(
         base: (B, H) complex harmonics of the base acceleration [m/s^2].
         start: (B, 2, H) stretches to start from [m].
         slopes: compute derivatives to the parameters.
-        tolerance: of the last step, as a share of the stretch; what is left is its square.
+        tolerance: of the last step, as a share of the stretch; slopes are as exact, and what is left is its square.
         passes: of Newton's method at most.
     """
     system = _System(theta, omega, base, slopes)
@@ -179,7 +179,7 @@ def resolved(theta: np.ndarray, omega: np.ndarray, base: np.ndarray, slopes: boo
     while True:
         full = np.zeros((len(base), H), complex)
         full[:, : base.shape[1]] = base
-        result = orbits(theta, omega, full, start, slopes=slopes, tolerance=1e-8)
+        result = orbits(theta, omega, full, start, slopes=slopes)
         size = np.abs(result.stretch)
         last = size[..., -2:].max((1, 2)) / np.maximum(size.max((1, 2)), 1e-300)
         if (last[result.converged] < _LAST).all() or 2 * H > _MOST_HARMONICS:
