@@ -172,10 +172,13 @@ def _short(values: Iterable[float]) -> list[float]:
 
 
 def values_of(branch: Document, foot: Foot) -> dict[str, float]:
-    """The branch's values by name, those of the exact model: with them it moves as recorded."""
+    """Constants and the malleolus' delay by name, those of the exact model: so it moves as recorded.
+
+    Delays of further sensors have no part in the motion.
+    """
     name_of = {item.key: name for name, item in {**foot.parameters, DELAY.name: DELAY}.items()}
-    of = branch["parameters"].items()
-    return {name_of[key]: (e.get("if_model_true") or e)["value"] for key, e in of}
+    known = {name_of[key]: e for key, e in branch["parameters"].items() if key in name_of}
+    return {name: (e.get("if_model_true") or e)["value"] for name, e in known.items()}
 
 
 def _usable(recordings: Sequence[Recording], left_out: list[str]) -> tuple[Recording, ...]:
