@@ -206,6 +206,10 @@ def test_best_ends_that_a_second_start_met_are_counted(written: Path) -> None:
         d["result"]["starts"][1] |= dict(zip(("cost", "branch"), second, strict=True))
     (row,) = summary.counts(fits).to_dict("records")
     assert (row["again"], row["again_of"]) == (1, 3)
+    sides = [{"cost": cost, "branch": branch, "hits": hits} for cost, branch, hits in ((1, "a", 1), (2, "b", 9))]
+    for starts, again in ((sides, 0), (sides[1:], 1)):  # of steady recordings the best side's own count
+        (row,) = summary.counts([{**fits[0], "result": fits[0]["result"] | {"starts": starts}}]).to_dict("records")
+        assert (row["again"], row["again_of"]) == (again, 1)
     assert tables.counts(fits)["best end met by a second start"].tolist() == ["1 of 3 (33 %)"]
 
 
