@@ -99,11 +99,11 @@ FAULTS = (
     ),
     Fault(
         "every second person is odd", "identification/study/population.py",
-        "_ODD = 0.05", "_ODD = 0.5",
+        "_ODD = 0.01", "_ODD = 0.5",
         ("test_study_population.py",),
     ),
     Fault(
-        "nobody is odd", "identification/study/population.py", "_ODD = 0.05", "_ODD = 0.0005",
+        "nobody is odd", "identification/study/population.py", "_ODD = 0.01", "_ODD = 0.0005",
         ("test_study_population.py",),
     ),
     Fault(

@@ -172,3 +172,10 @@ def test_cycles_of_a_fit(trial: Callable[..., Recording], foot: Foot) -> None:
 def test_broadband_recordings_have_no_cycle(trial: Callable[..., Recording], foot: Foot) -> None:
     broad = replace(trial(foot.values(), 20.0), condition=Condition("16", "midstance", 0.0, 72.57, None))
     assert job.cycles({"branches": []}, foot, [broad]) == []
+
+
+def test_a_second_sensors_delay_has_no_part_in_the_motion(foot: Foot) -> None:
+    """A study with an accelerometer on the foot fits its delay too, under a key that no model has."""
+    estimates = {"k_T_n_per_m": 2e5, "delay_s": 1e-4, "delay_foot_s": 3e-4}
+    branch = {"parameters": {key: {"value": value} for key, value in estimates.items()}}
+    assert job.values_of(branch, foot) == {"k_T": 2e5, "delay": 1e-4}

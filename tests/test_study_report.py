@@ -15,7 +15,6 @@ from identification.study import figures, report, summary, tables
 from identification.study.findings import Findings
 from identification.study.tracking import Prior
 from identification.study.truth import Truth
-from reproduction.boxes import boxes
 
 KEYS = {
     "k_T_n_per_m": 1e5, "c_11_n_s_per_m": 300.0, "c_12_per_m": 50.0, "c_13_per_m": 80.0,
@@ -120,20 +119,6 @@ def test_figures_are_whole_and_the_same_each_time(written: Path, tmp_path: Path)
         assert figures.save(again[name][0](), "svg") == (written / "figures" / f"{name}.svg").read_bytes()
 
 
-def test_boxes_are_drawn_by_the_thesis_quartiles() -> None:
-    table = summary.tidy(study())
-    rows = table[table["added_mass_kg"] == 0]
-    axis = boxes(rows, "synthetic").axes[0]
-    values = rows[rows["chosen"] & (rows["parameter"] == "k_T") & (rows["frequency_hz"] == 20)]["value"].sort_values()
-    drawn = next(p.get_path().vertices[:, 1] for p in axis.patches if abs(p.get_path().vertices[:4, 0].mean() - 20) < 3)
-    assert drawn.min() == pytest.approx(values.iloc[:3].median() / 1e3)
-    assert drawn.max() == pytest.approx(values.iloc[4:].median() / 1e3)
-    dots = [float(y) for line in axis.lines if line.get_marker() == "o" for y in line.get_ydata()]
-    marked = rows[rows["outlier"] & (rows["parameter"] == "k_T")]
-    assert dots == pytest.approx((marked.sort_values("frequency_hz", kind="stable")["value"] / 1e3).tolist())
-    assert 400.0 in np.round(dots, 6)
-
-
 def test_loops_motion_and_energies_are_drawn_in_their_units() -> None:
     cycles = [d["cycles"][0] for d in study()[:6]]
     axis = figures.loops(cycles, "synthetic").axes[0]
@@ -203,15 +188,11 @@ def test_tracking_turns_what_is_shown(tmp_path: Path, bare: None) -> None:
     assert styles == [{"-"}, {"--"}]
 
 
-def test_boxes_leave_out_what_has_no_standard_error() -> None:
+def test_curves_leave_out_what_rests_on_a_bound() -> None:
     fits = study()[:-1]
-    for d in fits[:12]:  # the first two subjects rest on a bound
+    for d in fits[:12]:  # the first two subjects
         d["result"]["branches"][0]["parameters"]["c_13_per_m"] |= {"value": 0.0, "std_error": None, "at_bound": True}
     rows = summary.tidy(fits)
-    axis = boxes(rows[rows["added_mass_kg"] == 0], "synthetic").axes[3]
-    assert "15 of 21" in axis.get_title()
-    lowest = min(path.get_path().vertices[:, 1].min() for path in axis.patches)
-    assert lowest > 60
     curve = figures.curves(rows, "synthetic").axes[3]
     assert "30 of 42" in curve.get_title()
     assert min(line.get_ydata().min() for line in curve.lines if len(line.get_ydata())) > 60
@@ -225,6 +206,10 @@ def test_best_ends_that_a_second_start_met_are_counted(written: Path) -> None:
         d["result"]["starts"][1] |= dict(zip(("cost", "branch"), second, strict=True))
     (row,) = summary.counts(fits).to_dict("records")
     assert (row["again"], row["again_of"]) == (1, 3)
+    sides = [{"cost": cost, "branch": branch, "hits": hits} for cost, branch, hits in ((1, "a", 1), (2, "b", 9))]
+    for starts, again in ((sides, 0), (sides[1:], 1)):  # of steady recordings the best side's own count
+        (row,) = summary.counts([{**fits[0], "result": fits[0]["result"] | {"starts": starts}}]).to_dict("records")
+        assert (row["again"], row["again_of"]) == (again, 1)
     assert tables.counts(fits)["best end met by a second start"].tolist() == ["1 of 3 (33 %)"]
 
 

@@ -219,7 +219,8 @@ def show(findings: "Findings", run: Mapping[str, Any], as_json: bool) -> None:
             table.add_column(name.replace("_", " "), justify="left" if name == "mode" else "right")
         for row in counted:
             cells = (row[name] for name in names)
-            table.add_row(*(f"{v:.4g}" if isinstance(v, float) else str(v) for v in cells))
+            texts = ("–" if v is None else f"{v:.4g}" if isinstance(v, float) else str(v) for v in cells)
+            table.add_row(*texts)
         results.print(table)
         for s in findings.subjects:
             text = f"subject {s.subject}, {s.posture}, {s.mode}: {s.sentence}"

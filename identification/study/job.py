@@ -97,16 +97,18 @@ def document(
 
 
 def _done(work: Work, left_out: list[str]) -> Document:
-    """Result and cycles, or what a check gives; recordings that cannot serve are left out."""
-    foot = work.model.foot()
-    recordings, data = _usable(work.recordings, left_out)
+    """Result and cycles, or what a check gives; of several recordings those that cannot serve are left out."""
+    foot, recordings = work.model.foot(), work.recordings
+    if len(recordings) > 1:  # one alone is checked by its fit
+        recordings = _usable(recordings, left_out)
     if work.job.kind != KINDS[0]:
         return {"result": _check(work, recordings, foot)}
     fitted = fit_foot(recordings, foot, sampled(work), interruptible=False)
     result = fitted.with_source(str(work.job)).document()
     result["warnings"] += [f"Left out: {sentence}" for sentence in left_out]
     periodic = result.get("domain", "periodic") == "periodic"
-    return {"result": result, "cycles": _cycles(result, foot, data) if periodic else []}
+    data = fitted.evidence.recordings if periodic and fitted.evidence else ()
+    return {"result": result, "cycles": _cycles(result, foot, data)}
 
 
 def sampled(work: Work) -> Settings:
@@ -170,26 +172,27 @@ def _short(values: Iterable[float]) -> list[float]:
 
 
 def values_of(branch: Document, foot: Foot) -> dict[str, float]:
-    """The branch's values by name, those of the exact model: with them it moves as recorded."""
+    """Constants and the malleolus' delay by name, those of the exact model: so it moves as recorded.
+
+    Delays of further sensors have no part in the motion.
+    """
     name_of = {item.key: name for name, item in {**foot.parameters, DELAY.name: DELAY}.items()}
-    of = branch["parameters"].items()
-    return {name_of[key]: (e.get("if_model_true") or e)["value"] for key, e in of}
+    known = {name_of[key]: e for key, e in branch["parameters"].items() if key in name_of}
+    return {name: (e.get("if_model_true") or e)["value"] for name, e in known.items()}
 
 
-def _usable(recordings: Sequence[Recording], left_out: list[str]) -> tuple[list[Recording], list[Recording]]:
-    """Those that can serve, as they are and checked; of a lone one that cannot, the problem itself."""
-    usable, data = [], []
+def _usable(recordings: Sequence[Recording], left_out: list[str]) -> tuple[Recording, ...]:
+    """Those that can serve."""
+    usable = []
     for recording in recordings:
         try:
-            data.append(checked(recording))
+            checked(recording)
             usable.append(recording)
         except RecordingError as problem:
-            if len(recordings) == 1:
-                raise
             left_out.append(str(problem))
     if not usable:
         raise RecordingError(" ".join(left_out))
-    return usable, data
+    return tuple(usable)
 
 
 def _check(work: Work, recordings: Sequence[Recording], foot: Foot) -> Document:

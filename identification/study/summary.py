@@ -277,7 +277,8 @@ def counts(documents: Sequence[Document], tracked: Mapping[str, str] | None = No
         of_mode = [d for d in documents if d["mode"] == mode]
         done = [d for d in of_mode if d["status"] == "done"]
         verdicts = [d["result"].get("verdict", "") for d in done]
-        started = [s for d in done if len(s := d["result"].get("starts") or ()) > 1]
+        searches = [d["result"].get("starts") or () for d in done]
+        started = [starts for starts in searches if len(starts) > 1 or any("hits" in s for s in starts)]
         rows.append({
             "mode": mode, "fits": len(of_mode), "done": len(done), "failed": len(of_mode) - len(done),
             "recordings": sum(len(d["result"]["recordings"]) for d in done),
@@ -290,7 +291,12 @@ def counts(documents: Sequence[Document], tracked: Mapping[str, str] | None = No
 
 
 def _met_again(starts: Sequence[Document]) -> bool:
-    """Whether the second best start, or a later one, ended where the best did: same branch and cost."""
+    """Whether a second start ended where the best did: on its branch, at its cost.
+
+    Of steady recordings each side has one row, which counts how many starts came to its end.
+    """
     best, *others = sorted(starts, key=lambda s: s["cost"])
+    if "hits" in best:
+        return bool(best["hits"] > 1)
     near = best["cost"] + max(_SAME, _SAME_SHARE * best["cost"])
     return any(s["branch"] == best["branch"] and s["cost"] <= near for s in others)
