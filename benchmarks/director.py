@@ -80,7 +80,7 @@ def planned(foot: Virtual, exclude: Sequence[str]) -> tuple[tuple[Step, ...], di
     from identification.plan.prior import Person
     from identification.plan.shaker import Shaker
 
-    person = Person(load("two_dof"), foot.body_kg, Known().told(MASS_STD, exclude=exclude), "made")
+    person = Person(load("two_dof"), foot.body_kg, Known().overruled_by(MASS_STD, exclude=exclude), "made")
     director = Director(person, Shaker(repeatability=REPEATABILITY), seed=foot.seed)
     director.aim(director.as_thesis())
     steps = director.session(len(thesis()) // 3, sum(step.seconds for step in thesis()))
@@ -166,7 +166,7 @@ def session(seed: int) -> Ran:
 
     foot = virtual(10_000 + seed)
     rig = Rig(foot, np.random.default_rng([seed, 77]))
-    person = Person(load("two_dof"), foot.body_kg, Known().told(MASS_STD, exclude=("all",)), "made")
+    person = Person(load("two_dof"), foot.body_kg, Known().overruled_by(MASS_STD, exclude=("all",)), "made")
     waits, since = [0.0], [time.process_time()]
 
     def record(step: Step) -> Recording:

@@ -85,7 +85,7 @@ class Known(Tabled):
         share = shares.pop() if len(shares) == 1 else None
         return cls(largest("mass_std"), largest("gain_std"), largest("delay_std_s"), excluded, load_share=share)
 
-    def told(
+    def overruled_by(
         self,
         mass_std: float | None = None,
         gain_std: float | None = None,

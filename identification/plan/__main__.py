@@ -375,7 +375,7 @@ def _person(
     from identification.plan.prior import Person
 
     known = Known.of_all([recording.known for recording in earlier])
-    known = known.told(mass_std, gain_std, delay_std, names(exclude) or ())
+    known = known.overruled_by(mass_std, gain_std, delay_std, names(exclude) or ())
     if earlier:
         first = earlier[0].condition
         body_mass, subject = first.body_mass_kg if body_mass is None else body_mass, first.subject or subject

@@ -156,11 +156,14 @@ def with_rate(series: list[Series]) -> list[Series]:
     kept = [s for s in series if s.values.size > 1 or s.what]
     filled = {_folder(s) for s in kept}
 
-    def told(one: Series) -> list[tuple[str, float]]:
+    def stated_above(one: Series) -> list[tuple[str, float]]:
         above = [s for s in scalars if f"{_folder(one)}/".startswith(f"{_folder(s)}/".lstrip("/"))]
         return [(s.name, float(s.values[0])) for s in above or scalars if above or _folder(s) not in filled]
 
-    return [replace(s, rate_hz=s.rate_hz or stated_rate(told(s)), start_s=_start(s, told(s))) for s in kept]
+    return [
+        replace(s, rate_hz=s.rate_hz or stated_rate(stated_above(s)), start_s=_start(s, stated_above(s)))
+        for s in kept
+    ]
 
 
 def _folder(series: Series) -> str:
