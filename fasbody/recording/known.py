@@ -51,11 +51,7 @@ class Known(Tabled):
 
     @classmethod
     def from_toml(cls, file: Path, table: Mapping[str, Any]) -> "Known":
-        """From the [known] table of study.toml: sizes, and for a departure the words for how it was excluded.
-
-        Raises:
-            InputFileError: a key or value that does not exist.
-        """
+        """From the [known] table of study.toml: sizes, and for a departure the words for how it was excluded."""
         stated = validated(KnownTable, file, table, "known")
         forces = tuple(stated.static_force_n.items())
         share, measured = stated.load_share, _share(file, forces)

@@ -129,11 +129,7 @@ _ALIKE = 1e-3
 
 
 def stated_rate(statements: Iterable[tuple[str, float | None]]) -> float | None:
-    """The sampling rate [Hz] of names and numbers, None if none of them states it.
-
-    Raises:
-        FormatError: two of them disagree.
-    """
+    """The sampling rate [Hz] of names and numbers, None if none of them states it."""
     rates: list[tuple[str, float]] = []
     for name, value in statements:
         key = name.rsplit("/")[-1].lower()
@@ -190,11 +186,7 @@ def uniform_step(time_s: np.ndarray) -> float | None:
 
 
 def step_of(time_s: np.ndarray) -> float:
-    """The sampling interval [s], for formats that store nothing else of the time.
-
-    Raises:
-        FormatError: the time is not uniform.
-    """
+    """The sampling interval [s], for formats that store nothing else of the time."""
     step = uniform_step(time_s)
     if step is None:
         raise FormatError("stores a sampling rate only, and this recording's time is not uniform; write .csv or .h5")
