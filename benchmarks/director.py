@@ -89,7 +89,7 @@ def _person(foot: Virtual, exclude: Sequence[str]) -> Any:
     from fasbody.recording.known import Known
     from identification.plan.prior import Person
 
-    return Person(load("two_dof"), foot.body_kg, Known().told(MASS_STD, exclude=exclude), "made")
+    return Person(load("two_dof"), foot.body_kg, Known().overruled_by(MASS_STD, exclude=exclude), "made")
 
 
 def trial(population: str, protocol: str, seed: int, exclude: Sequence[str]) -> Fitted:

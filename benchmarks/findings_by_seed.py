@@ -32,7 +32,7 @@ def main(studies: Annotated[int, typer.Argument(help="Studies, with seeds from 0
             for c in table.each():
                 by_thesis, by_equivalence = rules.setdefault(c.title, (Counter(), Counter()))
                 by_thesis[str(c.resonance.kind)] += 1
-                by_equivalence[str(c.shown.kind)] += 1
+                by_equivalence[str(c.resonance_by_tests.kind)] += 1
             held.update({f.says: int(f.holds is True) for f in made})
             best.append((sum(f.holds is True for f in made), seed))
     typer.echo(f"share of {studies} virtual studies of 20 subjects in which each statement comes out")

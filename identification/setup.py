@@ -141,7 +141,7 @@ class Setup:
         if not recordings:
             raise RecordingError("there is no recording to fit.")
         stated = {name: getattr(settings, name) for name in ("mass_std", "gain_std", "delay_std_s", "exclude")}
-        known = Known.of_all([recording.known for recording in recordings]).told(**stated)
+        known = Known.of_all([recording.known for recording in recordings]).overruled_by(**stated)
         apart(recordings)
         _loaded(recordings, foot)
         data = [_calibrated(checked(recording), known) for recording in recordings]

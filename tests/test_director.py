@@ -41,7 +41,7 @@ from identification.plan.shaker import NOISE_M_S2, NOISE_STD, REPEATABILITY, REP
 from identification.residual import Problem
 from simulator.rig import SHORTER, Rig, Virtual, recorded, virtual
 
-ALONE = Known().told(exclude=("all",))
+ALONE = Known().overruled_by(exclude=("all",))
 #: A rig of which every recording repeats exactly, and one with a person on it.
 SHAKER = Shaker(every_hz=5.0, loads_kg=(0.0, 4.5), repeatability=0.0)
 PEOPLE = replace(SHAKER, repeatability=None)
@@ -289,7 +289,7 @@ def test_plan_of_few_recordings_is_the_best_of_all(most: int) -> None:
 def test_same_seed_draws_the_same_feet_whatever_the_candidates(director: Director) -> None:
     """Each purpose has random numbers of its own: other frequencies, loads, sensors and nuisances change no foot."""
     other = Shaker(every_hz=20.0, loads_kg=(0.0, 1.0, 9.0), sensors=("malleolus", "foot"))
-    known = Known().told(exclude=("all",), mass_std=0.1)
+    known = Known().overruled_by(exclude=("all",), mass_std=0.1)
     there = Director(person(known=known), other, draws=6)
     mine, its = (who._feet.seen.q for who in (director, there))
     for name in (*FOOT, "shank mass", "foot mass", "gain", "delay"):
@@ -312,8 +312,8 @@ def test_plan_allows_for_what_the_fit_allows_for(wide: Director) -> None:
     assert wide.uncertain == ("masses", "gain", "delay", *DEPARTURES[:-1])  # nobody plans seatings
     steps = thesis((0.0, 4.5))
     told = wide.excluding(steps)
-    exact = Known().told(mass_std=0.0)  # other feet, too: those of the first have masses that are off
-    for group, known, rel in (("load", Known().told(exclude=("load",)), 0.02), ("masses", exact, 0.2)):
+    exact = Known().overruled_by(mass_std=0.0)  # other feet, too: those of the first have masses that are off
+    for group, known, rel in (("load", Known().overruled_by(exclude=("load",)), 0.02), ("masses", exact, 0.2)):
         other = Director(person(known=known), SHAKER, draws=6)
         assert group not in other.uncertain
         assert other.outlook(steps).half_width == pytest.approx(told[group], rel=rel)
@@ -376,7 +376,7 @@ def test_what_shaking_cannot_tell_is_said() -> None:
         assert reached > 10 and f"{name} below +-{reached:.2g} % (+-1 % asked)" in result.sentence()
         assert "shank mass" in result.causes[name] and "foot mass" in result.causes[name]
     # an unlimited plan is as wide as that, and exact masses leave nothing of it
-    known = Known().told(exclude=("all",), mass_std=0.0)
+    known = Known().overruled_by(exclude=("all",), mass_std=0.0)
     assert Director(person(known=known), shaker, draws=4).for_ever().half_width["k_T"] < 0.02
 
 

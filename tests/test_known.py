@@ -22,19 +22,19 @@ def test_known_of_a_study(tmp_path: Path) -> None:
     known = toml(tmp_path, mass_std=0.02, mount="tapped")
     assert known == Known(mass_std=0.02, excluded=frozenset({"mount"}))
     assert Known.of_all([known, Known(mass_std=0.1)]) == Known(mass_std=0.1)
-    assert known.told(mass_std=0.0, exclude=("all",)).excluded >= {"load", "rocking", "share"}
+    assert known.overruled_by(mass_std=0.0, exclude=("all",)).excluded >= {"load", "rocking", "share"}
     for table in ({"mount": True}, {"mass_std": -1}, {"weather": "fine"}, {"load_share": "most"}):
         with pytest.raises(InputFileError, match=r"study\.toml"):
             toml(tmp_path, **table)
     for wrong in ({"exclude": ("weather",)}, {"mass_std": 3.0}):
         with pytest.raises(SettingError):
-            known.told(**wrong)  # type: ignore[arg-type]
+            known.overruled_by(**wrong)  # type: ignore[arg-type]
 
 
 def test_a_static_force_is_for_all_loads_or_for_each(tmp_path: Path) -> None:
     one = toml(tmp_path, static_force_n=120)
     assert one.static_force_n(0.0) == one.static_force_n(2.3) == 120.0 and one.load_share is None
-    assert one.told(mass_std=0.0).static_force_n(0.0) == 120.0
+    assert one.overruled_by(mass_std=0.0).static_force_n(0.0) == 120.0
     each = toml(tmp_path, static_force_n={"0": 43.0, "2.3": 62.5})
     assert (each.static_force_n(0.0), each.static_force_n(2.3), each.static_force_n(4.5)) == (43.0, 62.5, None)
     assert each.load_share == pytest.approx((62.5 - 43.0) / (2.3 * GRAVITY))

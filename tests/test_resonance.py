@@ -85,7 +85,7 @@ def test_untested_is_said_with_the_number_of_subjects() -> None:
     x[:2] = np.nan
     for rule in (by_thesis, by_tests):
         assert str(rule(F, x)) == "not tested (n = 2)"
-        assert not rule(F, x).found
+        assert not rule(F, x).has_range
         assert str(rule(F[:2], panel(PEAK[:2], 0.03))) == "not tested (2 frequencies)"
 
 

@@ -170,7 +170,7 @@ def test_figures_tell_what_is_shown_beyond_chance_from_what_is_not(table: Table)
         panels[scatter] = Table(pd.DataFrame(lines), "synthetic")
     for scatter, filled in ((0.02, True), (0.2, False)):
         curves = panels[scatter].curves("MB", "midstance", 0.0)
-        assert curves.resonance.kind == "peak" and curves.shown.confirms(curves.resonance) == filled
+        assert curves.resonance.kind == "peak" and curves.resonance_by_tests.confirms(curves.resonance) == filled
         (span,) = figures.subjects(panels[scatter], "MB", [("midstance", 0.0)]).axes[0].patches
         assert span.get_fill() == filled
         figure = figures.means(panels[scatter], [("midstance", 0.0)])

@@ -324,7 +324,7 @@ def _show(rows: list[dict[str, Any]]) -> None:
         frequency = row.get("frequency_hz")
         table.add_row(
             escape(names[row["file"]]),
-            f"[{colours[verdict(row)]}]{verdict(row)}[/]",
+            f"[{colours[verdict(row)]}]{verdict(row).partition(',')[0]}[/]",
             str(row.get("samples", "")),
             f"{row['rate_hz']:.6g}" if "rate_hz" in row else "",
             "" if row["problem"] else "broadband" if frequency is None else f"{frequency:.5g}",

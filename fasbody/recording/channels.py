@@ -59,22 +59,14 @@ def heading(name: str) -> tuple[str, str]:
 
 
 def factor(file: Path, channel: str, unit: str, valid: Mapping[str, float], line: int | None = None) -> float:
-    """What turns a column's numbers into SI.
-
-    Raises:
-        InputFileError: the unit is none of `valid`.
-    """
+    """What turns a column's numbers into SI."""
     if unit.lower() not in valid:
         raise InputFileError(file, unknown(f"unit of the column {channel!r}:", shown(unit), valid), line=line)
     return valid[unit.lower()]
 
 
 def volts_per_m_s2(file: Path, name: str, text: str) -> float:
-    """Sensitivity in V per m/s^2 from a data sheet's "100 mV/g".
-
-    Raises:
-        InputFileError: it is no such text.
-    """
+    """Sensitivity in V per m/s^2 from a data sheet's "100 mV/g"."""
     match = _SENSITIVITY.fullmatch(text)
     try:
         assert match is not None
@@ -145,22 +137,14 @@ class Layout(Tabled):
     apart: tuple[tuple[str, "Layout"], ...] = field(default=(), repr=False)
 
     def one_of(self, file: Path, takes: "Sequence[_Take]") -> "_Take":
-        """The take of study.toml, the first unless it names one.
-
-        Raises:
-            InputFileError: there is no such take.
-        """
+        """The take of study.toml, the first unless it names one."""
         if self.take is not None and self.take > len(takes):
             count = f"{len(takes)} takes" if len(takes) > 1 else "one take"
             raise InputFileError(file, f"holds {count}, and take {self.take} is asked for", "name another, or none")
         return takes[(self.take or 1) - 1]
 
     def of(self, file: Path) -> "Layout":
-        """The layout of one file: that of the pattern that its name fits, else this one.
-
-        Raises:
-            InputFileError: it fits patterns of two layouts.
-        """
+        """The layout of one file: that of the pattern that its name fits, else this one."""
         fitting = [(pattern, layout) for pattern, layout in self.apart if file.match(pattern)]
         if any(layout is not fitting[0][1] for _, layout in fitting):
             listed = " and ".join(pattern for pattern, _ in fitting)
@@ -177,11 +161,7 @@ class Layout(Tabled):
         known: Mapping[str, Any] | None = None,
         take: object = None,
     ) -> "Layout":
-        """From the [channels.*] tables of study.toml, and its [known].
-
-        Raises:
-            InputFileError: a channel, key or value that does not exist.
-        """
+        """From the [channels.*] tables of study.toml, and its [known]."""
         channels = {}
         for name, table in tables.items():
             near = get_close_matches(name, (*NAMES, "time"), cutoff=0.75)
@@ -217,12 +197,8 @@ class Layout(Tabled):
         """The channels with ``time_s``: that of the file, or counted from a sampling rate.
 
         Args:
-            file: for messages.
             channels: with ``time_s``, with ``time`` of unknown unit, or without.
             rate_hz: sampling rate that the file states.
-
-        Raises:
-            InputFileError: time, the file's rate and that of study.toml disagree, or there is none of them.
         """
         if rate_hz and self.rate_hz and abs(rate_hz / self.rate_hz - 1) > _SAME_RATE:
             raise InputFileError(
@@ -267,12 +243,8 @@ class Layout(Tabled):
         Splines of the seventh degree bring a sine from one clock to another: they are wrong by 2 (f / rate)^8.
 
         Args:
-            file: for messages.
             channels: with ``time_s``, the base's clock.
             times: (n,) of the channels that have a separate clock [s].
-
-        Raises:
-            InputFileError: clocks and delays that leave less than nine tenths of the recording.
         """
         t = channels["time_s"]
         delays = {f"{name}_m_s2": c.delay_s for name, c in self.channels.items() if name != "time" and c.delay_s}

@@ -118,12 +118,8 @@ def assign(file: Path, columns: Columns, layout: Layout) -> Assignment:
     """Find the channels among a file's columns: those of section 2.2.2, and every other that is an acceleration.
 
     Args:
-        file: for messages.
         columns: of the file.
         layout: of study.toml.
-
-    Raises:
-        InputFileError: a unit is unknown or missing, or the file gives two; a channel is missing or there twice.
     """
     remarks: list[str] = []
     chosen: dict[str, tuple[int, str]] = {}
@@ -153,6 +149,15 @@ def assign(file: Path, columns: Columns, layout: Layout) -> Assignment:
         },
         tuple(remarks),
     )
+
+
+def has_channels(columns: Columns, layout: Layout) -> bool:
+    """Whether base and malleolus are among a file's columns."""
+    try:
+        assign(Path(), columns, layout)
+    except InputFileError:
+        return False
+    return True
 
 
 def _column_of(
@@ -203,7 +208,6 @@ def _unit(file: Path, channel: str, behind: str, beside: str, stated: str, remar
     """The unit of a channel's numbers: of study.toml, which may overrule the file, or of the file.
 
     Args:
-        file: for messages.
         channel: its name.
         behind: by the heading.
         beside: by a row or attribute of units.

@@ -17,7 +17,7 @@ import numpy as np
 
 from fasbody.exceptions import InputFileError, shown
 from fasbody.recording.channels import Channels, Layout
-from fasbody.recording.columns import Columns, Use, assign
+from fasbody.recording.columns import Columns, Use, has_channels
 from fasbody.recording.headings import (
     STAMP,
     Headings,
@@ -80,18 +80,13 @@ class TextTable:
         """Find the headings, their units and where the numbers begin.
 
         Args:
-            file: the file.
             layout: its columns by study.toml.
             strict: refuse columns without names.
-
-        Raises:
-            InputFileError: it is no text or empty; it has no header, and study.toml names its columns wrongly; it holds
-                several takes, and study.toml names none.
         """
         tables = list(_sections(file, layout, strict))
         if len(tables) == 1:
             return tables[0]
-        takes = [table for table in tables if table.holds(layout)] or tables[:1]
+        takes = [table for table in tables if has_channels(table.columns, layout)] or tables[:1]
         if layout.take is None and len(takes) > 1:
             places = ", ".join(str(table.passage.first + 1) for table in takes)
             raise several_takes(file, len(takes), f"tables with the channels begin in lines {places}")
@@ -124,14 +119,6 @@ class TextTable:
         """What of the text is in no use, in words."""
         return (*self.headings.skipped, *self.footer, *self.passed)
 
-    def holds(self, layout: Layout) -> bool:
-        """Whether the channels are among its columns."""
-        try:
-            assign(self.file, self.columns, layout)
-        except InputFileError:
-            return False
-        return True
-
     def rate_hz(self, uses: Mapping[str, Use], layout: Layout) -> float | None:
         """The rate [Hz] that a line of the text states; a column of times overrules it."""
         return None if "time_s" in uses else self.headings.rate_hz
@@ -162,11 +149,7 @@ class TextTable:
         return frozenset(i for i, cell in enumerate(cells) if STAMP.fullmatch(cell))
 
     def numbers(self, indices: Mapping[str, int]) -> Channels:
-        """Columns as floats (n,), NaN where a cell is empty, times of the day in seconds: by name, from their index.
-
-        Raises:
-            InputFileError: a cell is no finite number; a row has more cells than headings, or fewer.
-        """
+        """Columns as floats (n,), NaN where a cell is empty, times of the day in seconds: by name, from their index."""
         _no_narrower(self, indices)
         times = {name: index for name, index in indices.items() if index in self.stamped}
         rest = {name: index for name, index in indices.items() if index not in self.stamped}
@@ -468,11 +451,7 @@ Rows = dict[int, dict[str, str | None]]
 
 
 def read_table(file: Path, needed: Sequence[str]) -> Rows:
-    """Read a small table as text.
-
-    Raises:
-        InputFileError: it is no table, or lacks a needed column.
-    """
+    """Read a small table as text."""
     text = read_text(file)
     line, separator, names = find_header(text, lambda cells: len(set(cells) & set(needed)))
     if not any(names):
@@ -501,11 +480,7 @@ def column(file: Path, table: Rows, name: str, optional: bool = False) -> np.nda
 
 
 def read_columns(file: Path) -> "pd.DataFrame":
-    """Read all columns of any table, under the names of its first line, or as `UNNAMED` where that holds numbers.
-
-    Raises:
-        InputFileError: it is no table, or a row has more cells than the header.
-    """
+    """Read all columns of any table, under the names of its first line, or as `UNNAMED` where that holds numbers."""
     import pandas as pd
 
     text = read_text(file)

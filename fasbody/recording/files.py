@@ -13,7 +13,7 @@ from fasbody.console import write_whole
 from fasbody.exceptions import InputFileError
 from fasbody.recording.channels import NAMES, TIME_UNITS, Channel, Channels, Layout, name_and_unit
 from fasbody.recording.clock import straightened
-from fasbody.recording.columns import Columns, Use, assign
+from fasbody.recording.columns import Columns, Use, assign, has_channels
 from fasbody.recording.csv import TextTable, read_table, several_takes
 from fasbody.recording.formats import ENDINGS, READ, ending
 from fasbody.recording.formats.reader import read_series
@@ -55,11 +55,7 @@ def reading(file: Path, layout: Layout | None = None) -> Reading:
     """A recording in any format, by the file's ending, with what became of each of its columns.
 
     Args:
-        file: the file.
         layout: what study.toml says of its channels.
-
-    Raises:
-        InputFileError: what is wrong with the file, in one sentence.
     """
     layout = (layout or Layout()).of(file)
     source: TextTable | _SeriesTable
@@ -291,15 +287,7 @@ class _SeriesTable:
             replace(self, series=part, skipped=(f"the other takes ({len(groups) - 1})",), takes=len(groups))
             for part in parts.values()
         ]
-        return [table for table in tables if len(groups) > 1 and table.holds(layout)]
-
-    def holds(self, layout: Layout) -> bool:
-        """Whether the channels are among its columns."""
-        try:
-            assign(self.file, self.columns, layout)
-        except InputFileError:
-            return False
-        return True
+        return [table for table in tables if len(groups) > 1 and has_channels(table.columns, layout)]
 
     @property
     def columns(self) -> Columns:
@@ -322,11 +310,7 @@ class _SeriesTable:
         return []
 
     def rate_hz(self, uses: Mapping[str, Use], layout: Layout) -> float | None:
-        """The rate [Hz] that the file states for the base, else for any channel in use, else for any.
-
-        Raises:
-            InputFileError: a scale that may be applied twice or not at all; a time for channels of different rates.
-        """
+        """The rate [Hz] that the file states for the base, else for any channel in use, else for any."""
         sources = self._sources(uses)
         for key, source in sources.items():
             _one_scale(self.file, key.removesuffix("_m_s2"), source, layout)
@@ -376,13 +360,9 @@ def read_one(file: Path, channel: str, layout: Layout | None = None, named: str 
     """Time [s] and one channel [m/s^2], (n,) each, of a file that holds no other.
 
     Args:
-        file: the file.
         channel: "base" or "malleolus".
         layout: of study.toml.
         named: the column, if it is named otherwise.
-
-    Raises:
-        InputFileError: as `read`.
     """
     layout = (layout or Layout()).of(file)
     stated = layout.channels.get(channel, Channel())
@@ -403,11 +383,7 @@ def columns_of(file: Path, layout: Layout | None = None) -> Columns:
     """The columns of a recording, whatever they are; none of a text without a header that study.toml does not name.
 
     Args:
-        file: the file.
         layout: what study.toml says of its channels.
-
-    Raises:
-        InputFileError: it cannot be read.
     """
     if ending(file) in TEXTS:
         return TextTable.open(file, beside(file, layout or Layout()), strict=False).columns
@@ -415,10 +391,9 @@ def columns_of(file: Path, layout: Layout | None = None) -> Columns:
 
 
 def beside(file: Path, layout: Layout) -> Layout:
-    """The layout with what BIDS writes beside a .tsv: rate and columns in its JSON, names and units in _channels.tsv.
+    """The layout with what BIDS writes beside a .tsv.
 
-    Raises:
-        InputFileError: that file is broken, or its rate is not that of study.toml.
+    Rate and columns stand in its JSON, names and units in _channels.tsv.
     """
     if ending(file) != ".tsv":
         return layout
@@ -493,9 +468,6 @@ def write(file: Path, channels: Channels, matlab: str = "5") -> None:
         file: to write.
         channels: as `read` gives them.
         matlab: version of a .mat file, "5" or "7.3".
-
-    Raises:
-        InputFileError: no such format, or the folder cannot be written.
     """
     end = file.suffix.lower()
     if end not in ENDINGS:

@@ -51,11 +51,7 @@ class Known(Tabled):
 
     @classmethod
     def from_toml(cls, file: Path, table: Mapping[str, Any]) -> "Known":
-        """From the [known] table of study.toml: sizes, and for a departure the words for how it was excluded.
-
-        Raises:
-            InputFileError: a key or value that does not exist.
-        """
+        """From the [known] table of study.toml: sizes, and for a departure the words for how it was excluded."""
         stated = validated(KnownTable, file, table, "known")
         forces = tuple(stated.static_force_n.items())
         share, measured = stated.load_share, _share(file, forces)
@@ -85,7 +81,7 @@ class Known(Tabled):
         share = shares.pop() if len(shares) == 1 else None
         return cls(largest("mass_std"), largest("gain_std"), largest("delay_std_s"), excluded, load_share=share)
 
-    def told(
+    def overruled_by(
         self,
         mass_std: float | None = None,
         gain_std: float | None = None,

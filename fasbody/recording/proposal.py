@@ -52,11 +52,7 @@ class Proposal:
     missing: tuple[str, ...]
 
     def write(self) -> None:
-        """Write the tables; a study that is there gets new lines only.
-
-        Raises:
-            InputFileError: a table is there, and not all of them.
-        """
+        """Write the tables; a study that is there gets new lines only."""
         _listed(self.folder)
         for name, text in self.tables.items():
             write_whole(self.folder / name, text)
@@ -211,49 +207,59 @@ def _toml(folder: Path, kinds: Sequence[Path], missing: list[str]) -> str:
 
 
 def _of_one(file: Path, layout: str, missing: list[str]) -> list[str]:
-    """The lines of one file's rate, columns and channels. `layout` stands before the names of its tables."""
+    """The lines of one file's rate, columns and channels.
+
+    Args:
+        file: of a kind.
+        layout: what stands before the names of its tables.
+        missing: gets what the file does not say.
+    """
     lines: list[str] = []
     names, units, rate = _columns(file)
+
+    def lack(line: str, key: str, reason: str = "") -> None:
+        lines.append(line)
+        missing.append(f"study.toml: {key}" + (f", for {reason}" if reason else ""))
+
+    def quoted(name: str) -> str:
+        return f"column = {json.dumps(name, ensure_ascii=False)}"
+
     if not names:
-        lines.append('# columns = ["time_s", "base_g", ...]  # of files without a header')
-        missing.append(f"study.toml: columns, for {file.name} has no header")
-    has_time = any(name_and_unit(name)[0] == "time" for name in names)
-    clock = None if has_time or rate is not None else _clock(file, names, units)
-    if clock is not None:
-        name, unit = names[clock], units[clock] or name_and_unit(names[clock])[1]
-        lines += ["", f"[{layout}channels.time]", f"column = {json.dumps(name, ensure_ascii=False)}"]
-        if unit.lower() not in TIME_UNITS:
-            lines.append('# unit = "s"  # or ms, us: the heading does not say')
-            missing.append(f"study.toml: {layout}channels.time.unit, for {name!r} rises evenly and does not say")
-        has_time = True
-    if rate is None and not has_time:
-        lines.append("# sampling_rate_hz = 1000  # needed: the files have neither time nor rate")
-        missing.append("study.toml: sampling_rate_hz, for the files have neither time nor rate")
-    if rate is None and has_time and clock is None:
-        time, unit = next((n, u) for n, u in zip(names, units, strict=True) if name_and_unit(n)[0] == "time")
-        if not {unit.lower(), name_and_unit(time)[1]} & TIME_UNITS.keys():
-            lines += ["", f"[{layout}channels.time]", '# unit = "s"  # or ms, us: the heading does not say']
-            missing.append(f"study.toml: {layout}channels.time.unit, for {time!r} does not say")
+        example = '# columns = ["time_s", "base_g", ...]  # of files without a header'
+        lack(example, "columns", f"{file.name} has no header")
+    unit_line = '# unit = "s"  # or ms, us: the heading does not say'
+    time = next((i for i, name in enumerate(names) if name_and_unit(name)[0] == "time"), None)
+    clock = None if time is not None or rate is not None else _clock(file, names, units)
+    place = clock if time is None else time
+    if rate is None and place is None:
+        line = "# sampling_rate_hz = 1000  # needed: the files have neither time nor rate"
+        lack(line, "sampling_rate_hz", "the files have neither time nor rate")
+    elif rate is None and place is not None:
+        name, known = names[place], {units[place].lower(), name_and_unit(names[place])[1]}
+        unstated = not known & TIME_UNITS.keys()
+        lines += ["", f"[{layout}channels.time]"] if clock is not None or unstated else []
+        lines += [quoted(name)] if clock is not None else []
+        if unstated:
+            rises = "rises evenly and " if clock is not None else ""
+            lack(unit_line, f"{layout}channels.time.unit", f"{name!r} {rises}does not say")
     lines += ["", f"# Columns of {file.name}: {', '.join(names) or 'unnamed'}"]
     for channel in NAMES:
-        column = _column(channel, names)
+        column, table = _column(channel, names), f"{layout}channels.{channel}"
         if column is None and channel == "tuberosity":
             continue
-        lines.append(f"[{layout}channels.{channel}]")
+        lines.append(f"[{table}]")
         if column is None:
-            lines.append('# column = "..."  # needed: one of the columns above')
-            missing.append(f"study.toml: {layout}channels.{channel}.column")
+            lack('# column = "..."  # needed: one of the columns above', f"{table}.column")
             continue
         name, unit = names[column], units[column]
-        if name_and_unit(name)[0] != channel:
-            lines.append(f"column = {json.dumps(name, ensure_ascii=False)}")
+        lines += [quoted(name)] if name_and_unit(name)[0] != channel else []
         claimed = unit or name_and_unit(name)[1] or heading(name)[1]
         if claimed.lower() in VOLTAGES:
-            lines.append('# sensitivity = "100 mV/g"  # needed: the column is in volts')
-            missing.append(f"study.toml: {layout}channels.{channel}.sensitivity, for {name!r} is in {claimed}")
+            line = '# sensitivity = "100 mV/g"  # needed: the column is in volts'
+            lack(line, f"{table}.sensitivity", f"{name!r} is in {claimed}")
         elif claimed.lower() not in KNOWN_UNITS:
-            lines.append('# unit = "m/s^2"  # needed, or g, mg, V ...: the file does not say')
-            missing.append(f"study.toml: {layout}channels.{channel}.unit, for {name!r} does not say")
+            line = '# unit = "m/s^2"  # needed, or g, mg, V ...: the file does not say'
+            lack(line, f"{table}.unit", f"{name!r} does not say")
         lines.append("# sign = -1, delay_s = 0.0, gain_std = 0.0, delay_std_s = 0.0  # one a line, if known")
     return lines
 

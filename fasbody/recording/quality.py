@@ -58,17 +58,17 @@ class Quality:
 
     def row(self) -> dict[str, Any]:
         """For the check's table and document."""
-        return {"coherence": _shown(self.coherence)} | {
+        return {"coherence": _rounded(self.coherence)} | {
             name: {
-                "distortion": _shown(c.distortion),
-                "drift": _shown(c.drift),
+                "distortion": _rounded(c.distortion),
+                "drift": _rounded(c.drift),
                 "level_m_s2": [float(f"{level:.4g}") for level in c.level_m_s2],
             }
             for name, c in self.channels.items()
         }
 
 
-def _shown(value: float) -> float | None:
+def _rounded(value: float) -> float | None:
     return float(f"{value:.4g}") if np.isfinite(value) else None
 
 

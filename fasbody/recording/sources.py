@@ -26,7 +26,8 @@ def gather(
     """
     if mapping is not None and any(path.is_dir() for path in data):
         raise SettingError("--study is for files; a study folder has a study.toml of its own.")
-    bodies, loads = _each(data, body_mass, "--body-mass"), _each(data, added_mass, "--added-mass")
+    bodies = _for_each_file(data, body_mass, "--body-mass")
+    loads = _for_each_file(data, added_mass, "--added-mass")
     for option, name, masses in (("--body-mass", "body", bodies), ("--added-mass", "added", loads)):
         for mass in (mass for mass in masses if mass is not None):
             plausible(mass, name, option)
@@ -105,7 +106,7 @@ def together(names: Sequence[str]) -> str:
     return ", ".join(names[:3]) + (f" and {len(names) - 3} more" if len(names) > 3 else "")
 
 
-def _each(data: Sequence[Path], masses: Sequence[float] | None, option: str) -> list[float | None]:
+def _for_each_file(data: Sequence[Path], masses: Sequence[float] | None, option: str) -> list[float | None]:
     """The mass for each of the files: none, one for all, or one each."""
     if not masses:
         return [None] * len(data)

@@ -138,12 +138,8 @@ def validated(kind: type[_Kind], file: Path, table: object, place: str = "") -> 
 
     Args:
         kind: what it must be.
-        file: for messages.
         table: as TOML has it.
         place: the table's name, empty for the document.
-
-    Raises:
-        InputFileError: the table or a value in it is invalid, with its place and what is valid.
     """
     try:
         return kind.model_validate(table)

@@ -30,20 +30,12 @@ _QUOTE = "opens a quotation mark that nothing closes"
 
 
 def read_text(file: Path) -> str:
-    """The whole text of a file.
-
-    Raises:
-        InputFileError: no such file, too large, or no text.
-    """
+    """The whole text of a file."""
     return "".join(pieces(file))
 
 
 def pieces(file: Path) -> Iterator[str]:
-    """The text of a file in UTF-8, UTF-16 or the Latin alphabet of Windows: whole lines, ended by a line feed.
-
-    Raises:
-        InputFileError: no such file, too large, or no text.
-    """
+    """The text of a file in UTF-8, UTF-16 or the Latin alphabet of Windows: whole lines, ended by a line feed."""
     return (piece for _, piece in Passage(file).pieces())
 
 
@@ -194,13 +186,9 @@ def rows(file: Path, body: str, separator: str, after: int) -> Iterator[tuple[in
     """Number and cells of each line of a body, without comments and empty lines.
 
     Args:
-        file: for messages.
         body: the lines.
         separator: of their cells.
         after: how many lines of the file stand above.
-
-    Raises:
-        InputFileError: a quotation mark is never closed.
     """
     for number, line in enumerate(body.split("\n"), after + 1):
         if not line.strip() or COMMENT.match(line):

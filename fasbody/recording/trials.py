@@ -28,11 +28,7 @@ if TYPE_CHECKING:
 
 
 def describe(file: Path) -> tuple[dict[str, str], Layout]:
-    """The [study] table of a study.toml with defaults, and the layout of its [channels.*] tables.
-
-    Raises:
-        InputFileError: no such file, not TOML, or a table, key or value that does not exist.
-    """
+    """The [study] table of a study.toml with defaults, and the layout of its [channels.*] tables."""
     if not file.is_file():
         needs = "a study folder needs study.toml, subjects.csv and recordings.csv"
         raise InputFileError(file, "no such file", needs + _way_out(file))
@@ -55,11 +51,7 @@ def _way_out(file: Path) -> str:
 
 
 def parsed(file: Path, text: str) -> tuple[dict[str, str], Layout]:
-    """The same of a study.toml's text, whether it is written yet or not.
-
-    Raises:
-        InputFileError: not TOML, or a table, key or value that does not exist.
-    """
+    """The same of a study.toml's text, whether it is written yet or not."""
     try:
         document = validated(Document, file, tomllib.loads(text))
     except tomllib.TOMLDecodeError as error:
@@ -178,11 +170,7 @@ def _body_mass(file: Path, subject: str, mass_kg: float) -> float | None:
 
 
 def people(folder: Path) -> "pd.DataFrame":
-    """The subjects of a study with all columns of subjects.csv: numbers as numbers, all else as text.
-
-    Raises:
-        InputFileError: there is no such table.
-    """
+    """The subjects of a study with all columns of subjects.csv: numbers as numbers, all else as text."""
     import pandas as pd
 
     table = pd.DataFrame(list(read_table(folder / "subjects.csv", ("subject", "mass_kg")).values()), dtype=object)

@@ -116,8 +116,8 @@ def show(table: "Table") -> None:
         tested, count = c.resonance.subjects, len(c.subjects)
         partly = f" ({tested} tested)" if c.resonance.tested and tested < count else ""
         printed.add_row(
-            c.pair, escape(c.posture), f"{c.added_mass_kg:g}", f"{count}{partly}", str(c.resonance), str(c.shown),
-            ", ".join(cells),
+            c.pair, escape(c.posture), f"{c.added_mass_kg:g}", f"{count}{partly}",
+            str(c.resonance), str(c.resonance_by_tests), ", ".join(cells),
         )  # fmt: skip
     results.print(printed)
     stated, why = judged(table)

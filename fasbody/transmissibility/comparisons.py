@@ -159,7 +159,8 @@ def resonances(table: Table) -> pd.DataFrame:
         [
             {"pair": c.pair, "posture": c.posture, "added_mass_kg": c.added_mass_kg, "kind": _kind(c.resonance),
              "low_hz": c.resonance.low, "high_hz": c.resonance.high, "top_hz": c.resonance.top,
-             "shown_kind": _kind(c.shown), "shown_low_hz": c.shown.low, "shown_high_hz": c.shown.high,
+             "shown_kind": _kind(c.resonance_by_tests), "shown_low_hz": c.resonance_by_tests.low,
+             "shown_high_hz": c.resonance_by_tests.high,
              "subjects": len(c.subjects), "subjects_tested": c.resonance.subjects,
              "frequencies": c.frequency_hz.size, "frequencies_left_out": len(c.resonance.left_out)}
             for c in table.each()

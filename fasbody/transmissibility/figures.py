@@ -51,10 +51,10 @@ def subjects(table: Table, pair: str, conditions: Sequence[Condition]) -> Figure
             axis.plot(c.frequency_hz, mean, "o", ms=3.5, color=colour)
         top.axhline(1, lw=0.8, ls="--", color="#444444")
         r = c.resonance
-        if r.found:
+        if r.has_range:
             ends = (r.low, r.high) if r.high > r.low else (r.low - 1, r.high + 1)
             hollow: dict[str, Any] = {"fill": False, "ec": colour, "ls": (0, (4, 3)), "lw": 0.9}
-            style = {"color": colour, "alpha": 0.15, "lw": 0} if c.shown.confirms(r) else hollow
+            style = {"color": colour, "alpha": 0.15, "lw": 0} if c.resonance_by_tests.confirms(r) else hollow
             for axis in (top, bottom):
                 axis.axvspan(*ends, **style)
         label = "no peak or plateau" if r.kind == "none" else f"{'' if r.tested else 'resonance '}{r}"
@@ -87,10 +87,10 @@ def means(table: Table, conditions: Sequence[Condition]) -> Figure:
             bottom.plot(*_smooth(c.frequency_hz, -c.mean_phase_deg), lw=1.4, color=colour)
             bottom.plot(c.frequency_hz, -c.mean_phase_deg, marker, ms=3.5, color=colour)
             r = c.resonance
-            if r.found:
+            if r.has_range:
                 at = r.top if r.kind == "peak" else 0.5 * (r.low + r.high)
                 level = float(np.interp(at, c.frequency_hz, c.mean + np.nan_to_num(half)))
-                fill = colour if c.shown.confirms(r) else "white"
+                fill = colour if c.resonance_by_tests.confirms(r) else "white"
                 style = {"arrowstyle": "-|>,head_width=0.3,head_length=0.5", "ec": colour, "fc": fill, "lw": 1.1}
                 top.annotate("", (at, level + 0.02), (at, level + 0.16), arrowprops=style)
                 highest = max(highest, level + 0.17)

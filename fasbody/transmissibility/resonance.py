@@ -45,13 +45,13 @@ class Resonance(Tabled):
     left_out: tuple[float, ...] = ()
 
     @property
-    def found(self) -> bool:
+    def has_range(self) -> bool:
         """Whether there is a range."""
         return self.kind in ("peak", "plateau")
 
     def confirms(self, other: "Resonance") -> bool:
         """Whether this finds the same kind at a place in common."""
-        return bool(self.found and self.kind == other.kind and self.low <= other.high and other.low <= self.high)
+        return bool(self.has_range and self.kind == other.kind and self.low <= other.high and other.low <= self.high)
 
     @property
     def tested(self) -> bool:
@@ -60,7 +60,7 @@ class Resonance(Tabled):
 
     def __str__(self) -> str:
         text = f"{self.kind} ({self.why})" if self.why else self.kind
-        if self.found:
+        if self.has_range:
             text = f"{self.kind} {self.low:g}{f'-{self.high:g}' if self.high > self.low else ''} Hz"
         return text + (f", {len(self.left_out)} frequencies left out" if self.left_out else "")
 

@@ -66,7 +66,7 @@ class Curves(Tabled):
         return by_thesis(self.frequency_hz, self.T)
 
     @cached_property
-    def shown(self) -> Resonance:
+    def resonance_by_tests(self) -> Resonance:
         """By tests that can show a plateau, or its lack."""
         return by_tests(self.frequency_hz, self.T)
 

@@ -133,7 +133,7 @@ class Options:
         from identification.plan.prior import Person
 
         known = Known.of_all([recording.known for recording in earlier])
-        known = known.told(self.mass_std, self.gain_std, self.delay_std, names(self.exclude) or ())
+        known = known.overruled_by(self.mass_std, self.gain_std, self.delay_std, names(self.exclude) or ())
         conditions = [r.condition for r in earlier]
         if len({(c.subject, c.posture, c.body_mass_kg) for c in conditions}) > 1:
             raise SettingError(

@@ -74,7 +74,8 @@ def compare_rivals(
     models = [load(file) for file in files]
     recordings = [study] if isinstance(study, Recording) else list(study)
     data = _checked(recordings)
-    known = Known.of_all([r.known for r in data]).told(mass_std=mass_std, gain_std=gain_std, delay_std_s=delay_std_s)
+    stated = Known.of_all([r.known for r in data])
+    known = stated.overruled_by(mass_std=mass_std, gain_std=gain_std, delay_std_s=delay_std_s)
     ladder, others = rungs_of(foot, data, known, chosen), [edited(model, data, known) for model in models]
     contenders = climb([*ladder, *others], advance)
     best = min((c.solutions[0] for c in contenders), key=lambda end: end.optimum.objective)

@@ -173,7 +173,7 @@ def rungs_of(
     """The rungs that recordings of one person can tell."""
     measured, values = Measured.of([Line.of(r) for r in data], MALLEOLUS), foot.values()
     masses = [name for name in values if name in MASSES]
-    items = nuisances(data, known.told(exclude=EXCLUDED), masses, True)
+    items = nuisances(data, known.overruled_by(exclude=EXCLUDED), masses, True)
     ratio = branches.ratio([r.condition.masses for r in data], values)
     loads = {r.condition.added_mass_kg for r in data}
     candidates = []
@@ -193,5 +193,5 @@ def rungs_of(
 def edited(foot: Foot, data: Sequence[Recording], known: Known) -> Candidate:
     """A user's model beside the rungs, by harmonic balance on MuJoCo's dynamics."""
     space = space_of(foot, delay=False)
-    problem = problem_of(data, foot, space, known.told(exclude=EXCLUDED), carriers=None)
+    problem = problem_of(data, foot, space, known.overruled_by(exclude=EXCLUDED), carriers=None)
     return Candidate(Rung(foot.name, foot.name), problem)

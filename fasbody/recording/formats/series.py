@@ -129,11 +129,7 @@ _ALIKE = 1e-3
 
 
 def stated_rate(statements: Iterable[tuple[str, float | None]]) -> float | None:
-    """The sampling rate [Hz] of names and numbers, None if none of them states it.
-
-    Raises:
-        FormatError: two of them disagree.
-    """
+    """The sampling rate [Hz] of names and numbers, None if none of them states it."""
     rates: list[tuple[str, float]] = []
     for name, value in statements:
         key = name.rsplit("/")[-1].lower()
@@ -156,11 +152,14 @@ def with_rate(series: list[Series]) -> list[Series]:
     kept = [s for s in series if s.values.size > 1 or s.what]
     filled = {_folder(s) for s in kept}
 
-    def told(one: Series) -> list[tuple[str, float]]:
+    def stated_above(one: Series) -> list[tuple[str, float]]:
         above = [s for s in scalars if f"{_folder(one)}/".startswith(f"{_folder(s)}/".lstrip("/"))]
         return [(s.name, float(s.values[0])) for s in above or scalars if above or _folder(s) not in filled]
 
-    return [replace(s, rate_hz=s.rate_hz or stated_rate(told(s)), start_s=_start(s, told(s))) for s in kept]
+    return [
+        replace(s, rate_hz=s.rate_hz or stated_rate(stated_above(s)), start_s=_start(s, stated_above(s)))
+        for s in kept
+    ]
 
 
 def _folder(series: Series) -> str:
@@ -187,11 +186,7 @@ def uniform_step(time_s: np.ndarray) -> float | None:
 
 
 def step_of(time_s: np.ndarray) -> float:
-    """The sampling interval [s], for formats that store nothing else of the time.
-
-    Raises:
-        FormatError: the time is not uniform.
-    """
+    """The sampling interval [s], for formats that store nothing else of the time."""
     step = uniform_step(time_s)
     if step is None:
         raise FormatError("stores a sampling rate only, and this recording's time is not uniform; write .csv or .h5")
