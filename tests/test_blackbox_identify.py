@@ -119,8 +119,9 @@ def test_orders_option() -> None:
     assert parse_orders("4,4,1", ("oe",)) == {"oe": (4, 4, 1)}
     assert parse_orders("oe=4,4,1; ss=3", ("oe", "ss")) == {"oe": (4, 4, 1), "ss": (3,)}
     for text in ("bj=1,1,1,1,1", "oe=a", "4,4,1"):
-        with pytest.raises(SettingError):
+        with pytest.raises(SettingError) as caught:
             parse_orders(text, ("oe", "ss"))
+        assert caught.value.setting == "orders"
 
 
 def test_automatic_orders_on_a_short_record() -> None:

@@ -78,9 +78,9 @@ def main(
     for name in chosen:
         if name not in valid:
             what = "structure for several inputs or outputs" if several else "structure"
-            raise SettingError(unknown(what, name, valid) + ".")
+            raise SettingError(unknown(what, name, valid) + ".", setting="structures")
     if not 0.0 < split < 1.0:
-        raise SettingError(f"split {split:g} is not between 0 and 1.")
+        raise SettingError(f"split {split:g} is not between 0 and 1.", setting="split")
     numbers = parse_orders(orders, chosen)
     if out is not None:
         make_folder(out)
@@ -149,12 +149,15 @@ def parse_orders(text: str, structures: tuple[str, ...]) -> dict[str, tuple[int,
         name, _, numbers = entry.rpartition("=")
         name = name.strip().lower() or (structures[0] if len(structures) == 1 else "")
         if name not in structures:
-            raise SettingError(f"orders {entry.strip()!r}: " + unknown("structure", name, structures) + ".")
+            problem = unknown("structure", name, structures)
+            raise SettingError(f"orders {entry.strip()!r}: {problem}.", setting="orders")
         try:
             orders[name] = tuple(int(number) for number in numbers.split(","))
         except ValueError as error:
             raise SettingError(
-                f'orders {entry.strip()!r} are not whole numbers; write them as "oe=4,4,1;ss=4" or "auto".'
+                f"orders {entry.strip()!r} are not whole numbers; write them as "
+                '"oe=4,4,1;ss=4" or "auto".',
+                setting="orders",
             ) from error
     return orders
 

@@ -220,7 +220,8 @@ def detrend(series: Series, degree: int) -> Series:
         SettingError: a degree that is no small whole number.
     """
     if not 0 <= degree <= 5:
-        raise SettingError(f"detrend degree {degree} is not between 0 (the mean) and 5.")
+        problem = f"detrend degree {degree} is not between 0 (the mean) and 5."
+        raise SettingError(problem, setting="detrend")
     basis = np.polynomial.legendre.legvander(np.linspace(-1.0, 1.0, len(series)), degree)
     u, y = (signal - basis @ linalg.lstsq(basis, signal)[0] for signal in (series.u, series.y))
     return replace(series, u=u, y=y)

@@ -106,7 +106,8 @@ class Series(Tabled):
         if not SHORTEST <= middle <= len(self) - SHORTEST:
             raise SettingError(
                 f"split {fraction:g} of {len(self)} samples leaves a part with fewer than "
-                f"{SHORTEST} samples; choose a fraction nearer to 0.5 or a longer recording."
+                f"{SHORTEST} samples; choose a fraction nearer to 0.5 or a longer recording.",
+                setting="split",
             )
         u, y = self.u - self.u[:middle].mean(axis=0), self.y - self.y[:middle].mean(axis=0)
         for signal, role, first, last, part, other in (

@@ -131,7 +131,7 @@ def identify(
     """
     for name in structures:
         if name not in ALL:
-            raise SettingError(unknown("structure", name, ALL) + ".")
+            raise SettingError(unknown("structure", name, ALL) + ".", setting="structures")
     pooled = listed(recordings)
     notes = []
     if robust:
@@ -267,7 +267,8 @@ class _Chooser:
         if name == "hw" and len(numbers) == 5:
             return nonlinear.estimate(estimation, Orders.of("oe", numbers[:3]), (numbers[3], numbers[4]))
         valid = {"ss": "1 order", "hw": "5 orders (nb, nf, nk, input degree, output degree)", "narx": "no orders"}
-        raise SettingError(f"{name} takes {valid.get(name, 'no orders')}, not {len(numbers)}.")
+        takes = valid.get(name, "no orders")
+        raise SettingError(f"{name} takes {takes}, not {len(numbers)}.", setting="orders")
 
 
 def _judge(chosen: Selection, chooser: _Chooser, seen: Excitation) -> ChosenModel:

@@ -252,7 +252,7 @@ def identify(
     for name in structures:
         if name not in STRUCTURES:
             what = "structure for several inputs or outputs"
-            raise SettingError(unknown(what, name, STRUCTURES) + ".")
+            raise SettingError(unknown(what, name, STRUCTURES) + ".", setting="structures")
     u, y = as_columns(recording.u), as_columns(recording.y)
     estimation, validation = replace(recording, u=u, y=y).split(split)
     notes = together(estimation)
@@ -263,7 +263,7 @@ def identify(
         numbers = (orders or {}).get(name) or _chosen(name, estimation)
         if len(numbers) != (3 if name == "arx" else 1):
             valid = "3 orders (na, nb, nk)" if name == "arx" else "1 order"
-            raise SettingError(f"{name} takes {valid}.")
+            raise SettingError(f"{name} takes {valid}.", setting="orders")
         model = arx(estimation, *numbers) if name == "arx" else _space(estimation, *numbers)
         white[name], independent[name], texts = _tested(model, validation)
         if name == "arx" and min(white[name].min(), independent[name].min()) < CALM / independent[name].size:
