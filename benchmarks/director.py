@@ -111,7 +111,7 @@ def trial(population: str, protocol: str, seed: int, exclude: Sequence[str]) -> 
         else director.thesis()
     )
     expected = director.outlook(steps).half_width
-    director.aim({name: factor * width for name, width in expected.items()})
+    director.aim({name: min(factor * width, 9.0) for name, width in expected.items()})
     probability = director.outlook(steps).goal()
     planning = time.process_time() - began
     data = recorded(foot, steps, 1 + PROTOCOLS.index(protocol), float(scatter))

@@ -41,7 +41,9 @@ TASKS: dict[str, dict[str, tuple[str, ...]]] = {
             "fasbody/transmissibility spectra statistics comparisons findings steps figures",
         ),
     },
-    "Plan": {"The experiment director": ("identification/plan director session candidates shaker prior result figures",)},
+    "Plan": {
+        "The experiment director": ("identification/plan director session candidates shaker prior result figures",)
+    },
     "View": {"Viewer": ("viz notebook feet motion settings excitation exported bench modes",)},
     "The cell": {
         "Cell": ("fasbody/cell analysis dome materials mesh meshfile modal modeshape viscoelastic body figures",)

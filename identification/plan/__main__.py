@@ -99,7 +99,7 @@ class Options:
         str | None,
         Option(
             help="nuisances to exclude, as in a fit: mount, relaxation, load, share, rocking, drift, "
-            "or all"
+            "seating, or all"
         ),
     ] = None
     mass_std: MassStd = None

@@ -31,7 +31,7 @@ _HELD = 1e9
 #: the scatter of recordings is itself estimated, and the curvature is that of where the fit ends.
 WIDTH_STD = 0.25
 #: Nuisances that say how large a departure is; the others of its group say of what kind.
-_SIZES = ("mount", "relaxing", "rocking", "under load", "load share")
+_SIZES = ("mount", "relaxing", "rocking", "under load", "load share", "seating")
 
 
 @dataclass(frozen=True)

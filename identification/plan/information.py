@@ -168,7 +168,9 @@ class _Exact(TwoMassMotion):
         C, R, P = theta.shape
         start = None if near is None else near.at(theta).reshape(C * R, 2, -1)
         omega, base = np.tile(self.omega, C), np.tile(self.base, (C, 1))
-        return orbits(theta.reshape(C * R, P), omega, base, start, slopes=slopes)
+        return orbits(
+            theta.reshape(C * R, P), omega, base, start, slopes=slopes, tolerance=1e-10
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)

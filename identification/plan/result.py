@@ -104,6 +104,7 @@ _RELIEF = {
     "load": ("constants that follow the load", "where a slow push under each load rules it out: --exclude load"),
     "share": ("a load that the thigh helps to carry", "where a force plate shows all of it: --exclude share"),
     "rocking": ("a leg that rocks", "where a sensor across the leg rules it out: --exclude rocking"),
+    "seating": ("a foot that differs from one seating to the next", "sit down once: --exclude seating"),
     "drift": ("a gain that drifts", "where the channels are compared before and after: --exclude drift"),
 }
 #: What the last columns of the table are.
