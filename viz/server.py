@@ -27,11 +27,11 @@ import tornado.websocket
 
 from fasbody.console import console, print_json
 from fasbody.exceptions import FasError, SettingError
-from viz.bench import LARGEST as LARGEST_FILE
 from viz.bench import PRIVATE, Bench
 from viz.display import Display, file_of, files, markup, page_json
 from viz.exported import html
 from viz.settings import settings_from
+from viz.uploads import LARGEST as LARGEST_FILE
 
 ADDRESS = "127.0.0.1"
 #: What is made here: the report of a fit, all its results, and the page to take away.
