@@ -26,6 +26,7 @@ from viz.bench import Bench
 from viz.display import page_json
 from viz.feet import Show
 from viz.fitted import fitted
+from viz.job import Job
 from viz.server import Server
 from viz.source import Source
 
@@ -277,6 +278,27 @@ def test_tables_that_cannot_be_read_are_told_what_the_page_can_do(bench: Bench) 
         assert any(sentences), row["file"]
         assert not [s for s in sentences if "study.toml" in s or "--" in s or "python -m" in s], sentences
     assert "“…”" in listed["rows"][1]["unread"]
+
+
+def test_a_name_that_is_a_device_is_kept_beside_it(bench: Bench) -> None:
+    for name, kept in (("CON.csv", "_CON.csv"), ("a/lpt1.CSV", "a/_lpt1.CSV"), ("console.csv", "console.csv")):
+        assert bench.keep(name, ONE.read_bytes()) == [kept]
+
+
+def test_progress_says_how_long_a_fit_has_run(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A page that is loaded again counts on from there."""
+    asked: list[Any] = []
+    monkeypatch.setattr(bench.fits, "_ask", asked.append)
+    bench.keep("20hz.csv", ONE.read_bytes())
+    bench.open(["20hz.csv"])
+    (progress,) = bench.fit([0], {"starts": 1})
+    bench.fits._began -= 100
+    assert progress["seconds"] < 50 and 100 <= bench.documents()[2]["seconds"] < 150
+    assert Job.of(json.loads(json.dumps(asked[0]["job"]))) == bench.fits.job  # as the process reads it
+    with pytest.raises(FasError, match="a fit runs already"):
+        bench.fit([0], {})
+    bench.fits.receive({"type": "problem", "of": "fit", "text": "no end"})
+    assert bench.fits.progress()["seconds"] == 0
 
 
 def test_fit_calls_parameters_as_its_table_does(bench: Bench) -> None:

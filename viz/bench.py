@@ -25,16 +25,17 @@ from viz.feet import MODEL, Show
 from viz.fits import Fits
 from viz.fitted import fitted
 from viz.job import Job
-from viz.load import load_foot
+from viz.load import files_of, load_foot
 from viz.model_text import ModelText
 from viz.recordings import Recordings
+from viz.session import Session
 from viz.settings import settings_from
 from viz.source import Source, on_page, study_files
 from viz.worker import Send
 
 Document = dict[str, Any]
 #: Documents for the requesting page alone; all others are for every page.
-PRIVATE = {"columns", "checked", "saved", "taken", "kept"}
+PRIVATE = {"columns", "checked", "saved", "taken", "kept", "session_kept", "session"}
 #: Fewest and most starts of a fit.
 _STARTS = (1, 64)
 
@@ -52,6 +53,7 @@ class Bench:
         model: as text.
         fits: the process that fits.
         current: id of the recording that shakes the foot, -1 for none.
+        dropped_session: folder and content of a session's file that was dropped last.
     """
 
     def __init__(self, show: Show, send: Send = lambda document: None, results: Path | None = None) -> None:
@@ -69,6 +71,7 @@ class Bench:
         self._rivals: tuple[Job, Document] | None = None
         self._count = 0  # of fits
         self._first = (self.model.name, show.fit)  # a result that was there from the start
+        self.dropped_session: tuple[Path, Session] | None = None
 
     @property
     def folder(self) -> Path:
@@ -138,6 +141,7 @@ class Bench:
             "remove": lambda: self.remove(chosen), "keep_study": lambda: self.keep_study(chosen),
             "report": self.report, "choose": lambda: self.choose(name), "check": lambda: self.check(text),
             "save": lambda: self.save(text, digest), "take": lambda: self.take(fields),
+            "save_session": lambda: self.save_session(fields), "open_session": self.open_session,
         }  # fmt: skip
         if kind not in actions:
             raise SettingError(f"the page asks for {str(kind)[:40]!r}, which it cannot do; reload it.")
@@ -147,9 +151,18 @@ class Bench:
     def keep(self, name: str, content: bytes) -> list[str]:
         """Keep a dropped file for this session, or what a zip file holds; the names that are kept.
 
+        A session's file is kept for `open_session`, and has no names.
+
         Raises:
             SettingError, InputFileError: see `uploads.keep`.
         """
+        self.dropped_session = None
+        if Path(name).suffix.lower() == ".zip":
+            folder = uploads.fresh(self.folder)
+            session = Session.unpack(name[:80], content, folder)
+            if session is not None:
+                self.dropped_session = folder, session
+                return []
         return uploads.keep(self.folder, name, content)
 
     def open(self, names: list[str]) -> list[Document]:
@@ -368,6 +381,81 @@ class Bench:
         except FasError as error:
             return [saved | {"text": f"saved, but the last good model is shown: {error}"}, self.model.document()]
         return [saved, models, description | {"same": True}, *answers]
+
+    # ---- the session -------------------------------------------------------------------------------------------------
+    def save_session(self, page: Mapping[str, Any]) -> list[Document]:
+        """Write all of this session into one file.
+
+        Raises:
+            SettingError: the model was handed over in Python, or its text is not saved.
+        """
+        if isinstance(self.show.models[0], Foot):
+            raise SettingError("a model that was handed over in Python cannot be kept in a session's file.")
+        if self.model.draft:
+            raise SettingError("the model in the editor is not saved yet; save it first, for a session keeps its file.")
+        jobs = [answer[0].sources for answer in (self._fit, self._rivals) if answer]
+        sources = [source for group in (self.recordings.sources, *jobs) for source in group.values()]
+        folders = uploads.places(self.folder, {Path(s.folder) for s in sources if s.folder != str(BUNDLED)})
+        files = {
+            (Path(inside) / file.relative_to(folder)).as_posix(): file.read_bytes()
+            for folder, inside in folders.items()
+            for file in uploads.inside(Path(folder), self.folder)
+        }
+        name, main = self.model.name, self.model.file
+        if main is not None:  # with what it includes, where that lies beside it
+            beside = main.resolve().parent
+            parts = [file for file in files_of(name) if file.is_relative_to(beside) and file.is_file()]
+            files |= {f"model/{file.relative_to(beside).as_posix()}": file.read_bytes() for file in parts}
+        kept = f"model/{Path(name).name}" if main is not None else name
+        fit, rivals = (self._kept(answer, kept) for answer in (self._fit, self._rivals))
+        session = Session(self.recordings.sources, self.current, kept, fit, rivals, page, files)
+        write_whole(self.folder / ".session.zip", session.pack(folders))
+        return [{"type": "session_kept"}]
+
+    def _kept(self, answer: tuple[Job, Document] | None, model: str) -> tuple[Job, Document] | None:
+        """A result of the model that is shown, for the session's file; its digest goes where it is up to date."""
+        if answer is None or answer[0].model != self.model.name:
+            return None
+        job, document = answer
+        return replace(job, model=model, text="" if job.text == self.model.whole else "changed"), document
+
+    def open_session(self) -> list[Document]:
+        """Take up the session whose file was dropped, in place of this one.
+
+        Raises:
+            SettingError: none was, or a fit runs. FasError: its model cannot be shown.
+        """
+        if self.dropped_session is None:
+            raise SettingError("no session was dropped; give the file that this page saved.")
+        if self.fits.running:
+            raise SettingError("a fit runs; stop it first.")
+        (folder, session), self.dropped_session = self.dropped_session, None
+        for name, content in session.files.items():
+            if kept := uploads.safe(name):
+                write_whole(folder / kept, content)
+        self._fit = self._rivals = None
+        self.remove(list(self.recordings.sources))
+        in_file = session.model.startswith("model/")
+        models = self.choose(str(folder / session.model) if in_file else session.model)
+        ids = {number: self.recordings.add(source, new=True) for number, source in session.sources.items()}
+        self._fit, self._rivals = self._opened(session.fit, ids), self._opened(session.rivals, ids)
+        if self._fit:
+            self._count += 1
+            self._fit = self._fit[0], self._fit[1] | {"number": self._count}
+            self.show.fit = self._fit[1]["fit"]
+        driven = self.use(ids[session.current]) if session.current in ids else self.sine()
+        note = f"{Path(self.model.name).name} is this session's copy; save the session to keep its edits."
+        page = {"type": "session", "page": dict(session.page), "ids": ids, "note": note if in_file else ""}
+        return [models[0], *driven, *self._results_of_model(), self.document(), page]
+
+    def _opened(self, answer: tuple[Job, Document] | None, ids: Mapping[int, int]) -> tuple[Job, Document] | None:
+        """A result of a session's file under the ids of this session."""
+        if answer is None:
+            return None
+        job, document = answer
+        sources = {ids.get(number, -1 - number): source for number, source in job.sources.items()}
+        job = replace(job, sources=sources, model=self.model.name, text=job.text or self.model.whole)
+        return job, document | {"script": job.script}
 
 
 def _changes(asked: Any) -> dict[int, Mapping[str, Any]]:

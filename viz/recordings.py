@@ -36,10 +36,10 @@ class Recordings:
         self._latest: tuple[Source, Recording] | None = None  # read last, so that a long file is read once
         self._next_id = 0
 
-    def add(self, source: Source) -> int:
-        """Read a file; one that is dropped again keeps its id and its corrections."""
-        same = ((s.folder, s.file) == (source.folder, source.file) for s in self.sources.values())
-        number = next((n for n, is_same in zip(self.sources, same, strict=True) if is_same), self._next_id)
+    def add(self, source: Source, *, new: bool = False) -> int:
+        """Read a file; one that is dropped again keeps its id and its corrections, unless it is `new`."""
+        known = [n for n, s in self.sources.items() if (s.folder, s.file) == (source.folder, source.file)]
+        number = known[0] if known and not new else self._next_id
         self.put(number, self.sources.get(number, source))
         return number
 

@@ -17,6 +17,8 @@ LARGEST, MOST, FILES = 64_000_000, 512_000_000, 500
 DEEP, LONGEST = 4, 200
 #: What some systems do not take in a name, and names that are devices there.
 _REFUSED = re.compile(r'[<>:"|?*]|^(?=(?:con|prn|aux|nul|com\d|lpt\d)(?:\.|$))', re.IGNORECASE)
+#: Folders of sessions that were opened.
+_OPENED = "session-"
 #: Files that belong to a study beside its recordings.
 _BESIDE = {"study.toml", "subjects.csv", "recordings.csv", "truth.json"}
 
@@ -71,3 +73,27 @@ def safe(name: str) -> str:
     good = all(part.isprintable() and part[0] != "." and "\\" not in part for part in parts)
     good = good and not name.startswith("/") and all(len(part.encode()) <= LONGEST for part in parts)
     return "/".join(parts) if good and 0 < len(parts) <= DEEP else ""
+
+
+def fresh(folder: Path) -> Path:
+    """Where the files of a session that is opened are to lie."""
+    return next(place for k in range(1, 10_000) if not (place := folder / f"{_OPENED}{k}").exists())
+
+
+def places(folder: Path, used: set[Path]) -> dict[str, str]:
+    """Folders of recordings -> where they lie in a session's file: as they were dropped, each for itself."""
+    inside: dict[str, str] = {}
+    for place in sorted(used):
+        parts = place.relative_to(folder).parts
+        name = "/".join(parts[1:] if parts and parts[0].startswith(_OPENED) else parts)
+        names = (name, *(f"{name}_{k}".lstrip("/") for k in range(2, 1000)))
+        inside[str(place)] = next(free for free in names if free not in inside.values())
+    return inside
+
+
+def inside(place: Path, folder: Path) -> list[Path]:
+    """The files of a folder of recordings; of the session's own those that were dropped as they are."""
+    files = [file for file in place.rglob("*") if file.is_file() and _is_read(file) and file.name[0] != "."]
+    within = [file.relative_to(folder).parts[0] for file in files]
+    other = place != folder
+    return [f for f, first in zip(files, within, strict=True) if other or not first.startswith((_OPENED, "results"))]

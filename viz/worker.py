@@ -87,7 +87,7 @@ def serve(jobs: TextIO, answers: TextIO) -> None:
     tell({"type": "ready"})
     if waiting.empty():
         import identification.report  # noqa: F401  # with the figures, which no fit waits for
-    result: Any = None
+    done: tuple[Job, Any] | None = None  # the last fit
     while line := waiting.get():
         asked = json.loads(line)
         try:
@@ -97,11 +97,12 @@ def serve(jobs: TextIO, answers: TextIO) -> None:
             elif asked["do"] == "report":
                 from identification.report import write
 
-                result = result or _fit(job, lambda document: None)  # the fit ended with an earlier process
-                write(result, Path(asked["folder"]), Path("results"))
+                if done is None or done[0] != job:  # it ended with an earlier process, or is of a session's file
+                    done = job, _fit(job, lambda document: None)
+                write(done[1], Path(asked["folder"]), Path("results"))
                 tell({"type": "reported"})
             else:
-                result = _fit(job, tell)
+                done = job, _fit(job, tell)
         except FasError as error:
             text = on_page(error, {source.folder for source in job.sources.values()})
             tell({"type": "problem", "of": asked["do"], "text": text, "code": error.code})

@@ -65,8 +65,8 @@ function openEditor() {
   byId("edit_model").setAttribute("aria-pressed", shown);
   if (!shown || editor.view) return;
   const tint = CM.HighlightStyle.define([
-    { tag: CM.tags.tagName, color: "#6cb6ff" }, { tag: CM.tags.attributeName, color: "#7ee0a1" }, { tag: CM.tags.attributeValue, color: "#ffb454" },
-    { tag: CM.tags.comment, color: "#93a3b3" }, { tag: CM.tags.angleBracket, color: "#93a3b3" },
+    { tag: CM.tags.tagName, color: "light-dark(#1f6fb4, #6cb6ff)" }, { tag: CM.tags.attributeName, color: "light-dark(#1a7f45, #7ee0a1)" }, { tag: CM.tags.attributeValue, color: "light-dark(#9a5200, #ffb454)" },
+    { tag: CM.tags.comment, color: "light-dark(#4c5b69, #93a3b3)" }, { tag: CM.tags.angleBracket, color: "light-dark(#4c5b69, #93a3b3)" },
   ]);
   editor.view = new CM.EditorView({
     parent: byId("mjcf"),
@@ -77,7 +77,7 @@ function openEditor() {
         CM.keymap.of([{ key: "Mod-s", preventDefault: true, run: () => { saveModel(); return true; } }, ...CM.defaultKeymap, ...CM.historyKeymap, ...CM.searchKeymap]),
         CM.EditorView.updateListener.of(update => { if (update.docChanged && !editor.quiet) checkSoon(); }),
         CM.EditorView.contentAttributes.of({ "aria-label": "the model's MJCF" }),
-        CM.EditorView.theme({}, { dark: true }),
+        CM.EditorView.theme({ ".cm-cursor": { borderLeftColor: "var(--ink)" }, ".cm-activeLine": { background: "color-mix(in srgb, var(--ink) 4%, transparent)" } }, { dark: !isLight() }),
       ],
     }),
   });
