@@ -3,7 +3,6 @@
 import io
 import json
 import zipfile
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -11,14 +10,13 @@ import pytest
 
 pytest.importorskip("meshcat", reason="needs the extra: pip install 'fasbody[view]'")
 
-from viewer import Watched, browser, served
+from viewer import Watched, served
 
 from fasbody.exceptions import FasError
 from fasbody.recording.proposal import body_mass_in_name, load_in_name
 from fasbody.recording.study import BUNDLED, Study
 from viz.archive import packed
 from viz.bench import Bench
-from viz.feet import Show
 
 NAMES = ("10hz_0kg.csv", "20hz_0kg.csv", "25hz_2.3kg.csv")
 FILES = {file: (BUNDLED / "recordings" / file).read_text() for file in NAMES}
@@ -42,20 +40,6 @@ FINE = """[...document.querySelectorAll('body *')]
   .filter(e => e.getClientRects().length && parseFloat(getComputedStyle(e).fontSize) < 12)
   .filter(e => [...e.childNodes].some(n => n.nodeType === 3 && n.textContent.trim()))
   .map(e => [e.tagName, e.id, e.className])"""
-
-
-@pytest.fixture(scope="module")
-def opened() -> Iterator[Any]:
-    with browser() as found:
-        yield found
-
-
-@pytest.fixture
-def bench() -> Iterator[Bench]:
-    made = Bench(Show(["two_dof"]))
-    made.fits.prepare = lambda: None  # type: ignore[method-assign]  # no process to fit, which takes seconds to start
-    yield made
-    made.close()
 
 
 def scaled(text: str, factor: float, head: str = "") -> str:

@@ -2,7 +2,6 @@
 
 import json
 import zipfile
-from collections.abc import Iterator
 from dataclasses import replace
 from io import BytesIO
 from pathlib import Path
@@ -29,13 +28,6 @@ def made(*models: str) -> Bench:
     bench = Bench(Show(list(models) or ["two_dof"]))
     bench.fits.prepare = lambda: None  # type: ignore[method-assign]
     return bench
-
-
-@pytest.fixture
-def bench() -> Iterator[Bench]:
-    bench = made()
-    yield bench
-    bench.close()
 
 
 def saved(bench: Bench, page: dict[str, Any] | None = None) -> bytes:

@@ -5,7 +5,6 @@ import json
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -50,14 +49,6 @@ class Told:
         with self._more:
             assert self._more.wait_for(lambda: any(d["type"] in kinds for d in self.heard), WAIT)
             return next(d for d in self.heard if d["type"] in kinds)
-
-
-@pytest.fixture
-def bench() -> Iterator[Bench]:
-    made = Bench(Show(["two_dof"]))
-    made.fits.prepare = lambda: None  # type: ignore[method-assign]  # no process to fit, which takes seconds to start
-    yield made
-    made.close()
 
 
 def test_dropped_file_shakes_the_foot(bench: Bench) -> None:
