@@ -3,6 +3,7 @@
 // What is opened: the model's name, its text and its digest as the file had it, and the file's later one where it has
 // become another; unsaved text of other models.
 const editor = { view: null, name: "", file: "", text: "", digest: "", theirs: null, sent: "", quiet: false, timer: 0, drafts: new Map() };
+const MOST_TEXT = 900000;  // bytes of a model that the server takes from a page
 const typedText = () => (editor.view ? editor.view.state.doc.toString() : editor.text);
 
 // What is shown was typed, here or in another page, and is in no file: its name says so.
@@ -88,7 +89,8 @@ function openEditor() {
 function checkSoon() {
   clearTimeout(editor.timer);
   editor.timer = setTimeout(() => {
-    const text = typedText();
+    const text = typedText(), size = new Blob([JSON.stringify(text)]).size;
+    if (size > MOST_TEXT) { showCheck({ text: `${(size / 1e6).toFixed(1)} MB are more than the page takes; save the file with another editor.`, line: null }); return; }
     byId("editor_state").textContent = "checking";
     tellServer("check", { text });
   }, 250);

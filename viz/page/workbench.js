@@ -60,7 +60,10 @@ function openTask(name) {
   keepState();
 }
 for (const [name, label] of Object.entries(TASKS)) {
-  const b = button(byId("tasks"), label, () => openTask(name));
+  const b = button(byId("tasks"), label, () => {
+    openTask(name);
+    if (innerWidth <= 700) document.querySelector(`section[data-task="${name}"]`).scrollIntoView();  // below the plots
+  });
   b.dataset.name = name;
   b.hidden = Boolean(window.EXPORTED) && name === "data";
 }
