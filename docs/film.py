@@ -163,7 +163,7 @@ def main() -> None:
     """Serve the two-mass foot, and film it."""
     with sync_playwright() as playwright, served("--model", "two_dof") as url:
         browser = playwright.chromium.launch(executable_path=chromium(), args=list(CHROMIUM))
-        shoot(browser.new_page(viewport=SIZE), url).save(FILM)
+        shoot(browser.new_page(viewport=SIZE, color_scheme="dark"), url).save(FILM)
         browser.close()
     print(f"{FILM}: {FILM.stat().st_size / 1e6:.2f} MB")
 

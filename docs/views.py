@@ -34,7 +34,7 @@ def take(page: Any, name: str) -> None:
 
 def opened(browser: Any, url: str, size: dict[str, int]) -> Any:
     """A page whose foot moves, held still."""
-    page = browser.new_page(viewport=size)
+    page = browser.new_page(viewport=size, color_scheme="dark")
     page.goto(url)
     until(page, "window.stats && stats.motions > 0")
     page.evaluate("play(false)")
@@ -64,7 +64,6 @@ def main() -> None:
             page.locator("#start_fit").click()
             until(page, "bench.found || complaints")
             until(page, "!busy && !wanted && motion")
-            page.evaluate("byId('matrix').scrollIntoView()")
             take(page, "")
         browser.close()
 

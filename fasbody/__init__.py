@@ -11,38 +11,28 @@ A name is imported on first use, so that `import fasbody` costs nothing.
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from fasbody.arch.bones import Arch
-    from fasbody.exceptions import FasError
-    from fasbody.foot.model import Foot, load
-    from fasbody.foot.shaker import BaseMotion, harmonics, multisine, random, samples, sine, sweep
-    from fasbody.foot.simulate import Simulation, simulate
-    from fasbody.recording.condition import Condition
-    from fasbody.recording.recording import Recording
-    from fasbody.recording.study import Study, bundled
-    from fasbody.transmissibility.table import Table as Transmissibility
+    from fasbody.arch.bones import Arch as Arch
+    from fasbody.exceptions import FasError as FasError
+    from fasbody.foot.model import Foot as Foot
+    from fasbody.foot.model import load as load
+    from fasbody.foot.shaker import BaseMotion as BaseMotion
+    from fasbody.foot.shaker import harmonics as harmonics
+    from fasbody.foot.shaker import multisine as multisine
+    from fasbody.foot.shaker import random as random
+    from fasbody.foot.shaker import samples as samples
+    from fasbody.foot.shaker import sine as sine
+    from fasbody.foot.shaker import sweep as sweep
+    from fasbody.foot.simulate import Simulation as Simulation
+    from fasbody.foot.simulate import simulate as simulate
+    from fasbody.recording.condition import Condition as Condition
+    from fasbody.recording.recording import Recording as Recording
+    from fasbody.recording.study import Study as Study
+    from fasbody.recording.study import bundled as bundled
+    from fasbody.transmissibility.table import Table
 
+    Transmissibility = Table
     __version__: str
 else:
-    _HOMES = {
-        "Arch": "fasbody.arch.bones",
-        "BaseMotion": "fasbody.foot.shaker",
-        "Condition": "fasbody.recording.condition",
-        "FasError": "fasbody.exceptions",
-        "Foot": "fasbody.foot.model",
-        "Recording": "fasbody.recording.recording",
-        "Simulation": "fasbody.foot.simulate",
-        "Study": "fasbody.recording.study",
-        "Transmissibility": "fasbody.transmissibility.table:Table",
-        "bundled": "fasbody.recording.study",
-        "harmonics": "fasbody.foot.shaker",
-        "load": "fasbody.foot.model",
-        "multisine": "fasbody.foot.shaker",
-        "random": "fasbody.foot.shaker",
-        "samples": "fasbody.foot.shaker",
-        "simulate": "fasbody.foot.simulate",
-        "sine": "fasbody.foot.shaker",
-        "sweep": "fasbody.foot.shaker",
-    }
 
     def __getattr__(name: str) -> object:
         if name == "__version__":
@@ -51,30 +41,7 @@ else:
             return version("fasbody")
         from fasbody.lazy import attribute
 
-        return attribute(__name__, _HOMES, name)
+        return attribute(__name__, name)
 
     def __dir__() -> list[str]:
-        return sorted({*globals(), *__all__})
-
-
-__all__ = [
-    "Arch",
-    "BaseMotion",
-    "Condition",
-    "FasError",
-    "Foot",
-    "Recording",
-    "Simulation",
-    "Study",
-    "Transmissibility",
-    "__version__",
-    "bundled",
-    "harmonics",
-    "load",
-    "multisine",
-    "random",
-    "samples",
-    "simulate",
-    "sine",
-    "sweep",
-]
+        return sorted({*globals(), *__getattr__("__all__")})

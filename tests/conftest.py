@@ -116,6 +116,18 @@ def command() -> Callable[..., subprocess.CompletedProcess[str]]:
     return run
 
 
+@pytest.fixture
+def bench() -> Iterator[Any]:
+    """The workbench of the two-mass foot, without the process that fits, which takes seconds to start."""
+    from viz.bench import Bench
+    from viz.feet import Show
+
+    made = Bench(Show(["two_dof"]))
+    made.fits.prepare = lambda: None  # type: ignore[method-assign]
+    yield made
+    made.close()
+
+
 @pytest.fixture(scope="module")
 def opened() -> Iterator[Any]:
     """Headless Chromium; a module's, as its event loop is in the way of others."""

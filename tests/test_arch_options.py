@@ -1,7 +1,5 @@
-"""The commands on the arch: what cannot be meant is refused before the work, in one sentence; old names still run."""
+"""The commands on the arch: what cannot be meant is refused before the work, in one sentence."""
 
-import runpy
-import sys
 from pathlib import Path
 
 import pytest
@@ -26,21 +24,3 @@ def test_refused_before_the_work(tmp_path: Path, arguments: list[str], sentence:
     run = CliRunner().invoke(app, [word.format(taken=taken, folder=tmp_path) for word in arguments])
     assert sentence in str(run.exception)
     assert run.output == ""  # no table: the work had not begun
-
-
-@pytest.mark.parametrize(
-    ("old", "new"),
-    [("crosscheck", "crosscheck"), ("sensitivity", "sensitivity"), ("reduction", "reduction"), ("static_load", "load")],
-)
-def test_old_names_run_and_say_the_new_ones(
-    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str], old: str, new: str
-) -> None:
-    monkeypatch.delitem(sys.modules, "fasbody.arch.__main__", raising=False)  # runpy warns where it is imported already
-    monkeypatch.setattr(sys, "argv", [f"fasbody.{old}", "--seed", "-1"])
-    with pytest.raises(SystemExit) as ended:
-        runpy.run_module(f"fasbody.{old}", run_name="__main__", alter_sys=True)
-    assert ended.value.code == 2
-    printed, said = capsys.readouterr()
-    assert "--seed" in said  # refused by the command itself; load has no such option
-    assert f"`python -m fasbody.{old}` has moved to python -m fasbody.arch {new}." in said
-    assert printed == ""

@@ -74,11 +74,7 @@ ENTRANCES = (
     "commands",
     "load_effect",
     "heel",
-    "crosscheck",
-    "reduction",
-    "sensitivity",
-    "static_load",
-)  # the last four: old names
+)
 
 
 @cache

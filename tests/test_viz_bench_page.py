@@ -51,7 +51,7 @@ def test_from_a_dropped_file_to_the_mirror_foot(opened: Any, tmp_path: Path) -> 
         page("showAt(0.2); fresh = true")
         page.until("byId('state').textContent.includes('measured 1.83')")
         told = page("byId('state').textContent")
-        assert "behind the base" in told and "fit of this recording" in told and "relative to the table" in told
+        assert "behind the base" in told and "fit with these values" in told and "relative to the table" in told
 
         # the ring is where the harmonics integrate to, beside the model's own
         gain = page("stage.gain(motion, state.amplify)")
@@ -85,6 +85,8 @@ def test_from_a_dropped_file_to_the_mirror_foot(opened: Any, tmp_path: Path) -> 
         assert page("[...byId('parameters').querySelectorAll('.band')].filter(b => !b.hidden).length") == 0
         assert "fit_foot" in page("byId('script').textContent")
         assert page("motion.feet.measured.fit_percent") > 99
+        assert page("bench.task") == "fit"  # which stays in sight with what to do next, whatever is open
+        page("openTask('model')")
         page.page.locator("label:has(#parameter_c_12) output").click()
         page.page.locator("#parameters output input").fill("41")
         page.page.keyboard.press("Enter")
@@ -98,11 +100,12 @@ def test_from_a_dropped_file_to_the_mirror_foot(opened: Any, tmp_path: Path) -> 
         first, other = page("bench.fit.branches.map(b => b.values.k_T)")
         assert page("state.values.k_T") == first
         names = page("bench.fit.branches.map(b => b.name)")
+        page("openTask('fit')")
         page.page.get_by_role("button", name=names[1]).click()
         page.until(f"!busy && !wanted && state.values.k_T === {other}")
         assert page("motion.feet.measured.fit_percent") > 99  # the mirror follows the sine as well
         assert first != pytest.approx(other, rel=0.1)
-        page.page.locator("#undo").click()
+        page.page.keyboard.press("Control+z")
         page.until(f"!busy && !wanted && state.values.k_T === {first}")
         assert page("byId('branches').querySelector('[aria-pressed=true]').textContent") == names[0]
 
@@ -119,6 +122,7 @@ def test_from_a_dropped_file_to_the_mirror_foot(opened: Any, tmp_path: Path) -> 
         assert f"python -m viz.foot --model {own} --result results/result.json" in text
 
         # a typed value, held at the bound that the model declares
+        page("openTask('model')")
         page("byId('parameter_k_T').parentElement.querySelector('output').click()")
         page.page.locator("#parameters output input").fill("2e5")
         page.page.keyboard.press("Enter")
@@ -301,6 +305,7 @@ def test_typed_numbers_are_taken_as_meant_or_a_sentence_says_why_not(opened: Any
         page.until("bench.rows[0].body_mass_kg === 70.5 && motion && !busy && !complaints")
 
         # the band is where the thumb would be
+        page("openTask('model')")
         page("rows.k_F.set(1e5), rows.k_F.band([9e4, 1.1e5], '')")
         left, width = page(
             "(([a, b]) => [b.left + b.width / 2 - a.left, a.width])"
@@ -390,7 +395,7 @@ def test_plots_of_a_fit_follow_the_branch_and_say_whose_they_are(opened: Any, tm
             assert page("byId('estimates').querySelector('tr').lastChild.title") == f"of the {name}"
             motions[name] = page("plots.ankle.series[0].y")
         assert motions["stiff ankle"] != motions["stiff pad"]
-        page.page.locator("#undo").click()
+        page.page.keyboard.press("Control+z")
         assert all(title.endswith(" · stiff ankle") for title in page(titles))
         page("rows.k_T.set(1e5), state.values.k_T = 1e5, ask()")  # of neither branch
         page.until("!busy && !wanted && drawn === motion && !plots.pad.series[0].label")
@@ -523,6 +528,7 @@ def test_draft_of_another_page_is_called_a_draft(opened: Any, tmp_path: Path) ->
 
 def taken(page: Watched, name: str) -> tuple[str, bytes]:
     """Name and content of what a button of "Take away" gives."""
+    page("openTask('take')")
     with page.page.expect_download() as saved:
         page.page.locator("#taking").get_by_role("button", name=name, exact=True).click()
     return saved.value.suggested_filename, Path(saved.value.path()).read_bytes()

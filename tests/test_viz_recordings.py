@@ -3,7 +3,6 @@
 import io
 import json
 import zipfile
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -11,14 +10,13 @@ import pytest
 
 pytest.importorskip("meshcat", reason="needs the extra: pip install 'fasbody[view]'")
 
-from viewer import Watched, browser, served
+from viewer import Watched, served
 
 from fasbody.exceptions import FasError
 from fasbody.recording.file_names import body_mass_in_name, load_in_name
 from fasbody.recording.study import BUNDLED, Study
 from viz.archive import packed
 from viz.bench import Bench
-from viz.feet import Show
 
 NAMES = ("10hz_0kg.csv", "20hz_0kg.csv", "25hz_2.3kg.csv")
 FILES = {file: (BUNDLED / "recordings" / file).read_text() for file in NAMES}
@@ -42,20 +40,6 @@ FINE = """[...document.querySelectorAll('body *')]
   .filter(e => e.getClientRects().length && parseFloat(getComputedStyle(e).fontSize) < 12)
   .filter(e => [...e.childNodes].some(n => n.nodeType === 3 && n.textContent.trim()))
   .map(e => [e.tagName, e.id, e.className])"""
-
-
-@pytest.fixture(scope="module")
-def opened() -> Iterator[Any]:
-    with browser() as found:
-        yield found
-
-
-@pytest.fixture
-def bench() -> Iterator[Bench]:
-    made = Bench(Show(["two_dof"]))
-    made._ready = lambda: None  # type: ignore[method-assign]  # no process to fit, which takes seconds to start
-    yield made
-    made.close()
 
 
 def scaled(text: str, factor: float, head: str = "") -> str:
@@ -231,7 +215,7 @@ def test_masses_that_a_name_states(bench: Bench, name: str, body: float | None, 
     assert (body_mass_in_name(name), load_in_name(name)) == (body, load)
     bench.keep(name, FILES["20hz_0kg.csv"].encode())
     bench.open([name])
-    source = bench.sources[0]
+    source = bench.recordings.sources[0]
     assert (source.body_mass_kg, source.added_mass_kg) == (body, load)
 
 
@@ -252,12 +236,12 @@ def test_a_correction_that_cannot_be_meant_changes_none(bench: Bench) -> None:
 
 def test_unit_of_a_study_is_corrected_and_its_masses_stay(bench: Bench) -> None:
     bench.bundled()
-    row = bench._rows[0]
+    row = bench.recordings.rows[0]
     bench.correct({0: {"unit": "mm/s^2"}})
-    assert bench._rows[0]["body_mass_kg"] == row["body_mass_kg"] == 72.57
-    first = bench.sources[0].read().base_m_s2.std()
+    assert bench.recordings.rows[0]["body_mass_kg"] == row["body_mass_kg"] == 72.57
+    first = bench.recordings.sources[0].read().base_m_s2.std()
     bench.correct({0: {"unit": ""}})
-    assert bench.sources[0].read().base_m_s2.std() == pytest.approx(1e3 * first)
+    assert bench.recordings.sources[0].read().base_m_s2.std() == pytest.approx(1e3 * first)
 
 
 def test_kept_study_holds_what_is_known_of_its_channels(bench: Bench, tmp_path: Path) -> None:
@@ -292,14 +276,14 @@ def test_zip_files_are_opened_within_limits(bench: Bench, monkeypatch: pytest.Mo
     with pytest.raises(FasError, match="cannot be unpacked"):
         bench.keep("some.zip", broken)
     bomb = packed({"zeros.csv": bytes(2_000_000)})  # a few kB that unfold to a thousandfold
-    monkeypatch.setattr("viz.bench.LARGEST", 1_000_000)
+    monkeypatch.setattr("viz.uploads.LARGEST", 1_000_000)
     with pytest.raises(FasError, match="holds more than a session does"):
         bench.keep("bomb.zip", bomb)
-    monkeypatch.setattr("viz.bench.LARGEST", 64_000_000)
+    monkeypatch.setattr("viz.uploads.LARGEST", 64_000_000)
     liar = bomb.replace((2_000_000).to_bytes(4, "little"), (10).to_bytes(4, "little"))
     with pytest.raises(FasError, match="cannot be unpacked"):
         bench.keep("liar.zip", liar)
-    monkeypatch.setattr("viz.bench.FILES", 2)
+    monkeypatch.setattr("viz.uploads.FILES", 2)
     with pytest.raises(FasError, match="holds more than a session does"):
         bench.keep("many.zip", packed({f"{k}.csv": b"" for k in range(3)}))
 

@@ -5,7 +5,6 @@ import json
 import subprocess
 import sys
 import threading
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +25,7 @@ from viz.bench import Bench
 from viz.display import page_json
 from viz.feet import Show
 from viz.fitted import fitted
+from viz.job import Job
 from viz.server import Server
 from viz.source import Source
 
@@ -51,14 +51,6 @@ class Told:
             return next(d for d in self.heard if d["type"] in kinds)
 
 
-@pytest.fixture
-def bench() -> Iterator[Bench]:
-    made = Bench(Show(["two_dof"]))
-    made._ready = lambda: None  # type: ignore[method-assign]  # no process to fit, which takes seconds to start
-    yield made
-    made.close()
-
-
 def test_dropped_file_shakes_the_foot(bench: Bench) -> None:
     bench.keep("mine/20hz.csv", ONE.read_bytes())
     listed, shown = bench.open(["mine/20hz.csv"])
@@ -80,7 +72,7 @@ def test_dropped_file_shakes_the_foot(bench: Bench) -> None:
 def test_the_solver_loads_while_recordings_are_read(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     order: list[str] = []
     read = Source.read
-    monkeypatch.setattr(bench, "_ready", lambda: order.append("solver"))
+    monkeypatch.setattr(bench.fits, "prepare", lambda: order.append("solver"))
     monkeypatch.setattr(Source, "read", lambda source: order.append("read") or read(source))
     bench.keep("20hz.csv", ONE.read_bytes())
     bench.open(["20hz.csv"])
@@ -120,7 +112,7 @@ def test_columns_and_units_are_corrected_in_the_form(bench: Bench) -> None:
     }}  # fmt: skip
     listed, shown = bench.correct({0: said})
     assert not listed["rows"][0]["unread"] and shown["recorded"]
-    found = bench.sources[0].read()
+    found = bench.recordings.sources[0].read()
     assert found.base_m_s2 == pytest.approx(read_file(ONE).base_m_s2, abs=1e-6)
     for wrong, sentence in (
         ({"channels": {"base": {"sign": "x"}}}, "sign is 'x'; give a number"),
@@ -197,8 +189,8 @@ def test_dead_channel_is_a_sentence_and_no_motion(bench: Bench) -> None:
     with pytest.raises(FasError, match=r"^mm\.csv: the base amplitude is 8\.95e\+03.*; check its unit\.$"):
         bench.show.answer(bench.show.settings)
     told: list[dict[str, Any]] = []
-    bench.send, bench._asked = told.append, bench._question([1], {})
-    bench._receive({"type": "problem", "of": "fit", "text": "every start was unstable."})
+    bench.send, bench.fits.job = told.append, bench._job([1], {})
+    bench.fits.receive({"type": "problem", "of": "fit", "text": "every start was unstable."})
     assert told[0]["text"].startswith("every start was unstable. mm.csv: the base amplitude is 8.95e+03")
     assert told[0]["text"].endswith("check its unit.")
     text = page_json({"percent": float("nan"), "rows": [1.5, float("inf")]})
@@ -209,7 +201,7 @@ def test_fit_belongs_to_its_model_and_recordings(bench: Bench) -> None:
     """It goes with another model and comes back with its own; it is marked where what it is of is another by now."""
     bench.keep("20hz.csv", ONE.read_bytes())
     bench.open(["20hz.csv"])
-    question = bench._question([0], {})
+    question = bench._job([0], {})
     assert (question.model, question.script.count("20hz.csv")) == ("two_dof", 1)
     document: dict[str, Any] = {"type": "fitted", "number": 1, "fit": {"branches": []}}
     bench._fit, bench.show.fit = (question, document), document["fit"]
@@ -233,11 +225,11 @@ def test_fit_is_out_of_date_when_an_included_file_changes(tmp_path: Path) -> Non
     own = tmp_path / "own.xml"
     own.write_text(f'{text[:start]}<include file="body.xml"/>{text[end:]}')
     bench = Bench(Show([str(own)]))
-    bench._ready = lambda: None  # type: ignore[method-assign]
+    bench.fits.prepare = lambda: None  # type: ignore[method-assign]
     try:
         bench.keep("20hz.csv", ONE.read_bytes())
         bench.open(["20hz.csv"])
-        bench._fit = bench._question([0], {}), {"type": "fitted", "number": 1, "fit": {"branches": []}}
+        bench._fit = bench._job([0], {}), {"type": "fitted", "number": 1, "fit": {"branches": []}}
         assert bench.document()["stale"] == ""
         (tmp_path / "body.xml").write_text(f"<mujoco>{text[start:end]}<!-- another --></mujoco>")
         assert "the model's file was changed" in bench.document()["stale"]
@@ -248,14 +240,14 @@ def test_fit_is_out_of_date_when_an_included_file_changes(tmp_path: Path) -> Non
 def test_report_that_fails_leaves_a_running_fit(bench: Bench) -> None:
     told: list[dict[str, Any]] = []
     bench.send = told.append
-    bench._state |= {"running": True, "what": "exploring starts"}
-    bench._reporting = True
-    bench._receive({"type": "problem", "of": "report", "text": "no room"})
-    assert bench.progress()["running"] and not bench._reporting
+    bench.fits._state |= {"running": True, "what": "exploring starts"}
+    bench.fits.reporting = True
+    bench.fits.receive({"type": "problem", "of": "report", "text": "no room"})
+    assert bench.fits.progress()["running"] and not bench.fits.reporting
     assert told[0] == {"type": "complaint", "of": "report", "text": "no room"}
-    bench._reporting = True
-    bench._receive({"type": "problem", "of": "fit", "text": "no end"})
-    assert not bench.progress()["running"] and bench._reporting  # which the process does next
+    bench.fits.reporting = True
+    bench.fits.receive({"type": "problem", "of": "fit", "text": "no end"})
+    assert not bench.fits.progress()["running"] and bench.fits.reporting  # which the process does next
 
 
 def test_tables_that_cannot_be_read_are_told_what_the_page_can_do(bench: Bench) -> None:
@@ -279,6 +271,27 @@ def test_tables_that_cannot_be_read_are_told_what_the_page_can_do(bench: Bench) 
     assert "“…”" in listed["rows"][1]["unread"]
 
 
+def test_a_name_that_is_a_device_is_kept_beside_it(bench: Bench) -> None:
+    for name, kept in (("CON.csv", "_CON.csv"), ("a/lpt1.CSV", "a/_lpt1.CSV"), ("console.csv", "console.csv")):
+        assert bench.keep(name, ONE.read_bytes()) == [kept]
+
+
+def test_progress_says_how_long_a_fit_has_run(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A page that is loaded again counts on from there."""
+    asked: list[Any] = []
+    monkeypatch.setattr(bench.fits, "_ask", asked.append)
+    bench.keep("20hz.csv", ONE.read_bytes())
+    bench.open(["20hz.csv"])
+    (progress,) = bench.fit([0], {"starts": 1})
+    bench.fits._began -= 100
+    assert progress["seconds"] < 50 and 100 <= bench.documents()[2]["seconds"] < 150
+    assert Job.of(json.loads(json.dumps(asked[0]["job"]))) == bench.fits.job  # as the process reads it
+    with pytest.raises(FasError, match="a fit runs already"):
+        bench.fit([0], {})
+    bench.fits.receive({"type": "problem", "of": "fit", "text": "no end"})
+    assert bench.fits.progress()["seconds"] == 0
+
+
 def test_fit_calls_parameters_as_its_table_does(bench: Bench) -> None:
     row = {"value": 0.0, "identifiability": ""}
     fit = fitted({"parameters": {"c_13_per_m": row}}, bench.show.feet["a"].parameters)
@@ -286,10 +299,10 @@ def test_fit_calls_parameters_as_its_table_does(bench: Bench) -> None:
 
 
 def test_session_holds_only_so_much(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("viz.bench.LARGEST", 10)
+    monkeypatch.setattr("viz.uploads.LARGEST", 10)
     with pytest.raises(FasError, match="split it into recordings"):
         bench.keep("a.csv", b"x" * 11)
-    monkeypatch.setattr("viz.bench.MOST", 15)
+    monkeypatch.setattr("viz.uploads.MOST", 15)
     bench.keep("a.csv", b"x" * 9)
     with pytest.raises(FasError, match="as many files as it may"):
         bench.keep("b.csv", b"x" * 9)
@@ -353,11 +366,11 @@ def test_fit_is_what_a_script_finds() -> None:
         # stopped: the process is gone, another one waits, and the page may begin anew
         told.heard.clear()
         bench.fit([0], {"starts": 64})
-        first = bench._worker
+        first = bench.fits._worker
         (stopped,) = bench.stop()
         assert (stopped["running"], stopped["what"]) == (False, "stopped")
         assert first is not None and not first.alive
-        assert bench._worker is not first
+        assert bench.fits._worker is not first
         assert not [d for d in told.heard if d["type"] == "complaint"]
     finally:
         bench.close()
@@ -374,16 +387,16 @@ def test_rivals_are_what_a_script_compares(bench: Bench, monkeypatch: pytest.Mon
     for number in range(3):
         bench.correct({number: {"body_mass_kg": 72.57}})
     asked: list[Any] = []
-    monkeypatch.setattr(bench, "_begin", asked.append)  # a question
+    monkeypatch.setattr(bench, "_begin", asked.append)  # a job
     bench.rivals([0, 1, 2], {})
     monkeypatch.setattr(compare, "LADDER", tuple(rung for rung in compare.LADDER if rung.name in ("linear", "model")))
     told: list[Any] = []
-    worker._rivals(asked[0].job, told.append)
+    worker._rivals(asked[0], told.append)
     (progress, *_), found = told, told[-1]
     assert progress["type"] == "progress" and found["rows"][0][0] == "the model"
     assert found["adequate"] == [True, False] and found["notes"][0].startswith("The recordings prefer the model")
-    bench._asked = asked[0]
-    bench._receive(found)
+    bench.fits.job = asked[0]
+    bench.fits.receive(found)
     scope: dict[str, Any] = {}
     monkeypatch.chdir(bench.folder)
     monkeypatch.setattr("builtins.print", lambda result: None)
@@ -417,7 +430,7 @@ def test_typed_model_moves_and_is_saved_when_it_is_said(
     bench: Bench, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
-    text = bench.models()["text"]
+    text = bench.model.document()["text"]
     assert text == mjcf.path("two_dof").read_text()
     before = bench.show.answer(bench.show.settings)["feet"]["a"]["ratio"]
 
@@ -441,7 +454,7 @@ def test_typed_model_moves_and_is_saved_when_it_is_said(
     (tmp_path / "my_two_dof.xml").write_text("mine")
     with pytest.raises(FasError, match="a copy has to be sound"):
         bench.save("<mujoco", "")
-    saved, models, *_ = bench.save(softer, bench.models()["digest"])
+    saved, models, *_ = bench.save(softer, bench.model.document()["digest"])
     assert (tmp_path / "my_two_dof.xml").read_text() == "mine"
     own = tmp_path / saved["file"]
     assert (own.name, own.read_text(), models["now"]) == ("my_two_dof_2.xml", softer, saved["file"])
@@ -457,12 +470,12 @@ def test_typed_model_moves_and_is_saved_when_it_is_said(
     slip, models = bench.save("<mujoco", models["digest"])
     assert own.read_text() == "<mujoco" and "the last good model is shown" in slip["text"]
     bench.save(text, models["digest"])
-    for name in bench.models()["names"]:
+    for name in bench.model.document()["names"]:
         assert bench.choose(name)[1]["type"] == "model"
         assert bench.show.answer(bench.show.settings)["type"] == "motion"
     with pytest.raises(FasError, match="no such model"):
         bench.choose("nowhere.xml")
-    assert bench.show.models[0] == bench.models()["names"][-1] == "my_two_dof_2.xml"
+    assert bench.show.models[0] == bench.model.document()["names"][-1] == "my_two_dof_2.xml"
 
 
 def test_page_to_take_away_has_the_sliders_where_they_are(bench: Bench) -> None:

@@ -12,29 +12,19 @@ A name is imported on first use, so that `import viz` costs nothing.
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from viz.excitation import Excitation
-    from viz.feet import Show
-    from viz.modes import ModeShow
-    from viz.notebook import Viewer, export, show
-    from viz.settings import Settings
+    from viz.excitation import Excitation as Excitation
+    from viz.feet import Show as Show
+    from viz.modes import ModeShow as ModeShow
+    from viz.notebook import Viewer as Viewer
+    from viz.notebook import export as export
+    from viz.notebook import show as show
+    from viz.settings import Settings as Settings
 else:
-    _HOMES = {
-        "Excitation": "viz.excitation",
-        "ModeShow": "viz.modes",
-        "Settings": "viz.settings",
-        "Show": "viz.feet",
-        "Viewer": "viz.notebook",
-        "export": "viz.notebook",
-        "show": "viz.notebook",
-    }
 
     def __getattr__(name: str) -> object:
         from fasbody.lazy import attribute
 
-        return attribute(__name__, _HOMES, name)
+        return attribute(__name__, name)
 
     def __dir__() -> list[str]:
-        return sorted({*globals(), *__all__})
-
-
-__all__ = ["Excitation", "ModeShow", "Settings", "Show", "Viewer", "export", "show"]
+        return sorted({*globals(), *__getattr__("__all__")})

@@ -61,7 +61,7 @@ class ModeShapes:
             raise InputFileError(file, "there is no such file", SOURCE)
         names = ("vertices_um", "faces", "nucleus_faces", "modes", "frequencies_hz")
         try:
-            with np.load(file, allow_pickle=False) as stored:
+            with file.open("rb") as opened, np.load(opened, allow_pickle=False) as stored:
                 arrays = {name: stored[name] for name in names}
                 shapes = cls(file, **arrays, document=json.loads(str(stored["document"])))
             labels = [mode["label"] for mode in shapes.document["modes"]]

@@ -27,15 +27,15 @@ import tornado.websocket
 
 from fasbody.console import console, print_json
 from fasbody.exceptions import FasError, SettingError
-from viz.bench import LARGEST as LARGEST_FILE
 from viz.bench import PRIVATE, Bench
 from viz.display import Display, file_of, files, markup, page_json
 from viz.exported import html
 from viz.settings import settings_from
+from viz.uploads import LARGEST as LARGEST_FILE
 
 ADDRESS = "127.0.0.1"
 #: What is made here: the report of a fit, all its results, and the page to take away.
-MADE = ("report", "results", "take", "study")
+MADE = ("report", "results", "take", "study", "session")
 #: Largest message a page may send, the text of a model among them, and body of a request that is no file [bytes].
 LARGEST, BODY = 1_000_000, 64_000
 #: Seconds after which a silent or slow browser is disconnected.
@@ -316,9 +316,9 @@ class Upload(Guarded):
             names = self.server.bench.keep(self.get_query_argument("name", ""), b"".join(self._parts))
         except FasError as error:
             self.set_status(400)
-            self.write({"text": str(error)})
+            self.write({"text": self.server.bench.words(error)})
         else:
-            self.write({"text": "", "names": names})
+            self.write({"text": "", "names": names, "session": self.server.bench.dropped_session is not None})
 
 
 class Made(Guarded):
@@ -336,12 +336,18 @@ class Made(Guarded):
         elif self.name == "results":
             content = bench.zipped()
         else:
-            made = {"report": bench.results / "report.html", "study": bench.folder / ".study.zip"}
+            made = {"report": bench.results / "report.html", "study": bench.folder / ".study.zip",
+                    "session": bench.folder / ".session.zip"}  # fmt: skip
             file = made.get(self.name, bench.folder / "foot.html")
             content = file.read_bytes() if file.is_file() else b""
         if not content:
             raise tornado.web.HTTPError(404)
-        saved = {"results": "results.zip", "study": "study.zip", "take": self.server.show.page}.get(self.name, "")
+        saved = {
+            "results": "results.zip",
+            "study": "study.zip",
+            "take": self.server.show.page,
+            "session": "session.zip",
+        }.get(self.name, "")
         self.set_header("Content-Type", "application/zip" if saved.endswith(".zip") else "text/html; charset=utf-8")
         self.set_header("Content-Security-Policy", "default-src 'none'; style-src 'unsafe-inline'; img-src data:")
         self.set_header("X-Content-Type-Options", "nosniff")

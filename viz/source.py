@@ -3,7 +3,7 @@
 The page corrects it, the worker fits it, and its line of Python reads it in a script.
 """
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -182,32 +182,6 @@ def _converted(key: str, value: Any, kind: Callable[[Any], Any]) -> Any:
     if kind is float and not abs(number) < 1e12:
         raise SettingError(f"{key.replace('_', ' ')} is {value!r}; give a number.")
     return number
-
-
-def script(
-    sources: Sequence[Source], model: str, values: Mapping[str, float], settings: Mapping[str, Any],
-    rivals: bool = False,
-) -> str:  # fmt: skip
-    """The lines of Python that repeat a fit, or a comparison of rivals."""
-    lines = ["from pathlib import Path", "", "import fasbody as fb", "import identification as idn"]
-    reads = [source.line() for source in sources]
-    text = "\n".join(reads)
-    if "Layout." in text:
-        lines.append("from fasbody.recording.channels import Layout")
-    if "with_masses(" in text:
-        lines.append("from fasbody.recording.recording import with_masses")
-    if "read_file(" in text:
-        lines.append(f"from fasbody.recording.study import {'BUNDLED, ' if 'BUNDLED' in text else ''}read_file")
-    if "Path(" not in text:
-        lines = lines[2:]
-    foot = f"load_foot({model!r})" if "@" in model else f"fb.load({model!r})"
-    lines += ["from viz.load import load_foot"] if "@" in model else []
-    foot += f".with_values({dict(values)!r})" if values else ""
-    chosen = "".join(f", {name}={value!r}" for name, value in settings.items())
-    lines += ["", "recordings = [", *(f"    {line}," for line in reads), "]"]
-    verb = "compare_rivals" if rivals else "fit_foot"
-    lines += [f"result = idn.{verb}(recordings, {foot}{chosen})", "print(result)", 'result.write("results")']
-    return "\n".join(lines) + "\n"
 
 
 def study_files(folder: Path) -> list[str]:

@@ -10,7 +10,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Mapping
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from queue import SimpleQueue
 from typing import Any, TextIO
@@ -18,6 +18,7 @@ from typing import Any, TextIO
 from fasbody.recording.sources import together
 from fasbody.runner import ONE_THREAD
 from fasbody.sentences import for_page
+from viz.job import Job
 from viz.source import Source, on_page
 
 #: Called with each document of the worker, in another thread.
@@ -68,12 +69,6 @@ class Worker:
                     pipe.close()
 
 
-def job(sources: list[Source], model: str, values: Mapping[str, float], settings: Mapping[str, Any]) -> dict[str, Any]:
-    """The job of a fit; `values` replace those of the model."""
-    about = {"do": "fit", "sources": [asdict(source) for source in sources], "model": model}
-    return about | {"values": dict(values), "settings": dict(settings)}
-
-
 def serve(jobs: TextIO, answers: TextIO) -> None:
     """The process: import what a fit needs, then do the job of each line; a job that waits comes first."""
     waiting: SimpleQueue[str] = SimpleQueue()
@@ -92,22 +87,24 @@ def serve(jobs: TextIO, answers: TextIO) -> None:
     tell({"type": "ready"})
     if waiting.empty():
         import identification.report  # noqa: F401  # with the figures, which no fit waits for
-    result: Any = None
+    done: tuple[Job, Any] | None = None  # the last fit
     while line := waiting.get():
         asked = json.loads(line)
         try:
+            job = Job.of(asked["job"])
             if asked["do"] == "rivals":
-                _rivals(asked, tell)
+                _rivals(job, tell)
             elif asked["do"] == "report":
                 from identification.report import write
 
-                result = result or _fit(asked, lambda document: None)  # the fit ended with an earlier process
-                write(result, Path(asked["folder"]), Path("results"))
+                if done is None or done[0] != job:  # it ended with an earlier process, or is of a session's file
+                    done = job, _fit(job, lambda document: None)
+                write(done[1], Path(asked["folder"]), Path("results"))
                 tell({"type": "reported"})
             else:
-                result = _fit(asked, tell)
+                done = job, _fit(job, tell)
         except FasError as error:
-            text = on_page(error, {source["folder"] for source in asked["sources"]})
+            text = on_page(error, {source.folder for source in job.sources.values()})
             tell({"type": "problem", "of": asked["do"], "text": text, "code": error.code})
         except Exception as error:
             what = {"report": "report", "rivals": "comparison"}.get(asked["do"], "fit")
@@ -127,21 +124,20 @@ def _rehearse() -> None:
     from fasbody.recording.study import BUNDLED
 
     source = Source("20hz_0kg.csv", str(BUNDLED / "recordings"))
-    _fit(job([source], "two_dof", {}, {"starts": 1}), lambda document: None)
+    _fit(Job({0: source}, "two_dof", settings={"starts": 1}), lambda document: None)
 
 
-def _fit(asked: Mapping[str, Any], tell: Callable[[Mapping[str, Any]], None]) -> Any:
+def _fit(job: Job, tell: Callable[[Mapping[str, Any]], None]) -> Any:
     from identification.derived_quantities import at_a_glance, traces
     from identification.fitting import fit_foot
     from viz.load import load_foot
 
-    recordings = [Source(**source).read() for source in asked["sources"]]
-    settings = dict(asked["settings"])
-    foot = load_foot(asked["model"]).with_values(asked["values"])
-    tell({"type": "progress", "what": "exploring starts", "done": 0, "total": settings.get("starts", 4)})
-    result = fit_foot(recordings, foot, advance=_advance(tell), **settings)
+    recordings = [source.read() for source in job.sources.values()]
+    foot = load_foot(job.model).with_values(job.values)
+    tell({"type": "progress", "what": "exploring starts", "done": 0, "total": job.settings.get("starts", 4)})
+    result = fit_foot(recordings, foot, advance=_advance(tell), **job.settings)
     result = result.with_source(together([r.file for r in recordings]))
-    result = replace(result, provenance={**result.provenance, "model": asked["model"]})
+    result = replace(result, provenance={**result.provenance, "model": job.model})
     data, curves, chi_square = at_a_glance(result)
     models = traces(result.evidence) if result.evidence else {}
     document = result.document() | {
@@ -158,12 +154,12 @@ def _fit(asked: Mapping[str, Any], tell: Callable[[Mapping[str, Any]], None]) ->
     return result
 
 
-def _rivals(asked: Mapping[str, Any], tell: Callable[[Mapping[str, Any]], None]) -> None:
+def _rivals(job: Job, tell: Callable[[Mapping[str, Any]], None]) -> None:
     from identification.rivals.compare import compare_rivals
     from viz.load import load_foot
 
-    recordings = [Source(**source).read() for source in asked["sources"]]
-    foot = load_foot(asked["model"]).with_values(asked["values"])
+    recordings = [source.read() for source in job.sources.values()]
+    foot = load_foot(job.model).with_values(job.values)
     result = compare_rivals(recordings, foot, source=together([r.file for r in recordings]), advance=_advance(tell))
     sheet = result.sheet()
     tell({

@@ -29,6 +29,7 @@ function buildControls() {
   slider(picture, "slow", "Slow motion", "× slower", 0.2 * first, 20 * first, state.slow, v => { state.slow = v; fresh = true; }, { log: true, nominal: 2 * first });
   slider(picture, "opacity", "Opacity", "", 0.1, 1, state.opacity, v => { state.opacity = v; fresh = true; }, { step: 0.01, nominal: CLEAR[+!cell.body] });
   const looks = rowIn(picture);
+  themeButton(looks);
   meshButton = button(looks, "Mesh", () => showLines(!state.lines), "M");
   meshButton.setAttribute("aria-pressed", state.lines);
   takeAwaySection(stage, () => `${(cell.body || "cell").replace(/\.\w+$/, "").replace(/\W+/g, "_")}-mode-${state.mode}`, {

@@ -136,6 +136,27 @@ function rowIn(parent) {
   return row;
 }
 
+// Light or dark: as the system has it, until the button says otherwise; the foot's own ground stays dark.
+const wantsLight = matchMedia("(prefers-color-scheme: light)");
+let theme = "";
+try { theme = localStorage.getItem("fasbody_theme") || ""; } catch { /* not allowed */ }
+const isLight = () => (theme ? theme === "light" : wantsLight.matches);
+function showTheme() {
+  document.documentElement.style.colorScheme = theme || "";
+  for (const b of document.querySelectorAll("button.theme")) b.textContent = isLight() ? "Dark page" : "Light page";
+  if (typeof Plot !== "undefined") for (const plot of Plot.all) plot.redraw();
+}
+wantsLight.onchange = showTheme;
+function themeButton(parent) {
+  const b = button(parent, "", () => {
+    theme = isLight() ? "dark" : "light";
+    try { localStorage.setItem("fasbody_theme", theme); } catch { /* not allowed */ }
+    showTheme();
+  }, "colours of the page; as the system has them until this is pressed");
+  b.className = "theme";
+  showTheme();
+}
+
 function say(text) {
   byId("error").textContent = text || "";
   byId("error").hidden = !text;
@@ -157,6 +178,7 @@ function remarkIn(box, field) {
 function tell(parts) {
   const box = byId("state"), text = parts.filter(Boolean);
   if (box.textContent === text.join(" · ")) return;
+  box.title = text.join(" · ");
   box.replaceChildren(...text.flatMap((part, i) => [...(i ? [" · "] : []), Object.assign(document.createElement("span"), { textContent: part })]));
 }
 

@@ -3,6 +3,7 @@
 // What is opened: the model's name, its text and its digest as the file had it, and the file's later one where it has
 // become another; unsaved text of other models.
 const editor = { view: null, name: "", file: "", text: "", digest: "", theirs: null, sent: "", quiet: false, timer: 0, drafts: new Map() };
+const MOST_TEXT = 900000;  // bytes of a model that the server takes from a page
 const typedText = () => (editor.view ? editor.view.state.doc.toString() : editor.text);
 
 // What is shown was typed, here or in another page, and is in no file: its name says so.
@@ -65,8 +66,8 @@ function openEditor() {
   byId("edit_model").setAttribute("aria-pressed", shown);
   if (!shown || editor.view) return;
   const tint = CM.HighlightStyle.define([
-    { tag: CM.tags.tagName, color: "#6cb6ff" }, { tag: CM.tags.attributeName, color: "#7ee0a1" }, { tag: CM.tags.attributeValue, color: "#ffb454" },
-    { tag: CM.tags.comment, color: "#93a3b3" }, { tag: CM.tags.angleBracket, color: "#93a3b3" },
+    { tag: CM.tags.tagName, color: "light-dark(#1f6fb4, #6cb6ff)" }, { tag: CM.tags.attributeName, color: "light-dark(#1a7f45, #7ee0a1)" }, { tag: CM.tags.attributeValue, color: "light-dark(#9a5200, #ffb454)" },
+    { tag: CM.tags.comment, color: "light-dark(#4c5b69, #93a3b3)" }, { tag: CM.tags.angleBracket, color: "light-dark(#4c5b69, #93a3b3)" },
   ]);
   editor.view = new CM.EditorView({
     parent: byId("mjcf"),
@@ -77,7 +78,7 @@ function openEditor() {
         CM.keymap.of([{ key: "Mod-s", preventDefault: true, run: () => { saveModel(); return true; } }, ...CM.defaultKeymap, ...CM.historyKeymap, ...CM.searchKeymap]),
         CM.EditorView.updateListener.of(update => { if (update.docChanged && !editor.quiet) checkSoon(); }),
         CM.EditorView.contentAttributes.of({ "aria-label": "the model's MJCF" }),
-        CM.EditorView.theme({}, { dark: true }),
+        CM.EditorView.theme({ ".cm-cursor": { borderLeftColor: "var(--ink)" }, ".cm-activeLine": { background: "color-mix(in srgb, var(--ink) 4%, transparent)" } }, { dark: !isLight() }),
       ],
     }),
   });
@@ -88,7 +89,8 @@ function openEditor() {
 function checkSoon() {
   clearTimeout(editor.timer);
   editor.timer = setTimeout(() => {
-    const text = typedText();
+    const text = typedText(), size = new Blob([JSON.stringify(text)]).size;
+    if (size > MOST_TEXT) { showCheck({ text: `${(size / 1e6).toFixed(1)} MB are more than the page takes; save the file with another editor.`, line: null }); return; }
     byId("editor_state").textContent = "checking";
     tellServer("check", { text });
   }, 250);

@@ -33,6 +33,7 @@ function buildControls(offered) {
   showSkin(stage.skinShown);
   rows.ride = button(looks, "Ride with the table", () => ride(!stage.riding), "The table is drawn at rest: its motion is taken from everything");
   ride(stage.riding);
+  themeButton(looks);
   if (model.feet.b) rows.apart = button(looks, "Side by side", () => apart(!stage.apart));
   if (rows.apart) apart(stage.apart, false);
   takeAwaySection(stage, () => "foot", {
@@ -131,7 +132,7 @@ function receive(document_) {
     motion = null;  // of another model
     if ("draft" in model) markDraft(model.draft);
     stage.setModel(model);
-    if (first) { Object.assign(state, model.settings, model.look); offered = !recall(); }
+    if (first) { Object.assign(state, model.settings, model.look); offered = !recall(); if (offered && model.fit.branches) openTask("fit"); }
     else if (other) {  // values of the same name are not its own
       Object.assign(state, { values: {}, delay_s: 0 });
       Object.assign(bench, { free: {}, bounds: {} });
@@ -269,7 +270,7 @@ function tellState() {
   const numbers = foot.ratio === null ? [foot.periodic ? "the table is at rest" : ""] : [
     `transmissibility ${foot.ratio.toFixed(3)}${also(f => f.ratio.toFixed(3))}`,
     `malleolus ${behind(foot.phase)}${also(f => `${Math.abs(f.phase).toFixed(0)}°`)}`];
-  const fit = seen && seen.fit_percent !== null ? `fit of this recording ${seen.fit_percent.toFixed(1)} %` : "";
+  const fit = seen && seen.fit_percent !== null ? `fit with these values ${seen.fit_percent.toFixed(1)} %` : "";
   const base = foot.periodic && !model.recorded ? `${number(state.frequency)} Hz` : model.excitation;
   tell([`${model.feet.a.title}${bench.draft ? " (draft, not saved)" : ""}, ${base}`, ...numbers, fit, model.about, shown]);
 }

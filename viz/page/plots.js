@@ -1,6 +1,9 @@
 // Plots on uPlot: lines, points with limits, and loops; drag zooms, a double click shows all, ⤓ saves the numbers.
 "use strict";
-const INK = "#93a3b3", GRID = "#27323e";
+// Colours of the dark page as they are on paper, and on a light page.
+const PRINT = { "#ffb454": "#b45f06", "#6cb6ff": "#1f6fb4", "#7ee0a1": "#1a7f45", "#e58fc4": "#a8327a", "#f3e37c": "#8a7a00", "#cfe6ff": "#3b72a6", "#ffe6c4": "#94642f", "#d4f5df": "#437d5a", "#f6d6ea": "#96567a", "#fbf5cf": "#75692a", "#8fa3b8": "#5a6b7c" };
+const tone = colour => (isLight() ? PRINT[colour] || colour : colour);
+const inks = () => (isLight() ? { ink: "#4c5b69", grid: "#d9dfe5" } : { ink: "#93a3b3", grid: "#27323e" });
 
 class Plot {
   // All that were made, and those that are seen now.
@@ -61,7 +64,8 @@ class Plot {
 
   make() {
     if (this.plot) this.plot.destroy();
-    const axis = (label, size) => ({ stroke: INK, grid: { stroke: GRID, width: 1 }, ticks: { show: false }, font: "12px system-ui", labelFont: "12px system-ui",
+    const { ink, grid } = inks();
+    const axis = (label, size) => ({ stroke: ink, grid: { stroke: grid, width: 1 }, ticks: { show: false }, font: "12px system-ui", labelFont: "12px system-ui",
       label: label || undefined, labelSize: label ? 15 : 0, labelGap: 0, gap: 3, size, space: size > 30 ? 22 : 30, values: (u, marks) => distinct(marks) });
     const extent = () => {
       if (this.range) return this.range;
@@ -77,10 +81,10 @@ class Plot {
     this.plot = new uPlot({
       ...this.size(), legend: { show: false }, padding: [6, 14, 0, 0], cursor: { y: false, points: { size: 6 }, drag: { x: !this.loop, y: this.loop } },
       scales: { x: { time: false, range: across }, y: { range: shown } },
-      axes: [{ ...axis(this.x, 20), ...(this.whole ? { incrs: [1, 2, 5, 10, 20, 50, 100] } : {}) }, { ...axis(this.y, 38), size: (u, texts) => Math.max(38, 8 + 6.3 * Math.max(...(texts || []).map(text => text.length))) }],
+      axes: [{ ...axis(this.across(), 20), ...(this.whole ? { incrs: [1, 2, 5, 10, 20, 50, 100] } : {}) }, { ...axis(this.y, 38), size: (u, texts) => Math.max(38, 8 + 6.3 * Math.max(...(texts || []).map(text => text.length))) }],
       series: [{}, ...this.series.map(s => ({
-        stroke: s.colour, width: 1.6, dash: s.dashed ? [4, 3] : undefined, spanGaps: true,
-        ...(s.points ? { paths: () => null, points: { show: true, size: s.points === true ? 6 : s.points, fill: s.colour, width: 0 } } : { points: { show: false } }),
+        stroke: tone(s.colour), width: 1.6, dash: s.dashed ? [4, 3] : undefined, spanGaps: true,
+        ...(s.points ? { paths: () => null, points: { show: true, size: s.points === true ? 6 : s.points, fill: tone(s.colour), width: 0 } } : { points: { show: false } }),
       }))],
       hooks: { draw: [u => this.drawLoopsAndLimits(u)], setCursor: [u => this.tell(u)], setSize: [() => this.place()], setScale: [() => this.place()] },
     }, this.data(), this.pane);
@@ -96,7 +100,7 @@ class Plot {
     ink.rect(u.bbox.left, u.bbox.top, u.bbox.width, u.bbox.height);
     ink.clip();
     for (const s of this.series) {
-      ink.strokeStyle = s.colour;
+      ink.strokeStyle = tone(s.colour);
       ink.lineWidth = 1.6 * devicePixelRatio;
       ink.beginPath();
       const X = v => u.valToPos(v, "x", true), Y = v => u.valToPos(v, "y", true);
@@ -111,7 +115,7 @@ class Plot {
   tell(u) {
     const at = u.cursor.idx, known = at !== null && at !== undefined && !this.loop, item = (s, textContent) => {
       const span = Object.assign(document.createElement("span"), { textContent });
-      span.style.color = s.colour;
+      span.style.color = tone(s.colour);
       return span;
     };
     const names = this.series.filter(s => s.label), value = s => this.plot.data[this.series.indexOf(s) + 1][at];
@@ -135,12 +139,19 @@ class Plot {
       if (dot.hidden) return;
       const left = this.plot.valToPos(x, "x"), top = this.plot.valToPos(y, "y");
       dot.hidden = !(left >= 0 && left <= this.plot.over.clientWidth);
-      dot.style.cssText = `background: ${colour}; transform: translate(${left - 4}px, ${top - 4}px)`;
+      dot.style.cssText = `background: ${tone(colour)}; transform: translate(${left - 4}px, ${top - 4}px)`;
     });
   }
 
   size() { return { width: Math.max(40, this.pane.clientWidth), height: Math.max(40, this.pane.clientHeight) }; }
-  fit() { if (this.plot) this.plot.setSize(this.size()); }
+  redraw() { if (this.plot) { this.make(); this.place(); } }
+  fit() {
+    if (!this.plot) return;
+    this.plot.axes[0].label = this.across();
+    this.plot.setSize(this.size());
+  }
+  // The abscissa's name; where there is no room for it, its unit.
+  across() { return this.pane.clientWidth < 7.5 * this.x.length + 46 ? (/\[.*\]/.exec(this.x) || [this.x])[0] : this.x; }
 
   csv() {
     const rows = ["series,x,y,lower,upper", `# x: ${this.x}; y: ${this.y || this.title}`];

@@ -67,8 +67,6 @@ function filmPlan(seconds, periodic) {
 }
 
 // ---- plots for print ------------------------------------------------------------------------------------------------
-// Colours of the dark page as they are on paper.
-const PRINT = { "#ffb454": "#b45f06", "#6cb6ff": "#1f6fb4", "#7ee0a1": "#1a7f45", "#e58fc4": "#a8327a", "#f3e37c": "#8a7a00", "#cfe6ff": "#8dbbe4", "#ffe6c4": "#dda562", "#d4f5df": "#86c9a1", "#f6d6ea": "#d793bd", "#fbf5cf": "#c4b95e", "#8fa3b8": "#5a6b7c" };
 const PANEL = { width: 300, height: 230, left: 46, right: 12, top: 26, bottom: 36 };
 
 // The plots that are seen, three beside each other; its text, width and height in CSS pixels.

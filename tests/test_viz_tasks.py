@@ -1,0 +1,87 @@
+"""The column beside the foot: four tasks, what is always in sight, light and dark, and sizes that a finger hits."""
+
+from typing import Any
+
+import pytest
+
+pytest.importorskip("meshcat", reason="needs the extra: pip install 'fasbody[view]'")
+
+from viewer import Watched, served
+
+TASKS = ("data", "fit", "model", "take")
+#: Controls below 24 px and texts below 12 px, of what is seen.
+SMALL = """() => {
+  const seen = e => e.checkVisibility({ visibilityProperty: true }) && e.getBoundingClientRect().width;
+  const pressed = [...document.querySelectorAll("button, select, input, summary, [role=button]")].filter(seen);
+  const low = pressed.filter(e => e.getBoundingClientRect().height < 23.5).map(e => e.id || e.textContent);
+  const words = [...document.querySelectorAll("body *")].filter(seen).filter(e => [...e.childNodes].some(
+    n => n.nodeType === 3 && n.textContent.trim()));
+  return [...low, ...words.filter(e => parseFloat(getComputedStyle(e).fontSize) < 12).map(e => e.textContent)];
+}"""
+#: Whether an element lies in the window, and nothing over it.
+IN_SIGHT = """id => (r => r.width > 0 && r.top >= 0 && r.bottom <= innerHeight && r.right <= innerWidth
+  && byId(id).contains(document.elementFromPoint(r.left + r.width / 2, r.top + r.height / 2)))(
+  byId(id).getBoundingClientRect())"""
+#: Lightness of a colour from 0 to 1: of the page, and of what is written on it.
+LIGHTNESS = """() => {
+  const ink = document.createElement("canvas").getContext("2d", { willReadFrequently: true });
+  const of = colour => {
+    ink.fillStyle = colour;
+    ink.fillRect(0, 0, 1, 1);
+    return Math.max(...ink.getImageData(0, 0, 1, 1).data.slice(0, 3)) / 255;
+  };
+  return [getComputedStyle(document.body).backgroundColor, getComputedStyle(byId("next")).color].map(of);
+}"""
+
+
+def test_what_to_do_next_and_the_fit_are_in_sight_in_every_task(opened: Any, tmp_path: Any) -> None:
+    with served("--model", "two_dof", folder=tmp_path) as url:
+        page = Watched(opened, url, (1440, 900))
+        assert page("byId('next').textContent").startswith("Drop recordings")
+        assert page(IN_SIGHT, "bundled") and page("byId('start_fit').disabled")
+        page.page.locator("#bundled").click()  # the example is one click away
+        page.until("bench.rows.length === 12 && motion && !busy && byId('data_state').textContent === ''")
+        assert page("[bench.task, document.querySelectorAll('#tasks [aria-pressed=true]').length]") == ["data", 1]
+        for width, height in ((1440, 900), (800, 600), (390, 844)):
+            page.resize(width, height)
+            for task in TASKS:
+                page.page.locator(f"#tasks [data-name={task}]").click()
+                assert all(page(IN_SIGHT, name) for name in ("next", "start_fit")), (width, task)
+                shown = page("[...document.querySelectorAll('section[data-task]')].filter(s => s.checkVisibility())")
+                assert len(shown) >= 1 and page(SMALL) == [], (width, task)
+                page("scrollTo(0, 0)")
+        page.resize(800, 600)
+        page("tab('motion')")
+        page.settle()
+        assert page("byId('pane').clientHeight") >= 300  # the foot has half of a low window
+        assert page("document.documentElement.scrollWidth") <= 800
+        assert page.complaints == []
+
+
+def test_light_and_dark_as_the_system_has_it_or_as_the_button_says(opened: Any, tmp_path: Any) -> None:
+    with served("--model", "two_dof", folder=tmp_path) as url:
+        page = Watched(opened, url, (1000, 700))
+        for scheme, is_light in (("light", True), ("dark", False)):
+            page.page.emulate_media(color_scheme=scheme)
+            page.settle()
+            ground, ink = page(LIGHTNESS)
+            assert (ground > 0.8 and ink < 0.4) if is_light else (ground < 0.2 and ink > 0.8)
+        stroke = "plots.curve.plot.series[1].stroke()"
+        before = page(stroke)
+        page.page.get_by_role("button", name="Light page").click()
+        assert page(LIGHTNESS)[0] > 0.8 and page(stroke) != before
+        page.page.reload()
+        page.until("window.stats && stats.motions > 0")
+        assert page(LIGHTNESS)[0] > 0.8  # kept by this browser
+        page.page.get_by_role("button", name="Dark page").click()
+        assert page(LIGHTNESS)[0] < 0.2
+        assert page.complaints == []
+
+
+def test_a_text_beyond_what_the_page_takes_is_said_at_once(opened: Any, tmp_path: Any) -> None:
+    with served("--model", "two_dof", folder=tmp_path) as url:
+        page = Watched(opened, url, (1000, 700))
+        page("openEditor()")
+        page("editor.view.dispatch({ changes: { from: 0, insert: `<!--${'x'.repeat(1.2e6)}-->` } })")
+        page.until("byId('editor_state').textContent.includes('1.2 MB are more than the page takes')")
+        assert page("socket.readyState") == 1 and page.complaints == []

@@ -1,0 +1,47 @@
+// Files in: what is dropped on the page, or chosen, goes to the server one by one.
+"use strict";
+async function upload(files) {
+  const names = [];
+  complain("");
+  for (const { file, name } of files) {
+    busyWith(`reading ${name}`);
+    const answer = await fetch(`/upload?name=${encodeURIComponent(name)}`, { method: "POST", headers: { "X-Key": KEY }, body: file }).catch(() => null);
+    const known = answer && (answer.headers.get("Content-Type") || "").startsWith("application/json");
+    const said = known ? await answer.json() : { text: answer && answer.status === 403 ? OTHER_SESSION : `${name} could not be sent; it may be larger than 64 MB.` };
+    if (said.text) complain([complaints, said.text].filter(Boolean).join("\n")); else names.push(...said.names);
+    if (said.session) { tellServer("open_session", {}, "opening the session"); return; }
+  }
+  if (names.length) tellServer("open", { names }); else busyWith("");
+}
+
+// What was dropped: files, and whole folders of them.
+async function dropped(items) {
+  const found = [];
+  async function walk(entry, path) {
+    if (entry.isFile) found.push({ name: path + entry.name, file: await new Promise((done, failed) => entry.file(done, failed)) });
+    else {
+      const reader = entry.createReader();
+      for (;;) {
+        const some = await new Promise((done, failed) => reader.readEntries(done, failed));
+        if (!some.length) break;
+        for (const one of some) await walk(one, `${path}${entry.name}/`);
+      }
+    }
+  }
+  const entries = [...items].map(item => (item.webkitGetAsEntry ? item.webkitGetAsEntry() : null));
+  const plain = [...items].map(item => (item.getAsFile ? item.getAsFile() : null));
+  for (const [k, entry] of entries.entries()) { if (entry) await walk(entry, ""); else if (plain[k]) found.push({ name: plain[k].name, file: plain[k] }); }
+  await upload(found);
+}
+
+if (!window.EXPORTED) {
+  addEventListener("dragover", event => { event.preventDefault(); document.body.classList.add("dropping"); });
+  addEventListener("dragleave", event => { if (!event.relatedTarget) document.body.classList.remove("dropping"); });
+  addEventListener("drop", event => { event.preventDefault(); document.body.classList.remove("dropping"); dropped(event.dataTransfer.items); });
+  for (const [id, picker] of [["choose_files", "files"], ["choose_folder", "folder"]]) {
+    byId(id).onclick = () => byId(picker).click();
+    byId(picker).onchange = event => upload([...event.target.files].map(file => ({ file, name: file.webkitRelativePath || file.name })));
+  }
+  byId("clear").onclick = () => tellServer("remove", { numbers: bench.rows.map(row => row.id) });
+  byId("bundled").onclick = () => tellServer("bundled", {}, "reading the bundled study");
+}
