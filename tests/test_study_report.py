@@ -227,7 +227,7 @@ def test_what_is_decided_alone_is_one_number_in_sentence_and_table() -> None:
     assert [row[name] for name in shown] == [0, 0, 6, 0, 0]
 
 
-def test_a_disowned_fit_has_no_odds_intervals_or_energies(tmp_path: Path, bare: None) -> None:
+def test_a_misfit_has_no_odds_intervals_or_energies(tmp_path: Path, bare: None) -> None:
     """Two pooled fits of one subject: the second load's do not follow, so the first alone is weighed and counted."""
     fits = [plain("pooled", "1", load, None, branches(1.0)) for load in (0.0, 2.3)]
     for d, follow in zip(fits, (True, False), strict=True):
@@ -244,7 +244,7 @@ def test_a_disowned_fit_has_no_odds_intervals_or_energies(tmp_path: Path, bare: 
     assert subject.tracking is None and nothing.document()["tracking"][0]["tracking"] is None
     assert nothing.energy.empty and not nothing.table["std_error"].notna().any()
     assert list(PICTURES(nothing, "synthetic")) == ["transmissibility_pooled"]  # which shows how far off it is
-    report.write(tmp_path, nothing, "disowned", "synthetic")
+    report.write(tmp_path, nothing, "a misfit", "synthetic")
     assert "No fit follows its recordings" in (page := (tmp_path / "report.html").read_text())
     assert " to 1<" not in page
 

@@ -74,7 +74,7 @@ class Findings:
 
         No odds are given of fits that do not follow their recordings.
         """
-        usable = [fit for fit in fits if not summary.disowned(fit)]
+        usable = [fit for fit in fits if not summary.misfit(fit)]
         two = [fit for fit in usable if len(fit["result"]["branches"]) > 1]
         two = [fit for fit in two if mode == "pooled" or fit["frequency_hz"] is not None]
         tracking, text = None, "Fits without a frequency or a mirror solution are not tracked."

@@ -29,7 +29,7 @@ from fasbody.heel.population import FEWEST, Observed, estimate
 from fasbody.presentation import Tabled, readable
 from identification.branches import DECISIVE_ODDS, EXCHANGED, STIFF_ANKLE, STIFF_PAD
 from identification.study.posterior import Posterior
-from identification.study.summary import disowned
+from identification.study.summary import misfit
 from identification.study.tracking import deviances
 
 Document = Mapping[str, Any]
@@ -277,7 +277,7 @@ def _unfit(fit: Document) -> str:
     if fit["status"] != "done":
         return "the fit failed"
     allows = all(branch.get("world") for branch in fit["result"]["branches"])
-    return disowned(fit) or ("" if allows else "the fit allows for nothing but the model")
+    return misfit(fit) or ("" if allows else "the fit allows for nothing but the model")
 
 
 def _odds(fits: Sequence[Document]) -> tuple[float, float]:

@@ -133,7 +133,7 @@ def example(findings: Findings, mode: str, posture: str) -> tuple[str, list[Docu
     """
     documents, tracked = findings.documents, findings.tracked
     fits = _of(documents, mode, posture, "done")
-    good = [bool(follows(summary.displayed_fit(fit, tracked))) and not summary.disowned(fit) for fit in fits]
+    good = [bool(follows(summary.displayed_fit(fit, tracked))) and not summary.misfit(fit) for fit in fits]
     of = pd.DataFrame({
         "subject": [fit["subject"] for fit in fits],
         "files": [len({cycle["file"] for cycle in fit["cycles"]}) for fit in fits],

@@ -66,7 +66,7 @@ def displayed_branch(document: Document, tracked: Mapping[str, str] | None = Non
     return names[0], "likelihood" if verdict == "decided" else verdict
 
 
-def disowned(document: Document) -> str:
+def misfit(document: Document) -> str:
     """Why a pooled fit that is done says nothing of its foot; empty where it does.
 
     Such a fit has no odds, intervals or energies.
@@ -125,7 +125,7 @@ def _rows(
     f = document["frequency_hz"]
     shared["frequency_hz"] = None if f is None else nominal(f)
     known = truth.of(document["files"]) if truth else {}
-    none = dict.fromkeys(("std_error", "lower", "upper")) if disowned(document) else {}
+    none = dict.fromkeys(("std_error", "lower", "upper")) if misfit(document) else {}
     for number, branch in enumerate(document["result"]["branches"]):
         of_branch = {"branch": branch["name"], "chosen": number == 0, "shown": branch["name"] == name}
         for key, e in branch["parameters"].items():
@@ -223,8 +223,9 @@ def one_set(documents: Iterable[Document]) -> str:
     text = f"One set of constants serves all frequencies in {serves} of {count} pooled fits"
     if serves == count:
         return f"{text}." if count else ""
+    others = "in the others " if serves else ""
     return (
-        f"{text}: in the others the constants change with frequency, or the model is another one, and such a fit says "
+        f"{text}: {others}the constants change with frequency, or the model is another one, and such a fit says "
         "nothing of the foot but that."
     )
 
@@ -239,13 +240,13 @@ def first(documents: Sequence[Document], tracked: Mapping[str, str] | None = Non
 
 
 def cycle_table(documents: Sequence[Document], tracked: Mapping[str, str] | None = None) -> pd.DataFrame:
-    """Energies of every cycle [J], a row a recording and branch: `CYCLES`; none of disowned fits.
+    """Energies of every cycle [J], a row a recording and branch: `CYCLES`; none of a `misfit`.
 
     Cycles may be of a foot that is no branch of the fit, such as the one a synthetic recording was
     made from.
     """
     rows = []
-    for d in (d for d in documents if d["status"] == "done" and not disowned(d)):
+    for d in (d for d in documents if d["status"] == "done" and not misfit(d)):
         name, by = displayed_branch(d, tracked)
         percent = {branch["name"]: branch["fit_percent"] for branch in d["result"]["branches"]}
         for c in d.get("cycles") or []:

@@ -42,7 +42,7 @@ def short(findings: Findings) -> list[str]:
     for row in totals[totals["done"] > 0].to_dict("records"):
         of_mode = table[table["shown"] & (table["mode"] == row["mode"])]
         of_fits = [d for d in documents if d["status"] == "done" and d["mode"] == row["mode"]]
-        if all(summary.disowned(fit) for fit in of_fits):
+        if all(summary.misfit(fit) for fit in of_fits):
             text = f"{row['mode'].capitalize()}: mean fit {row['fit_percent']:.1f} %. No fit follows its recordings, "
             sentences.append(f"{text}so none has odds, intervals or energies.")
             continue
