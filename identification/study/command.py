@@ -85,8 +85,7 @@ def main(
     from identification.study.truth import Truth
 
     folder = StudyFolder.open(study)
-    wanted = {"subject": subject, "posture": posture}
-    trials = select(folder.trials, **wanted, added_mass_kg=added_mass, frequency_hz=frequency)
+    trials = select(folder.trials, subject=subject, posture=posture, added_mass_kg=added_mass, frequency_hz=frequency)
     how: dict[str, Any] = {"starts": starts, "seed": seed, "domain": domain, "replay": replay}
     settings = Settings(free=names(free), bounds=limits(bounds), threads=1, **how)
     believed, foot = Prior.read(prior or ()), load(model)
@@ -111,8 +110,8 @@ def main(
         checking = [job for job in checking if job.kind == "validation" or job.trials in done]
         checked = complete(lambda job: plan.work(job, done.get(job.trials)), checking, checks, scheduler, workers)
     except KeyboardInterrupt:
-        there = [*fits.documents(job.key for job in jobs), *checks.documents(job.key for job in checking)]
-        count = f"{len(there)} of {len(jobs) + len(checking)} fits and checks"
+        documents = [*fits.documents(job.key for job in jobs), *checks.documents(job.key for job in checking)]
+        count = f"{len(documents)} of {len(jobs) + len(checking)} fits and checks"
         raise Stopped(f"stopped with {count} in {out}; the same command goes on from there.") from None
     seconds = time.perf_counter() - began
     for other in MODES:
@@ -122,8 +121,8 @@ def main(
     keys = (job.key for m in MODES for kind in every for job in plan.jobs(m, *kind))
     done_checks = list(checks.documents(keys).values())
     unshown = fits.others(kept) + checks.others(check["key"] for check in done_checks)
-    said = believed, ", ".join(prior or ()), others, unshown, mode
-    findings = Findings(documents, done_checks, Truth.read(study), *said)
+    rest = believed, ", ".join(prior or ()), others, unshown, mode
+    findings = Findings(documents, done_checks, Truth.read(study), *rest)
     if page:
         report.write(out, findings, folder.name, folder.origin)
     run = {"out": out, "computed": computed, "checked": checked, "wanted": len(jobs)}

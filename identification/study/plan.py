@@ -22,18 +22,18 @@ from identification.study import KINDS, MODES
 COMPUTES = "identification.study.job"
 
 
-def select(trials: Sequence[Trial], **wanted: Sequence[str | float] | None) -> list[Trial]:
+def select(trials: Sequence[Trial], **filters: Sequence[str | float] | None) -> list[Trial]:
     """The trials of a study that pass all filters.
 
     Args:
         trials: all of them.
-        **wanted: name in the condition -> the values to take; none takes all.
+        **filters: name in the condition -> the values to take; none takes all.
 
     Raises:
         SettingError: a value that no recording has, or nothing passes.
     """
     chosen = list(trials)
-    for field, values in wanted.items():
+    for field, values in filters.items():
         of = {trial: _text(getattr(trial.condition, field)) for trial in trials}
         texts = [_text(value) for value in values or ()]
         for text in texts:

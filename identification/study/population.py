@@ -1,7 +1,7 @@
 """The persons behind a study's pooled fits: the mean of each constant, how much persons differ, and each one shrunk.
 
 The logarithm of a constant of person i is mu + u_i, and the fit knows it to its standard error s_i, model and sensor
-errors included. The mean is found by restricted maximum likelihood, by the machinery of the heels (heel/population.py),
+errors included. The mean is made by restricted maximum likelihood, by the machinery of the heels (heel/population.py),
 with Student's t and the persons less one; no shape of the population enters. How much persons differ, each one's own
 value and whether it belongs to the others' come from a posterior with tails that may be heavy (posterior.py). What all
 persons have in common, such as a wrong gain of one laboratory's sensor, no number of persons takes away: it is not in
@@ -226,14 +226,14 @@ def populations(documents: Sequence[Document]) -> tuple[list[Population], list[s
     for fit in documents:
         if fit["mode"] == "pooled":
             groups.setdefault((fit["posture"], fit["added_mass_kg"]), []).append(fit)
-    found: list[Population] = []
+    made: list[Population] = []
     reasons: dict[tuple[str, str], list[str]] = {}
     for (posture, load), fits in sorted(groups.items()):
         twice = [who for who, count in Counter(_who(fit) for fit in fits).items() if count > 1]
         unfit = [LeftOut(_who(fit), why) for fit in fits if (why := _unfit(fit))]
         usable = [fit for fit in fits if not _unfit(fit)]
         of_group = [] if twice else _of_group(posture, load, usable, unfit)
-        found += of_group
+        made += of_group
         why, hint = f"subject {twice[0]} is there twice" if twice else "", ""
         if twice:
             hint = "give the two persons different names in subjects.csv"
@@ -246,7 +246,7 @@ def populations(documents: Sequence[Document]) -> tuple[list[Population], list[s
         if why:
             why += f"; {hint}" if hint else ""
             reasons.setdefault((posture, why), []).append(f"{load:g}")
-    return found, [
+    return made, [
         f"{posture}, {' and '.join(loads)} kg: no population, as {why}." for (posture, why), loads in reasons.items()
     ]
 
@@ -255,17 +255,17 @@ def _of_group(posture: str, load: float, fits: Sequence[Document], unfit: Sequen
     """The population of usable fits of different persons, on one branch or both; or none."""
     alone, common = _odds(fits)
     branches = [STIFF_ANKLE, STIFF_PAD] if alone >= 0 else [STIFF_PAD, STIFF_ANKLE]
-    each_left_out = [_odds([fit for fit in fits if fit is not one]) for one in fits]
-    odds = np.sign(alone) * np.array([(alone, common), *each_left_out])
+    without_one = [_odds([fit for fit in fits if fit is not one]) for one in fits]
+    odds = np.sign(alone) * np.array([(alone, common), *without_one])
     decided = bool(odds.min() > np.log(DECISIVE_ODDS))
-    found = []
+    made = []
     for name in branches[:1] if decided else branches:
         constants, left_out = _constants(fits, name)
         if constants:
             sign = 1 if name == STIFF_ANKLE else -1
             verdict = "decided" if decided else "undecided", sign * alone, sign * common
-            found.append(Population(posture, load, name, *verdict, constants, (*unfit, *left_out)))
-    return found
+            made.append(Population(posture, load, name, *verdict, constants, (*unfit, *left_out)))
+    return made
 
 
 def _who(fit: Document) -> str:
@@ -307,7 +307,7 @@ def _constants(fits: Sequence[Document], name: str) -> tuple[tuple[Constant, ...
         branch = next((b for b in fit["result"]["branches"] if b["name"] == name), None)
         if branch is None or not branch["world"]["follows"]:
             follow = f"the {name} does not follow the recordings"
-            left_out.append(LeftOut(_who(fit), follow if branch else f"no {name} was found"))
+            left_out.append(LeftOut(_who(fit), follow if branch else f"no {name} was made"))
             continue
         for symbol, e in ((symbol_and_unit(key)[0], e) for key, e in branch["parameters"].items()):
             error = e["std_error"]

@@ -120,8 +120,8 @@ def _failed(documents: Sequence[Document], mode: str, posture: str, subject: str
 
 
 def _of(documents: Sequence[Document], mode: str, posture: str, status: str) -> list[Document]:
-    wanted = (mode, posture, status)
-    return [d for d in documents if (d["mode"], d["posture"], d["status"]) == wanted]
+    which = (mode, posture, status)
+    return [d for d in documents if (d["mode"], d["posture"], d["status"]) == which]
 
 
 def example(findings: Findings, mode: str, posture: str) -> tuple[str, list[Document]]:

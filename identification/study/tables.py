@@ -23,7 +23,7 @@ LISTED = 40
 #: Whether two domains agree, in words, in the order of the table.
 _ANSWER = {False: "no", True: "yes", None: "nothing to compare"}
 #: What chose the branch that is shown, in words.
-_SHOWN = {
+_CHOSEN_BY = {
     "tracking": "on the branch that all fits of a subject together decide",
     "likelihood": "not tracked and on the one that its data decide alone",
     "undecided": "undecided and on their own likelier branch",
@@ -54,8 +54,8 @@ def short(findings: Findings) -> list[str]:
             if (r["parameter"], r["mode"]) == ("all", row["mode"]):
                 if not any(r[f"{way}_of"] for way in WAYS):
                     continue
-                own, shown, nearer = (_of(r, way) for way in WAYS)
-                text += f" Truth within two standard errors: {own} on each fit's own branch, {shown} on the branch "
+                likelier, drawn, nearer = (_of(r, way) for way in WAYS)
+                text += f" Truth within two standard errors: {likelier} on each fit's own branch, {drawn} on the branch "
                 text += f"shown, {nearer} on the nearer one."
         sentences.append(text)
     return [*filter(None, sentences), *([balance(energy)] if len(energy) else [])]
@@ -68,7 +68,7 @@ def drawn(rows: pd.DataFrame) -> str:
     number = by.value_counts()
     turned = int((by.eq("tracking") & ~fits["chosen"]).sum())
     against = f" ({turned} of them against their own choice)" if turned else ""
-    parts = _SHOWN | {"tracking": _SHOWN["tracking"] + against}
+    parts = _CHOSEN_BY | {"tracking": _CHOSEN_BY["tracking"] + against}
     listed = (f"{number[name]} {text}" for name, text in parts.items() if name in number)
     return f"Of {len(fits)} fits shown: {', '.join(listed)}."
 

@@ -277,16 +277,16 @@ def probabilities(alone: Sequence[np.ndarray], links: Links) -> list[np.ndarray]
             steps.append((front.index(i), log))
             log = np.logaddexp.reduce(log, axis=front.index(i))
             front.remove(i)
-    joint, found = np.ones(()), list[np.ndarray]()
+    joint, marginals = np.ones(()), list[np.ndarray]()
     for step in reversed(steps):
         if step is None:
-            found.insert(0, joint.sum(axis=tuple(range(joint.ndim - 1))))
+            marginals.insert(0, joint.sum(axis=tuple(range(joint.ndim - 1))))
             joint = joint.sum(axis=-1)
         else:
             axis, before = step
-            given = np.exp(before - np.logaddexp.reduce(before, axis=axis, keepdims=True))
-            joint = np.expand_dims(joint, axis) * given
-    return found
+            conditional = np.exp(before - np.logaddexp.reduce(before, axis=axis, keepdims=True))
+            joint = np.expand_dims(joint, axis) * conditional
+    return marginals
 
 
 def _choice(fit: Fit, p: np.ndarray) -> Choice:

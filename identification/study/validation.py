@@ -169,8 +169,8 @@ def leave_one_frequency_out(
     space = space_of(foot, settings.free, settings.bounds, delay=True)
     q = np.empty((0, 0))
     if mode == "per-recording":
-        of_each = estimates or [values_of(quick_fit([r], foot, settings)) for r in recordings]
-        q = np.array([space.to_q(space.theta(values)) for values in of_each])
+        by_recording = estimates or [values_of(quick_fit([r], foot, settings)) for r in recordings]
+        q = np.array([space.to_q(space.theta(values)) for values in by_recording])
     for m, at in sorted(set(zip(loads, f, strict=True))):
         used, left_out = np.flatnonzero((loads == m) & (f != at)), np.flatnonzero((loads == m) & (f == at))
         try:
