@@ -1,7 +1,7 @@
 """The persons behind a study's pooled fits: the mean of each constant, how much persons differ, and each one shrunk.
 
 The logarithm of a constant of person i is mu + u_i, and the fit knows it to its standard error s_i, model and sensor
-errors included. The mean is made by restricted maximum likelihood, by the machinery of the heels (heel/population.py),
+errors included. The mean is found by restricted maximum likelihood, by the machinery of the heels (heel/population.py),
 with Student's t and the persons less one; no shape of the population enters. How much persons differ, each one's own
 value and whether it belongs to the others' come from a posterior with tails that may be heavy (posterior.py). What all
 persons have in common, such as a wrong gain of one laboratory's sensor, no number of persons takes away: it is not in
@@ -307,7 +307,7 @@ def _constants(fits: Sequence[Document], name: str) -> tuple[tuple[Constant, ...
         branch = next((b for b in fit["result"]["branches"] if b["name"] == name), None)
         if branch is None or not branch["world"]["follows"]:
             follow = f"the {name} does not follow the recordings"
-            left_out.append(LeftOut(_who(fit), follow if branch else f"no {name} was made"))
+            left_out.append(LeftOut(_who(fit), follow if branch else f"no {name} was found"))
             continue
         for symbol, e in ((symbol_and_unit(key)[0], e) for key, e in branch["parameters"].items()):
             error = e["std_error"]

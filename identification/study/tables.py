@@ -54,9 +54,9 @@ def short(findings: Findings) -> list[str]:
             if (r["parameter"], r["mode"]) == ("all", row["mode"]):
                 if not any(r[f"{way}_of"] for way in WAYS):
                     continue
-                likelier, drawn, nearer = (_of(r, way) for way in WAYS)
-                text += f" Truth within two standard errors: {likelier} on each fit's own branch, {drawn} on the branch "
-                text += f"shown, {nearer} on the nearer one."
+                likelier, chosen, nearer = (_of(r, way) for way in WAYS)
+                text += f" Truth within two standard errors: {likelier} on each fit's own branch, "
+                text += f"{chosen} on the branch shown, {nearer} on the nearer one."
         sentences.append(text)
     return [*filter(None, sentences), *([balance(energy)] if len(energy) else [])]
 
