@@ -25,6 +25,8 @@ from identification.residual import Evaluation, Problem
 
 #: Distance to a bound, as a share of the range, at which a constant rests on it.
 _AT_BOUND = 1e-4
+#: Name of the factor that is common to all constants among the profiles.
+SCALE = "scale"
 #: Step of a variable for a slope, in its scale.
 _STEP = 1e-4
 
@@ -181,7 +183,7 @@ class Solution:
         J = self.slopes(self._coordinates)
         names = list(variables.dynamic(self.q))
         x, stds = self._coordinates(self.q), self.spread(J)
-        reach = self._reach(names, x, J, stds) if profiles else {}
+        reach = self.profiles if profiles else {}
         estimates = {
             self._item(name).key: self._estimate(name, x[i], stds[i], reach.get(name)) for i, name in enumerate(names)
         }
@@ -203,27 +205,31 @@ class Solution:
         root = np.sqrt(np.maximum(np.diag(S), 1e-300))
         return np.asarray(np.nan_to_num(S / np.outer(root, root)))
 
-    def _reach(self, names: list[str], x: np.ndarray, J: np.ndarray, stds: np.ndarray) -> dict[str, np.ndarray]:
-        """How far (2,) the intervals of springs and dampers of the two-mass foot reach below and above, by profiles.
+    @cached_property
+    def profiles(self) -> dict[str, np.ndarray]:
+        """How far (2,) springs, dampers and the common scale of the two-mass foot reach below and above, by profiles.
 
-        Args:
-            names: of the p constants.
-            x, stds: (p,) what they are, and their standard errors.
-            J: (p, n) derivatives.
+        In the coordinates in which their intervals are symmetric; nothing where the optimum has not come to rest.
         """
         variables = self.problem.variables
-        at = [i for i, name in enumerate(names) if name in EXCHANGED and 0 < stds[i] < np.inf]
-        if not (variables.two_mass and self.optimum.converged and np.isfinite(self.covariance).all() and at):
+        names = [name for name in variables.constants if name in EXCHANGED]
+        if not (variables.two_mass and self.optimum.converged and np.isfinite(self.covariance).all()):
             return {}
 
         def of(Q: np.ndarray) -> np.ndarray:
             values = variables.dynamic(Q)
-            return np.stack([self._forth(names[i], values[names[i]]) for i in at], -1)
+            return np.stack([*(self._forth(name, values[name]) for name in names), self._scale(Q)], -1)
 
-        coordinates = Coordinates(of, x[at], J[at], stds[at])
+        J = self.slopes(of)
+        coordinates = Coordinates(of, of(self.q), J, self.spread(J))
         rise = self.quantile**2 * self.excess
         reaches = ends(self.problem, self.q, self.optimum.sign, self.covariance, coordinates, rise, self.quantile)
-        return {names[i]: reach for i, reach in zip(at, reaches, strict=True)}
+        return dict(zip([*names, SCALE], reaches, strict=True))
+
+    def _scale(self, Q: np.ndarray) -> Any:
+        """Logarithm (...,) of the leg's mass m_S + m_F, a factor common to all constants, of Q (..., n)."""
+        v = self.problem.variables
+        return np.log(v.theta(Q)[..., 0, [v.motion_names.index(name) for name in v.stated]].sum(-1))
 
     def _estimate(self, name: str, x: float, std: float, reach: np.ndarray | None = None) -> Estimate:
         """An estimate from its coordinate, the standard error of that, and how far its profile reaches, if known."""
@@ -336,12 +342,13 @@ class Solution:
         return powers
 
     def scale_std(self) -> float:
-        """Standard error of the logarithm of the leg's mass m_S + m_F, a factor common to all constants."""
+        """Standard error of the logarithm of the common scale; of the middle of its profile where that is known."""
         v = self.problem.variables
         if not any(item.group in ("masses", "share") for item in v.nuisances):
             return 0.0
-        names = [v.motion_names.index(name) for name in v.stated]
-        return float(self.spread(self.slopes(lambda q: np.log(v.theta(q)[:1, names].sum(1))))[0])
+        if SCALE in self.profiles:
+            return float(self.profiles[SCALE].mean() / self.quantile)
+        return float(self.spread(self.slopes(lambda q: self._scale(q)[None]))[0])
 
 
 def size_that_matters(item: Parameter) -> float:
