@@ -521,12 +521,14 @@ def _scale(view: View) -> Iterator[Row]:
         values = variables.dynamic(q)
         return np.log([float(values[item.name]) for item in scaling])
 
-    whole = view.half_width(constants)
+    profiled = {name: float(reach.mean()) for name, reach in solution.profiles.items()}
+    curved = view.half_width(constants)
+    whole = [profiled.get(item.name, float(half)) for item, half in zip(scaling, curved, strict=True)]
     per_kg = view.half_width(lambda q: constants(q) - np.log(leg(q)))
     for item, x, a, b in zip(scaling, constants(view.q), whole, per_kg, strict=True):
         yield {
             "branch": view.branch, "parameter": item.key, "value": float(np.exp(x)),
-            "half_width_percent": 100 * float(a), "of_it_mass_percent": 100 * view.quantile * mass_std,
+            "half_width_percent": 100 * a, "of_it_mass_percent": 100 * view.quantile * mass_std,
             "per_kg": float(np.exp(x)) / leg(view.q), "per_kg_half_width_percent": 100 * float(b),
         }  # fmt: skip
 
