@@ -107,7 +107,8 @@ def test_bends_against_the_equations_with_dampers_that_bend() -> None:
         jac=lambda t, x: arch_ode.jacobian(bent(arch, x), x, 8.95 * np.sin(w * t)),
     )  # fmt: skip
     exact = [
-        arch_ode.malleolus_acceleration(bent(arch, x), x, 8.95 * np.sin(w * t)) for t, x in zip(time, run.y.T, strict=True)
+        arch_ode.malleolus_acceleration(bent(arch, x), x, 8.95 * np.sin(w * t))
+        for t, x in zip(time, run.y.T, strict=True)
     ]
     peak = np.abs(exact).max()
     have = move(foot, table(frequency), accurate=True).malleolus
