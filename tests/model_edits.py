@@ -112,9 +112,12 @@ def arch(**constants: float) -> Truth:
 
 
 def _first(values: Array, step: float) -> complex:
-    """First harmonic of the last two periods."""
+    """First harmonic of what the last two periods are, by least squares: they need not be whole steps."""
     n = round(2 / HZ / step)
-    return complex(2 / n * values[-n:] @ np.exp(-S * step * np.arange(len(values) - n, len(values))))
+    turns = S * step * np.arange(len(values) - n, len(values))
+    lines = [np.ones(n), *(part(np.exp(k * turns)) for k in (1, 2, 3) for part in (np.real, np.imag))]
+    fitted = np.linalg.lstsq(np.stack(lines, axis=1), values[-n:], rcond=None)[0]
+    return complex(fitted[1], -fitted[2])
 
 
 def stepped(file: Path) -> dict[str, complex]:
