@@ -35,7 +35,10 @@ ROOT = Path(__file__).parent.parent
 ELSEWHERE = {
     "index.md": "README.md",
     "models.md": "mjcf/README.md",
-    "foot_arch.md": "mjcf/foot_arch.md",
+    "foot_arch.md": "mjcf/foot_arch/README.md",
+    "two_dof.md": "mjcf/two_dof/README.md",
+    "leg.md": "mjcf/leg/README.md",
+    "mounted_arch.md": "mjcf/mounted_arch/README.md",
     "benchmarks.md": "benchmarks/RESULTS.md",
     "contributing.md": "CONTRIBUTING.md",
     "changelog.md": "CHANGELOG.md",

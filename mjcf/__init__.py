@@ -1,4 +1,7 @@
-"""The models as data: MJCF files, found by name from a checkout or an installed wheel."""
+"""The models as data: MJCF files, found by name from a checkout or an installed wheel.
+
+A folder a model: `two_dof/two_dof.xml` is the model `two_dof`, `two_dof/scene.xml` the same with ground and light.
+"""
 
 from importlib.resources import files
 from pathlib import Path
@@ -8,7 +11,7 @@ _FOLDER = Path(str(files(__package__)))
 
 def names() -> list[str]:
     """Names of the models that ship with the package, without the ending."""
-    return sorted(file.stem for file in _FOLDER.glob("*.xml"))
+    return sorted(_files())
 
 
 def path(name: str) -> Path:
@@ -17,9 +20,10 @@ def path(name: str) -> Path:
     Raises:
         KeyError: no such model; the message lists those that exist.
     """
-    if name not in names():
-        raise KeyError(f"no model {name!r}; shipped models: {', '.join(names())}")
-    return _FOLDER / f"{name}.xml"
+    files = _files()
+    if name not in files:
+        raise KeyError(f"no model {name!r}; shipped models: {', '.join(sorted(files))}")
+    return files[name]
 
 
 def asset(name: str) -> Path:
@@ -29,4 +33,10 @@ def asset(name: str) -> Path:
 
 def scene(name: str) -> Path:
     """The shipped model dressed with the assets, for MuJoCo's own viewer."""
-    return _FOLDER / "scene" / path(name).name
+    model = path(name)
+    return model.with_name(f"scene{name.removeprefix(model.parent.name)}.xml")
+
+
+def _files() -> dict[str, Path]:
+    """Models by name: the XML files that are called as their folder, or begin so."""
+    return {file.stem: file for file in _FOLDER.glob("*/*.xml") if file.stem.startswith(file.parent.name)}

@@ -112,9 +112,12 @@ def arch(**constants: float) -> Truth:
 
 
 def _first(values: Array, step: float) -> complex:
-    """First harmonic of the last two periods."""
+    """First harmonic of what the last two periods are, by least squares: they need not be whole steps."""
     n = round(2 / HZ / step)
-    return complex(2 / n * values[-n:] @ np.exp(-S * step * np.arange(len(values) - n, len(values))))
+    turns = S * step * np.arange(len(values) - n, len(values))
+    lines = [np.ones(n), *(part(np.exp(k * turns)) for k in (1, 2, 3) for part in (np.real, np.imag))]
+    fitted = np.linalg.lstsq(np.stack(lines, axis=1), values[-n:], rcond=None)[0]
+    return complex(fitted[1], -fitted[2])
 
 
 def stepped(file: Path) -> dict[str, complex]:
@@ -245,6 +248,14 @@ def _relaxing(A: float, B: float, c: float, tau_1: float, tau_2: float, h: float
     return relaxed * (1 + c * np.log((1 + S * tau_2) / (1 + S * tau_1))) / (1 + c * np.log(tau_2 / tau_1))
 
 
+def _sticking(mass: float) -> complex:
+    """Impedance of a joint's dry friction that does not slip, by MuJoCo's defaults, between the table and a mass."""
+    share, rate = 0.1 / 0.9 / mass, 2 / (0.95 * 0.02)  # (1 - d)/d of the inverse mass, and how fast it comes to rest
+    return (S**2 + rate * S) / share
+
+
+BOTH = ('<tendon><fixed name="both" stiffness="3e4" damping="20"{0}><joint joint="fat_pad" coef="1"/>'
+        '<joint joint="talocrural" coef="1"/></fixed></tendon>')  # fmt: skip
 TWO_DOF = (
     _edit("two_dof", "softer pad", ('"1.0e5"', '"8e4"'), truth=chain(replace(FOOT, k=8e4), SHANK, at=1)),
     _edit("two_dof", "stronger damper of the ankle", ('damping="430" user="4.25 430', 'damping="900" user="4.25 900'),
@@ -264,6 +275,14 @@ TWO_DOF = (
           load="geom 'shoe' has the density 600, which counts for nothing, as its mass is written"),
     _edit("two_dof", "a density beside an inertial", ('<geom name="foot" ', '<geom name="foot" density="600" '),
           load="geom 'foot' has the density 600, which counts for nothing, as body 'foot' has an <inertial>"),
+    _edit("two_dof", "a shoe of a geom as dense as water",
+          ('<body name="shank">', '<body name="shoe">\n<!-- of leather -->\n<geom\nname="shoe" size="0.05" density="1000"/></body><body name="shank">'),
+          load="geom 'shoe' has the density 1000, which counts for nothing, as its mass is written"),
+    _edit("two_dof", "a shoe of a mass and a density",
+          ('<body name="shank">', '<body name="shoe"><geom name="shoe" size="0.05" mass="0.4" density="600"/></body><body name="shank">'),
+          load="geom 'shoe' has the density 600, which counts for nothing, as its mass is written, too: mass=\"0.4\""),
+    _edit("two_dof", "the density of water beside an inertial", ('<geom name="foot" ', '<geom name="foot" density="1e3" '),
+          load="geom 'foot' has the density 1000, which counts for nothing, as body 'foot' has an <inertial>"),
     _edit("two_dof", "masses by the geoms", ('angle="radian"', 'angle="radian" inertiafromgeom="true"'),
           ('<geom name="foot" ', '<geom name="foot" mass="1.6" '), truth=chain(replace(FOOT, mass=1.6), SHANK, at=1)),
     _edit("two_dof", "a total of all masses", ('angle="radian"', 'angle="radian" settotalmass="7"'), load="settotalmass"),
@@ -382,6 +401,51 @@ TWO_DOF = (
     _edit("two_dof", "a shank that floats", HEAVY, ('<body name="shank">', '<body name="shank" gravcomp="1">'),
           truth=chain(replace(FOOT, c=800 * np.exp(-50 * (x := FOOT.mass * G / 1e5)) * np.cos(100 * x)), SHANK, at=1),
           leg="gravity"),
+    _edit("two_dof", "no body lighter than 2 kg", ('angle="radian"', 'angle="radian" boundmass="2"'),
+          truth=chain(replace(FOOT, mass=2.0), SHANK, at=1)),
+    _edit("two_dof", "a shank welded to the foot",
+          (TENDONS, '<equality><weld name="weld" body1="shank" body2="foot" solref="-1e7 -1e4" solimp="0.9999 0.9999 0.001"/>'
+           '</equality>' + TENDONS), truth=replace(chain(replace(FOOT, mass=FOOT.mass + SHANK.mass), at=0), singular=None),
+          leg="equality 'weld'"),
+    _edit("two_dof", "a fixed tendon along both joints", (TENDONS, BOTH.format("") + TENDONS),
+          truth=chain(FOOT, SHANK, at=1, more=((1, -1, 3e4 + 20 * S),)), leg="tendon 'both'"),
+    _edit("two_dof", "a fixed tendon with an armature", (TENDONS, BOTH.format(' armature="0.5"') + TENDONS),
+          truth=chain(FOOT, SHANK, at=1, more=((1, -1, 3e4 + 20 * S + 0.5 * S**2),)), leg="tendon 'both'"),
+    _edit("two_dof", "a position servo before the shaker", (TENDONS, TENDONS + '<position name="servo" joint="talocrural" kp="5e4" kv="30"/>'),
+          truth=chain(FOOT, SHANK, at=1, more=((1, 0, 5e4 + 30 * S),)), leg="actuator 'servo'"),
+    _edit("two_dof", "a position servo with a filter", (ACTUATORS, '<position name="servo" joint="talocrural" kp="5e4" timeconst="0.02"/>' + ACTUATORS),
+          truth=replace(chain(FOOT, SHANK, at=1, more=((1, 0, 5e4),)), singular=None), leg="actuator 'servo'"),
+    _edit("two_dof", "a velocity servo", (ACTUATORS, '<velocity name="servo" joint="talocrural" kv="30"/>' + ACTUATORS),
+          truth=chain(FOOT, SHANK, at=1, more=((1, 0, 30 * S),)), leg="actuator 'servo'"),
+    _edit("two_dof", "a servo with a gear", (ACTUATORS, '<general name="servo" joint="talocrural" gear="2" gainprm="0" biastype="affine" '
+          'biasprm="0 -1e4 0"/>' + ACTUATORS), truth=chain(FOOT, SHANK, at=1, more=((1, 0, 4e4),)), leg="actuator 'servo'"),
+    _edit("two_dof", "a damper without a control", (ACTUATORS, '<damper name="servo" joint="talocrural" kv="30" ctrlrange="0 1"/>' + ACTUATORS),
+          truth=chain(FOOT, SHANK, at=1), leg="actuator 'servo'"),
+    _edit("two_dof", "30 N on the shank", (ACTUATORS, '<general name="push" joint="talocrural" gainprm="0" biastype="affine" '
+          'biasprm="-30 0 0"/>' + ACTUATORS), truth=chain(FOOT, replace(SHANK, c=430 * np.exp(50 * 2e-4) * np.cos(100 * 2e-4)), at=1),
+          leg="actuator 'push'"),
+    _edit("two_dof", "slanting gravity", ('gravity="0 0 0"', 'gravity="1 -9.81 2"'), (' user="4.25 800 -50 100"', ""),
+          (' user="4.25 430 50 100"', ""), truth=chain(FOOT, SHANK, at=1)),
+    _edit("two_dof", "a spring and damper by time and ratio", (TALOCRURAL, 'name="talocrural" springdamper="0.05 1"'),
+          load="joint 'talocrural' has damping="),
+    _edit("two_dof", "an armature at the pad", (FAT_PAD, FAT_PAD + ' armature="0.5"'),
+          truth=replace(chain(FOOT, SHANK, at=1, more=((0, -1, S**2 * 0.5),)), pad=None, dissipated=None), leg="joint 'fat_pad' has an armature"),
+    _edit("two_dof", "an axis of two in place of one", (FAT_PAD, FAT_PAD + ' axis="0 2 0"'), truth=chain(FOOT, SHANK, at=1)),
+    _edit("two_dof", "a pad whose axis points down", (FAT_PAD, FAT_PAD + ' axis="0 -1 0"'),
+          truth=replace(chain(FOOT, SHANK, at=1), pad=None), leg="joint 'fat_pad' is not a slide along y"),
+    _edit("two_dof", "a turned frame in place of none", (IN_FOOT, '<frame euler="0 0.5 0">' + IN_FOOT),
+          ("    </body>\n  </worldbody>", "    </frame></body>\n  </worldbody>"), truth=chain(FOOT, SHANK, at=1)),
+    _edit("two_dof", "springs of a class, the table's too", ('<joint type="slide" axis="0 1 0"/>', '<joint type="slide" axis="0 1 0" stiffness="5"/>'),
+          load="joint 'base' has the attribute 'stiffness'"),
+    _edit("two_dof", "a sole that may touch, contacts off", ('<geom name="foot" ', '<geom name="foot" contype="1" conaffinity="1" '),
+          ('<geom name="table" class="base"', '<geom name="table" class="base" contype="1" conaffinity="1"'),
+          ('gravity="0 0 0"/>', 'gravity="0 0 0"><flag contact="disable"/></option>'), truth=chain(FOOT, SHANK, at=1), leg="can touch"),
+    _edit("two_dof", "a stop that is switched off", (FAT_PAD, FAT_PAD + ' range="-1e-6 1e-6"'),
+          ('gravity="0 0 0"/>', 'gravity="0 0 0"><flag limit="disable"/></option>'), truth=chain(FOOT, SHANK, at=1),
+          leg="joint 'fat_pad' has a limit"),
+    _edit("two_dof", "a pad with dry friction", (FAT_PAD, FAT_PAD + ' frictionloss="1"'),
+          truth=replace(chain(FOOT, SHANK, at=1, more=((0, -1, _sticking(FOOT.mass)),)), pad=None, dissipated=None),
+          leg="joint 'fat_pad' has dry friction"),
     _edit("two_dof", "a site that is nowhere", ('pos="0 0.09 0.03"', 'pos="0 nan 0.03"'), load="site 'malleolus' has something"),
     _edit("two_dof", "a step that is no number", ('timestep="5e-4"', 'timestep="nan"'), load="timestep"),
 )  # fmt: skip
@@ -414,6 +478,9 @@ LEGS = (
           truth=chain(*LEG, at=1), leg="joint 'tissue' has a polynomial"),
     _edit("leg", "a servo at the knee", (ACTUATORS, '<general name="servo" joint="thigh" gainprm="0" biastype="affine" '
           'biasprm="0 -1e4 0"/>' + ACTUATORS), truth=chain(*LEG, at=1, more=((3, 2, 1e4),)), leg="actuator 'servo'"),
+    _edit("leg", "a law of the thigh's damper in place of none", ('name="thigh" stiffness="2.792e4" damping="971"',
+          'name="thigh" stiffness="2.792e4" damping="971" user="4.25 971 5 20"'), truth=chain(*LEG, at=1)),
+    _edit("leg", "added mass at two places", ("body load mass |", "body load mass, body tissue mass |"), load="added_mass must stand at one place"),
     _edit("leg", "armature", ('name="thigh" stiffness', 'name="thigh" armature="1" stiffness'),
           truth=chain(*LEG, at=1, more=((3, 2, S**2),)), leg="joint 'thigh' has an armature"),
     _edit("leg", "a sideways thigh", ('name="thigh" stiffness', 'name="thigh" axis="1 0 0" stiffness'),
@@ -756,6 +823,10 @@ ARCHES = (
     _edit("foot_arch", "a higher arch", text=reshaped(theta_4=60.0), truth=arch(theta_40=np.radians(60.0))),
     _edit("foot_arch", "a cast on the tibia", ('<geom name="tibia"', '<body name="cast"><inertial pos="0 0.1 0" mass="0.5" '
           'diaginertia="1e-3 1e-3 1e-3"/></body><geom name="tibia"'), truth=arch(m_T=2.86)),
+    _edit("foot_arch", "the solver's tolerance gone", (' tolerance="1e-10" iterations="20"', ' iterations="1"'), truth=arch()),
+    _edit("foot_arch", "Euler's integrator", ("implicitfast", "Euler"), truth=arch()),
+    _edit("foot_arch", "the implicit integrator", ('"implicitfast"', '"implicit"'), truth=arch()),
+    _edit("foot_arch", "a parameter less", (_line('name="k_12"'), ""), truth=arch()),
     *(_edit("foot_arch", says, *changes, arch=words) for says, changes, words in REFUSED),
     *(_edit("foot_arch", says, *changes, load=words) for says, changes, words in LOADED),
 )  # fmt: skip

@@ -5,10 +5,13 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.integrate import solve_ivp
 
-from fasbody.arch import linear
+import mjcf
+from fasbody.arch import bends, linear
 from fasbody.arch import ode as arch_ode
 from fasbody.arch.bones import PARAMETERS, Arch
+from fasbody.arch.kinematics import deformations
 from fasbody.arch.motion import move, with_constants
 from fasbody.exceptions import SimulationError
 from fasbody.foot.model import load
@@ -78,3 +81,36 @@ def test_hopeless_arch_says_so() -> None:
     impossible = replace(Arch.nominal(), k_T=1e16, c_T=0.0)
     with pytest.raises(SimulationError, match="unstable down to a step of"):
         move(with_constants(FOOT, impossible), table(30.0))
+
+
+def test_the_file_with_bends_is_made_of_the_arch() -> None:
+    assert mjcf.path("foot_arch_bent").read_text() == bends.mjcf()
+
+
+def bent(arch: Arch, state: np.ndarray) -> Arch:
+    """The arch whose dampers are what c_1 exp(-c_2 x) cos(c_3 x) is in a state (11,)."""
+    q = np.concatenate([state[:5], state[10:]])
+    d = deformations(arch, q)
+    laws = {"F": (q[0], -50, 100), "T": (q[1], 50, 100), "2": (d.d_2, 2, 4), "3": (d.d_3, 2, 4), "4": (d.d_4, 2, 4)}
+    now = {f"c_{i}": getattr(arch, f"c_{i}") * np.exp(-b * x) * np.cos(c * x) for i, (x, b, c) in laws.items()}
+    return replace(arch, **now)
+
+
+def test_bends_against_the_equations_with_dampers_that_bend() -> None:
+    """The native callback carries them: the motion follows the bent equations, and not the linear ones."""
+    foot, frequency, time = load("foot_arch_bent"), 20.0, 1e-4 * np.arange(1000)
+    arch, w = Arch.from_model(foot.model), 2 * np.pi * frequency
+    assert arch == Arch.nominal()
+    run = solve_ivp(
+        lambda t, x: arch_ode.state_rate(bent(arch, x), x, 8.95 * np.sin(w * t)), (0, time[-1]),
+        arch_ode.initial_state(arch), method="Radau", t_eval=time, rtol=1e-7, atol=1e-7 * arch_ode.SCALE,
+        jac=lambda t, x: arch_ode.jacobian(bent(arch, x), x, 8.95 * np.sin(w * t)),
+    )  # fmt: skip
+    exact = [
+        arch_ode.malleolus_acceleration(bent(arch, x), x, 8.95 * np.sin(w * t))
+        for t, x in zip(time, run.y.T, strict=True)
+    ]
+    peak = np.abs(exact).max()
+    have = move(foot, table(frequency), accurate=True).malleolus
+    assert np.abs(have - exact).max() < 2e-4 * peak
+    assert np.abs(oracle(frequency) - exact).max() > 1e-3 * peak

@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 
 import mjcf
 from fasbody.exceptions import ModelError, NotSmoothError
+from fasbody.foot.linear import Linear
 from fasbody.foot.model import Foot, load
 from fasbody.foot.shaker import harmonics
 from fasbody.foot.simulate import simulate
@@ -35,7 +36,7 @@ class Constraint:
     Attributes:
         mjcf: what is put before the actuators. joint: what is put into the joint of the pad.
         J: (2,) its Jacobian. weight: MuJoCo's estimate of J M^-1 J'. gap: at rest [m], None where it holds both ways.
-        rigid: by how much it does not give.
+        rigid: by how much it does not give. loss: force [N] at which dry friction slips, None for others.
     """
 
     mjcf: str
@@ -44,6 +45,7 @@ class Constraint:
     joint: str = ""
     gap: float | None = None
     rigid: bool = False
+    loss: float | None = None
 
     def foot(self) -> Foot:
         text = LINEAR.replace("  <actuator>", self.mjcf + "  <actuator>", 1)
@@ -51,13 +53,15 @@ class Constraint:
 
     def force(self, z: np.ndarray, v: np.ndarray, free: np.ndarray) -> float:
         """By the defaults solref="0.02 1" solimp="0.9 0.95 0.001 0.5 2"."""
-        r = self.J @ z + (self.gap or 0.0)
+        r = self.J @ z + (self.gap or 0.0) if self.loss is None else 0.0  # friction holds no place
         if self.gap is not None and r >= 0:
             return 0.0
         x = min(1.0, abs(r) / 1e-3)
         d = 0.9 + 0.05 * (2 * x**2 if x < 0.5 else 1 - 2 * (1 - x) ** 2)
         k, b = 1 / (0.95 * 0.02) ** 2, 2 / (0.95 * 0.02)
         f = (-b * (self.J @ v) - k * d * r - self.J @ free) / (self.J @ INVERSE @ self.J + (1 - d) / d * self.weight)
+        if self.loss is not None:
+            return float(np.clip(f, -self.loss, self.loss))
         return f if self.gap is None else max(0.0, f)
 
 
@@ -76,6 +80,7 @@ CONSTRAINTS = {
         rigid=True),
     "a stop": Constraint("", PAD, INVERSE[0, 0], 'range="0 1"', gap=0.0),
     "a stop at a distance": Constraint("", PAD, INVERSE[0, 0], 'range="-1e-4 1"', gap=1e-4),
+    "dry friction": Constraint("", PAD, INVERSE[0, 0], 'frictionloss="1"', loss=1.0),
     "a contact": Constraint('<contact><pair geom1="sole" geom2="table" condim="1"/></contact>', PAD,
                             INVERSE[0, 0] / 3, gap=1e-5),
 }  # fmt: skip
@@ -134,6 +139,14 @@ def test_settings_of_the_solver_change_nothing(option: str) -> None:
 def test_noslip_is_refused() -> None:
     with pytest.raises(ModelError, match="noslip_iterations"):
         load(LINEAR.replace("<option ", '<option noslip_iterations="3" ', 1))
+
+
+def test_friction_that_does_not_slip_is_linear() -> None:
+    """Its slopes are taken so small that they do not slip either."""
+    of = CONSTRAINTS["dry friction"]
+    expected = truth(of, 0.02)
+    assert abs(Linear(of.foot()).transmissibility(np.array([HZ]))[0] / expected - 1) < 1e-4
+    assert abs(Balance(of.foot()).orbit(HZ, [0.02]).harmonics()[0] / 0.02 / expected - 1) < 1e-4
 
 
 @pytest.mark.parametrize("name", ["a joint equality", "a tendon equality", "a connect"])

@@ -10,7 +10,7 @@ from fasbody.arch.bones import Arch
 from fasbody.foot.model import load
 from viz.anatomy import assets, bones
 from viz.anatomy.field import ellipsoid, mesh, round_cone, union
-from viz.anatomy.rest import SEGMENT_BODIES, carried, extra_geoms, segment_bodies
+from viz.anatomy.rest import SEGMENT_BODIES, carried, extra_geoms, reach, segment_bodies
 from viz.load import load_foot
 
 trimesh = pytest.importorskip("trimesh", reason="needs the extra: pip install 'fasbody[view]'")
@@ -167,3 +167,11 @@ def test_toes_of_a_flat_foot_stay_on_the_table(parts: dict[str, assets.Part]) ->
     on = carried(load("foot_arch").model)
     assert on is not None
     assert lowest("toes") == pytest.approx(lowest("metatarsals"), abs=1e-9) == pytest.approx(level, abs=1e-9)
+
+
+def test_cameras_know_of_thigh_and_load() -> None:
+    """What stands above the bones of a leg, to the load's upper side; a foot alone has nothing."""
+    leg, foot = load("leg").model, load("two_dof").model
+    low, high = reach(leg, extra_geoms(leg).geoms)
+    assert (low[0], high[1]) == pytest.approx((-0.46, 0.625))
+    assert reach(foot, extra_geoms(foot).geoms) == []

@@ -17,7 +17,7 @@ from viz import live as sliders
 from viz import scene
 from viz.anatomy import assets
 from viz.anatomy.bones import SEGMENTS
-from viz.anatomy.rest import Carried, ExtraGeoms, Frame, carried, extra_geoms, frames, name_of
+from viz.anatomy.rest import Carried, ExtraGeoms, Frame, carried, extra_geoms, frames, name_of, reach
 from viz.excitation import Excitation
 from viz.load import files_of, load_foot
 from viz.motion import CURVE, FRAMES, Motion, periodic_motion, transient_motion, watched, without_drift
@@ -257,7 +257,7 @@ class Show:
         answer: dict[str, Any] = {
             "title": foot.name if name != MEASURED else f"measured: {self.excitation.title}",
             "ghost": name != MODEL, "bodies": bodies, "table": bodies.index(base), "dressed": bones is not None,
-            "soft": self._soft(name) if bones else [],
+            "soft": self._soft(name) if bones else [], "reach": reach(foot.model, mine.geoms),
         }  # fmt: skip
         for kind, group in (("segments", segments), ("worn", still if bones else {})):
             answer[kind] = [

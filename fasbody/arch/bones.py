@@ -124,7 +124,7 @@ class Arch(Tabled):
 
     @classmethod
     def nominal(cls) -> Self:
-        """The shipped mjcf/foot_arch.xml: Table 4.1 with constants that meet several measurements (docs/load.md).
+        """The shipped foot_arch.xml: Table 4.1 with constants that meet several measurements (docs/load.md).
 
         The file is compiled as every edited copy is, not parsed a second way: classes, nested angles and halves of
         pads are then resolved by MuJoCo, and there is one reader.

@@ -1,7 +1,7 @@
 """The five-body arch stepped by MuJoCo: extrapolation, and a second try when unstable.
 
-The error is of first order with a small constant (mjcf/foot_arch.md says why); `accurate` adds a run at half the step
-and extrapolates, which is of second order. When a run diverges or alternates from step to step, the hinges'
+The error is of first order with a small constant (mjcf/foot_arch/README.md says why); `accurate` adds a run at half
+the step and extrapolates, which is of second order. When a run diverges or alternates from step to step, the hinges'
 dampers are first made all native, then the step is halved. The result notes both.
 """
 

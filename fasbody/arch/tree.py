@@ -1,8 +1,8 @@
 """Coordinates of the equations and of the tree that MuJoCo and Pinocchio see, both ways.
 
-The tree hangs from the apex and closes at heel and metatarsal heads (mjcf/foot_arch.md); the equations have the closure
-built in. With q = (z_F, z_T, theta_2, theta_3, theta_4, x) and the tree's velocities v = T(q) q', any engine's mass
-matrix M and bias b become those of Eq. (4.11) by A = T^T M T and T^T (b + M T' q').
+The tree hangs from the apex and closes at heel and metatarsal heads (mjcf/foot_arch/README.md); the equations have
+the closure built in. With q = (z_F, z_T, theta_2, theta_3, theta_4, x) and the tree's velocities v = T(q) q', any
+engine's mass matrix M and bias b become those of Eq. (4.11) by A = T^T M T and T^T (b + M T' q').
 """
 
 import numpy as np

@@ -2,7 +2,7 @@
 
 import copy
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Container, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -30,6 +30,10 @@ _IMPROVEMENT, _ITERATIONS = 1e-30, 100
 _MOVED, _HELD = 1e-3, 1e-3
 #: Density of a geom that names none [kg/m^3].
 _WATER = 1000.0
+#: MJCF's comments, geoms whose density is written, and files that it includes.
+_COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
+_DENSE = re.compile(r"<geom\s[^>]*?\sdensity\s*=[^>]*>")
+_INCLUDE = re.compile(r"""<include\s[^>]*file\s*=\s*["']([^"']+)["']""")
 #: The actuator that is the static load of a model without gravity.
 WEIGHT = "weight"
 #: Parts of the physics that no model may switch off.
@@ -161,17 +165,43 @@ def load(model: str | Path | mujoco.MjSpec, name: str = "") -> Foot:
     if isinstance(model, mujoco.MjSpec):
         return _checked(lambda: model, "MjSpec")
     if isinstance(model, str) and model.lstrip().startswith("<"):
-        return _checked(lambda: mujoco.MjSpec.from_string(model), "MJCF text")
+        return _checked(lambda: mujoco.MjSpec.from_string(model), "MJCF text", dense=_dense(model))
     file = mjcf.path(str(model)) if str(model) in shipped else Path(model)
     if not file.is_file():
         valid = f"give an MJCF file or one of {', '.join(shipped)}"
         raise InputFileError(model, "no such model", valid)
     name = name or (str(model) if str(model) in shipped else file.name)
-    return _checked(lambda: mujoco.MjSpec.from_file(str(file)), file, name)
+    dense = _dense(file.read_text(errors="replace"), file.parent)
+    return _checked(lambda: mujoco.MjSpec.from_file(str(file)), file, name, dense)
 
 
-def _checked(read: Callable[[], mujoco.MjSpec], place: str | Path, name: str = "") -> Foot:
+def _dense(text: str, folder: Path | None = None) -> set[tuple[int, str]]:
+    """Line and name of each geom whose density is written in MJCF or in what it includes.
+
+    MuJoCo does not say whether a geom's 1000 kg/m^3 are written or its default.
+    """
+    bare = _COMMENT.sub(lambda comment: "\n" * comment[0].count("\n"), text)
+    geoms = set()
+    for match in _DENSE.finditer(bare):
+        name = re.search(r"""\sname\s*=\s*["']([^"']*)""", match[0])
+        geoms.add((bare.count("\n", 0, match.start()) + 1, name[1] if name else ""))
+    for included in _INCLUDE.findall(bare) if folder else []:
+        if (folder / included).is_file():
+            geoms |= _dense((folder / included).read_text(errors="replace"), folder)
+    return geoms
+
+
+def _checked(
+    read: Callable[[], mujoco.MjSpec], place: str | Path, name: str = "",
+    dense: Container[tuple[int, str]] = (),
+) -> Foot:  # fmt: skip
     """The foot that MuJoCo makes of a model; without a name it has the one in its MJCF.
+
+    Args:
+        read: makes the model.
+        place: where it comes from.
+        name: what to call it.
+        dense: line and name of the geoms whose density is written.
 
     Raises:
         InputFileError: it cannot compile it. ModelError: see `load`.
@@ -179,7 +209,7 @@ def _checked(read: Callable[[], mujoco.MjSpec], place: str | Path, name: str = "
     try:
         with quiet():  # what MuJoCo has to warn of is refused below, in a sentence
             spec = read()
-            _check_masses(spec, name or spec.modelname)
+            _check_masses(spec, name or spec.modelname, dense)
             compiled = spec.compile()
             xml = "" if spec.meshes or spec.hfields or spec.textures else spec.to_xml()
     except ValueError as error:
@@ -194,7 +224,7 @@ def _called(model: mujoco.MjModel) -> str:
     return str(model.names.partition(b"\0")[0].decode())
 
 
-def _check_masses(spec: mujoco.MjSpec, name: str) -> None:
+def _check_masses(spec: mujoco.MjSpec, name: str, dense: Container[tuple[int, str]]) -> None:
     """Refuse masses that MuJoCo ignores without a warning, or also spreads over the table."""
     if spec.compiler.settotalmass > 0:
         raise ModelError(
@@ -204,11 +234,14 @@ def _check_masses(spec: mujoco.MjSpec, name: str) -> None:
     by_geoms = spec.compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
     for body in spec.bodies:
         for geom in body.geoms:
-            dense = f"density {geom.density:g}" if geom.density != _WATER else ""
-            if body.explicitinertial and not by_geoms and (geom.mass > 0 or dense):
-                quantity, ruled = dense or f"mass {geom.mass:g}", f"body {body.name!r} has an <inertial>"
-            elif geom.mass == 0 and dense:
-                quantity, ruled = dense, 'its mass is written, too: mass="0", maybe of a default class'
+            line = int((re.search(r"\d+", geom.info) or "0")[0])
+            written = geom.density != _WATER or (line, geom.name) in dense
+            density = f"density {geom.density:g}" if written else ""
+            if body.explicitinertial and not by_geoms and (geom.mass > 0 or density):
+                quantity, ruled = density or f"mass {geom.mass:g}", f"body {body.name!r} has an <inertial>"
+            elif density and not np.isnan(geom.mass):
+                ruled = f'its mass is written, too: mass="{geom.mass:g}", maybe of a default class'
+                quantity = density
             else:
                 continue
             raise ModelError(

@@ -27,6 +27,7 @@ if TYPE_CHECKING:
 #: Units of parameters, and what they add to a name at the borders: k_T in N/m is ``k_T_n_per_m`` in JSON and CSV.
 UNITS = {
     "N/m": "n_per_m", "N s/m": "n_s_per_m", "N m/rad": "n_m_per_rad", "N m s/rad": "n_m_s_per_rad", "1/m": "per_m",
+    "1/rad": "per_rad",
     "kg": "kg", "s/m": "s_per_m", "N s^n": "n_s_n", "N s": "n_s", "N": "n", "m": "m", "s": "s", "": "",
 }  # fmt: skip
 

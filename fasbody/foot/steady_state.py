@@ -33,6 +33,8 @@ Array = np.ndarray
 STEP = 1e-9
 #: Differences in coordinates [m or rad] and rates [m/s or rad/s].
 POSITION, RATE = 1e-6, 1e-4
+#: In accelerations [m/s^2 or rad/s^2]: forces are linear in them, but for friction, which slips from some on.
+ACCELERATION, WITH_FRICTION = 1.0, 1e-4
 #: Difference in a parameter as a share of its size, and in harmonics of the base [m/s^2].
 PARAMETER, BASE = 3e-4, 1.0
 
@@ -50,6 +52,8 @@ class Engine:
         self._state = d.qpos, d.qvel, d.qacc, d.act
         self._outputs = d.qfrc_inverse, d.qfrc_actuator, d.act_dot, d.sensordata
         *self._ends, self._raw = np.cumsum([part.size for part in self._outputs]).tolist()
+        dry = model.dof_frictionloss.any() or model.tendon_frictionloss.any()
+        self._acceleration = WITH_FRICTION if dry else ACCELERATION
 
     def rows(self, motion: Array) -> Array:
         """Rows (N, r) at N instants of a motion (3, N, c)."""
@@ -113,16 +117,17 @@ class Engine:
         self._read(state, centre)
         self._central(qpos, POSITION, 0, out[0, :nv])
         self._read(state, centre)
-        self._linear(act, centre, out[0, nv:])
-        self._linear(qacc, centre, out[2, :nv])
+        self._linear(act, 1.0, centre, out[0, nv:])
+        self._linear(qacc, self._acceleration, centre, out[2, :nv])
         self._central(qvel, RATE, 1, out[1, :nv])
 
-    def _linear(self, values: Array, centre: Array, out: Array) -> None:
+    def _linear(self, values: Array, size: float, centre: Array, out: Array) -> None:
         for value, row, j in zip(values.tolist(), out, range(values.size), strict=True):
-            values[j] = value + 1.0
+            values[j] = value + size
             self._compute(2, row)
             values[j] = value
             row -= centre
+        out /= size
 
     def _central(self, values: Array, size: float, done: int, out: Array) -> None:
         other = np.empty(self._raw)

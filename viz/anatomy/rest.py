@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING
@@ -107,6 +107,19 @@ def extra_geoms(model: mujoco.MjModel) -> ExtraGeoms:
         if (name, body) in known and np.abs(known[name, body] - model.geom_rgba[i]).max() > 1e-6
     }
     return ExtraGeoms(tuple(i for i, name, body in geoms if (name, body) not in {*known, *_MESHED}), tints)
+
+
+def reach(model: mujoco.MjModel, geoms: Sequence[int]) -> list[list[float]]:
+    """The box about geoms at rest: lowest and highest place (3,) each [m]; empty without geoms."""
+    import mujoco
+
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    turned = data.geom_xmat[list(geoms)].reshape(-1, 3, 3)
+    centre, half = np.split(model.geom_aabb[list(geoms)].reshape(-1, 6), 2, axis=1)
+    middle = data.geom_xpos[list(geoms)] + np.einsum("nij,nj->ni", turned, centre)
+    room = np.einsum("nij,nj->ni", np.abs(turned), half)
+    return [(middle - room).min(axis=0).tolist(), (middle + room).max(axis=0).tolist()] if len(geoms) else []
 
 
 @cache

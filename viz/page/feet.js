@@ -8,6 +8,8 @@ const VIEWS = {
   front: [[6.5, 1.87, 1.52], [0.2, 0.48, 0]], above: [[0.3, 5.6, 0.02], [0.3, 0.2, 0]],
   behind: [[-6.0, 1.64, 2.05], [0.1, 0.52, 0]], corner: [[4.05, 2.1, 4.8], [0.24, 0.60, 0]],
 };
+// What the cameras are made for, lowest and highest place.
+const ROOM = [[-1.1, -0.5, -1], [1.7, 1.9, 1]];
 // How far apart feet stand side by side, and the width of one foot's table.
 const APART = 1.75, WIDTH = 1.5;
 // Middle of each pad, along and across.
@@ -25,9 +27,10 @@ class Feet extends Stage {
     this.riding = true;
   }
 
-  // Two feet side by side need room: the camera looks between them from further away.
+  // Legs need room, the camera looks at their middle from further away; and so do two feet side by side, between them.
   view(name) {
     super.view(name);
+    this.stepBack();
     const wide = this.apart ? Object.keys(this.feet).filter(f => f !== "measured").length - 1 : 0;
     if (!wide) return;
     const target = this.viewer.controls.target, eye = this.camera.position.sub(target).multiplyScalar(1 + 0.3 * wide);
@@ -35,6 +38,22 @@ class Feet extends Stage {
     eye.y += 1.3 * wide;  // from the side one would hide the other
     this.camera.position.copy(eye.add(target));
     this.viewer.controls.update();
+    this.placed = this.camera.position.clone();
+  }
+
+  // Away from what the cameras are made for, so that all that stands on the table is seen.
+  stepBack() {
+    const boxes = Object.values(this.feet || {}).map(f => f.reach).filter(reach => reach && reach.length);
+    const box = [0, 1].map(end => ROOM[end].map((made, i) => (end ? Math.max : Math.min)(made, ...boxes.map(b => SCALE * b[end][i]))));
+    const size = ([low, high], i) => high[i] - low[i], further = Math.max(...[0, 1].map(i => size(box, i) / size(ROOM, i)));
+    if (further === 1) return;
+    const target = this.viewer.controls.target, eye = this.camera.position.sub(target).multiplyScalar(further);
+    const [x, y, z] = [0, 1, 2].map(i => 0.5 * (box[0][i] + box[1][i] - ROOM[0][i] - ROOM[1][i]));
+    target.add(new THREE.Vector3(x, y, z));
+    this.camera.position.copy(eye.add(target));
+    this.viewer.controls.update();
+    const fog = this.viewer.scene.fog;
+    if (fog) Object.assign(fog, { near: further * fog.near, far: further * fog.far });
     this.placed = this.camera.position.clone();
   }
 
@@ -53,6 +72,7 @@ class Feet extends Stage {
       this.feet[name] = { ...foot, segments: foot.segments.map(part), worn: foot.worn.map(part), soft };
     }
     this.dress();
+    if (!this.placed || this.placed.equals(this.camera.position)) this.view(this.viewed);  // nobody has moved it
   }
 
   dress() {
