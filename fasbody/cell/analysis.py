@@ -1,5 +1,6 @@
 """One modal analysis from dome or mesh to numbers with an error estimate."""
 
+from abc import abstractmethod
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar
@@ -40,10 +41,21 @@ class ModalAnalysis(Presented):
     #: Headings of the columns beside frequency and error, and digits of a frequency.
     columns: ClassVar[tuple[str, ...]] = ("shape",)
     digits: ClassVar[int] = 4
-    #: Of figures: the body, what is to be said of all modes, and a length unit with its micrometres.
-    title: ClassVar[Any]
-    remark: ClassVar[Any]
-    unit: ClassVar[Any]
+
+    @property
+    @abstractmethod
+    def title(self) -> str:
+        """The body."""
+
+    @property
+    @abstractmethod
+    def remark(self) -> str:
+        """What is to be said of all modes, empty where that is nothing."""
+
+    @property
+    @abstractmethod
+    def unit(self) -> tuple[str, float]:
+        """The length unit of figures, and its micrometres."""
 
     @property
     def frequencies_hz(self) -> NDArray[np.float64]:

@@ -49,9 +49,12 @@ class Group:
     @property
     def labels(self) -> set[str]:
         """What it may be called: number or name, alone or after its kind and a colon."""
-        alone = {str(self.number), self.name} - {""}
-        # behind a kind, digits are the number, also where a group is named by digits
-        return alone | {f"{self.kind}:{self.number}"} | (set() if self.name.isdigit() else {f"{self.kind}:{self.name}"})
+        labels = {str(self.number), f"{self.kind}:{self.number}"}
+        if self.name:
+            labels.add(self.name)
+        if self.name and not self.name.isdigit():  # behind a kind, digits are a number
+            labels.add(f"{self.kind}:{self.name}")
+        return labels
 
     def __str__(self) -> str:
         return f"{self.kind} {self.number}" + (f" ({self.name})" if self.name else "")
