@@ -194,10 +194,15 @@ def select_arx(referee: Referee, delays: Sequence[int] = (1,), largest: int = 15
     trials = {_numbers(flat, loss.shape) for flat in shortlist}
     beyond = [nk for nk in delays if not 1 <= nk <= largest]
     trials |= {(*_numbers(flat, loss.shape)[:2], nk) for flat in leading for nk in beyond}
-    search = Search("arx", referee.fitted)
+    search = Search("arx", referee.fitted, 2 * largest)
     models = [search.at(Orders.of("arx", numbers)) for numbers in sorted(trials)]
-    chosen = rank([referee.judge(m) for m in models if m is not None], referee, grid.loss.size, warnings)
-    return edge(_again(chosen, "arx", referee), na=largest, nb=largest, nk=max(largest, *(nk + 1 for nk in delays)))
+    candidates = [referee.judge(m) for m in models if m is not None]
+    chosen = with_rivals(rank(candidates, referee, grid.loss.size, warnings))
+    chosen = replace(
+        _again(chosen, "arx", referee),
+        rivals=tuple((w, pem.estimate("arx", referee.estimation, m.orders)) for w, m in chosen.rivals),
+    )
+    return edge(chosen, na=largest, nb=largest, nk=max(largest, *(nk + 1 for nk in delays)))
 
 
 def _numbers(flat: int, shape: tuple[int, ...]) -> tuple[int, ...]:
