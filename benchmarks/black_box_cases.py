@@ -67,7 +67,7 @@ class Case:
         return Series(u, y, 1.0, self.name)
 
     def _loop(self, reference: np.ndarray, e: np.ndarray) -> Series:
-        y, u = np.zeros(SAMPLES), np.zeros(SAMPLES)
+        y, u, e = np.zeros(SAMPLES), np.zeros(SAMPLES), lfilter(*self.colour, e)
         for t in range(SAMPLES):
             past = range(1, min(t, len(self.f) - 1) + 1)
             y[t] = e[t] - sum(self.f[k] * y[t - k] for k in past)
@@ -108,6 +108,9 @@ CASES = (
         _poly(0.8, 0.7 * np.exp(0.9j)), 0.5, ([1.0], [1.0, -0.95]),
     ),
     Case("unstable in closed loop", "arx", (2, 2, 1), np.array([0, 0.5, 0.2]), _poly(1.1, 0.4), 0.3, gain=0.8),
+    Case(
+        "ARMAX in a strong loop", "armax", (2, 2, 1, 1), B2, SECOND, 0.5, ([1.0, 0.5], [1.0]), gain=0.25,
+    ),
     Case("step", "oe", (2, 2, 1), B2, SECOND, 0.1, step=True),
     Case("1 % outliers", "oe", (2, 2, 1), B2, SECOND, 0.1, spoil=_spikes, options={"robust": True}),
     Case("trend", "oe", (2, 2, 1), B2, SECOND, 0.1, spoil=_drift, options={"detrend": 1}),

@@ -10,6 +10,8 @@ from scipy import linalg, optimize
 #: Directions of the parameters with less than this share of the largest singular value count as unseen and get that
 #: share: a huge standard error, yet small enough not to leak by rounding into what is well determined.
 UNSEEN = 1e-8
+#: Share of its column at the start by which a parameter is held there: what rounding decides stays.
+HELD = 1e-10
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,19 +85,22 @@ def minimise(
     Returns:
         theta (d,), its linearisation, and whether the end was reached within so many evaluations.
     """
-    samples = problem.at(start).samples
+    begin = problem.at(start, gradient=True)
+    # what the data leave open stays at its start: rounding would move it as far as a step may go
+    hold = HELD * np.linalg.norm(np.vstack(begin.gradient), axis=0)
 
     def errors(theta: np.ndarray) -> np.ndarray:
         if not problem.admissible(theta):
-            return np.full(samples, np.inf)
-        return np.concatenate(problem.at(theta).errors)
+            return np.full(begin.samples + len(theta), np.inf)
+        return np.concatenate([*problem.at(theta).errors, hold * (theta - start)])
 
     def jacobian(theta: np.ndarray) -> np.ndarray:
-        return np.vstack(problem.at(theta, gradient=True).gradient)
+        return np.vstack([*problem.at(theta, gradient=True).gradient, np.diag(hold)])
 
     ended = optimize.least_squares(
-        errors, start, jacobian, x_scale="jac", ftol=tolerance / samples, xtol=1e-14, gtol=None, max_nfev=evaluations
-    )
+        errors, start, jacobian, x_scale="jac", ftol=tolerance / begin.samples, xtol=1e-14,
+        gtol=None, max_nfev=evaluations,
+    )  # fmt: skip
     return ended.x, problem.at(ended.x, gradient=True), ended.status > 0
 
 

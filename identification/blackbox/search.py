@@ -1,9 +1,8 @@
 """Search for orders: each model starts from the smaller ones it nests, and the search goes where the fit improves."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
-from functools import partial
 
 import numpy as np
 
@@ -24,6 +23,15 @@ PATIENCE = 3  # growing orders without a better one after which growth ends
 NOISE = 5  # n_c, n_d up to here, as in the thesis
 MOVES = 12  # to neighbouring orders
 SLIGHTLY = 2.0  # times its whitened variance that noise may have and still count as hardly coloured
+#: Changes of orders that a search tries, in this sequence: B may shrink or grow at either end.
+PLANT_STEPS = (
+    {"nb": -1}, {"nb": -1, "nk": 1}, {"nf": -1}, {"nb": 1}, {"nf": 1}, {"nb": 1, "nk": -1},
+    {"nb": 1, "nf": 1}, {"nk": -1}, {"nk": 1},
+)  # fmt: skip
+ARMAX_STEPS = (
+    {"nc": -1}, {"nc": 1}, {"na": -1}, {"na": -1, "nb": -1}, {"nb": -1}, {"nb": -1, "nk": 1},
+    {"na": 1}, {"nb": 1}, {"nb": 1, "nk": -1}, {"nk": -1}, {"nk": 1},
+)  # fmt: skip
 HEAVY = 30_000  # samples above which growth ends sooner
 
 
@@ -73,13 +81,13 @@ def best_of(begun: dict[Orders, Candidate], referee: Referee) -> Orders:
 
 
 def climb(
-    search: Search, referee: Referee, begun: dict[Orders, Candidate], moves: Callable[[Orders], Iterator[Orders]]
+    search: Search, referee: Referee, begun: dict[Orders, Candidate], steps: Sequence[dict[str, int]]
 ) -> Selection:
-    """From the best of the models begun with to the first neighbour that is preferred, until none is."""
+    """From the best of the models begun with to the first preferred neighbour, until none is."""
     chosen = rank(list(begun.values()), referee)
     for _ in range(MOVES):
         start = chosen.best.model.orders
-        for orders in moves(start):
+        for orders in neighbours(start, steps, referee.least_delay):
             model = None if orders in begun else search.at(orders)
             if model is None:
                 continue
@@ -92,12 +100,16 @@ def climb(
     return replace(chosen, warnings=(*chosen.warnings, *search.failed))
 
 
-def plant_moves(o: Orders, least_delay: int) -> Iterator[Orders]:
-    """Neighbours of an output-error plant: a coefficient of B or F more or less, at either end of B, and n_k."""
-    steps = ((-1, 0, 0), (-1, 0, 1), (0, -1, 0), (1, 0, 0), (0, 1, 0), (1, 0, -1), (1, 1, 0), (0, 0, -1), (0, 0, 1))
-    for nb, nf, nk in steps:
-        if o.nb + nb >= 1 and o.nf + nf >= 0 and o.nk + nk >= least_delay:
-            yield replace(o, nb=o.nb + nb, nf=o.nf + nf, nk=o.nk + nk)
+def neighbours(
+    o: Orders, steps: Sequence[dict[str, int]], least_delay: int
+) -> Iterator[Orders]:
+    """Orders one step away that make a model whose noise orders are not above the largest."""
+    for step in steps:
+        counts = {name: getattr(o, name) + change for name, change in step.items()}
+        few = counts.get("nb", 1) < 1 or min(counts.values()) < 0
+        late = counts.get("nk", least_delay) >= least_delay
+        if not few and late and max(counts.get("nc", 0), counts.get("nd", 0)) <= NOISE:
+            yield replace(o, **counts)
 
 
 def edge(chosen: Selection, **largest: int) -> Selection:
@@ -131,7 +143,7 @@ def select_oe(referee: Referee, delays: Sequence[int], largest: int = LARGEST) -
         better = n if best == n or not better else better
         if n - better >= (2 if heavy else PATIENCE):
             break
-    chosen = climb(search, referee, begun, partial(plant_moves, least_delay=referee.least_delay))
+    chosen = climb(search, referee, begun, PLANT_STEPS)
     return edge(with_rivals(_on_the_whole(chosen, referee, search.first_row)), nf=largest)
 
 
@@ -153,7 +165,7 @@ def _on_the_whole(chosen: Selection, referee: Referee, first_row: int) -> Select
         model = search.at(one.model.orders, one.model)
         if model is not None:
             begun[model.orders] = whole.judge(model)
-    again = climb(search, whole, begun, partial(plant_moves, least_delay=referee.least_delay))
+    again = climb(search, whole, begun, PLANT_STEPS)
     again = replace(again, tried=chosen.tried + again.tried, warnings=(*chosen.warnings, *again.warnings))
     return _again(again, "oe", referee)
 
@@ -194,10 +206,15 @@ def select_arx(referee: Referee, delays: Sequence[int] = (1,), largest: int = 15
     trials = {_numbers(flat, loss.shape) for flat in shortlist}
     beyond = [nk for nk in delays if not 1 <= nk <= largest]
     trials |= {(*_numbers(flat, loss.shape)[:2], nk) for flat in leading for nk in beyond}
-    search = Search("arx", referee.fitted)
+    search = Search("arx", referee.fitted, 2 * largest)
     models = [search.at(Orders.of("arx", numbers)) for numbers in sorted(trials)]
-    chosen = rank([referee.judge(m) for m in models if m is not None], referee, grid.loss.size, warnings)
-    return edge(_again(chosen, "arx", referee), na=largest, nb=largest, nk=max(largest, *(nk + 1 for nk in delays)))
+    candidates = [referee.judge(m) for m in models if m is not None]
+    chosen = with_rivals(rank(candidates, referee, grid.loss.size, warnings))
+    chosen = replace(
+        _again(chosen, "arx", referee),
+        rivals=tuple((w, pem.estimate("arx", referee.estimation, m.orders)) for w, m in chosen.rivals),
+    )
+    return edge(chosen, na=largest, nb=largest, nk=max(largest, *(nk + 1 for nk in delays)))
 
 
 def _numbers(flat: int, shape: tuple[int, ...]) -> tuple[int, ...]:
@@ -214,23 +231,13 @@ def select_armax(referee: Referee, from_arx: Orders, from_oe: Orders | None) -> 
     search = Search("armax", whole.estimation, from_arx.nk + from_arx.nb + 4)
     plants = [Orders(na=from_arx.na, nb=from_arx.nb, nk=from_arx.nk)]
     plants += [Orders(na=from_oe.nf, nb=from_oe.nb, nk=from_oe.nk)] if from_oe else []
-    steps = ((-1, 0, 0), (-1, -1, 0), (0, -1, 0), (0, -1, 1), (1, 0, 0), (0, 1, 0), (0, 1, -1), (0, 0, -1), (0, 0, 1))
     begun: dict[Orders, Candidate] = {}
     for plant in plants:
         for nc in (1, min(max(plant.na, 1), NOISE)):
             model = search.at(replace(plant, nc=nc))
             if model is not None:
                 begun[model.orders] = whole.judge(model)
-
-    def moves(o: Orders) -> Iterator[Orders]:
-        for nc in (o.nc - 1, o.nc + 1):
-            if 0 <= nc <= NOISE:
-                yield replace(o, nc=nc)
-        for na, nb, nk in steps:
-            if o.na + na >= 0 and o.nb + nb >= 1 and o.nk + nk >= referee.least_delay:
-                yield replace(o, na=o.na + na, nb=o.nb + nb, nk=o.nk + nk)
-
-    return edge(with_rivals(climb(search, whole, begun, moves)), nc=NOISE)
+    return edge(with_rivals(climb(search, whole, begun, ARMAX_STEPS)), nc=NOISE)
 
 
 def select_bj(referee: Referee, from_oe: PolynomialModel, delays: Sequence[int]) -> Selection:
@@ -253,14 +260,8 @@ def select_bj(referee: Referee, from_oe: PolynomialModel, delays: Sequence[int])
         model = search.at(orders)
         if model is not None:
             begun[orders] = whole.judge(model)
-
-    def moves(o: Orders) -> Iterator[Orders]:
-        for c, d in ((-1, 0), (0, -1), (1, 0), (0, 1)):
-            if 0 <= o.nc + c <= NOISE and 0 <= o.nd + d <= NOISE:
-                yield replace(o, nc=o.nc + c, nd=o.nd + d)
-        yield from plant_moves(o, referee.least_delay)
-
-    return edge(with_rivals(climb(search, whole, begun, moves)), nc=NOISE, nd=NOISE)
+    steps = ({"nc": -1}, {"nd": -1}, {"nc": 1}, {"nd": 1}, *PLANT_STEPS)
+    return edge(with_rivals(climb(search, whole, begun, steps)), nc=NOISE, nd=NOISE)
 
 
 def select_state_space(referee: Referee, orders: Sequence[int] = tuple(range(1, 16))) -> Selection:

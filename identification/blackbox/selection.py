@@ -175,7 +175,7 @@ class Selection:
     tried: int
     alike: tuple[str, ...]
     warnings: tuple[str, ...]
-    rivals: "tuple[tuple[float, Model], ...]" = ()
+    rivals: tuple[tuple[float, Any], ...] = ()
 
     @property
     def best(self) -> Candidate:
