@@ -94,6 +94,10 @@ class Outlook:
         narrow = self.within(list(self.asked) if names is None else names)
         return float(np.mean(narrow * self.decisions if branch else narrow))
 
+    def likely(self, name: str) -> float:
+        """Probability that the interval of one constant is as asked."""
+        return self.goal([name], branch=False)
+
     @property
     def decided(self) -> float:
         """Probability that the branch is decided."""

@@ -104,14 +104,14 @@ def _times(result: "Planned", axis: Axes) -> None:
 
 
 def _widths(result: "Planned", axis: Axes) -> None:
-    """Half-widths of the 95 % intervals, with the range over the feet."""
+    """Half-widths of the 95 % intervals: median of the feet, and where eight in ten of them lie."""
     names = [name for name in (PLANNED, THESIS, UNLOADED) if name in result.expected]
     for number, name in enumerate(names):
         label, colour = _LOOKS[name]
         e = result.expected[name]
         x = np.arange(len(EXCHANGED)) + 0.27 * (number - 0.5 * (len(names) - 1))
-        height = np.array([100 * e.half_width[c] for c in EXCHANGED])
-        low, high = (np.array([100 * ends[c] for c in EXCHANGED]) for ends in (e.least, e.most))
+        height = np.array([100 * e.outlook.half_width[c] for c in EXCHANGED])
+        low, high = 100 * np.quantile(e.outlook.half, (0.1, 0.9), axis=0)
         axis.errorbar(
             x, height, [height - low, high - height], fmt=MARKS[number], ms=5, color="#2b2b2b", mfc=colour, lw=0.8,
             capsize=1.5, label=label,

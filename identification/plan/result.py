@@ -37,61 +37,31 @@ from identification.plan.words import (
 _TITLES = {PLANNED: "planned", THESIS: "the thesis, three loads", UNLOADED: "the thesis, unloaded"}
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Expected:
-    """What a protocol is expected to leave.
-
-    Attributes:
-        steps: of it.
-        half_width: half of the 95 % interval as a share of the value, by constant; the median of the
-            feet.
-        low, high: between which eight of ten feet lie.
-        least, most: over the feet.
-        within: probability that the interval of a constant that is asked for is met.
-        met: probability that all of these are met.
-        decided: probability that the branch is decided.
-        goal: probability of all that.
-    """
+    """What a protocol is expected to leave: its steps, and the outlook after them."""
 
     steps: tuple[Step, ...]
-    half_width: dict[str, float]
-    low: dict[str, float]
-    high: dict[str, float]
-    least: dict[str, float]
-    most: dict[str, float]
-    within: dict[str, float]
-    met: float
-    decided: float
-    goal: float
-
-    @classmethod
-    def of(cls, steps: Sequence[Step], outlook: Outlook) -> "Expected":
-        """Of an outlook."""
-        middle, low, high, least, most = (outlook.quantile(x) for x in (0.5, 0.1, 0.9, 0.0, 1.0))
-        within = {name: outlook.goal([name], branch=False) for name in outlook.asked}
-        met = outlook.goal(branch=False)
-        return cls(
-            tuple(steps), middle, low, high, least, most, within, met, outlook.decided, outlook.goal()
-        )
+    outlook: Outlook
 
     def document(self) -> dict[str, Any]:
-        """As plain data."""
-        widths = "relative_half_width"
+        """As plain data; eight of ten feet lie between low and high."""
+        x, widths = self.outlook, "relative_half_width"
+        ends = {"": 0.5, "_low": 0.1, "_high": 0.9, "_least": 0.0, "_most": 1.0}
         return {
             "recordings": len(self.steps), "shaking_s": shaking_s(self.steps),
-            widths: self.half_width, f"{widths}_low": self.low, f"{widths}_high": self.high,
-            f"{widths}_least": self.least, f"{widths}_most": self.most, "met_share": self.met,
-            "decided_share": self.decided, "goal_probability": self.goal,
+            **{widths + end: x.quantile(share) for end, share in ends.items()},
+            "met_share": x.goal(branch=False), "decided_share": x.decided, "goal_probability": x.goal(),
         }  # fmt: skip
 
     def width(self, name: str) -> str:
         """The interval of a constant, and of how many feet."""
-        low, high = percent(self.low[name]), percent(self.high[name])
-        return f"{name} +-{percent(self.half_width[name])} ({low} to {high})"
+        low, high = (percent(self.outlook.quantile(share)[name]) for share in (0.1, 0.9))
+        return f"{name} +-{percent(self.outlook.half_width[name])} ({low} to {high})"
 
-    def widths(self, names: Sequence[str] = EXCHANGED) -> str:
-        """Those of several, without their range."""
-        return _widths(self.half_width, names)
+    def widths(self) -> str:
+        """Those of all, without their range."""
+        return _widths(self.outlook.half_width, EXCHANGED)
 
 
 #: What a group of what is uncertain is, and what a laboratory does about it, in words that the fit takes.
@@ -234,7 +204,7 @@ class Planned(Presented):
     adds: tuple[Score, ...]
     expected: dict[str, Expected]
     asked: dict[str, float]
-    reached: Expected
+    reached: Outlook
     causes: dict[str, str]
     longer: Longer | None
     excluding: dict[str, dict[str, float]]
@@ -263,24 +233,24 @@ class Planned(Presented):
         return f"The thesis' protocol is taken as this shaker can do it: {', and '.join(parts)}." if parts else ""
 
     @property
-    def mine(self) -> Expected:
+    def mine(self) -> Outlook:
         """What the plan is expected to leave."""
-        return self.expected[PLANNED]
+        return self.expected[PLANNED].outlook
 
     @property
     def missed(self) -> tuple[str, ...]:
         """Constants whose interval the plan does not bring down to what is asked with `SHARE`."""
-        return tuple(name for name in self.asked if self.mine.within[name] < SHARE)
+        return tuple(name for name in self.asked if self.mine.likely(name) < SHARE)
 
     @property
     def never(self) -> tuple[str, ...]:
         """Constants whose interval no protocol of these candidates brings down to what is asked, of most feet."""
-        return tuple(name for name in self.missed if self.reached.within[name] < 0.5)
+        return tuple(name for name in self.missed if self.reached.likely(name) < 0.5)
 
     @property
     def met(self) -> bool:
         """The branch is decided, and every asked interval is met, with a probability of `SHARE`."""
-        return self.mine.goal >= SHARE
+        return self.mine.goal() >= SHARE
 
     @property
     def begins_with(self) -> Offer | None:
@@ -288,7 +258,7 @@ class Planned(Presented):
 
         def gain(offer: Offer) -> float:
             e = offer.expected
-            return max(e.decided - self.mine.decided, e.goal - self.mine.goal)
+            return max(e.outlook.decided - self.mine.decided, e.outlook.goal() - self.mine.goal())
 
         best = max(self.offers, key=gain, default=None)
         return best if best is not None and self.steps and gain(best) > _DECIDES else None
@@ -302,21 +272,24 @@ class Planned(Presented):
         }  # fmt: skip
 
     def sentence(self) -> str:
-        """What to expect."""
+        """What to expect, and what to do about it."""
+        return " ".join(self._sentences())
+
+    def _sentences(self) -> list[str]:
         existing = "the recording" if self.earlier == 1 else f"the {self.earlier} recordings"
-        likely = f"with a probability of {chance(self.mine.goal)}"
+        likely = f"with a probability of {chance(self.mine.goal())}"
         if not self.steps:
-            return f"Nothing more needs to be recorded: what is asked is met by {existing} that exist, {likely}."
+            return [f"Nothing more needs to be recorded: what is asked is met by {existing} that exist, {likely}."]
         more = "more " if self.earlier else ""
         shaking = minutes(shaking_s(self.steps))
         text = f"{counted(len(self.steps), f'{more}recording')} and {shaking} of shaking"
         text += f" after {existing} that exist" if self.earlier else ""
         text += f" meet what is asked {likely}"
-        parts = [f"{self.mine.width(name)} for +-{percent(self.asked[name])}" for name in self.missed]
+        parts = [f"{self.expected[PLANNED].width(name)} for +-{percent(self.asked[name])}" for name in self.missed]
         if self.mine.decided < SHARE:
             parts.append(f"the branch decided with {chance(self.mine.decided)}")
         text += f": {'; '.join(parts)}." if parts else "."
-        return " ".join([text, *filter(None, (self._first(), self._more(), self._never(), self.relief()))])
+        return [text, *filter(None, (self._first(), self._more(), self._never(), self.relief()))]
 
     def _first(self) -> str:
         """The sensor that decides."""
@@ -325,8 +298,8 @@ class Planned(Presented):
             return ""
         e = offer.expected
         return (
-            f"Begin with a second sensor {offer.sensor!r}: with it the branch is decided with {chance(e.decided)}, "
-            f"and {e.widths()}."
+            f"Begin with a second sensor {offer.sensor!r}: with it the branch is decided with "
+            f"{chance(e.outlook.decided)}, and {e.widths()}."
         )
 
     def _more(self) -> str:
@@ -339,7 +312,7 @@ class Planned(Presented):
         what, of = in_the_way(self.repeatability), listed(names)
         if self.longer is not None and self.longer.shaking_s > _FAR_S:
             return f"Out of reach of these candidates, with {span(self.longer.shaking_s)} of shaking: {of}."
-        ever = f"With unlimited minutes that is met with {chance(self.reached.goal)}."
+        ever = f"With unlimited minutes that is met with {chance(self.reached.goal())}."
         return f"{what[:1].upper()}{what[1:]} in the way of {of}. {self.longer or ever}"
 
     def _never(self) -> str:
@@ -374,7 +347,7 @@ class Planned(Presented):
             for i, (step, score) in enumerate(zip(self.steps, self.adds, strict=True), start=1)
         ]  # fmt: skip
         columns = ("step", "kind", "Hz", "kg", "m/s^2", "s", "together", "widest", "branch")
-        notes = [self.sentence(), goal(self.asked), _LEGEND if rows else "", self.limited]
+        notes = [*self._sentences(), goal(self.asked), _LEGEND if rows else "", self.limited]
         for name, e in self.expected.items():
             if not e.steps and not (name == PLANNED and self.earlier):
                 continue
@@ -383,15 +356,15 @@ class Planned(Presented):
                 title += f", {'with' if name == PLANNED else 'without'} what exists"
             notes.append(
                 f"{title}: {counted(len(e.steps), 'recording')}, {minutes(shaking_s(e.steps))}, {e.widths()}, "
-                f"decided {chance(e.decided)}, all that is asked {chance(e.goal)}."
+                f"decided {chance(e.outlook.decided)}, all that is asked {chance(e.outlook.goal())}."
             )
         for offer in self.offers:
             e = offer.expected
             widths = ", ".join(
-                f"{n} +-{percent(e.half_width[n])} ({percent(self.mine.half_width[n])})" for n in EXCHANGED
+                f"{n} +-{percent(e.outlook.half_width[n])} ({percent(self.mine.half_width[n])})" for n in EXCHANGED
             )
             notes.append(
-                f"With a second sensor {offer.sensor!r} (without it): {widths}, decided {chance(e.decided)} "
+                f"With a second sensor {offer.sensor!r} (without it): {widths}, decided {chance(e.outlook.decided)} "
                 f"({chance(self.mine.decided)})."
             )
         one = len(self.uncertain) == 1 and self.uncertain != ("masses",)
@@ -424,7 +397,7 @@ class Planned(Presented):
             "scores": [asdict(score) | {"total": score.total} for score in self.adds],
             "expected": {name: e.document() for name, e in self.expected.items()},
             "asked": {name: self.asked.get(name) for name in EXCHANGED}, "met": self.met,
-            "goal_probability": self.mine.goal, "begin_with": first and first.sensor,
+            "goal_probability": self.mine.goal(), "begin_with": first and first.sensor,
             "never": {
                 "constants": list(self.never), "relative_half_width": self.reached.half_width,
                 "decided_share": self.reached.decided, "variance": {name: self.causes[name] for name in self.never},
@@ -477,7 +450,7 @@ def planned(director: Director, most: int, seconds: float, took_s: float = 0.0) 
     for sensor in director.offers:
         worn = director.wearing(sensor, steps)
         offers.append(
-            Offer(sensor, Expected.of(steps, worn), Score(*map(float, worn.utility - mine)))
+            Offer(sensor, Expected(tuple(steps), worn), Score(*map(float, worn.utility - mine)))
         )
     person = director.person
     shaker = asdict(director.shaker) | {
@@ -485,8 +458,8 @@ def planned(director: Director, most: int, seconds: float, took_s: float = 0.0) 
     }  # fmt: skip
     return Planned(
         person.foot.name, person.name, person.body_mass_kg, person.posture, director.seed, director.feet, steps,
-        tuple(adds), {name: Expected.of(protocols[name], x) for name, x in outlooks.items()}, dict(director.asked),
-        Expected.of((), director.for_ever()), director.causes(),
+        tuple(adds), {name: Expected(tuple(protocols[name]), x) for name, x in outlooks.items()}, dict(director.asked),
+        director.for_ever(), director.causes(),
         _longer(director, steps, seconds), director.excluding(steps), tuple(offers), len(director.done),
         tuple(Place(s, a, b) for s, a, b in zip(director.candidates, first, more, strict=True)),
         "" if director.belief is None else believed(director), took_s + time.perf_counter() - began,
@@ -499,7 +472,7 @@ def _longer(director: Director, steps: Sequence[Step], available_s: float) -> Lo
     mine, ever = director.outlook(steps), director.for_ever()
     if director.met(mine):
         return None
-    names = [n for n in director.asked if ever.goal([n], branch=False) >= SHARE]
+    names = [n for n in director.asked if ever.likely(n) >= SHARE]
     branch = ever.decided >= SHARE
     if mine.goal(names, branch) >= SHARE:
         return None

@@ -339,7 +339,7 @@ class Session:
         if belief is None or not good:
             return ""
         ever, missed = director.for_ever(), self._missed(director)
-        names = [n for n in missed if ever.goal([n], branch=False) >= SHARE]
+        names = [n for n in missed if ever.likely(n) >= SHARE]
         branch = not belief.decided and ever.decided >= SHARE
         never, open_ = [n for n in missed if n not in names], not belief.decided and not branch
         done = [replace(step, seconds=self._shaker.seconds) for step in good]
@@ -403,7 +403,8 @@ class Session:
             return
         self._recordings.append(recording)
         self._taken.append(Taken(step, lines))
-        self._left = tuple(s for s in self._left if not _among(s, [step]))
+        done = next((i for i, s in enumerate(self._left) if _among(s, [step])), len(self._left))
+        self._left = (*self._left[:done], *self._left[done + 1 :])  # a condition may be planned again
         notes = []
         if lines.distortion > DISTORTED:
             notes.append("the base is distorted")
