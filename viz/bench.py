@@ -319,7 +319,7 @@ class Bench:
         before = self.show.settings
         self.show.settings = settings_from(settings)
         try:
-            write_whole(self.folder / "foot.html", html(self.show))
+            write_whole(self.folder / ".foot.html", html(self.show))
         finally:
             self.show.settings = before
         return [{"type": "taken"}]

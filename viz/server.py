@@ -34,8 +34,10 @@ from viz.settings import settings_from
 from viz.uploads import LARGEST as LARGEST_FILE
 
 ADDRESS = "127.0.0.1"
-#: What is made here: the report of a fit, all its results, and the page to take away.
-MADE = ("report", "results", "take", "study", "session")
+#: What is made here -> the name that it is saved under; the report of a fit is opened.
+MADE = {
+    "report": "", "results": "results.zip", "take": "foot.html", "study": "study.zip", "session": "session.zip",
+}  # fmt: skip
 #: Largest message a page may send, the text of a model among them, and body of a request that is no file [bytes].
 LARGEST, BODY = 1_000_000, 64_000
 #: Seconds after which a silent or slow browser is disconnected.
@@ -246,7 +248,9 @@ class Server:
 class Guarded(tornado.web.RequestHandler):
     """A request handler that answers only under the server's names."""
 
-    server: "Server"
+    def initialize(self, server: "Server", name: str = "") -> None:
+        """Called by tornado."""
+        self.server, self.name = server, name
 
     def prepare(self) -> None:
         """Refuse a foreign name that resolves to this machine (DNS rebinding), and pages of other servers.
@@ -265,10 +269,6 @@ class Guarded(tornado.web.RequestHandler):
 
 class Page(Guarded):
     """One of the page's files."""
-
-    def initialize(self, server: "Server", name: str) -> None:
-        """Called by tornado."""
-        self.server, self.name = server, name
 
     def set_default_headers(self) -> None:
         """No caching, no framing, no guessing of types."""
@@ -290,14 +290,10 @@ class Page(Guarded):
 class Upload(Guarded):
     """Receives a dropped file from a page with this session's key; nothing of another caller is kept."""
 
-    def initialize(self, server: "Server") -> None:
-        """Called by tornado."""
-        self.server = server
-        self._parts: list[bytes] = []
-
     def prepare(self) -> None:
         """Called with the headers, before anything of the body is read."""
         super().prepare()
+        self._parts: list[bytes] = []
         self._welcome = self.server.is_session_key(self.request.headers.get("X-Key", ""))
         connection: Any = self.request.connection
         connection.set_max_body_size(LARGEST_FILE)
@@ -324,30 +320,18 @@ class Upload(Guarded):
 class Made(Guarded):
     """What the workbench wrote: the report, which runs no script; all results and the page to take away are saved."""
 
-    def initialize(self, server: "Server", name: str) -> None:
-        """Called by tornado."""
-        self.server, self.name = server, name
-
     def get(self) -> None:
         """The file, once it is written."""
-        bench, content = self.server.bench, b""
+        bench, saved = self.server.bench, MADE[self.name]
         if bench is None:
-            content = html(self.server.show).encode()
+            content, saved = html(self.server.show).encode(), self.server.show.page
         elif self.name == "results":
             content = bench.zipped()
         else:
-            made = {"report": bench.results / "report.html", "study": bench.folder / ".study.zip",
-                    "session": bench.folder / ".session.zip"}  # fmt: skip
-            file = made.get(self.name, bench.folder / "foot.html")
+            file = bench.folder / f".{saved}" if saved else bench.results / "report.html"
             content = file.read_bytes() if file.is_file() else b""
         if not content:
             raise tornado.web.HTTPError(404)
-        saved = {
-            "results": "results.zip",
-            "study": "study.zip",
-            "take": self.server.show.page,
-            "session": "session.zip",
-        }.get(self.name, "")
         self.set_header("Content-Type", "application/zip" if saved.endswith(".zip") else "text/html; charset=utf-8")
         self.set_header("Content-Security-Policy", "default-src 'none'; style-src 'unsafe-inline'; img-src data:")
         self.set_header("X-Content-Type-Options", "nosniff")
@@ -359,10 +343,7 @@ class Made(Guarded):
 class Stream(Guarded, tornado.websocket.WebSocketHandler):
     """One page: it gets the scene, the model, and a motion for every request."""
 
-    def initialize(self, server: "Server") -> None:
-        """Called by tornado."""
-        self.server = server
-        self._forget: Callable[[], None] = lambda: None
+    _forget: Callable[[], None] = staticmethod(lambda: None)
 
     def check_origin(self, origin: str) -> bool:
         """Only a page of this server may connect."""
