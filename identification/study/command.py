@@ -110,8 +110,8 @@ def main(
         checking = [job for job in checking if job.kind == "validation" or job.trials in done]
         checked = complete(lambda job: plan.work(job, done.get(job.trials)), checking, checks, scheduler, workers)
     except KeyboardInterrupt:
-        documents = [*fits.documents(job.key for job in jobs), *checks.documents(job.key for job in checking)]
-        count = f"{len(documents)} of {len(jobs) + len(checking)} fits and checks"
+        finished = [*fits.documents(job.key for job in jobs), *checks.documents(job.key for job in checking)]
+        count = f"{len(finished)} of {len(jobs) + len(checking)} fits and checks"
         raise Stopped(f"stopped with {count} in {out}; the same command goes on from there.") from None
     seconds = time.perf_counter() - began
     for other in MODES:
