@@ -58,8 +58,8 @@ FAULTS = (
     ),
     Fault(
         "repeatability beyond 3 % is cut off", "identification/optimiser.py",
-        "brentq(excess, 0.0, 1.0, xtol=1e-5)) if excess(1.0) < 0 else 1.0",
-        "brentq(excess, 0.0, 0.03, xtol=1e-5)) if excess(0.03) < 0 else 0.03",
+        "low, high = 0.0, 1.0",
+        "low, high = 0.0, 0.03",
         ("test_repeatability.py::test_harmonics_that_scatter_are_measured_as_such",),
     ),
     Fault(
@@ -77,8 +77,13 @@ FAULTS = (
         ("test_branches.py",),
     ),
     Fault(
-        "30 % of standard error are identified", "identification/result.py",
+        "30 % of standard error are identified", "identification/estimates.py",
         "IDENTIFIED, WEAK = 0.1, 0.5", "IDENTIFIED, WEAK = 0.3, 0.5", ("test_result.py",),
+    ),
+    Fault(
+        "intervals are always the curvature's", "identification/profile.py",
+        "AGREES = 1.25", "AGREES = 1e9",
+        ("test_intervals.py::test_where_a_parabola_does_not_hold_intervals_end_where_the_profile_does",),
     ),
     Fault(
         "a constant rests on a bound from afar", "identification/intervals.py",
@@ -91,11 +96,6 @@ FAULTS = (
     Fault(
         "coloured noise is white", "fasbody/recording/harmonics.py",
         "not 0.6 < local < 1.6", "not 0.06 < local < 16", ("test_response.py",),
-    ),
-    Fault(
-        "the curve forgets the step", "viz/motion.py",
-        "rate = s if self.exact else (np.exp(s * self.step) - 1) / self.step", "rate = s",
-        ("test_viz_motion.py",),
     ),
     Fault(
         "every second person is odd", "identification/study/population.py",
@@ -134,7 +134,7 @@ FAULTS = (
     ),
     Fault(
         "no vibration dose value is too much", "fasbody/acquire/person.py",
-        "if self.vdv > vdv else", "if self.vdv > 10 * vdv else",
+        "if self.vdv > vdv:", "if self.vdv > 10 * vdv:",
         ("test_acquire_person.py",),
     ),
     Fault(
