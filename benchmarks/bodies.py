@@ -23,7 +23,7 @@ from fasbody.cell.dome import Dome
 from fasbody.cell.materials import Material
 from fasbody.cell.mesh import MeshSize, TetMesh, default_size, dome_mesh, fill
 from fasbody.cell.modal import CellModel, solve
-from fasbody.console import command_line
+from fasbody.console import command_line, console
 from fasbody.runner import run
 from reproduction.check import Check, at_least, at_most
 from simulator.bodies import box, lamb_torsional
@@ -128,7 +128,9 @@ def main(
       OMP_NUM_THREADS=1 python -m benchmarks.bodies --only plate --only sphere
     """
     names = [name for name in (*BOXES, *ROUND) if not only or name in only]
-    rows = dict(run(measured, names, "bodies", jobs))
+    rows: dict[int, list[Check]] = {}
+    for i, rows[i] in run(measured, names, "bodies", jobs):
+        console.print(f"{names[i]}: {', '.join(row.measured for row in rows[i])}")
     report("bodies", [row for i in range(len(names)) for row in rows[i]], json_)
 
 
