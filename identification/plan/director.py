@@ -41,8 +41,8 @@ SHARE, HOPELESS = 0.9, 0.05
 #: person: what the thesis' three loads leave of most feet with the usual noise where a person repeats
 #: exactly, and rounder.
 GOAL = {"k_T": 0.03, "k_F": 0.03, "c_11": 0.06, "c_21": 0.06}
-#: As narrow as the thesis' three loads means within this factor, and the widest that can be asked for.
-AS_THESIS, _WIDEST = 1.02, 9.0
+#: As narrow as the thesis' three loads means within this factor.
+AS_THESIS = 1.05
 #: The search of a session. Rounds in which its recordings are exchanged, and the gain in nats that is
 #: worth a change; below the second one two ways are equally good.
 _ROUNDS, _LEAST_GAIN, _ALIKE = 5, 1e-3, 1e-9
@@ -150,7 +150,7 @@ class Director:
         return within(self.shaker, self.person.leg_kg, thesis(loads_kg))
 
     def as_thesis(self) -> dict[str, float]:
-        """Half-widths that the thesis' three loads would bring here with a probability of `SHARE`; to aim at.
+        """Half-widths as the thesis' three loads would leave them here of a middle foot, within 5 %; to aim at.
 
         Raises:
             SettingError: this shaker makes none of its sines.
@@ -158,11 +158,7 @@ class Director:
         steps = self.thesis()
         if not steps:
             raise SettingError("this shaker makes none of the thesis' sines of 10 to 50 Hz; ask for intervals by name.")
-        outlook = self.outlook(steps, fresh=True)
-        asked = outlook.quantile(SHARE)
-        while replace(outlook, asked=asked).goal(branch=False) < SHARE and max(asked.values()) < _WIDEST:
-            asked = {name: AS_THESIS * width for name, width in asked.items()}
-        return {name: min(width, _WIDEST) for name, width in asked.items()}
+        return {n: AS_THESIS * width for n, width in self.outlook(steps, fresh=True).half_width.items()}
 
     # feet
 
