@@ -84,6 +84,9 @@ def paired(count: int, progress: Any) -> Iterator[tuple[str, float | str]]:
                 yield name, str(error)
                 continue
             responses = readings(edits, file, PEAKS[1])
+        if "simulate" not in responses:
+            yield name, "refused by simulate, whose step is too long"
+            continue
         yield name, abs(responses["simulate"] / responses.get("balance", responses.get("viewer", 0)) - 1)
 
 
