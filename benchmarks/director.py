@@ -300,7 +300,7 @@ def by_themselves(ran: Sequence[Ran]) -> list[Check]:
             f"{sum(r.steps for r in ran)}, {sum(r.failed for r in ran)}",
             "",
         ),
-        at_most("CPU time of a step, with the fit that confirms, worst", max(r.step_s for r in ran), 3.0, "s"),
+        at_most("CPU time of a step, with the fit that confirms, worst", max(r.step_s for r in ran), 1.0, "s"),
     ]
 
 
