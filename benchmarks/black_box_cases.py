@@ -13,7 +13,8 @@ from scipy.signal import lfilter
 
 from benchmarks import black_box_peers
 from fasbody.console import console
-from identification.blackbox import criteria, mimo
+from identification import criteria
+from identification.blackbox import mimo
 from identification.blackbox.condition import detrend
 from identification.blackbox.data import Series
 from identification.blackbox.identify import identify

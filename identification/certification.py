@@ -13,8 +13,8 @@ from fasbody.exceptions import SimulationError
 from fasbody.foot.model import Foot
 from fasbody.foot.simulate import Batch
 from fasbody.recording.recording import Recording
-from identification.blackbox.criteria import fit_percent
 from identification.bounded_least_squares import Minimum, minimise
+from identification.criteria import fit_percent
 from identification.engines.certified import CertifiedRollouts
 from identification.engines.engine import Whole
 from identification.engines.mujoco import Coordinates

@@ -16,13 +16,14 @@ from fasbody.constants import Z95
 from fasbody.exceptions import FasError, SimulationError
 from fasbody.foot.damper import damping
 from fasbody.foot.engine import callbacks
+from fasbody.foot.hysteresis import Cycle, cycle, of_orbits
 from fasbody.foot.model import Foot
 from fasbody.foot.rest import standing
 from fasbody.foot.steady_state import Balance
 from fasbody.foot.two_dof import TwoDof
 from fasbody.foot.two_mass import PARAMETERS, Orbits, parameters, resolved
-from identification.blackbox.criteria import fit_percent
 from identification.certification import Certified, standard_errors
+from identification.criteria import fit_percent
 from identification.estimates import IF_TRUE, WHATEVER
 from identification.harmonics import Line
 from identification.intervals import Solution
@@ -31,7 +32,6 @@ from identification.replay import residual
 from identification.replay import traces as replayed
 from identification.result import FitResult
 from identification.sensors import MALLEOLUS
-from identification.study.loops import Cycle, cycle, of_orbits
 
 if TYPE_CHECKING:
     from identification.evidence import Evidence

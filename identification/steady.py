@@ -17,8 +17,8 @@ from fasbody.foot.model import Foot
 from fasbody.recording.known import Known
 from fasbody.recording.recording import Recording
 from identification import branches, optimiser
-from identification.blackbox.criteria import fit_percent
 from identification.branches import STIFF_ANKLE, STIFF_PAD, Recorded, Verdict
+from identification.criteria import fit_percent
 from identification.estimates import Estimate
 from identification.harmonics import Line, Measured
 from identification.intervals import Solution

@@ -8,7 +8,8 @@ from scipy.signal import lfilter, max_len_seq, ss2tf
 
 from fasbody.foot.two_dof import TwoDof
 from fasbody.recording.condition import foot_mass, shank_mass
-from identification.blackbox import criteria, pem, selection, subspace
+from identification import criteria
+from identification.blackbox import pem, selection, subspace
 from identification.blackbox.data import Series
 from identification.blackbox.keep import Single
 from identification.blackbox.polynomial import STRUCTURES, Orders, PolynomialModel

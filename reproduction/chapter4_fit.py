@@ -12,7 +12,7 @@ from fasbody.foot.shaker import samples
 from fasbody.foot.two_dof import TwoDof, trajectory
 from fasbody.recording.condition import SUBJECTS, foot_mass, shank_mass
 from fasbody.recording.study import BUNDLED, bundled, read_truth
-from identification.blackbox.criteria import fit_percent
+from identification.criteria import fit_percent
 from identification.fitting import fit_foot
 from identification.result import FitResult
 from reproduction.check import at_least, at_most, exactly, near, within

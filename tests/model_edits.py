@@ -19,6 +19,7 @@ from fasbody.arch import mount
 from fasbody.arch.bones import Arch
 from fasbody.arch.linear import transmissibility
 from fasbody.arch.mounted import SHANK_KG, SHIPPED
+from fasbody.foot.hysteresis import cycle
 from fasbody.foot.linear import Linear
 from fasbody.foot.model import load
 from fasbody.foot.shaker import harmonics
@@ -29,7 +30,6 @@ from fasbody.leg.chain import Leg
 from identification.derived_quantities import linearised
 from identification.engines.twin import SHANK as ON_SHANK
 from identification.engines.twin import carriers
-from identification.study.loops import cycle
 from viz.load import load_foot
 from viz.motion import periodic_motion
 from viz.settings import Settings

@@ -8,7 +8,8 @@ import pytest
 from recorded_foot import record
 from scipy import signal
 
-from identification.blackbox import criteria, pem, search, selection
+from identification import criteria
+from identification.blackbox import pem, search, selection
 from identification.blackbox.data import Series
 from identification.blackbox.identify import identify
 from identification.blackbox.polynomial import Orders

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+from fasbody.foot.hysteresis import cycle
 from fasbody.foot.model import Foot
 from fasbody.foot.shaker import harmonics
 from fasbody.foot.two_dof import TwoDof
@@ -20,7 +21,6 @@ from identification.estimates import IF_TRUE, WHATEVER
 from identification.harmonics import Line
 from identification.replay import relaxing
 from identification.result import FitResult
-from identification.study.loops import cycle
 
 HZ = 20.0
 #: Draws so near the estimate that what follows from them is linear.

@@ -14,7 +14,7 @@ from fasbody.arch.ode import malleolus_output, split, state_rate
 from fasbody.foot.damper import damping
 from fasbody.foot.two_dof import TwoDof
 from fasbody.transmissibility import sdof
-from identification.blackbox import criteria
+from identification import criteria
 
 FOOT = TwoDof(1.3e5, 9.4e4, 380.0, 90.0, 140.0, 760.0, -120.0, 180.0, 3.37, 1.05)
 STATES = np.array([1.1e-3, -0.7e-3, 0.05, -0.04])

@@ -12,6 +12,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from fasbody.exceptions import SettingError
+from fasbody.foot import hysteresis
 from fasbody.foot.model import Foot
 from fasbody.foot.two_dof import TwoDof
 from fasbody.recording.checks import checked
@@ -20,7 +21,6 @@ from fasbody.recording.harmonics import fit_harmonics
 from fasbody.recording.recording import Recording
 from identification.parameters import space_of
 from identification.setup import choose_domain
-from identification.study import loops
 from identification.time_domain import TimeDomain, halvings
 
 #: A shaker with some distortion [m/s^2], and what it shakes.
@@ -67,7 +67,7 @@ def test_energies_and_fundamental_of_strong_dampers_are_those_of_an_ode_solver(
     """The bars were 3e-4, 5e-5 and 1e-4 of a stepped orbit."""
     values = {**foot.values(), **FEET[name], **HEAVY.masses}
     (ankle, pad), Y_1 = settled(values, 20.0)
-    found = loops.cycle(foot, 20.0, BASE, values, twin)
+    found = hysteresis.cycle(foot, 20.0, BASE, values, twin)
     assert found.ankle.dissipated_j == pytest.approx(ankle, rel=1e-6)
     assert found.fat_pad.dissipated_j == pytest.approx(pad, rel=1e-6)
     assert abs(found.imbalance) < 1e-6

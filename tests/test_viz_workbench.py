@@ -20,7 +20,7 @@ import mjcf
 from fasbody.exceptions import FasError
 from fasbody.recording.formats import READ
 from fasbody.recording.study import BUNDLED, read_file
-from identification.blackbox.criteria import fit_percent
+from identification.criteria import fit_percent
 from viz.bench import Bench
 from viz.display import page_json
 from viz.feet import Show

@@ -11,7 +11,7 @@ from fasbody.exceptions import FasError, SettingError, SimulationError
 from fasbody.foot.model import Foot
 from fasbody.recording.checks import UNIT_IN_DOUBT, judged, unit_in_doubt
 from fasbody.sentences import Sentence
-from identification.blackbox.criteria import fit_percent
+from identification.criteria import fit_percent
 from identification.engines.twin import twin_applies
 from viz import live as sliders
 from viz import scene

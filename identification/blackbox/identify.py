@@ -9,9 +9,9 @@ import numpy as np
 
 from fasbody.exceptions import FasError, SettingError, unknown
 from fasbody.presentation import Sheet, Tabled
+from identification import criteria
 from identification.blackbox import (
     condition,
-    criteria,
     excitation,
     frequency,
     narx,

@@ -10,7 +10,8 @@ from scipy import linalg
 
 from fasbody.constants import Z95
 from fasbody.exceptions import RecordingError, SettingError, unknown
-from identification.blackbox import criteria, pem, subspace
+from identification import criteria
+from identification.blackbox import pem, subspace
 from identification.blackbox.data import Series
 from identification.blackbox.filters import as_columns, shifted
 from identification.blackbox.polynomial import Orders

@@ -7,7 +7,8 @@ from dataclasses import replace
 import numpy as np
 
 from fasbody.exceptions import FasError
-from identification.blackbox import criteria, pem, subspace
+from identification import criteria
+from identification.blackbox import pem, subspace
 from identification.blackbox.data import Series
 from identification.blackbox.filters import shifted
 from identification.blackbox.least_squares import triangle

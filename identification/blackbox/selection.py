@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fasbody.exceptions import SettingError
-from identification.blackbox import criteria
+from identification import criteria
 from identification.blackbox.data import Series
 from identification.blackbox.filters import as_columns, outlasting
 from identification.blackbox.frequency import Response

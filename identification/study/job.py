@@ -9,6 +9,7 @@ import numpy as np
 from scipy.signal import resample
 
 from fasbody.exceptions import FasError, RecordingError, SettingError, SimulationError, unknown
+from fasbody.foot.hysteresis import Loop, cycle
 from fasbody.foot.model import Foot
 from fasbody.recording.checks import checked
 from fasbody.recording.recording import Recording
@@ -21,7 +22,6 @@ from identification.parameters import DELAY, Space, space_of
 from identification.setup import Setup
 from identification.study import KINDS, validation
 from identification.study.agreement import agreement
-from identification.study.loops import Loop, cycle
 from identification.study.plan import Job, Work
 from identification.study.profile import profiles_of
 from identification.study.store import Document

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from fasbody.exceptions import SettingError, SimulationError, unknown
+from fasbody.foot.hysteresis import periodic_motion
 from fasbody.foot.model import Foot
 from fasbody.foot.steady_state import Balance
 from fasbody.recording.checks import checked
@@ -26,7 +27,6 @@ from identification.residual import Problem
 from identification.setup import Setup
 from identification.steady import SIDES
 from identification.study import MODES
-from identification.study.loops import periodic_motion
 
 #: Constants that bend the dampers' law; without them it is linear.
 NONLINEAR = ("c_12", "c_13", "c_22", "c_23")

@@ -12,13 +12,14 @@ from scipy.integrate import solve_ivp
 
 import mjcf
 from fasbody.exceptions import ModelError
+from fasbody.foot import hysteresis
 from fasbody.foot.model import Foot, load
 from fasbody.foot.two_dof import TwoDof
 from fasbody.recording.checks import checked
 from fasbody.recording.recording import Condition, Recording
 from identification.harmonics import Line
 from identification.replay import relaxing
-from identification.study import job, loops
+from identification.study import job
 
 LINEAR = {"c_12": 0.0, "c_13": 0.0, "c_22": 0.0, "c_23": 0.0}
 BENT = {"c_12": 90.0, "c_13": 140.0, "c_22": -120.0, "c_23": 180.0}
@@ -33,7 +34,7 @@ def test_linear_foot_dissipates_pi_c_omega_z_squared(foot: Foot, f: float, two_m
     values = foot.values() | LINEAR
     A, B, _ = TwoDof.from_values(values).state_space()
     z = np.linalg.solve(2j * np.pi * f * np.eye(4) - A, B * -8.95j)[:2]
-    found = loops.cycle(foot, f, SINE, values, two_mass)
+    found = hysteresis.cycle(foot, f, SINE, values, two_mass)
     for loop, c, amplitude in zip((found.ankle, found.fat_pad), (values["c_11"], values["c_21"]), z, strict=True):
         assert loop.dissipated_j == pytest.approx(np.pi * c * 2 * np.pi * f * abs(amplitude) ** 2, rel=2e-4)
         assert np.sqrt(2) * loop.displacement_m.std() == pytest.approx(abs(amplitude), rel=1e-4)
@@ -68,7 +69,7 @@ def test_nonlinear_energies_are_those_of_an_ode_solver(
 ) -> None:
     (ankle, pad, work), z_1 = integrated
     assert work == pytest.approx(ankle + pad, rel=1e-6)
-    found = loops.cycle(foot, 15.0, BASE, foot.values() | BENT, two_mass)
+    found = hysteresis.cycle(foot, 15.0, BASE, foot.values() | BENT, two_mass)
     assert found.ankle.dissipated_j == pytest.approx(ankle, rel=1e-4)
     assert found.fat_pad.dissipated_j == pytest.approx(pad, rel=1e-4)
     assert found.shaker_work_j == pytest.approx(work, rel=1e-4)
@@ -81,13 +82,13 @@ def test_nonlinear_energies_are_those_of_an_ode_solver(
 def test_mujoco_draws_the_loops_of_the_equations(foot: Foot, f: float, relaxes: bool) -> None:
     """The closed form against MuJoCo's own forces, where springs relax those of the Maxwell elements among them."""
     values = foot.values() | BENT | {"m_S": 5.0}
-    both = [loops.cycle(foot, f, BASE, values, False)]
+    both = [hysteresis.cycle(foot, f, BASE, values, False)]
     if relaxes:
         k, r = (values["k_T"], values["k_F"]), (0.4, 0.7)
-        both = [loops.cycle(relaxing(foot), f, BASE, values | {
+        both = [hysteresis.cycle(relaxing(foot), f, BASE, values | {
             "relaxing_T": k[0] * r[0], "relaxing_F": k[1] * r[1], "tau_T": 4e-3, "tau_F": 4e-3}, False)]  # fmt: skip
         values |= {"r_T": r[0], "r_F": r[1], "tau": 4e-3}
-    both.append(loops.cycle(foot, f, BASE, values, True))
+    both.append(hysteresis.cycle(foot, f, BASE, values, True))
     for part in ("ankle", "fat_pad"):
         a, b = (getattr(each, part) for each in both)
         every = b.force_n.size // a.force_n.size
@@ -98,7 +99,7 @@ def test_mujoco_draws_the_loops_of_the_equations(foot: Foot, f: float, relaxes: 
 
 
 def test_the_area_inside_the_loop_is_the_energy(foot: Foot) -> None:
-    found = loops.cycle(foot, 20.0, BASE, foot.values() | BENT, True)
+    found = hysteresis.cycle(foot, 20.0, BASE, foot.values() | BENT, True)
     for loop in (found.ankle, found.fat_pad):
         x, F = loop.displacement_m, loop.force_n
         shoelace = 0.5 * abs(np.sum(x * np.roll(F, -1) - F * np.roll(x, -1)))
@@ -108,7 +109,7 @@ def test_the_area_inside_the_loop_is_the_energy(foot: Foot) -> None:
 def test_arch_balances_with_its_tendons_and_closed_loop() -> None:
     """foot_arch: pads are tendons, an equality closes the loop, a motor is in the fascia, the integrator implicit."""
     arch = load("foot_arch")
-    found = loops.cycle(arch, 50.0, SINE, arch.values(), False)
+    found = hysteresis.cycle(arch, 50.0, SINE, arch.values(), False)
     assert abs(found.imbalance) < 1e-6
     assert 0 < found.ankle.dissipated_j + found.fat_pad.dissipated_j < found.dissipated_j  # ligaments have the rest
     stiffness = np.polyfit(found.fat_pad.displacement_m, found.fat_pad.force_n, 1)[0]
@@ -126,7 +127,7 @@ def test_a_pad_with_a_memory_balances(edited: Callable[..., Path]) -> None:
     pad = load(
         edited((joint, '<joint name="fat_pad"/>'), *((line, "") for line in parameters), ("  </actuator>", actuator))
     )
-    found = loops.cycle(pad, 25.0, SINE, pad.values(), False)
+    found = hysteresis.cycle(pad, 25.0, SINE, pad.values(), False)
     assert abs(found.imbalance) < 1e-6
     assert found.dissipated_j == pytest.approx(found.ankle.dissipated_j + found.fat_pad.dissipated_j, rel=1e-3)
     assert found.fat_pad.dissipated_j > 0.1 * found.dissipated_j
@@ -137,7 +138,7 @@ def test_a_model_without_a_fat_pad_says_so(tmp_path: Path) -> None:
     text = mjcf.path("two_dof").read_text()
     file.write_text(text.replace('"fat_pad"', '"sole"').replace("joint fat_pad ", "joint sole "))
     with pytest.raises(ModelError, match="fat_pad or heel_pad and forefoot_pad, so it has no fat pad loop"):
-        loops.cycle(load(file), 20.0, SINE, load(file).values(), False)
+        hysteresis.cycle(load(file), 20.0, SINE, load(file).values(), False)
 
 
 def test_cycles_of_a_fit(trial: Callable[..., Recording], foot: Foot) -> None:
@@ -155,7 +156,7 @@ def test_cycles_of_a_fit(trial: Callable[..., Recording], foot: Foot) -> None:
     for entry, recording in zip((e for e in entries if e["chosen"]), recordings, strict=True):
         line = Line.of(checked(recording))
         moving = truth | recording.condition.masses
-        true = loops.cycle(foot, line.base.frequency_hz, line.base.amplitudes, moving, True)
+        true = hysteresis.cycle(foot, line.base.frequency_hz, line.base.amplitudes, moving, True)
         for part in ("ankle", "fat_pad"):
             assert len(entry[part]["displacement_m"]) == len(entry[part]["force_n"]) == job.POINTS
             assert entry[part]["dissipated_j"] == pytest.approx(getattr(true, part).dissipated_j, rel=0.1)
