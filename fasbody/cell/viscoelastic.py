@@ -164,7 +164,7 @@ class DampedModes(Tabled):
     def __str__(self) -> str:
         rows = zip(self.frequencies_hz, self.damping, self.elastic_hz, self.residuals, strict=True)
         return "\n".join(  # adding 0.0 turns the -0.0 of rounding into 0.0
-            f"  mode {i:2d}  {f:10.4g} Hz, damping {round(z, 5) + 0.0:.3%} (elastic {e:.4g} Hz, residual {r:.1e})"
+            f"  mode {i:2d}  {f:10.4g} Hz, damping {round(z, 5) + 0.0:.3%} (elastic {e:.4g} Hz, residual {r:.0e})"
             for i, (f, z, e, r) in enumerate(rows, start=1)
         )
 
