@@ -22,7 +22,7 @@ TIE = 0.01
 LEFT_OUT = "The {name} branch is left out: the motions at its best ends do not last in MuJoCo."
 DOES_NOT_FOLLOW = (
     "No branch is decided, as the model does not follow the recordings: they would have to repeat no better than to "
-    "{percent:.3g} %, and {bound:.3g} % is what people do at most."
+    "{percent:.3g} %. People repeat to 2 to 5 %, and beyond {bound:.3g} % nothing is decided."
 )
 FOLLOWS_LITTLE = (
     "No branch is decided, as the model does not follow the recordings: it follows {percent:.0f} % of them in the "

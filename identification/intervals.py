@@ -188,9 +188,10 @@ class Solution:
             self._item(name).key: self._estimate(name, x[i], stds[i], reach.get(name)) for i, name in enumerate(names)
         }
         rest = self._at_rest()
-        for name, estimate in rest.items():
+        for name, estimate in rest.items():  # what relaxes only adds to it
             key = self._item(name).key
-            estimates[key] = replace(estimates[key], at_rest=estimate)
+            upper = min(estimate.upper, estimates[key].upper)
+            estimates[key] = replace(estimates[key], at_rest=replace(estimate, upper=upper))
         rows = [J]
         for i, item in enumerate(variables.nuisances, len(variables.constants)):
             if item.kind == "delay":
@@ -207,24 +208,27 @@ class Solution:
 
     @cached_property
     def profiles(self) -> dict[str, np.ndarray]:
-        """How far (2,) springs, dampers and the common scale of the two-mass foot reach below and above, by profiles.
+        """How far (2,) springs, dampers, masses and their common scale reach below and above, of the two-mass foot.
 
         In the coordinates in which their intervals are symmetric; nothing where the optimum has not come to rest.
         """
         variables = self.problem.variables
         names = [name for name in variables.constants if name in EXCHANGED]
+        masses = [(i, n) for i, n in enumerate(variables.nuisances, len(variables.constants)) if n.group == "masses"]
+        masses = [(i, n) for i, n in masses if n.person is None and not self.problem.held[i]]
         if not (variables.two_mass and self.optimum.converged and np.isfinite(self.covariance).all()):
             return {}
 
         def of(Q: np.ndarray) -> np.ndarray:
             values = variables.dynamic(Q)
-            return np.stack([*(self._forth(name, values[name]) for name in names), self._scale(Q)], -1)
+            constants = (self._forth(name, values[name]) for name in names)
+            return np.stack([*constants, self._scale(Q), *(Q[..., i] * item.std for i, item in masses)], -1)
 
         J = self.slopes(of)
         coordinates = Coordinates(of, of(self.q), J, self.spread(J))
         rise = self.quantile**2 * self.excess
         reaches = ends(self.problem, self.q, self.optimum.sign, self.covariance, coordinates, rise, self.quantile)
-        return dict(zip([*names, SCALE], reaches, strict=True))
+        return dict(zip([*names, SCALE, *(item.name for _, item in masses)], reaches, strict=True))
 
     def _scale(self, Q: np.ndarray) -> Any:
         """Logarithm (...,) of the leg's mass m_S + m_F, a factor common to all constants, of Q (..., n)."""
@@ -243,9 +247,12 @@ class Solution:
         low, high = (self._back(name, float(np.clip(end, *ends))) for end in (x - below, x + above))
         nearest = min(ends, key=lambda end: abs(x - end))
         value = self._back(name, nearest if at_bound else float(np.clip(x, ends[0], ends[1])))
-        std = max(std, (below + above) / (2 * self.quantile))
-        width = std * value if item.logarithmic else (high - low) / (2 * self.quantile)
-        word = identifiability(value, width, size_that_matters(item), at_bound)
+        # what is called identified is so by curvature and profile
+        half = (below + above) / (2 * self.quantile)
+        width, widest = (
+            s * value if item.logarithmic else (high - low) / (2 * self.quantile) for s in (half, max(std, half))
+        )
+        word = identifiability(value, widest, size_that_matters(item), at_bound)
         return Estimate(value, float(width), low, high, at_bound, word)
 
     def _at_rest(self) -> dict[str, Estimate]:
@@ -284,9 +291,9 @@ class Solution:
                 stated = float(variables.stated[name][number])
                 std = float(np.sqrt(self.covariance[i, i]))
                 x = float(self.q[i] * item.std)
-                reach = self.quantile * std * item.std
+                below, above = self.profiles.get(item.name, np.full(2, self.quantile * std * item.std))
                 low, high = (
-                    stated * float(np.exp(np.clip(x + sign * reach, item.lower, item.upper))) for sign in (-1, 1)
+                    stated * float(np.exp(np.clip(end, item.lower, item.upper))) for end in (x - below, x + above)
                 )
                 whose = name if item.person is None else f"{name} of {item.person or 'unnamed'}"
                 learned = max(0.0, 1 - std)

@@ -393,8 +393,12 @@ def _with_images(
     best = [population.best(sign) for sign in signs if sign]
     best = [i for i in best if population.Q[i].tobytes() not in done]
     done |= {population.Q[i].tobytes() for i in best}
-    images = _starting(problem.variables.image(population.Q[best]), -population.sign[best]) if best else None
-    return population if images is None else population.joined(_down(problem, images, steps)).distinct(most=_KEPT)
+    if not best:
+        return population
+    images = _starting(problem.variables.image(population.Q[best]), -population.sign[best])
+    images = replace(images, hits=0 * images.hits)  # of an end that is there already, its own image is no second find
+    joined = population.joined(_down(problem, images, steps)).distinct(most=_KEPT)
+    return replace(joined, hits=np.maximum(joined.hits, 1))
 
 
 def repeatability(problem: Problem, q: np.ndarray) -> float:

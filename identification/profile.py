@@ -1,7 +1,8 @@
 """Profile likelihood: how far a constant can go before the best fit that is left is too unlikely.
 
-A standard error takes the sum of squares for a parabola. Where the sum of squares at an end of an interval is not what
-a parabola has there, the end is moved, with the constant held and everything else fitted anew, until it is.
+A standard error takes the sum of squares for a parabola. Here a constant is held at the end that a parabola would have,
+and everything else is fitted anew; where the sum of squares has not risen by what it should, the end is moved until it
+has.
 """
 
 from collections.abc import Callable
@@ -12,10 +13,8 @@ import numpy as np
 from identification.optimiser import descend
 from identification.residual import Evaluation, Problem
 
-#: Largest ratio, up or down, of the rise of the sum of squares to a parabola's at which the curvature is believed.
-AGREES = 1.25
 #: Fits at which an end is sought, steps of each, and how near the rise must come to what is sought.
-_FITS, _STEPS, _NEAR = 6, 60, 0.1
+_FITS, _STEPS, _NEAR = 8, 60, 0.1
 #: Decrease of the sum of squares that is worth no further step.
 _PROMISED = 0.05
 #: Standard errors over the tolerance with which a constant is held, and how far off [standard errors] a fit may leave
@@ -96,9 +95,7 @@ def ends(
     ways, std = np.tile([-1.0, 1.0], c.std.size), c.std[pins]
     along = (c.slopes @ covariance)[pins] / std[:, None] ** 2  # of a parabola, for a step of 1
     least, reach = float(problem.evaluate(q[None]).objective[0]), quantile * std
-    tips = np.clip(q + (ways * reach)[:, None] * along, *problem.bounds(sign))
-    ratio = (problem.evaluate(tips).objective - least) / rise
-    going = np.flatnonzero((ratio > AGREES) | (ratio < 1 / AGREES))
+    going = np.arange(pins.size)
     at, distance = np.tile(q, (pins.size, 1)), reach.copy()
     inside, outside = np.zeros(pins.size), np.full(pins.size, np.inf)
     for _ in range(_FITS):
@@ -113,11 +110,16 @@ def ends(
         at[going] = down.Q[:, :-1]
         off = (c.of(at[going])[np.arange(going.size), pins[going]] - places[going]) / std[going]
         up = (down.objective - (_STIFF * off) ** 2 - least) / rise
-        good, near = down.rests & (np.abs(off) < _HELD), np.abs(up - 1) < _NEAR
-        reach[going[good & near]] = distance[going[good & near]]
-        inside[going[up < 1]], outside[going[up >= 1]] = distance[going[up < 1]], distance[going[up >= 1]]
+        free = np.abs(off) < _HELD
+        near = down.rests & (np.abs(up - 1) < _NEAR)
+        reach[going[free & near]] = (distance[going] + ways[going] * off * std[going])[free & near]
+        inside[going[up < 1]], outside[going[(up >= 1) & down.rests]] = (
+            distance[going[up < 1]], distance[going[(up >= 1) & down.rests]]
+        )  # fmt: skip
         step = distance[going] * np.clip(up, 0.1, 10.0) ** -0.5
         middle = 0.5 * (inside[going] + np.minimum(outside[going], 2 * distance[going]))
-        distance[going] = np.where((inside[going] < step) & (step < outside[going]), step, middle)
-        going = going[good & ~near]
+        step = np.where((inside[going] < step) & (step < outside[going]), step, middle)
+        # what has not come to rest goes on where it is: its rise is still too large
+        distance[going] = np.where(down.rests | (up < 1), step, distance[going])
+        going = going[free & ~near]
     return reach.reshape(-1, 2)

@@ -13,7 +13,7 @@ from fasbody.sentences import Sentence, called
 from identification.estimates import Allowance
 from identification.harmonics import Line
 from identification.nuisances import FOOT_STD
-from identification.parameters import Space
+from identification.parameters import MASSES, Space
 from identification.result import UNLIKELY, Branch, Departures, chance
 
 #: Fit below which something is wrong [%], and error of the base above which the shaker is.
@@ -110,6 +110,15 @@ def advice(
         texts.append(
             f"Above zero only with the model assumed exact: {', '.join(trusted)}. Otherwise zero is in the interval."
         )
+    held = [name for name in space.fixed if name not in MASSES]
+    if held and best.departures is not None and not best.departures.follows:
+        texts.append(
+            Sentence(
+                f"Held at the model's values: {', '.join(held)}. A wrong one is a misfit; free them (",
+                called("free"),
+                ").",
+            )
+        )
     loads = len({recording.condition.added_mass_kg for recording in data})
     return [*texts, *(about_departures(best.departures, others, loads) if best.departures else [])]
 
@@ -202,10 +211,14 @@ def _culprits(departures: Departures) -> list[str]:
 _ALIKE = 1.5
 
 
+#: Standard error of the common scale that nobody needs to narrow.
+_NARROW = 0.02
+
+
 def _ruler(departures: Departures) -> list[str]:
     """What all constants share: the scale that masses and load set."""
     texts = []
-    if departures.scale_std > 0:
+    if departures.scale_std > _NARROW:
         texts.append(
             "All stiffness and damping share one scale, the leg's mass, which is known to "
             f"±{100 * Z95 * departures.scale_std:.2g} % (95 %); natural frequencies, damping ratios and constants per "

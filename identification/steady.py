@@ -244,8 +244,9 @@ def _beside(e: Estimate, exact: Estimate | None, follows: bool, solution: Soluti
         exact = replace(exact, identifiability=exact.identifiability + EXACT)
     word = e.identifiability
     if not follows:
-        word = "not identifiable"
-    elif word == "identified" and not solution.optimum.exhausted:
+        nothing: dict[str, Any] = dict.fromkeys(("std_error", "lower", "upper"), np.nan)
+        return replace(e, identifiability="not identifiable", if_model_true=exact, at_rest=None, **nothing)
+    if word == "identified" and not solution.optimum.exhausted:
         word = "weak"  # another place may fit better, and say something else
     return replace(e, identifiability=word, if_model_true=exact)
 
