@@ -82,7 +82,7 @@ FAULTS = (
     ),
     Fault(
         "intervals are always the curvature's", "identification/profile.py",
-        "_FITS, _STEPS, _NEAR = 8, 60, 0.1", "_FITS, _STEPS, _NEAR = 0, 60, 0.1",
+        "_FITS, _STEPS, _NEAR = 10, 20, 0.1", "_FITS, _STEPS, _NEAR = 0, 20, 0.1",
         ("test_intervals.py::test_where_a_parabola_does_not_hold_intervals_end_where_the_profile_does",),
     ),
     Fault(

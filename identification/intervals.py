@@ -232,8 +232,9 @@ class Solution:
 
     def _scale(self, Q: np.ndarray) -> Any:
         """Logarithm (...,) of the leg's mass m_S + m_F, a factor common to all constants, of Q (..., n)."""
-        v = self.problem.variables
-        return np.log(v.theta(Q)[..., 0, [v.motion_names.index(name) for name in v.stated]].sum(-1))
+        variables = self.problem.variables
+        weights = variables.masses(Q)
+        return np.log(sum(weights[name][..., 0] for name in variables.stated))
 
     def _estimate(self, name: str, x: float, std: float, reach: np.ndarray | None = None) -> Estimate:
         """An estimate from its coordinate, the standard error of that, and how far its profile reaches, if known."""

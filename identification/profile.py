@@ -14,7 +14,7 @@ from identification.optimiser import descend
 from identification.residual import Evaluation, Problem
 
 #: Fits at which an end is sought, steps of each, and how near the rise must come to what is sought.
-_FITS, _STEPS, _NEAR = 8, 60, 0.1
+_FITS, _STEPS, _NEAR = 10, 20, 0.1
 #: Decrease of the sum of squares that is worth no further step.
 _PROMISED = 0.05
 #: Standard errors over the tolerance with which a constant is held, and how far off [standard errors] a fit may leave

@@ -241,7 +241,7 @@ class Variables:
         else:
             for name in self.constants:
                 values[name] = np.broadcast_to(self._constant(Q, name)[..., None], (*Q.shape[:-1], R))
-        values |= self._weights(Q)
+        values |= self.masses(Q)
         return np.stack([np.broadcast_to(values[name], (*Q.shape[:-1], R)) for name in self.motion_names], -1)
 
     def _in_recordings(self, items: Sequence[Nuisance]) -> np.ndarray:
@@ -271,7 +271,7 @@ class Variables:
         """(n, R) share of the load that the leg carries."""
         return self._in_recordings([item for item in self.nuisances if item.group == "share"])
 
-    def _weights(self, Q: np.ndarray) -> dict[str, np.ndarray]:
+    def masses(self, Q: np.ndarray) -> dict[str, np.ndarray]:
         """(..., R) masses [kg] with the load that the leg carries."""
         share = np.where(self._carries.any(0), Q @ self._carries, 1.0)
         factor = {kind: np.exp(Q @ by) for kind, by in self._weighs.items()}
