@@ -246,8 +246,8 @@ def wide() -> Figure:
     for row, name in enumerate(reversed(names)):
         estimate, true = result.parameters[name], result.truth_of(name)
         for its, color, shift, label in (
-            (estimate, BLUE, 0.14, "whatever else may be true"),
-            (estimate.if_model_true, RED, -0.14, "if the model is true"),
+            (estimate, BLUE, 0.14, "model and sensor errors included"),
+            (estimate.if_model_true, RED, -0.14, "model assumed exact"),
         ):
             ax.plot(its.value / true, row + shift, "o", color=color, mfc="white", ms=3.2, mew=0.8, zorder=3)
             ends = np.array([its.lower, its.upper]) / true
