@@ -177,7 +177,7 @@ class Solution:
         """Each free constant by its key, the delays last, and the correlations (p, p) of them.
 
         Args:
-            profiles: springs and dampers of the two-mass foot have the ends of their profiles where these differ.
+            profiles: springs and dampers of the two-mass foot have the ends of their profiles.
         """
         variables = self.problem.variables
         J = self.slopes(self._coordinates)
@@ -225,10 +225,13 @@ class Solution:
             return np.stack([*constants, self._scale(Q), *(Q[..., i] * item.std for i, item in masses)], -1)
 
         J = self.slopes(of)
-        coordinates = Coordinates(of, of(self.q), J, self.spread(J))
+        std = self.spread(J)
+        varies = np.flatnonzero(std)  # masses may be exact, and with them the scale
+        coordinates = Coordinates(lambda Q: of(Q)[..., varies], of(self.q)[varies], J[varies], std[varies])
         rise = self.quantile**2 * self.excess
         reaches = ends(self.problem, self.q, self.optimum.sign, self.covariance, coordinates, rise, self.quantile)
-        return dict(zip([*names, SCALE, *(item.name for _, item in masses)], reaches, strict=True))
+        every = [*names, SCALE, *(item.name for _, item in masses)]
+        return {every[i]: reach for i, reach in zip(varies, reaches, strict=True)}
 
     def _scale(self, Q: np.ndarray) -> Any:
         """Logarithm (...,) of the leg's mass m_S + m_F, a factor common to all constants, of Q (..., n)."""

@@ -113,9 +113,8 @@ def descend(
         A = np.swapaxes(now.jacobian, 1, 2) @ now.jacobian
         g = np.einsum("cmn,cm->cn", now.jacobian, now.residual)
         left = _step(A, g, Q[at], low[at], high[at], np.full(len(at), _LEAST_DAMPING))[1]
-        promise[at] = np.where(
-            now.moves, np.abs(left), np.inf
-        )  # a step cut by several bounds at once may promise a loss
+        # a step cut by several bounds at once may promise a loss
+        promise[at] = np.where(now.moves, np.abs(left), np.inf)
         rests[at] = promise[at] < promised
         go = ~rests[at] & (damping < _MOST_DAMPING)
         if not go.any():

@@ -140,6 +140,17 @@ def test_where_a_parabola_does_not_hold_intervals_end_where_the_profile_does() -
     assert max(ratios + [1 / ratio for ratio in ratios]) > 1.15, "a parabola would do"
 
 
+def test_of_exact_masses_the_scale_has_no_profile_and_the_constants_have() -> None:
+    made = problem(session(BENT, FREQUENCIES[1:5]), mass_std=0.0, exclude=["share", "rocking", "drift", "mount"])
+    q = made.variables.start(BENT)
+    here = solved(made.weighed(q), q)
+    assert here.scale_std() == 0.0 and set(here.profiles) == set(COUNTED)
+    estimates, _ = here.estimates(profiles=True)
+    for name in COUNTED:
+        e = next(e for key, e in estimates.items() if key.startswith(f"{name}_"))
+        assert np.isfinite([e.lower, e.upper]).all() and e.lower < e.value < e.upper
+
+
 def test_what_repeats_no_better_has_students_quantile(solution: Solution) -> None:
     scattered = replace(solution, problem=solution.problem.with_repeatability(0.02))
     assert solution.quantile == pytest.approx(1.96, abs=1e-3)
