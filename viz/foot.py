@@ -115,7 +115,7 @@ def _copy_arch(file: Path) -> None:
     import mjcf
     from fasbody.console import write_whole
 
-    write_whole(file, mjcf.path("foot_arch").read_text())
+    write_whole(file, mjcf.text("foot_arch"))
     console.print(f"{file.name} is a copy of the arch to edit; the page follows it")
 
 
