@@ -252,12 +252,12 @@ class Batch:
         laws = np.reshape(self._fields.get("jnt_user", laws), (-1, *laws.shape[1:])) if laws.size else laws
         room = np.log2(MOST_STEPS / (2 * count * self.nsim))
         most = 0 if accept is None else int(np.clip(room, 0, HALVINGS))
-        for least in range(most + 1):
+        least, probe = 0, tried(0, PROBE)
+        while isinstance(probe, SimulationError):
+            if least == most:
+                raise probe
+            least += 1
             probe = tried(least, PROBE)
-            if isinstance(probe, Simulation):
-                break
-        else:
-            raise probe
         run = tried(least)
         for halved in range(least, most + 1):
             finer = tried(halved + 1)
