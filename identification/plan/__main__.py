@@ -23,8 +23,8 @@ from fasbody.console import (
     to_json,
     write_whole,
 )
+from fasbody.constants import PEAK_TO_PEAK
 from fasbody.exceptions import AcquisitionError, SettingError, Stopped, unknown
-from fasbody.foot.shaker import PEAK_TO_PEAK
 from identification.options import DelayStd, GainStd, MassStd
 
 if TYPE_CHECKING:
