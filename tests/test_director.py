@@ -616,6 +616,16 @@ def test_recordings_of_somebody_else_are_refused(half_way: tuple[Director, list[
         Director(person(), SHAKER, earlier=half_way[1], draws=2)
 
 
+def test_recordings_of_nobody_named_are_of_the_person(half_way: tuple[Director, list[Recording]]) -> None:
+    """Bare files name no subject; their body mass must be the person's all the same."""
+    unnamed = [replace(r, condition=replace(r.condition, subject="")) for r in half_way[1]]
+    director = Director(half_way[0].person, SHAKER, earlier=unnamed, draws=2)
+    assert len(director.done) == len(unnamed)
+    heavier = replace(half_way[0].person, body_mass_kg=half_way[0].person.body_mass_kg + 1)
+    with pytest.raises(SettingError, match="is of subject ''"):
+        Director(heavier, SHAKER, earlier=unnamed, draws=2)
+
+
 def test_level_distortion_and_coherence_are_those_of_the_signals() -> None:
     rng, t = np.random.default_rng(0), np.arange(10_000) / 1000
     base = 5 * np.sin(2 * np.pi * 20 * t) + 0.4 * np.sin(2 * np.pi * 40 * t + 1)
