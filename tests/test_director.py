@@ -407,7 +407,7 @@ def test_what_is_not_named_is_not_asked_for() -> None:
     assert result.document()["asked"] == {"k_T": 0.05, "k_F": None, "c_11": None, "c_21": None}
     assert "Asked: k_T +-5 %, and the branch. Not asked: k_F, c_11, c_21." in result.sheet().notes
     usual = planned(Director(person(), SHAKER, draws=2), 1, 10.0).sheet().notes
-    assert any(n.startswith("Asked: k_T +-3 %, k_F +-3 %, c_11 +-6 %, c_21 +-6 % (the usual goal") for n in usual)
+    assert any(n.startswith("Asked: k_T +-3 %, k_F +-3 %, c_11 +-6 %, c_21 +-6 % (the default goal") for n in usual)
     everything = who.candidates[0]
     for name in EXCHANGED:  # information is that on what is asked
         who.aim({name: 0.05})

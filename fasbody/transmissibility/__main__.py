@@ -104,7 +104,7 @@ def show(table: "Table") -> None:
 
     results.print(str(table))
     printed = Printed(
-        "pair", "posture", r"load \[kg]", "n", "resonance (section 2.3.1)", "shown beyond chance",
+        "pair", "posture", r"load \[kg]", "n", "resonance (section 2.3.1)", "with control of errors",
         r"mean transmissibility (phase \[deg]) by frequency \[Hz]",
     )  # fmt: skip
     for c in table.each():
