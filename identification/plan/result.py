@@ -535,5 +535,6 @@ def nothing_brings(what: Sequence[str]) -> str:
         return ""
     return (
         f"No protocol of these candidates brings {', nor '.join(what)}, with unlimited minutes: what stays uncertain "
-        "is not visible in the vibration. Weigh the segments, calibrate the channels, or add a load or a sensor on the foot."
+        "is not visible in the vibration. Weigh the segments, calibrate the channels, or add a load or a sensor "
+        "on the foot."
     )
