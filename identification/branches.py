@@ -15,8 +15,8 @@ from fasbody.foot.two_dof import NAMES, TwoDof
 from fasbody.presentation import readable
 from fasbody.sentences import Sentence, called
 
-#: Odds of one branch over the other beyond which the matter is decided.
-DECISIVE_ODDS = 1000.0
+#: Odds of one branch over the other beyond which the matter is decided, decisive in the words of Jeffreys (1961).
+DECISIVE_ODDS = 100.0
 #: Log of the odds up to which branches are tied: rounding alone then orders them, and the name does it instead.
 TIE = 0.01
 LEFT_OUT = "The {name} branch is left out: the motions at its best ends do not last in MuJoCo."
