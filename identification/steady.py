@@ -228,6 +228,7 @@ def branch_of(fitted: Fitted, solution: Solution, recordings: Sequence[Recording
             solution.allowances(), solution.constant_under_load(), solution.exponents(),
             solution.problem.repeatability, solution.problem.variables.reference_hz, solution.scale_std(),
             solution.optimum.exhausted, Misfit.of(solution.problem, read), repeats(solution.problem.measured),
+            solution.problem.scatter.constants,
         )  # fmt: skip
     return Branch(
         solution.branch, judged.optimum.objective, solution.optimum.objective, float(np.mean(fits)), parameters,
