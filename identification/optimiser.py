@@ -376,7 +376,7 @@ def _annealed(
         population = _down(problem, population, steps, _PROMISED if there else _ON_THE_WAY).distinct(_ONE)
         if last is None:
             goal = _reweighed(problem, population)
-        if not rest and (same_scatter(problem, goal) if there else level == goal.repeatability == 0):
+        if there and not rest and problem.scatter.near(goal.scatter, _SETTLED):
             break
         size = goal.repeatability
         there = level <= fall * size or level < fall * _LEVEL
@@ -391,16 +391,11 @@ def _reweighed(problem: Problem, population: Population) -> Problem:
     return problem.with_scatter(repeatability(problem, best))
 
 
-def same_scatter(problem: Problem, other: Problem) -> bool:
-    """Whether two problems weigh the harmonics alike."""
-    return abs(problem.repeatability - other.repeatability) <= _SETTLED * other.repeatability
-
-
 def _settled(problem: Problem, population: Population, steps: int) -> tuple[Problem, Population]:
     """Ends where the scatter is what the best of them leaves over."""
     for _ in range(_LEVELS):
         after = _reweighed(problem, population)
-        if same_scatter(problem, after):
+        if problem.scatter.near(after.scatter, _SETTLED):
             break
         problem = after
         population = _down(problem, population, steps).distinct()

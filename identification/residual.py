@@ -61,8 +61,10 @@ class Scatter:
     harmonics: float = 0.0
     constants: float = 0.0
 
-    def __bool__(self) -> bool:
-        return self.harmonics > 0 or self.constants > 0
+    def near(self, other: "Scatter", share: float) -> bool:
+        """Whether it differs by no more than a share of another."""
+        off = np.hypot(self.harmonics - other.harmonics, self.constants - other.constants)
+        return bool(off <= share * np.hypot(other.harmonics, other.constants))
 
 
 @dataclass(frozen=True, eq=False)
@@ -104,8 +106,8 @@ class Problem:
     def repeatability(self) -> float:
         """Relative standard deviation of a first harmonic from recording to recording, in the mean."""
         output = self.measured.output
-        moved = (self.seats**2).sum(-1).reshape(len(output), 2, *output.shape[1:]).mean(1)  # of a part, real or imaginary
-        seated = np.mean(moved[:, 0, 0] / np.abs(output[:, 0, 0]) ** 2)
+        of_parts = (self.seats**2).sum(-1).reshape(len(output), 2, *output.shape[1:])
+        seated = np.mean(of_parts[:, :, 0, 0].mean(1) / np.abs(output[:, 0, 0]) ** 2)
         return float(np.hypot(self.scatter.harmonics, self.scatter.constants * np.sqrt(seated)))
 
     @cached_property
