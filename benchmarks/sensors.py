@@ -3,8 +3,8 @@
 The recordings come from worlds.py, which shares no code with the fit. Every fit has all nuisances in. Each leg is
 recorded twice, without any departure, and as a laboratory has it: everything that the fit allows for is there at its
 usual size, in each sensor for itself. Strongly nonlinear legs whose constants differ by 3 % from recording to
-recording
-say what that does to natural frequencies and damping ratios. What is done is kept in a file and not done again while no source changes.
+recording say what that does to natural frequencies and damping ratios. What is done is kept in a file and not done
+again while no source changes.
 """
 
 import time
