@@ -5,7 +5,6 @@ import oracle
 import pytest
 
 from identification.branches import (
-    DECISIVE_ODDS,
     STIFF_ANKLE,
     STIFF_PAD,
     Recorded,
