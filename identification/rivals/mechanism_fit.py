@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from identification.branches import DECISIVE_TOGETHER
 from identification.rivals import pad_balance
 from identification.rivals.mechanisms import BODY_KG, MASSES, MECHANISMS, Mechanism, pressed
 
@@ -26,7 +27,7 @@ DEPARTURE = 0.08
 #: Richer mechanisms that contain one: it is named before them unless they fit better.
 RICHER = {"constant": ("stiffening",), "second mode": ("both",)}
 #: Difference of the criterion that decides: odds of 1000 to 1.
-DECIDED = 2 * np.log(1000.0)
+DECIDED = 2 * np.log(DECISIVE_TOGETHER)
 #: Sum of squares per degree of freedom above which no mechanism fits.
 FITS = 1.5
 #: Damping ratio that is taken for a sensor's seat, and the softest seat that is allowed [Hz].
