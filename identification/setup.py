@@ -270,6 +270,6 @@ def provenance(settings: Settings, space: Space, recordings: Sequence[Recording]
 @functools.cache  # each asks for files, and a study for hundreds of fits
 def _version(package: str) -> str:
     try:
-        return version("mujoco-core" if package == "mujoco" else package)
+        return version(package)
     except PackageNotFoundError:  # run from a folder that was never installed
         return "not installed"

@@ -136,7 +136,7 @@ def test_what_the_packages_import_is_declared(wheel: Path) -> None:
     required = re.findall(r"^Requires-Dist: ([\w.-]+)[^;\n]*(;.*extra.*)?$", inside.read(name).decode(), re.MULTILINE)
     core = {_plain(distribution) for distribution, extra in required if not extra}
     extras = {_plain(distribution) for distribution, extra in required if extra}
-    assert core >= {"numpy", "mujoco-core"} and extras >= {"gmsh", "pyserial"}
+    assert core >= {"numpy", "mujoco"} and extras >= {"gmsh", "pyserial"}
     providers = {module: {_plain(d) for d in names} for module, names in metadata.packages_distributions().items()}
     providers |= BROUGHT_BY
     missing, nowhere = [], []
