@@ -66,7 +66,7 @@ ROOMS = (
     ("constants", "sentences"), ("exceptions",), ("lazy",), ("usage", "commands"), ("help", "completion"), ("console",),
     ("presentation", "runner"),
     ("foot",),
-    ("arch", "recording", "cell", "heel"), ("laboratory", "transmissibility"), ("acquire", "leg"),
+    ("arch", "recording", "cell"), ("heel", "laboratory", "transmissibility"), ("acquire", "leg"),
 )  # fmt: skip
 #: Commands look into every room, and no room looks at them.
 ENTRANCES = (
