@@ -2,7 +2,9 @@
 
 The recordings come from worlds.py, which shares no code with the fit. Every fit has all nuisances in. Each leg is
 recorded twice, without any departure, and as a laboratory has it: everything that the fit allows for is there at its
-usual size, in each sensor for itself. What is done is kept in a file and not done again while no source changes.
+usual size, in each sensor for itself. Strongly nonlinear legs whose constants differ by 3 % from recording to
+recording say what that does to natural frequencies and damping ratios. What is done is kept in a file and not done
+again while no source changes.
 """
 
 import time
@@ -19,18 +21,24 @@ from benchmarks.table import JsonOption, report
 from fasbody.console import command_line, progress_bar
 from fasbody.recording.recording import Recording
 from identification.branches import STIFF_ANKLE, STIFF_PAD
+from identification.derived_quantities import derived
+from identification.result import FitResult
 from reproduction.check import Check, at_least, at_most, told
 from simulator.departure import Following, Maxwell, Mount, Rocking
 from simulator.instrument import Gain
-from simulator.leg import SENSORS
-from simulator.worlds import LOADS_KG, SOURCES, Member, leg_of, recordings
+from simulator.leg import SENSORS, Leg
+from simulator.worlds import LOADS_KG, SCATTER_3, SOURCES, Member, leg_of, recordings
+from simulator.worlds import member as world_member
 
 #: Strength of the dampers' nonlinearity, that of a leg which the malleolus alone leaves undecided; noise over the base.
 STRENGTH, NOISE = 0.03, 0.003
 CLEAN, USUAL = "nothing departs", "everything at its usual size"
 ALONE, WITH_FOOT = ("malleolus",), ("malleolus", "foot")
 #: What is fitted, world by world.
-TASKS = ((CLEAN, WITH_FOOT), (CLEAN, ALONE), (USUAL, WITH_FOOT), (USUAL, ALONE))
+TASKS = (
+    (CLEAN, WITH_FOOT), (CLEAN, ALONE), (USUAL, WITH_FOOT), (USUAL, ALONE),
+    (SCATTER_3, WITH_FOOT), (SCATTER_3, ALONE),
+)  # fmt: skip
 STARTS = 4
 #: Feet and error that were asked for.
 ENOUGH, CLOSE = 50, 0.05
@@ -43,7 +51,9 @@ class Judged:
     Attributes:
         world, seed, sensors: what was fitted. verdict: of the fit. right: the branch named first is the true one.
         k_T, k_F: estimate on the true branch over the truth, less one; None where that is not shown.
-        holds: whether the 95 % intervals of k_T and k_F hold the truth. follows: the wide fit follows the recordings.
+        holds: whether the 95 % intervals of k_T and k_F hold the truth.
+        frequencies, ratios: whether those of the first natural frequency and of its damping ratio do, by load.
+        follows: the fit follows the recordings.
         seconds: CPU time.
     """
 
@@ -55,12 +65,16 @@ class Judged:
     k_T: float | None
     k_F: float | None
     holds: tuple[bool, bool]
+    frequencies: tuple[bool, ...]
+    ratios: tuple[bool, ...]
     follows: bool
     seconds: float
 
 
 def member(world: str, seed: int) -> Member:
-    """One nearly linear leg under two loads; the same in both worlds."""
+    """One leg under two loads: nearly linear, and the same in two worlds; strongly nonlinear where it scatters."""
+    if world == SCATTER_3:
+        return world_member(world, seed)
     rng = np.random.default_rng([seed, 71])
     body = rng.uniform(45, 110)
     leg = leg_of(rng, body, STRENGTH)
@@ -101,7 +115,28 @@ def judged(truth: Member, data: Sequence[Recording], sensors: tuple[str, ...], w
     follows = result.departures is not None and result.departures.follows
     right = result.best.name == name
     about = (world, truth.seed, len(sensors), result.verdict, right, off["k_T"], off["k_F"])
-    return Judged(*about, (holds["k_T"], holds["k_F"]), follows, spent)
+    return Judged(*about, (holds["k_T"], holds["k_F"]), *modes_hold(truth, result), follows, spent)
+
+
+def first_mode(leg: Leg, load_kg: float) -> tuple[float, float]:
+    """Natural frequency [Hz] and damping ratio of the first mode of small motion."""
+    chain = lambda ankle, pad: np.array([[ankle, -ankle], [-ankle, ankle + pad]])  # noqa: E731
+    M, C, K = np.diag([leg.m_S + load_kg, leg.m_F]), chain(leg.c_11, leg.c_21), chain(leg.k_T, leg.k_F)
+    A = np.block([[np.zeros((2, 2)), np.eye(2)], [-np.linalg.solve(M, K), -np.linalg.solve(M, C)]])
+    pole = min(np.linalg.eigvals(A), key=abs)
+    return float(abs(pole) / (2 * np.pi)), float(-pole.real / abs(pole))
+
+
+def modes_hold(truth: Member, result: FitResult) -> tuple[tuple[bool, ...], tuple[bool, ...]]:
+    """Whether the 95 % intervals of the first mode hold those of the linear leg, under each load."""
+    rows = [row for row in derived(result).modes if row["branch"] == result.best.name and row["mode"] == 1]
+    rows = [row for row in rows if row["basis"] == rows[0]["basis"]]
+    frequencies, ratios = [], []
+    for row in rows:
+        hz, ratio = first_mode(truth.leg, row["added_mass_kg"])
+        frequencies.append(bool(row["lower_hz"] <= hz <= row["upper_hz"]))
+        ratios.append(bool(row["damping_lower"] <= ratio <= row["damping_upper"]))
+    return tuple(frequencies), tuple(ratios)
 
 
 def trial(world: str, sensors: tuple[str, ...], seed: int) -> Judged:
@@ -118,7 +153,7 @@ def digest() -> str:
 def measure(feet: int, state: Path) -> list[Check]:
     """Rows from so many legs; what `state` holds is not done again."""
     file = kept.Kept(state, digest())
-    before = [Judged(**{**row, "holds": tuple(row["holds"])}) for row in file.rows()]
+    before = [Judged(**row) for row in file.rows()]
     done = {(j.world, j.seed, j.sensors): j for j in before}
     keys = [(world, sensors, seed) for world, sensors in TASKS for seed in range(feet)]
     work = [key for key in keys if (key[0], key[2], len(key[1])) not in done]
@@ -137,7 +172,8 @@ def rows_of(judgements: Sequence[Judged]) -> list[Check]:
         legs = [j for j in judgements if (j.world, j.sensors) == (world, len(sensors))]
         if not legs:
             continue
-        where = f"{' and '.join(sensors)}, {world}, {len(legs)} nearly linear legs"
+        legs_ = "legs" if world == SCATTER_3 else "nearly linear legs"
+        where = f"{' and '.join(sensors)}, {world}, {len(legs)} {legs_}"
         right = sum(j.verdict == "decided" and j.right for j in legs)
         wrong = sum(j.verdict == "decided" and not j.right for j in legs)
         off = np.array([abs(x) for j in legs for x in (j.k_T, j.k_F) if x is not None])
@@ -153,6 +189,10 @@ def rows_of(judgements: Sequence[Judged]) -> list[Check]:
         missed = sum(not j.follows for j in legs)
         text = f"not followed by the wide fit: {missed}; CPU time a fit {np.median([j.seconds for j in legs]):.3g} s"
         rows.append(told(f"95 % intervals of k_T and k_F hold the truth: {where}", f"{holds:.3g} %", text))
+        if world != USUAL:
+            by_load = [[x for j in legs for x in of(j)] for of in (lambda j: j.frequencies, lambda j: j.ratios)]
+            counts = " and ".join(f"{sum(hold)} of {len(hold)}" for hold in by_load)
+            rows.append(told(f"those of the first natural frequency and its damping ratio: {where}", counts, ""))
     return rows
 
 

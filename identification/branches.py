@@ -15,8 +15,10 @@ from fasbody.foot.two_dof import NAMES, TwoDof
 from fasbody.presentation import readable
 from fasbody.sentences import Sentence, called
 
-#: Odds of one branch over the other beyond which the matter is decided.
-DECISIVE_ODDS = 1000.0
+#: Odds of one branch over the other beyond which the matter is decided, decisive in the words of Jeffreys (1961).
+DECISIVE_ODDS = 100.0
+#: The same where many fits, or many rivals, are weighed together: an error that they share counts once for each.
+DECISIVE_TOGETHER = 1000.0
 #: Log of the odds up to which branches are tied: rounding alone then orders them, and the name does it instead.
 TIE = 0.01
 LEFT_OUT = "The {name} branch is left out: the motions at its best ends do not last in MuJoCo."
@@ -29,8 +31,8 @@ FOLLOWS_LITTLE = (
     "mean, and {least:g} % is the least."
 )
 NOT_EXHAUSTED = (
-    "No branch is decided, as the search is not exhausted: its best end was not found twice. More starts (--starts) or "
-    "what the laboratory knows ([known] in study.toml) may help."
+    "No branch is decided, as the search is not exhausted: the best end of the less likely branch was not found twice. "
+    "More starts (--starts) or what the laboratory knows ([known] in study.toml) may help."
 )
 #: Names of the branches by what is stiffer than its mirror image.
 STIFF_ANKLE, STIFF_PAD = "stiff ankle", "stiff pad"
@@ -132,7 +134,7 @@ class Verdict:
     """Whether the data decide between the branches.
 
     Attributes:
-        word: "decided" (the odds exceed 1000 to 1), "undecided" or "not compared".
+        word: "decided" (the odds exceed 100 to 1), "undecided" or "not compared".
         log_likelihood_ratio: of the best branch over the other, scaled by the misfit.
         sentence: for people.
     """

@@ -11,10 +11,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from identification.residual import Problem
+from identification.repeatability import repeatability
+from identification.residual import Problem, Scatter
 
 #: Starts of a side in one round, and rounds at most.
-STARTS, ROUNDS = 12, 4
+STARTS, ROUNDS = 12, 6
 #: Steps of a round, and the decrease of the sum of squares that is worth no further step.
 STEPS, _PROMISED = 40, 0.02
 #: That decrease on the way down, and the factor by which the scatter falls there.
@@ -31,8 +32,6 @@ _APART, _SPREAD, _BENDS = (0.05, 1.5), 0.5, (10.0, 200.0)
 SMOOTH = (0.5, 0.1, 0.02)
 #: Scatter below which there is none, and ends of a side that are kept.
 _LEVEL, _KEPT = 1e-4, 6
-#: Chance of a chi-square from noise alone beyond which there is a scatter besides.
-_BY_CHANCE = 0.05
 #: How near the scatter is to what its best end leaves over, and rounds of that at most.
 _SETTLED, _LEVELS = 0.05, 16
 #: Steps of the last descent over those of others, and the decrease that is worth no further step there.
@@ -295,10 +294,12 @@ def search(
         fresh = [_fresh(problem, open_, count, rng) for count in _shares(starts, smooth)]
         if first is not None and number == 0:
             fresh[-1] = fresh[-1].joined(_everywhere(first, signs))
+        if population is not None:
+            fresh[-1] = fresh[-1].joined(_bent_anew(problem, population, open_, starts, rng))
         for sign in open_:
             tried[sign] += sum(int(np.sum(group.sign == sign)) for group in fresh)
-        level = None if estimate and population is None else problem.repeatability
-        problem, ends = _annealed(problem, dict(zip(smooth, fresh, strict=True)), level, fall, steps)
+        last = None if estimate and population is None else problem.scatter
+        problem, ends = _annealed(problem, dict(zip(smooth, fresh, strict=True)), last, fall, steps)
         population = ends if population is None else population.joined(ends).distinct(most=_KEPT)
         population = _with_images(problem, population, signs, images, steps)
         if estimate:
@@ -327,6 +328,22 @@ def _fresh(problem: Problem, signs: list[int], starts: int, rng: np.random.Gener
     return _starting(np.concatenate(Q), np.repeat(signs, starts))
 
 
+def _bent_anew(
+    problem: Problem, population: Population, signs: list[int], starts: int, rng: np.random.Generator
+) -> Population:
+    """Ends of each side with other bends, in which they differ most; not the best one, unless there is no other."""
+    v = problem.variables
+    bends = [i for name, i in v.index.items() if v.two_mass and name in ("c_12", "c_13", "c_22", "c_23")]
+    groups = []
+    for sign in signs:
+        ends = np.flatnonzero(population.sign == sign)
+        others = ends[ends != population.best(sign)]
+        Q = population.Q[rng.choice(others if others.size else ends, starts)]
+        Q[:, bends] = random_starts(problem, sign, starts, rng)[:, bends]
+        groups.append(Q)
+    return _starting(np.concatenate(groups), np.repeat(signs, starts))
+
+
 def _everywhere(places: np.ndarray, signs: tuple[int, ...]) -> Population:
     """Places (k, n) to begin with on every side."""
     return _starting(np.tile(places, (len(signs), 1)), np.repeat(signs, len(places)))
@@ -337,7 +354,7 @@ def _starting(Q: np.ndarray, signs: np.ndarray) -> Population:
 
 
 def _annealed(
-    problem: Problem, groups: Mapping[float, Population], last: float | None, fall: float, steps: int
+    problem: Problem, groups: Mapping[float, Population], last: Scatter | None, fall: float, steps: int
 ) -> tuple[Problem, Population]:
     """Starts followed down to a scatter, each group from its own, to the distinct ends there.
 
@@ -349,32 +366,38 @@ def _annealed(
         steps: of a descent at most.
     """
     rest = sorted(groups.items(), key=lambda item: -item[0])
-    level, population = max(rest[0][0], last or 0.0), rest[0][1]
-    rest = rest[1:]
-    goal = last or 0.0
+    goal = problem.with_scatter(last or Scatter())
+    level, population = max(rest[0][0], goal.repeatability), rest[0][1]
+    rest, there = rest[1:], False
     for _ in range(_LEVELS):
-        while rest and (level == goal or rest[0][0] > 0.99 * level):
+        while rest and (there or rest[0][0] > 0.99 * level):
             population = population.joined(rest.pop(0)[1])
-        problem = problem.with_repeatability(level)
-        population = _down(problem, population, steps, _PROMISED if level == goal else _ON_THE_WAY).distinct(_ONE)
+        problem = goal if there else goal.with_repeatability(level)
+        population = _down(problem, population, steps, _PROMISED if there else _ON_THE_WAY).distinct(_ONE)
         if last is None:
-            best = population.Q[population.best()]
-            problem = problem.weighed(best)
-            goal = repeatability(problem, best)
-        if not rest and (abs(level - goal) <= _SETTLED * goal or level == goal):
+            goal = _reweighed(problem, population)
+        if there and not rest and problem.scatter.near(goal.scatter, _SETTLED):
             break
-        level = goal if level <= fall * goal or level < fall * _LEVEL else level / fall
+        size = goal.repeatability
+        there = level <= fall * size or level < fall * _LEVEL
+        level = size if there else level / fall
     return problem, population.distinct(most=_KEPT)
+
+
+def _reweighed(problem: Problem, population: Population) -> Problem:
+    """With the weights that the best end makes likely."""
+    best = population.Q[population.best()]
+    problem = problem.weighed(best)
+    return problem.with_scatter(repeatability(problem, best))
 
 
 def _settled(problem: Problem, population: Population, steps: int) -> tuple[Problem, Population]:
     """Ends where the scatter is what the best of them leaves over."""
     for _ in range(_LEVELS):
-        best = population.Q[population.best()]
-        level = repeatability(problem, best)
-        if abs(level - problem.repeatability) <= _SETTLED * level:
+        after = _reweighed(problem, population)
+        if problem.scatter.near(after.scatter, _SETTLED):
             break
-        problem = problem.weighed(best).with_repeatability(level)
+        problem = after
         population = _down(problem, population, steps).distinct()
     return problem, population
 
@@ -398,42 +421,6 @@ def _with_images(
     images = replace(images, hits=0 * images.hits)  # of an end that is there already, its own image is no second find
     joined = population.joined(_down(problem, images, steps)).distinct(most=_KEPT)
     return replace(joined, hits=np.maximum(joined.hits, 1))
-
-
-def repeatability(problem: Problem, q: np.ndarray) -> float:
-    """Relative scatter s of harmonics from recording to recording that makes chi-square its degrees of freedom.
-
-    The variance of a harmonic is that of the noise and (s |Y|)^2. The degrees of freedom are the numbers measured less
-    those that the variables use up, the trace of the hat matrix. There is none where noise alone would leave as much
-    once in twenty times.
-
-    Args:
-        problem: with the weights at which q was found.
-        q: (n,) the best end.
-    """
-    from scipy.special import chdtri
-
-    now = problem.evaluate(q[None])
-    J, N = now.jacobian[0], problem.size
-    lowest, highest = problem.bounds()
-    free = (highest > lowest) & (np.abs(J).max(0) > 0)
-    A = J[:, free].T @ J[:, free]
-    used = float(np.trace(np.linalg.lstsq(A, J[:N, free].T @ J[:N, free], rcond=None)[0]))
-    dof = max(N - used, 3.0)
-
-    read = problem.predicted(q)
-
-    def excess(s: float) -> float:
-        r = problem.whitened(read, s)
-        return float(r @ r) - dof
-
-    if excess(0.0) <= float(chdtri(dof, _BY_CHANCE)) - dof:
-        return 0.0
-    low, high = 0.0, 1.0
-    while high - low > _SETTLED / 10 * high and high > _LEVEL:  # chi-square falls with s
-        middle = 0.5 * (low + high)
-        low, high = (middle, high) if excess(middle) > 0 else (low, middle)
-    return high
 
 
 def _optimum(problem: Problem, population: Population, sign: int, tried: int, steps: int) -> Optimum:

@@ -49,6 +49,24 @@ class Evaluation:
         )
 
 
+@dataclass(frozen=True)
+class Scatter:
+    """What differs from one recording to the next.
+
+    Attributes:
+        harmonics: relative standard deviation of each harmonic, for itself.
+        constants: standard deviation of the logarithm of each spring and damper.
+    """
+
+    harmonics: float = 0.0
+    constants: float = 0.0
+
+    def near(self, other: "Scatter", share: float) -> bool:
+        """Whether it differs by no more than a share of another."""
+        off = np.hypot(self.harmonics - other.harmonics, self.constants - other.constants)
+        return bool(off <= share * np.hypot(other.harmonics, other.constants))
+
+
 @dataclass(frozen=True, eq=False)
 class Problem:
     """Whitened residual of all recordings and priors, for candidates (C, n) of the search variable.
@@ -57,17 +75,20 @@ class Problem:
         measured: the data.
         variables: what is searched.
         motion: what moves.
-        repeatability: relative standard deviation of a harmonic from recording to recording.
+        scatter: from recording to recording.
         held: (n,) variables that stay at the mean of their priors.
         noise: (R, 2 S H, 2 S H) covariance of the sensors' and the base's noise.
+        seats: (R, 2 S H, k) derivatives of the harmonics to the logarithms of k springs and
+            dampers, which differ from one seating to the next.
     """
 
     measured: Measured
     variables: Variables
     motion: Motion
-    repeatability: float
+    scatter: Scatter
     held: np.ndarray
     noise: np.ndarray
+    seats: np.ndarray
 
     @classmethod
     def of(cls, measured: Measured, variables: Variables, motion: Motion, repeatability: float = 0.0) -> "Problem":
@@ -76,24 +97,36 @@ class Problem:
         variance = measured.output_std**2 + (gain * measured.base_std[:, None]) ** 2
         flat = np.tile(variance.reshape(len(measured.lines), -1), 2)
         noise = flat[..., None] * np.eye(flat.shape[1])
-        return cls(measured, variables, motion, repeatability, np.zeros(variables.size, bool), noise)
+        held, seats = np.zeros(variables.size, bool), np.zeros((*flat.shape, 0))
+        return cls(measured, variables, motion, Scatter(repeatability), held, noise, seats)
 
     # weights
 
     @cached_property
-    def _whitener(self) -> np.ndarray:
-        return self.whitener(self.repeatability)
+    def repeatability(self) -> float:
+        """Relative standard deviation of a first harmonic from recording to recording, in the mean."""
+        output = self.measured.output
+        of_parts = (self.seats**2).sum(-1).reshape(len(output), 2, *output.shape[1:])
+        seated = np.mean(of_parts[:, :, 0, 0].mean(1) / np.abs(output[:, 0, 0]) ** 2)
+        return float(np.hypot(self.scatter.harmonics, self.scatter.constants * np.sqrt(seated)))
 
-    def whitener(self, repeatability: float) -> np.ndarray:
+    @cached_property
+    def _whitener(self) -> np.ndarray:
+        return self.whitener(self.scatter)
+
+    def whitener(self, scatter: Scatter) -> np.ndarray:
         """(R, 2 S H, 2 S H) inverse of the Cholesky factor of the covariance; zero where nothing was measured."""
         rows = self.measured.rows
-        scatter = (repeatability * np.abs(self.measured.output)).reshape(len(rows), -1) ** 2
+        size = np.tile(np.abs(self.measured.output).reshape(len(rows), -1), 2)
         one = np.eye(rows.shape[1])
-        S = np.where(rows[:, :, None] & rows[:, None, :], self.noise + np.tile(scatter, 2)[..., None] * one, one)
+        S = self.noise + (scatter.harmonics * size)[..., None] ** 2 * one
+        if scatter.constants:
+            S = S + scatter.constants**2 * self.seats @ np.swapaxes(self.seats, 1, 2)
+        S = np.where(rows[:, :, None] & rows[:, None, :], S, one)
         return np.where(rows[:, :, None], np.linalg.inv(np.linalg.cholesky(S)), 0.0)
 
     def weighed(self, q: np.ndarray) -> "Problem":
-        """The same with the base's noise seen through the model at q (n,)."""
+        """The same with the base's noise and the constants' scatter seen through the model at q (n,)."""
         variables, measured = self.variables, self.measured
         G = self.motion.by_base(variables.theta(q))
         T = self.channel(q[None], measured.base.shape[1])[0][0]  # (R, S, H)
@@ -104,11 +137,24 @@ class Problem:
         base = np.tile(measured.base_std**2, 2)
         sensors = np.tile((measured.output_std**2).reshape(R, -1), 2)
         noise = (G * base[:, None]) @ np.swapaxes(G, 1, 2) + sensors[..., None] * np.eye(sensors.shape[1])
-        return replace(self, noise=noise)
+        return replace(self, noise=noise, seats=self._seats(q, T))
+
+    def _seats(self, q: np.ndarray, T: np.ndarray) -> np.ndarray:
+        """What a spring's or a damper's logarithm makes of what sensors with the gains T (R, S, H) read."""
+        names = self.variables.seated
+        at = [self.variables.motion_names.index(name) for name in names]
+        theta = self.variables.theta(q[None])
+        slopes = self.motion.response(theta, None)[1][0][..., at]  # (R, S, H, k)
+        seen = (T[..., None] * slopes * theta[0][:, None, None, at]).reshape(len(theta[0]), -1, len(names))
+        return np.concatenate([seen.real, seen.imag], 1)
 
     def with_repeatability(self, repeatability: float) -> "Problem":
+        """The same where each harmonic scatters for itself, by so much."""
+        return self.with_scatter(Scatter(repeatability))
+
+    def with_scatter(self, scatter: Scatter) -> "Problem":
         """The same with another scatter from recording to recording."""
-        return replace(self, repeatability=repeatability)
+        return replace(self, scatter=scatter)
 
     def with_held(self, held: np.ndarray) -> "Problem":
         """The same with variables (n,) held at the mean of their priors."""
@@ -127,8 +173,14 @@ class Problem:
         mean, _ = self.variables.prior
         return np.where(self.held, mean, low), np.where(self.held, mean, high)
 
-    def evaluate(self, Q: np.ndarray, near: Evaluation | None = None) -> Evaluation:
-        """Residuals and derivatives of candidates Q (C, n)."""
+    def missed(
+        self, Q: np.ndarray, near: Evaluation | None = None
+    ) -> tuple[np.ndarray, np.ndarray, np.ndarray, Any]:  # fmt: skip
+        """By how much candidates Q (C, n) miss the harmonics, real parts first, without weights.
+
+        Returns:
+            misses (C, R, 2 S H), their derivatives (C, R, 2 S H, n), which candidates move (C,), and their motions.
+        """
         variables = self.variables
         theta = variables.theta(Q)
         Y, D, moves, memory = self.motion.response(theta, None if near is None else near.memory)
@@ -140,23 +192,27 @@ class Problem:
         e, J = read - self.measured.output, dread
         n = Q.shape[1]
         e, J = e.reshape(C, R, -1), J.reshape(C, R, -1, n)
-        e, J = np.concatenate([e.real, e.imag], 2), np.concatenate([J.real, J.imag], 2)
+        return np.concatenate([e.real, e.imag], 2), np.concatenate([J.real, J.imag], 2), moves, memory
+
+    def evaluate(self, Q: np.ndarray, near: Evaluation | None = None) -> Evaluation:
+        """Residuals and derivatives of candidates Q (C, n)."""
+        variables, n = self.variables, Q.shape[1]
+        e, J, moves, memory = self.missed(Q, near)
         r = (self._whitener @ e[..., None])[..., 0][:, self.measured.rows]
         J = (self._whitener @ J)[:, self.measured.rows]
         mean, std = variables.prior
         known = np.isfinite(std) & ~self.held
         prior = ((Q - mean) / std)[:, known]
-        rows = np.broadcast_to((np.eye(n) / std)[known], (C, int(known.sum()), n))
+        rows = np.broadcast_to((np.eye(n) / std)[known], (len(Q), int(known.sum()), n))
         r, J = np.concatenate([r, prior], 1), np.concatenate([J, rows], 1)
         J[..., self.held] = 0.0
         good = moves & np.isfinite(r).all(1) & np.isfinite(J).all((1, 2))
         r, J = np.where(good[:, None], r, NO_MOTION), np.where(good[:, None, None], J, 0.0)
         return Evaluation(r, J, good, memory)
 
-    def whitened(self, read: np.ndarray, repeatability: float | None = None) -> np.ndarray:
-        """Residual (m,) of what sensors read (R, S, H), without the priors' rows; at another scatter if given."""
-        W = self._whitener if repeatability is None else self.whitener(repeatability)
-        return self._whitened_by(W, read)[self.measured.rows]
+    def whitened(self, read: np.ndarray) -> np.ndarray:
+        """Residual (m,) of what sensors read (R, S, H), without the priors' rows."""
+        return self._whitened_by(self._whitener, read)[self.measured.rows]
 
     def squares(self, read: np.ndarray) -> np.ndarray:
         """(R, S, H) share of each harmonic in chi-square where sensors read (R, S, H); zero where none was measured."""

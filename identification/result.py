@@ -57,8 +57,8 @@ class Departures(Tabled):
         constant: the objective where no constant follows the load; None where that is not compared.
         exponents: thesis symbol -> the power of the weight on the pad that it follows, and its 95 %
             interval.
-        repeatability: relative standard deviation of a harmonic from recording to recording, as
-            estimated.
+        repeatability: relative standard deviation of a first harmonic from recording to recording,
+            as estimated.
         reference_frequency_hz: at which dynamic stiffness and damping are reported.
         scale_std: standard error of the logarithm of the leg's mass, a factor that all constants
             share.
@@ -66,6 +66,8 @@ class Departures(Tabled):
         misfit: where in the recordings chi-square comes from.
         repeats_by_itself: `repeatability` as recordings of one condition show it, without a model;
             None where no condition was recorded twice.
+        constants_repeat: standard deviation of the logarithm of each spring and damper from one
+            recording to the next; a part of `repeatability`.
     """
 
     chi_square: float
@@ -82,6 +84,7 @@ class Departures(Tabled):
     exhausted: bool = True
     misfit: Misfit | None = None
     repeats_by_itself: float | None = None
+    constants_repeat: float = 0.0
 
     @property
     def repeats(self) -> str:

@@ -27,7 +27,7 @@ from identification.motion import EngineMotion, Motion, TwoMassMotion
 from identification.nuisances import nuisances
 from identification.parameters import MASSES, Space
 from identification.replay import Replayed, replay, residual, traces
-from identification.residual import Problem
+from identification.residual import Problem, Scatter
 from identification.result import Branch, Departures, RecordingFit
 from identification.sensors import MALLEOLUS, SensorFit
 from identification.variables import Variables
@@ -174,7 +174,7 @@ def fit(
     if not kept:
         raise SimulationError(f"{foot.name}: the best parameter sets are all unstable over the recordings.")
     advance("the model assumed exact", 0, 1)
-    alone = _held_ends(search.problem.with_held(held).with_repeatability(0.0), kept) if allow else {}
+    alone = _held_ends(search.problem.with_held(held).with_scatter(Scatter()), kept) if allow else {}
     return Fitted(tuple(kept), alone, replays, tuple(left_out))
 
 
@@ -228,6 +228,7 @@ def branch_of(fitted: Fitted, solution: Solution, recordings: Sequence[Recording
             solution.allowances(), solution.constant_under_load(), solution.exponents(),
             solution.problem.repeatability, solution.problem.variables.reference_hz, solution.scale_std(),
             solution.optimum.exhausted, Misfit.of(solution.problem, read), repeats(solution.problem.measured),
+            solution.problem.scatter.constants,
         )  # fmt: skip
     return Branch(
         solution.branch, judged.optimum.objective, solution.optimum.objective, float(np.mean(fits)), parameters,
@@ -268,7 +269,8 @@ def verdict_of(fitted: Fitted, built: Sequence[Branch], recorded: Recorded, why_
     if departures is not None and not departures.follows and len(built) > 1:
         text = branches.DOES_NOT_FOLLOW.format(percent=100 * best.problem.repeatability, bound=100 * FOLLOWS)
         return Verdict("undecided", verdict.log_likelihood_ratio, text)
-    if verdict.word == "decided" and not all(solution.optimum.exhausted for solution in solutions):
+    # a better end of the favoured side would favour it more
+    if verdict.word == "decided" and not all(other.optimum.exhausted for other in solutions[1:]):
         return Verdict("undecided", verdict.log_likelihood_ratio, branches.NOT_EXHAUSTED)
     return verdict
 

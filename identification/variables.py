@@ -244,6 +244,13 @@ class Variables:
         values |= self.masses(Q)
         return np.stack([np.broadcast_to(values[name], (*Q.shape[:-1], R)) for name in self.motion_names], -1)
 
+    @cached_property
+    def seated(self) -> tuple[str, ...]:
+        """Free springs and dampers, which differ from one seating to the next."""
+        if self.two_mass:
+            return tuple(name for name in EXCHANGED if name in self.index)
+        return tuple(name for name in self.constants if self.space.free[self._item[name]].logarithmic)
+
     def _in_recordings(self, items: Sequence[Nuisance]) -> np.ndarray:
         """(n, R) by how much a unit of each variable, if it is one of these, moves what it acts on."""
         rows = np.zeros((self.size, len(self.recordings)))

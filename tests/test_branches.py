@@ -5,7 +5,6 @@ import oracle
 import pytest
 
 from identification.branches import (
-    DECISIVE_ODDS,
     STIFF_ANKLE,
     STIFF_PAD,
     Recorded,
@@ -70,10 +69,9 @@ def test_a_bound_asks_for_a_second_load_only_where_there_is_one() -> None:
     assert ["second load" in text for text in asked] == [True, False]
 
 
-@pytest.mark.parametrize(("difference", "decided"), [(0.1, False), (13.0, False), (14.0, True), (400.0, True)])
-def test_odds_of_a_thousand_decide(difference: float, decided: bool) -> None:
-    """-2 log likelihood differs by 2 log(1000) = 13.8."""
-    assert 13.0 < 2 * np.log(DECISIVE_ODDS) < 14.0
+@pytest.mark.parametrize(("difference", "decided"), [(0.1, False), (9.1, False), (9.3, True), (400.0, True)])
+def test_odds_of_a_hundred_decide(difference: float, decided: bool) -> None:
+    """-2 log likelihood differs by 2 log(100) = 9.21."""
     verdict = judge([STIFF_ANKLE, STIFF_PAD], [100.0, 100.0 + difference], 40.0, 50)
     assert str(verdict) == ("decided" if decided else "undecided")
     assert verdict.log_likelihood_ratio == pytest.approx(difference / 2)

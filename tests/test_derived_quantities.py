@@ -148,7 +148,7 @@ def test_the_legs_mass_is_the_part_that_all_intervals_share(fitted: FitResult) -
         assert abs(whole - mass) <= per_kg * (1 + 1e-9)
     # natural frequencies do not know the mass
     (mode,) = (m for m in derived(fitted).modes if (m["basis"], m["branch"], m["mode"]) == (WHATEVER, view.branch, 1))
-    assert 100 * np.log(mode["upper_hz"] / mode["natural_frequency_hz"]) < 0.2 * mass
+    assert 100 * np.log(mode["upper_hz"] / mode["natural_frequency_hz"]) < 0.3 * mass
 
 
 def test_parts_of_chi_square_add_up(fitted: FitResult) -> None:

@@ -294,7 +294,7 @@ def test_other_laboratories_bring_force_and_compression(tmp_path: Path) -> None:
     with pytest.raises(InputFileError, match="no column 'compression_m'"):
         read_csv(folder / "1.csv")
     (folder / "1.csv").write_text("time_s,force_n,compression_m\n" + "\n".join(f"{k},1,x" for k in range(20)))
-    with pytest.raises(InputFileError, match="line 2: a cell is no number"):
+    with pytest.raises(InputFileError, match="line 2: compression_m is 'x', not a number"):
         read_csv(folder / "1.csv")
 
 

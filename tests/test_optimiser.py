@@ -195,19 +195,24 @@ def fitted(found: Searched, foot: Foot) -> Iterator[steady.Fitted]:
         yield steady.fit(replace(found.problem), foot, 4, 0, True)
 
 
-@pytest.mark.parametrize(("hits", "verdict", "word"), [(2, "decided", "identified"), (1, "undecided", "weak")])
-def test_what_was_found_once_decides_nothing(
-    fitted: steady.Fitted, foot: Foot, hits: int, verdict: str, word: str
+@pytest.mark.parametrize(
+    ("hits", "verdict", "word"),
+    [((2, 2), "decided", "identified"), ((1, 2), "decided", "weak"), ((2, 1), "undecided", "identified")],
+)
+def test_what_was_found_once_is_weak_and_on_the_other_side_decides_nothing(
+    fitted: steady.Fitted, foot: Foot, hits: tuple[int, int], verdict: str, word: str
 ) -> None:
-    """Of a fit that decides, with hits as if the search had found each end so often."""
-    ends = [replace(s, optimum=replace(s.optimum, hits=hits)) for s in fitted.solutions]
+    """Of a fit that decides, with hits as if the search had found the best end and the other side's so often."""
+    ends = [
+        replace(s, optimum=replace(s.optimum, hits=n, starts=12)) for s, n in zip(fitted.solutions, hits, strict=True)
+    ]
     once = replace(fitted, solutions=tuple(ends))
     data = list(ends[0].problem.variables.recordings)
     built = [steady.branch_of(once, end, data, foot) for end in ends]
     found = steady.verdict_of(once, built, Recorded(2), "")
-    assert found.word == verdict and (found.sentence == NOT_EXHAUSTED) is (hits == 1)
+    assert found.word == verdict and (found.sentence == NOT_EXHAUSTED) is (hits[1] == 1)
     assert built[0]["k_F"].identifiability == word and built[0].departures is not None
-    assert built[0].departures.exhausted is (hits == 2)
+    assert built[0].departures.exhausted is (hits[0] == 2)
 
 
 @pytest.mark.parametrize(("repeats", "follows"), [(0.149, True), (0.151, False)])

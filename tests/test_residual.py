@@ -8,7 +8,7 @@ import pytest
 from scipy.stats import chi2
 from steady_cases import BENT, BOTH, problem, recorded, session
 
-from identification.residual import NO_MOTION, Problem
+from identification.residual import NO_MOTION, Problem, Scatter
 
 Array = np.ndarray
 LINEAR = BENT | dict.fromkeys(("c_12", "c_13", "c_22", "c_23"), 0.0)
@@ -147,7 +147,7 @@ def test_weights_of_a_linear_foot_are_sensor_noise_and_input_noise_through_its_r
     """S = S_y + |H|^2 S_u at each harmonic, H from the dynamic stiffness."""
     made = problem(session(LINEAR, (10.0, 20.0, 30.0)), LINEAR)
     made = made.weighed(made.variables.start(LINEAR))
-    W = made.whitener(0.0)
+    W = made.whitener(Scatter())
     for r, line in enumerate(made.measured.lines):
         at = np.flatnonzero(made.measured.rows[r])
         S = np.linalg.inv(W[r][np.ix_(at, at)].T @ W[r][np.ix_(at, at)])
@@ -157,19 +157,27 @@ def test_weights_of_a_linear_foot_are_sensor_noise_and_input_noise_through_its_r
         assert np.abs(S - np.diag(np.diag(S))).max() < 1e-3 * want.max()
 
 
-@pytest.mark.parametrize("repeatability", [0.0, 0.03])
-def test_what_is_left_of_the_truth_is_white(repeatability: float) -> None:
+@pytest.mark.parametrize("scatter", [Scatter(), Scatter(0.03), Scatter(0.01, 0.005)])
+def test_what_is_left_of_the_truth_is_white(scatter: Scatter) -> None:
     """A Monte Carlo over the noise of base and sensors, and over the scatter between recordings, of a bent foot."""
     made = problem([recorded(BENT, hz, second=True) for hz in (12.0, 31.0)], sensors=BOTH)
     strong = replace(made.measured, base=made.measured.base + 0.5, base_std=np.full(made.measured.base.shape, 0.03))
     made = replace(made, measured=strong, motion=type(made.motion)(strong, made.variables.omega, (False, True)))
     q = made.variables.start(BENT)
     made = replace(made, measured=replace(strong, output=made.predicted(q))).weighed(q)
-    made = made.with_repeatability(repeatability)
+    made = made.with_scatter(scatter)
     exact, rng, rows = made.measured, np.random.default_rng(3), []
     draw = lambda std: std * (rng.normal(size=std.shape) + 1j * rng.normal(size=std.shape))  # noqa: E731
+    names = ("k_T", "k_F", "c_11", "c_21")
+
+    def feet() -> list[dict[str, float]]:
+        """Of each recording its own."""
+        return [BENT | {n: BENT[n] * np.exp(scatter.constants * rng.normal()) for n in names} for _ in range(2)]
+
     for _ in range(300):
-        moved = exact.output + draw(exact.output_std) + draw(repeatability * np.abs(exact.output))
+        seated = np.stack([made.predicted(made.variables.start(foot)) for foot in feet()])
+        moved = exact.output + draw(exact.output_std) + draw(scatter.harmonics * np.abs(exact.output))
+        moved += seated[np.arange(2), np.arange(2)] - exact.output
         noisy = replace(exact, base=exact.base + draw(exact.base_std), output=moved)
         drawn = replace(made, measured=noisy, motion=type(made.motion)(noisy, made.variables.omega, (False, True)))
         rows.append(made.whitened(drawn.predicted(q) - moved + exact.output))

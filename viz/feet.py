@@ -22,7 +22,7 @@ from viz.excitation import Excitation
 from viz.load import files_of, load_foot
 from viz.motion import CURVE, FRAMES, Motion, periodic_motion, transient_motion, watched, without_drift
 from viz.scene import Hub
-from viz.settings import CARRIERS, WORDS, Settings
+from viz.settings import WORDS, Settings, can_add_mass
 
 #: Names of the feet in the scene: the model, the one it is compared with, and what was measured.
 MODEL, OTHER, MEASURED = "a", "b", "measured"
@@ -164,7 +164,9 @@ class Show:
     def exported(self, live: bool = False) -> dict[str, Any]:
         """The documents of an exported page; `live` with what its sliders need (`viz.live`)."""
         documents = {"model": self.description(), "motion": self.answer(self.settings)}
-        return documents | ({"live": sliders.of(self)} if live else {})
+        if not live:
+            return documents
+        return documents | {"live": sliders.of(self.feet, self.excitation, self.settings, self.answer)}
 
     def files(self) -> list[Path]:
         """The files of the models, with what they include."""
@@ -208,7 +210,7 @@ class Show:
                 "frequency": settings.frequency, "peak_to_peak": settings.peak_to_peak,
                 "added_mass": settings.added_mass, "delay_s": settings.delay_s,
             },
-            "can_add_mass": all(any(name in f.parameters for name in CARRIERS) for f in self.feet.values()),
+            "can_add_mass": can_add_mass(self.feet.values()),
             "periodic": self.excitation.periodic,
             "recorded": recording is not None,
             "excitation": self.excitation.title,

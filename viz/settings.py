@@ -1,7 +1,7 @@
 """Settings of the displayed foot: the values of the sliders, and their limits by the foot."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any
 
@@ -16,6 +16,13 @@ from fasbody.sentences import Sentence, called
 
 #: Parameters that an added mass on the knee raises.
 CARRIERS = ("m_S", "m_T", "added_mass")
+
+
+def can_add_mass(feet: Iterable[Foot]) -> bool:
+    """Whether each foot has a parameter that an added mass raises."""
+    return all(any(name in foot.parameters for name in CARRIERS) for foot in feet)
+
+
 #: What the parameters of the shipped models are: the page says these words before the thesis symbol.
 WORDS = {
     "k_T": "ankle stiffness", "c_T": "ankle damping", "k_F": "fat pad stiffness", "c_F": "fat pad damping",

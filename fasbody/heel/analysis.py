@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from fasbody import runner
-from fasbody.console import make_folder, to_json, write_whole
+from fasbody.console import to_json
 from fasbody.exceptions import RecordingError, Stopped
 from fasbody.heel import stiffness
 from fasbody.heel.comparison import Document, Task, judge, persons
@@ -143,7 +143,10 @@ def analyse(
     began = time.perf_counter()
     groups = study.groups()
     tasks = [Task(key, which, groups, study.digest) for which in WINDOWS for key in laws]
-    documents, computed = _documents(tasks, make_folder(out / "laws") if out else None, processes)
+    store = runner.Store(out / "laws") if out else None
+    if store:
+        store.make()
+    documents, computed = _documents(tasks, store, processes)
     remarks = list(documents[0]["left_out"]) if documents else []
     people, slopes = None, []
     try:
@@ -165,30 +168,29 @@ def analyse(
     )  # fmt: skip
 
 
-def _documents(tasks: Sequence[Task], folder: Path | None, processes: int) -> tuple[list[Document], int]:
+def _documents(
+    tasks: Sequence[Task], store: runner.Store | None, processes: int
+) -> tuple[list[Document], int]:
     """The document of each task, kept or computed, and how many were computed."""
-    kept = {task.key: old for task in tasks if folder and (old := _kept(folder, task.key))}
+    kept = {task.key: old for task in tasks if store and (old := _kept(store, task.key))}
     missing = [task for task in tasks if task.key not in kept]
     count = processes or min(runner.cores(), max(1, len(missing)))
     try:
         for index, document in runner.run(judge, missing, "laws", count):
             kept[missing[index].key] = document
-            if folder:
-                write_whole(folder / f"{document['key']}.json", to_json(document) + "\n")
+            if store:
+                store.save(f"{document['key']}.json", to_json(document) + "\n")
     except KeyboardInterrupt:
-        if folder is None:
+        if store is None:
             raise
         raise Stopped(
-            f"stopped with {len(kept)} of {len(tasks)} laws in {folder}; the same command goes on from there."
+            f"stopped with {len(kept)} of {len(tasks)} laws in {store.folder}; the same command goes on from there."
         ) from None
     return [kept[task.key] for task in tasks], len(missing)
 
 
-def _kept(folder: Path, key: str) -> Document | None:
+def _kept(store: runner.Store, key: str) -> Document | None:
     """The document of a key; None if it is not there or is broken."""
-    try:
-        document = json.loads((folder / f"{key}.json").read_bytes())
-    except (OSError, ValueError):
-        return None
+    document, _ = store.load(f"{key}.json", json.loads)
     whole = isinstance(document, dict) and document.keys() >= _NEEDED and document["key"] == key
     return document if whole else None

@@ -14,12 +14,12 @@ import zipfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import Any, Literal
+from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict, ValidationError, create_model
+from pydantic import BeforeValidator, Field, create_model
 
-from fasbody.exceptions import FasError, InputFileError, RecordingError, unknown
+from fasbody.exceptions import FasError, InputFileError, RecordingError
 from fasbody.heel.plate import Plate
 from fasbody.heel.strike import (
     THRESHOLD_N,
@@ -32,6 +32,8 @@ from fasbody.heel.strike import (
     heel_strike,
 )
 from fasbody.presentation import Tabled
+from fasbody.recording.csv import column, read_table
+from fasbody.recording.study_toml import Table, validated
 from fasbody.runner import key
 
 #: What study.toml calls such a study.
@@ -46,37 +48,36 @@ _FEWEST = 10
 #: No heel is pressed deeper [m]; a larger compression is of another unit.
 _DEEPEST_M = 0.1
 
-
-class _Table(BaseModel):
-    """A table of study.toml: no key that it does not have, and no number written as text."""
-
-    model_config = ConfigDict(extra="forbid", strict=True, allow_inf_nan=False)
+_Text = Annotated[str, Field(description="text")]
 
 
-class _Study(_Table):
+class _Study(Table):
     kind: Literal["heel strikes"]
-    origin: Literal["measured", "synthetic"]
-    name: str = ""
-    licence: str = ""
-    doi: str = ""
-    source: str = ""
-    description: str = ""
-    threshold_n: float = THRESHOLD_N
+    origin: Literal["measured", "synthetic"] = Field(description='"measured", "synthetic"')
+    name: _Text = ""
+    licence: _Text = ""
+    doi: _Text = ""
+    source: _Text = ""
+    description: _Text = ""
+    threshold_n: float = Field(THRESHOLD_N, description="a force in N")
 
 
-_KEYS: Any = {field.name: (field.type, field.default) for field in fields(Plate)}
-_Plate = create_model("_Plate", __base__=_Table, **_KEYS)
+_Pair = Annotated[tuple[float, float], BeforeValidator(tuple), Field(description="two lengths in m")]
+_Number = Annotated[float, Field(description="a number")]
+_KINDS: dict[Any, Any] = {float: _Number, tuple[float, float]: _Pair}
+_KEYS: Any = {field.name: (_KINDS[field.type], field.default) for field in fields(Plate)}
+_Plate = create_model("_Plate", __base__=Table, **_KEYS)
 
 
-class _Markers(_Table):
-    rate_hz: float = 1293.5
+class _Markers(Table):
+    rate_hz: float = Field(1293.5, description="a number")
 
 
-class _Document(_Table):
-    study: _Study
-    plate: _Plate = _Plate()  # type: ignore[valid-type]
-    markers: _Markers = _Markers()
-    sha256: dict[str, str] = {}
+class _Document(Table):
+    study: dict[str, Any] = Field({})
+    plate: dict[str, Any] = Field({})
+    markers: dict[str, Any] = Field({})
+    sha256: dict[str, str] = Field({}, description="digests by file")
 
 
 @dataclass(frozen=True)
@@ -128,10 +129,10 @@ class HeelStudy(Tabled):
             InputFileError: study.toml is missing or wrong, or nothing in the folder can be used.
         """
         folder = Path(folder)
-        document = _document(folder / "study.toml")
-        about, weights = document.study, dict[str, float]()
+        toml, weights = _About.read(folder / "study.toml"), dict[str, float]()
+        about = toml.study
         if raw := sorted(folder.glob("*.npz")):
-            outcomes = list(_raw(raw, document, weights))
+            outcomes = list(_raw(raw, toml, weights))
         else:
             outcomes = list(_tables(folder, about.threshold_n, about.origin))
         strikes = tuple(outcome for outcome in outcomes if isinstance(outcome, Strike))
@@ -156,41 +157,41 @@ def is_heel_study(folder: Path) -> bool:
     return isinstance(table, dict) and table.get("kind") == KIND
 
 
-def _document(file: Path) -> _Document:
-    """study.toml, its tables, keys and values checked."""
-    say = f'say kind = "{KIND}" under [study]'
-    if not file.is_file():
-        raise InputFileError(file, "no such file", f"a study of heel strikes needs one: {say}")
-    try:
-        content = tomllib.loads(file.read_text("utf-8"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputFileError(file, f"is not TOML ({error})") from None
-    if not is_heel_study(file.parent):
-        raise InputFileError(file, "is no study of heel strikes", say)
-    if isinstance(plate := content.get("plate"), dict):  # TOML has no tuples
-        content["plate"] = {k: tuple(v) if isinstance(v, list) else v for k, v in plate.items()}
-    try:
-        return _Document.model_validate(content)
-    except ValidationError as error:
-        first = error.errors()[0]
-    table, *rest = map(str, first["loc"])
-    if first["type"] == "extra_forbidden":
-        tables: dict[str, type[BaseModel]] = {"study": _Study, "plate": _Plate, "markers": _Markers}
-        valid = (tables[table] if rest else _Document).model_fields
-        name = f"key of [{table}]" if rest else "table"
-        raise InputFileError(file, unknown(name, (rest or [table])[0], valid))
-    place = f"[{table}] {'.'.join(rest)}"
-    value = "missing" if first["type"] == "missing" else repr(first["input"])
-    raise InputFileError(file, f"{place} is {value}", first["msg"][:1].lower() + first["msg"][1:])
+@dataclass(frozen=True)
+class _About:
+    """A study.toml: the study, its plate, the markers' rate [Hz], and digests of the files."""
+
+    study: _Study
+    plate: Plate
+    rate_hz: float
+    sha256: Mapping[str, str]
+
+    @classmethod
+    def read(cls, file: Path) -> "_About":
+        """From a file, its tables, keys and values checked."""
+        say = f'say kind = "{KIND}" under [study]'
+        if not file.is_file():
+            raise InputFileError(file, "no such file", f"a study of heel strikes needs one: {say}")
+        try:
+            content = tomllib.loads(file.read_text("utf-8"))
+        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+            raise InputFileError(file, f"is not TOML ({error})") from None
+        if not is_heel_study(file.parent):
+            raise InputFileError(file, "is no study of heel strikes", say)
+        tables = validated(_Document, file, content)
+        plate = validated(_Plate, file, tables.plate, "plate")
+        markers = validated(_Markers, file, tables.markers, "markers")
+        study = validated(_Study, file, tables.study, "study")
+        return cls(study, Plate(**dict(plate)), markers.rate_hz, tables.sha256)
 
 
-def _raw(files: list[Path], document: _Document, weights: dict[str, float]) -> Iterator[Strike | str]:
+def _raw(files: list[Path], about: _About, weights: dict[str, float]) -> Iterator[Strike | str]:
     """Strikes and sentences of raw files; body weights [N] go into `weights`."""
-    for name in document.sha256.keys() - {file.name for file in files}:
+    for name in about.sha256.keys() - {file.name for file in files}:
         yield f"{name}: is listed in study.toml and is not there."
     for file in files:
         try:
-            person = Person.read(file, document)
+            person = Person.read(file, about)
             weights[person.subject] = person.body_weight_n
             yield from person.strikes()
         except RecordingError as error:
@@ -231,23 +232,22 @@ class Person(Tabled):
         file = BUNDLED / f"subject_{subject}.npz"
         if not file.is_file():
             raise InputFileError(file, "no such file", "valid: 02 to 13")
-        return cls.read(file, _document(BUNDLED / "study.toml"))
+        return cls.read(file, _About.read(BUNDLED / "study.toml"))
 
     @classmethod
-    def read(cls, file: Path, document: _Document) -> "Person":
+    def read(cls, file: Path, about: _About) -> "Person":
         """Read a raw file.
 
         Raises:
             InputFileError: it is broken, or not the one that study.toml lists.
             RecordingError: there is no calibration.
         """
-        arrays = _arrays(file, document.sha256.get(file.name))
-        plate = Plate(**dict(document.plate))
+        arrays, plate = _arrays(file, about.sha256.get(file.name)), about.plate
         gain = plate.gain(arrays.get("calibration_volts", np.array([])))
         weight = gain * float(np.mean(arrays.get("standing_volts", np.array([np.nan]))))
         standing = _standing(arrays.get("standing_markers_mm"))
         subject = file.stem.rpartition("_")[2]
-        return cls(subject, plate, gain, document.markers.rate_hz, *standing, weight, arrays)
+        return cls(subject, plate, gain, about.rate_hz, *standing, weight, arrays)
 
     def names(self) -> list[tuple[str, str]]:
         """Speed and number of each trial."""
@@ -340,34 +340,13 @@ def _standing(markers_mm: np.ndarray | None) -> tuple[bool, float]:
 
 def _tables(folder: Path, threshold_n: float, origin: str) -> Iterator[Strike | str]:
     """Strikes of `strikes.csv`, or the sentence on each that could not be used."""
-    names = ("file", "subject", "speed")
-    table = _table(folder / "strikes.csv", names, dtype=str, keep_default_na=False)
-    for number, (name, subject, speed) in enumerate(table[list(names)].to_numpy(), 1):
+    table = read_table(folder / "strikes.csv", ("file", "subject", "speed"))
+    for number, row in enumerate(table.values(), 1):
+        name, subject, speed = (row[key] or "" for key in ("file", "subject", "speed"))
         try:
             yield read_csv(folder / name, subject, speed, str(number), threshold_n, origin)
         except FasError as error:
             yield str(error)
-
-
-def _table(file: Path, names: tuple[str, ...], **options: Any) -> Any:
-    """A CSV file with these columns, and others beside.
-
-    Raises:
-        InputFileError: it cannot be read, or a column is missing.
-    """
-    import pandas as pd
-
-    valid = f"valid: a CSV file with {','.join(names)}"
-    try:
-        table = pd.read_csv(file, **options).rename(columns=lambda name: str(name).strip())
-    except FileNotFoundError:
-        raise InputFileError(file, "no such file", valid) from None
-    except (OSError, ValueError) as error:
-        raise InputFileError(file, f"cannot be read ({error})", valid) from None
-    for name in names:
-        if name not in table:
-            raise InputFileError(file, f"has no column {name!r}", valid)
-    return table
 
 
 def read_csv(
@@ -391,15 +370,9 @@ def read_csv(
         InputFileError: it cannot be read, a column is missing, or the clock does not run.
         RecordingError: it holds no strike.
     """
-    import pandas as pd
-
     file, names = Path(file), ("time_s", "force_n", "compression_m")
-    table = _table(file, names, comment="#")
-    numbers = np.array([pd.to_numeric(table[name], errors="coerce") for name in names], float)
-    if (wrong := np.flatnonzero(~np.isfinite(numbers).all(axis=0))).size:
-        valid = "time, force and compression must be finite"
-        raise InputFileError(file, "a cell is no number", valid, int(wrong[0]) + 2)
-    t, F, x = numbers
+    table = read_table(file, names)
+    t, F, x = (column(file, table, name) for name in names)
     if t.size < _FEWEST or not (np.diff(t) > 0).all():
         text = "the clock does not run, or there are fewer than ten samples"
         raise InputFileError(file, text, "time_s must rise")

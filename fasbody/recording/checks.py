@@ -97,14 +97,15 @@ def _judged(recording: Recording) -> tuple[float | None, Recording, list[str]]:
     """Its excitation [Hz], None for broadband; the recording without offsets; and remarks."""
     for name, values in recording.accelerations.items():
         _possible(recording.time_s, f"{name}_m_s2", values)
-    recording, remark = uniform(recording)
+    time_s, channels, remark = uniform(recording.time_s, recording.accelerations)
     remarks = [remark] if remark else []
-    _time(recording)
-    offsets = {name: float(x.mean()) for name, x in recording.accelerations.items()}
-    for name, values in recording.accelerations.items():
+    _time(time_s)
+    offsets = {name: float(x.mean()) for name, x in channels.items()}
+    for name, values in channels.items():
         remarks += _channel(f"{name}_m_s2", values)
-    centred = {name: x - offsets[name] for name, x in recording.accelerations.items()}
-    recording = recording.with_channels({f"{name}_m_s2": x for name, x in centred.items()})
+    centred = {name: x - offsets[name] for name, x in channels.items()}
+    named = {f"{name}_m_s2": x for name, x in centred.items()}
+    recording = recording.with_channels({"time_s": time_s, **named})
     base_hz = find_frequency(recording.time_s, recording.base_m_s2)
     share = narrow_share(recording.time_s, recording.base_m_s2, base_hz)
     _moving(recording, base_hz if share > 0.5 else None)
@@ -147,9 +148,8 @@ def _possible(time_s: np.ndarray, name: str, values: np.ndarray) -> None:
         )
 
 
-def _time(recording: Recording) -> None:
-    """Refuse a time that is too short, too slow, or not uniform."""
-    t = recording.time_s
+def _time(t: np.ndarray) -> None:
+    """Refuse a time (n,) [s] that is too short, too slow, or not uniform."""
     if t.size < 50:
         raise RecordingError(
             f"has {t.size} samples, too short; record at least three periods (the thesis: 10 s)."
@@ -168,9 +168,10 @@ def _time(recording: Recording) -> None:
         raise RecordingError(
             f"time does not increase at sample {place} ({t[place - 1]:g} s, then {t[place]:g} s)."
         )
-    if recording.rate_hz < SLOWEST_HZ:
+    rate_hz = float((t.size - 1) / (t[-1] - t[0]))
+    if rate_hz < SLOWEST_HZ:
         raise RecordingError(
-            f"is sampled at {recording.rate_hz:.3g} Hz over {t[-1] - t[0]:.4g} s; needed are "
+            f"is sampled at {rate_hz:.3g} Hz over {t[-1] - t[0]:.4g} s; needed are "
             f"{SLOWEST_HZ:g} Hz (if the time is in ms, name the column time_ms)."
         )
     typical = float(np.median(steps))

@@ -1,12 +1,8 @@
 """Sample times as loggers write them: rounded stamps and exact ones that jitter, made uniform where that is right."""
 
-from dataclasses import replace
-from typing import TYPE_CHECKING
+from collections.abc import Mapping
 
 import numpy as np
-
-if TYPE_CHECKING:
-    from fasbody.recording.recording import Recording
 
 #: Steps that stay within this share of the typical one are uniform as they are.
 _UNIFORM = 0.5
@@ -51,56 +47,62 @@ def straightened(time_s: np.ndarray) -> np.ndarray:
     return _line(time_s)
 
 
-def uniform(recording: "Recording") -> tuple["Recording", str]:
-    """The recording at uniform times, and a sentence on what that costs; itself where nothing is to be done.
+def uniform(
+    time_s: np.ndarray, channels: Mapping[str, np.ndarray]
+) -> tuple[np.ndarray, Mapping[str, np.ndarray], str]:
+    """Uniform times, the channels at these, and a sentence on what that costs.
 
-    Rounded stamps are replaced by the clock that they were rounded from. Exact stamps that jitter are kept for what
-    they are: the channels are brought to uniform times by a spline. Gaps stay, for the checks to refuse.
+    Rounded stamps are replaced by the clock that they were rounded from. Exact stamps that jitter
+    are kept for what they are: the channels are brought to uniform times by a spline. Gaps stay,
+    for the checks to refuse.
+
+    Args:
+        time_s: (n,) [s].
+        channels: (n,) each.
     """
-    t = recording.time_s
+    t, unchanged = time_s, (time_s, channels, "")
     if t.size < 50 or not np.isfinite(t).all() or t[-1] <= t[0]:
-        return recording, ""
+        return unchanged
     steps = np.diff(t)
     typical = float((t[-1] - t[0]) / (t.size - 1))
     median = float(np.median(steps))
     if steps.min() > 0 and np.abs(steps - median).max() <= _UNIFORM * median:
-        return recording, ""
+        return unchanged
     unit = rounded(t)
-    if unit is not None and not _gapless(recording, unit):
-        return recording, ""
     if unit is not None:
-        return replace(recording, time_s=_line(t)), (
+        if not _gapless(t, channels, unit):
+            return unchanged
+        return _line(t), channels, (
             f"its times are rounded to {1e3 * unit:g} ms; they are taken for a uniform clock of "
             f"{1 / typical:.6g} Hz, which leaves ratio and phase as they are and the frequency uncertain by "
             f"{100 * unit / (t[-1] - t[0]):.1g} %."
         )
     if steps.min() <= 0 or steps.max() > _GAP * typical:
-        return recording, ""
+        return unchanged
     from scipy.interpolate import CubicSpline
 
     clock = np.linspace(t[0], t[-1], t.size)
-    channels = recording.accelerations
-    if any(x.shape != t.shape or not np.isfinite(x).all() for x in channels.values()):
-        return recording, ""
-    made = {f"{name}_m_s2": CubicSpline(t, x)(clock) for name, x in channels.items()}
-    return recording.with_channels({"time_s": clock, **made}), (
+    made = {name: CubicSpline(t, x)(clock) for name, x in channels.items()}
+    return clock, made, (
         f"its times jitter (steps of {1e3 * steps.min():.3g} to {1e3 * steps.max():.3g} ms); taken "
         f"for exact, the channels were brought to a uniform {1 / typical:.6g} Hz by a spline, which costs less than "
         f"0.1 % below {0.1 / typical:.3g} Hz."
     )
 
 
-def _gapless(recording: "Recording", unit: float) -> bool:
-    """Whether stamps rounded to a unit [s] are those of a uniform clock: odd steps again and again, or samples that go
-    on evenly over the few there are, as they would not if one were missing.
+def _gapless(time_s: np.ndarray, channels: Mapping[str, np.ndarray], unit: float) -> bool:
+    """Whether stamps rounded to a unit [s] are those of a uniform clock.
+
+    They are if odd steps come again and again, or if samples go on evenly over the few there are,
+    as they would not if one were missing.
     """
-    counts = np.round(np.diff(recording.time_s) / unit)
+    counts = np.round(np.diff(time_s) / unit)
     odd = np.flatnonzero(counts != np.median(counts))
     if odd.size >= _REPEATED:
         return True
     for place in odd:
         seen = would = 0.0
-        for values in recording.accelerations.values():
+        for values in channels.values():
             bends = np.diff(values, 3)
             scale = 1.4826 * float(np.median(np.abs(bends))) or 1e-12
             near = slice(max(0, place - 2), place + 1)

@@ -154,4 +154,5 @@ def validated(kind: type[_Kind], file: Path, table: object, place: str = "") -> 
     if first["type"] in ("dict_type", "model_type"):
         raise InputFileError(file, f"{name} is {value!r}", f"it must be a table, [{name}]")
     valid = f"valid: {kind.model_fields[key].description}"
-    raise InputFileError(file, f"{name} = {value!r}", valid, setting=name, value=value)
+    problem = f"{name} is missing" if first["type"] == "missing" else f"{name} = {value!r}"
+    raise InputFileError(file, problem, valid, setting=name, value=value)

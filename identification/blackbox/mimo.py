@@ -12,10 +12,10 @@ from fasbody.constants import Z95
 from fasbody.exceptions import RecordingError, SettingError, unknown
 from identification import criteria
 from identification.blackbox import pem, subspace
+from identification.blackbox.candidate import FITTED, Candidate, judge
 from identification.blackbox.data import Series
 from identification.blackbox.filters import as_columns, shifted
 from identification.blackbox.polynomial import Orders
-from identification.blackbox.selection import FITTED, Candidate, judge
 from identification.blackbox.state_space import StateSpace
 from identification.blackbox.validation import ALARM, CALM, residual_test
 

@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from identification.blackbox import excitation
+from identification.blackbox.candidate import Candidate, judge
 from identification.blackbox.data import Series, listed
 from identification.blackbox.frequency import Response
 from identification.blackbox.least_squares import Linearisation, minimise, spread, triangle
-from identification.blackbox.selection import Candidate, judge
 
 LARGEST_TERMS = 20
 FIRST = 4  # terms chosen by one-step errors, from which simulation goes on

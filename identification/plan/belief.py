@@ -21,7 +21,7 @@ from identification.motion import TwoMassMotion
 from identification.nuisances import Nuisance
 from identification.optimiser import Searched, search
 from identification.plan.prior import Person, PlanVariables, stream
-from identification.residual import Problem
+from identification.residual import Problem, Scatter
 from identification.sensors import MALLEOLUS
 from identification.steady import FOLLOWS, SIDES
 
@@ -90,7 +90,7 @@ class Belief:
 
     @property
     def decided(self) -> bool:
-        """Beyond 1000 to 1, by recordings that such a foot can make."""
+        """Beyond 100 to 1, by recordings that such a foot can make."""
         return self.follows and self.log_odds > np.log(DECISIVE_ODDS)
 
     @property
@@ -200,7 +200,7 @@ def repeatability(problem: Problem, q: np.ndarray, expected: float) -> float:
     """
     rows, output = problem.measured.rows, problem.measured.output
     unit = np.broadcast_to(np.eye(rows.shape[1]), problem.noise.shape)
-    now = replace(problem, noise=unit, repeatability=0.0).evaluate(q[None])
+    now = replace(problem, noise=unit, scatter=Scatter()).evaluate(q[None])
     e, J = now.residual[0, : problem.size], now.jacobian[0, : problem.size]
     mean, std = problem.variables.prior
     e = e - J @ (q - mean)  # where the prior is centred, were the problem linear

@@ -8,13 +8,15 @@ none fits it is "none of these".
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import combinations
 from typing import Any
 
 import numpy as np
 
+from identification.bounded_least_squares import Minimum, minimise
+from identification.branches import DECISIVE_TOGETHER
 from identification.rivals import pad_balance
 from identification.rivals.mechanisms import BODY_KG, MASSES, MECHANISMS, Mechanism, pressed
 
@@ -26,15 +28,16 @@ DEPARTURE = 0.08
 #: Richer mechanisms that contain one: it is named before them unless they fit better.
 RICHER = {"constant": ("stiffening",), "second mode": ("both",)}
 #: Difference of the criterion that decides: odds of 1000 to 1.
-DECIDED = 2 * np.log(1000.0)
+DECIDED = 2 * np.log(DECISIVE_TOGETHER)
 #: Sum of squares per degree of freedom above which no mechanism fits.
 FITS = 1.5
 #: Damping ratio that is taken for a sensor's seat, and the softest seat that is allowed [Hz].
 SEAT_ZETA, SEAT_HZ = 0.2, 70.0
 #: Even draws that a fit may start from, of linear mechanisms and of others.
 BANK, PRESSED_BANK = 8000, 400
-#: Starts of a fit, of linear mechanisms and of others, and its steps.
-STARTS, PRESSED_STARTS, STEPS = 2, 1, 25
+#: Starts of a fit, of linear mechanisms and of others; its steps, and the decrease of the sum of
+#: squares that is worth no further one.
+STARTS, PRESSED_STARTS, STEPS, PROMISED = 2, 1, 40, 0.1
 #: Least share of the time in the air of a foot that leaves the plate.
 AIR = 0.05
 #: What is left of the static force where a motion counts as balanced.
@@ -43,14 +46,12 @@ LEFT = 1e-3
 HIGHER = 1.2
 #: Times as many starts where no mechanism fits.
 MORE = 6
-#: A fit whose sum of squares lies so far above another's, and creeps, is given up.
-FAR = 100.0
 UNDECIDED, NONE = "undecided", "none of these"
 
 
 @dataclass(frozen=True)
 class Plan:
-    """Recordings to be made, or that were.
+    """Responses to be made, or that were.
 
     Attributes:
         name: short.
@@ -83,47 +84,30 @@ class Plan:
 
 
 @dataclass(frozen=True)
-class Recordings:
-    """Responses of a plan's recordings, (n,), complex unless stated otherwise.
+class Responses:
+    """Responses at a plan's recordings, (n,), or of several draws, (d, n), complex unless stated.
 
     Attributes:
         MB: malleolus over the table.
         TB: tuberosity over the table.
         second: second harmonic of the malleolus over its first.
-        air: share of the time without contact, known to a simulator only, real.
         repeats: whether each motion repeats after one period, bool.
+        air: share of the time without contact, real; None where it is not known.
+        x: balanced motions (d n, u); None where none were sought.
     """
 
     MB: Array
     TB: Array
     second: Array
-    air: Array
     repeats: Array
-
-    def only(self, rows: Array) -> "Recordings":
-        """Some of them, (n,) bool or places."""
-        return Recordings(*(getattr(self, field.name)[rows] for field in fields(self)))
-
-
-@dataclass(frozen=True)
-class Predicted:
-    """What a mechanism gives.
-
-    Attributes:
-        MB: (d, n).
-        TB: (d, n).
-        second: of the malleolus, over its first, (d, n).
-        x: balanced motions (d n, u), None of a linear mechanism.
-        air: share of the time in the air (d, n).
-        balanced: which motions are (d, n).
-    """
-
-    MB: Array
-    TB: Array
-    second: Array
-    x: Array | None = None
     air: Array | None = None
-    balanced: Array | None = None
+    x: Array | None = None
+
+    def only(self, rows: Array) -> "Responses":
+        """Some of the recordings, (n,) bool or places."""
+        air = None if self.air is None else self.air[..., rows]
+        MB, TB, second, repeats = (x[..., rows] for x in (self.MB, self.TB, self.second, self.repeats))
+        return Responses(MB, TB, second, repeats, air)
 
 
 def predict(
@@ -132,8 +116,8 @@ def predict(
     plan: Plan,
     start: Array | None = None,
     nearby: bool = False,
-    data: Recordings | None = None,
-) -> Predicted:
+    data: Responses | None = None,
+) -> Responses:
     """What a mechanism with constants (d,) gives at the recordings of a plan.
 
     Args:
@@ -147,7 +131,7 @@ def predict(
     f, columns = plan.frequency_hz, {name: value[:, None] for name, value in values.items()}
     if mechanism.response is not None:
         MB, TM = mechanism.response(f, columns, plan.added_kg)
-        return Predicted(MB, MB * TM, np.zeros_like(MB))
+        return Responses(MB, MB * TM, np.zeros_like(MB), np.ones(MB.shape, bool))
     assert mechanism.standing is not None
     M, MF, TM = mechanism.standing(f, columns, plan.added_kg)
     systems = pressed(f, columns, M, plan.added_kg, plan.table)
@@ -168,7 +152,7 @@ def predict(
     balanced = (left / systems.static < LEFT).reshape(shape)
     MB = a[..., 0] / plan.table
     second = -1j * a[..., 1] / a[..., 0]
-    return Predicted(MB, MB * TM[..., 0], second, x, systems.air(x).reshape(shape), balanced)
+    return Responses(MB, MB * TM[..., 0], second, balanced, systems.air(x).reshape(shape), x)
 
 
 def _one_step(systems: pad_balance.Pressed, start: Array, draws: int) -> Array:
@@ -260,13 +244,13 @@ class Analysis:
     ) -> None:
         self.plan, self.departure = plan, departure
         self.rivals = {name: MECHANISMS[name].of(body_kg) for name in rivals}
-        self.bank: dict[str, tuple[Array, Predicted]] = {}
+        self.bank: dict[str, tuple[Array, Responses]] = {}
         for name, mechanism in self.rivals.items():
             size = pressed_bank if mechanism.pressed else bank, len(mechanism.constants)
             u = np.random.default_rng(seed).random(size)
             self.bank[name] = u, predict(mechanism, mechanism.values(u), plan)
 
-    def verdict(self, measured: Recordings) -> Verdict:
+    def verdict(self, measured: Responses) -> Verdict:
         """Name the mechanism behind recordings of the plan.
 
         Those that do not repeat are left out, and where harmonics are recorded they rule out every
@@ -274,7 +258,7 @@ class Analysis:
         """
         return self.judged(measured)[0]
 
-    def judged(self, measured: Recordings) -> tuple[Verdict, list[Fitted]]:
+    def judged(self, measured: Responses) -> tuple[Verdict, list[Fitted]]:
         """The verdict, and the fit of each mechanism, the best one first."""
         kept = measured.repeats
         plan, data = self.plan.only(kept), measured.only(kept)
@@ -286,8 +270,8 @@ class Analysis:
             fits = [f if self.rivals[f.rival].pressed else replace(f, criterion=np.inf) for f in fits]
         fits.sort(key=lambda f: f.criterion)
         first, rest = fits[0], fits[1:]
-        sizes = _misfit(plan, data, self.departure, data.MB[None], data.TB[None], data.second[None])
-        dof = max(1, sizes.shape[1] - len(self.rivals[first.rival].constants))
+        numbers = _misfit(plan, data, self.departure, data).size
+        dof = max(1, numbers - len(self.rivals[first.rival].constants))
         others = [f for f in rest if f.rival not in RICHER.get(first.rival, ())]
         # where only a richer one is left it has to be beaten, too
         margin = min((f.criterion for f in others or rest), default=np.inf) - first.criterion
@@ -296,64 +280,65 @@ class Analysis:
         criteria = {f.rival: f.criterion for f in fits}
         return Verdict(named, first.rival, margin, per_dof, criteria, int((~kept).sum())), fits
 
-    def _fit(self, name: str, plan: Plan, data: Recordings, kept: Array, goal: float) -> Fitted:
-        search = _Search(self.rivals[name], plan, data, self.departure, goal)
+    def _fit(self, name: str, plan: Plan, data: Responses, kept: Array, goal: float) -> Fitted:
+        search = _Search(self.rivals[name], plan, data, self.departure)
         u, drawn = self.bank[name]
-        MB, TB, second = (part[:, kept] for part in (drawn.MB, drawn.TB, drawn.second))
-        rough = _misfit(plan, data, self.departure, MB, TB, second)
+        rough = _misfit(plan, data, self.departure, drawn.only(kept))
         order = np.argsort(np.nan_to_num((rough**2).sum(axis=1), nan=np.inf))
         starts = PRESSED_STARTS if self.rivals[name].pressed else STARTS
-        best: tuple[float, Array, float, float] | None = None
+        ends: list[tuple[Minimum, float]] = []
         for number, at in enumerate(order[: MORE * starts]):
-            fitted = best is None or min(goal, best[0]) < FITS * rough.shape[1]
-            if number >= starts and fitted:
+            least = min([goal, *(end.objective for end, _ in ends)])
+            if number >= starts and least < FITS * rough.shape[1]:
                 break
-            end = search.least(u[at])
-            if best is None or end[0] < best[0]:
-                best = end
-        assert best is not None
-        chi2, theta, air, volume = best
-        read = search.read(theta[None], None)
-        values = search.mechanism.values(theta[None, : search.free])
+            ends.append(search.least(u[at]))
+        end, volume = min(ends, key=lambda pair: pair[0].objective)
+        read = search.read(end.q[None], None)
+        values = search.mechanism.values(end.q[None, : search.free])
         constants = {k: float(v[0]) for k, v in values.items()}
+        air = 0.0 if read.air is None else float(read.air.max())
+        chi2 = end.objective
         return Fitted(name, chi2, chi2 + volume, constants, air, read.MB[0], read.TB[0])
 
 
-def _misfit(plan: Plan, data: Recordings, departure: float, MB: Array, TB: Array, second: Array) -> Array:
+def _misfit(plan: Plan, data: Responses, departure: float, read: Responses) -> Array:
     """Residuals over their scatter, real, (d, m). What two amplitudes share cancels in a ratio."""
     parts, whole = [], float(np.hypot(NOISE, departure / np.sqrt(2)))
     pair = plan.partner
     paired = pair >= 0
-    for model, measured in ((MB, data.MB), (TB, data.TB))[: 2 if plan.tuberosity else 1]:
+    for pairing in ("MB", "TB")[: 2 if plan.tuberosity else 1]:
+        model, measured = getattr(read, pairing), getattr(data, pairing)
         ratio = measured / np.where(paired, measured[pair], 1.0)
         scatter = np.where(paired, NOISE * np.sqrt(2), whole) * np.abs(ratio)
         parts.append((model / np.where(paired, model[..., pair], 1.0) - ratio) / scatter)
     if plan.harmonics:
-        parts.append((second - data.second) / (NOISE + whole * np.abs(data.second)))
+        parts.append((read.second - data.second) / (NOISE + whole * np.abs(data.second)))
     z = np.concatenate(parts, axis=-1)
     return np.concatenate([z.real, z.imag], axis=-1)
 
 
-@dataclass(frozen=True)
 class _Search:
-    """Least squares of one mechanism in theta (p,): shares of its bounds, then the nuisances.
+    """The sum of squares of one mechanism in theta (p,): shares of its bounds, then the nuisances.
 
     Nuisances are mass and two gains in standard deviations, and how soft the two seats are.
-    `goal` is the sum of squares of another mechanism: a fit that creeps far above it is given up.
+    `bounded_least_squares.minimise` finds where it is least.
+
+    Args:
+        mechanism: which.
+        plan: what was shaken.
+        data: what was read.
+        departure: how far the foot may be off the mechanism.
     """
 
-    mechanism: Mechanism
-    plan: Plan
-    data: Recordings
-    departure: float
-    goal: float
+    def __init__(self, mechanism: Mechanism, plan: Plan, data: Responses, departure: float) -> None:
+        self.mechanism, self.plan, self.data, self.departure = mechanism, plan, data, departure
+        self.free = len(mechanism.constants)
+        self.low = np.r_[np.zeros(self.free), np.full(3, -4.0), np.zeros(2)]
+        self.high = np.r_[np.ones(self.free), np.full(3, 4.0), np.ones(2)]
+        self._start: Array | None = None
+        self._reached: Array | None = None
 
-    @property
-    def free(self) -> int:
-        """How many constants the mechanism has."""
-        return len(self.mechanism.constants)
-
-    def read(self, theta: Array, start: Array | None, nearby: bool = False) -> Predicted:
+    def read(self, theta: Array, start: Array | None, nearby: bool = False) -> Responses:
         """What the sensors read, for theta (d, p)."""
         f, z = self.plan.frequency_hz, theta[:, self.free :]
         values = self.mechanism.values(theta[:, : self.free])
@@ -369,58 +354,45 @@ class _Search:
             second=bone.second * mount(2 * f, seats[0], SEAT_ZETA) / malleolus,
         )
 
-    def residuals(self, theta: Array, start: Array | None, nearby: bool = False) -> tuple[Array, Predicted]:
+    def _residuals(self, theta: Array, read: Responses) -> Array:
         """Whitened residuals and prior rows, (d, m), for theta (d, p)."""
-        read = self.read(theta, start, nearby)
-        misfit = _misfit(self.plan, self.data, self.departure, read.MB, read.TB, read.second)
-        return np.concatenate([misfit, theta[:, self.free : self.free + 3]], axis=1), read
+        misfit = _misfit(self.plan, self.data, self.departure, read)
+        return np.concatenate([misfit, theta[:, self.free : self.free + 3]], axis=1)
 
-    def slope(self, theta: Array, middle: Array, start: Array | None) -> Array:
-        """Derivatives of the residuals (m, p), taken towards the middle of the bounds."""
-        inward = np.where(theta > middle, -1e-6, 1e-6)
-        near = np.vstack([theta, theta + np.diag(inward)])
-        rows, _ = self.residuals(near, start, nearby=start is not None)
-        return (rows[1:] - rows[0]).T / inward
+    def values(self, q: Array) -> Array:
+        """See `bounded_least_squares.SumOfSquares`; motions begin at those of the last step."""
+        read = self.read(q[None], self._start)
+        self._reached = read.x
+        return self._residuals(q[None], read)[0]
 
-    def least(self, share: Array) -> tuple[float, Array, float, float]:
-        """Levenberg's and Marquardt's steps within bounds, from shares (c,).
+    def derivatives(self, q: Array) -> None:
+        """See `bounded_least_squares.SumOfSquares`: differences towards the middle of the bounds."""
+        self._start = self._reached
+        inward = np.where(q > 0.5 * (self.low + self.high), -1e-6, 1e-6)
+        near = np.vstack([q, q + np.diag(inward)])
+        rows = self._residuals(near, self.read(near, self._start, nearby=self._start is not None))
+        self.jacobian = (rows[1:] - rows[0]).T / inward
 
-        Returns:
-            Sum of squares; theta (p,); largest share of the time in the air; what the data leave of
-            the bounds, -2 log of a volume. A constant that the data do not touch costs nothing:
-            counting constants (the Bayesian information criterion) named simple mechanisms for
-            their simplicity alone.
+    def gram(self) -> Array:
+        """See `bounded_least_squares.SumOfSquares`."""
+        return self.jacobian.T @ self.jacobian
+
+    def back(self, r: Array) -> Array:
+        """See `bounded_least_squares.SumOfSquares`."""
+        return self.jacobian.T @ r
+
+    def least(self, share: Array) -> tuple[Minimum, float]:
+        """The minimum below shares (c,) of the bounds, and what the data leave of the bounds there.
+
+        The latter is -2 log of a volume: a constant that the data do not touch costs nothing.
+        Counting constants (the Bayesian information criterion) named simple mechanisms for their
+        simplicity alone.
         """
-        low = np.r_[np.zeros(self.free), np.full(3, -4.0), np.zeros(2)]
-        high = np.r_[np.ones(self.free), np.full(3, 4.0), np.ones(2)]
-        theta = np.r_[share, np.zeros(3), np.full(2, 0.2)]
-        rest, now = self.residuals(theta[None], None)
-        best, damp, small = float((rest**2).sum()), 1e-2, 0
-        for _ in range(STEPS):
-            J = self.slope(theta, 0.5 * (low + high), now.x)
-            gradient = J.T @ rest[0]
-            out = ((theta <= low) & (gradient > 0)) | ((theta >= high) & (gradient < 0))
-            J[:, out], gradient[out] = 0.0, 0.0
-            N = J.T @ J
-            for _ in range(6):
-                step = np.linalg.solve(N + np.diag(damp * (N.diagonal() + 1e-3)), gradient)
-                new = np.clip(theta - step, low, high)
-                later, reached = self.residuals(new[None], now.x)
-                total = float((later**2).sum())
-                if total < best:
-                    break
-                damp *= 5
-            else:
-                break
-            ahead = best - self.goal
-            enough = 0.15 * ahead if ahead > FAR else 0.1
-            small = small + 1 if best - total < enough else 0
-            theta, rest, now, best, damp = new, later, reached, total, max(damp / 8, 1e-6)
-            if small >= 2:
-                break
-        J = self.slope(theta, 0.5 * (low + high), now.x)
-        volume = float(np.linalg.slogdet(np.eye(theta.size) + J.T @ J / (2 * np.pi))[1])
-        return best, theta, 0.0 if now.air is None else float(now.air.max()), volume
+        self._start = None
+        begin = np.r_[share, np.zeros(3), np.full(2, 0.2)]
+        end = minimise(self, begin, self.low, self.high, STEPS, PROMISED)
+        volume = np.linalg.slogdet(np.eye(begin.size) + self.gram() / (2 * np.pi))[1]
+        return end, float(volume)
 
 
 @dataclass(frozen=True)

@@ -29,7 +29,7 @@ from identification.rivals.mechanism_fit import (
     Confusion,
     Fitted,
     Plan,
-    Recordings,
+    Responses,
     Verdict,
 )
 from identification.rivals.mechanisms import BODY_KG, MECHANISMS
@@ -71,7 +71,7 @@ class Sines:
     posture: str
     body_kg: float | None
     plan: Plan
-    recordings: Recordings
+    recordings: Responses
     used: int
     left_out: tuple[str, ...]
     notes: tuple[str, ...]
@@ -126,7 +126,7 @@ def _read(subject: str, posture: str, recordings: Sequence[Recording]) -> Sines:
         for name in names
     )
     plan = Plan("these recordings", hz, added, table, tuberosity, harmonics)
-    made = Recordings(MB, TB if tuberosity else MB, second, np.full(hz.size, np.nan), repeats)
+    made = Responses(MB, TB if tuberosity else MB, second, repeats)
     used = len(recordings) - len(left_out)
     return Sines(
         subject, posture, masses.pop(), plan, made, used, tuple(left_out), tuple(notes)
@@ -134,7 +134,7 @@ def _read(subject: str, posture: str, recordings: Sequence[Recording]) -> Sines:
 
 
 class _Row(NamedTuple):
-    """One sine; the complex responses as `Recordings` has them."""
+    """One sine; the complex responses as `Responses` has them."""
 
     frequency_hz: float
     added_kg: float

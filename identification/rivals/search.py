@@ -53,7 +53,7 @@ def climb(candidates: Sequence[Candidate], advance: Advance) -> list[Contender]:
     best = min(searched, key=lambda s: (s.problem.repeatability, s.optima[0].objective)).problem
     contenders = []
     for candidate, search in zip(candidates, searched, strict=True):
-        problem = replace(candidate.problem, noise=best.noise, repeatability=best.repeatability)
+        problem = replace(candidate.problem, noise=best.noise, seats=best.seats, scatter=best.scatter)
         ends = _ends(problem, search.optima, searched)
         contenders.append(Contender(candidate, ends, search.problem.repeatability))
     return contenders

@@ -22,7 +22,7 @@ from identification.rivals.mechanism_fit import (
     MASS,
     NOISE,
     Plan,
-    Recordings,
+    Responses,
     mount,
     predict,
 )
@@ -78,7 +78,7 @@ class Subject:
         seats = rng.uniform(*MOUNT_HZ, 2), rng.uniform(*MOUNT_ZETA, 2)
         return cls(mechanism, dict(values), body, gain, *seats)
 
-    def shaken(self, frequency_hz: Array, added_kg: Array, table: Array) -> Recordings:
+    def shaken(self, frequency_hz: Array, added_kg: Array, table: Array) -> Responses:
         """True motion at frequencies [Hz], loads [kg] and amplitudes [m/s^2] (n,), as sensed."""
         shakings = zip(frequency_hz, added_kg, table, strict=True)
         out = np.array([self._shaken_once(*shaking) for shaking in shakings])
@@ -86,7 +86,7 @@ class Subject:
         second = out[:, 1] * mount(2 * frequency_hz, self.mount_hz[0], self.mount_zeta[0])
         tibia = out[:, 2] * mount(frequency_hz, self.mount_hz[1], self.mount_zeta[1])
         MB, TB = self.gain[0] * first / table, self.gain[1] * tibia / table
-        return Recordings(MB, TB, second / first, out[:, 3].real, out[:, 4].real < SAME)
+        return Responses(MB, TB, second / first, out[:, 4].real < SAME, out[:, 3].real)
 
     def _shaken_once(self, frequency_hz: float, added_kg: float, table: float) -> Array:
         v = {k: x * (self.body if k in MASSES else 1.0) for k, x in self.values.items()}
@@ -200,14 +200,14 @@ def draw(name: str, rng: np.random.Generator, choice: int = CHOICE, body_kg: flo
     MB, TB = (T.reshape(choice, len(ADDED_KG), -1) for T in (response.MB, response.TB))
     peak = np.array(FREQUENCIES_HZ)[np.abs(MB).argmax(axis=-1)]
     score = 3.0 * ranges_met(peak).sum(axis=-1) + judge(Curves(MB, TB / MB)).sum(axis=-1)
-    if response.air is not None and response.balanced is not None:
-        good = response.balanced.mean(axis=1) >= BALANCED
+    if response.air is not None:
+        good = response.repeats.mean(axis=1) >= BALANCED
         score = np.where((response.air.max(axis=1) >= AIR) & good, score, -1.0)
     at = int(score.argmax())
     return Subject.drawn(name, {k: float(v[at]) for k, v in values.items()}, rng)
 
 
-def measured(subject: Subject, plan: Plan, rng: np.random.Generator, departure: float = DEPARTURE) -> Recordings:
+def measured(subject: Subject, plan: Plan, rng: np.random.Generator, departure: float = DEPARTURE) -> Responses:
     """A subject's recordings with scatter, its responses off every mechanism by a smooth share.
 
     The share is the same at every amplitude: what moves in the foot is.

@@ -1,6 +1,7 @@
 """Which mechanism made a recording: harmonic balance against the subjects' simulator, verdicts, resuming."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -93,11 +94,11 @@ def test_a_motion_that_no_rival_makes_is_none_of_these_and_one_that_does_not_rep
     true = measured(exact("stiffening", STIFF), ALL, rng, departure=0.0)
     odd = np.where(ALL.frequency_hz > 25, 2.0, 0.5)
     quick = Analysis(ALL, ("stiffening", "second mode"), bank=300)
-    wrong = type(true)(true.MB * odd, true.TB / odd, true.second, true.air, true.repeats)
+    wrong = replace(true, MB=true.MB * odd, TB=true.TB / odd)
     assert quick.verdict(wrong).named == fit.NONE
     lost = true.repeats.copy()
     lost[:2] = False
-    verdict = quick.verdict(type(true)(true.MB, true.TB, true.second, true.air, lost))
+    verdict = quick.verdict(replace(true, repeats=lost))
     assert verdict.left_out == 2
     assert np.isinf(list(verdict.criteria.values())).all()
 
