@@ -776,9 +776,9 @@ REFUSED = (
         "a pad that relaxes",
         (
             (
-                "  </actuator>",
-                '    <general name="gel" tendon="heel_pad" dyntype="user" actdim="8" gainprm="0" '
-                'biastype="user" biasprm="4.22 40 5 0.8 0.004 1.5 0.02 0.2"/>\n  </actuator>',
+                "  <tendon>",
+                '    <actuator><general name="gel" tendon="heel_pad" dyntype="user" actdim="8" gainprm="0" '
+                'biastype="user" biasprm="4.22 40 5 0.8 0.004 1.5 0.02 0.2"/></actuator>\n  <tendon>',
             ),
         ),
         "actuator 'gel' acts on the arch",

@@ -263,3 +263,17 @@ def test_scene_is_read_while_it_changes() -> None:
     finally:
         stop.set()
         worker.join()
+
+
+def test_a_model_has_what_it_includes_where_mujoco_finds_it(tmp_path: Path) -> None:
+    """Beside the main file, then beside the one that includes; what is in a comment is no include."""
+    (tmp_path / "parts").mkdir()
+    texts = {
+        "main.xml": '<mujoco><!-- <include file="no.xml"/> --><include file="parts/a.xml"/></mujoco>',
+        "parts/a.xml": '<mujoco><include file="b.xml"/><include file="c.xml"/></mujoco>',
+        "parts/b.xml": "<mujoco/>", "parts/c.xml": "<mujoco/>", "c.xml": "<mujoco/>", "no.xml": "<mujoco/>",
+    }  # fmt: skip
+    for name, text in texts.items():
+        (tmp_path / name).write_text(text)
+    expected = {"main.xml", "parts/a.xml", "parts/b.xml", "c.xml"}
+    assert {file.relative_to(tmp_path).as_posix() for file in files_of(str(tmp_path / "main.xml"))} == expected
