@@ -230,7 +230,7 @@ def test_probability_of_a_goal_is_that_of_feet_whose_widths_and_odds_scatter() -
     met = []
     for widths, odds in zip(half, outlook.log_odds, strict=True):
         narrow = (widths[0] * factor <= 0.04) & (widths[2] * factor <= 0.09)
-        decided = odds + np.sqrt(2 * odds) * rng.standard_normal(count) > np.log(1000)
+        decided = odds + np.sqrt(2 * odds) * rng.standard_normal(count) > np.log(100)
         met.append(np.mean(narrow & decided))
     assert outlook.goal() == pytest.approx(np.mean(met), abs=0.003)
     alone = np.mean(factor[:, None] * half[:, 0] <= 0.04)
