@@ -368,19 +368,19 @@ def _annealed(
     rest = sorted(groups.items(), key=lambda item: -item[0])
     goal = problem.with_scatter(last or Scatter())
     level, population = max(rest[0][0], goal.repeatability), rest[0][1]
-    rest, there = rest[1:], False
+    rest, arrived = rest[1:], False
     for _ in range(_LEVELS):
-        while rest and (there or rest[0][0] > 0.99 * level):
+        while rest and (arrived or rest[0][0] > 0.99 * level):
             population = population.joined(rest.pop(0)[1])
-        problem = goal if there else goal.with_repeatability(level)
-        population = _down(problem, population, steps, _PROMISED if there else _ON_THE_WAY).distinct(_ONE)
+        problem = goal if arrived else goal.with_repeatability(level)
+        population = _down(problem, population, steps, _PROMISED if arrived else _ON_THE_WAY).distinct(_ONE)
         if last is None:
             goal = _reweighed(problem, population)
-        if there and not rest and problem.scatter.near(goal.scatter, _SETTLED):
+        if arrived and not rest and problem.scatter.near(goal.scatter, _SETTLED):
             break
         size = goal.repeatability
-        there = level <= fall * size or level < fall * _LEVEL
-        level = size if there else level / fall
+        arrived = level <= fall * size or level < fall * _LEVEL
+        level = size if arrived else level / fall
     return problem, population.distinct(most=_KEPT)
 
 
