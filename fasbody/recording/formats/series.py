@@ -104,6 +104,12 @@ def text_of(attribute: object) -> str:
     return attribute if isinstance(attribute, str) else ""
 
 
+def told_apart(series: list[Series]) -> list[Series]:
+    """With the group in front of a name that several series have."""
+    again = Counter(s.name for s in series)
+    return [replace(s, name=f"{s.group}/{s.name}" if again[s.name] > 1 and s.group else s.name) for s in series]
+
+
 def short(series: list[Series]) -> list[Series]:
     """Named without their groups where that is unambiguous."""
     parts = [s.name.rpartition("/") for s in series]
