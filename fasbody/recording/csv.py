@@ -162,7 +162,9 @@ class TextTable:
         columns = {name: _joined(pieces) for name, pieces in parts.items()}
         for name, index in rest.items():
             _no_thousands(self, name, index, columns[name])
-        return {name: _past_midnight(values) if name in times else values for name, values in columns.items()}
+        for name in times:  # it passes midnight where the time of the day falls
+            columns[name][1:] += 86_400 * np.cumsum(np.diff(columns[name]) < -43_200)
+        return columns
 
     def bodies(self) -> Iterator[tuple[int, str]]:
         """How many lines of the file stand above each piece of the numbers, and the piece, without a footer."""
@@ -373,20 +375,17 @@ def _parsed(data: bytes, separator: str, decimal: str, order: Sequence[int], wid
         return list(table.T.copy())
     import pandas as pd
 
+    # from 3.1 on pandas reads every digit by itself
+    exact = tuple(map(int, pd.__version__.split(".")[:2])) >= (3, 1)
     frame = pd.read_csv(
         BytesIO(data), sep=r"\s+" if separator == " " else separator, decimal=decimal, header=None,
         names=list(range(width)), usecols=sorted(order), index_col=False, skipinitialspace=True,
-        float_precision=None if _exact(pd.__version__) else "round_trip", keep_default_na=False, na_values=[""],
+        float_precision=None if exact else "round_trip", keep_default_na=False, na_values=[""],
     )  # fmt: skip
     columns = [frame.pop(index) if order.count(index) == 1 else frame[index] for index in order]
     if any(column.dtype.kind not in "fiu" or np.isinf(column).any() for column in columns):
         raise ValueError
     return [column.to_numpy(float).copy() for column in columns]
-
-
-def _exact(version: str) -> bool:
-    """Whether pandas reads every digit by itself, as it does from 3.1 on."""
-    return tuple(map(int, version.split(".")[:2])) >= (3, 1)
 
 
 def _seconds(file: Path, body: str, separator: str, index: int, after: int) -> np.ndarray:
@@ -400,12 +399,6 @@ def _seconds(file: Path, body: str, separator: str, index: int, after: int) -> n
         hour = int(stamp[1] or 0) if stamp[4] is None else int(stamp[1] or 0) % 12 + 12 * (stamp[4] in "Pp")
         seconds.append(3600 * hour + 60 * int(stamp[2]) + float(stamp[3].replace(",", ".")))
     return np.array(seconds, float)
-
-
-def _past_midnight(times: np.ndarray) -> np.ndarray:
-    """Times of the day (n,) [s] that go on rising where a recording passes midnight."""
-    passed = np.concatenate([[0], np.cumsum(np.diff(times) < -43_200)]) if times.size else times
-    return times + 86_400 * passed
 
 
 def _no_wider(table: TextTable, body: str, data: bytes, after: int) -> None:

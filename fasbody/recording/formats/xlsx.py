@@ -22,20 +22,15 @@ def decode(file: Path) -> list[Series]:
     from openpyxl import load_workbook
 
     book = load_workbook(file, read_only=True, data_only=True)
-    series = [
-        replace(column, group=sheet.title)
-        for sheet in book.worksheets
-        for column in _columns(sheet.title, list(_rows(sheet)))
-    ]
+    series, total = list[Series](), 0
+    for sheet in book.worksheets:
+        rows = []
+        for row in sheet.iter_rows(values_only=True):
+            total += len(row)
+            check_size(total)
+            rows.append(row)
+        series += [replace(column, group=sheet.title) for column in _columns(sheet.title, rows)]
     return told_apart(series) if len({s.group for s in series}) > 1 else series
-
-
-def _rows(sheet: Any) -> Any:
-    total = 0
-    for row in sheet.iter_rows(values_only=True):
-        total += len(row)
-        check_size(total)
-        yield row
 
 
 def _columns(sheet: str, rows: list[tuple[Any, ...]]) -> list[Series]:
