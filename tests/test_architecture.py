@@ -22,7 +22,7 @@ DOORS = {
     "sounddevice": {"fasbody/acquire/audio.py"},
     "pyvisa": {"fasbody/acquire/visa.py"},
     "meshcat": {"viz/scene.py"},
-    "gmsh": {"fasbody/cell/mesh.py"},
+    "gmsh": {"fasbody/cell/mesher.py"},
     "dask": {"identification/study/cluster.py"},
     "distributed": {"identification/study/cluster.py"},
 }

@@ -16,7 +16,8 @@ from fasbody.cell.assembly import FREE, assemble
 from fasbody.cell.body import UNITS, Body, BodyModes, body_modes, bones, read_body
 from fasbody.cell.companion import pair, refined
 from fasbody.cell.materials import Material
-from fasbody.cell.mesh import FACES, default_size, fill
+from fasbody.cell.mesh import FACES
+from fasbody.cell.mesher import default_size, fill
 from fasbody.cell.modal import CellModel, solve
 from fasbody.cell.viscoelastic import ReducedCell, StandardLinearSolid, damped_modes, force_response, point_load
 from fasbody.exceptions import InputFileError, SettingError

@@ -14,7 +14,8 @@ from fasbody.cell.cytoskeleton import Tensegrity
 from fasbody.cell.dome import Dome
 from fasbody.cell.materials import Preset
 from fasbody.cell.membrane import Membrane
-from fasbody.cell.mesh import MeshSize, dome_mesh
+from fasbody.cell.mesh import MeshSize
+from fasbody.cell.mesher import dome_mesh
 from fasbody.cell.modal import CellModel, Modes, solve
 from fasbody.cell.modeshape import describe
 from fasbody.presentation import Presented, Sheet

@@ -16,7 +16,7 @@ from fasbody.cell.analysis import ModalAnalysis
 from fasbody.cell.assembly import FREE, assemble
 from fasbody.cell.companion import pair, richardson, surface_meshes
 from fasbody.cell.materials import Material
-from fasbody.cell.mesh import FACES, MeshSize, TetMesh, rounded, volume
+from fasbody.cell.mesh import FACES, MeshSize, TetMesh
 from fasbody.cell.meshfile import (
     TETRAHEDRA,
     TRIANGLES,
@@ -27,6 +27,7 @@ from fasbody.cell.meshfile import (
     read_tetrahedra,
 )
 from fasbody.cell.modal import CellModel, solve
+from fasbody.cell.surface import rounded, volume
 from fasbody.cell.viscoelastic import (
     BaseResponse,
     DampedModes,
