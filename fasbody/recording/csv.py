@@ -11,7 +11,6 @@ from functools import cached_property
 from io import BytesIO, StringIO
 from itertools import islice, zip_longest
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -45,11 +44,6 @@ from fasbody.recording.text import (
 )
 from fasbody.sentences import Sentence
 
-if TYPE_CHECKING:
-    import pandas as pd
-
-#: A column of a file without a header, by its number.
-UNNAMED = "column {}"
 #: Longer texts are parsed by pandas, several times as fast as numpy's parser; importing it costs what this long takes.
 _LONG = 5_000_000
 _PLAIN = b"0123456789+-.eE,;|\t\n "
@@ -470,27 +464,3 @@ def column(file: Path, table: Rows, name: str, optional: bool = False) -> np.nda
         [np.nan if optional and not cell else _cell(file, name, [cell or ""], 0, line) for line, cell in cells.items()],
         float,
     )
-
-
-def read_columns(file: Path) -> "pd.DataFrame":
-    """Read all columns of any table, under the names of its first line, or as `UNNAMED` where that holds numbers."""
-    import pandas as pd
-
-    text = read_text(file)
-    _, separator, names = find_header(text, lambda cells: 0)
-    headed = not all(numeric(cell) for cell in names if cell)
-    try:
-        table = pd.read_csv(
-            StringIO(text), sep=r"\s+" if separator == " " else separator, header=0 if headed else None,
-            skipinitialspace=True, comment="#",
-        )  # fmt: skip
-    except (pd.errors.ParserError, pd.errors.EmptyDataError) as error:
-        reason = str(error).splitlines()[0].rstrip(".")
-        raise InputFileError(file, f"cannot be read as CSV ({reason})", "give rows of numbers") from None
-    if not isinstance(table.index, pd.RangeIndex):
-        raise InputFileError(
-            file, "its rows have more cells than its header",
-            "write decimal points where there are decimal commas, or separate the columns by semicolons",
-        )  # fmt: skip
-    columns = map(str, table.columns) if headed else (UNNAMED.format(n) for n in range(1, table.shape[1] + 1))
-    return table.set_axis([name.strip() for name in columns], axis=1)
