@@ -18,6 +18,7 @@ import numpy as np
 from identification.branches import DECISIVE_TOGETHER
 from identification.rivals import pad_balance
 from identification.rivals.mechanisms import BODY_KG, MASSES, MECHANISMS, Mechanism, pressed
+from identification.rivals.motion import hung
 
 Array = np.ndarray
 #: Scatter of a response and of a second harmonic, of a sensor's gain, of the stated body mass [1].
@@ -165,12 +166,6 @@ def _one_step(systems: pad_balance.Pressed, start: Array, draws: int) -> Array:
     x = np.tile(start, (draws, 1))
     residual = systems.residual(x, np.arange(systems.omega.size))
     return x - (np.tile(inverse, (draws, 1, 1)) @ residual[..., None])[..., 0]
-
-
-def mount(frequency_hz: Array, mount_hz: Array | float, zeta: Array | float) -> Array:
-    """What a sensor on the skin reads over what the bone does, complex, (..., n)."""
-    r = 1j * np.asarray(frequency_hz) / mount_hz
-    return (1 + 2 * zeta * r) / (1 + 2 * zeta * r + r**2)
 
 
 @dataclass(frozen=True)
@@ -341,12 +336,13 @@ class _Search:
         data = self.data if start is None else None
         bone = predict(self.mechanism, values, self.plan, start, nearby, data)
         seats = [SEAT_HZ / np.sqrt(np.maximum(z[:, i], 1e-12))[:, None] for i in (3, 4)]
-        malleolus, tuberosity = (mount(f, hz, SEAT_ZETA) for hz in seats)
+        s = 2j * np.pi * f
+        malleolus, tuberosity = (hung(s, hz, SEAT_ZETA) for hz in seats)
         return replace(
             bone,
             MB=bone.MB * malleolus * (1 + GAIN * z[:, 1:2]),
             TB=bone.TB * tuberosity * (1 + GAIN * z[:, 2:3]),
-            second=bone.second * mount(2 * f, seats[0], SEAT_ZETA) / malleolus,
+            second=bone.second * hung(2 * s, seats[0], SEAT_ZETA) / malleolus,
         )
 
     def residuals(self, theta: Array, start: Array | None, nearby: bool = False) -> tuple[Array, Responses]:
