@@ -220,8 +220,8 @@ def page(reports: Sequence[Report]) -> str:
     """report.html: the models of every recording on one self-contained page."""
     from markupsafe import Markup
 
+    from fasbody.page import Section, html
     from identification.blackbox import figures
-    from identification.page import Section, html
 
     sections = []
     for report in reports:
