@@ -99,7 +99,8 @@ def harmonics() -> Figure:
         left.plot(folded[::23], channel[::23], ".", color=color, ms=5, alpha=0.5, mew=0)
         left.plot(phase, curve, color=color, lw=1, label=name)
         shift = 0.16 if color == BLUE else -0.16
-        right.bar(order + shift, np.abs(found.amplitudes), 0.3, color=color, bottom=1e-5)
+        mark = "o" if color == BLUE else "s"
+        right.plot(order + shift, np.abs(found.amplitudes), mark, color=color, ms=5)
         right.hlines(
             found.std,
             order + shift - 0.15,

@@ -39,6 +39,7 @@ ELSEWHERE = {
     "two_dof.md": "mjcf/two_dof/README.md",
     "leg.md": "mjcf/leg/README.md",
     "mounted_arch.md": "mjcf/mounted_arch/README.md",
+    "board_protocol.md": "fasbody/acquire/README.md",
     "benchmarks.md": "benchmarks/RESULTS.md",
     "contributing.md": "CONTRIBUTING.md",
     "changelog.md": "CHANGELOG.md",

@@ -26,7 +26,7 @@ TASKS: dict[str, dict[str, tuple[str, ...]]] = {
         "The leg": ("fasbody/leg chain peaks statements crosscheck figures",),
     },
     "Fit": {
-        "Fit a foot": ("identification fitting setup estimates result report",),
+        "Fit a foot": ("identification fitting setup estimates result",),
         "Rival models": ("identification/rivals compare result ladder edited naming mechanisms figures",),
         "Many recordings": ("identification/study plan summary population profile validation loops report figures",),
         "Black-box models": (

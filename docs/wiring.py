@@ -79,13 +79,16 @@ def chain(ax: "Axes", title: str, bench: Bench) -> None:
     ax.set_title(title, loc="left", fontsize=11)
     for text, column, row in boxes:
         ax.add_patch(_box(3.4 * column, 1.6 * row, 2.2, 1.0))
-        ax.text(3.4 * column + 1.1, 1.6 * row + 0.5, text, ha="center", va="center", fontsize=8.5)
+        ax.text(3.4 * column + 1.1, 1.6 * row + 0.5, text, ha="center", va="center", fontsize=9)
     for first, last, text in arrows:
         (_, x0, y0), (_, x1, y1) = boxes[first], boxes[last]
         begin = (3.4 * x0 + (2.2 if x1 > x0 else 0.0), 1.6 * y0 + 0.5)
         end = (3.4 * x1 + (0.0 if x1 > x0 else 2.2), 1.6 * y1 + 0.5)
         ax.annotate("", end, begin, arrowprops={"arrowstyle": "-|>", "color": "0.2"})
-        ax.text((begin[0] + end[0]) / 2, (begin[1] + end[1]) / 2 + 0.12, text, ha="center", fontsize=7.5)
+        ax.text(
+            (begin[0] + end[0]) / 2, (begin[1] + end[1]) / 2, text, ha="center", va="center", fontsize=8,
+            bbox={"fc": "white", "ec": "none", "pad": 1.5} if text else None,
+        )  # fmt: skip
     ax.set(xlim=(-0.3, 12.8), ylim=(-0.3, 5.4), aspect="equal")
     ax.axis("off")
 
@@ -108,13 +111,14 @@ def main(file: Path | None = None) -> Path:
     file = file or Path(sys.argv[1] if len(sys.argv) > 1 else "wiring.svg")
     with rc_context({"svg.hashsalt": "wiring", "svg.fonttype": "none"}):
         figure = Figure(figsize=(12, 6), layout="constrained")
-        left, right = figure.subplots(1, 2)
         if file.name.startswith("benches"):
-            figure.set_size_inches(15, 3.8)
-            chain(left, "A board and a generator", BOARD)
-            chain(right, "One device that plays and records", CARD)
+            figure.set_size_inches(8.5, 7.2)
+            above, below = figure.subplots(2, 1)
+            chain(above, "A board and a generator", BOARD)
+            chain(below, "One device that plays and records", CARD)
             figure.savefig(file, metadata={"Date": None} if file.suffix == ".svg" else None, dpi=110)
             return file
+        left, right = figure.subplots(1, 2)
         draw(left, "Analog pair (ADXL335)", ANALOG, "wires that cross without a dot do not touch", reference=True)
         note = "ADXL345: no wire to D9. 5 V board: all of D8 to D13\nbut D12 through a level shifter"
         draw(right, "SPI pair (ADXL355, ADXL345)", SPI, note)

@@ -29,13 +29,13 @@ SOLE = """
 
 def with_shoe(folder: Path) -> Foot:
     """The two-mass foot in a shoe of 0.3 kg on a sole of 60 kN/m."""
-    model, sole = ElementTree.parse(mjcf.path("two_dof")), ElementTree.fromstring(SOLE)
+    model, sole = ElementTree.fromstring(mjcf.text("two_dof")), ElementTree.fromstring(SOLE)
     base, foot = model.find(".//body[@name='base']"), model.find(".//body[@name='foot']")
     sole.set("childclass", "bone")
     base.remove(foot)
     base.append(sole)
     sole.append(foot)
-    model.write(folder / "in_a_shoe.xml")
+    (folder / "in_a_shoe.xml").write_text(ElementTree.tostring(model, encoding="unicode"))
     return load(folder / "in_a_shoe.xml")
 
 

@@ -39,7 +39,7 @@ def main(picture: Path = Path("fit_a_sweep.png")) -> FitResult:
     above.set_title(f"5 to 60 Hz in {SECONDS:g} s: fit {run.fit_percent:.1f} %", loc="left")
     above.set_ylabel("malleolus [m/s$^2$]")
     below.plot(run.time_s, run.measured - run.model, color=COLOURS[1], lw=0.5)
-    below.set_ylabel("less MuJoCo's [m/s$^2$]")
+    below.set_ylabel("residual [m/s$^2$]")
     below.set_xlabel("time [s]")
     below.margins(x=0)
     write_figure(figure, picture)

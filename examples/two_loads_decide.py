@@ -49,8 +49,10 @@ def main(picture: Path = Path("two_loads_decide.png")) -> dict[str, FitResult]:
     for ax, (name, result) in zip(figure.subplots(1, 2, sharey=True), results.items(), strict=True):
         misfit = [branch.chi_square / branch.dof for branch in result.branches]
         colours = [COLOURS[2] if branch in result.open else "0.6" for branch in result.branches]
-        bars = ax.bar([branch.name for branch in result.branches], misfit, width=0.6, color=colours)
-        ax.bar_label(bars, [f"{value:.3g}" for value in misfit], padding=8)
+        for branch, value, colour in zip(result.branches, misfit, colours, strict=True):
+            ax.plot([branch.name], [value], "o", ms=8, color=colour)
+            ax.annotate(f"{value:.3g}", (branch.name, value), (10, 0), textcoords="offset points", va="center")
+        ax.margins(x=0.5)
         ax.axhline(1, color="k", lw=0.8, ls=":")
         ax.set_title(f"{name}: {result.verdict}", loc="left")
         ax.set_yscale("log")

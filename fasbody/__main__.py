@@ -110,6 +110,8 @@ def run() -> None:
         print("\n".join(following(words[1:])))
     elif words in (["--help"], ["-h"], ["help"]):
         page()
+    elif words == ["--version"]:
+        print(fasbody.__version__)
     elif alone and all(word.startswith("-") for word in words[1:]):
         for command in group:
             results.print(f"fasbody {command.words}: {command.does}", soft_wrap=True)

@@ -85,10 +85,13 @@ def resolve(arguments: Sequence[str]) -> tuple[Command, list[str]]:
     for count in range(min(len(arguments), max(map(len, known))), 0, -1):
         if command := known.get(tuple(arguments[:count])):
             return command, list(arguments[count:])
+    typed = " ".join(arguments)
+    if any(command.words and f"{typed} ".startswith(f"{command.words} ") for command in _table()):
+        raise SettingError(f"{typed!r} runs in a clone of the project only; it is not part of the installed package.")
     listed = [words for words in map(" ".join, known) if words.split()[0] == arguments[0]]
     if listed:
         raise SettingError(f"{unknown('command', ' '.join(arguments[:2]), listed)}.")
     names = list(dict.fromkeys(word for words in known for word in (words[0], " ".join(words))))
     near = get_close_matches(arguments[0], names, n=3, cutoff=0.6)
     hint = f", did you mean {' or '.join(map(repr, near))}?" if near else ";"
-    raise SettingError(f"unknown command {arguments[0]!r}{hint} python -m fasbody shows all {len(known)}.")
+    raise SettingError(f"unknown command {arguments[0]!r}{hint} --help shows all {len(known)}.")

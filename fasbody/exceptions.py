@@ -202,7 +202,11 @@ class SettingError(FasError):
 
 
 class SimulationError(FasError):
-    """A simulation became unstable or non-finite."""
+    """A simulation became unstable, does not settle, or errs."""
+
+
+class UnstableError(SimulationError):
+    """A simulation became non-finite."""
 
 
 class PeriodicMotionError(SimulationError):

@@ -28,7 +28,7 @@ def readable(command: Any, *, short: bool) -> Any:
         for parameter in (*one.params, one.get_help_option(typer.Context(one))):
             if short and getattr(parameter, "help", None):
                 parameter.help = _short(parameter.help)
-            if getattr(parameter, "metavar", None) is None:
+            if parameter.param_type_name == "argument" or getattr(parameter, "metavar", None) is None:
                 parameter.display_type_rich = _value(parameter)
     return command
 

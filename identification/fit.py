@@ -10,8 +10,6 @@ import typer
 from rich.markup import escape
 
 from fasbody.console import command_line, console, make_folder, print_json, results, stages
-from fasbody.recording.sources import gather
-from fasbody.recording.study import BUNDLED
 from identification.options import AddedMass, BodyMass, Data, DelayStd, GainStd, Mapping, MassStd
 
 if TYPE_CHECKING:
@@ -69,6 +67,8 @@ def main(
       python -m identification.fit my_study --model my_foot.xml --free k_T,k_F --bounds k_F=3e3:5e5
     """
     from fasbody.foot.model import load
+    from fasbody.recording.sources import gather
+    from fasbody.recording.study import BUNDLED
     from identification.fitting import Settings, fit_foot
     from identification.parameters import limits, names
 

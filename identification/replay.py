@@ -160,7 +160,7 @@ def _relaxing(name: str, xml: str) -> Foot:
 def relaxing(foot: Foot) -> Foot:
     """The two-mass foot whose springs may relax, with the values and the step that it has."""
     # a model that came as compiled has the shipped one's equations, or it were not the two-mass foot
-    made = _relaxing(foot.name, foot.xml or mjcf.path("two_dof").read_text())
+    made = _relaxing(foot.name, foot.xml or mjcf.text("two_dof"))
     return made.with_values(foot.values(), step=foot.step)
 
 

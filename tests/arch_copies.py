@@ -1,13 +1,12 @@
 """Edited copies of the shipped five-body arch, as a modeller would make them."""
 
-from pathlib import Path
 
 import mujoco
 import numpy as np
 
 import mjcf
 
-XML = Path(mjcf.path("foot_arch")).read_text()
+XML = mjcf.text("foot_arch")
 
 
 def edited(*edits: tuple[str, str]) -> str:

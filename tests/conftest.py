@@ -71,7 +71,7 @@ def edited(tmp_path: Path) -> Callable[..., Path]:
     """Write a copy of two_dof.xml with (old, new) texts replaced, each of which must be there."""
 
     def edit(*replacements: tuple[str, str]) -> Path:
-        text = mjcf.path("two_dof").read_text()
+        text = mjcf.text("two_dof")
         for old, new in replacements:
             assert old in text, old
             text = text.replace(old, new)

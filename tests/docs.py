@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).parent.parent
-DOCUMENTS = sorted(file for folder in (".", "docs", "mjcf", "benchmarks") for file in (ROOT / folder).glob("*.md"))
+FOLDERS = (".", "docs", "mjcf", "benchmarks", "fasbody/acquire")
+DOCUMENTS = sorted(file for folder in FOLDERS for file in (ROOT / folder).glob("*.md"))
 #: What a line of a shell block begins with.
 SHELL = re.compile(r"^(\w+=\S* )*(make|python|pip|source|git|(\.venv/bin|/\S+)/\w+)\b")
 FENCE = re.compile(r"^(?P<indent> *)```(?P<language>\w*)\s*$")

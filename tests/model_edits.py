@@ -83,12 +83,15 @@ def chain(*links: Link, at: int, pad: int = 0, more: tuple[tuple[int, int, compl
 
     Args:
         links: from the table up. at: mass of the malleolus. pad: link of the fat pad.
-        more: impedances [N/m] at `HZ` between two masses besides (-1: the table).
+        more: impedances [N/m] at `HZ` between two masses besides (-1: the table, -2: the world).
     """
 
     def D(s: complex) -> tuple[Array, Array]:
         full = np.diag([0j] + [s**2 * link.mass for link in links])  # the table comes first
         for i, on, z in (*((i, link.on, link.z(s)) for i, link in enumerate(links)), *more):
+            if on == -2:
+                full[i + 1, i + 1] += z
+                continue
             full[np.ix_([i + 1, on + 1], [i + 1, on + 1])] += z * np.array([[1, -1], [-1, 1]])
         return full[1:, 1:], -full[1:, 0]
 
@@ -216,7 +219,7 @@ class Edit:
 
     def write(self, folder: Path) -> Path:
         """The edited copy."""
-        text = self.text or mjcf.path(self.model).read_text()
+        text = self.text or mjcf.text(self.model)
         for old, new in self.changes:
             assert old in text, old
             text = text.replace(old, new)
@@ -335,7 +338,7 @@ TWO_DOF = (
     _edit("two_dof", "pad of law 4.22, which relaxes", (FAT_PAD, 'name="fat_pad"'),
           (ACTUATORS, '<general name="gel" joint="fat_pad" dyntype="user" actdim="8" gainprm="0" biastype="user" '
            'biasprm="4.22 400 5 0.8 0.004 1.5 0.02 0.2"/>' + ACTUATORS),
-          *((line, "") for line in mjcf.path("two_dof").read_text().splitlines() if '<text name="c_2' in line
+          *((line, "") for line in mjcf.text("two_dof").splitlines() if '<text name="c_2' in line
             or '<text name="k_F"' in line),
           truth=replace(chain(Link(FOOT.mass, -1, _relaxing(400, 5, 0.8, 0.004, 1.5, 0.02, 0.2)), SHANK, at=1),
                         singular=None), leg="actuator 'gel' is not in the equations"),
@@ -468,7 +471,7 @@ LEGS = (
     _edit("leg", "gravity", HEAVY, truth=chain(*LEG, at=1)),
     _edit("leg", "gravity on a pad of law 4.24", HEAVY,
           ('name="fat_pad" stiffness="1.633e5" damping="47.6"', 'name="fat_pad" user="4.24 3000 60 0.02 0.3"'),
-          *((line, "") for line in mjcf.path("leg").read_text().splitlines() if '<text name="k_F"' in line
+          *((line, "") for line in mjcf.text("leg").splitlines() if '<text name="k_F"' in line
             or '<text name="c_F"' in line),
           truth=chain(Link(1.05, -1, 1.5e5, 3000 * (0.3 + (x := sum(m.mass for m in LEG) * G / 3000)) * 60 / 3000 / 0.02),
                       *LEG[1:], at=1), leg="gravity"),
@@ -534,13 +537,90 @@ LEGS = (
     _edit("leg", "a table on a spring", (TABLE, TABLE + ' stiffness="1e14"'), load="joint 'base' .* 'stiffness'"),
     _edit("leg", "a table with a servo", (ACTUATORS, '<general name="servo" joint="base" gainprm="0" biastype="affine" '
           'biasprm="0 -1e13 0"/>' + ACTUATORS), load="actuator 'servo' acts on the joint 'base'"),
-    _edit("leg", "a control that pushes by itself", ('<general name="shaker_a0" class="column"', '<general name="shaker_a0" gear="1e9"'),
+    _edit("leg", "a control that pushes by itself", ('name="shaker_a0" joint="base" gainprm="0"', 'name="shaker_a0" joint="base" gear="1e9"'),
           load="actuator 'shaker_a0' .* 'gainprm'"),
     _edit("leg", "bodies that sleep", ('gravity="0 0 0"/>', 'gravity="0 0 0"><flag sleep="enable"/></option>'), load='<flag sleep="enable"/>'),
 )  # fmt: skip
 
+# What a fresh pair of eyes brought.
+SERVO = 'name="servo" joint="talocrural"'
+GLUE = '<equality><weld name="glue" body1="base" body2="foot" solref="-2e4 -100" solimp="0.5 0.5 0.001"/></equality>'
+LEVELS = '<site name="anchor" pos="0 0.05 0"/><site name="foot" '
+BENT = ' user="4.25 430 50 100"'
+
+
+def _glue() -> complex:
+    """Impedance of a soft weld of the foot to the table: MuJoCo's inertia of a body is a mean of three axes."""
+    share = 1 / (3 * FOOT.mass)  # times (1 - d)/d at d = 0.5
+    return (S**2 + 100 / 0.5 * S + 2e4 / 0.5) / share
+
+
+def _without(*parameters: str) -> tuple[tuple[str, str], ...]:
+    lines = mjcf.text("two_dof").splitlines()
+    return tuple((line + "\n", "") for line in lines if any(f'<text name="{name}"' in line for name in parameters))
+
+
+FRESH = (
+    _edit("two_dof", "an ankle of a spatial tendon", (TALOCRURAL + BENT, 'name="talocrural"'), ('<site name="foot" ', LEVELS),
+          (SITE, SITE + '<site name="top" pos="0.02 0.3 0"/>'),
+          (TENDONS, '<tendon><spatial name="ankle" stiffness="1.5e5" damping="430"><site site="anchor"/><site site="top"/>'
+           '</spatial></tendon>' + TENDONS), ("joint talocrural stiffness", "tendon ankle stiffness"), *_without("c_11", "c_12", "c_13"),
+          truth=chain(FOOT, replace(SHANK, k=1.5e5 * (w := 0.25**2 / (0.25**2 + 0.02**2)), c=430 * w), at=1), leg="tendon 'ankle'"),
+    _edit("two_dof", "a malleolus up and out in place of its own", ('pos="0 0.09 0.03"', 'pos="0.05 0.3 -0.1"'), truth=chain(FOOT, SHANK, at=1)),
+    _edit("two_dof", "a keyframe of another pose in place of none", ("</mujoco>", '<keyframe><key qpos="0 0.01 -0.02" qvel="0 1 1"/></keyframe></mujoco>'),
+          truth=chain(FOOT, SHANK, at=1)),
+    _edit("two_dof", "a poor solver and a stop", ('integrator="RK4"', 'integrator="RK4" solver="CG" iterations="1" tolerance="1e-2" cone="elliptic"'),
+          (FAT_PAD, FAT_PAD + ' range="-3e-4 3e-4" solreflimit="0.002 1"'), truth=chain(FOOT, SHANK, at=1), leg="joint 'fat_pad' has a limit"),
+    _edit("two_dof", "a foot softly welded to the table", (TENDONS, GLUE + TENDONS),
+          truth=replace(chain(FOOT, SHANK, at=1, more=((0, -1, _glue()),)), pad=None, dissipated=None, singular=None), leg="equality 'glue'"),
+    _edit("two_dof", "a rope from the world to the knee", (SITE, SITE + '<site name="top" pos="0 0.3 0"/>'),
+          ("<worldbody>", '<worldbody><site name="ceiling" pos="0 1.3 0"/>'),
+          (TENDONS, '<tendon><spatial name="rope" stiffness="3e4" damping="50"><site site="ceiling"/><site site="top"/></spatial></tendon>' + TENDONS),
+          truth=replace(chain(FOOT, SHANK, at=1, more=((1, -2, 3e4 + 50 * S),)), singular=None), leg="tendon 'rope'"),
+    _edit("two_dof", "a servo of a speed that is integrated", (ACTUATORS, f'<intvelocity {SERVO} kp="5e4" kv="30" actrange="-1 1"/>' + ACTUATORS),
+          load="actuator 'servo' integrates its control"),
+    _edit("two_dof", "a cylinder, which fills", (ACTUATORS, f'<cylinder {SERVO} timeconst="0.05" area="1" bias="0 -3e4 -20"/>' + ACTUATORS),
+          truth=replace(chain(FOOT, SHANK, at=1, more=((1, 0, 3e4 + 20 * S),)), singular=None), leg="actuator 'servo'"),
+    _edit("two_dof", "a servo whose controls leave out zero", (ACTUATORS, f'<position {SERVO} kp="5e4" kv="30" ctrlrange="1e-3 2e-3"/>' + ACTUATORS),
+          truth=chain(FOOT, replace(SHANK, c=430 * np.exp(-50 * 2.5e-4) * np.cos(100 * 2.5e-4)), at=1, more=((1, 0, 5e4 + 30 * S),)),
+          leg="actuator 'servo'"),
+    _edit("two_dof", "gravity upwards on dampers", ('gravity="0 0 0"', 'gravity="0 9.81 0"'),
+          truth=chain(replace(FOOT, c=800 * np.exp(50 * (x := (FOOT.mass + SHANK.mass) * G / 1e5)) * np.cos(100 * x)),
+                      replace(SHANK, c=430 * np.exp(-50 * (x := SHANK.mass * G / 1.5e5)) * np.cos(100 * x)), at=1), leg="gravity"),
+    _edit("two_dof", "bodies fused, a shoe among them", ('angle="radian"', 'angle="radian" fusestatic="true"'),
+          ('<body name="shank">', '<body name="shoe"><inertial pos="0 0 0" mass="0.4" diaginertia="1e-3 1e-3 1e-3"/></body><body name="shank">'),
+          truth=chain(replace(FOOT, mass=1.452265), SHANK, at=1)),
+    _edit("two_dof", "three toes, replicated", ('<body name="shank">', '<replicate count="3" offset="0.02 0 0"><body name="toe" pos="0.1 0 0">'
+          '<joint name="toe" stiffness="2e4" damping="10"/><geom size="0.01" mass="0.05"/></body></replicate><body name="shank">'),
+          truth=chain(FOOT, SHANK, *[Link(0.05, 0, 2e4, 10)] * 3, at=1)),
+    _edit("two_dof", "dampers and armature of a class", ('<default class="bone">', '<default class="bone"><joint armature="0.2" damping="100"/>'),
+          (FAT_PAD, 'name="fat_pad" stiffness="1.0e5"'), (TALOCRURAL + BENT, 'name="talocrural" stiffness="1.5e5"'), *_without("c_12", "c_13", "c_22", "c_23"),
+          truth=replace(chain(replace(FOOT, c=100), replace(SHANK, c=100), at=1, more=((0, -1, 0.2 * S**2), (1, 0, 0.2 * S**2))), pad=None),
+          leg="has an armature"),
+    _edit("two_dof", "a damper of third power beside a law", ('damping="430" user', 'damping="430 0 1e4" user'), truth=chain(FOOT, SHANK, at=1),
+          leg="joint 'talocrural' has a polynomial law"),
+    _edit("two_dof", "dry friction switched off", (FAT_PAD, FAT_PAD + ' frictionloss="5"'),
+          ('gravity="0 0 0"/>', 'gravity="0 0 0"><flag frictionloss="disable"/></option>'), truth=chain(FOOT, SHANK, at=1), leg="'fat_pad' has dry friction"),
+    _edit("two_dof", "contacts that are excluded", ('contype="0" conaffinity="0" mass="0"', 'mass="0"'),
+          (TENDONS, '<contact><exclude body1="base" body2="foot"/><exclude body1="foot" body2="shank"/></contact>' + TENDONS),
+          truth=chain(FOOT, SHANK, at=1), leg="can touch"),
+    _edit("two_dof", "sensors of other kinds in place of none", ("<sensor>", '<sensor><jointpos joint="fat_pad"/><clock/><gyro site="malleolus"/><e_kinetic/>'),
+          truth=chain(FOOT, SHANK, at=1)),
+    _edit("two_dof", "a servo of the shank's height, which stands too far", (ACTUATORS, '<general name="servo" site="malleolus" refsite="base" '
+          'gear="0 1 0 0 0 0" gainprm="0" biastype="affine" biasprm="0 -5e4 -30"/>' + ACTUATORS),
+          **dict.fromkeys(("simulate", "curve", "viewer"), "joint 'fat_pad' stands .* damper is negative")),
+    _edit("leg", "a load that is fused", ('angle="radian"', 'angle="radian" fusestatic="true"'), load="parameter 'added_mass': unknown body 'load'"),
+    _edit("leg", "a load of a geom", (LOAD, ""), ('<geom name="load" ', '<geom name="load" mass="2.3" '),
+          truth=chain(*LEG[:4], replace(TISSUE, mass=2.5), at=1)),
+    _edit("leg", "an absorber on the tissue", ('<body name="load">', BODY.format("absorber", 2e4, 1, 0.3) + '</body><body name="load">'),
+          truth=chain(*LEG, Link(0.3, 4, 2e4, 1), at=1)),
+    _edit("leg", "a hard stop of the thigh", ('name="thigh" stiffness', 'name="thigh" range="-5e-4 5e-4" solreflimit="0.002 1" stiffness'),
+          truth=chain(*LEG, at=1), leg="joint 'thigh' has a limit"),
+    _edit("foot_arch", "a step of 1 ms", ('timestep="1e-4"', 'timestep="1e-3"'), truth=arch()),
+)  # fmt: skip
+
 # foot_arch.xml
-ARCH = mjcf.path("foot_arch").read_text()
+ARCH = mjcf.text("foot_arch")
 CLOSURE = 'name="closure" tendon1="heel_pad" tendon2="forefoot_pad"'
 HEADS = '<site name="heads" class="bone" pos="0 -0.06527 0"/>'
 HIND = '<joint name="hindfoot"/>'
@@ -696,9 +776,9 @@ REFUSED = (
         "a pad that relaxes",
         (
             (
-                "  </actuator>",
-                '    <general name="gel" tendon="heel_pad" dyntype="user" actdim="8" gainprm="0" '
-                'biastype="user" biasprm="4.22 40 5 0.8 0.004 1.5 0.02 0.2"/>\n  </actuator>',
+                "  <tendon>",
+                '    <actuator><general name="gel" tendon="heel_pad" dyntype="user" actdim="8" gainprm="0" '
+                'biastype="user" biasprm="4.22 40 5 0.8 0.004 1.5 0.02 0.2"/></actuator>\n  <tendon>',
             ),
         ),
         "actuator 'gel' acts on the arch",
@@ -877,7 +957,7 @@ MOUNTS = (
         load="sensor 'malleolus' sits on 'shank'",
     ),
 )
-EDITS = (*TWO_DOF, *LEGS, *ARCHES, *MOUNTS)
+EDITS = (*TWO_DOF, *LEGS, *ARCHES, *MOUNTS, *FRESH)
 
 
 def section() -> str:
@@ -897,8 +977,11 @@ def section() -> str:
             "Refused by all": _list(edit for edit, refused in own if "load" in refused),
         }
         lines += [f"- {kind}: {edits}." for kind, edits in kinds.items() if edits]
-        turned = [edit for edit, refused in own if "viewer" in refused]
-        lines += [f"- Followed, but not drawn: {_list(turned)}.", ""] if turned else [""]
+        last = {
+            "Followed, but not drawn": _list(edit for edit, refused in own if "viewer" in refused and edit.truth),
+            "Refused by `simulate` and viewer": _list(edit for edit, refused in own if "viewer" in refused and not edit.truth),
+        }
+        lines += [*(f"- {kind}: {edits}." for kind, edits in last.items() if edits), ""]
     return "\n".join(lines)
 
 

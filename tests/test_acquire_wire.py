@@ -30,7 +30,7 @@ from fasbody.acquire.wire import (
     encode_line,
 )
 
-DOCS = Path(__file__).parent.parent / "docs" / "acquisition.md"
+DOCS = Path(__file__).parent.parent / "fasbody" / "acquire" / "README.md"
 DEMO = Hello("demo", 1000.0, (Channel("base", 39.2, 800.0), Channel("malleolus", 39.2, 800.0)), 16, 2, 7)
 HEADER = encode_header("uno", 1000.0, ("base", "malleolus"), 39.2)
 PLAIN = b"# fas board=uno rate_hz=1000 range_m_s2=39.2\ntime_us,base_m_s2,malleolus_m_s2\n"
@@ -38,7 +38,7 @@ PLAIN = b"# fas board=uno rate_hz=1000 range_m_s2=39.2\ntime_us,base_m_s2,malleo
 
 def documented(name: str) -> bytes:
     found = re.search(rf"^    {name}\s+((?:[0-9a-f]{{2}} ?)+)$", DOCS.read_text(), re.M)
-    assert found, f"docs/acquisition.md has no line {name!r}"
+    assert found, f"{DOCS} has no line {name!r}"
     return bytes.fromhex(found[1])
 
 
@@ -190,7 +190,7 @@ def test_senseless_hello_is_damage(change: dict[str, object]) -> None:
 
 
 def test_documented_example() -> None:
-    found = re.search(r"((?:    .*\n)+)", DOCS.read_text()[DOCS.read_text().index("### Text lines") :])
+    found = re.search(r"((?:    .*\n)+)", DOCS.read_text()[DOCS.read_text().index("## Text lines") :])
     assert found
     text = "\n".join(line.strip() for line in found[1].splitlines()) + "\n"
     about, block = LineReader().feed(text.encode())

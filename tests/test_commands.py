@@ -113,7 +113,17 @@ def test_words_name_one_command_each() -> None:
         resolve(["fti"])
     with pytest.raises(SettingError) as far:
         resolve(["nonsense"])
-    assert len(str(far.value)) < 150 and f"python -m fasbody shows all {len(commands()) - 1}." in str(far.value)
+    assert len(str(far.value)) < 150 and f"--help shows all {len(commands()) - 1}." in str(far.value)
+
+
+def test_a_command_of_the_clone_says_so_where_it_is_not_installed(monkeypatch: pytest.MonkeyPatch) -> None:
+    """In a wheel reproduction and benchmarks are missing."""
+    installed = [command for command in commands() if command.needs != "reproduction"]
+    monkeypatch.setattr("fasbody.commands.commands", lambda: installed)
+    with pytest.raises(SettingError, match=r"'leg drop --json' runs in a clone of the project only"):
+        resolve(["leg", "drop", "--json"])
+    with pytest.raises(SettingError, match=r"unknown command 'leg dorp' \(valid: leg peaks"):
+        resolve(["leg", "dorp"])
 
 
 def test_installed_command_is_python_m() -> None:

@@ -26,7 +26,7 @@ M_F, M_S, K, C = 1.052265, 3.374505, np.array([1e5, 1.5e5]), np.array([800.0, 43
 #: Mass matrix in the joints z_2 (pad), z_1 (ankle), and what the base's acceleration pushes.
 M, PUSH = np.array([[M_F + M_S, M_S], [M_S, M_S]]), np.array([M_F + M_S, M_S])
 INVERSE = np.linalg.inv(M)
-LINEAR = mjcf.path("two_dof").read_text().replace("-50 100", "0 0").replace("50 100", "0 0")
+LINEAR = mjcf.text("two_dof").replace("-50 100", "0 0").replace("50 100", "0 0")
 
 
 @dataclass(frozen=True)

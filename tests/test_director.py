@@ -230,7 +230,7 @@ def test_probability_of_a_goal_is_that_of_feet_whose_widths_and_odds_scatter() -
     met = []
     for widths, odds in zip(half, outlook.log_odds, strict=True):
         narrow = (widths[0] * factor <= 0.04) & (widths[2] * factor <= 0.09)
-        decided = odds + np.sqrt(2 * odds) * rng.standard_normal(count) > np.log(1000)
+        decided = odds + np.sqrt(2 * odds) * rng.standard_normal(count) > np.log(100)
         met.append(np.mean(narrow & decided))
     assert outlook.goal() == pytest.approx(np.mean(met), abs=0.003)
     alone = np.mean(factor[:, None] * half[:, 0] <= 0.04)
@@ -407,7 +407,7 @@ def test_what_is_not_named_is_not_asked_for() -> None:
     assert result.document()["asked"] == {"k_T": 0.05, "k_F": None, "c_11": None, "c_21": None}
     assert "Asked: k_T +-5 %, and the branch. Not asked: k_F, c_11, c_21." in result.sheet().notes
     usual = planned(Director(person(), SHAKER, draws=2), 1, 10.0).sheet().notes
-    assert any(n.startswith("Asked: k_T +-3 %, k_F +-3 %, c_11 +-6 %, c_21 +-6 % (the usual goal") for n in usual)
+    assert any(n.startswith("Asked: k_T +-3 %, k_F +-3 %, c_11 +-6 %, c_21 +-6 % (the default goal") for n in usual)
     everything = who.candidates[0]
     for name in EXCHANGED:  # information is that on what is asked
         who.aim({name: 0.05})
@@ -614,6 +614,16 @@ def test_recordings_of_another_simulator_are_believed(half_way: tuple[Director, 
 def test_recordings_of_somebody_else_are_refused(half_way: tuple[Director, list[Recording]]) -> None:
     with pytest.raises(SettingError, match="is of subject 'made'"):
         Director(person(), SHAKER, earlier=half_way[1], draws=2)
+
+
+def test_recordings_of_nobody_named_are_of_the_person(half_way: tuple[Director, list[Recording]]) -> None:
+    """Bare files name no subject; their body mass must be the person's all the same."""
+    unnamed = [replace(r, condition=replace(r.condition, subject="")) for r in half_way[1]]
+    director = Director(half_way[0].person, SHAKER, earlier=unnamed, draws=2)
+    assert len(director.done) == len(unnamed)
+    heavier = replace(half_way[0].person, body_mass_kg=half_way[0].person.body_mass_kg + 1)
+    with pytest.raises(SettingError, match="is of subject ''"):
+        Director(heavier, SHAKER, earlier=unnamed, draws=2)
 
 
 def test_level_distortion_and_coherence_are_those_of_the_signals() -> None:

@@ -13,7 +13,7 @@ import mjcf
 from fasbody.arch.__main__ import app
 from fasbody.arch.bones import Arch
 from fasbody.arch.linear import transmissibility
-from fasbody.exceptions import ModelError
+from fasbody.exceptions import FasError, ModelError
 from fasbody.foot import shaker
 from fasbody.foot.model import check, load
 from fasbody.foot.simulate import simulate
@@ -42,7 +42,7 @@ def test_followed_or_refused_by_its_name(tmp_path: Path, edit: Edit) -> None:
     for reader in readers:
         words = everywhere or edit.refused.get(reader)
         if words is not None:
-            with pytest.raises(ModelError, match=words):
+            with pytest.raises(FasError, match=words):
                 READERS[reader](file)
             continue
         assert edit.truth is not None
@@ -126,7 +126,7 @@ def test_an_open_arch_is_refused_by_its_name(tmp_path: Path, command: str) -> No
 
 def test_a_damper_without_a_law_is_its_damping() -> None:
     """What is written goes where it acts, and what would bend a law that is gone is no parameter."""
-    foot = load(mjcf.path("two_dof").read_text().replace(' user="4.25 800 -50 100"', ""))
+    foot = load(mjcf.text("two_dof").replace(' user="4.25 800 -50 100"', ""))
     assert foot.values()["c_21"] == 800 and not {"c_22", "c_23"} & set(foot.parameters)
     assert foot.with_values({"c_21": 500.0}).model.joint("fat_pad").damping[0] == 500
 

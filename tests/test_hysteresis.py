@@ -118,7 +118,7 @@ def test_arch_balances_with_its_tendons_and_closed_loop() -> None:
 
 def test_a_pad_with_a_memory_balances(edited: Callable[..., Path]) -> None:
     """The pad law 4.22 is an actuator with activations: its force is part of the loop."""
-    parameters = re.findall(r'    <text name="(?:k_F|c_21|c_22|c_23)".*\n', mjcf.path("two_dof").read_text())
+    parameters = re.findall(r'    <text name="(?:k_F|c_21|c_22|c_23)".*\n', mjcf.text("two_dof"))
     joint = '<joint name="fat_pad" stiffness="1.0e5" damping="800" user="4.25 800 -50 100"/>'
     actuator = (
         '    <general name="pad" joint="fat_pad" dyntype="user" actdim="8" gainprm="0" biastype="user" '
@@ -135,7 +135,7 @@ def test_a_pad_with_a_memory_balances(edited: Callable[..., Path]) -> None:
 
 def test_a_model_without_a_fat_pad_says_so(tmp_path: Path) -> None:
     file = tmp_path / "renamed.xml"
-    text = mjcf.path("two_dof").read_text()
+    text = mjcf.text("two_dof")
     file.write_text(text.replace('"fat_pad"', '"sole"').replace("joint fat_pad ", "joint sole "))
     with pytest.raises(ModelError, match="fat_pad or heel_pad and forefoot_pad, so it has no fat pad loop"):
         hysteresis.cycle(load(file), 20.0, SINE, load(file).values(), False)

@@ -23,7 +23,7 @@ Edit = Callable[..., Path]
 @pytest.fixture
 def edit(tmp_path: Path) -> Edit:
     def edited(*changes: tuple[str, str]) -> Path:
-        text = mjcf.path("leg").read_text()
+        text = mjcf.text("leg")
         for old, new in changes:
             assert old in text
             text = text.replace(old, new)
@@ -138,7 +138,7 @@ def test_a_load_is_set_and_taken_away() -> None:
 
 
 def test_a_law_that_bends_is_compared_for_small_motion(tmp_path: Path) -> None:
-    text = mjcf.path("leg").read_text()
+    text = mjcf.text("leg")
     file = tmp_path / "leg.xml"
     for law in ("1 1.2e5 43 2.5 2 43 -1", "2 2e4 300 2 43 -1"):
         file.write_text(
@@ -155,7 +155,7 @@ def test_what_is_no_number_is_told_once(
     """MuJoCo's own warning and its log in the working folder do not come before the sentence."""
     monkeypatch.chdir(tmp_path)
     file = tmp_path / "leg.xml"
-    file.write_text(mjcf.path("leg").read_text().replace('stiffness="1.162e4"', 'stiffness="nan"'))
+    file.write_text(mjcf.text("leg").replace('stiffness="1.162e4"', 'stiffness="nan"'))
     with pytest.raises(ModelError, match="joint 'talocrural' has the stiffness nan"):
         load(file)
     assert capfd.readouterr() == ("", "") and [f.name for f in tmp_path.iterdir()] == ["leg.xml"]

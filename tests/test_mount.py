@@ -88,7 +88,7 @@ def test_a_load_moves_pose_pad_and_ligaments() -> None:
     with pytest.raises(SettingError, match="unknown parameter 'added_mass'"):
         load("mounted_arch").with_values({"added_mass": 4.5})
     with pytest.raises(ModelError, match="the actuator 'weight' stands for it"):
-        load(mjcf.path("mounted_arch").read_text().replace('gravity="0 0 0"', 'gravity="0 -9.81 0"'))
+        load(mjcf.text("mounted_arch").replace('gravity="0 0 0"', 'gravity="0 -9.81 0"'))
 
 
 @pytest.mark.parametrize(("weight", "added"), [(SEATED_N, 0.0), (SEATED_N, 4.5), (STANDING_N, 0.0)])

@@ -60,6 +60,16 @@ def test_what_is_missing_is_said(tmp_path: Path) -> None:
     assert "study.toml: columns, for b.log has no header" in bare.missing
 
 
+def test_names_without_a_subject_are_of_one_person(tmp_path: Path) -> None:
+    """And of two schemes that are as frequent, neither is left out."""
+    for name in ("run_10_bare", "run_20_bare", "run_10_knee", "run_20_knee"):
+        logger(tmp_path / f"{name}.tdms")
+    found = propose(tmp_path)
+    assert found.left_out == () and "run_20_knee.tdms,1,,," in found.tables["recordings.csv"].splitlines()
+    assert "\n1,,," in found.tables["subjects.csv"]
+    assert "recordings.csv: subject, if these are not all of one person, who is called 1" in found.missing
+
+
 def test_patterns(tmp_path: Path) -> None:
     logger(tmp_path / "left-7-at-25.tdms")
     found = propose(tmp_path, "{any}-{subject}-at-{frequency}")

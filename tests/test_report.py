@@ -153,7 +153,7 @@ def test_write(tmp_path: Path) -> None:
 def test_the_command_to_the_moving_foot(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """It opens this result in the viewer as it stands, wherever model, folder and recording have their names from."""
     model, folder = tmp_path / "my foot.xml", tmp_path / "out"
-    model.write_text(mjcf.path("two_dof").read_text())
+    model.write_text(mjcf.text("two_dof"))
     monkeypatch.chdir(tmp_path)
     fit = result(model=model.name)
     report.write(fit, folder, Path("out"))

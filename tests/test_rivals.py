@@ -426,7 +426,7 @@ def test_bad_input_is_one_sentence(tmp_path: Path) -> None:
     with pytest.raises(RecordingError, match="steady vibration"):
         compare_rivals([wild, *data[1:]])
     bare = tmp_path / "bare.xml"
-    bare.write_text(mjcf.path("two_dof").read_text().replace('name="talocrural"', 'name="ankle"'))
+    bare.write_text(mjcf.text("two_dof").replace('name="talocrural"', 'name="ankle"'))
     with pytest.raises(ModelError, match="no body with the joint 'talocrural'"):
         edited_text(bare, "model", "model", constants(LEG))
     found = CliRunner().invoke(app, [str(tmp_path / "nothing.csv")])

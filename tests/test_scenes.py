@@ -1,5 +1,7 @@
 """The models in MuJoCo alone, as its own viewer runs them: what is seen, and how the foot moves without fasbody."""
 
+from pathlib import Path
+
 import mujoco
 import numpy as np
 import pytest
@@ -7,6 +9,7 @@ import pytest
 import mjcf
 from fasbody.foot.model import load
 from fasbody.foot.steady_state import Balance
+from viz.load import load_foot
 
 
 @pytest.mark.parametrize("name", mjcf.names())
@@ -29,14 +32,20 @@ def test_old_places_are_the_models(name: str) -> None:
     assert load(folder / f"{name}.xml").values() == load(name).values()
 
 
-def test_the_shaker_is_the_same_in_every_model() -> None:
-    """A model is one file, so that a copy is whole: each has these lines."""
-    actuators = []
+def test_the_shaker_stands_once(tmp_path: Path) -> None:
+    """Every model includes it; a copy may leave it behind, or be whole."""
+    assert '"shaker' in mjcf.SHAKER.read_text()
     for name in mjcf.names():
-        lines = [line.strip() for line in mjcf.path(name).read_text().splitlines() if '"shaker' in line]
-        model = mujoco.MjModel.from_xml_path(str(mjcf.path(name)))
-        actuators.append((lines, model.dof_armature[model.joint("base").dofadr[0]]))
-    assert len(actuators[0][0]) == 5 and all(other == actuators[0] for other in actuators)
+        assert '"shaker' not in mjcf.path(name).read_text() and "<include" not in mjcf.text(name)
+        one = mujoco.MjModel.from_xml_path(str(mjcf.path(name)))
+        other = mujoco.MjModel.from_xml_string(mjcf.text(name))
+        assert one.names == other.names and np.array_equal(one.actuator_gear, other.actuator_gear)
+        copy = tmp_path / "copy.xml"
+        copy.write_text(mjcf.path(name).read_text())
+        for foot in (load(copy), load(copy.read_text())):
+            assert foot.values() == load(name).values() and foot.model.names[-20:] == one.names[-20:]
+    copy.write_text(mjcf.path("foot_arch").read_text())
+    assert load_foot(f"{copy}@41").values() == load("foot_arch").values()
 
 
 def alone(name: str, frequency_hz: float, peak: float) -> float:

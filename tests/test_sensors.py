@@ -66,7 +66,7 @@ def linear(foot: Foot) -> Foot:
 
 def upright(folder: Path) -> Path:
     """two_dof.xml with z up: every vector (x, y, z) as (x, -z, y)."""
-    text = mjcf.path("two_dof").read_text().replace('axis="0 1 0"', 'axis="0 0 1"')
+    text = mjcf.text("two_dof").replace('axis="0 1 0"', 'axis="0 0 1"')
     for old, new in (("0 0.09 0.03", "0 -0.03 0.09"), ("0 0.25 0", "0 0 0.25"), ("0 0.04 0", "0 0 0.04")):
         assert old in text
         text = text.replace(old, new)

@@ -264,7 +264,7 @@ def test_the_table_carries_the_masses() -> None:
 
 
 def stopped(element: str) -> Balance:
-    text = mjcf.path("two_dof").read_text().replace('name="fat_pad"', f'name="fat_pad" {element}')
+    text = mjcf.text("two_dof").replace('name="fat_pad"', f'name="fat_pad" {element}')
     return Balance(load(text))
 
 
@@ -316,13 +316,13 @@ def test_a_pad_that_lifts_off_is_noticed() -> None:
 
 def edited_pad(law: str) -> str:
     pad = 'stiffness="1.0e5" damping="800" user="4.25 800 -50 100"'
-    return mjcf.path("two_dof").read_text().replace(pad, f'user="{law}"')
+    return mjcf.text("two_dof").replace(pad, f'user="{law}"')
 
 
 def test_gravity_shifts_what_the_foot_stands_on() -> None:
     """With straight dampers gravity is a mean alone: the weight over each spring."""
     straight = {"c_12": 0.0, "c_13": 0.0, "c_22": 0.0, "c_23": 0.0}
-    heavy = load(mjcf.path("two_dof").read_text().replace('gravity="0 0 0"', 'gravity="0 -9.81 0"'))
+    heavy = load(mjcf.text("two_dof").replace('gravity="0 0 0"', 'gravity="0 -9.81 0"'))
     have, want = (Balance(foot).orbit(20.0, [8.95], straight) for foot in (heavy, model("two_dof")))
     np.testing.assert_allclose(have.harmonics(), want.harmonics(), rtol=0, atol=1e-9)
     m_S, m_F = 3.374505, 1.052265

@@ -72,7 +72,7 @@ def test_a_law_on_a_joint_and_on_a_tendon_moves_as_an_independent_ode() -> None:
 
 
 def swapped(tmp_path: Path, user: str) -> Path:
-    text = mjcf.path("two_dof").read_text()
+    text = mjcf.text("two_dof")
     old = 'stiffness="1.0e5" damping="800" user="4.25 800 -50 100"'
     assert old in text
     file = tmp_path / "swapped.xml"
@@ -115,7 +115,7 @@ def test_a_mistyped_law_is_refused(tmp_path: Path, user: str, says: str) -> None
 
 def test_a_model_with_gravity_gives_kinematic_accelerations(tmp_path: Path) -> None:
     file = tmp_path / "heavy.xml"
-    file.write_text(mjcf.path("two_dof").read_text().replace('gravity="0 0 0"', 'gravity="0 -9.81 0"'))
+    file.write_text(mjcf.text("two_dof").replace('gravity="0 0 0"', 'gravity="0 -9.81 0"'))
     heavy, light = (simulate(load(m), sine(20.0, 3.0)) for m in (file, "two_dof"))
     assert heavy.base_error < 1e-6
     last = slice(-600, None)
@@ -124,7 +124,7 @@ def test_a_model_with_gravity_gives_kinematic_accelerations(tmp_path: Path) -> N
 
 
 def test_the_leg_takes_a_pad_as_it_is_about_its_static_state(tmp_path: Path) -> None:
-    text = mjcf.path("leg").read_text()
+    text = mjcf.text("leg")
     old = 'name="fat_pad" stiffness="1.633e5" damping="47.6"'
     assert old in text
     file = tmp_path / "pad.xml"

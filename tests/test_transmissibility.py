@@ -177,7 +177,7 @@ def test_figures_tell_what_is_shown_beyond_chance_from_what_is_not(table: Table)
         (arrow,) = figure.axes[0].texts
         assert (arrow.arrow_patch.get_facecolor()[:3] == (1, 1, 1)) != filled
         assert arrow.xy[0] == curves.resonance.top == 30  # not the middle of its range
-        assert "hollow where it is not shown" in figure.get_supxlabel().replace("\n", " ")
+        assert "hollow where not significant" in figure.get_supxlabel().replace("\n", " ")
         assert not figure.axes[0].get_legend()  # one condition: its name is the title
 
 

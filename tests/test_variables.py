@@ -46,7 +46,7 @@ def test_each_parameter_reads_what_it_wrote_and_touches_nothing_else(foot: Foot)
 
 def test_a_shared_parameter_stands_in_several_places(edited: Callable[..., Path]) -> None:
     """`0.5 joint a stiffness, 0.25 joint b stiffness`: each place takes its share."""
-    (declared,) = [line for line in mjcf.path("two_dof").read_text().splitlines() if '<text name="k_F"' in line]
+    (declared,) = [line for line in mjcf.text("two_dof").splitlines() if '<text name="k_F"' in line]
     shared = "0.5 joint talocrural stiffness, 0.25 joint fat_pad stiffness"
     pad = ('name="fat_pad" stiffness="1.0e5"', 'name="fat_pad" stiffness="0.75e5"')  # a quarter of k_T, as is said
     file = edited((declared, ""), ("joint talocrural stiffness", shared), pad)

@@ -42,7 +42,7 @@ RIVALS = {
 @pytest.mark.long
 def test_from_a_dropped_file_to_the_mirror_foot(opened: Any, tmp_path: Path) -> None:
     own = tmp_path / "mine.xml"
-    own.write_text(mjcf.path("two_dof").read_text())
+    own.write_text(mjcf.text("two_dof"))
     with served("--model", str(own), folder=tmp_path) as url:
         page = Watched(opened, url, (720, 480))
         page(DROP, ["20 hz.csv", ONE.read_text()])

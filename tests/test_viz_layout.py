@@ -137,7 +137,7 @@ def test_scales_words_and_bounds(opened: Any) -> None:
 
 def test_included_file_is_watched(opened: Any, tmp_path: Path) -> None:
     """And both feet of the same file follow it."""
-    whole = mjcf.path("two_dof").read_text()
+    whole = mjcf.text("two_dof")
     start, end = whole.index("  <custom>"), whole.index("</custom>") + len("</custom>")
     part, main = tmp_path / "parts" / "parameters.xml", tmp_path / "foot.xml"
     part.parent.mkdir()

@@ -65,7 +65,7 @@ STOP = ('name="fat_pad"', 'name="fat_pad" range="-1e-4 1"')
 
 def test_a_stop_is_stepped_and_starts_where_small_motion_is() -> None:
     """Where the stop is not reached balance finds the same motion; where it acts, more than one harmonic moves."""
-    text = mjcf.path("two_dof").read_text()
+    text = mjcf.text("two_dof")
     stopped = load(text.replace(*STOP))
     free, small = (periodic_motion(foot, Settings(20.0, peak_to_peak=0.2)) for foot in (load(text), stopped))
     assert small.ratio == pytest.approx(free.ratio, rel=1e-6)
@@ -259,7 +259,7 @@ def test_arch_is_shown_with_a_joint_at_its_declared_bound(name: str) -> None:
 
 def test_too_stiff_names_the_parameter(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("viz.motion.STEPS", 1024)
-    text = mjcf.path("foot_arch").read_text()
+    text = mjcf.text("foot_arch")
     foot = load(text.replace('<joint name="spring_ligament"/>', '<joint name="spring_ligament" range="-1e-5 1"/>'))
     with pytest.raises(SimulationError, match=r"lower k_3, 3e\+06 .* times the model's own\.$"):
         periodic_motion(foot, Settings(20.0, values={"k_3": 3e6}))
@@ -267,7 +267,7 @@ def test_too_stiff_names_the_parameter(monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_computing_has_its_limit(monkeypatch: pytest.MonkeyPatch) -> None:
     """No period is begun after it."""
-    foot = load(mjcf.path("two_dof").read_text().replace(*STOP))
+    foot = load(mjcf.text("two_dof").replace(*STOP))
     monkeypatch.setattr("viz.motion.PATIENCE", -1.0)
     with pytest.raises(SimulationError, match="has not settled in -1 s"):
         periodic_motion(foot, Settings(20.0))

@@ -82,7 +82,7 @@ def test_a_session_comes_back_as_it_was(bench: Bench) -> None:
 
 
 def test_a_model_of_ones_own_goes_along_with_what_it_includes(tmp_path: Path) -> None:
-    text = mjcf.path("two_dof").read_text().replace('stiffness="1.0e5"', 'stiffness="0.7e5"')
+    text = mjcf.text("two_dof").replace('stiffness="1.0e5"', 'stiffness="0.7e5"')
     start, end = text.index("<worldbody>"), text.index("</worldbody>") + len("</worldbody>")
     (tmp_path / "parts").mkdir()
     (tmp_path / "parts" / "body.xml").write_text(f"<mujoco>{text[start:end]}</mujoco>")

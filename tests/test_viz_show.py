@@ -112,7 +112,7 @@ def test_ring_goes_around_the_shank_whichever_body_carries_the_accelerometer(mon
 
 
 def test_foot_with_names_of_its_own_is_drawn_by_its_geoms(tmp_path: Path) -> None:
-    text = mjcf.path("two_dof").read_text()
+    text = mjcf.text("two_dof")
     file = tmp_path / "own.xml"
     file.write_text(text.replace('body name="foot"', 'body name="pes"').replace("body foot mass", "body pes mass"))
     show = Show([str(file)])
@@ -127,7 +127,7 @@ def test_foot_with_names_of_its_own_is_drawn_by_its_geoms(tmp_path: Path) -> Non
 
 def test_what_was_edited_is_drawn(tmp_path: Path) -> None:
     """A colour, a geom more, and a shoe that is welded on; and the bones remain."""
-    text = mjcf.path("two_dof").read_text()
+    text = mjcf.text("two_dof")
     file = tmp_path / "shod.xml"
     file.write_text(text)
     show = Show([str(file)])
@@ -159,9 +159,9 @@ def test_what_was_edited_is_drawn(tmp_path: Path) -> None:
 
 def test_another_kind_of_model_is_drawn_anew(tmp_path: Path) -> None:
     file = tmp_path / "mine.xml"
-    file.write_text(mjcf.path("foot_arch").read_text())
+    file.write_text(mjcf.text("foot_arch"))
     show, fresh = Show([str(file)]), Show(["two_dof"])
-    file.write_text(mjcf.path("two_dof").read_text())
+    file.write_text(mjcf.text("two_dof"))
     show.reload()
     path = "/meshcat/foot/a/tibia"
 
@@ -176,7 +176,7 @@ def test_another_kind_of_model_is_drawn_anew(tmp_path: Path) -> None:
 
 def test_broken_model_keeps_the_last_good_one(tmp_path: Path) -> None:
     file = tmp_path / "mine.xml"
-    good = mjcf.path("two_dof").read_text()
+    good = mjcf.text("two_dof")
     file.write_text(good)
     show = Show([str(file)])
     file.write_text(good.replace("</worldbody>", ""))
@@ -201,7 +201,7 @@ def test_page_is_told_what_a_bound_has_stopped() -> None:
 def test_compared_foot_keeps_its_own_parameters(tmp_path: Path) -> None:
     """k_F of the other file is doubled: a slider moves both by the same factor, and the other does not jump."""
     file = tmp_path / "stiff.xml"
-    file.write_text(mjcf.path("two_dof").read_text().replace('stiffness="1.0e5"', 'stiffness="2.0e5"'))
+    file.write_text(mjcf.text("two_dof").replace('stiffness="1.0e5"', 'stiffness="2.0e5"'))
     show, alone = Show(["two_dof", str(file)]), Show([str(file)])
     assert show.answer(show.settings)["other"] == {"k_F": pytest.approx(2e5)}
     moved = show.answer(replace(show.settings, values={"k_F": 1.1e5}))
@@ -213,7 +213,7 @@ def test_compared_foot_keeps_its_own_parameters(tmp_path: Path) -> None:
 
 
 def test_reload_takes_both_feet_and_included_files(tmp_path: Path) -> None:
-    whole = mjcf.path("foot_arch").read_text()
+    whole = mjcf.text("foot_arch")
     start, end = whole.index("  <custom>"), whole.index("</custom>") + len("</custom>")
     part, main = tmp_path / "parameters.xml", tmp_path / "arch.xml"
     part.write_text(f"<mujoco>{whole[start:end]}</mujoco>")
@@ -233,7 +233,7 @@ def test_reload_takes_both_feet_and_included_files(tmp_path: Path) -> None:
 
 def test_mass_that_nothing_carries_is_refused(tmp_path: Path) -> None:
     file = tmp_path / "own.xml"
-    text = mjcf.path("two_dof").read_text()
+    text = mjcf.text("two_dof")
     line = next(line for line in text.splitlines() if 'text name="m_S"' in line)
     file.write_text(text.replace(line, ""))
     assert not Show(["two_dof", str(file)]).description()["can_add_mass"]
@@ -263,3 +263,17 @@ def test_scene_is_read_while_it_changes() -> None:
     finally:
         stop.set()
         worker.join()
+
+
+def test_a_model_has_what_it_includes_where_mujoco_finds_it(tmp_path: Path) -> None:
+    """Beside the main file, then beside the one that includes; what is in a comment is no include."""
+    (tmp_path / "parts").mkdir()
+    texts = {
+        "main.xml": '<mujoco><!-- <include file="no.xml"/> --><include file="parts/a.xml"/></mujoco>',
+        "parts/a.xml": '<mujoco><include file="b.xml"/><include file="c.xml"/></mujoco>',
+        "parts/b.xml": "<mujoco/>", "parts/c.xml": "<mujoco/>", "c.xml": "<mujoco/>", "no.xml": "<mujoco/>",
+    }  # fmt: skip
+    for name, text in texts.items():
+        (tmp_path / name).write_text(text)
+    expected = {"main.xml", "parts/a.xml", "parts/b.xml", "c.xml"}
+    assert {file.relative_to(tmp_path).as_posix() for file in files_of(str(tmp_path / "main.xml"))} == expected

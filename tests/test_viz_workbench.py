@@ -219,7 +219,7 @@ def test_fit_belongs_to_its_model_and_recordings(bench: Bench) -> None:
 
 
 def test_fit_is_out_of_date_when_an_included_file_changes(tmp_path: Path) -> None:
-    text = mjcf.path("two_dof").read_text()
+    text = mjcf.text("two_dof")
     start, end = text.index("<worldbody>"), text.index("</worldbody>") + len("</worldbody>")
     (tmp_path / "body.xml").write_text(f"<mujoco>{text[start:end]}</mujoco>")
     own = tmp_path / "own.xml"
@@ -431,7 +431,7 @@ def test_typed_model_moves_and_is_saved_when_it_is_said(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     text = bench.model.document()["text"]
-    assert text == mjcf.path("two_dof").read_text()
+    assert text == mjcf.text("two_dof")
     before = bench.show.answer(bench.show.settings)["feet"]["a"]["ratio"]
 
     (wrong,) = bench.check(text.replace("<joint name", "<jont name", 1))

@@ -11,6 +11,8 @@ from fasbody.console import command_line, console
 from fasbody.exceptions import SettingError
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
+#: What is shown if nothing is named: the arch whose dampers bend.
+SHOWN = "foot_arch_bent"
 
 
 @app.command()
@@ -84,7 +86,7 @@ def main(
 
         model = model_of(result) or None
     if model is None:
-        model = "foot_arch"
+        model = SHOWN
         if export is None and watch is not False:
             arch_copy = Path.cwd() / "my_foot.xml"
     if arch_copy is not None and arch_copy.exists():
@@ -115,7 +117,7 @@ def _copy_arch(file: Path) -> None:
     import mjcf
     from fasbody.console import write_whole
 
-    write_whole(file, mjcf.path("foot_arch").read_text())
+    write_whole(file, mjcf.text(SHOWN))
     console.print(f"{file.name} is a copy of the arch to edit; the page follows it")
 
 

@@ -1,20 +1,17 @@
 """A foot by name, file or arch height, and the files behind it."""
 
-import re
 from math import degrees
 from pathlib import Path
 
-import mujoco
 import numpy as np
 
 import mjcf
 from fasbody.arch.bones import Arch
 from fasbody.exceptions import ModelError, SettingError
-from fasbody.foot.model import Foot, check, load
+from fasbody.foot.model import Foot, check, load, read_spec
 
 #: The way that the stage shows as up.
 _UP = (0.0, 1.0, 0.0)
-_INCLUDE = re.compile(r"""<include\s[^>]*file\s*=\s*["']([^"']+)["']""")
 
 
 def load_foot(name: str, called: str = "") -> Foot:
@@ -39,8 +36,7 @@ def load_foot(name: str, called: str = "") -> Foot:
         raise SettingError(f"{name}: the arch height {height!r} is no number in mm, such as foot_arch@25.") from None
     foot = load(model)
     arch = Arch.from_model(foot.model, name).with_height(metres)
-    file = str(mjcf.path(model)) if model in mjcf.names() else model
-    spec = mujoco.MjSpec.from_file(file)
+    spec = read_spec(mjcf.path(model) if model in mjcf.names() else Path(model))
     turns = {
         "calcaneus_talus": -arch.theta_10, "navicular": arch.theta_10 + arch.theta_20,
         "cuneiforms": arch.theta_30 - arch.theta_20, "metatarsals": arch.theta_40 - arch.theta_30,
@@ -57,20 +53,7 @@ def load_foot(name: str, called: str = "") -> Foot:
 def files_of(name: str) -> set[Path]:
     """The MJCF file of a model with every file that it includes, absolute; of a shipped model none."""
     model = name.partition("@")[0]
-    if model in mjcf.names():
-        return set()
-    main = Path(model).resolve()
-    files, open_ = {main}, [main]
-    while open_:
-        try:
-            text = open_.pop().read_text(errors="replace")
-        except OSError:
-            continue  # an editor is replacing it
-        # MuJoCo looks for all of them from the folder of the main file
-        included = {(main.parent / file).resolve() for file in _INCLUDE.findall(text)} - files
-        files |= included
-        open_ += included
-    return files
+    return set() if model in mjcf.names() else set(mjcf.parts(Path(model)))
 
 
 def _upright(foot: Foot) -> Foot:

@@ -48,7 +48,7 @@ class ModelText:
         """The model's MJCF as its file has it."""
         file, shipped = self.file, self.name.partition("@")[0]
         if file is None:
-            return mjcf.path(shipped).read_text() if shipped in mjcf.names() else ""
+            return mjcf.text(shipped) if shipped in mjcf.names() else ""
         return file.read_text(errors="replace") if file.is_file() else ""
 
     @property

@@ -6,7 +6,7 @@ the poses stand the loops, force over extension of fat pad, ankle and fascia.
 """
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -14,7 +14,7 @@ import mujoco
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from fasbody.exceptions import PeriodicMotionError, SimulationError
+from fasbody.exceptions import PeriodicMotionError, SimulationError, UnstableError
 from fasbody.foot.damper import algebraic_force
 from fasbody.foot.engine import callbacks
 from fasbody.foot.harmonic_balance import Fourier
@@ -23,7 +23,7 @@ from fasbody.foot.model import Foot
 from fasbody.foot.parameters import names
 from fasbody.foot.rest import standing
 from fasbody.foot.shaker import BaseMotion, harmonics
-from fasbody.foot.simulate import Batch, Simulation
+from fasbody.foot.simulate import ACCEPTED, Batch, Simulation
 from fasbody.foot.steady_state import Balance, Orbit
 from viz.anatomy.rest import frames as rest_frames
 from viz.settings import Settings
@@ -36,14 +36,15 @@ LOOPS = {"fat pad": ("fat_pad", "heel_pad"), "ankle": ("talocrural",), "fascia":
 FRAMES = 64
 HIGHEST, PER_CYCLE = 50.0, 12
 RATE = PER_CYCLE * HIGHEST
-#: The motion counts as periodic when a period changes its joints by less than this share of their travel.
-PERIODIC = 1e-3
+#: The motion counts as periodic when its joints will change by less than this share of their travel, as their changes
+#: of the last two periods let expect.
+PERIODIC = 1e-4
 #: Travel of the joints [m or rad] below which the motion counts as rest.
 FLOOR = 1e-7
 #: A settled orbit is tried for at most so many periods, and the step halved at most so often.
-PERIODS, HALVINGS = 60, 8
-#: Most steps of a halved run; more would take too long and too much memory for a slider.
-STEPS = 2**17
+PERIODS, HALVINGS = 120, 8
+#: Most steps of a halved period; more would take too long for a slider.
+STEPS = 2**14
 #: Computing time [s] after which no further period or smaller step is tried.
 PATIENCE = 20.0
 #: The transmissibility curve [Hz].
@@ -66,7 +67,7 @@ class Motion:
         transmissibility: complex malleolus over base of small motion at `CURVE`.
         ratio: |T| of the shown motion at its frequency, None for a transient or a table at rest.
         phase: of it [deg].
-        gap: change of the joints over the last period, as a share of their travel.
+        gap: change of the joints that is still to come, as a share of their travel.
         periodic: whether it repeats.
     """
 
@@ -92,7 +93,7 @@ def periodic_motion(foot: Foot, settings: Settings, amplitudes: Array | None = N
     """The motion under a sine, or under several harmonics, as it repeats itself once everything has settled.
 
     Harmonic balance finds it without a time step. Where something touches, stops or slips, or what balance finds would
-    not last, MuJoCo runs whole periods until they repeat, with half the step where a foot is too stiff for its own.
+    not last, MuJoCo runs whole periods until they repeat, and halves the step until that changes them no more.
 
     Args:
         foot: the model.
@@ -115,8 +116,10 @@ def periodic_motion(foot: Foot, settings: Settings, amplitudes: Array | None = N
         else:
             if orbit.stable:
                 return _balanced(changed, orbit)
-    count = FRAMES * int(np.ceil(1 / (f * changed.step * FRAMES)))
-    return _stable(foot, changed, count, lambda steps: _settled(changed, f, U, steps))
+    try:
+        return _settled(changed, f, U)
+    except UnstableError:
+        raise _too_stiff(foot, changed) from None
 
 
 def _balanced(foot: Foot, orbit: Orbit) -> Motion:
@@ -139,24 +142,8 @@ def _repeats(motion: Motion, malleolus: complex, base: complex, gap: float = 0.0
     return replace(motion, gap=gap, periodic=True, ratio=None if ratio is None else abs(ratio), phase=phase)
 
 
-class _Unsettled(SimulationError):
-    """Stable, but not periodic within `PERIODS`."""
-
-
-def _stable(foot: Foot, changed: Foot, count: int, run: Callable[[int], Motion]) -> Motion:
-    """What `run` makes with `count` steps, or with the fewest halvings of the step that keep it stable."""
-    began = time.process_time()
-    for halving in range(HALVINGS + 1):
-        try:
-            return run(count * 2**halving)
-        except _Unsettled:
-            late = time.process_time() - began > PATIENCE
-            if late or halving >= HALVINGS // 2 or count * 2 ** (halving + 1) > STEPS:
-                raise
-        except (SimulationError, np.linalg.LinAlgError):
-            if count * 2 ** (halving + 1) > STEPS or time.process_time() - began > PATIENCE:
-                break
-    raise SimulationError(
+def _too_stiff(foot: Foot, changed: Foot) -> SimulationError:
+    return SimulationError(
         f"{foot.name}: too stiff or too damped for the smallest time step that a slider waits for; "
         f"{_advice(foot, changed)}."
     )
@@ -172,30 +159,91 @@ def _advice(foot: Foot, changed: Foot) -> str:
     return f"lower {name}, {values[name]:.4g} {foot.parameters[name].unit}, {raised[name]:.3g} times the model's own"
 
 
-def _settled(foot: Foot, f: float, amplitudes: Array, count: int) -> Motion:
-    """The periodic motion at `f` [Hz] under (H,) harmonics with `count` steps a period, a multiple of `FRAMES`."""
-    changed = foot.with_values({}, step=1 / (f * count))
-    q, v, a = Linear(changed).start(f, amplitudes)
-    batch = Batch(changed, 1, threads=1)
-    controls = harmonics(f, amplitudes, 1 / f).controls(changed.step, count)[None]
-    began = time.process_time()
+def _settled(foot: Foot, f: float, amplitudes: Array) -> Motion:
+    """The periodic motion at `f` [Hz] under (H,) harmonics, with a step so short that half of it changes little.
+
+    Raises:
+        UnstableError: at any step. SimulationError: it does not settle, or every step is too long.
+    """
+    began, batch = time.process_time(), Batch(foot, 1, threads=1)
+    first = start = Linear(foot).start(f, amplitudes)
+    count, coarse = FRAMES * int(np.ceil(1 / (f * foot.step * FRAMES))), None
+    reason: SimulationError = UnstableError(foot.name)
+    for halving in range(HALVINGS + 1):
+        if halving and (count * 2 > STEPS or time.process_time() - began > PATIENCE):
+            break
+        count *= 2 if halving else 1
+        try:
+            run, gap = _repeated(batch, f, amplitudes, count, start, began)
+        except _UnsettledError as error:
+            reason, coarse, start = error, None, first
+            if halving >= HALVINGS // 2:
+                break
+            continue
+        except (SimulationError, np.linalg.LinAlgError):
+            coarse, start = None, first
+            continue
+        off, sensor = batch.step_error(coarse, run) if coarse else (np.inf, "")
+        if off <= ACCEPTED:
+            return _period(foot, run, f, gap, moves=bool(np.any(amplitudes)))
+        if coarse:
+            reason = SimulationError(
+                f"{foot.name}: at {f:g} Hz steps of {2 / (f * count):.2g} s put sensor {sensor!r} off by "
+                f"{100 * off:.2g} %, and shorter ones take too long; give what touches or stops a softer solref."
+            )
+        coarse, start = run, _begins(foot, run)
+    raise reason
+
+
+class _UnsettledError(SimulationError):
+    """Stable, but not periodic within `PERIODS`."""
+
+
+def _repeated(
+    batch: Batch, f: float, amplitudes: Array, count: int, start: tuple[Array, Array, Array], began: float
+) -> tuple[Simulation, float]:
+    """The first period that repeats with `count` steps, and the change that is still to come.
+
+    Args:
+        batch: of the foot.
+        f: [Hz].
+        amplitudes: (H,) of the base.
+        count: steps a period, a multiple of `FRAMES`.
+        start: qpos, qvel and act to begin with.
+        began: processor's time at which patience began [s].
+
+    Raises:
+        _UnsettledError: there is none. SimulationError: unstable.
+    """
+    foot, h, before = batch.foot, 1 / (f * count), np.inf
+    controls = harmonics(f, amplitudes, 1 / f).controls(h, count)[None]
     for _ in range(PERIODS):
         if time.process_time() - began > PATIENCE:
-            raise _Unsettled(f"{foot.name}: the motion at {f:g} Hz has not settled in {PATIENCE:g} s; add damping.")
-        out = batch.run(controls, changed.step, q, v, a)
+            message = f"{foot.name}: the motion at {f:g} Hz has not settled in {PATIENCE:g} s; add damping."
+            raise _UnsettledError(message)
+        out = batch.run(controls, h, *start)
         joints = np.delete(out.qpos[0], foot.base, axis=1)  # the base travels further than they do at low frequencies
-        gap = float(np.abs(joints[-1] - joints[0]).max() / max(np.ptp(joints, axis=0).max(), FLOOR))
+        change = float(np.abs(joints[-1] - joints[0]).max() / max(np.ptp(joints, axis=0).max(), FLOOR))
+        shrinks = change / before
+        gap = change if change == 0 else change * max(1, shrinks / (1 - shrinks)) if shrinks < 1 else np.inf
         if gap < PERIODIC:
-            break
-        q, v, a = out.qpos[0, -1].copy(), out.qvel[0, -1].copy(), out.act[0, -1].copy()
-        q[foot.base], v[foot.base] = out.qpos[0, 0, foot.base], out.qvel[0, 0, foot.base]  # the base must not drift
-    else:
-        raise _Unsettled(f"{foot.name}: the motion at {f:g} Hz does not settle within {PERIODS} periods; add damping.")
-    halved = harmonics(f, amplitudes, 1 / f).controls(changed.step / 2, 2 * count)[None]
-    batch.checked(out, batch.run(halved, changed.step / 2, q, v, a), changed.step)
-    motion = _stepped(changed, out, np.arange(0, count, count // FRAMES), 1 / f)
+            return out, gap
+        before, start = change, _begins(foot, out)
+    raise _UnsettledError(f"{foot.name}: the motion at {f:g} Hz does not settle within {PERIODS} periods; add damping.")
+
+
+def _begins(foot: Foot, out: Simulation) -> tuple[Array, Array, Array]:
+    """Where the period after this one begins; the base must not drift."""
+    q, v = out.qpos[0, -1].copy(), out.qvel[0, -1].copy()
+    q[foot.base], v[foot.base] = out.qpos[0, 0, foot.base], out.qvel[0, 0, foot.base]
+    return q, v, out.act[0, -1].copy()
+
+
+def _period(foot: Foot, out: Simulation, f: float, gap: float, moves: bool) -> Motion:
+    """What is shown of a period that repeats."""
+    count = out.time.shape[1]
+    motion = _stepped(foot, out, np.arange(0, count, count // FRAMES), 1 / f)
     w = 2 / count * np.exp(-2j * np.pi * np.arange(count) / count)
-    moves = np.any(amplitudes)
     return _repeats(motion, complex(out.malleolus[0] @ w), complex(out.base[0] @ w) if moves else 0.0, gap)
 
 
@@ -212,20 +260,24 @@ def transient_motion(
     """
     changed = settings.apply(foot)
     count = round(base.duration / changed.step)
-    return _stable(foot, changed, count, lambda steps: _from_rest(changed, base, window, steps))
+    changed = changed.with_values({}, step=base.duration / count)
+    try:
+        out = Batch(changed, 1, threads=1).run_checked([base], changed.step, standing(changed))
+    except UnstableError:
+        raise _too_stiff(foot, changed) from None
+    return _from_rest(changed, base, window, out)
 
 
-def _from_rest(foot: Foot, base: BaseMotion, window: tuple[float, float], count: int) -> Motion:
-    """The transient with `count` steps. Slow motion is taken out of the table and of what moves on it alike."""
-    changed = foot.with_values({}, step=base.duration / count)
-    out = Batch(changed, 1, threads=1).run_checked([base], changed.step, standing(changed))
+def _from_rest(changed: Foot, base: BaseMotion, window: tuple[float, float], out: Simulation) -> Motion:
+    """What is shown of a transient. Slow motion is taken out of the table and of what moves on it alike."""
+    count = out.time.shape[1]
     stride = max(1, int(1 / (RATE * changed.step)))
     pick = np.arange(0, count, stride)
     whole = _stepped(changed, out, pick, base.duration)
     step = base.duration / len(pick)
-    up = np.array(foot.up)
+    up = np.array(changed.up)
     relative = whole.bodies.copy()
-    relative[..., :3] -= out.qpos[0, pick, foot.base][:, None, None] * up
+    relative[..., :3] -= out.qpos[0, pick, changed.base][:, None, None] * up
     bodies = without_drift(relative, step)
     bodies[..., :3] += without_drift(whole.base, step, twice=True)[:, None, None] * up
     keep = slice(int(window[0] / step), int(np.ceil(min(window[1] / step, len(pick)))))

@@ -1,6 +1,7 @@
 """Command line of the five-body arch: sensitivity, reduction, load, validate, crosscheck; see each one's --help."""
 
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -169,7 +170,9 @@ def print_crosscheck(
     """
     from fasbody.arch.crosscheck import AGREEMENT, MOTION_AGREEMENT, crosscheck
 
-    result = crosscheck(model, samples, seed, dynamics)
+    with progress_bar() as progress:
+        hertz = partial(progress.track, description="stepped against the equations")
+        result = crosscheck(model, samples, seed, dynamics, hertz)
     console.print(_crosscheck_table(result))
     if result.dynamics is not None:
         console.print(_dynamics_table(result.dynamics))

@@ -5,7 +5,7 @@ matrices of the tree, which are projected onto the coordinates of the equations 
 is built from the compiled one, body by body, because its MJCF reader silently drops unknown elements.
 """
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import asdict, dataclass
 from itertools import combinations
 from pathlib import Path
@@ -93,9 +93,13 @@ class Crosscheck:
         plain = {key: value for key, value in vars(self).items() if key != "dynamics"}
         return plain if self.dynamics is None else plain | {"dynamics": [vars(motion) for motion in self.dynamics]}
 
+#: What passes an iterable on.
+Tracked = Callable[[Sequence[float]], Iterable[float]]
+
 
 def crosscheck(
-    model: str | Path = "foot_arch", samples: int = 1000, seed: int = 0, dynamics: bool = False
+    model: str | Path = "foot_arch", samples: int = 1000, seed: int = 0, dynamics: bool = False,
+    tracked: Tracked = iter,
 ) -> Crosscheck:
     """Compare the three engines on one model.
 
@@ -104,6 +108,7 @@ def crosscheck(
         samples: random configurations.
         seed: of the random numbers.
         dynamics: also compare the motion, see `compare_motion`.
+        tracked: passes the frequencies of the motion on, such as a progress bar.
 
     Raises:
         InputFileError: the model cannot be loaded.
@@ -122,7 +127,7 @@ def crosscheck(
         bias=_pairs({engine: bias for engine, (_, bias) in nonlinear.items()}),
         linear_mass_matrix=_pairs({engine: A for engine, (A, _) in linear.items()}),
         note=_note(foot.model), constants=asdict(arch),
-        dynamics=compare_motion(foot, arch) if dynamics else None,
+        dynamics=compare_motion(foot, arch, tracked(TABLE_HZ)) if dynamics else None,
     )  # fmt: skip
 
 

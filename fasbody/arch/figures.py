@@ -42,20 +42,19 @@ def sensitivity_bars(studies: Sequence[Study]) -> Figure:
     """
     figure = Figure(figsize=(PAGE, 0.5 + 1.75 * len(studies)), layout="constrained")
     axes = figure.subplots(len(studies), squeeze=False, sharex=True, sharey=True)[:, 0]
-    colours = [KEPT if name in CLAIMED else DROPPED for name in PARAMETERS]
     for ax, study in zip(axes, studies, strict=True):
         low, median, high = np.percentile(study.values[:, OUTPUTS.index("malleolus")], [25, 50, 75], axis=0)
-        spread = None if study.arch_name else [median - low, high - median]
-        bars = ax.bar(SYMBOLS, median, color=colours, yerr=spread, capsize=3, ecolor="0.3")
-        for bar, name in zip(bars, PARAMETERS, strict=True):
-            bar.set_hatch("" if name in CLAIMED else "///")
-            bar.set_edgecolor("white")
-            bar.set_linewidth(0)
+        for i, name in enumerate(PARAMETERS):
+            spread = None if study.arch_name else [[median[i] - low[i]], [high[i] - median[i]]]
+            style = {"marker": "o", "mfc": KEPT} if name in CLAIMED else {"marker": "s", "mfc": "white"}
+            ax.errorbar(
+                [SYMBOLS[i]], [median[i]], spread, color=KEPT if name in CLAIMED else DROPPED, ms=6, capsize=3, **style
+            )
         ax.set_yscale("log")
         ax.set_ylabel("relative sensitivity")
         ax.grid(visible=False, axis="x")
         ax.set_title(_title(study), loc="left")
-    figure.suptitle("Acceleration of the malleolus: plain bars are the four constants that the thesis keeps")
+    figure.suptitle("Acceleration of the malleolus: filled marks are the four constants that the thesis keeps")
     return figure
 
 

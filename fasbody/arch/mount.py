@@ -5,6 +5,7 @@ and metatarsal heads on the sole. The load on the apex is an actuator of constan
 tension of the pose, so that the stepped model has the stiffness of the springs *and* of the load's geometry.
 """
 
+import re
 from dataclasses import replace
 from xml.etree import ElementTree
 
@@ -24,6 +25,8 @@ COORDINATES = ("z_F", "z_T", "theta_2", "theta_3", "theta_4", "z_H", "z_A")
 _STEP = 1e-30
 _BONES = ("calcaneus_talus", "navicular", "cuneiforms", "metatarsals")
 _JOINTS = ("spring_ligament", "short_plantar_ligament", "long_plantar_ligament")
+#: Numbers of more digits than anybody means.
+_LONG = re.compile(r"\d+\.\d{12,}(?:e-?\d+)?")
 
 
 def pose(mounted: Mounted, arch: Arch, weight: float) -> Array:
@@ -159,7 +162,12 @@ def mjcf(
             ElementTree.SubElement(fascia, "site", site=site)
     about = next(element for element in root if element.tag is ElementTree.Comment)
     about.text = (about.text or "").replace(f"under\n       {SEATED_N!r} N", f"under\n       {weight!r} N")
-    return ElementTree.tostring(root, encoding="unicode") + "\n"
+    return _rounded(ElementTree.tostring(root, encoding="unicode") + "\n")
+
+
+def _rounded(text: str) -> str:
+    """Numbers with twelve digits: the last ones hang on the processor."""
+    return _LONG.sub(lambda number: repr(float(f"{float(number[0]):.12g}")), text)
 
 
 def _inertial(body: ElementTree.Element) -> ElementTree.Element:

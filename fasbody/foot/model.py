@@ -30,10 +30,8 @@ _IMPROVEMENT, _ITERATIONS = 1e-30, 100
 _MOVED, _HELD = 1e-3, 1e-3
 #: Density of a geom that names none [kg/m^3].
 _WATER = 1000.0
-#: MJCF's comments, geoms whose density is written, and files that it includes.
-_COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
+#: Geoms whose density is written.
 _DENSE = re.compile(r"<geom\s[^>]*?\sdensity\s*=[^>]*>")
-_INCLUDE = re.compile(r"""<include\s[^>]*file\s*=\s*["']([^"']+)["']""")
 #: The actuator that is the static load of a model without gravity.
 WEIGHT = "weight"
 #: Parts of the physics that no model may switch off.
@@ -165,29 +163,41 @@ def load(model: str | Path | mujoco.MjSpec, name: str = "") -> Foot:
     if isinstance(model, mujoco.MjSpec):
         return _checked(lambda: model, "MjSpec")
     if isinstance(model, str) and model.lstrip().startswith("<"):
-        return _checked(lambda: mujoco.MjSpec.from_string(model), "MJCF text", dense=_dense(model))
+        return _checked(lambda: mujoco.MjSpec.from_string(model, _shaker(model)), "MJCF text", dense=_dense(model))
     file = mjcf.path(str(model)) if str(model) in shipped else Path(model)
     if not file.is_file():
         valid = f"give an MJCF file or one of {', '.join(shipped)}"
         raise InputFileError(model, "no such model", valid)
     name = name or (str(model) if str(model) in shipped else file.name)
-    dense = _dense(file.read_text(errors="replace"), file.parent)
-    return _checked(lambda: mujoco.MjSpec.from_file(str(file)), file, name, dense)
+    dense = _dense(*(part.read_text(errors="replace") for part in mjcf.parts(file)))
+    return _checked(lambda: read_spec(file), file, name, dense)
 
 
-def _dense(text: str, folder: Path | None = None) -> set[tuple[int, str]]:
-    """Line and name of each geom whose density is written in MJCF or in what it includes.
+def read_spec(file: Path) -> mujoco.MjSpec:
+    """An MJCF file, also of a copy that left the shaker behind, which it includes.
+
+    Raises:
+        ValueError: MuJoCo cannot read it.
+    """
+    return mujoco.MjSpec.from_file(str(file), _shaker(file.read_text(errors="replace"), file.parent))
+
+
+def _shaker(text: str, folder: Path | None = None) -> dict[str, bytes]:
+    """The shipped shaker by the names under which MJCF includes it, where its folder has none."""
+    named = [name for name in mjcf.included(text) if Path(name).name == mjcf.SHAKER.name]
+    return {name: mjcf.SHAKER.read_bytes() for name in named if not (folder and (folder / name).is_file())}
+
+
+def _dense(*texts: str) -> set[tuple[int, str]]:
+    """Line and name of each geom whose density is written in MJCF, or in what it includes.
 
     MuJoCo does not say whether a geom's 1000 kg/m^3 are written or its default.
     """
-    bare = _COMMENT.sub(lambda comment: "\n" * comment[0].count("\n"), text)
     geoms = set()
-    for match in _DENSE.finditer(bare):
-        name = re.search(r"""\sname\s*=\s*["']([^"']*)""", match[0])
-        geoms.add((bare.count("\n", 0, match.start()) + 1, name[1] if name else ""))
-    for included in _INCLUDE.findall(bare) if folder else []:
-        if (folder / included).is_file():
-            geoms |= _dense((folder / included).read_text(errors="replace"), folder)
+    for bare in map(mjcf.without_comments, texts):
+        for match in _DENSE.finditer(bare):
+            name = re.search(r"""\sname\s*=\s*["']([^"']*)""", match[0])
+            geoms.add((bare.count("\n", 0, match.start()) + 1, name[1] if name else ""))
     return geoms
 
 
@@ -615,8 +625,13 @@ def _check_law(row: np.ndarray, laws: list[damper.Law], where: str) -> None:
 
 def can_be_constrained(model: mujoco.MjModel) -> bool:
     """Whether anything in a model can touch, or has a limit, an equality or dry friction."""
+    return bool(model.neq) or can_change(model)
+
+
+def can_change(model: mujoco.MjModel) -> bool:
+    """Whether anything in a model can touch, stop or slip."""
     touches = np.bitwise_and.outer(model.geom_contype, model.geom_conaffinity).any() or model.npair or model.nflex
-    limited = model.jnt_limited.any() or model.tendon_limited.any() or model.neq
+    limited = model.jnt_limited.any() or model.tendon_limited.any()
     return bool(touches or limited or model.dof_frictionloss.any() or model.tendon_frictionloss.any())
 
 

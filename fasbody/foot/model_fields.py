@@ -114,6 +114,11 @@ def check_fields(model: mujoco.MjModel, name: str) -> None:
             f"{name}: {_called(model, 'actuator', number)} acts on the joint 'base' beside the shaker; {_ASKED}, so "
             "remove it."
         )
+    for number in map(int, np.flatnonzero(model.actuator_dyntype == mujoco.mjtDyn.mjDYN_INTEGRATOR)):
+        raise ModelError(
+            f"{name}: {_called(model, 'actuator', number)} integrates its control, so that any mean of it repeats; "
+            "write a <position>, or a <general> without dyntype."
+        )
     read = np.isin(model.sensor_type, [getattr(mujoco.mjtSensor, f"mjSENS_{kind}") for kind in READ])
     for field in SENSED:
         _check_default(model, name, field, np.flatnonzero(read))

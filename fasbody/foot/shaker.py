@@ -13,11 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from fasbody.constants import PEAK_TO_PEAK
 from fasbody.exceptions import SettingError
 from fasbody.presentation import Tabled
 
-#: Peak-to-peak base acceleration of the thesis [m/s^2], section 2.2.2.
-PEAK_TO_PEAK = 17.9
 #: Unit of time of the controls [s]. MuJoCo takes no control above 1e10, and third derivatives of a noisy base at 4 kHz
 #: are larger in SI. A power of two, so that no digit is lost.
 CLOCK = 2.0**-10

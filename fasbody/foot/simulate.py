@@ -10,18 +10,24 @@ import mujoco.batch
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fasbody.exceptions import SettingError, SimulationError
+from fasbody.exceptions import SettingError, SimulationError, UnstableError
 from fasbody.foot.damper import DAMPER
 from fasbody.foot.engine import SHAKER_CONTROLS, callbacks
-from fasbody.foot.model import Foot, Sensor
+from fasbody.foot.model import Foot, Sensor, can_change
 from fasbody.foot.parameters import Fitted
+from fasbody.foot.rest import check_dampers
 from fasbody.foot.shaker import BaseMotion
 from fasbody.presentation import Presented, Sheet
 
 #: Share of a damper that is taken at the end of a step, and of one on a hinge.
 SHARE, HINGE_SHARE = 0.5, 0.55
-#: Error of the time step, as a share of a signal, above which a simulation is refused.
-ACCEPTED = 0.01
+#: Stiffness [1/s^2] from which on an equality of tendons closes a loop.
+CLOSING = 1e6
+#: Error of the time step, as a share of a signal, above which the step is halved; how often; and
+#: steps of all simulations together that fit into memory.
+ACCEPTED, HALVINGS, MOST_STEPS = 1e-3, 7, 2**20
+#: Steps in which most of what is unstable shows.
+PROBE = 500
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -40,6 +46,8 @@ class Simulation(Presented):
             of its peak.
         step_error: by how much the time step falsifies the accelerometer that it falsifies most, as
             a share of its root mean square; from a second run with half the step, NaN without one.
+        step_s: the time step that was computed with [s], the samples' own or a half, a quarter ... of
+            it; NaN where none was looked for.
         sensors: name -> (nsim, n) of every accelerometer but the base's, the malleolus among them
             [m/s^2].
     """
@@ -53,6 +61,7 @@ class Simulation(Presented):
     base_error: float
     sensors: Mapping[str, np.ndarray] = field(default_factory=dict)
     step_error: float = np.nan
+    step_s: float = np.nan
 
     figures: ClassVar[str] = "fasbody.foot.figures"
     plots: ClassVar[tuple[str, ...]] = ("motion",)
@@ -77,7 +86,7 @@ class Simulation(Presented):
         peak = np.abs(self.malleolus).max()
         return (
             f"{nsim} x {n} steps, malleolus peak {peak:.3g} m/s^2, base error {self.base_error:.1e}, "
-            f"step error {self.step_error:.1e}"
+            f"step error {self.step_error:.1e}" + ("" if np.isnan(self.step_s) else f" at {self.step_s:.3g} s")
         )
 
     def sheet(self) -> Sheet:
@@ -94,6 +103,14 @@ class Simulation(Presented):
     def outputs(self) -> dict[str, np.ndarray]:
         """What each accelerometer but the base's reads (nsim, n) [m/s^2], the malleolus first."""
         return {"malleolus": self.malleolus} | dict(self.sensors)
+
+    def every(self, stride: int, **changes: float) -> "Simulation":
+        """One of `stride` steps, with other fields changed."""
+        if stride == 1:
+            return replace(self, **changes)  # type: ignore[arg-type]
+        arrays = {name: value[:, ::stride] for name, value in vars(self).items() if isinstance(value, np.ndarray)}
+        sensors = {name: values[:, ::stride] for name, values in self.sensors.items()}
+        return replace(self, **arrays, sensors=sensors, **changes)  # type: ignore[arg-type]
 
     def records(self) -> list[dict[str, Any]]:
         """One row a step and simulation."""
@@ -122,8 +139,9 @@ class Batch:
         self._steps = self._batch.expand("opt.timestep")
         fields = foot.parameters.fields
         self._fields = {field: self._batch.expand(field).reshape(nsim, -1) for field in fields}
-        #: Equalities with a solref in the direct form (negative numbers) close a loop as stiffly as the step allows.
-        self._tied = np.flatnonzero((foot.model.eq_solref < 0).all(axis=1))
+        #: Stiffly tied tendons close a loop, as stiffly as the step allows; what is tied softly is as the file says.
+        stiff = foot.model.eq_solref[:, 0] <= -CLOSING
+        self._tied = np.flatnonzero((foot.model.eq_type == mujoco.mjtEq.mjEQ_TENDON) & stiff)
         self._solref = self._batch.expand("eq_solref") if self._tied.size else None
         self._shares = _Shares.of(foot, self._batch, hinge_share)
         self._velocities = _velocity_sensors(foot)
@@ -207,55 +225,87 @@ class Batch:
         qvel: np.ndarray | None = None,
         accept: float | None = ACCEPTED,
     ) -> Simulation:
-        """Run all simulations from rest, and again with half the step, which tells the error of the step.
+        """Run all simulations from rest, with a step so short that half of it changes little.
 
         Args:
             motions: of the base, one or one a simulation; all of the first one's duration.
-            step: time step [s].
+            step: time step of the result, and the first one that is tried [s].
             qpos, qvel: as in `run`.
-            accept: largest error of the step, `Simulation.step_error`, that is no reason to refuse;
-                None for any.
+            accept: error of the step, `Simulation.step_error`, above which it is halved; None for
+                any, so that it is not.
 
         Raises:
-            SimulationError: unstable, or the error is larger.
+            SimulationError: unstable, or the error is larger after `HALVINGS`.
         """
         count = round(motions[0].duration / step)
         if count < 1:
             raise SettingError(f"a motion of {motions[0].duration:g} s is shorter than one step of {step:g} s.")
-        run, finer = (
-            self.run(np.stack([motion.controls(h, n) for motion in motions]), h, qpos, qvel)
-            for h, n in ((step, count), (step / 2, 2 * count))
+
+        def tried(halved: int, most: float = np.inf) -> Simulation | SimulationError:
+            h, n = step / 2**halved, int(min(count * 2**halved, most))
+            try:
+                return self.run(np.stack([motion.controls(h, n) for motion in motions]), h, qpos, qvel)
+            except SimulationError as error:
+                return error
+
+        laws = self.foot.model.jnt_user[None]
+        laws = np.reshape(self._fields.get("jnt_user", laws), (-1, *laws.shape[1:])) if laws.size else laws
+        room = np.log2(MOST_STEPS / (2 * count * self.nsim))
+        most = 0 if accept is None else int(np.clip(room, 0, HALVINGS))
+        least, probe = 0, tried(0, PROBE)
+        while isinstance(probe, SimulationError):
+            if least == most:
+                raise probe
+            least += 1
+            probe = tried(least, PROBE)
+        run = tried(least)
+        for halved in range(least, most + 1):
+            finer = tried(halved + 1)
+            if isinstance(run, Simulation) and isinstance(finer, Simulation):
+                error, sensor = self.step_error(run, finer)
+                check_dampers(self.foot, run.qpos[:, run.qpos.shape[1] // 2 :].mean(axis=1), laws)
+                if accept is None or error <= accept:
+                    return run.every(2**halved, step_error=error, step_s=step / 2**halved)
+                problem = self._too_long(step / 2**halved, error, sensor, accept)
+                if self._smooth and error / 2 ** (self.order * (most - halved)) > accept:
+                    break
+            else:
+                problem = next(tried for tried in (run, finer) if isinstance(tried, SimulationError))
+            run = finer
+        raise problem
+
+    def _too_long(self, step: float, error: float, sensor: str, accept: float) -> SimulationError:
+        integrator = mujoco.mjtIntegrator(self.foot.model.opt.integrator).name.removeprefix("mjINT_")
+        shorter = step / 2 * (accept / error) ** (1 / self.order)
+        return SimulationError(
+            f"{self.foot.name}: steps of {step:.3g} s put sensor {sensor!r} off by {100 * error:.2g} % with the "
+            f"integrator {integrator}; simulate with accept={2 * error:.1g}, or with a step of {shorter:.1g} s."
         )
-        return self.checked(run, finer, step, accept)
 
-    def checked(self, run: Simulation, finer: Simulation, step: float, accept: float | None = ACCEPTED) -> Simulation:
-        """A run with the error of its step [s], by one that is as long and has half of it.
+    @property
+    def order(self) -> int:
+        """Power of the step by which its error falls; what touches, stops or slips spoils that of Runge-Kutta."""
+        return 4 if self._smooth and self.foot.model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4 else 1
 
-        Raises:
-            SimulationError: the error is larger than `accept`.
-        """
-        first_order = self.foot.model.opt.integrator != mujoco.mjtIntegrator.mjINT_RK4
+    @property
+    def _smooth(self) -> bool:
+        return not can_change(self.foot.model)
+
+    def step_error(self, run: Simulation, finer: Simulation) -> tuple[float, str]:
+        """Error of a run's step, by one that is as long and has half of it, and the sensor that it falsifies most."""
         errors = {}
         for name, values in run.outputs.items():
             fine = finer.outputs[name][:, ::2]
             off, size = (np.sqrt(np.mean(x**2, axis=1)) for x in (values - fine, fine))
             errors[name] = float(np.max(off / np.maximum(size, np.finfo(float).tiny)))
         worst = max(errors, key=lambda name: errors[name])
-        error = errors[worst] * (2 if first_order else 16 / 15)
-        if accept is not None and error > accept:
-            integrator = mujoco.mjtIntegrator(self.foot.model.opt.integrator).name.removeprefix("mjINT_")
-            raise SimulationError(
-                f"{self.foot.name}: steps of {step:g} s put sensor {worst!r} off by {100 * error:.2g} % with the "
-                f"integrator {integrator}; simulate with step={step * accept / error / 2:.1g}, or "
-                f"accept={2 * error:.1g}."
-            )
-        return replace(run, step_error=error)
+        return errors[worst] / (1 - 0.5**self.order), worst
 
     def _check_finite(self, sensordata: np.ndarray, qvel: np.ndarray) -> None:
         bad = ~np.isfinite(sensordata).all(axis=(1, 2)) | ~np.isfinite(qvel).all(axis=(1, 2))
         bad |= np.asarray(self._batch.warning).reshape(self.nsim, -1).any(axis=1)
         if bad.any():
-            raise SimulationError(
+            raise UnstableError(
                 f"{self.foot.name}: {bad.sum()} of {self.nsim} simulations became unstable; use a smaller time step "
                 "or parameters within the declared bounds."
             )
@@ -340,18 +390,19 @@ def simulate(
     Args:
         foot: the model.
         motions: one motion, or one a simulation; all of the first one's duration.
-        step: time step [s], default the model's.
+        step: time step of the result [s], default the model's. It is computed with this step, or with
+            a half, a quarter ... of it (`Simulation.step_s`) until the error is accepted.
         values: what a fit returns, or parameters by name (`Foot.with_values`), one value or (nsim,)
             of each.
         qpos: initial positions (nq,) or (nsim, nq);
         qvel: initial velocities.
         threads: 0 for all cores.
-        accept: largest error of the time step (`Simulation.step_error`) that is no reason to
-            refuse; None for any.
+        accept: error of the time step (`Simulation.step_error`) above which it is halved; None for
+            any. The check takes as long again twice, each halving twice as long as the one before.
 
     Raises:
         SettingError: an unknown parameter or value, or sizes that do not fit.
-        SimulationError: unstable, or the step is too long.
+        SimulationError: unstable, or no step is short enough.
     """
     if not isinstance(foot, Foot):
         raise SettingError(f"simulate takes a model, not {foot!r}; load it first: load({str(foot)!r}).")

@@ -25,7 +25,7 @@ import numpy as np
 from fasbody.exceptions import SettingError, unknown
 from fasbody.foot.engine import callbacks
 from fasbody.foot.harmonic_balance import MOST_HARMONICS, Fourier, Solution, multipliers, periodic
-from fasbody.foot.model import Foot
+from fasbody.foot.model import Foot, can_change
 from fasbody.foot.parameters import Fitted
 
 Array = np.ndarray
@@ -33,8 +33,8 @@ Array = np.ndarray
 STEP = 1e-9
 #: Differences in coordinates [m or rad] and rates [m/s or rad/s].
 POSITION, RATE = 1e-6, 1e-4
-#: In accelerations [m/s^2 or rad/s^2]: forces are linear in them, but for friction, which slips from some on.
-ACCELERATION, WITH_FRICTION = 1.0, 1e-4
+#: In accelerations [m/s^2 or rad/s^2]: forces are linear in them, unless something lifts or slips from some on.
+ACCELERATION, WITH_CHANGES = 1.0, 1e-4
 #: Difference in a parameter as a share of its size, and in harmonics of the base [m/s^2].
 PARAMETER, BASE = 3e-4, 1.0
 
@@ -52,8 +52,7 @@ class Engine:
         self._state = d.qpos, d.qvel, d.qacc, d.act
         self._outputs = d.qfrc_inverse, d.qfrc_actuator, d.act_dot, d.sensordata
         *self._ends, self._raw = np.cumsum([part.size for part in self._outputs]).tolist()
-        dry = model.dof_frictionloss.any() or model.tendon_frictionloss.any()
-        self._acceleration = WITH_FRICTION if dry else ACCELERATION
+        self._acceleration = WITH_CHANGES if can_change(model) else ACCELERATION
 
     def rows(self, motion: Array) -> Array:
         """Rows (N, r) at N instants of a motion (3, N, c)."""

@@ -63,8 +63,7 @@ def write_model(file: Path, law: HeelLaw, theta: np.ndarray, load_n: float) -> P
     from fasbody.console import write_whole
 
     made = pad(law, theta, load_n)
-    tree = ElementTree.parse(mjcf.path("two_dof"))
-    root = tree.getroot()
+    root = ElementTree.fromstring(mjcf.text("two_dof"))
     root.set("model", "two_dof_measured_pad")
     (joint,) = (item for item in root.iter("joint") if item.get("name") == "fat_pad")
     joint.set("stiffness", "0")
@@ -73,6 +72,6 @@ def write_model(file: Path, law: HeelLaw, theta: np.ndarray, load_n: float) -> P
     for text in list(custom):
         if text.get("name") in ("k_F", "c_21", "c_22", "c_23"):
             custom.remove(text)
-    ElementTree.indent(tree)
+    ElementTree.indent(root)
     head = f"<!-- The fat pad is the {law.name} of measured people, {law.formula}, resting under {load_n:g} N. -->\n"
     return write_whole(file, head + ElementTree.tostring(root, encoding="unicode") + "\n")

@@ -64,7 +64,7 @@ class _Study(Table):
 
 _Pair = Annotated[tuple[float, float], BeforeValidator(tuple), Field(description="two lengths in m")]
 _Number = Annotated[float, Field(description="a number")]
-_KINDS = {float: _Number, tuple[float, float]: _Pair}
+_KINDS: dict[Any, Any] = {float: _Number, tuple[float, float]: _Pair}
 _KEYS: Any = {field.name: (_KINDS[field.type], field.default) for field in fields(Plate)}
 _Plate = create_model("_Plate", __base__=Table, **_KEYS)
 

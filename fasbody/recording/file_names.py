@@ -76,10 +76,11 @@ def common_value(values: Iterable[float]) -> float | None:
 
 
 def patterns_of(stems: Sequence[str]) -> list[str]:
-    """The patterns of names that hold a condition, most first; the most frequent one where none does."""
+    """The patterns of names that hold a condition, most first; the most frequent ones where none does."""
     named = _with_people(list(map(_template, stems)))
-    every = [pattern for pattern, _ in Counter(named).most_common()]
-    return [pattern for pattern in every if _says(pattern)] or every[:1]
+    every = Counter(named).most_common()
+    most = [pattern for pattern, count in every if count == every[0][1]]
+    return [pattern for pattern, _ in every if _says(pattern)] or most
 
 
 def _says(pattern: str) -> bool:

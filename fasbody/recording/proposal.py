@@ -71,7 +71,7 @@ def propose(folder: Path, pattern: str | None = None) -> Proposal:
         SettingError: the pattern has a field that does not exist, or none.
     """
     if not folder.is_dir():
-        raise InputFileError(folder, "is no folder", "give the folder that holds the recordings")
+        raise InputFileError(folder, "is not a folder", "give the folder that holds the recordings")
     known = _listed(folder)
     files = sorted(
         (p for p in folder.rglob("*") if p.is_file() and ending(p) in (*TEXTS, *READ) and not _aside(p, folder)),
@@ -86,7 +86,11 @@ def propose(folder: Path, pattern: str | None = None) -> Proposal:
     if not rows:
         raise InputFileError(folder, f"no file is named {patterns[0]}", f"the first is {stems[files[0]]}")
     new = {p: row for p, row in rows.items() if known is None or p.relative_to(folder).as_posix() not in known}
-    missing: list[str] = []
+    if known is None and not any("subject" in row for row in rows.values()):
+        rows = new = {p: {"subject": "1", **row} for p, row in rows.items()}
+        missing = ["recordings.csv: subject, if these are not all of one person, who is called 1"]
+    else:
+        missing = []
     tables = {} if known is not None else {
         "study.toml": _toml(folder, list({ending(p): p for p in reversed(rows)}.values())[::-1], missing)
     }  # fmt: skip

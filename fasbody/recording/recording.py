@@ -74,6 +74,21 @@ class Recording(Tabled):
             object.__setattr__(self, "others", {name: np.asarray(values) for name, values in self.others.items()})
 
     @property
+    def time(self) -> np.ndarray:
+        """Short for `time_s`, as of a `Simulation`."""
+        return self.time_s
+
+    @property
+    def base(self) -> np.ndarray:
+        """Short for `base_m_s2`."""
+        return self.base_m_s2
+
+    @property
+    def malleolus(self) -> np.ndarray:
+        """Short for `malleolus_m_s2`."""
+        return self.malleolus_m_s2
+
+    @property
     def rate_hz(self) -> float:
         """Sampling rate [Hz]."""
         return float((self.time_s.size - 1) / (self.time_s[-1] - self.time_s[0]))

@@ -8,8 +8,6 @@ from rich.markup import escape
 
 from fasbody.console import command_line, console, make_folder, print_json, results, write_whole
 from fasbody.exceptions import RecordingError, SettingError, pip_install
-from fasbody.recording.study import StudyFolder, read_file
-from fasbody.recording.trials import people, posture_remarks
 
 if TYPE_CHECKING:
     from fasbody.transmissibility.findings import Finding
@@ -53,6 +51,8 @@ def main(
 
       python -m fasbody.transmissibility 20hz.tdms 30hz.tdms --study study.toml
     """
+    from fasbody.recording.study import StudyFolder, read_file
+    from fasbody.recording.trials import people, posture_remarks
     from fasbody.transmissibility.table import Table
 
     if figure_format not in _ENDINGS:
@@ -104,7 +104,7 @@ def show(table: "Table") -> None:
 
     results.print(str(table))
     printed = Printed(
-        "pair", "posture", r"load \[kg]", "n", "resonance (section 2.3.1)", "shown beyond chance",
+        "pair", "posture", r"load \[kg]", "n", "resonance (section 2.3.1)", "with control of errors",
         r"mean transmissibility (phase \[deg]) by frequency \[Hz]",
     )  # fmt: skip
     for c in table.each():

@@ -62,7 +62,7 @@ def subjects(table: Table, pair: str, conditions: Sequence[Condition]) -> Figure
         bottom.set_xlabel("frequency [Hz]")
     axes[0, 0].set_ylabel(f"{pair} transmissibility")
     axes[1, 0].set_ylabel(f"{pair} phase lag [deg]")
-    marks = "shaded: resonance range by section 2.3.1 that is shown beyond chance; dashed: not shown beyond chance"
+    marks = "shaded: resonance range by section 2.3.1 if significant; dashed: not significant"
     return _origin(figure, table, f"thin: subjects; heavy: mean; {marks}")
 
 
@@ -109,7 +109,7 @@ def means(table: Table, conditions: Sequence[Condition]) -> Figure:
     alone = not any(np.isfinite(half_interval(c.T)).any() for c in table.each())
     bars = "one subject, no intervals" if alone else "bars: 95 % intervals of the mean"
     arrows = (
-        "arrows: resonance (peak, middle of a plateau) by section 2.3.1, hollow where it is not shown beyond chance"
+        "arrows: resonance (peak, middle of a plateau) by section 2.3.1, hollow where not significant"
     )
     return _origin(figure, table, f"{bars}; {arrows}" if any(axis.texts for axis in axes[0]) else bars)
 

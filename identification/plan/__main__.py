@@ -23,8 +23,8 @@ from fasbody.console import (
     to_json,
     write_whole,
 )
+from fasbody.constants import PEAK_TO_PEAK
 from fasbody.exceptions import AcquisitionError, SettingError, Stopped, unknown
-from fasbody.foot.shaker import PEAK_TO_PEAK
 from identification.options import DelayStd, GainStd, MassStd
 
 if TYPE_CHECKING:
@@ -315,7 +315,7 @@ def run(
     ] = False,
     subject: Annotated[str, Option(help="name or number of the subject")] = "1",
     load_change: Annotated[
-        float, Option(help="what laying another load costs, in seconds of shaking", min=0, max=3600)
+        float, Option(help="cost of a change of load, in seconds of shaking", min=0, max=3600)
     ] = 60.0,
 ) -> None:
     """Record, fit and plan in turn; report each recording, the intervals so far, and the next step.

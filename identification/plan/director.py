@@ -483,7 +483,7 @@ def _refuse(person: Person, shaker: Shaker, ask: Mapping[str, float], earlier: S
         raise SettingError(f"the number of draws is {draws}, no average over feet; give 2 or more.", "draws")
     for recording in earlier:
         whose = recording.condition
-        if (whose.subject, whose.body_mass_kg) != (person.name, person.body_mass_kg):
+        if whose.subject not in ("", person.name) or whose.body_mass_kg != person.body_mass_kg:
             raise SettingError(
                 f"{recording.file} is of subject {whose.subject!r} with {whose.body_mass_kg} kg, and the plan is "
                 f"for {person.name!r} with {person.body_mass_kg:g} kg."

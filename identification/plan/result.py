@@ -510,7 +510,7 @@ def goal(asked: Mapping[str, float]) -> str:
     """What is asked for, in full."""
     widths = _widths(asked, list(asked))
     rest = ", ".join(name for name in EXCHANGED if name not in asked)
-    usual = " (the usual goal, whatever the rig)" if asked == GOAL else ""
+    usual = " (the default goal)" if asked == GOAL else ""
     return f"Asked: {widths}{usual}, and the branch.{f' Not asked: {rest}.' if rest else ''}"
 
 
@@ -535,5 +535,6 @@ def nothing_brings(what: Sequence[str]) -> str:
         return ""
     return (
         f"No protocol of these candidates brings {', nor '.join(what)}, with unlimited minutes: what stays uncertain "
-        "is not in the vibration. Weigh the segments, calibrate the channels, or add a load or a sensor on the foot."
+        "is not visible in the vibration. Weigh the segments, calibrate the channels, or add a load or a sensor "
+        "on the foot."
     )

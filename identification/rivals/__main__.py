@@ -8,8 +8,6 @@ from typing import Annotated
 import typer
 
 from fasbody.console import command_line, console, make_folder, print_json, stages
-from fasbody.recording.sources import gather
-from fasbody.recording.study import BUNDLED
 from identification.options import AddedMass, BodyMass, Data, DelayStd, GainStd, Mapping, MassStd
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
@@ -50,6 +48,8 @@ def main(
     import mjcf
     from fasbody import page
     from fasbody.foot.model import load
+    from fasbody.recording.sources import gather
+    from fasbody.recording.study import BUNDLED
     from identification.parameters import names
     from identification.rivals.compare import compare_rivals
 

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 #: Colours that the colour-blind can distinguish (Okabe and Ito), each with a mark.
 _COLOURS = (*COLOURS, "#8c6d31", "#7f7f7f", "#000000")
 _MARKS = ("o", "s", "^", "v", "D", "P", "X", "<", ">")
-#: An interval is drawn whole up to this factor from its value; beyond it, it is cut at the frame.
+#: An interval is drawn whole up to this factor from its value; beyond it an arrow says that it goes on.
 _CUT = 30.0
 #: Rivals drawn over frequency: more would hide each other.
 _DRAWN = 4
@@ -98,9 +98,12 @@ def constants(result: "Rivals") -> Figure:
                 assert e is not None
                 low, high = max(e.lower, e.value / _CUT), min(e.upper, e.value * _CUT)
                 values += [low / 1e3, e.value / 1e3, high / 1e3]
+                for end, whole, arrow in ((low, e.lower, "<"), (high, e.upper, ">")):
+                    if end != whole:  # cut
+                        axis.plot([end / 1e3], [place - lower], arrow, ms=5, color=colour, alpha=alpha)
                 marks[label] = axis.errorbar(
                     [e.value / 1e3], [place - lower], fmt="o", ms=4, color=colour, mfc=face, capsize=2.5, alpha=alpha,
-                    xerr=[[max(0, e.value - e.lower) / 1e3], [max(0, e.upper - e.value) / 1e3]], lw=1.1,
+                    xerr=[[max(0, e.value - low) / 1e3], [max(0, high - e.value) / 1e3]], lw=1.1,
                 )  # fmt: skip
         axis.set_xscale("log")
         axis.set_xlim(min(values) / 1.2, max(values) * 1.2)
@@ -118,8 +121,8 @@ def constants(result: "Rivals") -> Figure:
         marks["held-out prediction"] = score.plot(heights, y, "s", ms=5.5, mfc="none", mec="#2b2b2b")[0]
     marks["odds of 1000 to 1"] = score.axvline(13.8, color="#009E73", lw=0.9, ls="--")
     score.set_xscale("symlog", linthresh=10)
-    score.set_xlim(left=-3)
     most = max(max(r.bic - least, r.surprise - held) for r in rivals)
+    score.set_xlim(-3, 3 * max(most, 13.8))
     score.set_xticks([0, *(10.0**n for n in (1, 3, 5, 7, 9) if 10**n < 3 * most)])
     score.xaxis.set_minor_locator(NullLocator())
     score.set_xlabel("above the best")

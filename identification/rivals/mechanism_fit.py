@@ -107,8 +107,8 @@ class Responses:
     def only(self, rows: Array) -> "Responses":
         """Some of the recordings, (n,) bool or places."""
         air = None if self.air is None else self.air[..., rows]
-        parts = (getattr(self, name)[..., rows] for name in ("MB", "TB", "second", "repeats"))
-        return Responses(*parts, air=air)
+        MB, TB, second, repeats = (x[..., rows] for x in (self.MB, self.TB, self.second, self.repeats))
+        return Responses(MB, TB, second, repeats, air)
 
 
 def predict(

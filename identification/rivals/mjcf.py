@@ -18,6 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
+import mjcf
 from fasbody.console import write_whole
 from fasbody.exceptions import InputFileError, ModelError
 from fasbody.foot.model import load
@@ -75,7 +76,7 @@ def edited_text(file: Path, name: str, title: str, values: Mapping[str, float], 
         load_kg: under which springs and dampers hold that follow the load; it is not in the masses.
     """
     try:
-        root = ET.fromstring(file.read_text(), ET.XMLParser(target=ET.TreeBuilder(insert_comments=True)))
+        root = ET.fromstring(mjcf.whole(file.read_text()), ET.XMLParser(target=ET.TreeBuilder(insert_comments=True)))
     except (OSError, ET.ParseError) as error:
         raise InputFileError(file, f"cannot be edited as XML ({error})") from None
     v = dict(values)

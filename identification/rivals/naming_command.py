@@ -34,7 +34,7 @@ def name(
     """Name the mechanism that made a person's recordings: a second mode, stiffening, lift-off, both, or none of these.
 
     Takes sines under any loads, best as docs/load.md asks for them. Then virtual subjects are
-    shaken as the person was, to say how many of them are named rightly; a second or two each.
+    shaken as the person was, to say how many of them are named correctly; a second or two each.
     --subjects 0 leaves them out.
 
     Examples:

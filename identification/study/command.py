@@ -9,13 +9,12 @@ import typer
 
 from fasbody.console import console, print_json, progress_bar, results
 from fasbody.exceptions import InputFileError, Stopped
-from fasbody.recording.study import StudyFolder
 from identification.study import KINDS, MODES
-from identification.study.store import Store
 
 if TYPE_CHECKING:
     from identification.study.findings import Findings
     from identification.study.plan import Job, Work
+    from identification.study.store import Store
 
 #: Places of a failure that are named.
 _NAMED = 3
@@ -74,13 +73,14 @@ def main(
       python -m identification.study my_study --scheduler tcp://127.0.0.1:8786
     """
     from fasbody.foot.model import load
+    from fasbody.recording.study import StudyFolder
     from identification.fitting import Settings
     from identification.parameters import limits, names
     from identification.study import report
     from identification.study.findings import Findings
     from identification.study.job import ensure
     from identification.study.plan import Model, Plan, select
-    from identification.study.store import pooled_fits
+    from identification.study.store import Store, pooled_fits
     from identification.study.tracking import Prior
     from identification.study.truth import Truth
 
@@ -137,7 +137,7 @@ def main(
 def complete(
     work: "Callable[[Job], Work]",
     jobs: "Sequence[Job]",
-    store: Store,
+    store: "Store",
     scheduler: str | None,
     workers: int,
 ) -> int:
