@@ -183,8 +183,11 @@ def _clocks(
         if times is None:
             continue
         unit = TIME_UNITS.get(source.columns.claimed(index).lower())
-        if unit is None:
-            unit = uses["time_s"].factor if "time_s" in uses else _unit_by_rate(times, rate_hz or layout.rate_hz)
+        if unit is None and "time_s" in uses:
+            unit = uses["time_s"].factor
+        elif unit is None and (rate := rate_hz or layout.rate_hz):  # that with which they run so fast
+            counted = (times.size - 1) / float(times[-1] - times[0])
+            unit = next((u for u in TIME_UNITS.values() if abs(counted / u / rate - 1) < 1e-2), None)
         if unit is None:
             raise InputFileError(
                 source.file, f"{source.columns.names[index]!r}, the times of {key}, have no unit",
@@ -202,12 +205,6 @@ def _rising(source: "TextTable | _SeriesTable", index: int, size: int) -> np.nda
         return None
     times = straightened(times[: _end(times)])
     return times if times.size == size > 2 and np.diff(times).min() > 0 else None
-
-
-def _unit_by_rate(times: np.ndarray, rate_hz: float | None) -> float | None:
-    """The unit of times (n,), in seconds, with which they run at a known rate."""
-    counted = (times.size - 1) / float(times[-1] - times[0])
-    return next((unit for unit in TIME_UNITS.values() if rate_hz and abs(counted / unit / rate_hz - 1) < 1e-2), None)
 
 
 def _other_clocks(source: "TextTable | _SeriesTable", uses: Mapping[str, Use], time_s: np.ndarray) -> list[str]:

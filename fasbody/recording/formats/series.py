@@ -162,19 +162,17 @@ def with_rate(series: list[Series]) -> list[Series]:
         above = [s for s in scalars if f"{_folder(one)}/".startswith(f"{_folder(s)}/".lstrip("/"))]
         return [(s.name, float(s.values[0])) for s in above or scalars if above or _folder(s) not in filled]
 
-    return [
-        replace(s, rate_hz=s.rate_hz or stated_rate(stated_above(s)), start_s=_start(s, stated_above(s)))
-        for s in kept
-    ]
+    rated = []
+    for s in kept:
+        stated = stated_above(s)
+        starts = (value for name, value in stated if name.rpartition("/")[2].lower() in STARTS)
+        start = next(starts, None) if s.start_s is None else s.start_s
+        rated.append(replace(s, rate_hz=s.rate_hz or stated_rate(stated), start_s=start))
+    return rated
 
 
 def _folder(series: Series) -> str:
     return series.name.rpartition("/")[0].removesuffix("x_values").rstrip("/")
-
-
-def _start(series: Series, numbers: Iterable[tuple[str, float]]) -> float | None:
-    stated = (value for name, value in numbers if name.rpartition("/")[2].lower() in STARTS)
-    return next(stated, None) if series.start_s is None else series.start_s
 
 
 #: A uniform time has every sample within this share of an interval of its place.
