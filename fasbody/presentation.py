@@ -214,8 +214,8 @@ class Sheet:
         lines = [self.columns, *rows]
         widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
         table = ["  ".join(cell.ljust(w) for cell, w in zip(line, widths, strict=True)).rstrip() for line in lines]
-        said = [line for note in notes for line in wrap(note, WIDTH, subsequent_indent="  ")]
-        return "\n".join([self.title, *table, *said])
+        below = [line for note in notes for line in wrap(note, WIDTH, subsequent_indent="  ")]
+        return "\n".join([self.title, *table, *below])
 
     def html(self) -> str:
         """The same for a notebook."""
