@@ -84,7 +84,7 @@ def test_hopeless_arch_says_so() -> None:
 
 
 def test_the_file_with_bends_is_made_of_the_arch() -> None:
-    assert mjcf.text("foot_arch_bent") == bends.mjcf()
+    assert mjcf.path("foot_arch_bent").read_text() == bends.mjcf()
 
 
 def bent(arch: Arch, state: np.ndarray) -> Arch:
