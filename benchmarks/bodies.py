@@ -21,7 +21,8 @@ from fasbody.cell.body import BodyModes, body_modes, read_body
 from fasbody.cell.companion import refined
 from fasbody.cell.dome import Dome
 from fasbody.cell.materials import Material
-from fasbody.cell.mesh import MeshSize, TetMesh, default_size, dome_mesh, fill
+from fasbody.cell.mesh import MeshSize, TetMesh
+from fasbody.cell.mesher import default_size, dome_mesh, fill
 from fasbody.cell.modal import CellModel, solve
 from fasbody.console import command_line, console
 from fasbody.runner import run

@@ -20,7 +20,8 @@ from benchmarks.table import JsonOption, report
 from fasbody.cell.assembly import assemble
 from fasbody.cell.dome import Dome
 from fasbody.cell.materials import preset
-from fasbody.cell.mesh import MeshSize, dome_mesh
+from fasbody.cell.mesh import MeshSize
+from fasbody.cell.mesher import dome_mesh
 from fasbody.cell.modal import CellModel, fastest, solve
 from fasbody.console import command_line, print_json
 from reproduction.check import Check, told

@@ -203,11 +203,19 @@ class Sheet:
         return self.notes if spare <= 1 else [*self.notes[:NOTES], f"... and {spare} more."]
 
     def __str__(self) -> str:
-        lines = [self.columns, *self.first_rows]
+        return self._text(self.first_rows, self.first_notes)
+
+    @property
+    def whole(self) -> str:
+        """All of it as text."""
+        return self._text(self.rows, self.notes)
+
+    def _text(self, rows: Sequence[Sequence[str]], notes: Sequence[str]) -> str:
+        lines = [self.columns, *rows]
         widths = [max(map(len, column)) for column in zip(*lines, strict=True)]
         table = ["  ".join(cell.ljust(w) for cell, w in zip(line, widths, strict=True)).rstrip() for line in lines]
-        notes = [line for note in self.first_notes for line in wrap(note, WIDTH, subsequent_indent="  ")]
-        return "\n".join([self.title, *table, *notes])
+        below = [line for note in notes for line in wrap(note, WIDTH, subsequent_indent="  ")]
+        return "\n".join([self.title, *table, *below])
 
     def html(self) -> str:
         """The same for a notebook."""

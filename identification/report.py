@@ -9,10 +9,10 @@ from pathlib import Path
 from shlex import join
 from typing import Any
 
-from jinja2 import Environment, PackageLoader, select_autoescape
 from markupsafe import Markup
 
 from fasbody import console
+from fasbody.page import templates
 from fasbody.presentation import readable
 from fasbody.recording.condition import FOOT_MASS_FRACTION, SHANK_MASS_FRACTION
 from identification import figures
@@ -35,12 +35,7 @@ def html(result: FitResult, drawn: dict[str, str] | None = None, folder: Path | 
         drawn: its figures as SVG, by name, where they are drawn already.
         folder: that the page lies in, as a command would call it; None for this one.
     """
-    environment = Environment(
-        loader=PackageLoader("identification"),
-        autoescape=select_autoescape(default=True),
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+    environment = templates("identification", trim_blocks=True, lstrip_blocks=True)
     texts = captions(result)
     drawn = drawn or {name: figures.svg(getattr(figures, name)(result)) for name in texts}
     quantities = derived(result)

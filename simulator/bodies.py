@@ -20,7 +20,8 @@ from skfem import MeshTet
 from fasbody.cell.assembly import Assembly, assemble
 from fasbody.cell.dome import Dome
 from fasbody.cell.materials import Material
-from fasbody.cell.mesh import MeshSize, TetMesh, dome_mesh
+from fasbody.cell.mesh import MeshSize, TetMesh
+from fasbody.cell.mesher import dome_mesh
 
 CACHE = Path(tempfile.mkdtemp(prefix="fasbody-cells-"))
 atexit.register(shutil.rmtree, CACHE, ignore_errors=True)

@@ -22,7 +22,7 @@ DOORS = {
     "sounddevice": {"fasbody/acquire/audio.py"},
     "pyvisa": {"fasbody/acquire/visa.py"},
     "meshcat": {"viz/scene.py"},
-    "gmsh": {"fasbody/cell/mesh.py"},
+    "gmsh": {"fasbody/cell/mesher.py"},
     "dask": {"identification/study/cluster.py"},
     "distributed": {"identification/study/cluster.py"},
 }
@@ -64,7 +64,7 @@ def test_one_door(foreign: str) -> None:
 #: The rooms of fasbody from the ground up: each imports from the rows above its own, never from beside it or below.
 ROOMS = (
     ("constants", "sentences"), ("exceptions",), ("lazy",), ("usage", "commands"), ("help", "completion"), ("console",),
-    ("presentation", "runner"),
+    ("presentation", "runner"), ("page",),
     ("foot",),
     ("arch", "recording", "cell"), ("heel", "laboratory", "transmissibility"), ("acquire", "leg"),
 )  # fmt: skip

@@ -53,7 +53,7 @@ def test_orders_and_responses_are_found(report: mimo.MimoReport) -> None:
 def test_exact_data_give_the_exact_plant() -> None:
     """Without noise both structures return the poles and the answer to a fresh input from rest."""
     record = plant(600, 0.0)
-    for found in (mimo.arx(record, 2, 2, 1), mimo._space(record, 3)):
+    for found in (mimo.arx(record, 2, 2, 1), mimo.space(mimo._factors(record, 3), 3)):
         poles = np.linalg.eigvals(found.A)
         for pole in np.linalg.eigvals(A):
             assert np.abs(poles - pole).min() < 1e-6

@@ -5,7 +5,7 @@ import pytest
 
 from fasbody.cell.assembly import FREE, assemble
 from fasbody.cell.membrane import Membrane, membrane_stiffness
-from fasbody.cell.mesh import ball_mesh
+from fasbody.cell.mesher import ball_mesh
 from fasbody.exceptions import SettingError
 from simulator.bodies import cell
 

@@ -9,24 +9,17 @@ import trimesh
 import mjcf
 from fasbody.cell.assembly import assemble
 from fasbody.cell.dome import Dome, Nucleus
-from fasbody.cell.mesh import (
-    DEFAULT,
-    EDGES,
-    NUCLEUS,
-    STRAY,
-    MeshSize,
-    TetMesh,
-    default_size,
-    dome_mesh,
-    filled,
-    rounded,
-    strays,
-    surface_mesh,
-    unknowns,
-)
+from fasbody.cell.mesh import EDGES, NUCLEUS, MeshSize, TetMesh
+from fasbody.cell.mesher import DEFAULT, STRAY, default_size, dome_mesh, filled, sized_mesh, strays, unknowns
 from fasbody.cell.meshfile import upward
+from fasbody.cell.surface import rounded
 from fasbody.exceptions import MeshError, SettingError
 from simulator.bodies import CACHE, block, cell
+
+
+def surface_mesh(*surfaces: trimesh.Trimesh, size: MeshSize | None = None) -> TetMesh:
+    """The mesh that fills a surface."""
+    return sized_mesh(*surfaces, *[None] * (2 - len(surfaces)), size)[0]
 
 
 @pytest.mark.parametrize("profile", ["ellipsoid", "cap"])
@@ -110,7 +103,7 @@ def test_surfaces_are_filled_at_the_size_asked_for(size: float) -> None:
 
 def test_a_nucleus_surface_is_filled_finer_than_its_cell() -> None:
     ball = trimesh.creation.icosphere(1, 2.0)
-    mesh = surface_mesh(trimesh.creation.box((10, 8, 12)), ball, MeshSize.of(4.0))
+    mesh = surface_mesh(trimesh.creation.box((10, 8, 12)), ball, size=MeshSize.of(4.0))
     assert assemble(mesh).regions[NUCLEUS].volume_um3 == pytest.approx(ball.volume, rel=0.02)
     edge = [np.linalg.norm(np.diff(mesh.corners[mesh.region == r], axis=1), axis=2).mean() for r in (0, 1)]
     assert edge[1] < 0.8 * edge[0]

@@ -15,7 +15,7 @@ from fasbody.runner import ROOT, Store, key, program, sources
 
 def test_all_that_python_loads_for_a_result_is_in_its_key() -> None:
     """Beside what a package's own page says, and what prints, spreads and keeps; test_study_plan.py has the fits."""
-    module = "fasbody.cell.mesh"
+    module = "fasbody.cell.mesher"
     code = f"import sys, {module}\nprint(*(getattr(m, '__file__', '') for m in sys.modules.values()))"
     loaded = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.split()
     ours = {Path(file) for file in loaded if Path(file).is_relative_to(ROOT) and "site-packages" not in file}

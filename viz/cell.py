@@ -72,7 +72,8 @@ def quick(folder: Path) -> Path:
     from fasbody.cell.assembly import assemble
     from fasbody.cell.dome import Dome
     from fasbody.cell.materials import preset
-    from fasbody.cell.mesh import MeshSize, dome_mesh
+    from fasbody.cell.mesh import MeshSize
+    from fasbody.cell.mesher import dome_mesh
     from fasbody.cell.meshfile import write_browser
 
     chosen = preset("as-reproduced")

@@ -241,7 +241,8 @@ def shake(
       python -m fasbody.cell shake --g 1 --tau 0.001 --nucleus-tau 0.01 --out results/cell
     """
     from fasbody.cell.assembly import assemble
-    from fasbody.cell.mesh import MeshSize, dome_mesh
+    from fasbody.cell.mesh import MeshSize
+    from fasbody.cell.mesher import dome_mesh
     from fasbody.cell.modal import CellModel
     from fasbody.cell.viscoelastic import (
         ReducedCell,

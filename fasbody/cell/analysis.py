@@ -14,7 +14,8 @@ from fasbody.cell.cytoskeleton import Tensegrity
 from fasbody.cell.dome import Dome
 from fasbody.cell.materials import Preset
 from fasbody.cell.membrane import Membrane
-from fasbody.cell.mesh import MeshSize, dome_mesh
+from fasbody.cell.mesh import MeshSize
+from fasbody.cell.mesher import dome_mesh
 from fasbody.cell.modal import CellModel, Modes, solve
 from fasbody.cell.modeshape import describe
 from fasbody.presentation import Presented, Sheet
@@ -39,7 +40,7 @@ class ModalAnalysis(Presented):
     figures: ClassVar[str] = "fasbody.cell.figures"
     plots: ClassVar[tuple[str, ...]] = ("mode_shapes",)
     #: Headings of the columns beside frequency and error, and digits of a frequency.
-    columns: ClassVar[tuple[str, ...]] = ("shape",)
+    columns: ClassVar[tuple[str, ...]] = ("shape", "kinetic energy in the nucleus")
     digits: ClassVar[int] = 4
 
     @property
@@ -92,17 +93,12 @@ class ModalAnalysis(Presented):
         columns = ("mode", "frequency [Hz]", "estimated error [%]", *self.columns)
         return Sheet(title, columns, rows, notes)
 
+    @abstractmethod
     def heading(self) -> tuple[str, list[str]]:
         """Title of the sheet, and notes below it."""
-        return f"{self.title}: {self.model.assembly.dof} degrees of freedom", []
 
-    def lines(self) -> list[str]:
-        """Frequency, error and description of each mode, a line each."""
-        out = []
-        for i, (f, d) in enumerate(zip(self.frequencies_hz, self.descriptions, strict=True)):
-            error = "" if self.errors is None else f" +-{self.errors[i]:.2%}"
-            out.append(f"  mode {i + 1:2d}  {f:10.{self.digits}g} Hz{error}  {d}")
-        return out
+    def __str__(self) -> str:
+        return self.sheet().whole
 
 
 @dataclass(frozen=True, repr=False)
@@ -143,8 +139,9 @@ class Analysis(ModalAnalysis):
         return self.model.assembly.volume_um3 * 1e-18
 
     def heading(self) -> tuple[str, list[str]]:
-        """Preset and size."""
-        return f"{self.preset.name}: {self.model.assembly.dof} degrees of freedom", []
+        """Cell, preset and size."""
+        unknowns = f"{self.model.assembly.dof} unknowns, {self.volume_m3:.4g} m^3"
+        return f"{self.title}, preset {self.preset.name}: {unknowns}", []
 
     def document(self) -> dict[str, Any]:
         """Everything but the shapes, ready for JSON."""
@@ -164,10 +161,6 @@ class Analysis(ModalAnalysis):
                 "det_j_min_over_mean": mesh.quality.det_j_min,
             },
         }
-
-    def __str__(self) -> str:
-        head = f"{self.title}, preset {self.preset.name}: {self.model.assembly.dof} unknowns"
-        return "\n".join([f"{head}, {self.volume_m3:.4g} m^3", *self.lines()])
 
 
 def assemblies(dome: Dome, size: MeshSize | None = None, cache: Path | None = None) -> tuple[Assembly, Assembly]:

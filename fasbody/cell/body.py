@@ -16,7 +16,7 @@ from fasbody.cell.analysis import ModalAnalysis
 from fasbody.cell.assembly import FREE, assemble
 from fasbody.cell.companion import pair, richardson, surface_meshes
 from fasbody.cell.materials import Material
-from fasbody.cell.mesh import FACES, MeshSize, TetMesh, rounded, volume
+from fasbody.cell.mesh import FACES, MeshSize, TetMesh
 from fasbody.cell.meshfile import (
     TETRAHEDRA,
     TRIANGLES,
@@ -27,6 +27,7 @@ from fasbody.cell.meshfile import (
     read_tetrahedra,
 )
 from fasbody.cell.modal import CellModel, solve
+from fasbody.cell.surface import rounded, volume
 from fasbody.cell.viscoelastic import (
     BaseResponse,
     DampedModes,
@@ -262,10 +263,6 @@ class BodyMode:
         parts = list(self.parts.values())
         return {"label": self.label, "energy_xyz": self.energy, "energy_of_regions": parts}
 
-    def __str__(self) -> str:
-        parts = ", ".join(f"{tag}: {share:.0%}" for tag, share in self.parts.items())
-        return f"moves along {self.label}" + (f"; energy in {parts}" if "," in parts else "")
-
 
 @dataclass(frozen=True, repr=False)
 class BodyModes(ModalAnalysis):
@@ -306,11 +303,13 @@ class BodyModes(ModalAnalysis):
         return f"six rigid motions of the free body, {highest}, are skipped: mode 1 is the first that deforms it"
 
     def heading(self) -> tuple[str, list[str]]:
-        """Body and support, with what is to be said of all modes."""
+        """Body, support and size, with what is to be said of all modes."""
         remarks = [self.remark] if self.remark else []
         if (share := self.body.changed) > ROUND:
             remarks += [f"{share:.2%} of each error is for a shape of flat triangles"]
-        return super().heading()[0], [f"{remark}." for remark in remarks]
+        cm3, grams = self.model.assembly.volume_um3 * 1e-12, 1e3 * self.model.mass_kg
+        size = f"{cm3:.4g} cm^3, {grams:.4g} g, {self.model.assembly.dof} unknowns"
+        return f"{self.title}: {size}", [f"{remark}." for remark in remarks]
 
     def document(self) -> dict[str, Any]:
         """Everything but the shapes, ready for JSON."""
@@ -331,12 +330,6 @@ class BodyModes(ModalAnalysis):
             "rigid_hz": self.modes.rigid_hz,
             "shape_error": self.body.changed,
         }  # fmt: skip
-
-    def __str__(self) -> str:
-        cm3, grams = self.model.assembly.volume_um3 * 1e-12, 1e3 * self.model.mass_kg
-        head = f"{self.title}: {cm3:.4g} cm^3, {grams:.4g} g, {self.model.assembly.dof} unknowns"
-        remarks = [f"  {note.rstrip('.')}" for note in self.heading()[1]]
-        return "\n".join([head, *remarks, *self.lines()])
 
 
 def body_modes(

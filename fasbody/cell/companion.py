@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from fasbody.cell.mesh import EDGES, MeshSize, TetMesh, fill, sized_mesh
+from fasbody.cell.mesh import EDGES, MeshSize, TetMesh
+from fasbody.cell.mesher import fill, sized_mesh
 
 if TYPE_CHECKING:
     import trimesh

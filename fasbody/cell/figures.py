@@ -93,7 +93,8 @@ def mesh_views(analysis: "Analysis") -> Figure:
     figure = Figure(figsize=(PAGE, 4.2), layout="constrained")
     upper, lower = figure.subplots(2, 1, height_ratios=(3, 2))
     _draw(upper, mesh.points_um, np.asarray(mesh.surface.faces), None, OBLIQUE, line=0.3)
-    upper.set_title(f"{_name(analysis)}: {len(mesh.tets)} tetrahedra, quadratic displacements")
+    name = str(analysis.dome).replace("um", "µm") if analysis.dome else "own mesh"
+    upper.set_title(f"{name}: {len(mesh.tets)} tetrahedra, quadratic displacements")
     behind = mesh.corners[:, :, 2].mean(axis=1) < float(np.mean(mesh.surface.bounds[:, 2]))
     cut = np.asarray(TetMesh(mesh.points_um, mesh.tets[behind], mesh.region[behind]).surface.faces)
     nucleus = np.isin(cut, np.unique(mesh.tets[mesh.region == NUCLEUS])).all(axis=1)
@@ -213,10 +214,6 @@ def _screen(view: tuple[float, float]) -> tuple[np.ndarray, np.ndarray, np.ndarr
     right = np.array([np.cos(turn), 0, np.sin(turn)])
     toward = np.array([-np.sin(turn) * np.cos(tilt), np.sin(tilt), np.cos(turn) * np.cos(tilt)])
     return right, np.cross(toward, right), toward
-
-
-def _name(analysis: "Analysis") -> str:
-    return str(analysis.dome).replace("um", "µm") if analysis.dome else "own mesh"
 
 
 def _hertz(f: float) -> str:

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from fasbody.cell.mesh import NUCLEUS, MeshSize, TetMesh, surface_mesh
+from fasbody.cell.mesh import NUCLEUS, MeshSize, TetMesh
+from fasbody.cell.mesher import sized_mesh
 from fasbody.console import console, to_json, write_whole
 from fasbody.exceptions import InputFileError, MeshError, MissingPackageError, SettingError
 
@@ -111,7 +112,7 @@ def read_mesh(
     with naming(file):
         if suffix == ".stl":
             inner = None if nucleus is None else read_surface(nucleus, um_per_unit)
-            mesh = surface_mesh(read_surface(file, um_per_unit), inner, size)
+            mesh = sized_mesh(read_surface(file, um_per_unit), inner, size)[0]
             tags = np.where(mesh.region == NUCLEUS, "nucleus", "cytoplasm")
             inside = np.asarray(mesh.region == NUCLEUS)
             if inside.any():

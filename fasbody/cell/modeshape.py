@@ -44,9 +44,9 @@ class ModeDescription:
     nucleus_strain_share: float
 
     @property
-    def cells(self) -> tuple[str]:
-        """The label, for a table."""
-        return (self.label,)
+    def cells(self) -> tuple[str, str]:
+        """The label and the nucleus' share, for a table."""
+        return self.label, f"{self.nucleus_share:.1%}"
 
     def document(self) -> dict[str, Any]:
         """Ready for JSON."""
@@ -56,9 +56,6 @@ class ModeDescription:
             "nucleus_strain_share": self.nucleus_strain_share,
             "energy_xyz": self.energy,
         }
-
-    def __str__(self) -> str:
-        return f"{self.label} (nucleus {self.nucleus_share:.1%})"
 
 
 def describe(model: CellModel, modes: Modes) -> tuple[ModeDescription, ...]:

@@ -4,12 +4,11 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
-from rich.table import Table
 
 from fasbody.console import command_line, console, print_json
 from fasbody.exceptions import SettingError
 from fasbody.lazy import command
-from fasbody.presentation import ready, write_figure
+from fasbody.presentation import Sheet, ready, write_figure
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
@@ -70,13 +69,9 @@ def print_crosscheck(
 
     result = crosscheck(model, added_mass)
     title = f"{result.model} with {result.added_mass_kg:g} kg: largest relative difference"
-    table = Table("quantity", title=title)
-    table.add_column("difference", justify="right")
-    for name, value in result.matrices.items():
-        table.add_row(name, f"{value:.1e}")
-    for frequency, value in result.responses.items():
-        table.add_row(f"response stepped at {frequency:g} Hz", f"{value:.1e}")
-    console.print(table)
+    named = {f"response stepped at {hz:g} Hz": off for hz, off in result.responses.items()}
+    rows = [(name, f"{off:.1e}") for name, off in (result.matrices | named).items()]
+    console.print(str(Sheet(title, ("quantity", "difference"), rows)), highlight=False, markup=False)
     verdict = "agree" if result.agrees else "DISAGREE"
     limits = f"matrices {result.limit:.0e}, responses {RESPONSES:.0e}"
     console.print(f"The engines {verdict} ({limits}).")

@@ -9,7 +9,8 @@ from rich.markup import escape
 
 from fasbody.console import command_line, console, print_json, results, to_json, write_whole
 from fasbody.exceptions import FasError, InputFileError, RecordingError, SettingError, unknown
-from fasbody.presentation import counted
+from fasbody.page import show
+from fasbody.presentation import Sheet, counted
 from fasbody.recording.channels import Layout
 from fasbody.recording.checks import QUALITIES, checked, quality_cells, reasons, understood, verdict
 from fasbody.recording.files import read_one
@@ -147,8 +148,6 @@ def _by_subject(rows: list[dict[str, Any]]) -> None:
 
 def _check_heel(path: Path, json_: bool) -> None:
     """The same of a study of heel strikes: strikes by person and speed, and a sentence on each that cannot serve."""
-    from rich.table import Table
-
     from fasbody.heel.study import HeelStudy
 
     study = HeelStudy.read(path)
@@ -169,10 +168,8 @@ def _check_heel(path: Path, json_: bool) -> None:
     results.print(
         f"{study}; licence: {study.licence or 'not said'}; doi: {study.doi or 'none'}", markup=False, soft_wrap=True
     )
-    table = Table("subject", "speed", "strikes")
-    for row in rows:
-        table.add_row(*map(str, row.values()))
-    results.print(table)
+    cells = [tuple(map(str, row.values())) for row in rows]
+    show(Sheet("", ("subject", "speed", "strikes"), cells), "subject", "speed")
     for problem in study.problems:
         console.print(problem, style="yellow", markup=False, soft_wrap=True)
 

@@ -183,7 +183,9 @@ def _column_of(
         and len({columns.groups[i] for i, _ in candidates} if columns.groups else ()) > 1
     ):
         return candidates[0]  # a clock for each sheet, structure or group
-    if len(candidates) > 1 and channel == "time" and all(_between(columns, index) for index, _ in candidates[1:]):
+    last = (*columns.times, len(columns.names))
+    apart = (i - 1 not in columns.times and i + 1 not in last for i, _ in candidates[1:])
+    if len(candidates) > 1 and channel == "time" and all(apart):
         return candidates[0]  # a clock in front of each sensor
     if len(candidates) > 1:
         numbers = " or ".join(f"column = {index + 1}" for index, _ in candidates[:3])
@@ -197,11 +199,6 @@ def _column_of(
         column = repr(stated.column) if stated.column[:1] != "#" else f"number {stated.column[1:]}"
         raise InputFileError(file, f"has no column {column} for {channel} ({columns.listed})", hint)
     return candidates[0] if candidates else None
-
-
-def _between(columns: Columns, index: int) -> bool:
-    """Whether a column of times stands between two that are none."""
-    return index - 1 not in columns.times and index + 1 not in (*columns.times, len(columns.names))
 
 
 def _unit(file: Path, channel: str, behind: str, beside: str, stated: str, remarks: list[str]) -> str:

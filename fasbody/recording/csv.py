@@ -11,7 +11,6 @@ from functools import cached_property
 from io import BytesIO, StringIO
 from itertools import islice, zip_longest
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -45,11 +44,6 @@ from fasbody.recording.text import (
 )
 from fasbody.sentences import Sentence
 
-if TYPE_CHECKING:
-    import pandas as pd
-
-#: A column of a file without a header, by its number.
-UNNAMED = "column {}"
 #: Longer texts are parsed by pandas, several times as fast as numpy's parser; importing it costs what this long takes.
 _LONG = 5_000_000
 _PLAIN = b"0123456789+-.eE,;|\t\n "
@@ -162,7 +156,9 @@ class TextTable:
         columns = {name: _joined(pieces) for name, pieces in parts.items()}
         for name, index in rest.items():
             _no_thousands(self, name, index, columns[name])
-        return {name: _past_midnight(values) if name in times else values for name, values in columns.items()}
+        for name in times:  # it passes midnight where the time of the day falls
+            columns[name][1:] += 86_400 * np.cumsum(np.diff(columns[name]) < -43_200)
+        return columns
 
     def bodies(self) -> Iterator[tuple[int, str]]:
         """How many lines of the file stand above each piece of the numbers, and the piece, without a footer."""
@@ -373,20 +369,17 @@ def _parsed(data: bytes, separator: str, decimal: str, order: Sequence[int], wid
         return list(table.T.copy())
     import pandas as pd
 
+    # from 3.1 on pandas reads every digit by itself
+    exact = tuple(map(int, pd.__version__.split(".")[:2])) >= (3, 1)
     frame = pd.read_csv(
         BytesIO(data), sep=r"\s+" if separator == " " else separator, decimal=decimal, header=None,
         names=list(range(width)), usecols=sorted(order), index_col=False, skipinitialspace=True,
-        float_precision=None if _exact(pd.__version__) else "round_trip", keep_default_na=False, na_values=[""],
+        float_precision=None if exact else "round_trip", keep_default_na=False, na_values=[""],
     )  # fmt: skip
     columns = [frame.pop(index) if order.count(index) == 1 else frame[index] for index in order]
     if any(column.dtype.kind not in "fiu" or np.isinf(column).any() for column in columns):
         raise ValueError
     return [column.to_numpy(float).copy() for column in columns]
-
-
-def _exact(version: str) -> bool:
-    """Whether pandas reads every digit by itself, as it does from 3.1 on."""
-    return tuple(map(int, version.split(".")[:2])) >= (3, 1)
 
 
 def _seconds(file: Path, body: str, separator: str, index: int, after: int) -> np.ndarray:
@@ -400,12 +393,6 @@ def _seconds(file: Path, body: str, separator: str, index: int, after: int) -> n
         hour = int(stamp[1] or 0) if stamp[4] is None else int(stamp[1] or 0) % 12 + 12 * (stamp[4] in "Pp")
         seconds.append(3600 * hour + 60 * int(stamp[2]) + float(stamp[3].replace(",", ".")))
     return np.array(seconds, float)
-
-
-def _past_midnight(times: np.ndarray) -> np.ndarray:
-    """Times of the day (n,) [s] that go on rising where a recording passes midnight."""
-    passed = np.concatenate([[0], np.cumsum(np.diff(times) < -43_200)]) if times.size else times
-    return times + 86_400 * passed
 
 
 def _no_wider(table: TextTable, body: str, data: bytes, after: int) -> None:
@@ -477,27 +464,3 @@ def column(file: Path, table: Rows, name: str, optional: bool = False) -> np.nda
         [np.nan if optional and not cell else _cell(file, name, [cell or ""], 0, line) for line, cell in cells.items()],
         float,
     )
-
-
-def read_columns(file: Path) -> "pd.DataFrame":
-    """Read all columns of any table, under the names of its first line, or as `UNNAMED` where that holds numbers."""
-    import pandas as pd
-
-    text = read_text(file)
-    _, separator, names = find_header(text, lambda cells: 0)
-    headed = not all(numeric(cell) for cell in names if cell)
-    try:
-        table = pd.read_csv(
-            StringIO(text), sep=r"\s+" if separator == " " else separator, header=0 if headed else None,
-            skipinitialspace=True, comment="#",
-        )  # fmt: skip
-    except (pd.errors.ParserError, pd.errors.EmptyDataError) as error:
-        reason = str(error).splitlines()[0].rstrip(".")
-        raise InputFileError(file, f"cannot be read as CSV ({reason})", "give rows of numbers") from None
-    if not isinstance(table.index, pd.RangeIndex):
-        raise InputFileError(
-            file, "its rows have more cells than its header",
-            "write decimal points where there are decimal commas, or separate the columns by semicolons",
-        )  # fmt: skip
-    columns = map(str, table.columns) if headed else (UNNAMED.format(n) for n in range(1, table.shape[1] + 1))
-    return table.set_axis([name.strip() for name in columns], axis=1)

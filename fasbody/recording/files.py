@@ -69,7 +69,8 @@ def reading(file: Path, layout: Layout | None = None) -> Reading:
     uses = {key: use for key, use in assignment.uses.items() if key in numbers}
     rate = source.rate_hz(uses, layout)
     numbers, places = _without_gaps(source, uses, numbers)
-    channels = {key: _scaled(numbers.pop(key), use.factor) for key, use in uses.items()}
+    channels = {key: numbers.pop(key) for key in uses}
+    channels |= {key: use.factor * channels[key] for key, use in uses.items() if use.factor != 1}
     if places and not {"time", "time_s"} & channels.keys():
         counts = (places[key][-1] + 1 if key in places else values.size for key, values in channels.items())
         channels["time_s"] = np.arange(max(counts)) / (rate or layout.rate_hz or 1.0)
@@ -110,10 +111,6 @@ def _numbers(source: "TextTable | _SeriesTable", uses: Mapping[str, Use], layout
         if required == every:
             raise
         return source.numbers(required)
-
-
-def _scaled(values: np.ndarray, scale: float) -> np.ndarray:
-    return values if scale == 1 else scale * values
 
 
 def _without_gaps(
@@ -186,8 +183,11 @@ def _clocks(
         if times is None:
             continue
         unit = TIME_UNITS.get(source.columns.claimed(index).lower())
-        if unit is None:
-            unit = uses["time_s"].factor if "time_s" in uses else _unit_by_rate(times, rate_hz or layout.rate_hz)
+        if unit is None and "time_s" in uses:
+            unit = uses["time_s"].factor
+        elif unit is None and (rate := rate_hz or layout.rate_hz):  # that with which they run so fast
+            counted = (times.size - 1) / float(times[-1] - times[0])
+            unit = next((u for u in TIME_UNITS.values() if abs(counted / u / rate - 1) < 1e-2), None)
         if unit is None:
             raise InputFileError(
                 source.file, f"{source.columns.names[index]!r}, the times of {key}, have no unit",
@@ -205,12 +205,6 @@ def _rising(source: "TextTable | _SeriesTable", index: int, size: int) -> np.nda
         return None
     times = straightened(times[: _end(times)])
     return times if times.size == size > 2 and np.diff(times).min() > 0 else None
-
-
-def _unit_by_rate(times: np.ndarray, rate_hz: float | None) -> float | None:
-    """The unit of times (n,), in seconds, with which they run at a known rate."""
-    counted = (times.size - 1) / float(times[-1] - times[0])
-    return next((unit for unit in TIME_UNITS.values() if rate_hz and abs(counted / unit / rate_hz - 1) < 1e-2), None)
 
 
 def _other_clocks(source: "TextTable | _SeriesTable", uses: Mapping[str, Use], time_s: np.ndarray) -> list[str]:
@@ -282,7 +276,8 @@ class _SeriesTable:
     def _takes(self, layout: Layout) -> "list[_SeriesTable]":
         """A table of each group that holds the channels for itself, where several do."""
         groups = list(dict.fromkeys(s.group for s in self.series))
-        parts = {group: tuple(_ungrouped(s) for s in self.series if s.group == group) for group in groups}
+        bare = [replace(s, name=s.name.removeprefix(f"{s.group}/")) for s in self.series]
+        parts = {group: tuple(s for s in bare if s.group == group) for group in groups}
         tables = [
             replace(self, series=part, skipped=(f"the other takes ({len(groups) - 1})",), takes=len(groups))
             for part in parts.values()
@@ -340,11 +335,6 @@ class _SeriesTable:
         return {key: self.series[use.index] for key, use in uses.items() if not key.startswith("time")}
 
 
-def _ungrouped(series: Series) -> Series:
-    """A series of one take, under its name without the take."""
-    return replace(series, name=series.name.removeprefix(f"{series.group}/"))
-
-
 #: A column is a time if it rises by the same span within this share.
 _AS_FAST = 1e-3
 
@@ -366,17 +356,14 @@ def read_one(file: Path, channel: str, layout: Layout | None = None, named: str 
     """
     layout = (layout or Layout()).of(file)
     stated = layout.channels.get(channel, Channel())
-    column = named or stated.column or _named_like(file, channel, layout)
+    column = named or stated.column
+    if not column:  # that which begins with the channel's name
+        names = columns_of(file, layout).names if ending(file) in (*TEXTS, *READ) else ()
+        column = next((name for name in names if name_and_unit(name)[0] == channel), channel)
     pair = {name: replace(stated, column=column) for name in ("base", "malleolus")}
     time = {"time": layout.channels["time"]} if "time" in layout.channels else {}
     channels = read(file, replace(layout, channels=pair | time))
     return channels["time_s"], channels[f"{channel}_m_s2"]
-
-
-def _named_like(file: Path, channel: str, layout: Layout) -> str:
-    """The heading of the column that begins with a channel's name."""
-    names = columns_of(file, layout).names if ending(file) in (*TEXTS, *READ) else ()
-    return next((name for name in names if name_and_unit(name)[0] == channel), channel)
 
 
 def columns_of(file: Path, layout: Layout | None = None) -> Columns:

@@ -15,7 +15,7 @@ from fasbody.recording.channels import KNOWN_UNITS, NAMES, TIME_UNITS, VOLTAGES,
 from fasbody.recording.csv import TextTable, read_table
 from fasbody.recording.file_names import common_value, patterns_of, plain_number, stated
 from fasbody.recording.files import TEXTS, beside, columns_of
-from fasbody.recording.formats import READ, ending
+from fasbody.recording.formats import READ, ending, ending_removed
 from fasbody.recording.formats.reader import read_series
 from fasbody.recording.headings import find_header
 from fasbody.recording.recording import Recording
@@ -80,7 +80,7 @@ def propose(folder: Path, pattern: str | None = None) -> Proposal:
     if not files:
         listed = ", ".join((*TEXTS, *READ))
         raise InputFileError(folder, "holds no recording", f"valid endings: {listed}, and .gz behind any")
-    stems = {p: _stem(p, folder) for p in files}
+    stems = {p: (p.relative_to(folder).parent / ending_removed(p)).as_posix() for p in files}
     patterns = [pattern] if pattern else patterns_of(list(stems.values()))
     rows = {p: row for p, stem in stems.items() if (row := stated(patterns, stem)) is not None}
     if not rows:
@@ -189,11 +189,6 @@ def _aside(file: Path, folder: Path) -> bool:
     hidden = any(part.startswith(".") for part in file.relative_to(folder).parts)
     name = file.name.lower()
     return hidden or name.endswith(("_channels.tsv", "participants.tsv", "_scans.tsv")) or name.startswith("readme")
-
-
-def _stem(file: Path, folder: Path) -> str:
-    name = file.relative_to(folder).as_posix().removesuffix(".gz")
-    return name[: len(name) - len(Path(name).suffix)]
 
 
 def _toml(folder: Path, kinds: Sequence[Path], missing: list[str]) -> str:

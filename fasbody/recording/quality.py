@@ -82,7 +82,9 @@ def quality(time_s: np.ndarray, channels: dict[str, np.ndarray], frequency_hz: f
     """
     if frequency_hz is None:
         return _broadband(time_s, channels)
-    edges = _edges(time_s, frequency_hz)
+    periods = (time_s[-1] - time_s[0]) * frequency_hz
+    segments = max(1, min(_SEGMENTS, int(periods / _PERIODS)))
+    edges = np.linspace(0, time_s.size, segments + 1).astype(int)
     rate = (time_s.size - 1) / (time_s[-1] - time_s[0])
     count = max(1, min(_DISTORTING, int(0.45 * rate // frequency_hz)))
     by_channel, amplitudes, fits = {}, {}, {}
@@ -108,11 +110,6 @@ def quality(time_s: np.ndarray, channels: dict[str, np.ndarray], frequency_hz: f
         _coherence(amplitudes["base"], amplitudes["malleolus"]), float(np.degrees(np.angle(ratio))),
         float(np.degrees(spread)), by_channel, float(abs(ratio)),
     )  # fmt: skip
-
-
-def _edges(time_s: np.ndarray, frequency_hz: float) -> np.ndarray:
-    periods = (time_s[-1] - time_s[0]) * frequency_hz
-    return np.linspace(0, time_s.size, max(1, min(_SEGMENTS, int(periods / _PERIODS))) + 1).astype(int)
 
 
 def _segments(time_s: np.ndarray, values: list[np.ndarray], frequency_hz: float, edges: np.ndarray) -> np.ndarray:

@@ -242,6 +242,8 @@ class Recording(Tabled):
             reading = files.reading(Path(file), layout)
         channels, name = reading.channels, label or Path(file).name
         remarks, delays = _beside(Path(file))
+        with Path(file).open("rb") as raw:
+            digest = file_digest(raw, "sha256").hexdigest()
         return cls(
             time_s=channels[HEADER[0]],
             base_m_s2=channels[HEADER[1]],
@@ -253,7 +255,7 @@ class Recording(Tabled):
             warnings=(*remarks, *(Sentence(f"{name}: ", w, ".") for w in reading.warnings)),
             calibration=_with_delays(layout.channels if layout else {}, delays),
             known=layout.beyond if layout else Known(),
-            digest=_digest(Path(file)),
+            digest=digest,
             others={name.removesuffix("_m_s2"): values for name, values in channels.items() if name not in HEADER},
             used=reading.used,
             unused=reading.unused,
@@ -302,11 +304,6 @@ class Recording(Tabled):
         frame = pd.DataFrame({k: np.round(v, digits if k == "time_s" else 6) for k, v in columns.items()})
         write_whole(file, frame.to_csv(index=False))
         return None
-
-
-def _digest(file: Path) -> str:
-    with file.open("rb") as raw:
-        return file_digest(raw, "sha256").hexdigest()
 
 
 def _row(values: ArrayLike, channel: str, name: str) -> np.ndarray:

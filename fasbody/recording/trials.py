@@ -120,10 +120,13 @@ def listed(folder: Path, only: Path | None = None) -> tuple[Trial, ...]:
         lines[path] = line
         if only is not None and path != only.resolve():
             continue
+        mass_kg = masses[subject]
+        if not np.isnan(mass_kg):
+            plausible(mass_kg, "body", f"{folder / 'subjects.csv'}: subject {subject}")
         condition = Condition(
             subject=subject,
             posture=" ".join(str(row.get("posture") or "midstance").casefold().split()),
-            body_mass_kg=_body_mass(folder / "subjects.csv", subject, masses[subject]),
+            body_mass_kg=None if np.isnan(mass_kg) else mass_kg,
             added_mass_kg=plausible(float(added[i]), "added", f"{file}, line {line}"),
             frequency_hz=float(frequency[i]) if np.isfinite(frequency[i]) else None,
             seating=" ".join(str(row.get("seating") or "").split()),
@@ -162,11 +165,6 @@ def _masses(file: Path) -> dict[str, float]:
         lines[subject] = line
     masses = column(file, table, "mass_kg", optional=True)
     return dict(zip(lines, map(float, masses), strict=True))
-
-
-def _body_mass(file: Path, subject: str, mass_kg: float) -> float | None:
-    """A plausible body mass [kg], None where the table has none yet."""
-    return None if np.isnan(mass_kg) else plausible(mass_kg, "body", f"{file}: subject {subject}")
 
 
 def people(folder: Path) -> "pd.DataFrame":

@@ -88,9 +88,12 @@ def examine(series: Series) -> Condition:
     phi, y = _regression(repaired, lags)
     errors = y - phi @ pem.solve([(phi, y)])
     share, p = _feedback(repaired, errors, lags)
-    feedback = p < CERTAIN and share > ANSWER
+    feedback, unstable = p < CERTAIN and share > ANSWER, False
+    if feedback:  # a controller's u(t) depends on y(t): n_k is 1
+        theta = pem.solve([pem.regressors(repaired, Orders(na=lags, nb=lags, nk=1))])
+        unstable = largest_root(np.concatenate([[1.0], theta[:lags]])) > 1.0
     return Condition(
-        spikes, _drift(repaired, errors, phi), feedback, few_steps(series.u), feedback and _unstable(repaired, lags),
+        spikes, _drift(repaired, errors, phi), feedback, few_steps(series.u), unstable,
         p < SUSPECT or _at_once(phi, y, lags), limit,
     )  # fmt: skip
 
@@ -111,12 +114,6 @@ def few_steps(u: np.ndarray) -> bool:
 def _regression(series: Series, lags: int) -> tuple[np.ndarray, np.ndarray]:
     phi, y = pem.regressors(series, Orders(na=lags, nb=lags + 1, nk=0))
     return np.column_stack([phi, np.ones(len(y))]), y
-
-
-def _unstable(series: Series, lags: int) -> bool:
-    """Whether a long ARX model has a pole outside the unit circle; a controller's u(t) depends on y(t): n_k is 1."""
-    theta = pem.solve([pem.regressors(series, Orders(na=lags, nb=lags, nk=1))])
-    return largest_root(np.concatenate([[1.0], theta[:lags]])) > 1.0
 
 
 def mend(series: Series) -> tuple[Series, tuple[int, ...]]:

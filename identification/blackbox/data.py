@@ -4,19 +4,16 @@ import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Self
+from typing import Self
 
 import numpy as np
 
 from fasbody.exceptions import InputFileError, RecordingError, SettingError, unknown
 from fasbody.presentation import Tabled
-from fasbody.recording.channels import TIME_UNITS
-from fasbody.recording.csv import UNNAMED, numeric, read_columns
+from fasbody.recording.channels import TIME_UNITS, Layout
+from fasbody.recording.csv import TextTable
 from fasbody.recording.recording import Recording
 from fasbody.recording.study import Study
-
-if TYPE_CHECKING:
-    import pandas as pd
 
 SHORTEST = 20  # samples; below this not even a first-order model can be validated
 #: Structures that can be estimated, and those that are unless others are named.
@@ -27,6 +24,8 @@ INPUT_OUTPUT = ("base_m_s2", "malleolus_m_s2")  # of a foot's recording
 TIME_HEADER = re.compile(
     r"(?:time\s*stamp|time|t)(?:[\s_.,:/\[(]+(?P<unit>\w+)[\s\])]*)?", re.IGNORECASE
 )
+#: A column of a file without a header, by its number.
+UNNAMED = "column {}"
 INPUT_NAMES = (INPUT_OUTPUT[0], "u", "input")
 OUTPUT_NAMES = (INPUT_OUTPUT[1], "y", "output")
 Names = str | tuple[str, ...]
@@ -255,9 +254,12 @@ def read_csv(
         InputFileError: the file, a column or the time column cannot be used.
         RecordingError: the signals cannot identify anything.
     """
-    table = read_columns(path)
-    names = list(table.columns)
-    time_name, unit = _time_column(path, table, names, sample_time)
+    table = TextTable.open(path, Layout(), strict=False)
+    if not table.names:  # no header
+        unnamed = (UNNAMED.format(n + 1) for n in range(len(table.first_row)))
+        table = TextTable.open(path, Layout(columns=tuple(unnamed)), strict=False)
+    names = list(table.names)
+    time_name, unit = _time_column(table, names, sample_time)
     signals = [name for name in names if name != time_name]
     if not (input and output) and len(signals) > 2 and not {*INPUT_OUTPUT} <= {*signals}:
         _never_guess(path, signals, input, output)
@@ -268,8 +270,8 @@ def read_csv(
         if time_name is None:
             valid = "name one 'time_s' or give --sample-time in seconds"
             raise InputFileError(path, "has no time column", valid)
-        sample_time = _sample_time(path, _numbers(path, table, time_name) * unit)
-    u, y = _numbers(path, table, u_names), _numbers(path, table, y_names)
+        sample_time = _sample_time(path, _numbers(table, time_name) * unit)
+    u, y = _numbers(table, u_names), _numbers(table, y_names)
     return replace(Series(u, y, sample_time, str(path), (u_names, y_names)), name=path.stem)
 
 
@@ -291,7 +293,7 @@ def _never_guess(path: Path, signals: list[str], input: str, output: str) -> Non
 
 
 def _time_column(
-    path: Path, table: "pd.DataFrame", names: list[str], sample_time: float | None
+    table: TextTable, names: list[str], sample_time: float | None
 ) -> tuple[str | None, float]:
     """Name of the time column and its unit in seconds."""
     for name in names:
@@ -300,16 +302,17 @@ def _time_column(
             unit = (header["unit"] or "s").lower().replace("µ", "u").replace("sec", "s")
             if unit not in TIME_UNITS and sample_time is None:
                 sentence = unknown(f"unit of the time column {name!r}:", unit, TIME_UNITS)
-                raise InputFileError(path, sentence, "or give --sample-time in seconds")
+                raise InputFileError(table.file, sentence, "or give --sample-time in seconds")
             return name, TIME_UNITS.get(unit, 1.0)
-    import pandas as pd
-
-    first = pd.to_numeric(table[names[0]], errors="coerce").to_numpy(dtype=float)
+    try:
+        first = _numbers(table, names[0])
+    except InputFileError:  # words
+        return None, 1.0
     if len(first) < 3 or not np.all(np.diff(first) > 0):
         return None, 1.0
     if sample_time is None and names[0] != UNNAMED.format(1):
         raise InputFileError(
-            path,
+            table.file,
             f"its first column {names[0]!r} rises from row to row as a time does, but has no known "
             "name or unit",
             "call it time_s, time_ms or time_us, or give --sample-time in seconds",
@@ -336,23 +339,11 @@ def _chosen(
     return next((name for name in usual if name in free), free[0])
 
 
-def _numbers(path: Path, table: "pd.DataFrame", name: Names) -> np.ndarray:
+def _numbers(table: TextTable, name: Names) -> np.ndarray:
     """One column (N,), or several (N, n)."""
-    import pandas as pd
-
-    if isinstance(name, tuple):
-        return np.column_stack([_numbers(path, table, one) for one in name])
-    values = pd.to_numeric(table[name], errors="coerce").to_numpy(dtype=float)
-    wrong = np.isnan(values) & table[name].notna().to_numpy()
-    if wrong.any():
-        row = int(np.argmax(wrong))
-        cell = str(table[name].iloc[row])
-        remedy = "remove the row or mark it with #"
-        if numeric(cell):
-            remedy = "write it with a decimal point"
-        problem = f"column {name!r} holds {cell[:40]!r} in data row {row + 1}, not a number"
-        raise InputFileError(path, problem, remedy)
-    return values
+    chosen = _tuple(name)
+    columns = table.numbers({one: table.names.index(one) for one in chosen})
+    return columns[name] if isinstance(name, str) else np.column_stack([columns[n] for n in chosen])
 
 
 def _sample_time(path: Path, time: np.ndarray) -> float:

@@ -265,7 +265,13 @@ def identify(
         if len(numbers) != (3 if name == "arx" else 1):
             valid = "3 orders (na, nb, nk)" if name == "arx" else "1 order"
             raise SettingError(f"{name} takes {valid}.", setting="orders")
-        model = arx(estimation, *numbers) if name == "arx" else _space(estimation, *numbers)
+        if name == "ss" and not 1 <= numbers[0] <= 40:
+            raise SettingError(f"state-space order {numbers[0]} is not between 1 and 40.")
+        model = (
+            arx(estimation, *numbers)
+            if name == "arx"
+            else space(_factors(estimation, numbers[0]), numbers[0])
+        )
         white[name], independent[name], texts = _tested(model, validation)
         if name == "arx" and min(white[name].min(), independent[name].min()) < CALM / independent[name].size:
             texts.append("no intervals: those of ARX are valid only for white, independent residuals")
@@ -336,12 +342,6 @@ def _tested(model: MimoModel, validation: Series) -> tuple[np.ndarray, np.ndarra
 
 def _factors(recording: Series, order: int) -> subspace.Subspace:
     return subspace.decompose(recording, max(ROWS, order // len(recording.outputs) + 2))
-
-
-def _space(recording: Series, order: int) -> MimoModel:
-    if not 1 <= order <= 40:
-        raise SettingError(f"state-space order {order} is not between 1 and 40.")
-    return space(_factors(recording, order), order)
 
 
 def _chosen(name: str, estimation: Series) -> tuple[int, ...]:

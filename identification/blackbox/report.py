@@ -220,8 +220,8 @@ def page(reports: Sequence[Report]) -> str:
     """report.html: the models of every recording on one self-contained page."""
     from markupsafe import Markup
 
+    from fasbody.page import Section, html
     from identification.blackbox import figures
-    from identification.page import Section, html
 
     sections = []
     for report in reports:
@@ -236,17 +236,15 @@ def page(reports: Sequence[Report]) -> str:
             (Markup(inline(picture(draw(report), "svg"))), (draw.__doc__ or "").split("\n\n")[0])
             for draw in figures.DRAWINGS.values()
         ]
-        details = [
-            Sheet(m.best.model.label, ("name", "value", "standard error"), _coefficient_rows(m))
-            for m in report.models.values()
-        ]
+        details = []
+        for m in report.models.values():
+            rows = [
+                (name, f"{e['value']:.6g}", _finite(e["std_error"], ".2g", "–"))
+                for name, e in named(m.best.model).items()
+            ]
+            details.append(Sheet(m.best.model.label, ("name", "value", "standard error"), rows))
         sections.append(Section(_sheet(report), origin, pictures, details))
     return html(sections)
-
-
-def _coefficient_rows(chosen: ChosenModel) -> list[tuple[str, ...]]:
-    rows = named(chosen.best.model).items()
-    return [(name, f"{e['value']:.6g}", _finite(e["std_error"], ".2g", "–")) for name, e in rows]
 
 
 def _sheet(report: Report) -> Sheet:

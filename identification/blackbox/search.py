@@ -1,6 +1,6 @@
 """Search for orders: each model starts from the smaller ones it nests, and the search goes where the fit improves."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import replace
 
@@ -69,6 +69,11 @@ class Search:
                 self.models[orders] = None
         return self.models[orders]
 
+    def judged(self, some: Iterable[Orders], referee: Referee) -> dict[Orders, Candidate]:
+        """Those of some orders that can be estimated, as a referee judges them."""
+        models = (self.at(orders) for orders in some)
+        return {model.orders: referee.judge(model) for model in models if model is not None}
+
     @property
     def failed(self) -> list[str]:
         """A sentence on the orders that could not be estimated, if there are any."""
@@ -134,8 +139,7 @@ def select_oe(referee: Referee, delays: Sequence[int], largest: int = LARGEST) -
     better = 0
     for n in range(1, largest + 1):
         leading = {best_of(begun, referee).nk} if n > RACED and begun else delays
-        models = [search.at(Orders(nb=n, nf=n, nk=nk)) for nk in leading]
-        begun |= {model.orders: referee.judge(model) for model in models if model is not None}
+        begun |= search.judged((Orders(nb=n, nf=n, nk=nk) for nk in leading), referee)
         if not begun:
             if n > PATIENCE:
                 break
@@ -208,9 +212,8 @@ def select_arx(referee: Referee, delays: Sequence[int] = (1,), largest: int = 15
     beyond = [nk for nk in delays if not 1 <= nk <= largest]
     trials |= {(*_numbers(flat, loss.shape)[:2], nk) for flat in leading for nk in beyond}
     search = Search("arx", referee.fitted, 2 * largest)
-    models = [search.at(Orders.of("arx", numbers)) for numbers in sorted(trials)]
-    candidates = [referee.judge(m) for m in models if m is not None]
-    chosen = with_rivals(rank(candidates, referee, grid.loss.size, warnings))
+    tried = search.judged((Orders.of("arx", numbers) for numbers in sorted(trials)), referee)
+    chosen = with_rivals(rank(list(tried.values()), referee, grid.loss.size, warnings))
     chosen = replace(
         _again(chosen, "arx", referee),
         rivals=tuple((w, pem.estimate("arx", referee.estimation, m.orders)) for w, m in chosen.rivals),
@@ -232,12 +235,8 @@ def select_armax(referee: Referee, from_arx: Orders, from_oe: Orders | None) -> 
     search = Search("armax", whole.estimation, from_arx.nk + from_arx.nb + 4)
     plants = [Orders(na=from_arx.na, nb=from_arx.nb, nk=from_arx.nk)]
     plants += [Orders(na=from_oe.nf, nb=from_oe.nb, nk=from_oe.nk)] if from_oe else []
-    begun: dict[Orders, Candidate] = {}
-    for plant in plants:
-        for nc in (1, min(max(plant.na, 1), NOISE)):
-            model = search.at(replace(plant, nc=nc))
-            if model is not None:
-                begun[model.orders] = whole.judge(model)
+    noisy = (replace(o, nc=nc) for o in plants for nc in (1, min(max(o.na, 1), NOISE)))
+    begun = search.judged(noisy, whole)
     return edge(with_rivals(climb(search, whole, begun, ARMAX_STEPS)), nc=NOISE)
 
 
@@ -256,11 +255,8 @@ def select_bj(referee: Referee, from_oe: PolynomialModel, delays: Sequence[int])
         again: PolynomialModel = select_oe(replace(whole, estimation=white), delays, NOISE + 3).best.model
         plants = [again.orders]
     search = Search("bj", whole.estimation, max(plant.nk + plant.nb for plant in plants) + 3)
-    begun: dict[Orders, Candidate] = {}
-    for orders in {replace(plant, nc=c, nd=d) for plant in plants for c, d in ((nc, nd), (1, 1))}:
-        model = search.at(orders)
-        if model is not None:
-            begun[orders] = whole.judge(model)
+    noisy = {replace(plant, nc=c, nd=d) for plant in plants for c, d in ((nc, nd), (1, 1))}
+    begun = search.judged(noisy, whole)
     steps = ({"nc": -1}, {"nd": -1}, {"nc": 1}, {"nd": 1}, *PLANT_STEPS)
     return edge(with_rivals(climb(search, whole, begun, steps)), nc=NOISE, nd=NOISE)
 

@@ -245,7 +245,7 @@ def propose(
 
       python -m identification.plan run --simulate --auto --out my_study
     """
-    from identification import page
+    from fasbody import page
     from identification.parameters import names
     from identification.plan.result import planned
 
@@ -275,7 +275,7 @@ def propose(
     if options.json_:
         print_json(result.document())
     else:
-        page.show(result, words="kind")
+        page.show(result.sheet(), "kind")
     if out is not None:
         words = sys.argv[2:] if sys.argv[1:2] == ["propose"] else sys.argv[1:]
         page.write(result, out, join(["fasbody", "plan", *words]))
@@ -330,10 +330,10 @@ def run(
 
       python -m identification.plan run --board audio --body-mass 72 --out my_study
     """
+    from fasbody import page
     from fasbody.acquire.devices import Equipment
     from fasbody.acquire.level import COMMANDED, Safety
     from fasbody.acquire.session import terminated
-    from identification import page
     from identification.plan.record import Laboratory, Offer
     from identification.plan.session import BROKEN, INTERRUPTED, Session
 
@@ -392,7 +392,7 @@ def run(
     if options.json_:
         print_json(result.document())
     else:
-        page.show(result)
+        page.show(result.sheet())
     if result.taken:
         written = result.write(out)[0]
         text = f"written to {written}; the same command goes on from there"

@@ -5,13 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from fasbody.constants import Z95
+from fasbody.recording.quality import quality
 from fasbody.recording.recording import Recording
 from fasbody.transmissibility.sines import by_segments
 from identification.harmonics import Line
 from identification.plan.words import percent
-
-#: Segments that the coherence compares.
-_SEGMENTS = 20
 
 
 @dataclass(frozen=True)
@@ -47,26 +45,13 @@ class Observed:
 def observed(recording: Recording) -> Observed:
     """What a checked recording of one sine was."""
     line = Line.of(recording)
-    U, f = line.base.amplitudes, line.base.frequency_hz
+    f = line.base.frequency_hz
     channels = {"base": recording.base_m_s2, "malleolus": recording.malleolus_m_s2}
+    measures = quality(recording.time_s, channels, f)
     H, std = by_segments(recording.time_s, channels, f).ratio("malleolus")
     size, half = float(abs(H[0])), Z95 * float(std[0])
     return Observed(
-        float(abs(U[0])), float(np.linalg.norm(U[1:]) / abs(U[0])), coherence(recording, f), size,
-        max(0.0, size - half), size + half, float(np.degrees(np.angle(H[0]))),
+        float(abs(line.base.amplitudes[0])), measures.channels["base"].distortion, measures.coherence,
+        size, max(0.0, size - half), size + half, float(np.degrees(np.angle(H[0]))),
         float(np.sqrt(0.5 * (line.base.sigma**2 + line.malleolus.sigma**2))),
     )  # fmt: skip
-
-
-def coherence(recording: Recording, frequency_hz: float) -> float:
-    """|sum of Y conj U|^2 over the product of their powers, of segments of whole periods at the fundamental."""
-    t = recording.time_s - recording.time_s[0]
-    period = recording.rate_hz / frequency_hz
-    parts = max(2, min(_SEGMENTS, int(t.size / period / 3)))
-    length = int(int(t.size / parts / period) * period)
-    turn = np.exp(-2j * np.pi * frequency_hz * t)
-    U, Y = (
-        np.array([((x - x.mean()) * turn)[i * length : (i + 1) * length].mean() for i in range(parts)])
-        for x in (recording.base_m_s2, recording.malleolus_m_s2)
-    )
-    return float(abs(np.vdot(U, Y)) ** 2 / (np.vdot(U, U).real * np.vdot(Y, Y).real))

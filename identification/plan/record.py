@@ -97,19 +97,14 @@ class Laboratory:
         if equipment is None:
             self._stack.close()
             equipment = Equipment.simulated(self._stack, added_mass=load_kg)
-        elif self._load is not None or load_kg:
-            self._lay(load_kg)
+        elif (self._load is not None or load_kg) and not _agreed(f"{load_kg:g} kg are on the knee"):
+            raise AcquisitionError(f"{load_kg:g} kg are not on the knee.")
         if self._session is None or self._equipment is None:
             board, generator = equipment.open(self._stack)
             self._stack.enter_context(Display(board))
             self._session, self._stalled = Session(plan, board, generator), False
         self._load = load_kg
         return self._session
-
-    def _lay(self, load_kg: float) -> None:
-        """Wait until somebody has laid the load; the output is off."""
-        if not _agreed(f"{load_kg:g} kg are on the knee"):
-            raise AcquisitionError(f"{load_kg:g} kg are not on the knee.")
 
 
 class Offer(Offering):

@@ -16,7 +16,7 @@ from fasbody.recording.checks import checked
 from fasbody.recording.recording import Recording
 from identification.branches import EXCHANGED
 from identification.fitting import fit_foot
-from identification.plan.belief import Band, Belief
+from identification.plan.belief import Band
 from identification.plan.candidates import Step, shaking_s
 from identification.plan.director import GOAL, HOPELESS, SHARE, Director
 from identification.plan.observed import Observed, observed
@@ -260,9 +260,12 @@ class Session:
             self._person, self._shaker, self._ask, self._recordings, self._seed, self._draws,
             None if self._director is None else self._director.belief, compares=False,
         )  # fmt: skip
-        self._director = director
-        if self._taken and self._taken[-1].observed is not None:
-            self._taken[-1] = _after(self._taken[-1], director.belief)
+        self._director, belief = director, director.belief
+        if belief is not None and self._taken and self._taken[-1].observed is not None:
+            self._taken[-1] = replace(
+                self._taken[-1], bands=belief.open_bands(EXCHANGED), log_odds=belief.log_odds,
+                branch=belief.ends[0].branch, decided=belief.decided,
+            )  # fmt: skip
             self._offering.report(believed(director))
         return director
 
@@ -420,14 +423,6 @@ class Session:
             self._ask, tuple(self._recordings),
             self._fitted if ended == MET else {} if belief is None else belief.open_bands(EXCHANGED), self._left,
         )  # fmt: skip
-
-
-def _after(taken: Taken, belief: Belief | None) -> Taken:
-    assert belief is not None
-    return replace(
-        taken, bands=belief.open_bands(EXCHANGED), log_odds=belief.log_odds, branch=belief.ends[0].branch,
-        decided=belief.decided,
-    )  # fmt: skip
 
 
 def _among(step: Step, barred: Sequence[Step]) -> bool:

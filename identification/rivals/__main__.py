@@ -46,10 +46,10 @@ def main(
       python -m identification.rivals bare.csv loaded.csv --body-mass 72.5 --added-mass 0 --added-mass 2.3
     """
     import mjcf
+    from fasbody import page
     from fasbody.foot.model import load
     from fasbody.recording.sources import gather
     from fasbody.recording.study import BUNDLED
-    from identification import page
     from identification.parameters import names
     from identification.rivals.compare import compare_rivals
 
@@ -66,7 +66,7 @@ def main(
     if json_:
         print_json(result.document())
     else:
-        page.show(result, words="rival")
+        page.show(result.sheet(), "rival")
     if write_model is not None:
         from identification.rivals.mjcf import write_models
 

@@ -15,10 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from identification.bounded_least_squares import Minimum, minimise
 from identification.branches import DECISIVE_TOGETHER
 from identification.rivals import pad_balance
 from identification.rivals.mechanisms import BODY_KG, MASSES, MECHANISMS, Mechanism, pressed
+from identification.rivals.motion import hung
 
 Array = np.ndarray
 #: Scatter of a response and of a second harmonic, of a sensor's gain, of the stated body mass [1].
@@ -35,9 +35,8 @@ FITS = 1.5
 SEAT_ZETA, SEAT_HZ = 0.2, 70.0
 #: Even draws that a fit may start from, of linear mechanisms and of others.
 BANK, PRESSED_BANK = 8000, 400
-#: Starts of a fit, of linear mechanisms and of others; its steps, and the decrease of the sum of
-#: squares that is worth no further one.
-STARTS, PRESSED_STARTS, STEPS, PROMISED = 2, 1, 40, 0.1
+#: Starts of a fit, of linear mechanisms and of others, and its steps.
+STARTS, PRESSED_STARTS, STEPS = 2, 1, 25
 #: Least share of the time in the air of a foot that leaves the plate.
 AIR = 0.05
 #: What is left of the static force where a motion counts as balanced.
@@ -46,6 +45,8 @@ LEFT = 1e-3
 HIGHER = 1.2
 #: Times as many starts where no mechanism fits.
 MORE = 6
+#: A fit whose sum of squares lies so far above another's, and creeps, is given up.
+FAR = 100.0
 UNDECIDED, NONE = "undecided", "none of these"
 
 
@@ -167,12 +168,6 @@ def _one_step(systems: pad_balance.Pressed, start: Array, draws: int) -> Array:
     return x - (np.tile(inverse, (draws, 1, 1)) @ residual[..., None])[..., 0]
 
 
-def mount(frequency_hz: Array, mount_hz: Array | float, zeta: Array | float) -> Array:
-    """What a sensor on the skin reads over what the bone does, complex, (..., n)."""
-    r = 1j * np.asarray(frequency_hz) / mount_hz
-    return (1 + 2 * zeta * r) / (1 + 2 * zeta * r + r**2)
-
-
 @dataclass(frozen=True)
 class Fitted:
     """One mechanism's best fit.
@@ -281,23 +276,20 @@ class Analysis:
         return Verdict(named, first.rival, margin, per_dof, criteria, int((~kept).sum())), fits
 
     def _fit(self, name: str, plan: Plan, data: Responses, kept: Array, goal: float) -> Fitted:
-        search = _Search(self.rivals[name], plan, data, self.departure)
+        search = _Search(self.rivals[name], plan, data, self.departure, goal)
         u, drawn = self.bank[name]
         rough = _misfit(plan, data, self.departure, drawn.only(kept))
         order = np.argsort(np.nan_to_num((rough**2).sum(axis=1), nan=np.inf))
         starts = PRESSED_STARTS if self.rivals[name].pressed else STARTS
-        ends: list[tuple[Minimum, float]] = []
-        for number, at in enumerate(order[: MORE * starts]):
-            least = min([goal, *(end.objective for end, _ in ends)])
-            if number >= starts and least < FITS * rough.shape[1]:
+        best = search.least(u[order[0]])
+        for number, at in enumerate(order[1 : MORE * starts], 1):
+            if number >= starts and min(goal, best[0]) < FITS * rough.shape[1]:
                 break
-            ends.append(search.least(u[at]))
-        end, volume = min(ends, key=lambda pair: pair[0].objective)
-        read = search.read(end.q[None], None)
-        values = search.mechanism.values(end.q[None, : search.free])
+            best = min(best, search.least(u[at]), key=lambda end: end[0])
+        chi2, theta, air, volume = best
+        read = search.read(theta[None], None)
+        values = search.mechanism.values(theta[None, : search.free])
         constants = {k: float(v[0]) for k, v in values.items()}
-        air = 0.0 if read.air is None else float(read.air.max())
-        chi2 = end.objective
         return Fitted(name, chi2, chi2 + volume, constants, air, read.MB[0], read.TB[0])
 
 
@@ -317,26 +309,24 @@ def _misfit(plan: Plan, data: Responses, departure: float, read: Responses) -> A
     return np.concatenate([z.real, z.imag], axis=-1)
 
 
+@dataclass(frozen=True)
 class _Search:
-    """The sum of squares of one mechanism in theta (p,): shares of its bounds, then the nuisances.
+    """Least squares of one mechanism in theta (p,): shares of its bounds, then the nuisances.
 
     Nuisances are mass and two gains in standard deviations, and how soft the two seats are.
-    `bounded_least_squares.minimise` finds where it is least.
-
-    Args:
-        mechanism: which.
-        plan: what was shaken.
-        data: what was read.
-        departure: how far the foot may be off the mechanism.
+    `goal` is the sum of squares of another mechanism: a fit that creeps far above it is given up.
     """
 
-    def __init__(self, mechanism: Mechanism, plan: Plan, data: Responses, departure: float) -> None:
-        self.mechanism, self.plan, self.data, self.departure = mechanism, plan, data, departure
-        self.free = len(mechanism.constants)
-        self.low = np.r_[np.zeros(self.free), np.full(3, -4.0), np.zeros(2)]
-        self.high = np.r_[np.ones(self.free), np.full(3, 4.0), np.ones(2)]
-        self._start: Array | None = None
-        self._reached: Array | None = None
+    mechanism: Mechanism
+    plan: Plan
+    data: Responses
+    departure: float
+    goal: float
+
+    @property
+    def free(self) -> int:
+        """How many constants the mechanism has."""
+        return len(self.mechanism.constants)
 
     def read(self, theta: Array, start: Array | None, nearby: bool = False) -> Responses:
         """What the sensors read, for theta (d, p)."""
@@ -346,53 +336,67 @@ class _Search:
         data = self.data if start is None else None
         bone = predict(self.mechanism, values, self.plan, start, nearby, data)
         seats = [SEAT_HZ / np.sqrt(np.maximum(z[:, i], 1e-12))[:, None] for i in (3, 4)]
-        malleolus, tuberosity = (mount(f, hz, SEAT_ZETA) for hz in seats)
+        s = 2j * np.pi * f
+        malleolus, tuberosity = (hung(s, hz, SEAT_ZETA) for hz in seats)
         return replace(
             bone,
             MB=bone.MB * malleolus * (1 + GAIN * z[:, 1:2]),
             TB=bone.TB * tuberosity * (1 + GAIN * z[:, 2:3]),
-            second=bone.second * mount(2 * f, seats[0], SEAT_ZETA) / malleolus,
+            second=bone.second * hung(2 * s, seats[0], SEAT_ZETA) / malleolus,
         )
 
-    def _residuals(self, theta: Array, read: Responses) -> Array:
+    def residuals(self, theta: Array, start: Array | None, nearby: bool = False) -> tuple[Array, Responses]:
         """Whitened residuals and prior rows, (d, m), for theta (d, p)."""
+        read = self.read(theta, start, nearby)
         misfit = _misfit(self.plan, self.data, self.departure, read)
-        return np.concatenate([misfit, theta[:, self.free : self.free + 3]], axis=1)
+        return np.concatenate([misfit, theta[:, self.free : self.free + 3]], axis=1), read
 
-    def values(self, q: Array) -> Array:
-        """See `bounded_least_squares.SumOfSquares`; motions begin at those of the last step."""
-        read = self.read(q[None], self._start)
-        self._reached = read.x
-        return self._residuals(q[None], read)[0]
+    def slope(self, theta: Array, middle: Array, start: Array | None) -> Array:
+        """Derivatives of the residuals (m, p), taken towards the middle of the bounds."""
+        inward = np.where(theta > middle, -1e-6, 1e-6)
+        near = np.vstack([theta, theta + np.diag(inward)])
+        rows, _ = self.residuals(near, start, nearby=start is not None)
+        return (rows[1:] - rows[0]).T / inward
 
-    def derivatives(self, q: Array) -> None:
-        """See `bounded_least_squares.SumOfSquares`: differences towards the middle of the bounds."""
-        self._start = self._reached
-        inward = np.where(q > 0.5 * (self.low + self.high), -1e-6, 1e-6)
-        near = np.vstack([q, q + np.diag(inward)])
-        rows = self._residuals(near, self.read(near, self._start, nearby=self._start is not None))
-        self.jacobian = (rows[1:] - rows[0]).T / inward
+    def least(self, share: Array) -> tuple[float, Array, float, float]:
+        """Levenberg's and Marquardt's steps within bounds, from shares (c,).
 
-    def gram(self) -> Array:
-        """See `bounded_least_squares.SumOfSquares`."""
-        return self.jacobian.T @ self.jacobian
-
-    def back(self, r: Array) -> Array:
-        """See `bounded_least_squares.SumOfSquares`."""
-        return self.jacobian.T @ r
-
-    def least(self, share: Array) -> tuple[Minimum, float]:
-        """The minimum below shares (c,) of the bounds, and what the data leave of the bounds there.
-
-        The latter is -2 log of a volume: a constant that the data do not touch costs nothing.
-        Counting constants (the Bayesian information criterion) named simple mechanisms for their
-        simplicity alone.
+        Returns:
+            Sum of squares; theta (p,); largest share of the time in the air; what the data leave of
+            the bounds, -2 log of a volume. A constant that the data do not touch costs nothing:
+            counting constants (the Bayesian information criterion) named simple mechanisms for
+            their simplicity alone.
         """
-        self._start = None
-        begin = np.r_[share, np.zeros(3), np.full(2, 0.2)]
-        end = minimise(self, begin, self.low, self.high, STEPS, PROMISED)
-        volume = np.linalg.slogdet(np.eye(begin.size) + self.gram() / (2 * np.pi))[1]
-        return end, float(volume)
+        low = np.r_[np.zeros(self.free), np.full(3, -4.0), np.zeros(2)]
+        high = np.r_[np.ones(self.free), np.full(3, 4.0), np.ones(2)]
+        theta = np.r_[share, np.zeros(3), np.full(2, 0.2)]
+        rest, now = self.residuals(theta[None], None)
+        best, damp, small = float((rest**2).sum()), 1e-2, 0
+        for _ in range(STEPS):
+            J = self.slope(theta, 0.5 * (low + high), now.x)
+            gradient = J.T @ rest[0]
+            out = ((theta <= low) & (gradient > 0)) | ((theta >= high) & (gradient < 0))
+            J[:, out], gradient[out] = 0.0, 0.0
+            N = J.T @ J
+            for _ in range(6):
+                step = np.linalg.solve(N + np.diag(damp * (N.diagonal() + 1e-3)), gradient)
+                new = np.clip(theta - step, low, high)
+                later, reached = self.residuals(new[None], now.x)
+                total = float((later**2).sum())
+                if total < best:
+                    break
+                damp *= 5
+            else:
+                break
+            ahead = best - self.goal
+            enough = 0.15 * ahead if ahead > FAR else 0.1
+            small = small + 1 if best - total < enough else 0
+            theta, rest, now, best, damp = new, later, reached, total, max(damp / 8, 1e-6)
+            if small >= 2:
+                break
+        J = self.slope(theta, 0.5 * (low + high), now.x)
+        volume = float(np.linalg.slogdet(np.eye(theta.size) + J.T @ J / (2 * np.pi))[1])
+        return best, theta, 0.0 if now.air is None else float(now.air.max()), volume
 
 
 @dataclass(frozen=True)

@@ -221,11 +221,16 @@ class Rivals(Presented):
         best = min(r.bic for r in self.rivals)
         held = min(r.surprise for r in self.rivals)
         adequate = self.adequate
+
+        def branch(r: Rival) -> str:
+            decided = r in adequate and r.decided
+            return "–" if r.log_odds is None else r.branch if decided else f"{r.branch}?"
+
         rows = [
             (
                 r.title, str(r.free), f"{100 * r.repeatability:.2g} %", f"{r.bic - best:.4g}",
                 f"{r.surprise - held:.4g}" if r.held_out else "–", f"{100 * r.error:.2g} %" if r.held_out else "–",
-                _branch(r, r in adequate), r.k_T.interval() if r.k_T else "–", r.k_F.interval() if r.k_F else "–",
+                branch(r), r.k_T.interval() if r.k_T else "–", r.k_F.interval() if r.k_F else "–",
                 "yes" if r in adequate else "no",
             )
             for r in self.rivals
@@ -272,12 +277,6 @@ class Rivals(Presented):
 
 
 _ENDS = (("", "value"), ("_lower", "lower"), ("_upper", "upper"))
-
-
-def _branch(r: Rival, adequate: bool) -> str:
-    if r.log_odds is None:
-        return "–"
-    return r.branch if adequate and r.decided else f"{r.branch}?"
 
 
 def preferred(rivals: list[Rival]) -> list[Rival]:

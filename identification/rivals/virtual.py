@@ -23,10 +23,10 @@ from identification.rivals.mechanism_fit import (
     NOISE,
     Plan,
     Responses,
-    mount,
     predict,
 )
 from identification.rivals.mechanisms import BODY_KG, MASSES, MECHANISMS, TISSUE_KG
+from identification.rivals.motion import hung
 from identification.rivals.pad_balance import REFERENCE_N, TABLE_M_S2
 
 Array = np.ndarray
@@ -82,9 +82,10 @@ class Subject:
         """True motion at frequencies [Hz], loads [kg] and amplitudes [m/s^2] (n,), as sensed."""
         shakings = zip(frequency_hz, added_kg, table, strict=True)
         out = np.array([self._shaken_once(*shaking) for shaking in shakings])
-        first = out[:, 0] * mount(frequency_hz, self.mount_hz[0], self.mount_zeta[0])
-        second = out[:, 1] * mount(2 * frequency_hz, self.mount_hz[0], self.mount_zeta[0])
-        tibia = out[:, 2] * mount(frequency_hz, self.mount_hz[1], self.mount_zeta[1])
+        s = 2j * np.pi * frequency_hz
+        first = out[:, 0] * hung(s, self.mount_hz[0], self.mount_zeta[0])
+        second = out[:, 1] * hung(2 * s, self.mount_hz[0], self.mount_zeta[0])
+        tibia = out[:, 2] * hung(s, self.mount_hz[1], self.mount_zeta[1])
         MB, TB = self.gain[0] * first / table, self.gain[1] * tibia / table
         return Responses(MB, TB, second / first, out[:, 4].real < SAME, out[:, 3].real)
 

@@ -194,8 +194,8 @@ def failures(failed: Sequence[Mapping[str, Any]]) -> list[str]:
 
 def show(findings: "Findings", run: Mapping[str, Any], as_json: bool) -> None:
     """What is in the folder now, for people or as JSON: counts by mode, findings, and what failed."""
-    from rich.table import Table
-
+    from fasbody.page import show as show_sheet
+    from fasbody.presentation import Sheet
     from identification.study.summary import counts, first, unfollowed_fits
 
     documents = findings.documents
@@ -212,15 +212,15 @@ def show(findings: "Findings", run: Mapping[str, Any], as_json: bool) -> None:
     else:
         what = f"{run['computed']} fits" + (f" and {run['checked']} checks" if run["checked"] else "")
         title = f"{what} computed in {run['seconds']:.0f} s; {run['done']} of {run['wanted']} fits done"
-        table = Table(title=title, title_justify="left")
         names = [name for name in counted[0] if not name.startswith("again")]  # the page has those
-        for name in names:
-            table.add_column(name.replace("_", " "), justify="left" if name == "mode" else "right")
-        for row in counted:
-            cells = (row[name] for name in names)
-            texts = ("–" if v is None else f"{v:.4g}" if isinstance(v, float) else str(v) for v in cells)
-            table.add_row(*texts)
-        results.print(table)
+        rows = [
+            [
+                "–" if v is None else f"{v:.4g}" if isinstance(v, float) else str(v)
+                for v in (row[name] for name in names)
+            ]
+            for row in counted
+        ]
+        show_sheet(Sheet(title, [name.replace("_", " ") for name in names], rows), "mode")
         for s in findings.subjects:
             text = f"subject {s.subject}, {s.posture}, {s.mode}: {s.sentence}"
             results.print(text, markup=False, soft_wrap=True)

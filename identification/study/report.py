@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import pandas as pd
-from jinja2 import Environment, PackageLoader, select_autoescape
 from markupsafe import Markup
 
 from fasbody import console
+from fasbody.page import templates
 from fasbody.presentation import counted, inline
 from identification.estimates import RULE
 from identification.recommendations import follows
@@ -156,10 +156,7 @@ def example(findings: Findings, mode: str, posture: str) -> tuple[str, list[Docu
 
 def _page(findings: Findings, pictures: Mapping[str, Any], title: str, origin: str) -> str:
     documents, table, energy = findings.documents, findings.table, findings.energy
-    environment = Environment(
-        loader=PackageLoader("identification"), autoescape=select_autoescape(default=True),
-        trim_blocks=True, lstrip_blocks=True,
-    )  # fmt: skip
+    environment = templates("identification", trim_blocks=True, lstrip_blocks=True)
     modes = dict.fromkeys(d["mode"] for d in documents)
     trusted = next((mode for mode in _MODES if mode in set(energy["mode"])), "")
     failed = [f"Failed ({d['mode']}): {d['error']}" for d in documents if d["status"] == "failed"]

@@ -123,12 +123,12 @@ def outliers(table: pd.DataFrame) -> pd.DataFrame:
     rows = table[table["shown"] & summary.measured(table)]
     of = zip(rows["mode"], rows["added_mass_kg"], strict=True)
     rows = rows.assign(outliers=[f"{mode}, {load:g} kg" for mode, load in of])
+
+    def share(outlier: pd.Series) -> str:
+        return f"{int(outlier.sum())} of {len(outlier)}"
+
     header = table["parameter"].unique()
-    return _crossed(rows, "outliers", "parameter", "outlier", _share_of_outliers, header).reset_index()
-
-
-def _share_of_outliers(outlier: pd.Series) -> str:
-    return f"{int(outlier.sum())} of {len(outlier)}"
+    return _crossed(rows, "outliers", "parameter", "outlier", share, header).reset_index()
 
 
 def branches(documents: Sequence[Document], table: pd.DataFrame) -> pd.DataFrame:

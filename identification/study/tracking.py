@@ -195,18 +195,16 @@ def track(fits: Sequence[Fit], *, prior: Prior | None = None) -> Tracking:
         raise SettingError(f"too many fits at one frequency for exact odds ({most}; valid: up to {MOST_FITS}).")
     order = sorted(range(len(fits)), key=lambda i: (fits[i].frequency_hz or 0.0, fits[i].added_mass_kg))
     ordered = [fits[i] for i in order]
-    alone = [_alone(fit, prior or Prior()) for fit in ordered]
+    alone = []  # log probability (b,) of a fit's branches without its neighbours, up to a constant
+    for fit in ordered:
+        least = min(branch.deviance for branch in fit.branches)
+        known = [(prior or Prior()).log(branch.values) for branch in fit.branches]
+        alone.append(np.array(known) - 0.5 * np.array([b.deviance - least for b in fit.branches]))
     links = _links(ordered)
     places = zip(order, ordered, probabilities(alone, links), strict=True)
     choices = tuple(_choice(fit, p) for _, fit, p in sorted(places, key=lambda place: place[0]))
     overall = _overall(ordered, alone, links)
     return Tracking(choices, overall, _sentence(choices, overall))
-
-
-def _alone(fit: Fit, prior: Prior) -> np.ndarray:
-    """Log probability (b,) of a fit's branches, without its neighbours, up to a constant."""
-    least = min(branch.deviance for branch in fit.branches)
-    return np.array([-0.5 * (branch.deviance - least) + prior.log(branch.values) for branch in fit.branches])
 
 
 def _links(fits: Sequence[Fit]) -> Links:

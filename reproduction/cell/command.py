@@ -63,7 +63,7 @@ def sweep(
         for number, analysis in enumerate(by_shape.analyses, start=5):
             save(mode_shapes(analysis, 5), out / f"figure_5_{number}.png")
         console.print(f"written: {out}")
-    report(document, f"{by_shape}\n{printed}\n{summary}, {direct.descriptions[0]}", as_json)
+    report(document, f"{by_shape}\n{printed}\n{summary}, {direct.descriptions[0].label}", as_json)
 
 
 def verify(preset_name: PresetOption = "as-reproduced", as_json: JsonOption = False) -> None:

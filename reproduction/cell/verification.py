@@ -13,7 +13,8 @@ from fasbody.cell.analysis import assemblies
 from fasbody.cell.assembly import FREE, assemble
 from fasbody.cell.dome import Dome
 from fasbody.cell.materials import Material, Preset
-from fasbody.cell.mesh import MeshSize, ball_mesh, dome_mesh
+from fasbody.cell.mesh import MeshSize
+from fasbody.cell.mesher import ball_mesh, dome_mesh
 from fasbody.cell.modal import CellModel, solve
 from simulator.bodies import box, lamb_spheroidal, lamb_torsional, timoshenko
 

@@ -2,14 +2,12 @@
 
 import tempfile
 import zipfile
-from collections import Counter
-from dataclasses import replace
 from pathlib import Path, PurePosixPath
 
 from fasbody.exceptions import InputFileError
 from fasbody.recording.channels import Layout
 from fasbody.recording.csv import TextTable
-from fasbody.recording.formats.series import FormatError, Series, check_size, passed_over
+from fasbody.recording.formats.series import FormatError, Series, check_size, passed_over, told_apart
 
 LIBRARY = "zipfile"
 
@@ -30,8 +28,7 @@ def decode(file: Path) -> list[Series]:
             plain = Path(folder) / f"{place}{path.suffix}"
             plain.write_bytes(packed.read(entry))
             series += _columns(plain, entry.filename, path.stem)
-    again = Counter(s.name for s in series)
-    return [replace(s, name=f"{s.group}/{s.name}") if again[s.name] > 1 and s.group else s for s in series]
+    return told_apart(series)
 
 
 def _columns(plain: Path, name: str, group: str) -> list[Series]:

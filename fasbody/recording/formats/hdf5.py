@@ -66,7 +66,9 @@ def decode(file: Path) -> list[Series]:
             unit = text_of(item.attrs.get("units", item.attrs.get("unit", b"")))
             values, scaled, unclear = _scaled(item)
             columns = columns_of(name, values, unit, _rate(source, name))
-            series += [replace(s, scaled=scaled, unclear=unclear, start_s=_start(item.attrs)) for s in columns]
+            starts = (_number(item.attrs.get(key)) for key in STARTS)
+            start = next((value for value in starts if value is not None), None)
+            series += [replace(s, scaled=scaled, unclear=unclear, start_s=start) for s in columns]
         series = _named(source, series)
     return short(with_rate(series))
 
@@ -152,11 +154,6 @@ def _rate(source: Any, name: str) -> float | None:
         for key, value in item.attrs.items()
         if key.lower() in RATES + STEPS
     )
-
-
-def _start(attributes: Any) -> float | None:
-    """When a dataset's first sample was taken [s], if a number states it."""
-    return next((value for name in STARTS if (value := _number(attributes.get(name))) is not None), None)
 
 
 def encode(channels: Channels) -> bytes:

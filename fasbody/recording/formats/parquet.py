@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from fasbody.recording.formats.series import FormatError, Series, check_size, passed_over, stated_rate
+from fasbody.recording.text import number, numeric
 
 LIBRARY = "pyarrow"
 
@@ -23,7 +24,8 @@ def decode(file: Path) -> list[Series]:
     about = source.metadata
     check_size(float(about.num_rows) * about.num_columns, about.num_columns)
     metadata = _texts(source.schema_arrow.metadata)
-    rate = stated_rate((key, _number(value)) for key, value in metadata.items())
+    numbers = {key: value for key, value in metadata.items() if numeric(value)}
+    rate = stated_rate((key, number(value)) for key, value in numbers.items())
     table = source.read(use_threads=False)
     return [_series(field, table.column(place), rate) for place, field in enumerate(table.schema)]
 
@@ -46,10 +48,3 @@ def _texts(metadata: Any) -> dict[str, str]:
     """Metadata as text."""
     pairs = (metadata or {}).items()
     return {key.decode("utf-8", "replace"): value.decode("utf-8", "replace") for key, value in pairs}
-
-
-def _number(text: str) -> float | None:
-    try:
-        return float(text)
-    except ValueError:
-        return None

@@ -104,6 +104,12 @@ def text_of(attribute: object) -> str:
     return attribute if isinstance(attribute, str) else ""
 
 
+def told_apart(series: list[Series]) -> list[Series]:
+    """With the group in front of a name that several series have."""
+    again = Counter(s.name for s in series)
+    return [replace(s, name=f"{s.group}/{s.name}" if again[s.name] > 1 and s.group else s.name) for s in series]
+
+
 def short(series: list[Series]) -> list[Series]:
     """Named without their groups where that is unambiguous."""
     parts = [s.name.rpartition("/") for s in series]
@@ -156,19 +162,17 @@ def with_rate(series: list[Series]) -> list[Series]:
         above = [s for s in scalars if f"{_folder(one)}/".startswith(f"{_folder(s)}/".lstrip("/"))]
         return [(s.name, float(s.values[0])) for s in above or scalars if above or _folder(s) not in filled]
 
-    return [
-        replace(s, rate_hz=s.rate_hz or stated_rate(stated_above(s)), start_s=_start(s, stated_above(s)))
-        for s in kept
-    ]
+    rated = []
+    for s in kept:
+        stated = stated_above(s)
+        starts = (value for name, value in stated if name.rpartition("/")[2].lower() in STARTS)
+        start = next(starts, None) if s.start_s is None else s.start_s
+        rated.append(replace(s, rate_hz=s.rate_hz or stated_rate(stated), start_s=start))
+    return rated
 
 
 def _folder(series: Series) -> str:
     return series.name.rpartition("/")[0].removesuffix("x_values").rstrip("/")
-
-
-def _start(series: Series, numbers: Iterable[tuple[str, float]]) -> float | None:
-    stated = (value for name, value in numbers if name.rpartition("/")[2].lower() in STARTS)
-    return next(stated, None) if series.start_s is None else series.start_s
 
 
 #: A uniform time has every sample within this share of an interval of its place.

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from fasbody.recording.channels import Channels
-from fasbody.recording.formats.series import FormatError, Series, check_size, step_of
+from fasbody.recording.formats.series import FormatError, Series, check_size, step_of, told_apart
 
 LIBRARY = "nptdms"
 
@@ -26,7 +26,6 @@ def decode(file: Path) -> list[Series]:
     with TdmsFile.open(str(file)) as source:
         channels = [c for group in source.groups() for c in group.channels()]
         check_size(0, len(channels))
-        names = [c.name for c in channels]
         for channel in channels:
             total += len(channel)
             check_size(total)
@@ -35,15 +34,14 @@ def decode(file: Path) -> list[Series]:
             values = np.asarray(channel[:])
             if values.dtype.kind not in "fiu":
                 continue
-            name = channel.name if names.count(channel.name) == 1 else f"{channel.group_name}/{channel.name}"
             unit = channel.properties.get("unit_string", "")
             rate = _rate(channel.properties.get("wf_increment"))
             stamps.append(channel.properties.get("wf_start_time"))
             offset = channel.properties.get("wf_start_offset")
             offsets.append(float(offset) if isinstance(offset, int | float) and np.isfinite(offset) else None)
-            series.append(Series(name, str(unit), values.astype(float), rate, group=channel.group_name))
+            series.append(Series(channel.name, str(unit), values.astype(float), rate, group=channel.group_name))
     starts = _starts(stamps, offsets)
-    return [replace(s, start_s=start) for s, start in zip(series, starts, strict=True)]
+    return told_apart([replace(s, start_s=start) for s, start in zip(series, starts, strict=True)])
 
 
 def _starts(stamps: list[Any], offsets: list[float | None]) -> list[float | None]:

@@ -1,7 +1,6 @@
 """Excel's .xlsx by openpyxl: the columns below each sheet's header, units in brackets or in a row."""
 
 import re
-from collections import Counter
 from dataclasses import replace
 from datetime import datetime, time, timedelta
 from itertools import islice
@@ -11,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from fasbody.recording.channels import KNOWN_UNITS
-from fasbody.recording.formats.series import FormatError, Series, check_size, passed_over
+from fasbody.recording.formats.series import FormatError, Series, check_size, passed_over, told_apart
 
 LIBRARY = "openpyxl"
 #: Rows above which a sheet has its header.
@@ -23,24 +22,15 @@ def decode(file: Path) -> list[Series]:
     from openpyxl import load_workbook
 
     book = load_workbook(file, read_only=True, data_only=True)
-    series, sheets = [], list[str]()
+    series, total = list[Series](), 0
     for sheet in book.worksheets:
-        columns = _columns(sheet.title, list(_rows(sheet)))
-        series += columns
-        sheets += [sheet.title] * len(columns)
-    again = Counter(s.name for s in series)
-    return [
-        replace(s, name=f"{sheet}/{s.name}" if again[s.name] > 1 and len(set(sheets)) > 1 else s.name, group=sheet)
-        for s, sheet in zip(series, sheets, strict=True)
-    ]
-
-
-def _rows(sheet: Any) -> Any:
-    total = 0
-    for row in sheet.iter_rows(values_only=True):
-        total += len(row)
-        check_size(total)
-        yield row
+        rows = []
+        for row in sheet.iter_rows(values_only=True):
+            total += len(row)
+            check_size(total)
+            rows.append(row)
+        series += [replace(column, group=sheet.title) for column in _columns(sheet.title, rows)]
+    return told_apart(series) if len({s.group for s in series}) > 1 else series
 
 
 def _columns(sheet: str, rows: list[tuple[Any, ...]]) -> list[Series]:

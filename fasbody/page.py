@@ -1,4 +1,4 @@
-"""A plan, a comparison or a black box on the terminal, and on one self-contained page: report.html."""
+"""Results on the terminal, and on one self-contained page: report.html."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -6,7 +6,7 @@ from datetime import date
 from importlib import import_module
 from inspect import cleandoc
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from rich import box
 from rich.markup import escape
@@ -16,6 +16,7 @@ from fasbody.console import console, results, write_whole
 from fasbody.presentation import Presented, Sheet, inline, picture, write_figure
 
 if TYPE_CHECKING:
+    from jinja2 import Environment
     from markupsafe import Markup
 
 
@@ -36,34 +37,41 @@ class Section:
     details: Sequence[Sheet] = ()
 
 
+def templates(package: str, **options: Any) -> "Environment":
+    """The templates of a package, beside those that all share.
+
+    Args:
+        package: that has a folder of them.
+        options: of Jinja.
+    """
+    from jinja2 import ChoiceLoader, Environment, PackageLoader, select_autoescape
+
+    loader = ChoiceLoader([PackageLoader(package), PackageLoader("fasbody")])
+    return Environment(loader=loader, autoescape=select_autoescape(default=True), **options)
+
+
 def html(sections: Sequence[Section]) -> str:
     """The page as text; no outside address is needed to read it."""
-    from jinja2 import Environment, PackageLoader, select_autoescape
-
-    loader, escaping = PackageLoader("identification"), select_autoescape(default=True)
-    template = Environment(loader=loader, autoescape=escaping).get_template("page.html")
+    template = templates("fasbody").get_template("page.html")
     return template.render(sections=sections, day=date.today().isoformat())
 
 
-def show(result: Presented, words: str = "") -> None:
-    """Print the sheet of a result for a person.
+def show(sheet: Sheet, *words: str) -> None:
+    """Print a sheet for a person.
 
     Args:
-        result: what is presented.
-        words: the column of words; the others are of numbers.
+        sheet: of a result.
+        words: the columns of words; the others are of numbers.
     """
-    sheet = result.sheet()
     table = Table(title=escape(sheet.title), title_justify="left", box=box.SIMPLE_HEAD, padding=0)
     table.show_edge = False
     for column in sheet.columns:
-        table.add_column(escape(column), justify="left" if column == words else "right")
+        table.add_column(escape(column), justify="left" if column in words else "right")
     for row in sheet.rows:
         table.add_row(*map(escape, row))
     results.print(table)
-    first, *others = sheet.notes
-    results.print(f"[bold]{escape(first)}[/]", soft_wrap=True)
-    for text in others:
-        results.print(escape(text), soft_wrap=True)
+    for number, text in enumerate(sheet.notes):
+        results.print(escape(text) if number else f"[bold]{escape(text)}[/]", soft_wrap=True)
 
 
 def write(result: Presented, folder: Path, command: str) -> list[Path]:
