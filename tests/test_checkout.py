@@ -68,6 +68,7 @@ def test_a_benchmark_prints_its_rows() -> None:
     assert [row["holds"] for row in json.loads(done.stdout)["rows"][:4]] == [True] * 4
 
 
+@pytest.mark.long
 def test_mutated_files_are_read_or_refused() -> None:
     """The full runs are of 2,000 files a reader."""
     words = [sys.executable, "benchmarks/fuzz_readers.py", "20"]

@@ -37,6 +37,7 @@ def test_files_that_are_mentioned_exist(file: Path) -> None:
     assert not missing, f"{file.name} mentions {missing}"
 
 
+@pytest.mark.long
 def test_site(tmp_path: Path) -> None:
     """The site is built and looked at in one test, as two processes of the suite would build it twice or wait."""
     site = tmp_path / "site"
