@@ -124,7 +124,7 @@ def pages_have_navigation_and_fit_at_every_width(site: Path, page: Any) -> None:
     sizes = page.evaluate(
         "[...document.querySelectorAll('.formula > math')].map(m => m.getBoundingClientRect().height)"
     )
-    assert len(sizes) > 60 and min(sizes) > 10
+    assert len(sizes) > 45 and min(sizes) > 10
 
     page.goto((site / "reproduction.html").as_uri())
     shown = "[...document.querySelectorAll('.rows tbody tr')].filter(r => r.offsetParent).length"
