@@ -14,7 +14,7 @@ import tempfile
 import threading
 import time
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
 from multiprocessing import resource_tracker
 from pathlib import Path
@@ -199,6 +199,10 @@ def command_line(app: "Typer | Callable[[], object]") -> None:
                 _leave_in_peace()
                 console.print("interrupted")
             raise
+        finally:
+            while _made:
+                with suppress(OSError):  # something is in it
+                    _made.pop(0).rmdir()
 
 
 def _leave_in_peace() -> None:
@@ -253,19 +257,27 @@ def write_whole(path: Path, content: str | bytes) -> Path:
     return path
 
 
+#: Folders that the command made, the inner ones first; one that is empty goes when the command ends.
+_made: list[Path] = []
+
+
 def make_folder(path: Path) -> Path:
     """Make a folder for results before the work that fills it, so that a wrong name costs no time.
+
+    If the work fails, a new folder in which nothing lies is removed when the command ends.
 
     Raises:
         InputFileError: it is a file, or cannot be made or written.
     """
     if path.is_file():
         raise InputFileError(path, "is a file", "name a folder")
+    missing = [folder.absolute() for folder in (path, *path.parents) if not folder.exists()]
     try:
         path.mkdir(parents=True, exist_ok=True)
         tempfile.TemporaryFile(dir=path).close()
     except OSError as error:
         raise InputFileError(path, f"cannot be written ({error.strerror})", "name a writable folder") from error
+    _made.extend(missing)
     return path
 
 

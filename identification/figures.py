@@ -21,7 +21,7 @@ _DATA, _OTHER = "#2b2b2b", "#8a8a8a"
 #: The best branch, and its mirror image.
 _LINES = ("-", "--")
 #: Their bands: of the wider interval, and of the narrower one within it.
-_SHADES = (("#dedede", "#9a9a9a"), ("#cfe2f3", "#6fa8dc"))
+_SHADES = (("#d4d4d4", "#8e5ba6"), ("#cfe2f3", "#2f78b7"))
 _MM, _MJ = 1e3, 1e3
 
 

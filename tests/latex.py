@@ -24,7 +24,7 @@ CLOSED = {"(": ")", "[": "]", "{": "}", "|": "|"}
 
 def formulas(number: str) -> dict[str, str]:
     """Left-hand side -> right-hand side of what stands in the blocks of an equation; a second rate is `ddz_1`."""
-    section = PAGE.split(f"\n### Eq. {number}: ")[1].split("\n### ")[0]
+    section = re.split(rf"\n### Eq\. {number}(?:-[\d.]+)?: ", PAGE)[1].split("\n### ")[0]
     text = "\n\\\\\n".join(re.findall(r"```math\n(.+?)\n```", section, re.DOTALL))
     text = re.sub(r"\\(begin|end)\{aligned\}|\\[,;]", " ", text)
     text = re.sub(r"\\\\\s*&(?= *[-+])", " ", text)  # a line that goes on

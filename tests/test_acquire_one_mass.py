@@ -76,6 +76,7 @@ def test_study_toml_takes_it_and_takes_it_anew(tmp_path: Path) -> None:
         found.write(other, "measured")
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("patient")
 def test_check_on_the_bench_ends_as_the_prior_of_every_fit(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     """The bench's second sensor has a gain of 1.02, and a study recorded afterwards is read with it taken out."""

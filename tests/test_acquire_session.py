@@ -322,6 +322,7 @@ def test_a_malleolus_that_fails_is_said_and_recorded_again(
     assert shaker.levels == 2 and not shaker.is_on
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("instead", ["noise", "hello", "text"])
 def test_bytes_without_samples_are_as_blind_as_silence(
     feeder: Feeder, board: Board, instead: str, monkeypatch: pytest.MonkeyPatch

@@ -33,6 +33,7 @@ def test_a_load_that_no_parameter_carries_is_refused() -> None:
         fit_foot(data, load("mounted_arch"), starts=1)
 
 
+@pytest.mark.long
 def test_fit_of_named_arch_parameters_recovers_them() -> None:
     """The step of the model errs by some 1e-4 of the peak, more than the noise of a long record: 1 % is what counts."""
     truth = {"k_F": 1.4e5, "c_F": 2200.0, "m_T": 0.0465 * 72.57}
@@ -52,6 +53,7 @@ def test_parameters_of_the_model_reach_the_equations() -> None:
     assert replace(arch, k_F=1e5, c_F=3000.0, k_2=230.0) == Arch.from_model(load("foot_arch").model)
 
 
+@pytest.mark.long
 def test_the_fascia_s_series_spring_can_be_fitted() -> None:
     """k_12 free, its dashpot fixed: records of a soft fascia give it back."""
     rng = np.random.default_rng(0)

@@ -139,17 +139,18 @@ def test_results_of_the_arch_know_neither_command_nor_figure() -> None:
             assert not needs & {"fasbody.arch.figures", "fasbody.arch.__main__"}, module
 
 
-def equation_index() -> dict[str, tuple[set[str], set[str], list[str]]]:
-    """Equation -> files, functions and tests that docs/equations.md names under it."""
+def equation_index() -> dict[tuple[str, ...], tuple[set[str], set[str]]]:
+    """Equations of a section -> files and functions that docs/equations.md names under it."""
     index = {}
     for section in (ROOT / "docs" / "equations.md").read_text().split("\n### ")[1:]:
-        number = re.match(r"Eq\. (\d\.\d+): .+\n\n```math\n.+\n```", section, re.DOTALL)
+        number = re.match(r"Eq\. (\d)\.(\d+)(?:-\d\.(\d+))?: .+\n\n```math\n.+\n```", section, re.DOTALL)
         assert number, f"no formula: {section[:40]}"
-        code, tests = (re.findall(rf"^- {what}: (.+)$", section, re.MULTILINE) for what in ("Code", "Tests"))
-        names = re.sub(r"\]\([^)]+\)", "", code[0])
-        spans = re.findall(r"`([^`]+)`", names)
+        chapter, first, last = number.groups()
+        (code,) = re.findall(r"^- Code: (.+)$", section, re.MULTILINE)
+        spans = re.findall(r"`([^`]+)`", re.sub(r"\]\([^)]+\)", "", code))
         functions = {span for span in spans if not span.endswith(".py")}
-        index[number[1]] = set(spans) - functions, functions, re.findall(r"`([^`]+)`", tests[0])
+        numbers = tuple(f"{chapter}.{n}" for n in range(int(first), int(last or first) + 1))
+        index[numbers] = set(spans) - functions, functions
     return index
 
 
@@ -160,17 +161,14 @@ def test_equation_index_and_code_name_the_same_equations() -> None:
         for number in re.findall(r"Eqs?\. \((\d\.\d+)\)", file.read_text()):
             in_code.setdefault(number, set()).add(str(file.relative_to(ROOT)))
     index = equation_index()
-    assert in_code == {number: files for number, (files, _, _) in index.items()}
-    for number, (_, _, tests) in index.items():
-        assert tests, f"Eq. ({number}) names no test"
-        for test in tests:
-            places = (ROOT / "tests" / test, ROOT / "reproduction" / "errata" / test)
-            assert any(place.exists() for place in places), f"Eq. ({number}) names the missing test {test}"
+    assert sorted(in_code) == sorted(number for numbers in index for number in numbers)
+    for numbers, (files, _) in index.items():
+        assert set().union(*(in_code[number] for number in numbers)) == files, numbers
 
 
 def test_functions_of_the_equation_index_exist() -> None:
     """Each function that docs/equations.md names is defined in one of the files beside it."""
-    for number, (files, functions, _) in equation_index().items():
+    for numbers, (files, functions) in equation_index().items():
         defined = set()
         for file in files:
             waiting = [("", node) for node in ast.parse((ROOT / file).read_text()).body]
@@ -179,7 +177,7 @@ def test_functions_of_the_equation_index_exist() -> None:
                 if isinstance(node, ast.FunctionDef | ast.ClassDef):
                     defined.add(above + node.name)
                     waiting += [(f"{above}{node.name}.", child) for child in node.body]
-        assert functions <= defined, f"Eq. ({number}): {functions - defined}"
+        assert functions <= defined, f"Eq. {numbers}: {functions - defined}"
 
 
 def test_no_path_of_a_developer_machine() -> None:

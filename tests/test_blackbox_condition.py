@@ -85,6 +85,7 @@ def test_feedback_and_unstable_plants_in_a_loop() -> None:
     assert any("feedback biases it" in text for text in found.models["oe"].warnings)
 
 
+@pytest.mark.long
 def test_intervals_in_a_strong_loop_hold_the_plant() -> None:
     """ARX in its own world, orders not given: offered in most recordings, and right where they are."""
     shares = []

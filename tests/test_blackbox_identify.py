@@ -37,6 +37,7 @@ def invoke(*arguments: str) -> subprocess.CompletedProcess[str]:
     return subprocess.CompletedProcess(arguments, result.exit_code, result.stdout, result.stderr)
 
 
+@pytest.mark.long
 def test_command_prints_one_json_document_and_writes_figures(tmp_path: Path) -> None:
     file = write(tmp_path / "prbs.csv", record(foot.prbs(1600)))
     done = invoke(str(file), "--orders", ORDERS, "--json", "--out", str(tmp_path / "out"))
@@ -189,6 +190,7 @@ def test_table_and_csv_give_the_gain_where_the_input_is_strongest() -> None:
     assert float(interval) == pytest.approx(1.96 * float(row["gain_std"]), rel=0.2)
 
 
+@pytest.mark.long
 def test_eighty_columns_hold_the_gain_of_every_structure() -> None:
     """Whatever the labels: nothing is cut, no number broken in two."""
     rng = np.random.default_rng(1)

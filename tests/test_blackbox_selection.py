@@ -162,6 +162,7 @@ def lag(wait: int, n: int = 800) -> Series:
     return Series(u, y + 0.1 * rng.standard_normal(n), 1.0, f"lag {wait}").centred()
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("read", "wait"), [((0, 1), 0), ((1, 2, 3), 1), ((1, 2, 3), 3)])
 def test_neighbours_of_the_delay_compete(read: tuple[int, ...], wait: int) -> None:
     """Whatever was read off a long ARX model, the plant's own delay is chosen, and is the only one."""

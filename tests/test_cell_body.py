@@ -262,6 +262,7 @@ def test_a_shell_with_a_chamber_has_the_error_that_is_printed(tmp_path: Path) ->
     assert found.errors.max() < 0.03
 
 
+@pytest.mark.long
 def test_the_printed_error_of_a_ball_of_flat_triangles_holds(tmp_path: Path) -> None:
     """Beside Lamb's sphere, 0.9 % of whose volume 1,280 triangles leave out; elements alone err by a fifth of that."""
     found = _surface(tmp_path, trimesh.creation.icosphere(3, 10.0))

@@ -24,6 +24,7 @@ def command(*arguments: str) -> subprocess.CompletedProcess[str]:
     return in_process.command("fasbody.cell", *arguments)
 
 
+@pytest.mark.long
 def test_json_and_files(tmp_path: Path) -> None:
     done = command("--preset", "si", "--size", "7", "--modes", "3", "--json", "--out", str(tmp_path))
     assert done.returncode == 0, done.stderr

@@ -76,6 +76,7 @@ def test_missing_pinocchio_says_what_to_install(monkeypatch: pytest.MonkeyPatch)
         crosscheck(samples=1)
 
 
+@pytest.mark.long
 def test_dynamics_agree_and_a_nonlinear_ankle_does_not(tmp_path: Path) -> None:
     """The equations are linear in the dampers, so a strongly nonlinear ankle must be noted and must show."""
     run = CliRunner().invoke(app, ["crosscheck", "--samples", "5", "--dynamics", "--json"])

@@ -641,6 +641,7 @@ def test_level_distortion_and_coherence_are_those_of_the_signals() -> None:
     assert observed(half).coherence == pytest.approx(0.5, abs=0.25)
 
 
+@pytest.mark.long
 def test_session_ends_by_itself_within_the_limits() -> None:
     foot = virtual(10_000)
     rig = Rig(foot, np.random.default_rng(2))
@@ -661,6 +662,7 @@ def test_session_ends_by_itself_within_the_limits() -> None:
     assert json.loads(json.dumps(done.document(), default=float))["recordings"] == len(done.good)
 
 
+@pytest.mark.long
 def test_another_load_is_laid_where_it_pays() -> None:
     """Under one load the mass of the leg leaves all constants open; another load adds more than a minute there."""
     foot, shaker = virtual(3), Shaker(every_hz=10.0, loads_kg=(0.0, 4.5), repeatability=0.0)
@@ -739,6 +741,7 @@ def test_strangeness_takes_several_recordings(half_way: tuple[Director, list[Rec
     assert both.belief.follows or "Too little is recorded to say" in believed(both)
 
 
+@pytest.mark.long
 def test_repeatability_is_what_recordings_say() -> None:
     """Scattered by so much each, as a person who sits down anew; one recording alone says nothing of it."""
     foot = replace(virtual(3), noise_m_s2=0.1)
@@ -755,6 +758,7 @@ def test_repeatability_is_what_recordings_say() -> None:
     assert first.repeatability == pytest.approx(REPEATABILITY, rel=0.3)
 
 
+@pytest.mark.long
 def test_session_goes_on_while_more_minutes_narrow_what_can_never_be_met() -> None:
     """One load leaves 14 % whatever is recorded: twice as wide it goes on, there it ends and says why."""
     shaker, ask = Shaker(every_hz=20.0, loads_kg=(0.0,), repeatability=0.0), dict.fromkeys(EXCHANGED, 0.02)

@@ -55,7 +55,7 @@ PLAUSIBILITY = "from reproduction import published; print(published.plausibility
 PRINTED = (
     ("black_box.md", "270 recordings", f"python -c '{PLAUSIBILITY}'"),
     ("black_box.md", "model  ", "python examples/single_sine.py"),
-    ("cell.md", "mode  1", "python -m fasbody.cell shake"),
+    pytest.param("cell.md", "mode  1", "python -m fasbody.cell shake", marks=pytest.mark.long),
 )  # fmt: skip
 INPUTS = ("20hz.csv", "30hz.csv", "40hz.csv")
 #: Last commands of blocks that this process has run, each in a folder like the next one's.
@@ -155,7 +155,7 @@ def same(printed: str, documented: str) -> bool:
 
 
 #: Pages whose commands compute long.
-LONG = ("acquisition", "cell", "study")
+LONG = ("acquisition", "arch", "cell", "CONTRIBUTING", "edit_model", "heel_pad", "laboratory", "study")
 
 SHELL_BLOCKS = [
     pytest.param(block, id=f"{file.stem}:{block.line}", marks=[pytest.mark.long] if file.stem in LONG else [])

@@ -61,8 +61,8 @@ def test_entries_of_the_nonlinear_equations(arch: dict[str, object]) -> None:
 
 def test_positions_of_the_arch(arch: dict[str, object]) -> None:
     centres = kinematics.centres(arch["bones"], arch["q"], 0.2)
-    for number, body in (("4.2", 1), ("4.3", 2), ("4.4", 3), ("4.5", 4)):
-        printed = formulas(number)
+    printed = formulas("4.1")
+    for body in (1, 2, 3, 4):
         assert value(printed[f"R_{body}x"], arch["names"]) == pytest.approx(centres[body, 0], rel=1e-12)
         assert value(printed[f"R_{body}y"], arch["names"]) == pytest.approx(centres[body, 1], rel=1e-12)
     names = arch["names"]
@@ -120,7 +120,7 @@ def test_a_wrong_formula_is_found() -> None:
 def test_every_equation_has_its_meaning_beside_it() -> None:
     page = (ROOT / "docs" / "equations.md").read_text()
     sections = [part for part in re.split(r"^(?=#+ )", page, flags=re.MULTILINE) if part.startswith("### Eq.")]
-    assert len(sections) > 60
+    assert len(sections) > 40
     for section in sections:
         title, _, rest = section.partition("\n")
         prose = re.sub(r"^```.*?^```$|^- .*$", "", rest, flags=re.DOTALL | re.MULTILINE)

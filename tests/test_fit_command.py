@@ -108,6 +108,7 @@ def test_bad_input_gets_one_sentence_and_exit_2(fit: Callable, bare: Path, tmp_p
         assert "Traceback" not in err
         assert err.strip().startswith("error: ")
         assert len(err.strip().splitlines()) == 1
+        assert not Path("results").exists()
 
 
 def test_unknown_option_is_exit_2(fit: Callable) -> None:
@@ -155,6 +156,7 @@ def test_interrupted_before_anything_is_130(fit: Callable, bare: Path, monkeypat
     signal.signal(signal.SIGINT, signal.default_int_handler)  # ended processes take none; this goes on
     assert code == 130
     assert "interrupted" in err
+    assert not Path("results").exists()
 
 
 def test_a_study_given_twice_as_files_and_folder(fit: Callable, tmp_path: Path) -> None:

@@ -36,8 +36,8 @@ def test_numbers_are_those_of_the_results() -> None:
         else:  # a requirement: measured, required, met
             judged = [[row[0], row[1], row[-1] if row[-1] in ("yes", "NO") else "not judged"] for row in found]
             assert [*cells] in judged, f"{what}: {cells} but {found}"
-    missed = [row[1] for row in results if row[-1] == "NO"]
-    assert {row[0] for row in shown if row[-1] == "NO"} == set(missed), f"RESULTS.md has a NO at {missed}"
+    missed = sum(row[-1] == "NO" for row in results)
+    assert f"\n{missed} rows of [RESULTS.md]" in section, f"speed.md should count {missed} rows"
 
 
 def test_coverage_is_that_of_the_pages() -> None:

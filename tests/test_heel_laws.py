@@ -109,6 +109,7 @@ def test_population_of_one_speed_is_analysis_of_variance() -> None:
         estimate(["k"], [Observed("1", "", np.array([1.0]), np.array([[own]]))])
 
 
+@pytest.mark.long
 def test_population_tells_persons_from_speeds() -> None:
     """Many people at two speeds: both covariances and the difference of the speeds come back."""
     rng = np.random.default_rng(2)
@@ -142,6 +143,7 @@ def test_samples_are_those_of_a_quadrature() -> None:
     np.testing.assert_allclose(shown, quantiles, atol=0.02 * np.ptp(quantiles))
 
 
+@pytest.mark.long
 def test_sampled_intervals_cover(monkeypatch: pytest.MonkeyPatch) -> None:
     """The mean of 100 populations of ten people; of 300, 92.7 % of the intervals hold it."""
     monkeypatch.setattr(population, "DRAWS", 500)

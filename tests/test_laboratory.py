@@ -24,6 +24,7 @@ from fasbody.recording.study import BUNDLED, Study
 SILENT = Instrument(noise_base=0.0, noise_malleolus=0.0, bits=30, delay_s=0.0)
 
 
+@pytest.mark.long
 def test_the_bundled_study_is_made_by_the_stated_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Every fifth recording and all descriptions, from the command that its truth states.
 

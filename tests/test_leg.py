@@ -46,6 +46,7 @@ def test_three_engines_agree_on_a_loaded_leg() -> None:
     assert result.agrees
 
 
+@pytest.mark.long
 def test_response_is_that_of_an_independent_ode_in_absolute_coordinates() -> None:
     leg, f = read("leg").with_added(2.3), 25.0
     n, omega = len(leg.mass), 2 * np.pi * f

@@ -111,6 +111,7 @@ def second(linked: list[Recording]) -> Naming:
     return named(linked)
 
 
+@pytest.mark.long
 def test_a_foot_that_leaves_the_plate_is_named(flying: list[Recording]) -> None:
     result = named(flying)
     assert result.named == "lift-off"
@@ -143,6 +144,7 @@ def test_a_second_mode_is_named_with_and_without_the_tuberosity(
     assert any("tuberosity" in note for note in alone.notes)
 
 
+@pytest.mark.long
 def test_few_sines_are_no_verdict_and_a_doubled_period_is_left_out(linked: list[Recording]) -> None:
     few = named(linked[:5])
     assert few.named == "undecided"
@@ -160,6 +162,7 @@ def test_few_sines_are_no_verdict_and_a_doubled_period_is_left_out(linked: list[
     assert read([linear])[0].recordings.repeats.all()
 
 
+@pytest.mark.long
 def test_a_pad_that_stiffens_in_contact_is_not_called_lift_off() -> None:
     hz, added, table = map(np.array, zip(*SINES, strict=True))
     base, moved = pressed(hz, added, 0.35 * table)  # a third of the amplitude: pressed all the time, and nonlinear
@@ -219,6 +222,7 @@ def test_virtual_subjects_are_shaken_in_the_same_way(linked: list[Recording]) ->
     assert sum(len(line.get_xdata()) for line in marks) == 2 * len(SINES)
 
 
+@pytest.mark.long
 def test_the_command_reads_a_study(tmp_path: Path, linked: list[Recording]) -> None:
     (tmp_path / "recordings").mkdir()
     listed = ["file,subject,posture,added_mass_kg,frequency_hz"]

@@ -175,6 +175,7 @@ def test_a_soft_mount_is_named(foot: Foot, two_loads: list[Recording]) -> None:
     assert ankle.lower < BENT["k_T"] < ankle.upper
 
 
+@pytest.mark.long
 def test_constants_that_follow_the_load_are_wanted_where_they_do(foot: Foot, two: FitResult) -> None:
     """Stiffness and damping of 20 % more under 2.3 kg; the other study's constants follow nothing."""
     more = {name: 1.2 * BENT[name] for name in ("k_T", "k_F", "c_11", "c_21")}

@@ -93,6 +93,7 @@ def test_a_motion_that_does_not_last_is_refused(foot: Foot, c_21: float, c_23: f
             replay(foot, made, q)
 
 
+@pytest.mark.long
 def test_a_branch_whose_motion_does_not_last_is_left_out(foot: Foot, monkeypatch: pytest.MonkeyPatch) -> None:
     data = session(BENT, (10.0, 20.0, 30.0, 40.0))
     lasts = {STIFF_ANKLE: 1, STIFF_PAD: -1}

@@ -44,6 +44,7 @@ def covered(case: Case, seeds: int) -> list[float]:
     return [100 * float(np.mean([each[i] for each in both])) for i in (0, 1)]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("wrong", ["", "AM", "FM", "drift", "20.3 Hz"])
 def test_sines_by_segments(wrong: str) -> None:
     case = Case("sine", 0.06, 0.01, wrong)

@@ -315,6 +315,7 @@ def test_a_sensor_on_soft_tissue_is_named_with_its_frequency() -> None:
     assert frequency.name == "f_u" and frequency.lower < 100 < frequency.upper
 
 
+@pytest.mark.long
 def test_what_repeats_to_some_per_cent_prefers_nothing_to_the_model() -> None:
     """The sensors' noise alone would rule out every rival."""
     rng = np.random.default_rng(3)

@@ -48,6 +48,7 @@ def test_linear_sensitivity_against_central_differences(arch: Arch) -> None:
         np.testing.assert_allclose(ours[:, :, j], expected, rtol=1e-4, atol=1e-7)
 
 
+@pytest.mark.long
 def test_direct_differential_method_against_differences_of_trajectories() -> None:
     table = lambda t: 8.95 * np.sin(2 * np.pi * 30 * t)  # noqa: E731
     duration, steps, step = 0.01, 20, 1e-3
@@ -111,6 +112,7 @@ def test_another_model_keeps_its_bones(tmp_path) -> None:
     assert np.abs(ours[0] / last(draws=1).values[0, -1] - 1).max() > 0.01
 
 
+@pytest.mark.long
 def test_command_writes_one_json_document_and_figures(tmp_path) -> None:
     result = CliRunner().invoke(
         app, ["sensitivity", "--draws", "3", "--json", "--figures", str(tmp_path), "--lever-arm", "0.1"]

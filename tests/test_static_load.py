@@ -136,6 +136,7 @@ def test_another_model(tmp_path) -> None:
     assert edited[2] < 0.8 * nominal[2]
 
 
+@pytest.mark.long
 def test_command(tmp_path) -> None:
     result = CliRunner().invoke(app, ["load", "--json", "--figures", str(tmp_path)])
     assert result.exit_code == 0

@@ -89,6 +89,7 @@ def test_with_gaps_is_the_analysis_of_variance_of_statsmodels() -> None:
     assert (v.subjects, v.test) == (20, "repeated-measures ANOVA with gaps")
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("subjects", "holes", "slope", "least", "most"),
     [

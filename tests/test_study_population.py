@@ -218,6 +218,7 @@ def test_a_person_is_named_below_a_chance_of_one_in_a_hundred(chance: float, odd
     assert tuple(p.subject for p in constant("k_T", NAMES, logs(last), errors).odd) == odd
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("shape", ["normal", "t3", "gamma"])
 def test_persons_of_one_population_are_rarely_called_odd(shape: str) -> None:
     """In at most one population of twenty, but for chance (200 draws: a standard error of 1.5 %)."""

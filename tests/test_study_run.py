@@ -138,6 +138,7 @@ def test_interrupted(study: Path, tmp_path: Path, workers: str, presses: int) ->
         assert not [text for text in document["result"]["warnings"] if "Interrupted" in text]
 
 
+@pytest.mark.long
 def test_broken_and_foreign_documents_are_computed_again(study: Path, tmp_path: Path) -> None:
     narrow = ("--workers", "1", "--frequency", "20")
     fitted(study, tmp_path, *narrow)
@@ -161,6 +162,7 @@ def test_broken_and_foreign_documents_are_computed_again(study: Path, tmp_path: 
     assert documents(tmp_path) == good
 
 
+@pytest.mark.long
 def test_aperiodic_recordings_are_fitted_in_the_time_domain(tmp_path: Path) -> None:
     """A sweep has no frequency in the table."""
     from fasbody.laboratory.study import Plan as Virtual

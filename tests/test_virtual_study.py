@@ -25,6 +25,7 @@ MEAN = VirtualSubject(0, MEAN_MASS_KG, dict.fromkeys(BETWEEN, 1.0))
 CLEAN = Instrument(noise_base=0.0, noise_malleolus=0.0, bits=40, delay_s=0.0)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("f", "mass"), [(10.0, 0.0), (30.0, 2.3), (50.0, 4.5)])
 def test_orbit_and_tuberosity_equal_dop853(f: float, mass: float) -> None:
     """One integration of foot and tuberosity together, by another method, from rest to steady state."""

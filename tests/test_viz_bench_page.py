@@ -224,6 +224,7 @@ TYPED = {
 }  # fmt: skip
 
 
+@pytest.mark.long
 def test_typed_numbers_are_taken_as_meant_or_a_sentence_says_why_not(opened: Any, tmp_path: Path) -> None:
     with served("--model", "two_dof", folder=tmp_path) as url:
         page = Watched(opened, url)

@@ -25,6 +25,7 @@ def show() -> Show:
     return Show(["two_dof"])
 
 
+@pytest.mark.long
 def test_gif_is_one_period_that_moves(show: Show, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(exported, "GIF", replace(exported.GIF, frames=4, size=0.25))
     film = Image.open(BytesIO(exported.gif(show)))

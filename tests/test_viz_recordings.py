@@ -124,6 +124,7 @@ def test_table_is_filled_many_at_once_and_kept_as_a_study(opened: Any, tmp_path:
         assert page.complaints == []
 
 
+@pytest.mark.long
 def test_unit_in_doubt_is_unticked_the_foot_rests_and_a_unit_mends_it(opened: Any, tmp_path: Path) -> None:
     volts = 0.1 / 9.80665
     files = {
@@ -164,6 +165,7 @@ def test_unit_in_doubt_is_unticked_the_foot_rests_and_a_unit_mends_it(opened: An
         assert page.complaints == []
 
 
+@pytest.mark.long
 def test_bar_is_in_sight_and_nothing_is_small(opened: Any, tmp_path: Path) -> None:
     fit = {
         "type": "fitted", "number": 1, "script": "x", "data": [], "curves": [], "chi_square": [], "traces": [],

@@ -81,6 +81,7 @@ def test_a_session_comes_back_as_it_was(bench: Bench) -> None:
             other.close()
 
 
+@pytest.mark.long
 def test_a_model_of_ones_own_goes_along_with_what_it_includes(tmp_path: Path) -> None:
     text = mjcf.text("two_dof").replace('stiffness="1.0e5"', 'stiffness="0.7e5"')
     start, end = text.index("<worldbody>"), text.index("</worldbody>") + len("</worldbody>")
@@ -151,6 +152,7 @@ def test_no_file_of_a_session_lands_elsewhere(bench: Bench) -> None:
         other.close()
 
 
+@pytest.mark.long
 def test_the_page_saves_a_session_and_another_one_takes_it_up(opened: Any, tmp_path: Path) -> None:
     with served("--model", "two_dof", folder=tmp_path) as url:
         page = Watched(opened, url)

@@ -34,6 +34,7 @@ LIGHTNESS = """() => {
 }"""
 
 
+@pytest.mark.long
 def test_what_to_do_next_and_the_fit_are_in_sight_in_every_task(opened: Any, tmp_path: Any) -> None:
     with served("--model", "two_dof", folder=tmp_path) as url:
         page = Watched(opened, url, (1440, 900))
@@ -58,6 +59,7 @@ def test_what_to_do_next_and_the_fit_are_in_sight_in_every_task(opened: Any, tmp
         assert page.complaints == []
 
 
+@pytest.mark.long
 def test_light_and_dark_as_the_system_has_it_or_as_the_button_says(opened: Any, tmp_path: Any) -> None:
     with served("--model", "two_dof", folder=tmp_path) as url:
         page = Watched(opened, url, (1000, 700))

@@ -376,6 +376,7 @@ def test_fit_is_what_a_script_finds() -> None:
         bench.close()
 
 
+@pytest.mark.long
 def test_rivals_are_what_a_script_compares(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     """The worker's table is that of `compare_rivals`, whose lines stand beside it."""
     from identification.rivals import compare

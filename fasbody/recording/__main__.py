@@ -2,26 +2,17 @@
 
 from dataclasses import replace
 from pathlib import Path
-from typing import Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.markup import escape
 
 from fasbody.console import command_line, console, print_json, results, to_json, write_whole
 from fasbody.exceptions import FasError, InputFileError, RecordingError, SettingError, unknown
-from fasbody.page import show
-from fasbody.presentation import Sheet, counted
-from fasbody.recording.channels import Layout
-from fasbody.recording.checks import QUALITIES, checked, quality_cells, reasons, understood, verdict
-from fasbody.recording.files import read_one
-from fasbody.recording.proposal import propose
-from fasbody.recording.recording import Recording
-from fasbody.recording.report import excerpt
-from fasbody.recording.report import write as write_report
-from fasbody.recording.study import StudyFolder, read_bare, understood_trial
-from fasbody.recording.together import out_of_line
-from fasbody.recording.trials import describe, posture_remarks
-from fasbody.runner import run
+from fasbody.presentation import counted
+
+if TYPE_CHECKING:
+    from fasbody.recording.channels import Layout
 
 #: Of more recordings only those are listed that are not sound.
 _MANY = 100
@@ -74,6 +65,12 @@ def check(
       python -m fasbody.recording check bare.log --columns time_s,base_g,malleolus_g --report check.html
     """
     from fasbody.heel.study import is_heel_study
+    from fasbody.recording.checks import reasons
+    from fasbody.recording.report import write as write_report
+    from fasbody.recording.study import StudyFolder, understood_trial
+    from fasbody.recording.together import out_of_line
+    from fasbody.recording.trials import posture_remarks
+    from fasbody.runner import run
 
     if report is not None and report.suffix.lower() not in (".html", ".htm"):
         raise InputFileError(report, f"has the ending {report.suffix!r}", "a report is written as .html")
@@ -115,8 +112,12 @@ def check(
         raise RecordingError(f"{len(wrong)} of {counted(len(rows), 'recording')} cannot be used.")
 
 
-def _of_file(file: Path, layout: Layout | None, drawn: bool) -> dict[str, Any]:
+def _of_file(file: Path, layout: "Layout | None", drawn: bool) -> dict[str, Any]:
     """What was understood of a file, or why it cannot be read."""
+    from fasbody.recording.checks import understood
+    from fasbody.recording.report import excerpt
+    from fasbody.recording.study import read_bare
+
     try:
         recording = read_bare(file, layout)
     except FasError as error:
@@ -127,6 +128,8 @@ def _of_file(file: Path, layout: Layout | None, drawn: bool) -> dict[str, Any]:
 def _by_subject(rows: list[dict[str, Any]]) -> None:
     """Quality of a study by subject: how many recordings serve, and the worst of what is told of them."""
     from rich.table import Table
+
+    from fasbody.recording.checks import QUALITIES, quality_cells, verdict
 
     subjects = list(dict.fromkeys(row["subject"] for row in rows if row.get("subject")))
     if len(subjects) < 2:
@@ -149,6 +152,8 @@ def _by_subject(rows: list[dict[str, Any]]) -> None:
 def _check_heel(path: Path, json_: bool) -> None:
     """The same of a study of heel strikes: strikes by person and speed, and a sentence on each that cannot serve."""
     from fasbody.heel.study import HeelStudy
+    from fasbody.page import show
+    from fasbody.presentation import Sheet
 
     study = HeelStudy.read(path)
     rows = [
@@ -194,6 +199,9 @@ def convert(
 
       python -m fasbody.recording convert session.csv second.csv --take 2
     """
+    from fasbody.recording.checks import checked
+    from fasbody.recording.recording import Recording
+
     if target.exists():
         raise InputFileError(target, "exists", "name a new file")
     if matlab not in (None, "5", "7.3"):
@@ -233,6 +241,7 @@ def merge(
     Examples:
       python -m fasbody.recording merge table.csv knee.csv merged.csv --base z --malleolus z
     """
+    from fasbody.recording.files import read_one
     from fasbody.recording.merge import WAYS
     from fasbody.recording.merge import merge as merged
 
@@ -275,6 +284,8 @@ def init(
 
       python -m fasbody.recording init my_study --pattern "S{subject}_{frequency}Hz_{load}kg"
     """
+    from fasbody.recording.proposal import propose
+
     proposal = propose(folder, pattern)
     proposal.write()
     if json_:
@@ -293,7 +304,10 @@ def init(
         results.print(f"  {text}", markup=False, soft_wrap=True)
 
 
-def _layout(study: Path | None, columns: str | None, take: int | None) -> Layout | None:
+def _layout(study: Path | None, columns: str | None, take: int | None) -> "Layout | None":
+    from fasbody.recording.channels import Layout
+    from fasbody.recording.trials import describe
+
     layout = None if study is None else describe(study)[1]
     if columns is not None:
         layout = replace(layout or Layout(), columns=tuple(name.strip() for name in columns.split(",")))
@@ -303,6 +317,8 @@ def _layout(study: Path | None, columns: str | None, take: int | None) -> Layout
 def _show(rows: list[dict[str, Any]]) -> None:
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
+
+    from fasbody.recording.checks import QUALITIES, quality_cells, verdict
 
     colours = {"unusable": "red", "usable, see below": "yellow", "sound": "default"}
     read = list(dict.fromkeys(name for row in rows for name in row.get("rms_m_s2", {})))
