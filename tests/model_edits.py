@@ -544,6 +544,9 @@ LEGS = (
 
 # What a fresh pair of eyes brought.
 SERVO = 'name="servo" joint="talocrural"'
+#: Small motion of a shank whose height over the foot is 0.3 of the foot's, by an equality that yields next to nothing.
+_D = S**2 * (FOOT.mass + 1.3**2 * SHANK.mass) + FOOT.z(S) + 0.3**2 * SHANK.z(S)
+TIED = Truth(complex(1 - 1.3 * S**2 * (FOOT.mass + 1.3 * SHANK.mass) / _D))
 GLUE = '<equality><weld name="glue" body1="base" body2="foot" solref="-2e4 -100" solimp="0.5 0.5 0.001"/></equality>'
 LEVELS = '<site name="anchor" pos="0 0.05 0"/><site name="foot" '
 BENT = ' user="4.25 430 50 100"'
@@ -573,6 +576,9 @@ FRESH = (
           (FAT_PAD, FAT_PAD + ' range="-3e-4 3e-4" solreflimit="0.002 1"'), truth=chain(FOOT, SHANK, at=1), leg="joint 'fat_pad' has a limit"),
     _edit("two_dof", "a foot softly welded to the table", (TENDONS, GLUE + TENDONS),
           truth=replace(chain(FOOT, SHANK, at=1, more=((0, -1, _glue()),)), pad=None, dissipated=None, singular=None), leg="equality 'glue'"),
+    _edit("two_dof", "a stiff equality that is quadratic", (TENDONS, '<equality><joint name="tie" joint1="talocrural" joint2="fat_pad" '
+          'polycoef="0 0.3 50 0 0" solref="-1e7 -1e4" solimp="0.9999 0.9999 0.001"/></equality>' + TENDONS),
+          truth=TIED, leg="equality 'tie'"),
     _edit("two_dof", "a rope from the world to the knee", (SITE, SITE + '<site name="top" pos="0 0.3 0"/>'),
           ("<worldbody>", '<worldbody><site name="ceiling" pos="0 1.3 0"/>'),
           (TENDONS, '<tendon><spatial name="rope" stiffness="3e4" damping="50"><site site="ceiling"/><site site="top"/></spatial></tendon>' + TENDONS),

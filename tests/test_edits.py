@@ -13,10 +13,11 @@ import mjcf
 from fasbody.arch.__main__ import app
 from fasbody.arch.bones import Arch
 from fasbody.arch.linear import transmissibility
-from fasbody.exceptions import FasError, ModelError
+from fasbody.exceptions import FasError, ModelError, SimulationError
 from fasbody.foot import shaker
 from fasbody.foot.model import check, load
 from fasbody.foot.simulate import simulate
+from fasbody.foot.steady_state import Balance
 from viz.load import load_foot
 
 #: Each command with little work; its answer hangs on what the file says.
@@ -156,3 +157,17 @@ def test_pads_of_another_law_are_linear_for_small_motion() -> None:
     carrier = np.exp(-2j * np.pi * f * run.time[0, late])
     measured = np.abs(np.mean(run.malleolus[0, late] * carrier) / np.mean(run.base[0, late] * carrier))
     assert measured == pytest.approx(float(np.abs(transmissibility(arch, np.array(f)))), rel=1e-3)
+
+
+@pytest.mark.parametrize("phase", [1.0, -1.0j], ids=["cosine", "sine"])
+def test_a_table_that_is_tied_to_the_world_moves_about_its_place(tmp_path: Path, phase: complex) -> None:
+    """Of a table that drifts a rope lifts the foot, whose pad has another damping there."""
+    rope = next(edit for edit in EDITS if edit.says == "a rope from the world to the knee")
+    foot, f, peak = load(rope.write(tmp_path)), 20.0, 9.0
+    run = simulate(foot, shaker.harmonics(f, [peak * phase], 2.0), step=5e-4)
+    late = run.time[0] > 2.0 - 2 / f - 2.5e-4
+    carrier = np.exp(-2j * np.pi * f * run.time[0, late])
+    ratio = np.mean(run.malleolus[0, late] * carrier) / np.mean(run.base[0, late] * carrier)
+    assert ratio == pytest.approx(Balance(foot).orbit(f, [peak]).harmonics()[0] / peak, rel=1e-4)
+    with pytest.raises(SimulationError, match="tendon 'rope' ties the foot to the world"):
+        simulate(foot, shaker.sweep(5.0, 20.0, 1.0))

@@ -33,7 +33,7 @@ class Linear:
         motion = np.zeros((3, 1, engine.size))
         motion[0, 0, : foot.model.nv] = self._rest - foot.model.qpos0
         with callbacks():
-            self._slopes = engine.slopes(motion)[:, 0]
+            self._slopes = engine.exact_slopes(motion)[:, 0]
 
     def transmissibility(self, frequency_hz: Array, sensor: str = "malleolus") -> Array:
         """Complex (n,) reading of a sensor over the acceleration of the base."""

@@ -26,8 +26,9 @@ HEAVY, CLOSED = 1e6, 1e-6
 #: Improvement at which the solver of constraints stops, and its iterations. MuJoCo divides it by all
 #: inertia, of which the table has nearly all: at the usual 1e-8 a foot's constraint is not seen.
 _IMPROVEMENT, _ITERATIONS = 1e-30, 100
-#: A table that is moved by so much [m] may change its acceleration by so much [m/s^2].
-_MOVED, _HELD = 1e-3, 1e-3
+#: A table that is moved by so much [m] may change its acceleration by so much [m/s^2], and a foot's by so much [m/s^2
+#: or rad/s^2] before it counts as tied to the world.
+_MOVED, _HELD, _FELT = 1e-3, 1e-3, 1e-4
 #: Density of a geom that names none [kg/m^3].
 _WATER = 1000.0
 #: Geoms whose density is written.
@@ -498,24 +499,44 @@ def _check_base(model: mujoco.MjModel, name: str, shaker: int) -> tuple[float, f
 
 def _check_held(model: mujoco.MjModel, name: str) -> None:
     """Refuse a spring or equality between table and world whose force is not small against the table's inertia."""
-    dof, data, accelerations = int(model.jnt_dofadr[model.joint("base").id]), mujoco.MjData(model), []
+    change, data = _moved(model)
+    dof = int(model.jnt_dofadr[model.joint("base").id])
+    if abs(change[dof]) < _HELD:
+        return
+    holders = _holders(model, data, dof)
+    raise ModelError(
+        f"{name}: {' and '.join(holders) or 'something'} holds the table, which moves as it is asked to; tie it to the "
+        "foot, or remove it."
+    )
+
+
+def held_to_world(foot: Foot) -> list[str]:
+    """What makes the foot feel where the table is, by kind and name; a contact that is open shows nothing of it."""
+    change, data = _moved(foot.model)
+    if np.abs(np.delete(change, foot.base)).max(initial=0.0) < _FELT:
+        return []
+    return _holders(foot.model, data, foot.base) or ["something"]
+
+
+def _moved(model: mujoco.MjModel) -> tuple[np.ndarray, mujoco.MjData]:
+    """How accelerations (nv,) change when the table moves by `_MOVED`, and the data there."""
+    data, accelerations = mujoco.MjData(model), []
     for place in (0.0, _MOVED):
         data.qpos[model.jnt_qposadr[model.joint("base").id]] = place
         mujoco.mj_forward(model, data)
-        accelerations.append(float(data.qacc[dof]))
-    if abs(accelerations[1] - accelerations[0]) < _HELD:
-        return
+        accelerations.append(data.qacc.copy())
+    return accelerations[1] - accelerations[0], data
+
+
+def _holders(model: mujoco.MjModel, data: mujoco.MjData, dof: int) -> list[str]:
+    """Equalities that act on a degree of freedom, or else the tendon that is stiffest on it, by kind and name."""
     rows = data.efc_J.reshape(-1, model.nv)[:, dof] != 0 if data.nefc else np.zeros(0, bool)
     equal = data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY
     holders = [f"equality {model.equality(int(e)).name!r}" for e in dict.fromkeys(data.efc_id[equal & rows])]
     pull, J = np.zeros((model.ntendon, model.nv)), (data.ten_J.ravel(), model.ten_J_rownnz, model.ten_J_rowadr)
     mujoco.mju_sparse2dense(pull, *J, model.ten_J_colind.ravel())
     strongest = int(np.argmax(model.tendon_stiffness * pull[:, dof] ** 2)) if model.ntendon else 0
-    holders += [f"tendon {model.tendon(strongest).name!r}"] if model.ntendon and not holders else []
-    raise ModelError(
-        f"{name}: {' and '.join(holders) or 'something'} holds the table, which moves as it is asked to; tie it to the "
-        "foot, or remove it."
-    )
+    return holders or ([f"tendon {model.tendon(strongest).name!r}"] if model.ntendon else [])
 
 
 def _check_pads(model: mujoco.MjModel, name: str) -> None:

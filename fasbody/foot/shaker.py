@@ -2,8 +2,10 @@
 
 The base is a slide of huge armature, so the force armature x a(t) moves it with the acceleration a(t) independently of
 the foot. Within each time step a(t) is a cubic, evaluated by the native callback at the integrator's own stage times
-(engine.py), which keeps fourth-order Runge-Kutta fourth order. Only acceleration matters to the foot: the base position
-may drift, and a constant offset of an accelerometer is taken out of a recording beforehand.
+(engine.py), which keeps fourth-order Runge-Kutta fourth order. Only acceleration matters to a foot that stands on the
+table alone: the base position may drift. What is tied to the world feels the position, so periodic motions begin where
+they do not drift, and others are refused there (simulate.py). A constant offset of an accelerometer is taken out of a
+recording beforehand.
 """
 
 import functools
@@ -36,12 +38,14 @@ class BaseMotion(Tabled):
         duration: length [s].
         acceleration: function of time (n,) [s] -> (n,) [m/s^2].
         jerk: its time derivative [m/s^3].
+        start: position [m] and velocity [m/s] from which it goes on about zero; None where it drifts.
     """
 
     name: str
     duration: float
     acceleration: Callable[[np.ndarray], np.ndarray]
     jerk: Callable[[np.ndarray], np.ndarray]
+    start: tuple[float, float] | None = None
 
     def controls(self, step: float, count: int, start: float = 0.0) -> np.ndarray:
         """Shaker controls of `count` steps: (count, 5) start time [s] and Taylor coefficients a0..a3 of each step.
@@ -103,7 +107,8 @@ def _lines(name: str, duration: float, omega: np.ndarray, U: np.ndarray) -> Base
     def jerk(t: np.ndarray) -> np.ndarray:
         return (_turning(t, omega) @ (omega * U)).real
 
-    return BaseMotion(name, duration, acceleration, jerk)
+    start = float((U / omega**2).sum().real), float((U / omega).sum().real)
+    return BaseMotion(name, duration, acceleration, jerk, start)
 
 
 def _turning(t: np.ndarray, omega: np.ndarray) -> np.ndarray:

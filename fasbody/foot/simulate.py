@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from fasbody.exceptions import SettingError, SimulationError, UnstableError
 from fasbody.foot.damper import DAMPER
 from fasbody.foot.engine import SHAKER_CONTROLS, callbacks
-from fasbody.foot.model import Foot, Sensor, can_change
+from fasbody.foot.model import Foot, Sensor, can_change, held_to_world
 from fasbody.foot.parameters import Fitted
 from fasbody.foot.rest import check_dampers
 from fasbody.foot.shaker import BaseMotion
@@ -230,7 +230,7 @@ class Batch:
         Args:
             motions: of the base, one or one a simulation; all of the first one's duration.
             step: time step of the result, and the first one that is tried [s].
-            qpos, qvel: as in `run`.
+            qpos, qvel: as in `run`; the base begins where its motion does not drift, in addition.
             accept: error of the step, `Simulation.step_error`, above which it is halved; None for
                 any, so that it is not.
 
@@ -248,6 +248,7 @@ class Batch:
             except SimulationError as error:
                 return error
 
+        qpos, qvel = self._begun(motions, qpos, qvel)
         laws = self.foot.model.jnt_user[None]
         laws = np.reshape(self._fields.get("jnt_user", laws), (-1, *laws.shape[1:])) if laws.size else laws
         room = np.log2(MOST_STEPS / (2 * count * self.nsim))
@@ -273,6 +274,24 @@ class Batch:
                 problem = next(tried for tried in (run, finer) if isinstance(tried, SimulationError))
             run = finer
         raise problem
+
+    def _begun(
+        self, motions: Sequence[BaseMotion], qpos: np.ndarray | None, qvel: np.ndarray | None
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """qpos (nsim, nq) and qvel (nsim, nv) with the base where its motions begin; what holds it refuses a drift."""
+        drifting = next((motion for motion in motions if motion.start is None), None)
+        if drifting is not None and (holders := held_to_world(self.foot)):
+            raise SimulationError(
+                f"{self.foot.name}: {' and '.join(holders)} ties the foot to the world, and the base of "
+                f"{drifting.name!r} drifts away from it; use sines, or tie it to the table."
+            )
+        base = self.foot.base
+        at = np.array([motion.start or (0.0, 0.0) for motion in motions])
+        q = np.broadcast_to(self._rest if qpos is None else qpos, (self.nsim, self._rest.size)).copy()
+        v = np.broadcast_to(0.0 if qvel is None else qvel, (self.nsim, self.foot.model.nv)).copy()
+        q[:, base] += at[:, 0]
+        v[:, base] += at[:, 1]
+        return q, v
 
     def _too_long(self, step: float, error: float, sensor: str, accept: float) -> SimulationError:
         integrator = mujoco.mjtIntegrator(self.foot.model.opt.integrator).name.removeprefix("mjINT_")

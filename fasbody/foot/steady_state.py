@@ -63,12 +63,12 @@ class Engine:
         rows[:, self.model.nv : self.size] += motion[1, :, self.model.nv :]
         return rows
 
-    def slopes(self, motion: Array) -> Array:
-        """Derivatives (3, N, r, c) of rows to coordinates, rates and accelerations."""
+    def slopes(self, motion: Array, share: float = 1.0) -> Array:
+        """Derivatives (3, N, r, c) of rows to coordinates, rates and accelerations, over a share of the differences."""
         nv, c = self.model.nv, self.size
         raw = np.zeros((3, c, motion.shape[1], self._raw))
         for i, state in enumerate(self._states(motion)):
-            self._differences(state, raw[:, :, i])
+            self._differences(state, raw[:, :, i], share)
         slopes = np.moveaxis(self._reduced(raw), 1, -1)
         slopes[1, :, nv:c, nv:] = np.eye(c - nv)
         return slopes
@@ -106,7 +106,11 @@ class Engine:
         mujoco.mj_sensorAcc(m, d)
         np.concatenate(self._outputs, out=row)
 
-    def _differences(self, state: Sequence[Array], out: Array) -> None:
+    def exact_slopes(self, motion: Array) -> Array:
+        """`slopes` without the error of second order, which a stiff equality that bends makes large."""
+        return (4 * self.slopes(motion, 0.5) - self.slopes(motion)) / 3
+
+    def _differences(self, state: Sequence[Array], out: Array, share: float) -> None:
         """Differences about one state into out (3, c, raw), costly stages as seldom as can be.
 
         Forces are linear in accelerations and activations, whose differences are one-sided.
@@ -114,11 +118,11 @@ class Engine:
         (qpos, qvel, qacc, act), nv = self._state, self.model.nv
         centre = np.empty(self._raw)
         self._read(state, centre)
-        self._central(qpos, POSITION, 0, out[0, :nv])
+        self._central(qpos, share * POSITION, 0, out[0, :nv])
         self._read(state, centre)
         self._linear(act, 1.0, centre, out[0, nv:])
         self._linear(qacc, self._acceleration, centre, out[2, :nv])
-        self._central(qvel, RATE, 1, out[1, :nv])
+        self._central(qvel, share * RATE, 1, out[1, :nv])
 
     def _linear(self, values: Array, size: float, centre: Array, out: Array) -> None:
         for value, row, j in zip(values.tolist(), out, range(values.size), strict=True):
