@@ -235,11 +235,12 @@ def modes(result: FitResult) -> Figure:
 def dampers(result: FitResult) -> Figure:
     """Damping of ankle and fat pad over the displacement that the recordings reached, with bands of 95 %."""
     quantities, loads = derived(result), _loads(result)
+    bases = result.intervals if len(result.open) == 1 else result.intervals[:1]  # two bands a foot hide each other
     joints = list(dict.fromkeys(row["damper"] for row in quantities.dampers))
     figure, axes = panels(1, max(1, len(joints)), 3.6 * max(1, len(joints)), 3.2)
     for axis, joint in zip(axes[0], joints, strict=False):
         for branch, line, shades in zip(result.branches, _LINES, _SHADES, strict=False):
-            for number, basis in enumerate(result.intervals):
+            for number, basis in enumerate(bases):
                 mine = [r for r in quantities.dampers if (r["damper"], r["branch"], r["basis"])
                         == (joint, branch.name, basis)]  # fmt: skip
                 if not mine:

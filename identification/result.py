@@ -311,7 +311,7 @@ class FitResult(Presented):
         text = lifted(self.contact)
         best = self.best
         if text and self.domain == "periodic" and best.dof and best.chi_square > MISSES * best.dof:
-            text += " This rests on the model alone, with the stated masses, and it does not follow the recordings."
+            text += " This force is rough: it is of the model without sensor errors, which misses these recordings."
         return [text] if text else []
 
     @property
@@ -422,9 +422,9 @@ class FitResult(Presented):
             return ""
         if self.departures:
             return Sentence(
-                f"The model alone misses the recordings ({alone}); with model and sensor errors it follows them, and ",
+                f"The model alone misses the recordings ({alone}; ",
                 called("compare_rivals"),
-                " compares rivals: ",
+                " compares other models). With model and sensor errors it follows them: ",
             )
         return f"The model misses the recordings ({alone}): "
 

@@ -168,7 +168,7 @@ def load(model: str | Path | mujoco.MjSpec, name: str = "") -> Foot:
     file = mjcf.path(str(model)) if str(model) in shipped else Path(model)
     if not file.is_file():
         valid = f"give an MJCF file or one of {', '.join(shipped)}"
-        raise InputFileError(model, "no such model", valid)
+        raise InputFileError(model, "is a folder" if file.is_dir() else "no such model", valid)
     name = name or (str(model) if str(model) in shipped else file.name)
     dense = _dense(*(part.read_text(errors="replace") for part in mjcf.parts(file)))
     return _checked(lambda: read_spec(file), file, name, dense)

@@ -267,7 +267,10 @@ def _complete(file: Path, columns: Columns, layout: Layout, chosen: Mapping[str,
             hint = (
                 Sentence(column, " can name it, or give ", called("sampling_rate_hz"))
                 if name in clock
-                else Sentence("units may also be g or ms, and ", column, " can name the column")
+                else Sentence(
+                    "units may also be g or ms, and ", column, " can name the column",
+                    Sentence(" (fasbody study init FOLDER writes it; in Python: layout)", on_page=""),
+                )
             )
             missing = f"has no column {name!r} ({columns.listed})"
             raise InputFileError(file, missing, hint, line=columns.line, code=f"no {name}", setting=key)

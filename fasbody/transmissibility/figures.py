@@ -72,17 +72,18 @@ def means(table: Table, conditions: Sequence[Condition]) -> Figure:
     pairs = table.pairs
     figure, axes = panels(2, len(pairs), 2.5 * len(pairs) + 0.6, 4.8, sharex=True, sharey="row")
     highest = 0.0
+    alone = not any(np.isfinite(half_interval(c.T)).any() for c in table.each())
     for column, pair in enumerate(pairs):
         top, bottom = axes[0, column], axes[1, column]
         for i, condition in enumerate(conditions):
             c = table.curves(pair, *condition)
             colour, marker = COLOURS[i % len(COLOURS)], MARKS[i % len(MARKS)]
             half = half_interval(c.T)
-            shift = 0.45 * (i - (len(conditions) - 1) / 2)  # so that the bars do not hide each other
+            shift = 0.0 if alone else 0.45 * (i - (len(conditions) - 1) / 2)  # so that no bar hides another
             top.plot(*_smooth(c.frequency_hz, c.mean), lw=1.4, color=colour)
             top.errorbar(
-                c.frequency_hz + shift, c.mean, yerr=half, fmt=marker, ms=3.5, lw=0.8, capsize=1.5, color=colour,
-                label=_name(condition, conditions),
+                c.frequency_hz + shift, c.mean, yerr=None if alone else half, fmt=marker, ms=3.5, lw=0.8,
+                capsize=1.5, color=colour, label=_name(condition, conditions),
             )  # fmt: skip
             bottom.plot(*_smooth(c.frequency_hz, -c.mean_phase_deg), lw=1.4, color=colour)
             bottom.plot(c.frequency_hz, -c.mean_phase_deg, marker, ms=3.5, color=colour)
@@ -106,8 +107,8 @@ def means(table: Table, conditions: Sequence[Condition]) -> Figure:
         axes[0, -1].legend(loc="upper right")
     else:
         figure.suptitle(_name(conditions[0], conditions) + f", {conditions[0][1]:g} kg")
-    alone = not any(np.isfinite(half_interval(c.T)).any() for c in table.each())
     bars = "one subject, no intervals" if alone else "bars: 95 % intervals of the mean"
+    bars += "; lines: interpolated"
     arrows = (
         "arrows: resonance (peak, middle of a plateau) by section 2.3.1, hollow where not significant"
     )
