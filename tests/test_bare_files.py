@@ -13,7 +13,7 @@ from fasbody.recording.checks import checked
 from fasbody.recording.file_names import condition_in_name
 from fasbody.recording.recording import Recording
 from fasbody.recording.sources import gather
-from fasbody.recording.study import Study, StudyFolder, read_file
+from fasbody.recording.study import BUNDLED, Study, StudyFolder, read_file
 from fasbody.transmissibility.table import Table
 from identification.fitting import Settings
 from identification.study.plan import Model, Plan
@@ -108,3 +108,18 @@ def test_a_subject_without_a_mass_is_checked_and_can_be_given_one(tmp_path: Path
     for data in (tmp_path, tmp_path / "a.csv"):
         condition = gather([data], [70.0], None)[1][0].condition
         assert (condition.body_mass_kg, condition.added_mass_kg) == (70.0, 2.3)
+
+
+@pytest.mark.parametrize(("columns", "left_out"), [("", 0), ("200", 0), ("80", 5), ("60", 7)])
+def test_numbers_of_a_narrow_table_are_whole(columns: str, left_out: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In 80 columns it read "excitat...", "1..." and had no drift."""
+    monkeypatch.setenv("COLUMNS", columns)
+    done = in_process.command("fasbody.recording", "check", str(BUNDLED), "--jobs", "1")
+    lines = done.stdout.splitlines()
+    row = next(line for line in lines if line.startswith("10hz_2.3kg.csv"))
+    numbers = ["4000", "1000", "10", "1.585", "-13.6", "6.33", "10", "1.0000", "3.4", "0.055", "0.14"]
+    every = ["10hz_2.3kg.csv", "sound", *numbers]
+    note = "".join(line for line in lines if line.startswith("left out for want of room"))
+    assert len(row) <= int(columns or 120) and "…" not in done.stdout
+    assert set(row.split()) <= set(every) and {"1.0000", "3.4", "0.055"} <= set(row.split())
+    assert len(every) - len(row.split()) == left_out == (note.count(",") + 1 if note else 0)

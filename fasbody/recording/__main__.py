@@ -1,10 +1,13 @@
 """`python -m fasbody.recording`: check what a file holds, convert it to another format, init a study of a folder."""
 
+import os
+import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+from rich.console import Console
 from rich.markup import escape
 
 from fasbody.console import command_line, console, print_json, results, to_json, write_whole
@@ -21,6 +24,11 @@ _MANY = 100
 _NAME = 20
 #: Kinds of files, by what their columns are used for, that are listed.
 _LEDGERS = 6
+
+#: Columns that a narrow terminal goes without, the first of them first; the rms of channels goes after them.
+_SPARED = ("samples", "phase [deg]", "rate [Hz]", "T")
+#: Characters of a line in a file or a pipe, where COLUMNS does not say otherwise.
+_PIPE = 120
 
 #: What is shown of a sine, and how.
 _OF_A_SINE = {"transmissibility": "f", "phase_deg": "g"}
@@ -127,14 +135,13 @@ def _of_file(file: Path, layout: "Layout | None", drawn: bool) -> dict[str, Any]
 
 def _by_subject(rows: list[dict[str, Any]]) -> None:
     """Quality of a study by subject: how many recordings serve, and the worst of what is told of them."""
-    from rich.table import Table
-
     from fasbody.recording.checks import QUALITIES, quality_cells, verdict
 
     subjects = list(dict.fromkeys(row["subject"] for row in rows if row.get("subject")))
     if len(subjects) < 2:
         return
-    table = Table("subject", "recordings", "sound", "unusable", *(f"worst {escape(name)}" for name in QUALITIES))
+    heads = ("subject", "recordings", "sound", "unusable", *(f"worst {name}" for name in QUALITIES))
+    lines = []
     for subject in subjects:
         mine = [row for row in rows if row.get("subject") == subject]
         verdicts = [verdict(row) for row in mine]
@@ -143,10 +150,10 @@ def _by_subject(rows: list[dict[str, Any]]) -> None:
         for i in range(len(QUALITIES)):
             known = [value for row in cells if (value := row[i]) is not None]
             worst.append("" if not known else f"{min(known) if i == 0 else max(known):.4g}")
-        table.add_row(
-            escape(subject), str(len(mine)), str(verdicts.count("sound")), str(verdicts.count("unusable")), *worst
+        lines.append(
+            (escape(subject), str(len(mine)), str(verdicts.count("sound")), str(verdicts.count("unusable")), *worst)
         )
-    results.print(table)
+    _print_table(heads, lines)
 
 
 def _check_heel(path: Path, json_: bool) -> None:
@@ -314,10 +321,48 @@ def _layout(study: Path | None, columns: str | None, take: int | None) -> "Layou
     return layout if take is None else replace(layout or Layout(), take=take)
 
 
-def _show(rows: list[dict[str, Any]]) -> None:
+def _print_table(heads: tuple[str, ...], lines: list[tuple[str, ...]], spared: tuple[str, ...] = ()) -> None:
+    """Print whole numbers only: where room lacks, columns are left out and named.
+
+    Args:
+        heads: of the columns; the first column folds.
+        lines: cells, as markup.
+        spared: heads of the columns that go first, in this order; the others go from the right.
+    """
     from rich.box import SIMPLE_HEAD
     from rich.table import Table
 
+    fixed = None if sys.stdout.isatty() or os.environ.get("COLUMNS", "").isdigit() else _PIPE
+    out = Console(highlight=False, width=fixed)
+    room = out.options.update(width=10_000)
+
+    def table(shown: list[str]) -> Table:
+        made = Table(box=SIMPLE_HEAD, show_edge=False, padding=0)
+        for i, head in enumerate(heads):
+            if head not in shown:
+                continue
+            text = escape(head.replace(" ", "\n"))
+            if i:
+                made.add_column(text, justify="left" if head == "verdict" else "right", no_wrap=True, overflow="crop")
+            else:
+                longest = max((len(line[0]) for line in lines), default=0)
+                made.add_column(text, overflow="fold", min_width=min(_NAME, longest))
+        for line in lines:
+            made.add_row(*(cell for head, cell in zip(heads, line, strict=True) if head in shown))
+        return made
+
+    order = [*(head for head in spared if head in heads), *(head for head in heads[:1:-1] if head not in spared)]
+    shown, left = list(heads), []
+    while order and out.measure(table(shown), options=room).minimum > out.width:
+        left.append(order.pop(0))
+        shown.remove(left[-1])
+    out.print(table(shown))
+    if left:
+        names = ", ".join(head for head in heads if head in left)
+        out.print(f"left out for want of room: {names}; more with --json or in --report", markup=False, soft_wrap=True)
+
+
+def _show(rows: list[dict[str, Any]]) -> None:
     from fasbody.recording.checks import QUALITIES, quality_cells, verdict
 
     colours = {"unusable": "red", "usable, see below": "yellow", "sound": "default"}
@@ -326,16 +371,11 @@ def _show(rows: list[dict[str, Any]]) -> None:
     heads = ("file", "verdict", "samples", "rate [Hz]", "excitation [Hz]", "T", "phase [deg]", *felt, *QUALITIES)
     folders = {str(Path(row["file"]).parent) for row in rows}
     names = {row["file"]: Path(row["file"]).name if len(folders) == 1 else row["file"] for row in rows}
-    table = Table(*(escape(head.replace(" ", "\n")) for head in heads), box=SIMPLE_HEAD, pad_edge=False)
-    table.columns[0].overflow = "fold"
-    table.columns[0].min_width = min(_NAME, max((len(name) for name in names.values()), default=0))
-    table.columns[1].min_width = len("unusable")
-    for column in table.columns[2:]:
-        column.justify = "right"
+    lines = []
     listed = [row for row in rows if len(rows) <= _MANY or verdict(row) != "sound"]
     for row in listed:
         frequency = row.get("frequency_hz")
-        table.add_row(
+        cells = (
             escape(names[row["file"]]),
             f"[{colours[verdict(row)]}]{verdict(row).partition(',')[0]}[/]",
             str(row.get("samples", "")),
@@ -345,8 +385,9 @@ def _show(rows: list[dict[str, Any]]) -> None:
             *(f"{row['rms_m_s2'][name]:.3g}" if name in row.get("rms_m_s2", {}) else "" for name in read),
             *quality_cells(row),
         )
+        lines.append(cells)
     if listed:
-        results.print(table)
+        _print_table(heads, lines, (*_SPARED, *felt))
     if len(listed) < len(rows):
         results.print(f"{len(rows) - len(listed)} more recordings are sound (--json lists them).", markup=False)
     alike: dict[tuple[tuple[str, ...], tuple[str, ...]], list[str]] = {}
