@@ -25,8 +25,8 @@ _NAME = 20
 #: Kinds of files, by what their columns are used for, that are listed.
 _LEDGERS = 6
 
-#: Columns that a narrow terminal goes without, the first of them first; the rms of channels goes after them.
-_SPARED = ("samples", "phase [deg]", "rate [Hz]", "T")
+#: Columns that a narrow terminal goes without, in this order, before and after the rms of the channels.
+_SPARED = ("samples", "rate [Hz]"), ("phase [deg]", "T")
 #: Characters of a line in a file or a pipe, where COLUMNS does not say otherwise.
 _PIPE = 120
 
@@ -387,7 +387,7 @@ def _show(rows: list[dict[str, Any]]) -> None:
         )
         lines.append(cells)
     if listed:
-        _print_table(heads, lines, (*_SPARED, *felt))
+        _print_table(heads, lines, (*_SPARED[0], *felt, *_SPARED[1]))
     if len(listed) < len(rows):
         results.print(f"{len(rows) - len(listed)} more recordings are sound (--json lists them).", markup=False)
     alike: dict[tuple[tuple[str, ...], tuple[str, ...]], list[str]] = {}
