@@ -113,12 +113,10 @@ class Dose:
 
     def sentence(self) -> str:
         """With what the directive has, and for whom it was made."""
-        limit = "This is more than a day allows, and recording stops before it: take fewer minutes, or two days. "
-        more = limit if self.a8 > LIMIT or self.vdv > VDV_LIMIT else ""
         beyond = self.a8 > ACTION or self.vdv > VDV_ACTION
         asks = "It asks for action from" if beyond else "It would ask for action from"
         return (
-            f"{more}Exposure, W_k-weighted: {self}. That is {100 * self.a8 / LIMIT:.0f} % of the A(8) "
+            f"Exposure, W_k-weighted: {self}. That is {100 * self.a8 / LIMIT:.0f} % of the A(8) "
             f"and {100 * self.vdv / VDV_LIMIT:.0f} % of the VDV that the directive on work allows "
             f"in a day ({LIMIT:g}, {VDV_LIMIT:g}). {asks} {ACTION:g} or {VDV_ACTION:g} on; made "
             "for seated and standing people, not for a foot."

@@ -146,9 +146,8 @@ class Director:
         self._feet.asked = self.asked = {name: ask[name] for name in EXCHANGED if name in ask}
 
     def thesis(self, loads_kg: tuple[float, ...] = ADDED_MASSES_KG) -> tuple[Step, ...]:
-        """The thesis' protocol as far as this shaker can do it, with the sensors that are worn."""
-        steps = within(self.shaker, self.person.leg_kg, thesis(loads_kg))
-        return tuple(replace(step, sensors=self.shaker.sensors) for step in steps)
+        """The thesis' protocol as far as this shaker can do it."""
+        return within(self.shaker, self.person.leg_kg, thesis(loads_kg))
 
     def as_thesis(self) -> dict[str, float]:
         """Half-widths as the thesis' three loads would leave them here of a middle foot, within 5 %; to aim at.
@@ -282,7 +281,7 @@ class Director:
         for name, shares in self._feet.causes(self._for_ever).items():
             whole = {what: round(100 * share) for what, share in shares.items() if share >= _NAMED}
             order = sorted(whole, key=lambda what: (-whole[what], what))
-            causes[name] = ", ".join(f"{what.partition(' of ')[0]} {whole[what]} %" for what in order)  # of one person
+            causes[name] = ", ".join(f"{what} {whole[what]} %" for what in order)
         return causes
 
     @cached_property

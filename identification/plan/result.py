@@ -377,9 +377,9 @@ class Planned(Presented):
             exposure(self.steps).sentence(),
             self.findings,
         ]
-        whose = f"the next session of subject {self.subject}" if self.earlier else "a session for a new person"
-        title = f"{self.model}: {whose}, {self.body_mass_kg:g} kg"
-        return Sheet(title, columns, rows, [*filter(None, notes)])
+        return Sheet(
+            f"{self.model}: the next session of subject {self.subject}", columns, rows, [*filter(None, notes)]
+        )
 
     def records(self) -> list[dict[str, Any]]:
         """One row a step."""
@@ -524,7 +524,7 @@ def unreachable(
             f"{name} below +-{percent(reached[name])} (+-{percent(asked[name])} asked)"
         )
     return [
-        listed(texts, "nor") + (f" (what remains comes from: {cause})" if cause else "")
+        listed(texts, "nor") + (f" (variance: {cause})" if cause else "")
         for cause, texts in together.items()
     ]
 
@@ -535,6 +535,6 @@ def nothing_brings(what: Sequence[str]) -> str:
         return ""
     return (
         f"No protocol of these candidates brings {', nor '.join(what)}, with unlimited minutes: what stays uncertain "
-        "is not visible in the vibration. Weighed segments and calibrated channels narrow it, and so does a second "
-        "load or a sensor on the foot where there is none yet."
+        "is not visible in the vibration. Weigh the segments, calibrate the channels, or add a load or a sensor "
+        "on the foot."
     )
