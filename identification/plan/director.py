@@ -146,8 +146,9 @@ class Director:
         self._feet.asked = self.asked = {name: ask[name] for name in EXCHANGED if name in ask}
 
     def thesis(self, loads_kg: tuple[float, ...] = ADDED_MASSES_KG) -> tuple[Step, ...]:
-        """The thesis' protocol as far as this shaker can do it."""
-        return within(self.shaker, self.person.leg_kg, thesis(loads_kg))
+        """The thesis' protocol as far as this shaker can do it, with the sensors that are worn here."""
+        steps = [replace(step, sensors=self.shaker.sensors) for step in thesis(loads_kg)]
+        return within(self.shaker, self.person.leg_kg, steps)
 
     def as_thesis(self) -> dict[str, float]:
         """Half-widths as the thesis' three loads would leave them here of a middle foot, within 5 %; to aim at.
