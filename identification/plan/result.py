@@ -287,10 +287,8 @@ class Planned(Presented):
         if len(loads) > 1 and not any(part.beyond(*most) for part in parts):
             ways.append("a day for each load (acquire --added-mass)")
         use = f" Use {' or '.join(ways)}." if ways else " Plan for less."
-        return (
-            "Above the daily limit, recording will refuse it: {quantity} {value:.3g}, {valid}.".format(**beyond)
-            + use + " "
-        )  # fmt: skip
+        text = "Above the daily limit; recording will refuse it: {quantity} {value:.3g}, {valid}."
+        return f"{text.format(**beyond)}{use} "
 
     @property
     def protocol(self) -> dict[str, Any]:
@@ -382,6 +380,8 @@ class Planned(Presented):
             if not e.steps and not (name == PLANNED and self.earlier):
                 continue
             title = _TITLES[name]
+            if name != PLANNED and len(self.shaker["sensors"]) > 1:
+                title += f", with {listed(self.shaker['sensors'])}"
             if self.earlier:
                 title += f", {'with' if name == PLANNED else 'without'} what exists"
             notes.append(
