@@ -100,6 +100,10 @@ class Director:
     ) -> None:
         draws = draws or (FEWER if earlier else DRAWS)
         _refuse(person, shaker, ask or {}, earlier, draws)
+        # nobody's recordings are this person's: of another they would have masses of their own
+        earlier = [
+            replace(r, condition=replace(r.condition, subject=person.name)) for r in earlier
+        ]
         self.person, self.shaker, self.seed = person, shaker, seed
         self.candidates = candidates(shaker, person.leg_kg)
         self.done = tuple(map(step_of, earlier))
