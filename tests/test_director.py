@@ -28,14 +28,23 @@ from identification.nuisances import FOOT_STD, SHANK_STD
 from identification.plan import session
 from identification.plan.__main__ import _of, app
 from identification.plan.belief import Belief
-from identification.plan.candidates import PLANNED, THESIS, UNLOADED, Step, candidates, shaking_s, thesis
+from identification.plan.candidates import (
+    PLANNED,
+    THESIS,
+    UNLOADED,
+    Step,
+    candidates,
+    exposure,
+    shaking_s,
+    thesis,
+)
 from identification.plan.director import SHARE, Director
 from identification.plan.feet import WIDTH_STD, Feet, Outlook
 from identification.plan.information import Seen, Sight
 from identification.plan.observed import observed
 from identification.plan.prior import LOSS_STD, STIFFNESS_STD, Person
 from identification.plan.record import Offer
-from identification.plan.result import Planned, believed, planned
+from identification.plan.result import Planned, believed, nothing_brings, planned
 from identification.plan.session import FAILING, INTERRUPTED, MET, NEVER, SPENT, Offering, Session, Shaken
 from identification.plan.shaker import NOISE_M_S2, NOISE_STD, REPEATABILITY, REPEATABILITY_STD, Shaker
 from identification.residual import Problem
@@ -355,6 +364,61 @@ def test_another_sensor_is_offered_and_is_worth_what_a_director_with_it_says(pla
         assert offer.expected.outlook.half_width[name] < 0.5 * plan.expected[PLANNED].outlook.half_width[name]
     assert any("With a second sensor 'foot' (" in note for note in plan.sheet().notes)
     assert plan.document()["offers"][0]["sensor"] == "foot" and offer.adds.information > 0
+
+
+def test_the_thesis_is_compared_with_the_same_sensors() -> None:
+    two = ("malleolus", "foot")
+    who = Director(person(), replace(SHAKER, sensors=two), draws=2)
+    result = planned(who, 1, 10.0)
+    assert {s.sensors for e in result.expected.values() for s in e.steps} == {two}
+    alone = Director(person(), SHAKER, draws=2)
+    narrower = [d.outlook(d.thesis(), fresh=True).half_width["k_T"] for d in (who, alone)]
+    assert narrower[0] < 0.7 * narrower[1]
+    titles = [n for n in result.sheet().notes if n.startswith("the thesis, ")]
+    assert len(titles) == 2 and all(", with malleolus and foot: " in n for n in titles)
+
+
+@pytest.mark.parametrize(
+    ("causes", "open_", "sensors", "remedy"),
+    [
+        ("foot mass 50 %", False, ("malleolus",), "Weigh the segments."),
+        ("gain 60 %", False, ("malleolus",), "Calibrate the channels."),
+        ("", True, ("malleolus",), "Wear a sensor on the foot."),
+        ("", True, ("malleolus", "foot"), "not visible in the vibration."),
+    ],
+)
+def test_no_remedy_is_one_that_is_there(
+    plan: Planned, causes: str, open_: bool, sensors: tuple[str, ...], remedy: str
+) -> None:
+    names = ("k_T",) if causes else ()
+    said = nothing_brings(
+        plan.mine, {"k_T": 0.01}, {"k_T": causes}, names, open_, (0.0, 2.3, 4.5), sensors
+    )
+    assert said.endswith(remedy)
+    assert (f"(what remains comes from: {causes})" in said) == bool(causes)
+    assert ("decides the branch" in said) == open_
+
+
+def test_a_plan_that_recording_refuses_says_so_first(plan: Planned) -> None:
+    """The minutes that it names are within the limits of a day, with the same recordings."""
+    assert not plan.warning
+    once = plan.steps[0]
+    share = 1.5 * (Safety.daily_vdv / exposure([once]).vdv) ** 4
+    long = replace(once, seconds=share * once.seconds)
+    result = replace(plan, steps=(long,), adds=plan.adds[:1])
+    assert result.sheet().notes[0].startswith("Above the daily limit; recording will refuse it: ")
+    minutes = float(result.warning.split("--minutes ")[1].rstrip(". "))
+    shorter = replace(result, steps=(replace(long, seconds=60 * minutes),))
+    assert not shorter.warning and minutes > 0.6 * long.seconds / 60
+
+
+def test_recordings_of_nobody_are_of_the_person() -> None:
+    """One pair of masses, not two."""
+    foot = virtual(4)
+    data = shaken(foot, thesis((0.0,), 2.0)[:2])
+    data = [replace(r, condition=replace(r.condition, subject="")) for r in data]
+    who = Director(owner(foot), SHAKER, earlier=data, draws=2)
+    assert sum("foot mass" in name for name in who._sight.variables.names) == 1
 
 
 def test_figures_are_drawn(plan: Planned) -> None:

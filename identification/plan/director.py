@@ -100,6 +100,10 @@ class Director:
     ) -> None:
         draws = draws or (FEWER if earlier else DRAWS)
         _refuse(person, shaker, ask or {}, earlier, draws)
+        # nobody's recordings are this person's: of another they would have masses of their own
+        earlier = [
+            replace(r, condition=replace(r.condition, subject=person.name)) for r in earlier
+        ]
         self.person, self.shaker, self.seed = person, shaker, seed
         self.candidates = candidates(shaker, person.leg_kg)
         self.done = tuple(map(step_of, earlier))
@@ -146,8 +150,9 @@ class Director:
         self._feet.asked = self.asked = {name: ask[name] for name in EXCHANGED if name in ask}
 
     def thesis(self, loads_kg: tuple[float, ...] = ADDED_MASSES_KG) -> tuple[Step, ...]:
-        """The thesis' protocol as far as this shaker can do it."""
-        return within(self.shaker, self.person.leg_kg, thesis(loads_kg))
+        """The thesis' protocol as far as this shaker can do it, with the sensors that are worn here."""
+        steps = [replace(step, sensors=self.shaker.sensors) for step in thesis(loads_kg)]
+        return within(self.shaker, self.person.leg_kg, steps)
 
     def as_thesis(self) -> dict[str, float]:
         """Half-widths as the thesis' three loads would leave them here of a middle foot, within 5 %; to aim at.

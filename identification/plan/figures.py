@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import LogLocator, NullLocator
 
 from fasbody.presentation import COLOURS, MARKS, counted, panels, printed
 from identification.branches import EXCHANGED
@@ -118,6 +119,8 @@ def _widths(result: "Planned", axis: Axes) -> None:
         )  # fmt: skip
     axis.set_yscale("log")
     axis.set_ylim(top=4 * axis.get_ylim()[1])
+    axis.yaxis.set_major_locator(LogLocator(subs=(1, 2, 5), numticks=99))
+    axis.yaxis.set_minor_locator(NullLocator())
     axis.yaxis.set_major_formatter(lambda y, _: f"{y:g}")
     axis.set_xticks(range(len(EXCHANGED)), [_LABELS[c] for c in EXCHANGED])
     axis.set_ylabel("half of the 95 % interval [%]")

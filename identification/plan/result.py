@@ -8,6 +8,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from fasbody.acquire.level import Safety
 from fasbody.acquire.plan import PROTOCOL
 from fasbody.console import to_json, write_whole
 from fasbody.presentation import Presented, Sheet, counted, listed, readable
@@ -79,9 +80,15 @@ _RELIEF = {
 }
 #: What the last columns of the table are.
 _LEGEND = (
-    "The last columns say what a recording adds to all others, in nat: to the asked intervals together, to the widest "
-    "of them, and to the decision of the branch. Intervals are medians of the feet, in brackets of eight in ten."
+    "Gain: what a recording adds to the others, for all asked constants, for the one with the "
+    "widest interval, and for the branch. Intervals: median of the feet (eight in ten)."
 )
+#: What measures a cause that the vibration does not show, by words of the cause.
+_MEASURED = {
+    "weigh the segments": ("shank mass", "foot mass"),
+    "calibrate the channels": ("gain", "delay"),
+    "measure the foot's force with and without the load": ("load share",),
+}
 #: Shaking beyond this [s] is no plan, and relief by less than this factor is none.
 _FAR_S, _WORTH = 6 * 3600.0, 1.1
 #: A sensor comes first where it adds so much to the probability of a decision, or of the goal.
@@ -264,6 +271,26 @@ class Planned(Presented):
         return best if best is not None and self.steps and gain(best) > _DECIDES else None
 
     @property
+    def warning(self) -> str:
+        """That recording will refuse the plan, and what would do; empty where it will not."""
+        dose, most = exposure(self.steps), (Safety.daily_a8, Safety.daily_vdv)
+        beyond = dose.beyond(*most)
+        if not beyond:
+            return ""
+        # finding the levels takes its time however short the recordings are
+        share = min((most[0] / dose.a8) ** 2, (most[1] / dose.vdv) ** 4)
+        shaking = shaking_s(self.steps)
+        shorter = int((share * dose.seconds - (dose.seconds - shaking)) / 6) / 10
+        ways = [f"--minutes {shorter:g}"] if 60 * shorter >= self.shaker["seconds"] else []
+        loads = {s.added_mass_kg for s in self.steps}
+        parts = [exposure([s for s in self.steps if s.added_mass_kg == kg]) for kg in loads]
+        if len(loads) > 1 and not any(part.beyond(*most) for part in parts):
+            ways.append("a day for each load (acquire --added-mass)")
+        use = f" Use {' or '.join(ways)}." if ways else " Plan for less."
+        text = "Above the daily limit; recording will refuse it: {quantity} {value:.3g}, {valid}."
+        return f"{text.format(**beyond)}{use} "
+
+    @property
     def protocol(self) -> dict[str, Any]:
         """The steps in order, and whom they are for, as `python -m fasbody.acquire --plan` reads them."""
         return {
@@ -282,7 +309,7 @@ class Planned(Presented):
             return [f"Nothing more needs to be recorded: what is asked is met by {existing} that exist, {likely}."]
         more = "more " if self.earlier else ""
         shaking = minutes(shaking_s(self.steps))
-        text = f"{counted(len(self.steps), f'{more}recording')} and {shaking} of shaking"
+        text = self.warning + f"{counted(len(self.steps), f'{more}recording')} and {shaking} of shaking"
         text += f" after {existing} that exist" if self.earlier else ""
         text += f" meet what is asked {likely}"
         parts = [f"{self.expected[PLANNED].width(name)} for +-{percent(self.asked[name])}" for name in self.missed]
@@ -317,10 +344,11 @@ class Planned(Presented):
 
     def _never(self) -> str:
         """What no minutes bring."""
-        never = unreachable(self.reached.half_width, self.asked, self.causes, self.never)
-        if self.reached.decided < 0.5:
-            never.append(f"the branch with more than {chance(self.reached.decided)}")
-        return nothing_brings(never)
+        loads, sensors = self.shaker["loads_kg"], self.shaker["sensors"]
+        open_ = self.reached.decided < 0.5
+        return nothing_brings(
+            self.reached, self.asked, self.causes, self.never, open_, loads, sensors
+        )
 
     def relief(self) -> str:
         """What keeps the missed intervals wide, and what would take it away; empty where nothing is missed by it."""
@@ -346,12 +374,14 @@ class Planned(Presented):
             )
             for i, (step, score) in enumerate(zip(self.steps, self.adds, strict=True), start=1)
         ]  # fmt: skip
-        columns = ("step", "kind", "Hz", "kg", "m/s^2", "s", "together", "widest", "branch")
+        columns = ("step", "kind", "Hz", "kg", "m/s^2", "s", "gain [nat]: all", "widest", "branch")
         notes = [*self._sentences(), goal(self.asked), _LEGEND if rows else "", self.limited]
         for name, e in self.expected.items():
             if not e.steps and not (name == PLANNED and self.earlier):
                 continue
             title = _TITLES[name]
+            if name != PLANNED and len(self.shaker["sensors"]) > 1:
+                title += f", with {listed(self.shaker['sensors'])}"
             if self.earlier:
                 title += f", {'with' if name == PLANNED else 'without'} what exists"
             notes.append(
@@ -377,9 +407,10 @@ class Planned(Presented):
             exposure(self.steps).sentence(),
             self.findings,
         ]
-        return Sheet(
-            f"{self.model}: the next session of subject {self.subject}", columns, rows, [*filter(None, notes)]
-        )
+        title = f"a session for a new person of {self.body_mass_kg:g} kg"
+        if self.earlier:
+            title = f"the next session of subject {self.subject}"
+        return Sheet(f"{self.model}: {title}", columns, rows, [*filter(None, notes)])
 
     def records(self) -> list[dict[str, Any]]:
         """One row a step."""
@@ -514,27 +545,47 @@ def goal(asked: Mapping[str, float]) -> str:
     return f"Asked: {widths}{usual}, and the branch.{f' Not asked: {rest}.' if rest else ''}"
 
 
-def unreachable(
-    reached: Mapping[str, float], asked: Mapping[str, float], causes: Mapping[str, str], names: Sequence[str]
-) -> list[str]:
-    """Constants that no protocol brings down to what is asked, and why; those of one cause together."""
+def nothing_brings(
+    reached: Outlook,
+    asked: Mapping[str, float],
+    causes: Mapping[str, str],
+    names: Sequence[str],
+    open_: bool,
+    loads_kg: Sequence[float],
+    sensors: Sequence[str],
+) -> str:
+    """What no protocol brings, why, and what else would; empty where there is nothing.
+
+    Args:
+        reached: with unlimited minutes.
+        asked: half-widths by constant.
+        causes: what keeps each constant uncertain then.
+        names: of the constants that stay wider than asked.
+        open_: whether the branch stays open.
+        loads_kg: of the candidates.
+        sensors: that are worn.
+    """
+    if not names and not open_:
+        return ""
     together: dict[str, list[str]] = {}
     for name in names:
         together.setdefault(causes[name], []).append(
-            f"{name} below +-{percent(reached[name])} (+-{percent(asked[name])} asked)"
+            f"{name} below +-{percent(reached.half_width[name])} (+-{percent(asked[name])} asked)"
         )
-    return [
-        listed(texts, "nor") + (f" (variance: {cause})" if cause else "")
+    what = [
+        listed(texts, "nor") + (f" (what remains comes from: {cause})" if cause else "")
         for cause, texts in together.items()
     ]
-
-
-def nothing_brings(what: Sequence[str]) -> str:
-    """That no minutes bring some things; empty where there are none."""
-    if not what:
-        return ""
+    parts = [f"brings {', nor '.join(what)}"] if what else []
+    if open_:
+        parts.append(f"decides the branch with more than {chance(reached.decided)}")
+    why = " ".join(together)
+    ways = [way for way, words in _MEASURED.items() if any(word in why for word in words)]
+    if open_ or not ways:
+        ways += ["add a load"] * (len(set(loads_kg)) < 2)
+        ways += ["wear a sensor on the foot"] * ("foot" not in sensors)
+    remedy = listed(ways, "or")
     return (
-        f"No protocol of these candidates brings {', nor '.join(what)}, with unlimited minutes: what stays uncertain "
-        "is not visible in the vibration. Weigh the segments, calibrate the channels, or add a load or a sensor "
-        "on the foot."
-    )
+        f"No protocol of these candidates {', nor '.join(parts)}, with unlimited minutes: what stays "
+        "uncertain is not visible in the vibration."
+    ) + (f" {remedy[:1].upper()}{remedy[1:]}." if ways else "")

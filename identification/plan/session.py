@@ -21,7 +21,7 @@ from identification.plan.candidates import Step, shaking_s
 from identification.plan.director import GOAL, HOPELESS, SHARE, Director
 from identification.plan.observed import Observed, observed
 from identification.plan.prior import Person
-from identification.plan.result import Longer, believed, goal, nothing_brings, unreachable
+from identification.plan.result import Longer, believed, goal, nothing_brings
 from identification.plan.shaker import Shaker
 from identification.plan.words import chance, in_the_way, minutes, percent, plain
 
@@ -333,8 +333,10 @@ class Session:
     def _unreachable(self, director: Director, never: Sequence[str], open_: bool) -> str:
         """What no protocol does, how far it is reached with unlimited minutes, and why not further."""
         ever = director.for_ever()
-        what = unreachable(ever.half_width, director.asked, director.causes(), never)
-        return nothing_brings([*what, *["a decision between the mirror feet"] * open_])
+        shaker = director.shaker
+        return nothing_brings(
+            ever, director.asked, director.causes(), never, open_, shaker.loads_kg, shaker.sensors
+        )
 
     def _missing(self, director: Director) -> str:
         """What it would take where noise is in the way of what is asked."""
