@@ -326,7 +326,8 @@ class BodyModes(ModalAnalysis):
 
     def _advice(self) -> str:
         """What makes errors smaller that are large by their mesh; empty where none are."""
-        error, shape, size = float(np.max(self.errors)), self.body.changed, self.body.size_um
+        assert self.errors is not None
+        error, shape, size = float(self.errors.max()), self.body.changed, self.body.size_um
         if error <= LARGE or shape > LARGE / 2:
             return ""
         head, surface = "errors above 5 %:", self.body.mesh.surface
