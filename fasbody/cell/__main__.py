@@ -30,7 +30,7 @@ from fasbody.cell.options import (
     named,
     report,
 )
-from fasbody.console import command_line, console, to_json, write_whole
+from fasbody.console import command_line, console, stages, to_json, write_whole
 from fasbody.exceptions import SettingError
 from fasbody.lazy import command
 
@@ -162,12 +162,13 @@ def modes_of_a_body(
       python -m fasbody.cell modes soles.msh --support region --held 3 \
 --material 1=2e6,0.4,200 --material 1e7,0.4,300
     """
-    from fasbody.cell.body import body_modes, read_body
+    from fasbody.cell.body import STEPS, body_modes, read_body
 
     materials = by_region("material", material, Material, "17e9,0.3,1900")
-    meshed = read_body(body, unit=unit, up=up, size=size)
-    with console.status("solving"):
-        result = body_modes(meshed, materials, support, part=held, count=modes, way=solver)
+    with stages() as advance:
+        advance("meshing", 0, STEPS)
+        meshed = read_body(body, unit=unit, up=up, size=size)
+        result = body_modes(meshed, materials, support, part=held, count=modes, way=solver, advance=advance)
     if out is not None:
         from fasbody.cell.figures import mode_shapes
         from fasbody.cell.meshfile import write_browser, write_vtu
@@ -200,14 +201,15 @@ def shake_a_body(
       python -m fasbody.cell response calcaneus --support free --material 7.3e9,0.3,1500 \
 --relaxation 0.1,1e-5
     """
-    from fasbody.cell.body import read_body, shaken_body
+    from fasbody.cell.body import STEPS, read_body, shaken_body
     from fasbody.cell.viscoelastic import StandardLinearSolid
 
     materials = by_region("material", material, Material, "17e9,0.3,1900")
     solids = by_region("relaxation", relaxation, StandardLinearSolid, "0.5,1e-3")
-    meshed = read_body(body, unit=unit, up=up, size=size)
-    with console.status("solving"):
-        result = shaken_body(meshed, materials, solids, support, part=held, count=modes)
+    with stages() as advance:
+        advance("meshing", 0, STEPS)
+        meshed = read_body(body, unit=unit, up=up, size=size)
+        result = shaken_body(meshed, materials, solids, support, part=held, count=modes, advance=advance)
     if out is not None:
         from fasbody.cell.figures import response
 

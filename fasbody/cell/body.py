@@ -3,7 +3,7 @@
 Elements, matrices and solver are those of the cell. `python -m fasbody.cell modes`; docs/cell.md.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
@@ -17,6 +17,7 @@ from fasbody.cell.assembly import FREE, assemble
 from fasbody.cell.companion import pair, richardson, surface_meshes
 from fasbody.cell.materials import Material
 from fasbody.cell.mesh import FACES, MeshSize, TetMesh
+from fasbody.cell.mesher import LIMIT, filled, largest
 from fasbody.cell.meshfile import (
     TETRAHEDRA,
     TRIANGLES,
@@ -48,6 +49,9 @@ from fasbody.exceptions import (
 from fasbody.presentation import Tabled
 
 T = TypeVar("T")
+Advance = Callable[[str, int, int], None]
+#: Meshing, and the modes of either mesh.
+STEPS = 3
 #: Length units of files [um].
 UNITS = {"nm": 1e-3, "um": 1.0, "mm": 1e3, "cm": 1e4, "m": 1e6}
 SUPPORTS = ("free", "base", "region")
@@ -59,6 +63,8 @@ ORDER = 1.0
 GRAIN_UM = 10.0
 #: Share of an error from which it is worth a sentence.
 ROUND = 1e-4
+#: Error from which a finer mesh is advised, and what share of a size is worth it.
+LARGE, WORTH = 0.05, 0.95
 #: Share of the kinetic energy from which a direction is named.
 NAMED = 0.05
 
@@ -75,6 +81,7 @@ class Body(Tabled):
         unit: of the file, one of `UNITS`.
         changed: share of the volume that the mesh loses or gains of its surface, or that flat
             triangles leave out of a round one; it is added to the error.
+        size_um: of the elements in a surface [um], None for tetrahedra of a file.
 
     Example:
         >>> body_modes(read_body("calcaneus"), {None: Material(7.3e9, 0.3, 1500.0)})
@@ -86,6 +93,7 @@ class Body(Tabled):
     groups: tuple[Group, ...] = (Group(0),)
     unit: str = "mm"
     changed: float = 0.0
+    size_um: float | None = None
 
     @property
     def tags(self) -> tuple[int, ...]:
@@ -206,7 +214,8 @@ def read_body(source: str | Path, *, unit: str = "mm", up: str = "y", size: floa
             raise SettingError(unknown(name, value, valid) + ".", name)
     file, axis = Path(source), "xyz".index(up)
     bone = not file.suffix and str(source) in bones()
-    otherwise = f"or name a bone: {', '.join(bones())}"
+    word = not file.suffix and file.name == str(source)
+    otherwise = f"or name a bone: {', '.join(bones())}" if word else "name a .vtu, .msh, .stl or .obj file"
     kind = ".stl" if bone else mesh_format(file, (*VOLUMES, *SURFACES), otherwise)
     if kind in VOLUMES and size is not None:
         text = f"an element size serves a surface; {file} brings its own tetrahedra: leave it out."
@@ -220,9 +229,10 @@ def read_body(source: str | Path, *, unit: str = "mm", up: str = "y", size: floa
         surface = _bone(str(source)) if bone else read_surface(file, UNITS[unit])
         unit = "mm" if bone else unit
         sizes = None if size is None else MeshSize.of(size * UNITS[unit])
-        fine, rough = (replace(mesh, up=axis) for mesh in surface_meshes(surface, sizes))
+        fine, rough, used = surface_meshes(surface, sizes, (unit, UNITS[unit]))
         changed = abs(fine.volume_um3 / volume(surface) - 1) + rounded(surface)
-        return Body(str(source), fine, rough, unit=unit, changed=changed)
+        fine, rough = replace(fine, up=axis), replace(rough, up=axis)
+        return Body(str(source), fine, rough, unit=unit, changed=changed, size_um=used)
 
 
 def _bone(name: str) -> Any:
@@ -307,9 +317,31 @@ class BodyModes(ModalAnalysis):
         remarks = [self.remark] if self.remark else []
         if (share := self.body.changed) > ROUND:
             remarks += [f"{share:.2%} of each error is for a shape of flat triangles"]
+        dof = self.model.assembly.dof
+        if advice := self._advice():
+            remarks.append(advice)
         cm3, grams = self.model.assembly.volume_um3 * 1e-12, 1e3 * self.model.mass_kg
-        size = f"{cm3:.4g} cm^3, {grams:.4g} g, {self.model.assembly.dof} unknowns"
+        size = f"{cm3:.4g} cm^3, {grams:.4g} g, {dof} unknowns"
         return f"{self.title}: {size}", [f"{remark}." for remark in remarks]
+
+    def _advice(self) -> str:
+        """What makes errors smaller that are large by their mesh; empty where none are."""
+        assert self.errors is not None
+        error, shape, size = float(self.errors.max()), self.body.changed, self.body.size_um
+        if error <= LARGE or shape > LARGE / 2:
+            return ""
+        head, surface = "errors above 5 %:", self.body.mesh.surface
+        if size is None:
+            return f"{head} a mesh of smaller elements narrows them"
+        name, um = self.unit
+        wanted = size * (LARGE - shape) / (error - shape) / um
+        fits = largest(lambda h: filled(surface, h * um), wanted, LIMIT)
+        digit = 10 ** (np.floor(np.log10(fits)) - 1)
+        finer = float(np.ceil(fits / digit) * digit)
+        if finer > WORTH * size / um:
+            return f"{head} a smaller --size would narrow them and does not fit into some 4 GB of memory"
+        many = round(filled(surface, finer * um), -4)
+        return f"{head} a smaller --size narrows them ({finer:.2g} {name}: about {many:.0f} unknowns)"
 
     def document(self) -> dict[str, Any]:
         """Everything but the shapes, ready for JSON."""
@@ -332,9 +364,13 @@ class BodyModes(ModalAnalysis):
         }  # fmt: skip
 
 
+def quiet(what: str, done: int, total: int) -> None:
+    """Tells nobody how far the work is."""
+
+
 def body_modes(
     body: Body, materials: Mapping[str | None, Material], support: str = "free", *,
-    part: str | None = None, count: int = 10, way: str | None = None,
+    part: str | None = None, count: int = 10, way: str | None = None, advance: Advance = quiet,
 ) -> BodyModes:  # fmt: skip
     """The lowest modes of a body.
 
@@ -345,6 +381,7 @@ def body_modes(
         part: the region that is held.
         count: number of modes, rigid motions not counted.
         way: solver, None is the fastest.
+        advance: is told of `STEPS`, of `fasbody.console.stages`.
     """
     chosen = body.by_region("material", materials)
 
@@ -354,7 +391,10 @@ def body_modes(
 
     with naming(body.name):
         (model, held), (rough, _) = model_of(body.mesh), model_of(body.rough)
-    modes, coarse_hz = solve(model, count, way=way), solve(rough, count).frequencies_hz
+    advance("modes of the finer mesh", 1, STEPS)
+    modes = solve(model, count, way=way)
+    advance("modes of the coarser mesh, for the errors", 2, STEPS)
+    coarse_hz = solve(rough, count).frequencies_hz
     errors = body.changed + richardson(coarse_hz, modes.frequencies_hz, rough.assembly.dof, model.assembly.dof, ORDER)
     phi, moving = modes.vectors, model.M @ modes.vectors
     along = [(phi[axis::3] * moving[axis::3]).sum(axis=0) for axis in range(3)]
@@ -396,7 +436,7 @@ class ShakenBody(Tabled):
 def shaken_body(
     body: Body, materials: Mapping[str | None, Material],
     solids: Mapping[str | None, StandardLinearSolid], support: str = "base", *,
-    part: str | None = None, count: int = 20,
+    part: str | None = None, count: int = 20, advance: Advance = quiet,
 ) -> ShakenBody:  # fmt: skip
     """Damping and response from a hundredth of the first frequency to the last; see `body_modes`.
 
@@ -407,9 +447,10 @@ def shaken_body(
         support: what is shaken; "free" is driven by a force.
         part: the region that is held.
         count: modes in the basis.
+        advance: see `body_modes`.
     """
     relaxing = body.by_region("relaxation", solids)
-    elastic = body_modes(body, materials, support, part=part, count=count)
+    elastic = body_modes(body, materials, support, part=part, count=count, advance=advance)
     reduced = ReducedCell.of(elastic.model, count, elastic.modes)
     damped = damped_modes(reduced, relaxing)
     grid = damped.grid(elastic.frequencies_hz[0] / 100, reduced.reach_hz)

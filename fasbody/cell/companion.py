@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from fasbody.cell.mesh import EDGES, MeshSize, TetMesh
-from fasbody.cell.mesher import fill, sized_mesh
+from fasbody.cell.mesher import UM, fill, sized_mesh
 
 if TYPE_CHECKING:
     import trimesh
@@ -61,10 +61,12 @@ def pair(mesh: TetMesh) -> tuple[TetMesh, TetMesh]:
     return mesh, remeshed(mesh, ROUGH * float(length))
 
 
-def surface_meshes(surface: "trimesh.Trimesh", size: MeshSize | None = None) -> tuple[TetMesh, TetMesh]:
-    """A finer and a coarser mesh inside a closed surface [um]; see `sized_mesh`."""
-    fine, used = sized_mesh(surface, None, size)
-    return fine, fill(surface, used.coarser(ROUGH), tolerance=VOLUME_CHANGE_ROUGH)
+def surface_meshes(
+    surface: "trimesh.Trimesh", size: MeshSize | None = None, unit: tuple[str, float] = UM
+) -> tuple[TetMesh, TetMesh, float]:
+    """A finer and a coarser mesh inside a closed surface, and the size of the finer [um]; see `sized_mesh`."""
+    fine, used = sized_mesh(surface, None, size, unit)
+    return fine, fill(surface, used.coarser(ROUGH), tolerance=VOLUME_CHANGE_ROUGH), used.size
 
 
 def refined(mesh: TetMesh) -> TetMesh:

@@ -33,6 +33,8 @@ SQUASHED, UNBENDING = 0.2, 8
 LIMIT = 500_000
 #: Unknowns that the default size of a surface gives, about: some seconds to a minute.
 LEAST, DEFAULT = 25_000, 300_000
+#: Unit of sizes, and its micrometres.
+UM = ("um", 1.0)
 #: Angles from which an edge divides a surface into patches [degrees]: of a machine part, of a rough
 #: one, none.
 PATCHES = (ROUND, 80.0, 180.0)
@@ -75,26 +77,28 @@ def filled(surface: "trimesh.Trimesh", size: float) -> float:
     return 6.2 * volume(surface) / size**3 + 23.5 * float(surface.area) / size**2
 
 
-def refuse_above_limit(count: Callable[[float], float], size: float) -> None:
+def refuse_above_limit(count: Callable[[float], float], size: float, unit: tuple[str, float] = UM) -> None:
     """Refuse a mesh of more than `LIMIT` unknowns.
 
     Args:
         count: unknowns at a size [um].
         size: that is asked for [um].
+        unit: of the user's sizes, and its micrometres.
 
     Raises:
         SettingError: with the number and an element size that would do.
     """
     if (many := count(size)) > LIMIT:
-        valid = np.ceil(100 * _largest(count, size, LIMIT)) / 100
+        name, um = unit
+        valid = np.ceil(100 * largest(count, size, LIMIT) / um) / 100
         raise SettingError(
-            f"an element size of {size:g} um needs about {many:.2g} unknowns, more than the "
-            f"{LIMIT} that fit into some 4 GB of memory: take {valid:g} um or more.",
+            f"an element size of {size / um:g} {name} needs about {many:.2g} unknowns, more than "
+            f"the {LIMIT} that fit into some 4 GB of memory: take {valid:g} {name} or more.",
             "size",
         )
 
 
-def _largest(count: Callable[[float], float], size: float, most: int) -> float:
+def largest(count: Callable[[float], float], size: float, most: int) -> float:
     """The size, or as much larger that `count` gives at most so many unknowns."""
     size *= max(1.0, float(np.cbrt(count(size) / most)))  # enough if all of it were volume
     while count(size) > most:
@@ -135,8 +139,9 @@ def _unpacked(file: bytes) -> TetMesh:
 
 
 def sized_mesh(
-    outer: "trimesh.Trimesh", inner: "trimesh.Trimesh | None" = None, size: MeshSize | None = None
-) -> tuple[TetMesh, MeshSize]:
+    outer: "trimesh.Trimesh", inner: "trimesh.Trimesh | None" = None, size: MeshSize | None = None,
+    unit: tuple[str, float] = UM,
+) -> tuple[TetMesh, MeshSize]:  # fmt: skip
     """Fill a closed surface [um], which may have cavities, with tetrahedra.
 
     The triangles give the geometry only: gmsh divides it into patches at edges sharper than an
@@ -146,6 +151,7 @@ def sized_mesh(
         outer: of the body.
         inner: of the nucleus.
         size: None is `default_size`, or as much smaller as the surface needs.
+        unit: of the sizes that errors name, and its micrometres.
 
     Raises:
         SettingError: the size needs more than `LIMIT` unknowns.
@@ -161,13 +167,24 @@ def sized_mesh(
             raise MeshError("the nucleus' surface is not inside the other.")
     used = size or default_size(outer)
     while True:
-        refuse_above_limit(lambda h: filled(outer, h), used.size)
+        refuse_above_limit(lambda h: filled(outer, h), used.size, unit)
         mesh = fill(outer, used, inner)
         if strays(outer, mesh) <= STRAY * used.size:
             return mesh, used
         if size is not None:
-            raise MeshError("elements of this size lose a part of the surface: take smaller ones.")
+            text = "elements of this size lose a part of the surface"
+            raise MeshError(f"{text}: {_smaller(outer, used.size, unit)}.")
         used = used.coarser(FINER)
+
+
+def _smaller(surface: "trimesh.Trimesh", size: float, unit: tuple[str, float]) -> str:
+    """What size to take instead: half of the mean thickness, 2 V / A, if that is smaller."""
+    name, um = unit
+    half = volume(surface) / float(surface.area)
+    valid = min(half, FINER * size) / um
+    digit = 10 ** (np.floor(np.log10(valid)) - 1)
+    whose = ", half of its mean thickness" if half <= FINER * size else ""
+    return f"use --size {np.floor(valid / digit) * digit:.2g} ({name}) or less{whose}"
 
 
 def strays(surface: "trimesh.Trimesh", mesh: TetMesh) -> float:
@@ -216,7 +233,7 @@ def default_size(surface: "trimesh.Trimesh") -> MeshSize:
     size = volume(surface) / float(surface.area)
     while filled(surface, size) < LEAST:
         size *= 0.97
-    return MeshSize.of(_largest(lambda h: filled(surface, h), size, DEFAULT))
+    return MeshSize.of(largest(lambda h: filled(surface, h), size, DEFAULT))
 
 
 def _fill(surfaces: "list[trimesh.Trimesh]", size: MeshSize, angle: float) -> TetMesh:

@@ -74,8 +74,12 @@ def mesh_format(file: Path, valid: Sequence[str], otherwise: str) -> str:
     """The ending of a mesh file that exists.
 
     Raises:
-        InputFileError: it does not, or has another ending than those that are valid.
+        InputFileError: it does not, is a folder, or has another ending than those that are valid.
     """
+    if file.is_dir():
+        inside = sorted(one for one in file.iterdir() if one.suffix.lower() in valid)
+        hint = f"such as {inside[0]}" if inside else f"it holds none that ends in {', '.join(valid)}"
+        raise InputFileError(file, "is a folder", f"name a file, {hint}" if inside else hint)
     if not file.is_file():
         raise InputFileError(file, "there is no such file", otherwise)
     if (suffix := file.suffix.lower()) not in valid:
