@@ -24,7 +24,8 @@ RULE = (
     f"Identified means a standard error of up to {100 * IDENTIFIED:.0f} % of the value, weak means up to "
     f"{100 * WEAK:.0f} %, and not identifiable means more, or that the constant rests on a bound. A constant that may "
     "be zero, such as the bend of a damper, is compared with a tenth of its range where that is larger than its value. "
-    "Identified also asks the curvature at the optimum for 10 %, and that the search found the optimum twice."
+    "For identified, the standard error from the curvature at the optimum must also be at most "
+    f"{100 * IDENTIFIED:.0f} %, and the search must have found the optimum twice."
 )
 #: Share of a mass's standard deviation that the recordings must take away to have weighed it.
 WEIGHED = 0.3

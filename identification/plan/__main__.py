@@ -105,7 +105,7 @@ class Options:
     mass_std: MassStd = None
     gain_std: GainStd = None
     delay_std: DelayStd = None
-    draws: Annotated[int, Option(help="feet to average over (default 32, after recordings 12)")] = 0
+    draws: Annotated[int, Option(help="feet to average over; 0 means 32, or 12 after recordings")] = 0
     seed: Annotated[int, Option(min=0, help="seed of the drawn feet")] = 0
     json_: Annotated[bool, Option("--json", help="print one JSON document on stdout")] = False
 
