@@ -286,7 +286,7 @@ class Director:
         for name, shares in self._feet.causes(self._for_ever).items():
             whole = {what: round(100 * share) for what, share in shares.items() if share >= _NAMED}
             order = sorted(whole, key=lambda what: (-whole[what], what))
-            causes[name] = ", ".join(f"{what.partition(' of ')[0]} {whole[what]} %" for what in order)  # of one person
+            causes[name] = ", ".join(f"{what} {whole[what]} %" for what in order)
         return causes
 
     @cached_property

@@ -287,7 +287,7 @@ class Planned(Presented):
         if len(loads) > 1 and not any(part.beyond(*most) for part in parts):
             ways.append("a day for each load (acquire --added-mass)")
         use = f" Use {' or '.join(ways)}." if ways else " Plan for less."
-        text = "Above the daily limit; recording will refuse it: {quantity} {value:.3g}, {valid}."
+        text = "Above the daily limit; recording will refuse it: {quantity} {value:.3g}, and may be {valid}."
         return f"{text.format(**beyond)}{use} "
 
     @property
