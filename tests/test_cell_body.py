@@ -1,6 +1,7 @@
 """Any body: textbook answers from files, six rigid motions, parts by number and name, a sentence for each refusal."""
 
 import json
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -9,15 +10,17 @@ import numpy as np
 import pytest
 import scipy.sparse.linalg as spla
 import trimesh
+from matplotlib.text import Text
 from typer.testing import CliRunner
 
 from fasbody.cell.__main__ import app
 from fasbody.cell.assembly import FREE, assemble
 from fasbody.cell.body import UNITS, Body, BodyModes, body_modes, bones, read_body
 from fasbody.cell.companion import pair, refined
+from fasbody.cell.figures import mode_shapes
 from fasbody.cell.materials import Material
 from fasbody.cell.mesh import FACES
-from fasbody.cell.mesher import default_size, fill
+from fasbody.cell.mesher import LIMIT, default_size, fill
 from fasbody.cell.modal import CellModel, solve
 from fasbody.cell.viscoelastic import ReducedCell, StandardLinearSolid, damped_modes, force_response, point_load
 from fasbody.exceptions import InputFileError, SettingError
@@ -216,9 +219,60 @@ def test_bad_input_names_its_option(arguments: list[str], setting: str) -> None:
     assert isinstance(found.exception, SettingError) and found.exception.setting == setting
 
 
-def test_no_such_body() -> None:
+def test_no_such_body(tmp_path: Path) -> None:
     with pytest.raises(InputFileError, match="or name a bone: calcaneus"):
         read_body("no_bone")
+    with pytest.raises(InputFileError, match=r"is a folder; it holds none that ends in \.vtu"):
+        read_body(tmp_path)
+    (tmp_path / "sole.stl").touch()
+    with pytest.raises(InputFileError, match=r"is a folder; name a file, such as .*sole\.stl"):
+        read_body(tmp_path)
+    for missing in (tmp_path / "x.stl", tmp_path / "x"):
+        with pytest.raises(InputFileError, match=r"there is no such file; name a \.vtu") as found:
+            read_body(missing)
+        assert "calcaneus" not in str(found.value)
+
+
+def test_a_size_that_loses_the_edges_of_a_sole_names_one_that_does_not(tmp_path: Path) -> None:
+    trimesh.creation.box((100, 40, 5)).export(tmp_path / "sole.stl")
+    with pytest.raises(InputFileError, match=r"use --size 2\.1 \(mm\) or less, half of its mean thickness"):
+        read_body(tmp_path / "sole.stl", size=5.0)
+    assert read_body(tmp_path / "sole.stl", size=2.1).size_um == 2100
+
+
+def test_large_errors_come_with_advice(sesamoid: BodyModes) -> None:
+    def last(error: float, **changes: object) -> str:
+        body = replace(sesamoid.body, **changes)  # type: ignore[arg-type]
+        return replace(sesamoid, body=body, errors=np.full(4, error)).heading()[1][-1]
+
+    assert "errors above" not in last(0.049)
+    size, unknowns = re.findall(r"\((\S+) mm: about (\d+) unknowns\)", last(0.1, changed=0.0))[0]
+    assert float(size) == pytest.approx(1.0, rel=0.05)  # half of 2 mm, for half of the error
+    assert sesamoid.model.assembly.dof < int(unknowns) < LIMIT
+    assert "mesh of smaller elements" in last(0.1, changed=0.0, size_um=None)
+    assert "does not fit" in last(0.1, changed=0.0, size_um=100.0)
+    assert "errors above" not in last(0.1, changed=0.06)  # which no element size mends
+
+
+def test_the_progress_of_both_meshes_is_told(rod: Path) -> None:
+    told: list[tuple[str, int, int]] = []
+    body_modes(read_body(rod), {None: SOFT}, count=1, advance=lambda *step: told.append(step))
+    assert [(done, total) for _, done, total in told] == [(1, 3), (2, 3)]
+    assert "finer" in told[0][0] and "coarser" in told[1][0]
+
+
+def test_the_picture_of_modes_cuts_no_words(sesamoid: BodyModes) -> None:
+    close = replace(sesamoid.modes, frequencies_hz=np.array([1947.0, 1951.0, 1960.0, 1967.0]))
+    figure = mode_shapes(replace(sesamoid, modes=close))
+    figure.draw_without_rendering()
+    page = figure.bbox
+    words = [*figure.texts, figure.axes[-1].xaxis.label, *(axes.title for axes in figure.axes)]
+    words += [text for axes in figure.axes for text in axes.findobj(Text) if text.get_text().startswith("mode")]
+    boxes = [text.get_window_extent() for text in words if text.get_text()]
+    assert len(boxes) == 7  # head, scale, caption, four titles
+    assert all(page.x0 <= b.x0 and b.x1 <= page.x1 and page.y0 <= b.y0 and b.y1 <= page.y1 for b in boxes)
+    titles = [text.get_text().split(",")[0] for text in words if text.get_text().startswith("mode")]
+    assert titles == [f"mode {i}: {f} kHz" for i, f in enumerate(("1.947", "1.951", "1.96", "1.967"), 1)]
 
 
 def test_the_command_writes_its_files(rod: Path, tmp_path: Path) -> None:

@@ -9,6 +9,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from fasbody.cell.mesh import NUCLEUS, TetMesh
 from fasbody.cell.meshfile import displacements, upright
@@ -20,6 +21,10 @@ if TYPE_CHECKING:
     from fasbody.cell.viscoelastic import BaseResponse, ForceResponse
 
 SWELL = 0.12  # largest drawn displacement, of the cell's length
+#: Left and right of a picture of modes [inch].
+MARGIN = 0.06
+#: Heights in a picture of modes: margin and line of its head, title of a mode, foot, and at most a mode [inch].
+HEAD, HEAD_LINE, TITLE, FOOT, TALLEST = 0.12, 0.17, 0.2, 0.75, 2.5
 #: Colours of motion one way and the other.
 PHASES = "RdBu_r"
 #: Angle between faces from which their edge is drawn [rad].
@@ -47,12 +52,13 @@ def mode_shapes(analysis: "Analysis | BodyModes", count: int | None = None) -> F
     length = float(np.ptp(points, axis=0).max())
     per_row = 1 if len(u) <= 5 else 2
     rows = -(-len(u) // per_row)
-    figure = Figure(figsize=(PAGE, 1.0), layout="constrained")
+    figure = Figure()
     panels = np.atleast_2d(figure.subplots(rows, 2 * per_row))
     for axes in panels.flat:
         axes.set_axis_off()
+    hertz = _hertz(analysis.frequencies_hz[: len(u)])
     for i, mode in enumerate(u):
-        f, d = analysis.frequencies_hz[i], analysis.descriptions[i]
+        d = analysis.descriptions[i]
         main = int(np.argmax(d.energy))
         along = drawn[i][:, main]
         value = 0.5 + 0.5 * np.sign(along[np.abs(along).argmax()]) * along[faces].mean(axis=1)
@@ -60,9 +66,8 @@ def mode_shapes(analysis: "Analysis | BodyModes", count: int | None = None) -> F
         for axes, view in zip(place, (OBLIQUE, ABOVE), strict=True):
             _draw(axes, points + SWELL * length * mode, faces, value, view, colours=PHASES)
             _outline(axes, points, faces, view)
-        text = f"mode {i + 1}: {_hertz(f)}, {d.label} ({'xyz'[main]})"
-        for axes, words in zip(place, (text, " "), strict=True):  # so that both views leave room for it
-            axes.set_title(words, fontsize=7, loc="left", pad=3)
+        text = f"mode {i + 1}: {hertz[i]}, {d.label} ({'xyz'[main]})"
+        place[0].set_title(text, fontsize=7, loc="left", pad=3)
     seen = [place.flat[: len(u)] for place in (panels[:, 0::2].T, panels[:, 1::2].T)]  # both views of every mode
     ends = np.array([[(*axes.get_xlim(), *axes.get_ylim()) for axes in side] for side in seen])
     low, high = ends[:, :, 0::2].min(axis=1), ends[:, :, 1::2].max(axis=1)
@@ -71,18 +76,27 @@ def mode_shapes(analysis: "Analysis | BodyModes", count: int | None = None) -> F
         for axes in side.flat:
             axes.set(xlim=(x - half_width, x + half_width), ylim=(y - half_height, y + half_height))
     name, um = analysis.unit
-    _scale_bar(panels[0, 1], length, name, um)
-    tall = max(axes.get_data_ratio() for axes in panels[0])
-    figure.set_figheight(1.15 + rows * (0.22 + PAGE * tall / (2 * per_row)))
-    bar = figure.colorbar(ScalarMappable(Normalize(-1, 1), PHASES), ax=panels, shrink=0.5, aspect=40, location="bottom")
     size = f"{SWELL * length / um:.3g} {name}".replace("um", "µm")
-    bar.set_label(f"displacement along that axis / largest displacement, which is drawn as {size}")
     views = (
         "left: oblique, right: from above; lines: outline at rest; colour: motion along the axis in brackets, red "
         "against blue"
     )
-    head = (analysis.title.replace("um", "µm"), analysis.remark, views)
-    figure.suptitle("\n".join(line for line in head if line).replace(" x ", " × "))
+    lines = [line for line in (analysis.title.replace("um", "µm"), analysis.remark, views) if line]
+    wide = (PAGE - 2 * MARGIN) / (2 * per_row)
+    row = min(wide * half_height / half_width, TALLEST)
+    top = HEAD + HEAD_LINE * len(lines)
+    high = top + rows * (TITLE + row) + FOOT
+    figure.set_size_inches(PAGE, high)
+    for k, axes in np.ndenumerate(panels):
+        low_edge = high - top - (k[0] + 1) * (TITLE + row)
+        axes.set_position(((MARGIN + k[1] * wide) / PAGE, low_edge / high, wide / PAGE, row / high))
+    figure.suptitle("\n".join(lines).replace(" x ", " × "), y=1 - 0.5 * HEAD / high, va="top")
+    bar = figure.colorbar(
+        ScalarMappable(Normalize(-1, 1), PHASES), orientation="horizontal",
+        cax=figure.add_axes((0.25, 0.45 / high, 0.5, 0.1 / high)),
+    )  # fmt: skip
+    bar.set_label(f"displacement along that axis / largest displacement, which is drawn as {size}")
+    _scale_bar(figure, length, name, um, min(wide / (2 * half_width), row / (2 * half_height)))
     return figure
 
 
@@ -196,16 +210,24 @@ def _outline(axes: Any, points: np.ndarray, faces: np.ndarray, view: tuple[float
     axes.autoscale_view()
 
 
-def _scale_bar(axes: Any, length: float, name: str, um: float) -> None:
-    """A bar of a round length, about a quarter of the body's, below the drawing."""
+def _scale_bar(figure: Figure, length: float, name: str, um: float, scale: float) -> None:
+    """A bar of a round length, about a quarter of the body's, at the right end of the foot.
+
+    Args:
+        figure: to draw on.
+        length: of the body [um].
+        name: of the unit.
+        um: its micrometres.
+        scale: of the drawings [inch/um].
+    """
     quarter = length / um / 4
     step = 10.0 ** np.floor(np.log10(quarter))
     bar = max(step * n for n in (1, 2, 5) if step * n <= quarter)
-    right, low = axes.get_xlim()[1], axes.get_ylim()[0]
-    axes.plot((right - bar * um, right), (low, low), color="k", linewidth=1.5, clip_on=False)
-    middle = (right - bar * um / 2, low)
+    right, y, long = PAGE - 0.15, 0.5, bar * um * scale
+    inches = figure.dpi_scale_trans
+    figure.add_artist(Line2D((right - long, right), (y, y), color="k", linewidth=1.5, transform=inches))
     label = f"{bar:g} {name}".replace("um", "µm")
-    axes.annotate(label, middle, (0, 3), textcoords="offset points", ha="center", va="bottom", fontsize=7)
+    figure.text(right - long / 2, y + 0.05, label, ha="center", va="bottom", fontsize=7, transform=inches)
 
 
 def _screen(view: tuple[float, float]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -216,5 +238,11 @@ def _screen(view: tuple[float, float]) -> tuple[np.ndarray, np.ndarray, np.ndarr
     return right, np.cross(toward, right), toward
 
 
-def _hertz(f: float) -> str:
-    return f"{f / 1e3:.3g} kHz" if f >= 1000 else f"{f:.4g} Hz"
+def _hertz(frequencies: np.ndarray) -> list[str]:
+    """Frequencies [Hz] as text, with a fourth digit where three would make two of them equal."""
+
+    def texts(digits: int) -> list[str]:
+        return [f"{f / 1e3:.{digits}g} kHz" if f >= 1000 else f"{f:.4g} Hz" for f in frequencies]
+
+    short = texts(3)
+    return short if len(set(short)) == len(short) else texts(4)
