@@ -326,7 +326,8 @@ class BodyModes(ModalAnalysis):
 
     def _advice(self) -> str:
         """What makes errors smaller that are large by their mesh; empty where none are."""
-        assert self.errors is not None
+        if self.errors is None:
+            return ""
         error, shape, size = float(self.errors.max()), self.body.changed, self.body.size_um
         if error <= LARGE or shape > LARGE / 2:
             return ""
