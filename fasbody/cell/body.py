@@ -335,8 +335,8 @@ class BodyModes(ModalAnalysis):
         if size is None:
             return f"{head} a mesh of smaller elements narrows them"
         name, um = self.unit
-        wanted = size * (LARGE - shape) / (error - shape) / um
-        fits = largest(lambda h: filled(surface, h * um), wanted, LIMIT)
+        needed = size * (LARGE - shape) / (error - shape) / um
+        fits = largest(lambda h: filled(surface, h * um), needed, LIMIT)
         digit = 10 ** (np.floor(np.log10(fits)) - 1)
         finer = float(np.ceil(fits / digit) * digit)
         if finer > WORTH * size / um:
