@@ -82,21 +82,21 @@ def mode_shapes(analysis: "Analysis | BodyModes", count: int | None = None) -> F
         "against blue"
     )
     lines = [line for line in (analysis.title.replace("um", "µm"), analysis.remark, views) if line]
-    wide = (PAGE - 2 * MARGIN) / (2 * per_row)
-    row = min(wide * half_height / half_width, TALLEST)
+    width = (PAGE - 2 * MARGIN) / (2 * per_row)
+    row = min(width * half_height / half_width, TALLEST)
     top = HEAD + HEAD_LINE * len(lines)
     high = top + rows * (TITLE + row) + FOOT
     figure.set_size_inches(PAGE, high)
     for k, axes in np.ndenumerate(panels):
         low_edge = high - top - (k[0] + 1) * (TITLE + row)
-        axes.set_position(((MARGIN + k[1] * wide) / PAGE, low_edge / high, wide / PAGE, row / high))
+        axes.set_position(((MARGIN + k[1] * width) / PAGE, low_edge / high, width / PAGE, row / high))
     figure.suptitle("\n".join(lines).replace(" x ", " × "), y=1 - 0.5 * HEAD / high, va="top")
     bar = figure.colorbar(
         ScalarMappable(Normalize(-1, 1), PHASES), orientation="horizontal",
         cax=figure.add_axes((0.25, 0.45 / high, 0.5, 0.1 / high)),
     )  # fmt: skip
     bar.set_label(f"displacement along that axis / largest displacement, which is drawn as {size}")
-    _scale_bar(figure, length, name, um, min(wide / (2 * half_width), row / (2 * half_height)))
+    _scale_bar(figure, length, name, um, min(width / (2 * half_width), row / (2 * half_height)))
     return figure
 
 

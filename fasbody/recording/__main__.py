@@ -336,10 +336,10 @@ def _print_table(heads: tuple[str, ...], lines: list[tuple[str, ...]], spared: t
     out = Console(highlight=False, width=fixed)
     room = out.options.update(width=10_000)
 
-    def table(shown: list[str]) -> Table:
+    def table(chosen: list[str]) -> Table:
         made = Table(box=SIMPLE_HEAD, show_edge=False, padding=0)
         for i, head in enumerate(heads):
-            if head not in shown:
+            if head not in chosen:
                 continue
             text = escape(head.replace(" ", "\n"))
             if i:
@@ -348,15 +348,15 @@ def _print_table(heads: tuple[str, ...], lines: list[tuple[str, ...]], spared: t
                 longest = max((len(line[0]) for line in lines), default=0)
                 made.add_column(text, overflow="fold", min_width=min(_NAME, longest))
         for line in lines:
-            made.add_row(*(cell for head, cell in zip(heads, line, strict=True) if head in shown))
+            made.add_row(*(cell for head, cell in zip(heads, line, strict=True) if head in chosen))
         return made
 
     order = [*(head for head in spared if head in heads), *(head for head in heads[:1:-1] if head not in spared)]
-    shown, left = list(heads), []
-    while order and out.measure(table(shown), options=room).minimum > out.width:
+    chosen, left = list(heads), []
+    while order and out.measure(table(chosen), options=room).minimum > out.width:
         left.append(order.pop(0))
-        shown.remove(left[-1])
-    out.print(table(shown))
+        chosen.remove(left[-1])
+    out.print(table(chosen))
     if left:
         names = ", ".join(head for head in heads if head in left)
         out.print(f"left out for want of room: {names}; more with --json or in --report", markup=False, soft_wrap=True)
