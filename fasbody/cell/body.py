@@ -365,13 +365,10 @@ class BodyModes(ModalAnalysis):
         }  # fmt: skip
 
 
-def quiet(what: str, done: int, total: int) -> None:
-    """Tells nobody how far the work is."""
-
-
 def body_modes(
     body: Body, materials: Mapping[str | None, Material], support: str = "free", *,
-    part: str | None = None, count: int = 10, way: str | None = None, advance: Advance = quiet,
+    part: str | None = None, count: int = 10, way: str | None = None,
+    advance: Advance = lambda what, done, total: None,
 ) -> BodyModes:  # fmt: skip
     """The lowest modes of a body.
 
@@ -437,7 +434,7 @@ class ShakenBody(Tabled):
 def shaken_body(
     body: Body, materials: Mapping[str | None, Material],
     solids: Mapping[str | None, StandardLinearSolid], support: str = "base", *,
-    part: str | None = None, count: int = 20, advance: Advance = quiet,
+    part: str | None = None, count: int = 20, advance: Advance = lambda what, done, total: None,
 ) -> ShakenBody:  # fmt: skip
     """Damping and response from a hundredth of the first frequency to the last; see `body_modes`.
 

@@ -375,7 +375,7 @@ def _show(rows: list[dict[str, Any]]) -> None:
     listed = [row for row in rows if len(rows) <= _MANY or verdict(row) != "sound"]
     for row in listed:
         frequency = row.get("frequency_hz")
-        cells = (
+        lines.append((
             escape(names[row["file"]]),
             f"[{colours[verdict(row)]}]{verdict(row).partition(',')[0]}[/]",
             str(row.get("samples", "")),
@@ -384,8 +384,7 @@ def _show(rows: list[dict[str, Any]]) -> None:
             *(f"{row[key]:.3{kind}}" if key in row else "" for key, kind in _OF_A_SINE.items()),
             *(f"{row['rms_m_s2'][name]:.3g}" if name in row.get("rms_m_s2", {}) else "" for name in read),
             *quality_cells(row),
-        )
-        lines.append(cells)
+        ))  # fmt: skip
     if listed:
         _print_table(heads, lines, (*_SPARED[0], *felt, *_SPARED[1]))
     if len(listed) < len(rows):
