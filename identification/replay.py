@@ -116,8 +116,9 @@ def _resolved(
         n = steps * 2**halved
         h = 1.0 / (frequency_hz * n)
         motion = harmonics(frequency_hz, base, _PERIODS / frequency_hz)
+        qpos, qvel = batch.initial_state([motion], *start[:2])
         try:
-            out = batch.run(motion.controls(h, _PERIODS * n)[None], h, *start)
+            out = batch.run(motion.controls(h, _PERIODS * n)[None], h, qpos, qvel, start[2])
         except SimulationError:
             if halved == _HALVINGS:
                 raise

@@ -90,7 +90,13 @@ class Feeder(Device):
         self.garbage = False
         self.instead = b""  # sent in place of every frame
         self.amplitude = 0  # counts added to every sample
+        self._sending = threading.Lock()
         self._damage, self._rng = damage, np.random.default_rng(5)
+
+    def pause(self) -> None:
+        """Nothing is sent any more once this returns: setting `paused` alone lets one more frame through."""
+        with self._sending:
+            self.paused = True
 
     def serve(self) -> None:
         start, n, frame = time.monotonic(), SAMPLES, 0
@@ -107,10 +113,11 @@ class Feeder(Device):
             dirty = corrupt(clean, self._damage, self._rng) if self._damage else clean
             if dirty != clean:
                 self.damaged.add(frame)
-            if self.paused:
-                self.line.send(b"")  # what the host was too late to fetch
-            else:
-                self.line.send(self._rng.bytes(80) if self.garbage else self.instead or out + dirty)
+            with self._sending:
+                if self.paused:
+                    self.line.send(b"")  # what the host was too late to fetch
+                else:
+                    self.line.send(self._rng.bytes(80) if self.garbage else self.instead or out + dirty)
             frame += 1
             self.sent = frame * n
 

@@ -183,7 +183,7 @@ def test_probe_tells_boards_from_generators(bench: Bench, feeder: Feeder, monkey
     assert probe(feeder.port, (9600,)).kind == "unknown bytes"
     patience(0.2, 60.0, 0.2)
     assert probe(bench.generator_port, (115200,)).kind == "generator"
-    feeder.paused = True
+    feeder.pause()
     patience(0.2, 0.2, 0.2)  # enough to hear nothing
     assert "silence" in str(probe(feeder.port, (9600,)))
 

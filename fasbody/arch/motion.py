@@ -87,7 +87,8 @@ def move(foot: Foot, motion: BaseMotion, step: float | None = None, accurate: bo
 
 def _run(foot: Foot, motion: BaseMotion, step: float, hinge_share: float) -> ArchMotion:
     controls = motion.controls(step, round(motion.duration / step))[None]
-    result = Batch(foot, 1, threads=1, hinge_share=hinge_share).run(controls, step)
+    batch = Batch(foot, 1, threads=1, hinge_share=hinge_share)
+    result = batch.run(controls, step, *batch.initial_state([motion]))
     malleolus = result.malleolus[0]
     if np.abs(np.diff(malleolus, 2)).mean() > 4 * RINGING * np.abs(malleolus).mean():
         raise SimulationError(f"{foot.name}: the output rings at the step's own frequency.")

@@ -248,7 +248,7 @@ class Batch:
             except SimulationError as error:
                 return error
 
-        qpos, qvel = self._begun(motions, qpos, qvel)
+        qpos, qvel = self.initial_state(motions, qpos, qvel)
         laws = self.foot.model.jnt_user[None]
         laws = np.reshape(self._fields.get("jnt_user", laws), (-1, *laws.shape[1:])) if laws.size else laws
         room = np.log2(MOST_STEPS / (2 * count * self.nsim))
@@ -275,16 +275,22 @@ class Batch:
             run = finer
         raise problem
 
-    def _begun(
-        self, motions: Sequence[BaseMotion], qpos: np.ndarray | None, qvel: np.ndarray | None
+    def initial_state(
+        self, motions: Sequence[BaseMotion], qpos: np.ndarray | None = None, qvel: np.ndarray | None = None
     ) -> tuple[np.ndarray, np.ndarray]:
-        """qpos (nsim, nq) and qvel (nsim, nv) with the base where its motions begin; what holds it refuses a drift."""
-        drifting = next((motion for motion in motions if motion.start is None), None)
-        if drifting is not None and (holders := held_to_world(self.foot)):
-            raise SimulationError(
-                f"{self.foot.name}: {' and '.join(holders)} ties the foot to the world, and the base of "
-                f"{drifting.name!r} drifts away from it; use sines, or tie it to the table."
-            )
+        """Where the motions begin: qpos (nsim, nq) and qvel (nsim, nv), with the base where it does not drift.
+
+        Args:
+            motions: of the base, one or one a simulation.
+            qpos, qvel: of the foot, as in `run`.
+
+        Raises:
+            SimulationError: a motion drifts from wherever it begins, and the foot feels where the base is.
+        """
+        for motion in motions:
+            if motion.start is None:
+                check_drift(self.foot, motion.name)
+                break
         base = self.foot.base
         at = np.array([motion.start or (0.0, 0.0) for motion in motions])
         q = np.broadcast_to(self._rest if qpos is None else qpos, (self.nsim, self._rest.size)).copy()
@@ -391,6 +397,23 @@ def _velocity_sensors(foot: Foot) -> dict[str, Sensor]:
         for name in foot.sensors
         if name != "base"
     }
+
+
+def check_drift(foot: Foot, motion: str) -> None:
+    """Refuse a base whose acceleration alone is known, which drifts, for a foot that feels where the base is.
+
+    Args:
+        foot: the model.
+        motion: name of the base's motion, or the file of its recording.
+
+    Raises:
+        SimulationError: something ties the foot to the world.
+    """
+    if holders := held_to_world(foot):
+        raise SimulationError(
+            f"{foot.name}: {' and '.join(holders)} ties the foot to the world, and the base of {motion!r} drifts away "
+            "from it; use sines, or tie it to the table."
+        )
 
 
 def simulate(

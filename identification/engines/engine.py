@@ -10,6 +10,7 @@ import numpy as np
 
 from fasbody.foot.model import Foot
 from fasbody.foot.shaker import at_half_steps, samples
+from fasbody.foot.simulate import check_drift
 from fasbody.recording.recording import Recording
 from identification.sensors import MALLEOLUS as MALLEOLUS
 
@@ -32,7 +33,12 @@ class Whole:
 
     @classmethod
     def of(cls, recording: Recording, foot: Foot) -> "Whole":
-        """A recording that drives a foot; the step is the model's own where that is finer than LONGEST_STEP."""
+        """A recording that drives a foot; the step is the model's own where that is finer than LONGEST_STEP.
+
+        Raises:
+            SimulationError: the foot is tied to the world, and a recording does not say where its base is.
+        """
+        check_drift(foot, recording.file)
         interval = 1.0 / recording.rate_hz
         return _driven(recording, max(1, int(np.ceil(interval / min(LONGEST_STEP, foot.step) - 1e-6))))
 
