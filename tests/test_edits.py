@@ -18,6 +18,10 @@ from fasbody.foot import shaker
 from fasbody.foot.model import check, load
 from fasbody.foot.simulate import simulate
 from fasbody.foot.steady_state import Balance
+from fasbody.recording.condition import Condition
+from fasbody.recording.recording import Recording
+from identification.engines.engine import Whole
+from identification.fitting import fit_foot
 from viz.load import load_foot
 
 #: Each command with little work; its answer hangs on what the file says.
@@ -171,3 +175,20 @@ def test_a_table_that_is_tied_to_the_world_moves_about_its_place(tmp_path: Path,
     assert ratio == pytest.approx(Balance(foot).orbit(f, [peak]).harmonics()[0] / peak, rel=1e-4)
     with pytest.raises(SimulationError, match="tendon 'rope' ties the foot to the world"):
         simulate(foot, shaker.sweep(5.0, 20.0, 1.0))
+
+
+def test_a_fit_follows_a_foot_that_is_tied_to_the_world(tmp_path: Path) -> None:
+    """Sines begin where their table does not drift; a sweep does not say where its table is."""
+    rope = next(edit for edit in EDITS if edit.says == "a rope from the world to the knee")
+    foot, step = load(rope.write(tmp_path)), 5e-4
+    rng, data = np.random.default_rng(1), []
+    for motion in (shaker.harmonics(20.0, [5.0], 2.0), shaker.harmonics(30.0, [5.0], 2.0)):
+        run = simulate(foot, motion, step=step)
+        late = slice(-round(1.0 / step), None)
+        base, malleolus = (x[0, late] + rng.normal(0, 0.02, 2000) for x in (run.base, run.malleolus))
+        data.append(Recording(step * np.arange(2000), base, malleolus, condition=Condition(body_mass_kg=72.57)))
+    result = fit_foot(data, foot, free=["k_T", "k_F"], starts=1, threads=1, departures=False)
+    for name in ("k_T", "k_F"):
+        assert result[name].value == pytest.approx(foot.values()[name], rel=3e-3)
+    with pytest.raises(SimulationError, match="tendon 'rope' ties the foot to the world, and the base of 'recording'"):
+        Whole.of(data[0], foot)
