@@ -19,7 +19,7 @@ from identification.engines.twin import carriers
 from identification.harmonics import Line
 from identification.plan.belief import Belief, believe
 from identification.plan.candidates import ADDED_MASSES_KG, Step, candidates, thesis, within
-from identification.plan.feet import Feet, Outlook, Score, Sums
+from identification.plan.feet import Cause, Feet, Outlook, Score, Sums
 from identification.plan.information import Seen, Sight
 from identification.plan.prior import Person, PlanVariables, stream
 from identification.plan.shaker import (
@@ -280,14 +280,10 @@ class Director:
         """What is expected if every candidate were recorded until no noise is left: what stays is not in the motion."""
         return self._feet.outlook(self._for_ever)
 
-    def causes(self) -> dict[str, str]:
-        """What keeps each constant uncertain then, in words: shares of its variance by what is not known beforehand."""
-        causes = {}
-        for name, shares in self._feet.causes(self._for_ever).items():
-            whole = {what: round(100 * share) for what, share in shares.items() if share >= _NAMED}
-            order = sorted(whole, key=lambda what: (-whole[what], what))
-            causes[name] = ", ".join(f"{what} {whole[what]} %" for what in order)
-        return causes
+    def causes(self) -> dict[str, tuple[Cause, ...]]:
+        """What keeps each constant uncertain then: what has a tenth of its variance or more, the largest first."""
+        causes = self._feet.causes(self._for_ever)
+        return {name: tuple(cause for cause in items if cause.share >= _NAMED) for name, items in causes.items()}
 
     @cached_property
     def _for_ever(self) -> Sums:

@@ -149,6 +149,24 @@ class _After:
     missed: np.ndarray
 
 
+@dataclass(frozen=True)
+class Cause:
+    """Why a constant stays uncertain.
+
+    Attributes:
+        kind: of the variable that is not known beforehand (`Nuisance.kind`); a constant's name.
+        name: of the variable.
+        share: of the constant's variance.
+    """
+
+    kind: str
+    name: str
+    share: float
+
+    def __str__(self) -> str:
+        return f"{self.name} {100 * self.share:.0f} %"
+
+
 class Feet:
     """Judges recordings.
 
@@ -168,7 +186,7 @@ class Feet:
         self._pp, self._p_rival = (self._P * true**2).sum(1), self._P * rival
         self._pp_rival = (self._P * rival**2).sum(1)
         self._held = np.where(seen.held, _HELD, self._P)[:, None] * np.eye(mean.size)
-        self._names, self._rivals = variables.names, _departures(variables)
+        self._variables, self._rivals = variables, _departures(variables)
         # derivatives (D, r, n): of the main constants' logarithms, the prior's slope, and units of the departures
         L = variables.slopes(variables.logarithms, seen.q, np.arange(mean.size))
         units = np.eye(mean.size)[[i for places in self._rivals for i in places]]
@@ -243,15 +261,17 @@ class Feet:
         missed = sums.c + self._pp_rival[:D] + (bent * nearer).sum(-1)
         return _After(C, known, of_rival, nearer, missed)
 
-    def causes(self, sums: Sums) -> dict[str, dict[str, float]]:
-        """What keeps each constant uncertain after recordings: by constant, shares of its variance by what is not known
-        beforehand, the mean over the feet, the largest first; the noise has the rest.
+    def causes(self, sums: Sums) -> dict[str, list[Cause]]:
+        """What keeps each constant uncertain after recordings, the largest first; the noise has the rest.
+
+        Shares are the mean over the feet.
         """
         P, L = self._P[self._felt], self._rows[:, 0, : len(EXCHANGED)]
         moved = L @ np.linalg.inv(sums.A + np.diag(P))
         share = (moved**2 * P / (moved * L).sum(-1, keepdims=True)).mean(0)
+        names, kinds = self._variables.names, self._variables.kinds
         return {
-            name: {self._names[self._felt[i]]: float(row[i]) for i in np.argsort(-row)}
+            name: [Cause(kinds[self._felt[k]], names[self._felt[k]], float(row[k])) for k in np.argsort(-row)]
             for name, row in zip(EXCHANGED, share, strict=True)
         }
 

@@ -24,7 +24,7 @@ from identification.plan.candidates import (
     thesis,
 )
 from identification.plan.director import GOAL, SHARE, Director
-from identification.plan.feet import Outlook, Score
+from identification.plan.feet import Cause, Outlook, Score
 from identification.plan.words import (
     chance,
     in_the_way,
@@ -83,7 +83,7 @@ _LEGEND = (
     "Gain: what a recording adds to the others, for all asked constants, for the one with the "
     "widest interval, and for the branch. Intervals: median of the feet (eight in ten)."
 )
-#: What measures a cause that the vibration does not show, by words of the cause.
+#: What measures a cause that the vibration does not show, by the kinds of nuisance.
 _MEASURED = {
     "weigh the segments": ("shank mass", "foot mass"),
     "calibrate the channels": ("gain", "delay"),
@@ -184,7 +184,7 @@ class Planned(Presented):
         expected: by protocol.
         asked: half-widths by constant; those that are not asked for are left out.
         reached: what is left if every candidate were recorded until no noise is left.
-        causes: what keeps each constant uncertain then, in words.
+        causes: what keeps each constant uncertain then.
         longer: what it takes to meet what the noise is in the way of; None where nothing is.
         excluding: half-widths after the plan if one group of what is uncertain were known, by its
             name.
@@ -212,7 +212,7 @@ class Planned(Presented):
     expected: dict[str, Expected]
     asked: dict[str, float]
     reached: Outlook
-    causes: dict[str, str]
+    causes: dict[str, tuple[Cause, ...]]
     longer: Longer | None
     excluding: dict[str, dict[str, float]]
     offers: tuple[Offer, ...]
@@ -431,7 +431,8 @@ class Planned(Presented):
             "goal_probability": self.mine.goal(), "begin_with": first and first.sensor,
             "never": {
                 "constants": list(self.never), "relative_half_width": self.reached.half_width,
-                "decided_share": self.reached.decided, "variance": {name: self.causes[name] for name in self.never},
+                "decided_share": self.reached.decided,
+                "variance": {name: _texts(self.causes[name]) for name in self.never},
             },
             "longer": None if self.longer is None else asdict(self.longer), "excluding": self.excluding,
             "offers": [offer.document() for offer in self.offers],
@@ -545,10 +546,14 @@ def goal(asked: Mapping[str, float]) -> str:
     return f"Asked: {widths}{usual}, and the branch.{f' Not asked: {rest}.' if rest else ''}"
 
 
+def _texts(causes: Sequence[Cause]) -> str:
+    return ", ".join(map(str, causes))
+
+
 def nothing_brings(
     reached: Outlook,
     asked: Mapping[str, float],
-    causes: Mapping[str, str],
+    causes: Mapping[str, Sequence[Cause]],
     names: Sequence[str],
     open_: bool,
     loads_kg: Sequence[float],
@@ -569,7 +574,7 @@ def nothing_brings(
         return ""
     together: dict[str, list[str]] = {}
     for name in names:
-        together.setdefault(causes[name], []).append(
+        together.setdefault(_texts(causes[name]), []).append(
             f"{name} below +-{percent(reached.half_width[name])} (+-{percent(asked[name])} asked)"
         )
     what = [
@@ -579,8 +584,8 @@ def nothing_brings(
     parts = [f"brings {', nor '.join(what)}"] if what else []
     if open_:
         parts.append(f"decides the branch with more than {chance(reached.decided)}")
-    why = " ".join(together)
-    ways = [way for way, words in _MEASURED.items() if any(word in why for word in words)]
+    kinds = {cause.kind for name in names for cause in causes[name]}
+    ways = [way for way, measured in _MEASURED.items() if not kinds.isdisjoint(measured)]
     if open_ or not ways:
         ways += ["add a load"] * (len(set(loads_kg)) < 2)
         ways += ["wear a sensor on the foot"] * ("foot" not in sensors)
