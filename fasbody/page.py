@@ -1,16 +1,19 @@
 """Results on the terminal, and on one self-contained page: report.html."""
 
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import date
 from importlib import import_module
 from inspect import cleandoc
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from rich import box
+from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
+from rich.text import Text
 
 from fasbody.console import console, results, write_whole
 from fasbody.presentation import Presented, Sheet, inline, picture, write_figure
@@ -18,6 +21,9 @@ from fasbody.presentation import Presented, Sheet, inline, picture, write_figure
 if TYPE_CHECKING:
     from jinja2 import Environment
     from markupsafe import Markup
+
+#: Characters of a name in the first column that stay in one line.
+_NAME = 20
 
 
 @dataclass(frozen=True)
@@ -63,17 +69,56 @@ def show(sheet: Sheet, *words: str) -> None:
         sheet: of a result.
         words: the columns of words; the others are of numbers.
     """
-    table = Table(title=escape(sheet.title), title_justify="left", box=box.SIMPLE_HEAD, padding=0)
-    table.show_edge = False
-    for column in sheet.columns:
-        table.add_column(escape(column), justify="left" if column in words else "right")
-    for row in sheet.rows:
-        table.add_row(*map(escape, row))
-    results.print(table)
+    print_table(sheet.columns, [tuple(map(escape, row)) for row in sheet.rows], words, title=sheet.title)
     for number, text in enumerate(sheet.notes):
         results.print(escape(text) if number else f"[bold]{escape(text)}[/]", soft_wrap=True)
 
 
+def print_table(
+    columns: Sequence[str],
+    rows: Sequence[Sequence[str]],
+    words: Sequence[str] = (),
+    spared: Sequence[str] = (),
+    title: str = "",
+) -> None:
+    """Print a table of whole numbers: where room lacks, headings break, then columns are left out and named.
+
+    Args:
+        columns: headings; the first column folds, and stays.
+        rows: cells, as markup.
+        words: the columns of words; the others are of numbers.
+        spared: the columns that go first, in this order; the others go from the right.
+        title: above the table.
+    """
+    out = Console(highlight=False, width=None if os.environ.get("COLUMNS", "").isdigit() else results.width)
+    order = [*(name for name in spared if name in columns), *(name for name in columns[:0:-1] if name not in spared)]
+
+    def table(dropped: Sequence[str], broken: bool) -> Table:
+        made = Table(title=escape(title), title_justify="left", box=box.SIMPLE_HEAD, show_edge=False, padding=0)
+        kept = [i for i, name in enumerate(columns) if name not in dropped]
+        for i in kept:
+            heading = escape(columns[i].replace(" ", "\n") if broken else columns[i])
+            side: Literal["left", "right"] = "left" if columns[i] in words else "right"
+            if i:
+                made.add_column(heading, justify=side, no_wrap=True, overflow="crop")
+            else:
+                longest = max((Text.from_markup(row[0]).cell_len for row in rows), default=0)
+                made.add_column(heading, justify=side, overflow="fold", min_width=min(_NAME, longest))
+        for row in rows:
+            made.add_row(*(row[i] for i in kept))
+        return made
+
+    room = out.options.update(width=10_000)
+    layouts = [(0, False), *((count, True) for count in range(len(order) + 1))]
+    for count, broken in layouts:
+        made = table(order[:count], broken)
+        need = out.measure(made, options=room)
+        if (need.minimum if broken else need.maximum) <= out.width:
+            break
+    out.print(made)
+    if count:
+        left = ", ".join(name for name in columns if name in order[:count])
+        out.print(f"left out for want of room: {left}; more with --json or in --report", markup=False, soft_wrap=True)
 def write(result: Presented, folder: Path, command: str) -> list[Path]:
     """Write the numbers of a result, each figure as SVG and PNG, and report.html; say so.
 

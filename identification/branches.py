@@ -26,6 +26,12 @@ DOES_NOT_FOLLOW = (
     "No branch is decided, as the model does not follow the recordings: they would have to repeat no better than to "
     "{percent:.3g} %. People repeat to 2 to 5 %, and beyond {bound:.3g} % nothing is decided."
 )
+#: Chi-square per degree of freedom beyond which a model assumed exact is not exact, and decides nothing.
+MISSES = 2.0
+NOT_EXACT = (
+    "No branch is decided, as the model is assumed exact and misses the recordings: chi-square {excess:.3g} per degree "
+    "of freedom, and {bound:g} is the most."
+)
 FOLLOWS_LITTLE = (
     "No branch is decided, as the model does not follow the recordings: it follows {percent:.0f} % of them in the "
     "mean, and {least:g} % is the least."
@@ -38,6 +44,11 @@ NOT_EXHAUSTED = (
 STIFF_ANKLE, STIFF_PAD = "stiff ankle", "stiff pad"
 #: What a foot and its mirror image exchange.
 EXCHANGED = ("k_T", "k_F", "c_11", "c_21")
+
+
+def misses(chi_square: float, dof: int) -> bool:
+    """Whether a model assumed exact misses its recordings by more than their noise."""
+    return chi_square > MISSES * max(1, dof)
 
 
 def ratio(masses: Sequence[Mapping[str, float]], values: Mapping[str, float]) -> float:

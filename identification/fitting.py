@@ -18,7 +18,7 @@ from identification.branches import Recorded, Verdict
 from identification.evidence import Evidence
 from identification.lifting import contacts
 from identification.recommendations import LEAST_FIT, advice, excitation_rank, follows
-from identification.result import MISSES, FitResult, RecordingFit, trusting, without_exact
+from identification.result import FitResult, RecordingFit, trusting, without_exact
 from identification.setup import Settings, Setup, provenance, tells_delay, with_settings
 
 _TRUSTS = (
@@ -177,7 +177,7 @@ def _transient(setup: Setup, settings: Settings, advance: Advance, interruptible
     if setup.why_not or search.left_out:
         why = setup.why_not or branches.LEFT_OUT.format(name=search.left_out[0])
         verdict = Verdict("not compared", 0.0, why)
-    follow = bool(follows(np.mean(run.fits))) or first.chi_square <= MISSES * max(1, first.dof)
+    follow = bool(follows(np.mean(run.fits))) or not branches.misses(first.chi_square, first.dof)
     if not follow and str(verdict) != "not compared":
         text = branches.FOLLOWS_LITTLE.format(percent=np.mean(run.fits), least=LEAST_FIT)
         verdict = Verdict("undecided", verdict.log_likelihood_ratio, text)

@@ -128,9 +128,12 @@ class Solution:
         return float(least + nu * np.log1p(max(0.0, objective - least) / nu))
 
     def slopes(self, function) -> np.ndarray:  # type: ignore[no-untyped-def]
-        """(m, n) derivatives of a function (m,) of q (n,), by central differences."""
+        """(m, n) derivatives of a function (m,) of q (n,), by differences: central ones, one-sided at a bound."""
+        low, high = self.problem.variables.bounds
         steps = _STEP * np.eye(self.q.size)
-        return np.stack([(function(self.q + d) - function(self.q - d)) / (2 * _STEP) for d in steps], 1)
+        above, below = np.minimum(self.q + steps, high), np.maximum(self.q - steps, low)
+        length = np.diagonal(above - below)
+        return np.stack([function(a) - function(b) for a, b in zip(above, below, strict=True)], 1) / length
 
     def spread(self, J: np.ndarray) -> np.ndarray:
         """(m,) standard errors of what has the derivatives J (m, n); infinite where the recordings set no limit."""

@@ -13,6 +13,7 @@ from fasbody.foot.parameters import of_channel, symbol_and_unit
 from fasbody.presentation import Presented, Sheet, Tabled, readable
 from fasbody.recording.recording import Recording
 from fasbody.sentences import Sentence, called
+from identification.branches import misses
 from identification.contact import Contact
 from identification.contact import summary as lifted
 from identification.estimates import IF_TRUE, WHATEVER, Allowance, Estimate, Mass, label
@@ -26,8 +27,6 @@ if TYPE_CHECKING:
 
 #: Chance below which the model is said to miss the recordings.
 UNLIKELY = 1e-3
-#: Chi-square per degree of freedom beyond which what the model alone says of forces is no more than a hint.
-MISSES = 2.0
 _EXACT = ", model assumed exact"
 
 
@@ -310,7 +309,7 @@ class FitResult(Presented):
         """That the foot would leave the table, in a sentence; nothing where the table only presses."""
         text = lifted(self.contact)
         best = self.best
-        if text and self.domain == "periodic" and best.dof and best.chi_square > MISSES * best.dof:
+        if text and self.domain == "periodic" and misses(best.chi_square, best.dof):
             text += " This force is rough: it is of the model without sensor errors, which misses these recordings."
         return [text] if text else []
 

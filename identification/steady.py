@@ -239,8 +239,10 @@ def branch_of(fitted: Fitted, solution: Solution, recordings: Sequence[Recording
 def _beside(e: Estimate, exact: Estimate | None, follows: bool, solution: Solution) -> Estimate:
     """An estimate with the one of the exact model beside it, and words no surer than the fit."""
     if exact is None:
-        word = e.identifiability if e.identifiability == "not identifiable" else e.identifiability + EXACT
-        return replace(e, identifiability=word)
+        word = e.identifiability
+        if word == "identified" and branches.misses(solution.chi_square, solution.dof):
+            word = "weak"  # what is assumed exact is not
+        return replace(e, identifiability=word if word == "not identifiable" else word + EXACT)
     if exact.identifiability != "not identifiable":
         exact = replace(exact, identifiability=exact.identifiability + EXACT)
     word = e.identifiability
@@ -266,6 +268,9 @@ def verdict_of(fitted: Fitted, built: Sequence[Branch], recorded: Recorded, why_
     excess, dof = (0.0, best.dof) if fitted.exact else (best.chi_square, best.dof)
     verdict = branches.judge([b.name for b in built], objectives, excess, dof, rests, recorded)
     departures = built[0].departures
+    if not fitted.exact and len(built) > 1 and branches.misses(best.chi_square, best.dof):
+        text = branches.NOT_EXACT.format(excess=best.chi_square / max(1, best.dof), bound=branches.MISSES)
+        return Verdict("undecided", verdict.log_likelihood_ratio, text)
     if departures is not None and not departures.follows and len(built) > 1:
         text = branches.DOES_NOT_FOLLOW.format(percent=100 * best.problem.repeatability, bound=100 * FOLLOWS)
         return Verdict("undecided", verdict.log_likelihood_ratio, text)

@@ -66,7 +66,7 @@ def plain(
     starts = [{"start": str(i), "cost": 10.0 + 5 * i, "branch": made[i % len(made)]["name"]} for i in range(3)]
     result = {
         "branches": made, "fit_percent": 90.0, "recordings": [{**at, "fit_percent": 90.0}], "verdict": "undecided",
-        "starts": starts, "goodness_of_fit": {"chi_square": 10.0, "dof": 10},
+        "domain": "periodic", "starts": starts, "goodness_of_fit": {"chi_square": 10.0, "dof": 10},
     }  # fmt: skip
     t = 2 * np.pi * np.arange(64) / 64
     parts = {

@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import oracle
 import pytest
+from steady_cases import BENT, session
 
 from fasbody.console import to_json
 from fasbody.exceptions import RecordingError, SettingError
@@ -183,3 +184,13 @@ def test_samples_that_the_model_does_not_follow_decide_and_offer_nothing(foot: F
     assert ("does not follow" in result.sentence()) is not follows
     assert follows or result.verdict == "undecided"
     assert any("These intervals and odds assume" in text for text in result.warnings) == follows
+
+
+@pytest.mark.parametrize(("scatter", "decided"), [(2e-4, True), (6e-4, False)])
+def test_an_exact_model_that_misses_its_recordings_decides_nothing(foot: Foot, scatter: float, decided: bool) -> None:
+    """At odds of more than a million to 1 on both sides; chi-square is 1.2 and 3.7 per degree of freedom."""
+    data = session(BENT, (12.0, 25.0, 40.0), (0.0, 4.5), scatter=scatter, second=True)
+    result = fit_foot(data, foot, starts=4, threads=1, departures=False)
+    assert result.log_likelihood_ratio > np.log(1e6) and (result.verdict == "decided") is decided
+    assert ("misses the recordings" in result.reason) is not decided
+    assert result["k_T"].identifiability == f"{'identified' if decided else 'weak'}, model assumed exact"

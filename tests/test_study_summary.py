@@ -10,6 +10,7 @@ from made_fits import failed, plain
 from scipy import stats
 
 from identification.study import summary
+from identification.study.findings import Findings
 from identification.study.means import BAND, mean_curve, spline
 
 
@@ -242,3 +243,15 @@ def test_what_matters_first_is_said_alone() -> None:
     assert "1 of 2 pooled fits" in changes and "--starts" not in changes
     assert "--starts" in summary.first([fit("pooled", 60.0, True)])
     assert summary.first([fit("pooled", 99.0, True)]).endswith("1 of 1 pooled fits.")
+
+
+@pytest.mark.parametrize(("chi_square", "measured"), [(19.0, True), (21.0, False)])
+def test_a_recording_that_an_exact_model_misses_measures_nothing(chi_square: float, measured: bool) -> None:
+    both = {name: {**e, "k_F_n_per_m": (50.0, 2.0, "weak")} for name, e in one(100.0).items()}
+    fit = plain("per-recording", "1", 0.0, 10.0, both)
+    fit["result"]["goodness_of_fit"] = {"chi_square": chi_square, "dof": 10}
+    assert bool(summary.misfit(fit)) is not measured
+    assert bool(summary.measured(summary.tidy([fit])).any()) is measured
+    findings = Findings([fit])
+    assert findings.subjects[0].sentence.startswith("No fit follows") is not measured
+    assert ("--mode pooled" in findings.without_intervals) is not measured

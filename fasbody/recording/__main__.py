@@ -1,13 +1,10 @@
 """`python -m fasbody.recording`: check what a file holds, convert it to another format, init a study of a folder."""
 
-import os
-import sys
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from rich.console import Console
 from rich.markup import escape
 
 from fasbody.console import command_line, console, print_json, results, to_json, write_whole
@@ -20,15 +17,11 @@ if TYPE_CHECKING:
 #: Of more recordings only those are listed that are not sound.
 _MANY = 100
 
-#: Characters of a file's name that stay in one line.
-_NAME = 20
 #: Kinds of files, by what their columns are used for, that are listed.
 _LEDGERS = 6
 
 #: Columns that a narrow terminal goes without, in this order, before and after the rms of the channels.
 _SPARED = ("samples", "rate [Hz]"), ("phase [deg]", "T")
-#: Characters of a line in a file or a pipe, where COLUMNS does not say otherwise.
-_PIPE = 120
 
 #: What is shown of a sine, and how.
 _OF_A_SINE = {"transmissibility": "f", "phase_deg": "g"}
@@ -135,6 +128,7 @@ def _of_file(file: Path, layout: "Layout | None", drawn: bool) -> dict[str, Any]
 
 def _by_subject(rows: list[dict[str, Any]]) -> None:
     """Quality of a study by subject: how many recordings serve, and the worst of what is told of them."""
+    from fasbody.page import print_table
     from fasbody.recording.checks import QUALITIES, quality_cells, verdict
 
     subjects = list(dict.fromkeys(row["subject"] for row in rows if row.get("subject")))
@@ -153,7 +147,7 @@ def _by_subject(rows: list[dict[str, Any]]) -> None:
         lines.append(
             (escape(subject), str(len(mine)), str(verdicts.count("sound")), str(verdicts.count("unusable")), *worst)
         )
-    _print_table(heads, lines)
+    print_table(heads, lines, ("subject",))
 
 
 def _check_heel(path: Path, json_: bool) -> None:
@@ -321,48 +315,8 @@ def _layout(study: Path | None, columns: str | None, take: int | None) -> "Layou
     return layout if take is None else replace(layout or Layout(), take=take)
 
 
-def _print_table(heads: tuple[str, ...], lines: list[tuple[str, ...]], spared: tuple[str, ...] = ()) -> None:
-    """Print whole numbers only: where room lacks, columns are left out and named.
-
-    Args:
-        heads: of the columns; the first column folds.
-        lines: cells, as markup.
-        spared: heads of the columns that go first, in this order; the others go from the right.
-    """
-    from rich.box import SIMPLE_HEAD
-    from rich.table import Table
-
-    fixed = None if sys.stdout.isatty() or os.environ.get("COLUMNS", "").isdigit() else _PIPE
-    out = Console(highlight=False, width=fixed)
-    room = out.options.update(width=10_000)
-
-    def table(chosen: list[str]) -> Table:
-        made = Table(box=SIMPLE_HEAD, show_edge=False, padding=0)
-        for i, head in enumerate(heads):
-            if head not in chosen:
-                continue
-            text = escape(head.replace(" ", "\n"))
-            if i:
-                made.add_column(text, justify="left" if head == "verdict" else "right", no_wrap=True, overflow="crop")
-            else:
-                longest = max((len(line[0]) for line in lines), default=0)
-                made.add_column(text, overflow="fold", min_width=min(_NAME, longest))
-        for line in lines:
-            made.add_row(*(cell for head, cell in zip(heads, line, strict=True) if head in chosen))
-        return made
-
-    order = [*(head for head in spared if head in heads), *(head for head in heads[:1:-1] if head not in spared)]
-    chosen, left = list(heads), []
-    while order and out.measure(table(chosen), options=room).minimum > out.width:
-        left.append(order.pop(0))
-        chosen.remove(left[-1])
-    out.print(table(chosen))
-    if left:
-        names = ", ".join(head for head in heads if head in left)
-        out.print(f"left out for want of room: {names}; more with --json or in --report", markup=False, soft_wrap=True)
-
-
 def _show(rows: list[dict[str, Any]]) -> None:
+    from fasbody.page import print_table
     from fasbody.recording.checks import QUALITIES, quality_cells, verdict
 
     colours = {"unusable": "red", "usable, see below": "yellow", "sound": "default"}
@@ -386,7 +340,7 @@ def _show(rows: list[dict[str, Any]]) -> None:
             *quality_cells(row),
         ))  # fmt: skip
     if listed:
-        _print_table(heads, lines, (*_SPARED[0], *felt, *_SPARED[1]))
+        print_table(heads, lines, ("file", "verdict"), (*_SPARED[0], *felt, *_SPARED[1]))
     if len(listed) < len(rows):
         results.print(f"{len(rows) - len(listed)} more recordings are sound (--json lists them).", markup=False)
     alike: dict[tuple[tuple[str, ...], tuple[str, ...]], list[str]] = {}

@@ -225,8 +225,8 @@ def show(findings: "Findings", run: Mapping[str, Any], as_json: bool) -> None:
             text = f"subject {s.subject}, {s.posture}, {s.mode}: {s.sentence}"
             results.print(text, markup=False, soft_wrap=True)
     odd = [text for p in findings.populations for text in p.odd()]
-    remarks = first(documents, findings.tracked), *findings.no_population, *odd, findings.elsewhere
-    for sentence in filter(None, remarks):
+    remarks = [first(documents, findings.tracked), findings.without_intervals, *findings.no_population, *odd]
+    for sentence in filter(None, [*remarks, findings.elsewhere]):
         console.print(sentence, style="yellow", markup=False, soft_wrap=True)
     left_out = [text for d in documents if d["status"] == "done" for text in d["left_out"]]
     others = [f"failed: {text}" for text in failures(failed)] + [f"left out: {t}" for t in left_out]

@@ -137,6 +137,17 @@ class Findings:
             sentences.append(f"{documents} in this folder{other} {made}, and {is_} not shown.")
         return " ".join(sentences)
 
+    @property
+    def without_intervals(self) -> str:
+        """That no fit of one recording has an interval, in a sentence; empty where one has."""
+        alone = self.table[self.table["mode"] == "per-recording"]
+        if alone.empty or summary.measured(alone).any():
+            return ""
+        return (
+            "No estimate has an interval: one frequency has fewer numbers than there are constants. "
+            "Fit the frequencies of a subject together with --mode pooled, or fewer constants with --free."
+        )
+
     def of(self, kind: str) -> list[tuple[Document, Document]]:
         """Document and result of each check of a kind that is done."""
         done = (check for check in self.checks if check["status"] == "done")

@@ -7,7 +7,7 @@ import numpy as np
 import pandas as pd
 
 from fasbody.foot.parameters import symbol_and_unit
-from identification.branches import STIFF_ANKLE, STIFF_PAD
+from identification.branches import STIFF_ANKLE, STIFF_PAD, misses
 from identification.recommendations import LEAST_FIT, follows
 from identification.study.truth import Truth
 
@@ -67,12 +67,16 @@ def displayed_branch(document: Document, tracked: Mapping[str, str] | None = Non
 
 
 def misfit(document: Document) -> str:
-    """Why a pooled fit that is done says nothing of its foot; empty where it does.
+    """Why a fit that is done says nothing of its foot; empty where it does.
 
     Such a fit has no odds, intervals or energies.
     """
-    best = document["result"]["branches"][0]
+    result = document["result"]
+    best, goodness = result["branches"][0], result["goodness_of_fit"]
     world = best.get("world")
+    alone = document["mode"] != "pooled" and result["domain"] == "periodic" and not world
+    if alone and misses(goodness["chi_square"], goodness["dof"]):
+        return "the model is assumed exact and misses the recording"
     if document["mode"] != "pooled" or (world["follows"] if world else follows(best["fit_percent"])):
         return ""
     if world:
