@@ -25,6 +25,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from fasbody.exceptions import FasError, InputFileError, SettingError, Stopped
+from fasbody.progress import Advance
 from fasbody.usage import option_of, sentence
 
 if TYPE_CHECKING:
@@ -293,7 +294,7 @@ def progress_bar() -> Iterator[Progress]:
 
 
 @contextmanager
-def stages() -> Iterator[Callable[[str, int, int], None]]:
+def stages() -> Iterator[Advance]:
     """A progress bar of work in stages: yields a callback that takes the stage, what is done, and the total."""
     with progress_bar() as progress:
         task = progress.add_task("reading", total=None)

@@ -2,7 +2,7 @@
 
 import functools
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -11,6 +11,7 @@ from threadpoolctl import ThreadpoolController
 
 from fasbody.exceptions import SettingError
 from fasbody.foot.model import Foot
+from fasbody.progress import Advance, silent
 from fasbody.recording.recording import UNSTATED, Recording
 from fasbody.recording.study import Study
 from identification import branches, steady
@@ -29,8 +30,6 @@ _TRUSTS_NOT = (
     "The odds assume the model, the stated masses and the instrument exact: errors of model and sensors are included "
     "only where all recordings are settled sines, at several frequencies."
 )
-#: Called with what is done, how many, and of how many.
-Advance = Callable[[str, int, int], None]
 
 
 def fit_foot(
@@ -38,7 +37,7 @@ def fit_foot(
     foot: Foot,
     settings: Settings | None = None,
     *,
-    advance: Advance = lambda what, done, total: None,
+    advance: Advance = silent,
     interruptible: bool = True,
     **chosen: Any,
 ) -> FitResult:

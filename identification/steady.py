@@ -5,7 +5,7 @@ replayed in MuJoCo. The same problem with the nuisances held says what the inter
 laws were exact.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -14,6 +14,7 @@ from scipy.special import chdtrc
 
 from fasbody.exceptions import SimulationError
 from fasbody.foot.model import Foot
+from fasbody.progress import Advance, silent
 from fasbody.recording.known import Known
 from fasbody.recording.recording import Recording
 from identification import branches, optimiser
@@ -64,8 +65,6 @@ _HELD = (0.02,)
 _ENOUGH, _MOST_HARMONICS = 0.01, 48
 EXACT = ", model assumed exact"
 
-#: Called with what is done, how many, and of how many.
-Advance = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -135,7 +134,7 @@ def problem_of(
 
 
 def fit(
-    problem: Problem, foot: Foot, starts: int, seed: int, allow: bool, advance: Advance = lambda what, done, total: None
+    problem: Problem, foot: Foot, starts: int, seed: int, allow: bool, advance: Advance = silent
 ) -> Fitted:
     """Search, hold, and replay.
 

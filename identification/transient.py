@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fasbody.exceptions import SimulationError
+from fasbody.progress import Advance
 from identification import branches, multistart, steady
 from identification.branches import STIFF_ANKLE, STIFF_PAD
 from identification.certification import Certified, certify_first, standard_errors
@@ -28,7 +29,6 @@ _IMAGES, _APART = 4, 1e-2
 _SCREENED = 3
 _PASSED_OVER = "The best end of the {name} branch was passed over: its motion does not last in MuJoCo."
 
-Advance = Callable[[str, int, int], None]
 Place = tuple[str, np.ndarray]
 
 

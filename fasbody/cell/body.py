@@ -3,7 +3,7 @@
 Elements, matrices and solver are those of the cell. `python -m fasbody.cell modes`; docs/cell.md.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar, TypeVar
@@ -47,9 +47,9 @@ from fasbody.exceptions import (
     unknown,
 )
 from fasbody.presentation import Tabled
+from fasbody.progress import Advance, silent
 
 T = TypeVar("T")
-Advance = Callable[[str, int, int], None]
 #: Meshing, and the modes of either mesh.
 STEPS = 3
 #: Length units of files [um].
@@ -368,7 +368,7 @@ class BodyModes(ModalAnalysis):
 def body_modes(
     body: Body, materials: Mapping[str | None, Material], support: str = "free", *,
     part: str | None = None, count: int = 10, way: str | None = None,
-    advance: Advance = lambda what, done, total: None,
+    advance: Advance = silent,
 ) -> BodyModes:  # fmt: skip
     """The lowest modes of a body.
 
@@ -434,7 +434,7 @@ class ShakenBody(Tabled):
 def shaken_body(
     body: Body, materials: Mapping[str | None, Material],
     solids: Mapping[str | None, StandardLinearSolid], support: str = "base", *,
-    part: str | None = None, count: int = 20, advance: Advance = lambda what, done, total: None,
+    part: str | None = None, count: int = 20, advance: Advance = silent,
 ) -> ShakenBody:  # fmt: skip
     """Damping and response from a hundredth of the first frequency to the last; see `body_modes`.
 

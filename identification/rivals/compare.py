@@ -8,6 +8,7 @@ import numpy as np
 
 from fasbody.exceptions import ModelError, RecordingError, SettingError, unknown
 from fasbody.foot.model import Foot, load
+from fasbody.progress import Advance, silent
 from fasbody.recording.checks import apart, checked
 from fasbody.recording.known import Known
 from fasbody.recording.recording import Recording
@@ -27,7 +28,7 @@ from identification.rivals.ladder import (
     rungs_of,
 )
 from identification.rivals.result import MODEL, Point, Rival, RivalConstant, Rivals, preferred
-from identification.rivals.search import Advance, Contender, climb, held_out
+from identification.rivals.search import Contender, climb, held_out
 from identification.setup import is_steady
 
 
@@ -41,7 +42,7 @@ def compare_rivals(
     gain_std: float | None = None,
     delay_std_s: float | None = None,
     source: str = "",
-    advance: Advance = lambda what, done, total: None,
+    advance: Advance = silent,
 ) -> Rivals:
     """Compare rival models on recordings of one foot in steady vibration.
 

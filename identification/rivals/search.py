@@ -1,10 +1,11 @@
 """Optima of rivals on each branch, repeatability of recordings, held-out predictions."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from fasbody.progress import Advance
 from identification import optimiser
 from identification.intervals import Solution
 from identification.optimiser import Optimum
@@ -17,8 +18,6 @@ _STARTS, _NEAREST, _REFIT = 2, 3, 15
 #: Prior of variables that neither a prior nor the recordings determine, too weak to matter.
 _FLAT = 1e-9
 
-#: Called with the stage, the number done and the total.
-Advance = Callable[[str, int, int], None]
 
 
 @dataclass(frozen=True, eq=False)
