@@ -117,7 +117,7 @@ OF_SENSOR = (
 )  # fmt: skip
 #: Of the leg, which rocks as one body.
 OF_LEG = (
-    _log("rocking frequency", "rocking", "Hz", 60, 0.2, 30, 150,
+    _log("rocking frequency", "rocking", "Hz", 60, 0.4, 20, 150,
          "legs rock at tens of hertz; no measurement is known to us", "of the leg's rotation"),
     Nuisance("rocking damping", "rocking", "", 0.1, 0.05, 0.01, 0.5, "as soft tissue", "ratio of the leg's rotation"),
 )  # fmt: skip

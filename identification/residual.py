@@ -18,6 +18,8 @@ from identification.variables import Variables
 
 #: Every residual where there is no motion.
 NO_MOTION = 1e6
+#: How far the logarithm of a spring may lie outside its bounds, as a standard deviation: next to nothing.
+_WALL = 1e-5
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,7 +206,8 @@ class Problem:
         known = np.isfinite(std) & ~self.held
         prior = ((Q - mean) / std)[:, known]
         rows = np.broadcast_to((np.eye(n) / std)[known], (len(Q), int(known.sum()), n))
-        r, J = np.concatenate([r, prior], 1), np.concatenate([J, rows], 1)
+        outside, walls = variables.outside(Q)
+        r, J = np.concatenate([r, prior, outside / _WALL], 1), np.concatenate([J, rows, walls / _WALL], 1)
         J[..., self.held] = 0.0
         good = moves & np.isfinite(r).all(1) & np.isfinite(J).all((1, 2))
         r, J = np.where(good[:, None], r, NO_MOTION), np.where(good[:, None, None], J, 0.0)

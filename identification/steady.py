@@ -64,6 +64,8 @@ _HELD = (0.02,)
 #: Change of the sum of squares below which twice the harmonics say the same, and harmonics at most.
 _ENOUGH, _MOST_HARMONICS = 0.01, 48
 EXACT = ", model assumed exact"
+#: Beyond its bounds by this factor a spring or damper is as good as rigid or absent.
+_FURTHER = 100.0
 
 
 
@@ -253,6 +255,28 @@ def _beside(e: Estimate, exact: Estimate | None, follows: bool, solution: Soluti
     return replace(e, identifiability=word, if_model_true=exact)
 
 
+def _beyond(solution: Solution, best: Solution, rests: Sequence[str]) -> float | None:
+    """Least sum of squares of a branch where the bounds on which it rests are `_FURTHER` times as far out.
+
+    Args:
+        solution: the end that rests on them.
+        best: the end of the other branch, whose mirror image may lie there.
+        rests: constants.
+
+    Returns:
+        the sum; None where the search does not come to its end.
+    """
+    problem, sign = solution.problem, solution.optimum.sign
+    space = problem.variables.space
+    further = np.where([item.name in rests for item in space.free], _FURTHER, 1.0)
+    space = replace(space, lower=space.lower / further, upper=space.upper * further)
+    wider = replace(problem, variables=replace(problem.variables, space=space))
+    first = np.concatenate([solution.q[None], wider.variables.image(best.q[None])])
+    settings = _SETTINGS[problem.variables.two_mass]
+    search = optimiser.search(wider, (sign,), first=first, estimate=False, smooth=settings.smooth, **settings.descent)
+    return search.optima[0].objective if search.optima[0].exhausted else None
+
+
 def verdict_of(fitted: Fitted, built: Sequence[Branch], recorded: Recorded, why_not: str) -> Verdict:
     """Whether the data decide between the branches."""
     solutions = fitted.solutions
@@ -264,8 +288,15 @@ def verdict_of(fitted: Fitted, built: Sequence[Branch], recorded: Recorded, why_
     objectives = [solution.optimum.objective for solution in solutions]
     if fitted.exact:
         objectives = [best.deviance(objective) for objective in objectives]
-    excess, dof = (0.0, best.dof) if fitted.exact else (best.chi_square, best.dof)
-    verdict = branches.judge([b.name for b in built], objectives, excess, dof, rests, recorded)
+    misfit = (0.0, best.dof) if fitted.exact else (best.chi_square, best.dof)
+    names = [b.name for b in built]
+    verdict = branches.judge(names, objectives, *misfit, rests, recorded)
+    if rests and len(built) > 1 and verdict.log_likelihood_ratio > np.log(branches.DECISIVE_ODDS):
+        beyond = _beyond(solutions[-1], best, rests)
+        if beyond is not None:
+            objectives[-1] = best.deviance(beyond) if fitted.exact else beyond
+            free = branches.judge(names, objectives, *misfit, (), recorded)
+            verdict = free if free.word == "decided" else verdict
     departures = built[0].departures
     if not fitted.exact and len(built) > 1 and branches.misses(best.chi_square, best.dof):
         text = branches.NOT_EXACT.format(excess=best.chi_square / max(1, best.dof), bound=branches.MISSES)

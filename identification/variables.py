@@ -134,6 +134,21 @@ class Variables:
             low[i], high[i] = item.lower / item.std, item.upper / item.std
         return low, high
 
+    def outside(self, Q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """How far the logarithms of k_T and k_F lie outside their bounds (C, k) at Q (C, n), and derivatives (C, k, n).
+
+        Nothing, k = 0, where they are searched themselves: their bounds are then those of the search variable.
+        """
+        if self.ratio is None:
+            return np.zeros((len(Q), 0)), np.zeros((len(Q), 0, self.size))
+        beyond, slopes = np.zeros((len(Q), 2)), np.zeros((len(Q), 2, self.size))
+        for row, (name, half) in enumerate((("k_T", 0.5), ("k_F", -0.5))):
+            ends = np.log([limit[self._item[name]] for limit in (self.space.lower, self.space.upper)])
+            x = np.log(self._constant(Q, name))
+            beyond[:, row] = x - np.clip(x, *ends)
+            slopes[:, row, [self.index["k_T"], self.index["k_F"]]] = (beyond[:, row] != 0)[:, None] * [1.0, half]
+        return beyond, slopes
+
     def side(self, sign: int) -> tuple[np.ndarray, np.ndarray]:
         """The bounds (n,) of one side of the mirror: rho above zero for 1, below for -1, all for 0."""
         low, high = (limit.copy() for limit in self.bounds)

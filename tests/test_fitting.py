@@ -194,3 +194,20 @@ def test_an_exact_model_that_misses_its_recordings_decides_nothing(foot: Foot, s
     assert result.log_likelihood_ratio > np.log(1e6) and (result.verdict == "decided") is decided
     assert ("misses the recordings" in result.reason) is not decided
     assert result["k_T"].identifiability == f"{'identified' if decided else 'weak'}, model assumed exact"
+
+
+@pytest.mark.parametrize(
+    ("bends", "second", "verdict"), [(0.0, False, "undecided"), (1.0, False, "decided"), (1.0, True, "decided")]
+)
+def test_a_mirror_image_beyond_its_bounds_counts(foot: Foot, bends: float, second: bool, verdict: str) -> None:
+    """A linear foot has one that fits as well; of one that bends the data, and not the bounds, speak against it."""
+    truth = {**TRUTH, **{name: bends * BENT[name] for name in ("c_12", "c_13", "c_22", "c_23")}}
+    data = session(truth, (12.0, 20.0, 28.0, 40.0), second=second)
+    result = fit_foot(data, foot, starts=4, threads=1, exclude=("all",), mass_std=0.01, bounds={"k_T": (1.2e5, 1e6)})
+    assert (result.best.name, result.verdict) == ("stiff ankle", verdict)
+    assert ("rests on the bound of k_T" in result.reason) is (verdict == "undecided")
+    rival = result.branches[1].parameters["k_T_n_per_m"]
+    assert rival.at_bound and rival.value == pytest.approx(1.2e5)
+    for solution in result.evidence.solutions:  # what is reported is what was fitted
+        reported = next(b for b in result.branches if b.name == solution.branch).parameters["k_T_n_per_m"]
+        assert float(solution.problem.variables.dynamic(solution.q)["k_T"]) == pytest.approx(reported.value, rel=1e-4)
