@@ -15,7 +15,7 @@ SETTINGS: Mapping[str, tuple[str, str]] = {
     "free": ("--free", "their boxes"),
     "bounds": ("--bounds", "the small numbers under a slider"),
     "exclude": ("--exclude, [known] in study.toml", "[known] in the study.toml of a study folder"),
-    "compare_rivals": ("python -m identification.rivals", "the button Rivals"),
+    "compare_rivals": ("fasbody rivals", "the button Rivals"),
     "sampling_rate_hz": ("sampling_rate_hz in study.toml", "the rate with “…”"),
     "channels": ("study.toml ({value})", "“…”"),
     "channels.column": ("study.toml ([channels.{channel}] column = ...)", "“…”"),

@@ -86,7 +86,7 @@ def write(result: FitResult, folder: Path, called: Path | None = None) -> list[P
 def moving(result: FitResult, folder: Path | None = None) -> str:
     """The command that shows this fit as a moving foot; with a recording where one lies where its label says."""
     model = str(result.provenance.get("model") or result.model)
-    command = ["python", "-m", "viz.foot", "--model", model, "--result", str((folder or Path()) / "result.json")]
+    command = ["fasbody", "view", "--model", model, "--result", str((folder or Path()) / "result.json")]
     beside = next((r.file for r in result.recordings if Path(r.file).is_file()), "")
     options = ["--study", str(result.provenance["study"])] if "study" in result.provenance else []
     return join([*command, "--recording", beside, *options] if beside else command)

@@ -202,7 +202,7 @@ class RecordingFit(Tabled):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FitResult(Presented):
-    """Everything `python -m identification.fit` reports; `document()` is result.json.
+    """Everything `fasbody fit` reports; `document()` is result.json.
 
     `result["k_T"]` is an estimate of the likelier branch, `result.mirror` the other branch.
     """

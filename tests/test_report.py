@@ -158,7 +158,7 @@ def test_the_command_to_the_moving_foot(tmp_path: Path, monkeypatch: pytest.Monk
     fit = result(model=model.name)
     report.write(fit, folder, Path("out"))
     page = unescape((folder / "report.html").read_text())
-    command = page.partition("<code>python -m viz.foot")[2].partition("</code>")[0]
+    command = page.partition("<code>fasbody view")[2].partition("</code>")[0]
     typed = shlex.split(command)
     assert typed == ["--model", "my foot.xml", "--result", "out/result.json"]
     values = read(Path(typed[3]), load(typed[1]).parameters)["branches"][0]["values"]

@@ -1,4 +1,4 @@
-"""The vibrating foot in a browser: `python -m viz.foot`."""
+"""The vibrating foot in a browser: `fasbody view`."""
 
 import asyncio
 from collections.abc import Mapping
@@ -58,15 +58,15 @@ def main(
     """Watch a foot on the shaker in slow motion; move a slider and the real model runs again.
 
     Examples:
-      python -m viz.foot
+      fasbody view
 
-      python -m viz.foot --model my_foot.xml
+      fasbody view --model my_foot.xml
 
-      python -m viz.foot --model two_dof --recording 20hz.csv --result results/result.json
+      fasbody view --model two_dof --recording 20hz.csv --result results/result.json
 
-      python -m viz.foot --compare foot_arch@25
+      fasbody view --compare foot_arch@25
 
-      python -m viz.foot --export foot.html
+      fasbody view --export foot.html
     """
     for name, value in (("--slow", slow), ("--amplify", amplify), ("--seconds", seconds)):
         if value is not None and not 0 < value < 1e4:

@@ -67,7 +67,7 @@ def record(
     frequency: Annotated[float | None, typer.Option(help="one recording at this excitation in Hz")] = None,
     sweep: Annotated[str | None, typer.Option(help="START:STOP:STEP in Hz, one recording each")] = None,
     plan_: Annotated[
-        Path | None, typer.Option("--plan", help="planned session; python -m identification.plan writes it")
+        Path | None, typer.Option("--plan", help="planned session; fasbody plan writes it")
     ] = None,
     first: Annotated[int, typer.Option(min=1, help="with --plan: begin at this step of the file")] = 1,
     seconds: _Seconds = 10.0,
@@ -111,25 +111,25 @@ def record(
     """Record accelerations of a foot on the shaker into a study folder.
 
     Examples:
-      python -m fasbody.acquire --simulate --sweep 10:50:5 --seconds 4 --out my_study
+      fasbody record --simulate --sweep 10:50:5 --seconds 4 --out my_study
 
-      python -m fasbody.acquire --port /dev/ttyACM0 --generator /dev/ttyUSB0 --sweep 10:50:5 --body-mass 72 --out study
+      fasbody record --port /dev/ttyACM0 --generator /dev/ttyUSB0 --sweep 10:50:5 --body-mass 72 --out study
 
-      python -m fasbody.acquire --port /dev/ttyACM0 --frequency 20 --body-mass 72.5 --out study
+      fasbody record --port /dev/ttyACM0 --frequency 20 --body-mass 72.5 --out study
 
-      python -m fasbody.acquire --port /dev/ttyACM0 --generator /dev/ttyUSB0 --plan protocol.json --out study
+      fasbody record --port /dev/ttyACM0 --generator /dev/ttyUSB0 --plan protocol.json --out study
 
-      python -m fasbody.acquire --list
+      fasbody record --list
 
-      python -m fasbody.acquire --board audio --list
+      fasbody record --board audio --list
 
-      python -m fasbody.acquire --port /dev/ttyACM0 --probe
+      fasbody record --port /dev/ttyACM0 --probe
 
-      python -m fasbody.acquire --board audio --calibration sound_card.json --sweep 10:50:5 --body-mass 72 --out study
+      fasbody record --board audio --calibration sound_card.json --sweep 10:50:5 --body-mass 72 --out study
 
-      python -m fasbody.acquire --firmware my_sketches
+      fasbody record --firmware my_sketches
 
-      python -m fasbody.acquire recover study/captures/20hz_0kg.fascap
+      fasbody recover study/captures/20hz_0kg.fascap
     """
     if firmware_ is not None:
         file = str(firmware.write(firmware_))
@@ -224,7 +224,7 @@ def record(
         console.print(text, soft_wrap=True, markup=False)
     made, bad = _record(plans, None if simulate else equipment, by_hand)
     good = counted(sum(not one.problems for one in made), "recording")
-    text = f"{good} in {out}; next: python -m identification.fit {shlex.quote(str(out))}"
+    text = f"{good} in {out}; next: fasbody fit {shlex.quote(str(out))}"
     _result({"study": str(out), "recordings": [one.document() for one in made]}, text, json_)
     if bad:
         are = "is" if len(bad) == 1 else "are"
@@ -293,9 +293,9 @@ def check(
     Gain and delay, with their standard deviations, go into study.toml, where every fit of this study finds them.
 
     Examples:
-      python -m fasbody.acquire check --port /dev/ttyACM0 --generator /dev/ttyUSB0 --out study
+      fasbody record check --port /dev/ttyACM0 --generator /dev/ttyUSB0 --out study
 
-      python -m fasbody.acquire check --simulate --seconds 1 --out my_study
+      fasbody record check --simulate --seconds 1 --out my_study
     """
     from fasbody.acquire.one_mass import measure
 
@@ -343,9 +343,9 @@ def recover(
     """Make a recording from a capture file, for example after a crash; several captures make one each.
 
     Examples:
-      python -m fasbody.acquire recover study/captures/20hz_0kg.fascap
+      fasbody recover study/captures/20hz_0kg.fascap
 
-      python -m fasbody.acquire recover study/captures/*.fascap
+      fasbody recover study/captures/*.fascap
     """
     made: list[Converted] = []
     bad: list[str] = []
@@ -448,13 +448,13 @@ def calibrate(
     For a flip, hold the sensor still as it is worn for three seconds, turn it upside down, and hold it still again.
 
     Examples:
-      python -m fasbody.acquire --board audio --list
+      fasbody record --board audio --list
 
-      python -m fasbody.acquire calibrate loopback --device "USB Audio"
+      fasbody calibrate loopback --device "USB Audio"
 
-      python -m fasbody.acquire calibrate calibrator base --rms 10 --hz 159.155
+      fasbody calibrate calibrator base --rms 10 --hz 159.155
 
-      python -m fasbody.acquire calibrate flip malleolus
+      fasbody calibrate flip malleolus
     """
     numbers = {"--seconds": seconds, "--hz": hz, "--rms": rms, "--latency": latency}
     for name, value in (numbers | {"--full-scale-volts": full_scale_volts}).items():

@@ -1,6 +1,6 @@
 """The modes of any body in a file: a bone, an insole block, a shoe sole; free or held somewhere.
 
-Elements, matrices and solver are those of the cell. `python -m fasbody.cell modes`; docs/cell.md.
+Elements, matrices and solver are those of the cell. `fasbody cell modes`; docs/cell.md.
 """
 
 from collections.abc import Callable, Mapping
@@ -276,7 +276,7 @@ class BodyMode:
 
 @dataclass(frozen=True, repr=False)
 class BodyModes(ModalAnalysis):
-    """What ``python -m fasbody.cell modes`` reports.
+    """What ``fasbody cell modes`` reports.
 
     Args:
         body: mesh and names.
@@ -406,7 +406,7 @@ def body_modes(
 
 @dataclass(frozen=True)
 class ShakenBody(Tabled):
-    """What ``python -m fasbody.cell response`` reports.
+    """What ``fasbody cell response`` reports.
 
     Args:
         elastic: modes and their errors without damping.

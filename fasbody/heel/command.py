@@ -1,4 +1,4 @@
-"""The command `python -m identification.heel`: which law the heel pads of people follow."""
+"""The command `fasbody heel`: which law the heel pads of people follow."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -39,13 +39,13 @@ def main(
     between skin and shank.
 
     Examples:
-      python -m identification.heel
+      fasbody heel
 
-      python -m identification.heel --out results/heel --json
+      fasbody heel --out results/heel --json
 
-      python -m identification.heel my_drop_tests --law power --law hunt_crossley
+      fasbody heel my_drop_tests --law power --law hunt_crossley
 
-      python -m identification.heel --mjcf foot_with_measured_pad.xml --load-n 66
+      fasbody heel --mjcf foot_with_measured_pad.xml --load-n 66
     """
     from fasbody.heel import analysis
     from fasbody.heel.estimate import WINDOWS

@@ -1,4 +1,4 @@
-"""`python -m fasbody.laboratory FOLDER`: synthetic recordings with known truth, to learn on and to test against.
+"""`fasbody laboratory FOLDER`: synthetic recordings with known truth, to learn on and to test against.
 
 `--subjects 20` makes a whole study (study.py); without it, recordings of one foot with constant parameters (foot.py).
 """
@@ -53,13 +53,13 @@ def main(
     """Make a synthetic study with known truth.
 
     Examples:
-      python -m fasbody.laboratory my_study --subjects 20
+      fasbody laboratory my_study --subjects 20
 
-      python -m fasbody.laboratory two_sensors --foot-sensor
+      fasbody laboratory two_sensors --foot-sensor
 
-      python -m fasbody.laboratory one_foot --added-mass 0 --added-mass 2.3 --seconds 10
+      fasbody laboratory one_foot --added-mass 0 --added-mass 2.3 --seconds 10
 
-      python -m fasbody.laboratory small --added-mass 0 --added-mass 2.3 --loaded-frequency 10 --loaded-frequency 40
+      fasbody laboratory small --added-mass 0 --added-mass 2.3 --loaded-frequency 10 --loaded-frequency 40
     """
     from fasbody.laboratory.foot import make_study
     from fasbody.laboratory.study import FREQUENCIES_HZ, Plan, make

@@ -1,4 +1,4 @@
-"""`python -m fasbody.recording`: check what a file holds, convert it to another format, init a study of a folder."""
+"""`fasbody recording`: check what a file holds, convert it to another format, init a study of a folder."""
 
 import os
 import sys
@@ -47,7 +47,7 @@ def main() -> None:
     """Recordings: check what was understood of a file, convert it, make a study of a folder.
 
     Examples:
-      python -m fasbody.recording check my_study
+      fasbody check my_study
     """
 
 
@@ -68,9 +68,9 @@ def check(
     Exit code 2 if any recording cannot be used.
 
     Examples:
-      python -m fasbody.recording check measured.tdms --study study.toml --json
+      fasbody check measured.tdms --study study.toml --json
 
-      python -m fasbody.recording check bare.log --columns time_s,base_g,malleolus_g --report check.html
+      fasbody check bare.log --columns time_s,base_g,malleolus_g --report check.html
     """
     from fasbody.heel.study import is_heel_study
     from fasbody.recording.checks import reasons
@@ -202,9 +202,9 @@ def convert(
     A recording that no analysis could use is still converted, and the command says what is wrong with it.
 
     Examples:
-      python -m fasbody.recording convert measured.tdms measured.csv --study study.toml
+      fasbody convert measured.tdms measured.csv --study study.toml
 
-      python -m fasbody.recording convert session.csv second.csv --take 2
+      fasbody convert session.csv second.csv --take 2
     """
     from fasbody.recording.checks import checked
     from fasbody.recording.recording import Recording
@@ -246,7 +246,7 @@ def merge(
     The uncertainty of the delay enters every phase and fit of the merged recording.
 
     Examples:
-      python -m fasbody.recording merge table.csv knee.csv merged.csv --base z --malleolus z
+      fasbody merge table.csv knee.csv merged.csv --base z --malleolus z
     """
     from fasbody.recording.files import read_one
     from fasbody.recording.merge import WAYS
@@ -287,9 +287,9 @@ def init(
     for each new recording.
 
     Examples:
-      python -m fasbody.recording init my_study
+      fasbody study init my_study
 
-      python -m fasbody.recording init my_study --pattern "S{subject}_{frequency}Hz_{load}kg"
+      fasbody study init my_study --pattern "S{subject}_{frequency}Hz_{load}kg"
     """
     from fasbody.recording.proposal import propose
 

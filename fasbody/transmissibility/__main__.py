@@ -1,4 +1,4 @@
-"""`python -m fasbody.transmissibility STUDY`: the table, the statistics and the figures of Chapter 2."""
+"""`fasbody transmissibility STUDY`: the table, the statistics and the figures of Chapter 2."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -43,13 +43,13 @@ def main(
     Exit code 2 if a recording cannot be used; the results of the others are written all the same.
 
     Examples:
-      python -m fasbody.transmissibility my_study --out results/my_study
+      fasbody transmissibility my_study --out results/my_study
 
-      python -m fasbody.transmissibility my_study --model "group * added_mass_kg + age_yr"
+      fasbody transmissibility my_study --model "group * added_mass_kg + age_yr"
 
-      python -m fasbody.transmissibility 20hz.csv --json
+      fasbody transmissibility 20hz.csv --json
 
-      python -m fasbody.transmissibility 20hz.tdms 30hz.tdms --study study.toml
+      fasbody transmissibility 20hz.tdms 30hz.tdms --study study.toml
     """
     from fasbody.recording.study import StudyFolder, read_file
     from fasbody.recording.trials import people, posture_remarks

@@ -1,4 +1,4 @@
-"""Command `python -m identification.blackbox`: black-box models of recordings, with what the data cannot tell."""
+"""Command `fasbody blackbox`: black-box models of recordings, with what the data cannot tell."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -23,17 +23,17 @@ chosen by free simulation of a part of the data, or by one-step errors where sim
 unstable plants); the fit shown is of held-out data that no choice has seen. Warnings say what the input did not excite.
 
 Examples:
-  python -m identification.blackbox recording.csv
+  fasbody blackbox recording.csv
 
-  python -m identification.blackbox motor.csv --input volts --output speed --sample-time 0.01
+  fasbody blackbox motor.csv --input volts --output speed --sample-time 0.01
 
-  python -m identification.blackbox recording.csv --structures oe,ss --orders "oe=4,4,1;ss=4" --json
+  fasbody blackbox recording.csv --structures oe,ss --orders "oe=4,4,1;ss=4" --json
 
-  python -m identification.blackbox drifting.csv --detrend 1 --robust --structures oe,bj
+  fasbody blackbox drifting.csv --detrend 1 --robust --structures oe,bj
 
-  python -m identification.blackbox plant.csv --input u1,u2 --output y1,y2 --structures arx,ss
+  fasbody blackbox plant.csv --input u1,u2 --output y1,y2 --structures arx,ss
 
-  python -m identification.blackbox study/ --pool --structures oe --out results/
+  fasbody blackbox study/ --pool --structures oe --out results/
 """
 
 

@@ -1,4 +1,4 @@
-"""`python -m identification.plan`: the next recording worth making, a session, and the session itself."""
+"""`fasbody plan`: the next recording worth making, a session, and the session itself."""
 
 import sys
 import time
@@ -221,7 +221,7 @@ def propose(
     ] = "malleolus",
     protocol: Annotated[
         Path | None,
-        Option(help="write the steps to this file, which python -m fasbody.acquire --plan runs"),
+        Option(help="write the steps to this file, which fasbody record --plan runs"),
     ] = None,
     out: Annotated[
         Path | None,
@@ -231,19 +231,19 @@ def propose(
     """Plan what to record next: a session that decides between the mirror feet and narrows the intervals.
 
     Examples:
-      python -m identification.plan --body-mass 80
+      fasbody plan --body-mass 80
 
-      python -m identification.plan my_study --ask k_T=0.05 --ask k_F=0.05 --out next
+      fasbody plan my_study --ask k_T=0.05 --ask k_F=0.05 --out next
 
-      python -m identification.plan my_study --subject 3 --posture midstance
+      fasbody plan my_study --subject 3 --posture midstance
 
-      python -m identification.plan --ask thesis --out as_thesis
+      fasbody plan --ask thesis --out as_thesis
 
-      python -m identification.plan --frequencies 15:40:5 --loads 0,5 --protocol steps.json
+      fasbody plan --frequencies 15:40:5 --loads 0,5 --protocol steps.json
 
-      python -m identification.plan --exclude all --sensors malleolus,foot --json
+      fasbody plan --exclude all --sensors malleolus,foot --json
 
-      python -m identification.plan run --simulate --auto --out my_study
+      fasbody plan run --simulate --auto --out my_study
     """
     from fasbody import page
     from identification.parameters import names
@@ -324,11 +324,11 @@ def run(
     same command goes on from the recordings that are there.
 
     Examples:
-      python -m identification.plan run --simulate --auto --seconds 4 --out my_study
+      fasbody plan run --simulate --auto --seconds 4 --out my_study
 
-      python -m identification.plan run --port /dev/ttyACM0 --generator /dev/ttyUSB0 --body-mass 72 --out my_study
+      fasbody plan run --port /dev/ttyACM0 --generator /dev/ttyUSB0 --body-mass 72 --out my_study
 
-      python -m identification.plan run --board audio --body-mass 72 --out my_study
+      fasbody plan run --board audio --body-mass 72 --out my_study
     """
     from fasbody import page
     from fasbody.acquire.devices import Equipment

@@ -292,7 +292,7 @@ class Planned(Presented):
 
     @property
     def protocol(self) -> dict[str, Any]:
-        """The steps in order, and whom they are for, as `python -m fasbody.acquire --plan` reads them."""
+        """The steps in order, and whom they are for, as `fasbody record --plan` reads them."""
         return {
             "format": PROTOCOL, "subject": self.subject, "body_mass_kg": self.body_mass_kg, "posture": self.posture,
             "seed": self.seed, "protocol": [asdict(step) for step in self.steps],

@@ -1,4 +1,4 @@
-"""`python -m identification.rivals`: the same recordings against a ladder of rival models."""
+"""`fasbody rivals`: the same recordings against a ladder of rival models."""
 
 import sys
 from pathlib import Path
@@ -37,13 +37,13 @@ def main(
     """Compare rival models on the same recordings, ranked by BIC and by held-out prediction.
 
     Examples:
-      python -m identification.rivals
+      fasbody rivals
 
-      python -m identification.rivals my_study --rival my_foot.xml --out results
+      fasbody rivals my_study --rival my_foot.xml --out results
 
-      python -m identification.rivals my_study --rungs relaxing,mount --write-model models
+      fasbody rivals my_study --rungs relaxing,mount --write-model models
 
-      python -m identification.rivals bare.csv loaded.csv --body-mass 72.5 --added-mass 0 --added-mass 2.3
+      fasbody rivals bare.csv loaded.csv --body-mass 72.5 --added-mass 0 --added-mass 2.3
     """
     import mjcf
     from fasbody import page

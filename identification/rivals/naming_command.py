@@ -1,4 +1,4 @@
-"""`python -m fasbody.leg name`: which mechanism made a person's recordings."""
+"""`fasbody leg name`: which mechanism made a person's recordings."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -38,9 +38,9 @@ def name(
     --subjects 0 leaves them out.
 
     Examples:
-      python -m fasbody.leg name my_study --figure mechanism.svg
+      fasbody leg name my_study --figure mechanism.svg
 
-      python -m fasbody.leg name my_study --subjects 0 --json
+      fasbody leg name my_study --subjects 0 --json
     """
     if figure is not None:
         ready(figure)

@@ -1,4 +1,4 @@
-"""`python -m fasbody.arch validate`: each published number predicted from the others, and the proofs."""
+"""`fasbody arch validate`: each published number predicted from the others, and the proofs."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -29,9 +29,9 @@ def validate(
     Takes two minutes or more.
 
     Examples:
-      python -m fasbody.arch validate --figure docs/figures/validation.svg
+      fasbody arch validate --figure docs/figures/validation.svg
 
-      python -m fasbody.arch validate --steps 200 --json
+      fasbody arch validate --steps 200 --json
     """
     if figure is not None:
         ready(figure)

@@ -1,4 +1,4 @@
-"""`python -m fasbody.acquire.bench board|generator`: the two processes of a bench."""
+"""`fasbody board|generator`: the two processes of a bench."""
 
 import contextlib
 import json
@@ -43,9 +43,9 @@ def board(
     Runs until its standard input is closed.
 
     Examples:
-      python -m fasbody.acquire.bench board /tmp/board /tmp/cable
+      fasbody board /tmp/board /tmp/cable
 
-      python -m fasbody.acquire.bench board /tmp/board /tmp/cable --rate 4000 --channels 3 --damage 0.01
+      fasbody board /tmp/board /tmp/cable --rate 4000 --channels 3 --damage 0.01
     """
     rng = np.random.default_rng(seed)
     foot = ShakenFoot(rate, added_mass, rng, one_mass)
@@ -85,7 +85,7 @@ def generator(link: LinkArgument, cable: CableArgument) -> None:
     Runs until its standard input is closed.
 
     Examples:
-      python -m fasbody.acquire.bench generator /tmp/generator /tmp/cable
+      fasbody generator /tmp/generator /tmp/cable
     """
     line = Line(link)
     line.plug()
