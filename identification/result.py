@@ -90,7 +90,7 @@ class Departures(Tabled):
     def repeats(self) -> str:
         """How well recordings repeat, in words."""
         if self.repeatability < 5e-4:
-            return "recordings repeat as well as the sensors can tell"
+            return "recordings repeat within sensor noise"
         return f"recordings repeat to {100 * self.repeatability:.2g} %"
 
     @property
@@ -288,7 +288,7 @@ class FitResult(Presented):
             truth = self.truth_of(f"{mass.name}_kg")
             known = ["" if truth is None else f"{truth:.4g}"] if self.truth else []
             others = [b.departures.masses[i].interval() if b.departures else "" for b in self.branches[1:]]
-            word = "weighed" if mass.weighed else "assumed" if mass.assumed else "as stated"
+            word = "estimated" if mass.weighed else "assumed" if mass.assumed else "as stated"
             prior = f"{mass.stated:.4g} {mass.basis}"
             rows.append([f"{mass.name} [kg]", mass.interval(), prior, *others, *known, word])
         columns = ["parameter", *self.intervals, *mirrors, *(["truth"] if self.truth else []), ""]
@@ -311,7 +311,7 @@ class FitResult(Presented):
         text = lifted(self.contact)
         best = self.best
         if text and self.domain == "periodic" and best.dof and best.chi_square > MISSES * best.dof:
-            text += " This force is rough: it is of the model without sensor errors, which misses these recordings."
+            text += " This force is only approximate, because the model without sensor errors does not fit these recordings."
         return [text] if text else []
 
     @property
