@@ -27,12 +27,12 @@ DOES_NOT_FOLLOW = (
     "people repeat to 2 to 5 %, and above {bound:.3g} % nothing is decided."
 )
 FOLLOWS_LITTLE = (
-    "No branch is decided, as the model does not follow the recordings: the mean fit is {percent:.0f} %, and {least:g} % "
-    "is required."
+    "No branch is decided, as the model does not follow the recordings: the mean fit is {percent:.0f} %, and {least:g} "
+    "% is required."
 )
 NOT_EXHAUSTED = (
-    "No branch is decided, as the search was not exhaustive: the best fit of the less likely branch was found only once. "
-    "Use more starts (--starts), or state what is known in [known] of study.toml."
+    "No branch is decided, as the search was not exhaustive: the best fit of the less likely branch was found only "
+    "once. Use more starts (--starts), or state what is known in [known] of study.toml."
 )
 #: Names of the branches by what is stiffer than its mirror image.
 STIFF_ANKLE, STIFF_PAD = "stiff ankle", "stiff pad"
@@ -69,7 +69,8 @@ def has_mirror(free: Sequence[str], declared: Container[str]) -> str:
         return "This model has no mirror solution that is known in closed form; one solution is reported."
     held = [name for name in EXCHANGED if name not in free]
     if held:
-        return f"The mirror solution was not compared, as {', '.join(held)} must be free for it; one solution is reported."
+        names = ", ".join(held)
+        return f"The mirror solution was not compared, as {names} must be free for it; one solution is reported."
     return ""
 
 
@@ -171,7 +172,7 @@ def judge(
     """
     recorded = recorded or Recorded()
     if len(names) < 2:
-        text = "The mirror image of this solution lies outside the bounds or is the same solution; nothing was compared."
+        text = "The mirror image of this solution is outside the bounds or the same solution; nothing was compared."
         return Verdict("not compared", 0.0, text)
     excess = max(1.0, chi_square / max(1, dof))
     ratio_ = 0.5 * (deviances[1] - deviances[0]) / excess
@@ -179,8 +180,8 @@ def judge(
     pair = " and ".join(sorted(names[:2]))
     if rests and ratio_ > np.log(DECISIVE_ODDS):
         text = Sentence(
-            f"The {names[0]} branch fits better, but the {names[1]} branch is limited by the bound of {', '.join(rests)}, "
-            "so the bounds and not the data may exclude it. Wider bounds (",
+            f"The {names[0]} branch fits better, but the {names[1]} branch is limited by the bound of "
+            f"{', '.join(rests)}, so the bounds and not the data may exclude it. Wider bounds (",
             called("bounds"),
             f"){' or a second load' if recorded.loads == 1 else ''} can decide.",
         )

@@ -78,11 +78,12 @@ class Contact:
         """What cannot be, in words; nothing where the table only presses."""
         if not self.share:
             return ""
-        source = "the static force of study.toml (known.static_force_n)" if self.stated else "the weight of leg and load"
+        source = "the static force (known.static_force_n in study.toml)"
+        source = source if self.stated else "the weight of leg and load"
         text = (
-            f"At {self.frequency_hz:.4g} Hz under {self.added_mass_kg:g} kg ({self.file}) the model's {self.element} pulls "
-            f"on the table for {100 * self.share:.0f} % of the cycle, where a real foot would lift off. To hold it down, "
-            f"{self.missing_n:.3g} N or more would be needed beside {source} ({self.static_force_n:.3g} N)."
+            f"At {self.frequency_hz:.4g} Hz under {self.added_mass_kg:g} kg ({self.file}) the model's {self.element} "
+            f"pulls on the table for {100 * self.share:.0f} % of the cycle, where a real foot would lift off. To hold "
+            f"it down, {self.missing_n:.3g} N or more would be needed beside {source} ({self.static_force_n:.3g} N)."
         )
         if self.harmonics:
             added, estimated = 100 * (self.added or 0.0), 100 * (self.measured or 0.0)
@@ -92,8 +93,8 @@ class Contact:
                 "neither": "so lift-off is neither shown nor excluded",
             }
             text += (
-                f" Lift-off would add harmonics of about {added:.2g} % of the fundamental at the malleolus. The recording "
-                f"exceeds the model's harmonics by {estimated:.2g} %, {word[self.harmonics]}."
+                f" Lift-off would add harmonics of about {added:.2g} % of the fundamental at the malleolus. The "
+                f"recording exceeds the model's harmonics by {estimated:.2g} %, {word[self.harmonics]}."
             )
         return text
 

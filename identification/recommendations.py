@@ -58,7 +58,8 @@ def advice(
         texts.append(
             f"With the model assumed exact, the misfit is larger than the noise (chi-square {best.chi_square:.4g} for "
             f"{best.dof} degrees of freedom, {chance(best.p_value)}). The standard errors of that column are enlarged "
-            "by the root of chi-square per degree of freedom, and remain too small if constants change between recordings."
+            "by the root of chi-square per degree of freedom, and remain too small if constants change between "
+            "recordings."
         )
     below = [(fit, r.file) for fit, r in zip(fits, data, strict=True) if not follows(fit)]
     likely = best.p_value is not None and best.p_value >= UNLIKELY
@@ -66,8 +67,8 @@ def advice(
     if below and not likely and not followed:  # else it is the sensors' noise
         fit, file = min(below)
         texts.append(
-            f"The fit of {file} is only {fit:.0f} %. Check that its channels are aligned and in the right unit, that it "
-            "is a recording of this foot, and that the bounds are not too narrow."
+            f"The fit of {file} is only {fit:.0f} %. Check that its channels are aligned and in the right unit, that "
+            "it is a recording of this foot, and that the bounds are not too narrow."
         )
     if base_error > _BASE_ERROR:
         texts.append(f"In MuJoCo the base differs from the recorded acceleration by {base_error:.1e} of its peak.")
@@ -81,8 +82,8 @@ def advice(
         texts.append(Sentence(f"{count} {more} or free fewer (", called("free"), ")."))
     if rank < len(space.free):
         texts.append(
-            f"The excitation has rank {rank}, fewer than the {len(space.free)} free parameters. The others show only in "
-            f"the distortion by nonlinear dampers, so no interval with the model assumed exact is shown. {more}."
+            f"The excitation has rank {rank}, fewer than the {len(space.free)} free parameters. The others show only "
+            f"in the distortion by nonlinear dampers, so no interval with the model assumed exact is shown. {more}."
         )
     bound = [key for key, e in best.parameters.items() if e.at_bound]
     zero = [key for key in bound if best.parameters[key].value == 0.0]
@@ -107,7 +108,8 @@ def advice(
     if held and best.departures is not None and not best.departures.follows:
         texts.append(
             Sentence(
-                f"Held at the model's values: {', '.join(held)}. A wrong value causes a misfit. Estimate them instead (",
+                f"Held at the model's values: {', '.join(held)}. A wrong value causes a misfit. Estimate them instead "
+                "(",
                 called("free"),
                 ").",
             )
@@ -148,7 +150,8 @@ def about_departures(departures: Departures, others: Sequence[Departures] = (), 
     for mass in departures.masses:
         if mass.weighed:
             texts.append(
-                f"The recordings determine {mass.name}: without load it is {mass.interval()} kg (95 %). The estimate is "
+                f"The recordings determine {mass.name}: without load it is {mass.interval()} kg (95 %). The estimate "
+                "is "
                 f"{abs(100 * (mass.value / mass.stated - 1)):.1f} % {'above' if mass.value > mass.stated else 'below'} "
                 f"the {mass.basis} {mass.stated:.4g} kg."
             )
@@ -158,9 +161,9 @@ def about_departures(departures: Departures, others: Sequence[Departures] = (), 
         better = ("; ", called("body_mass"), " narrows it") if assumed else ()
         better = better or (("; ", called("mass_std"), " if you know them better") if usual else ())
         scale = (
-            "The recordings do not determine the leg's mass, and all stiffness and damping scale with it: they are "
-            f"known about as well as the masses that were {'assumed' if assumed else 'stated'} (standard deviation "
-            f"{100 * max(m.prior_std for m in departures.masses):.3g} % each"
+            "The recordings do not determine the leg's mass, to which all stiffness and damping constants are "
+            f"proportional. So these are no more accurate than the {'assumed' if assumed else 'stated'} masses "
+            f"(standard deviation {100 * max(m.prior_std for m in departures.masses):.3g} % each"
         )
         remedy = f"). A {'second' if loads == 1 else 'heavier'} load may determine it."
         texts.append(Sentence(scale, *better, remedy))
@@ -214,17 +217,17 @@ def _ruler(departures: Departures) -> list[str]:
     texts = []
     if departures.scale_std > _NARROW:
         texts.append(
-            "All stiffness and damping share one scale, the leg's mass, which is known to "
-            f"±{100 * Z95 * departures.scale_std:.2g} % (95 %); natural frequencies, damping ratios and constants per "
-            "kilogram do not depend on it. A force plate under the foot, with and without the load, narrows it "
-            "(static_force_n in [known] of study.toml)."
+            "All stiffness and damping constants are proportional to the leg's mass, which is known to "
+            f"±{100 * Z95 * departures.scale_std:.2g} % (95 %). Natural frequencies, damping ratios and constants per "
+            "kilogram do not depend on it. A force plate under the foot, with and without the load, determines it "
+            "better (static_force_n in [known] of study.toml)."
         )
     off = [nuisance.off for nuisance in departures.nuisances if nuisance.group == "masses"]
     if len(off) == 2 and min(off) * max(off) > 0 and min(map(abs, off)) > _ALIKE:
         way = "heavier" if off[0] > 0 else "lighter"
         texts.append(
-            f"Shank and foot both come out {way} than stated, by about one factor: the added mass or the body mass may "
-            "be wrong, or thigh and chair carry a part of the load."
+            f"The estimated masses of shank and foot are both {way} than stated, by about the same factor. The added "
+            "mass or the body mass may be wrong, or thigh and chair carry part of the load."
         )
     return texts
 
@@ -255,8 +258,8 @@ def _loads(departures: Departures) -> list[str]:
             f"The recordings contradict constants that do not change with the load ({gain})."
         ]
     return [
-        f"The recordings agree with constants that do not change with the load ({gain}). Intervals and odds still allow "
-        "for a change within the prior."
+        f"The recordings agree with constants that do not change with the load ({gain}). Intervals and odds still "
+        "allow for a change within the prior."
     ]
 
 
@@ -278,7 +281,8 @@ def _sign(item: Allowance) -> str:
         high = f"{item.lower**-0.5:.0f} Hz" if item.lower > 0 else "beyond any"
         return (
             f"A sign of a sensor on soft tissue: the mount of {_owner(whose)} sensor resonates at "
-            f"{item.value**-0.5:.0f} Hz ({low} to {high}). Tap the sensor to check this (mount in [known] of study.toml)."
+            f"{item.value**-0.5:.0f} Hz ({low} to {high}). Tap the sensor to check this (mount in [known] of "
+            "study.toml)."
         )
     if item.group == "relaxation":
         return (
@@ -287,8 +291,8 @@ def _sign(item: Allowance) -> str:
         )
     if item.group == "load":
         return (
-            f"A sign that constants change with the load: {item.name} differs by {_share(item.value - 1)} from the value "
-            f"without load ({_share(item.lower - 1)} to {_share(item.upper - 1)})."
+            f"A sign that constants change with the load: {item.name} differs by {_share(item.value - 1)} from the "
+            f"value without load ({_share(item.lower - 1)} to {_share(item.upper - 1)})."
         )
     if item.group == "rocking":
         return (
@@ -302,8 +306,8 @@ def _sign(item: Allowance) -> str:
         )
     if item.group == "masses":
         return (
-            f"A sign of a wrong model or a wrong body mass: the {item.name} differs by {_share(item.value - 1)} from what "
-            "was expected."
+            f"A sign of a wrong model or a wrong body mass: the {item.name} differs by {_share(item.value - 1)} from "
+            "what was expected."
         )
     return (
         f"A sign of a wrong calibration or model: the {kind} of {_owner(whose)} channel is {_share(item.value)}, "

@@ -311,7 +311,7 @@ class FitResult(Presented):
         text = lifted(self.contact)
         best = self.best
         if text and self.domain == "periodic" and best.dof and best.chi_square > MISSES * best.dof:
-            text += " This force is only approximate, because the model without sensor errors does not fit these recordings."
+            text += " This force is approximate, as the model without sensor errors does not fit these recordings."
         return [text] if text else []
 
     @property

@@ -53,7 +53,7 @@ def test_a_mirror_needs_four_free_parameters() -> None:
         (Recorded(), "A sensor on the bones of the foot", "excluding"),
         (Recorded(sensors=2), "A second load may decide", "bones"),
         (Recorded(loads=2), "a sensor on the bones of the foot, beside that on the malleolus, may.", "--exclude"),
-        (Recorded(loads=2, sensors=2), "The loads do not tell them apart.", "second"),
+        (Recorded(loads=2, sensors=2), "The loads do not separate them.", "second"),
         (Recorded(loads=2, follow=True), "beside that on the malleolus, or excluding", "second load"),
         (Recorded(loads=2, sensors=2, follow=True), "; excluding nuisance parameters", "second"),
     ],
@@ -98,7 +98,7 @@ def test_a_branch_on_its_bound_is_not_decided_against() -> None:
     """Its likelihood is the bound's: beyond, it would fit better."""
     verdict = judge(NAMES, [100.0, 500.0], 40.0, 50, ["k_F"])
     assert str(verdict) == "undecided" and verdict.log_likelihood_ratio == pytest.approx(200)
-    assert "the stiff pad branch rests on the bound of k_F" in verdict.sentence
+    assert "the stiff pad branch is limited by the bound of k_F" in verdict.sentence
     assert pinned({"k_F_n_per_m": True, "k_T_n_per_m": False, "c_12_per_m": True, "c_11_n_s_per_m": False}) == ["k_F"]
 
 

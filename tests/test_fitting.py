@@ -127,7 +127,7 @@ def test_bounds_are_kept_and_told(foot: Foot, trial: Trial) -> None:
     assert e.at_bound
     assert e.identifiability == "not identifiable"
     assert any(text.startswith("At its bound: k_T") for text in result.warnings)
-    assert any("does not describe the recordings to their noise" in text for text in result.warnings)
+    assert any("the misfit is larger than the noise" in text for text in result.warnings)
 
 
 def test_unknown_masses_are_the_models_and_told(foot: Foot, trial: Trial) -> None:

@@ -263,7 +263,7 @@ def test_nothing_is_said_where_no_rival_follows() -> None:
     assert compared(made("model", 900.0, 900.0, repeats=0.14)).adequate
     lost = compared(made("model", 900.0, 900.0, repeats=0.16))
     assert not lost.adequate and not lost.conclusions
-    assert "would have to repeat no better than to 16 %, and 15 % is" in lost.sentence()
+    assert "deviates by 16 %, and recordings of people repeat to 15 %" in lost.sentence()
     assert len(lost.records()) == 1 and lost.to_dataframe().shape[0] == 1
     with pytest.raises(SettingError, match="unknown rival 'mond'"):
         lost["mond"]

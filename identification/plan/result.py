@@ -290,7 +290,7 @@ class Planned(Presented):
         if len(loads) > 1 and not any(part.beyond(*most) for part in parts):
             ways.append("one day for each load (fasbody record --added-mass)")
         use = f" Use {' or '.join(ways)}." if ways else " Plan for less."
-        text = "Recording will refuse this plan, as it exceeds the daily limit: {quantity} is {value:.3g}, valid: {valid}."
+        text = "Recording will refuse this plan, as it exceeds the daily limit: {quantity} {value:.3g}, valid: {valid}."
         return f"{text.format(**beyond)}{use} "
 
     @property
@@ -394,7 +394,8 @@ class Planned(Presented):
                 title += f", {'with' if name == PLANNED else 'without'} earlier recordings"
             notes.append(
                 f"{title}: {counted(len(e.steps), 'recording')}, {minutes(shaking_s(e.steps))}, {e.widths()}; "
-                f"probability of a decided branch {chance(e.outlook.decided)}, of the whole goal {chance(e.outlook.goal())}."
+                f"probability of a decided branch {chance(e.outlook.decided)}, of the whole goal "
+                f"{chance(e.outlook.goal())}."
             )
         for offer in self.offers:
             e = offer.expected
@@ -547,8 +548,8 @@ def goal(asked: Mapping[str, float]) -> str:
     widths = _widths(asked, list(asked))
     rest = ", ".join(name for name in EXCHANGED if name not in asked)
     usual = (
-        " This is the default, narrower than recordings usually reach, so that a plan uses all of its time; --ask states "
-        "another."
+        " This is the default, narrower than recordings usually reach, so that a plan uses all of its time; --ask "
+        "states another."
     )
     text = f"Goal: {widths}, and the branch decided."
     return f"{text}{usual if asked == GOAL else ''}{f' No goal for {rest}.' if rest else ''}"
@@ -581,7 +582,10 @@ def nothing_brings(
         together.setdefault(causes[name], []).append(
             f"{name} ±{percent(reached.half_width[name])} (goal ±{percent(asked[name])})"
         )
-    what = [listed(texts) + (f" (shares of the remaining variance: {cause})" if cause else "") for cause, texts in together.items()]
+    what = [
+        listed(texts) + (f" (shares of the remaining variance: {cause})" if cause else "")
+        for cause, texts in together.items()
+    ]
     parts = [f"no interval becomes narrower than {'; '.join(what)}"] if what else []
     if open_:
         parts.append(f"the branch is decided with a probability of at most {chance(reached.decided)}")

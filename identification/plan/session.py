@@ -330,7 +330,8 @@ class Session:
         still += ["the branch stays undecided"] * (not belief.decided)
         return NEVER, (
             f"More recording would not help: after {counted(len(rest), 'more recording')} "
-            f"({minutes(shaking_s(rest))} in all), {listed(still)}. The goal would be reached with a probability of {chance(then.goal())}."
+            f"({minutes(shaking_s(rest))} in all), {listed(still)}. The goal would be reached with a probability of "
+            f"{chance(then.goal())}."
         )
 
     def _unreachable(self, director: Director, never: Sequence[str], open_: bool) -> str:
