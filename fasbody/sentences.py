@@ -54,7 +54,7 @@ class Sentence(str):
     code: str
     reason: str
 
-    def __new__(cls, *parts: str, code: str = "", on_page: str = "", reason: str = "") -> "Sentence":
+    def __new__(cls, *parts: str, code: str = "", on_page: str | None = None, reason: str = "") -> "Sentence":
         """Join parts, of which some may be sentences.
 
         Args:
@@ -64,7 +64,7 @@ class Sentence(str):
             reason: without the name of a file.
         """
         sentence = super().__new__(cls, "".join(parts))
-        sentence.on_page = on_page or "".join(map(for_page, parts))
+        sentence.on_page = "".join(map(for_page, parts)) if on_page is None else on_page
         sentence.code, sentence.reason = code, reason or str(sentence)
         return sentence
 

@@ -114,10 +114,9 @@ class Recorded:
     def may_tell(self) -> str:
         """What else may, in a sentence."""
         sensor = "a second sensor, on the bones of the foot"
-        load = "a second load can, if the constants do not change with it"
-        if self.loads == 1:
-            return f"{sensor.capitalize()}, usually decides; {load}." if self.sensors == 1 else f"{load.capitalize()}."
         more = f" {sensor.capitalize()}, usually decides." if self.sensors == 1 else ""
+        if self.loads == 1:
+            return f"{more} A second load can decide, if the constants do not change with it.".strip()
         if not self.follow:
             return f"The loads do not separate them.{more}"
         return Sentence(

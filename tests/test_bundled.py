@@ -128,7 +128,7 @@ def test_bundled_report_shows_the_fit(bundled: tuple) -> None:
     assert len(re.findall("<figure", text)) == 10  # no cascade of starts: descents that came to each end are counted
     for _, digest in document["provenance"]["sha256"].items():
         assert digest in text
-    assert "identification.fit --json --out" in document["provenance"]["command"] in unescape(text)
+    assert "fasbody fit --json --out" in document["provenance"]["command"] in unescape(text)
     assert document["source"] in text
     assert RULE in unescape(text)
 

@@ -47,7 +47,7 @@ def light(trial: Trial) -> list[Recording]:
 def test_nearly_linear_damping_is_undecided(foot: Foot, light: list[Recording]) -> None:
     result = fit_foot(light, foot, Settings(starts=2))
     assert result.verdict == "undecided"
-    assert "a second load may, if the constants do not change" in result.reason
+    assert "A second load can decide, if the constants do not change" in result.reason
     assert len(result.branches) == 2
     by_name = {b.name: b.parameters for b in result.branches}
     true = by_name["stiff ankle"]["k_T_n_per_m"]

@@ -78,7 +78,7 @@ def test_the_misfit_comes_before_all_numbers(whole: str, fitted: FitResult) -> N
     assert places == sorted(places)
     notes = [page.index(f"{text}</p>") for text in fitted.warnings]
     assert min(notes) == next(
-        at for at, text in zip(notes, fitted.warnings, strict=True) if "does not describe" in text
+        at for at, text in zip(notes, fitted.warnings, strict=True) if "larger than the noise" in text
     )
 
 

@@ -269,7 +269,7 @@ def _complete(file: Path, columns: Columns, layout: Layout, chosen: Mapping[str,
                 if name in clock
                 else Sentence(
                     "units may also be g or ms, and ", column, " can name the column",
-                    Sentence(" (fasbody study init FOLDER writes it; in Python: layout)", on_page=""),
+                    Sentence(" (fasbody study init FOLDER writes study.toml)", on_page=""),
                 )
             )
             missing = f"has no column {name!r} ({columns.listed})"

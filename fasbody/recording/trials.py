@@ -98,7 +98,7 @@ def listed(folder: Path, only: Path | None = None) -> tuple[Trial, ...]:
     """
     for name in ("subjects.csv", "recordings.csv"):
         if not (folder / name).is_file():
-            hint = f"fasbody study init {folder} proposes the tables of a folder of recordings"
+            hint = f"fasbody study init {quote(str(folder))} makes it"
             raise InputFileError(folder / name, "no such file", hint)
     masses = _masses(folder / "subjects.csv")
     file = folder / "recordings.csv"

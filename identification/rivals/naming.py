@@ -264,11 +264,11 @@ class Naming(Presented):
         if self.named == UNDECIDED:
             return f"Undecided for {who}: {best} fits best, but at odds below 1000 to 1."
         first = self.fits[0].criterion
-        text = f"{best.capitalize()} for {who}, by odds above 1000 to 1 over the other mechanisms compared"
+        text = f"{best.capitalize()} for {who}, by odds above 1000 to 1 over the other mechanisms"
         for richer in self.fits:
             over = richer.criterion - first
             if richer.rival in RICHER.get(best, ()) and over < DECIDED:
-                return f"{text}, but for {richer.rival}, which contains it ({_against(over)})."
+                return f"{text}; only {richer.rival}, which contains it, is not excluded ({_against(over)})."
         return f"{text}."
 
     @property
