@@ -413,20 +413,21 @@ class FitResult(Presented):
         alone += "" if p is None else f", {chance(p)}"
         if self.departures and not self.departures.follows:
             return Sentence(
-                f"The model does not follow the recordings: {self.departures.repeats}, and people repeat to 2 to 5 %. "
-                "No constant is offered; check the added masses, the body mass and the units first. ",
+                "The model does not follow the recordings: it deviates from them by "
+                f"{100 * self.departures.repeatability:.2g} %, and recordings of people repeat to 2 to 5 %. No "
+                "constant is reported. Check the added masses, the body mass and the units first. ",
                 called("compare_rivals"),
-                " compares rivals. ",
+                " compares other models. ",
             )
         if p is None or p >= UNLIKELY:
             return ""
         if self.departures:
             return Sentence(
-                f"The model alone misses the recordings ({alone}; ",
+                f"With the model assumed exact, it does not fit the recordings ({alone}; ",
                 called("compare_rivals"),
-                " compares other models). With model and sensor errors it follows them: ",
+                " compares other models). With model and sensor errors it does: ",
             )
-        return f"The model misses the recordings ({alone}): "
+        return f"The model does not fit the recordings ({alone}): "
 
     def sentence(self) -> str:
         """The result in one sentence, with the values of both branches where the data do not decide; a misfit first."""
@@ -435,7 +436,7 @@ class FitResult(Presented):
             count = len(self.parameters)
             rank = f"the excitation has rank {self.excitation_rank} for {count} free parameters"
             why = rank if self.excitation_rank < count else "the model does not follow the recordings"
-            values = f"No constant is offered, as {why}"
+            values = f"No constant is reported, as {why}"
         goodness = ""
         if self.domain == "periodic":
             per = f"chi-square {self.best.chi_square / max(1, self.best.dof):.2f} per degree of freedom"

@@ -71,7 +71,7 @@ def test_a_single_20_hz_recording_tells_little_and_says_so(foot: Foot, trial: Tr
     result = fit_foot([trial(TRUTH, 20.0)], foot, Settings(starts=3))
     assert result.verdict == "undecided"
     assert {e.identifiability for b in result.branches for e in b.parameters.values()} == {"not identifiable"}
-    assert {row[1] for row in result.sheet().rows} == {"–"} and result.sentence().startswith("No constant is offered")
+    assert {row[1] for row in result.sheet().rows} == {"–"} and result.sentence().startswith("No constant is reported")
     document = json.loads(to_json(result.document()))
     assert {p[end] for p in document["parameters"].values() for end in ("lower", "upper", "std_error")} == {None}
     page = html(result)
