@@ -41,7 +41,7 @@ def test_numbers_are_those_of_the_results() -> None:
 
 
 def test_coverage_is_that_of_the_pages() -> None:
-    section = CREDIBILITY.split("How far the intervals can be trusted")[1].split("\n\n")[1]
+    section = CREDIBILITY.split("How far you can trust an interval")[1].split("\n\n")[1]
     seeds = re.findall(
         r"interval of \w+ holds the truth, 200 seeds \| ([\d.]+) %", (ROOT / "benchmarks" / "RESULTS.md").read_text()
     )

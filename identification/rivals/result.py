@@ -206,7 +206,7 @@ class Rivals(Presented):
         shared = [c.text for c in self.conclusions if c.shared]
         changing = [c.text for c in self.conclusions if not c.shared]
         also, more = [r.title for r in self.adequate if r is not self.first], [r.title for r in self.not_needed]
-        parts = [f"The best model is {self.first.title}"]
+        parts = [f"Best model: {self.first.title}"]
         parts += [f"{listed(also)} cannot be ruled out"] * bool(also)
         parts += [f"{listed(more)} fits as well with more constants, which are not needed"] * bool(more)
         if rest := len(self.rivals) - 1 - len(also) - len(more):
