@@ -27,7 +27,7 @@ def main(
         str | None, typer.Option(metavar="SHELL", help="print what completes fasbody in bash, zsh or fish")
     ] = None,
 ) -> None:
-    """Show what there is: every command of the project, and what it does.
+    """List all commands, and what they do.
 
     Examples:
       fasbody

@@ -37,7 +37,7 @@ def main(
     delay_std: DelayStd = None,
     exclude: Annotated[
         str | None,
-        typer.Option(help="nuisances to exclude: mount, relaxation, load, rocking, drift, share, seating, or all"),
+        typer.Option(help="what to exclude: mount, relaxation, load, rocking, drift, share, seating, or all"),
     ] = None,
     sensors: Annotated[
         str | None, typer.Option(help="accelerometers to fit, e.g. malleolus,foot (default: all that the model has)")

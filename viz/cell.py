@@ -29,7 +29,7 @@ def main(
     browser: Annotated[bool, typer.Option(help="open the browser")] = True,
     json: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
 ) -> None:
-    """Watch the mode shapes of a cell, a bone or any body in slow motion; the page follows its result's file.
+    """Watch the mode shapes of a cell, a bone or any body in slow motion.
 
     Without a result it shows results/cell, or a quick one that it computes.
 

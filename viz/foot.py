@@ -55,7 +55,7 @@ def main(
     browser: Annotated[bool, typer.Option(help="open the browser")] = True,
     json: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
 ) -> None:
-    """Watch a foot on the shaker in slow motion; move a slider and the real model runs again.
+    """Watch a foot on the shaker in slow motion, and move sliders to change the model.
 
     Examples:
       fasbody view

@@ -36,22 +36,22 @@ _Board = Annotated[
     str,
     typer.Option(
         "--board",
-        help="serial; audio, a sound card that plays and records; ni, mcc, labjack; or a device of a package of yours",
+        help="serial; audio, a sound card that plays and records; ni, mcc, labjack; or a device of another package",
     ),
 ]
 _Settings = Annotated[
     Path | None,
     typer.Option(
         "--calibration",
-        help="settings of a device that is no serial board (default sound_card.json, ni.json and so on)",
+        help="settings of a device other than a serial board (default sound_card.json, ni.json and so on)",
     ),
 ]
 _Seconds = Annotated[float, typer.Option(help="length of each recording in s")]
-_Level = Annotated[float, typer.Option(help="wanted base acceleration in m/s^2")]
+_Level = Annotated[float, typer.Option(help="required base acceleration in m/s^2")]
 _MaxVolts = Annotated[float, typer.Option(help="highest generator amplitude in V peak to peak")]
 _Baud = Annotated[int, typer.Option(min=1, help="baud rate of the board")]
 _GeneratorBaud = Annotated[int, typer.Option(min=1, help="baud rate of the generator")]
-_Simulate = Annotated[bool, typer.Option("--simulate", help="a virtual bench instead of hardware")]
+_Simulate = Annotated[bool, typer.Option("--simulate", help="simulated devices instead of hardware")]
 _Json = Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")]
 #: A mass has no exposure; this is a day at 100 g.
 _NOBODY = 1000.0
@@ -82,7 +82,7 @@ def record(
     peak_to_peak: _Level = PEAK_TO_PEAK,
     max_volts: _MaxVolts = Safety.volts,
     max_acceleration: Annotated[
-        float, typer.Option(help="highest base acceleration in m/s^2; at most 0.86 of it is wanted")
+        float, typer.Option(help="highest base acceleration in m/s^2; at most 0.86 of it can be requested")
     ] = Safety.peak_m_s2,
     max_displacement: Annotated[
         float, typer.Option(help="largest base motion in m, peak to peak")
@@ -100,7 +100,9 @@ def record(
     list_: Annotated[
         bool, typer.Option("--list", help="show the serial ports, or with --board audio the sound cards, and stop")
     ] = False,
-    probe_: Annotated[bool, typer.Option("--probe", help="say what answers on --port (or on all) and stop")] = False,
+    probe_: Annotated[
+        bool, typer.Option("--probe", help="show which device answers on --port (or on all ports) and stop")
+    ] = False,
     board_: _Board = SERIAL,
     calibration: _Settings = None,
     firmware_: Annotated[
@@ -288,7 +290,7 @@ def check(
     simulate: _Simulate = False,
     json_: _Json = False,
 ) -> None:
-    """Measure the chain with both sensors on one mass, and nobody on the shaker: their ratio must be 1.
+    """Check shaker and sensors with both sensors on one mass, and nobody on the shaker.
 
     Gain and delay, with their standard deviations, go into study.toml, where every fit of this study finds them.
 
@@ -340,7 +342,7 @@ def recover(
     ] = False,
     json_: _Json = False,
 ) -> None:
-    """Make a recording from a capture file, for example after a crash; several captures make one each.
+    """Make recordings from capture files, for example after a crash.
 
     Examples:
       fasbody recover study/captures/20hz_0kg.fascap

@@ -47,7 +47,7 @@ def print_sensitivity(
     figures: Annotated[Path | None, typer.Option(help="folder for the charts like Figures 4.3 and C.1")] = None,
     json: JsonOption = False,
 ) -> None:
-    """Do only k_T, c_T, k_F, c_F matter? Relative sensitivity of the five-body arch to all 13 constants.
+    """Relative sensitivity of the five-body arch to its 13 constants.
 
     First around the model's own constants, then around random ones of Table 4.2, which replace all 13 of them.
 
@@ -102,7 +102,7 @@ def print_reduction(
     figure: Annotated[Path | None, typer.Option(help="SVG or PNG to write")] = None,
     json: JsonOption = False,
 ) -> None:
-    """What the reduction of the five-body arch to two masses costs at the malleolus, 1-100 Hz.
+    """Error of the malleolus' motion when two masses replace the five-body arch, 1-100 Hz.
 
     Examples:
       fasbody arch reduction --draws 200 --figure reduction.svg

@@ -149,7 +149,7 @@ def modes_of_a_body(
     as_json: JsonOption = False,
     out: OutOption = None,
 ) -> None:
-    """Modes of any elastic body: a bone, an insole block, a shoe sole; free or held.
+    """Modes of any elastic body, free or fixed: a bone, an insole block, a shoe sole.
 
     The rigid motions of a free body are skipped. With --out, writes body.json, body.vtu
     (ParaView), body.npz (for fasbody view cell) and modes.png.
@@ -193,7 +193,7 @@ def shake_a_body(
     as_json: JsonOption = False,
     out: OutOption = None,
 ) -> None:
-    """Damping of any viscoelastic body, and its response: to a shaken support, or to a force.
+    """Damped modes of any viscoelastic body, and its response to a shaken support or a force.
 
     Examples:
       fasbody cell response sole.stl --up z --material 2e6,0.4,200 --relaxation 0.5,0.001
@@ -235,7 +235,7 @@ def shake(
     as_json: JsonOption = False,
     out: OutOption = None,
 ) -> None:
-    """Beyond the thesis: damping of a viscoelastic cell on a base shaken from 5 Hz up.
+    """Damped modes and response of a viscoelastic cell on a shaken base.
 
     Examples:
       fasbody cell shake

@@ -24,7 +24,7 @@ def main(
     subjects: Annotated[
         int | None, typer.Option(help="make a whole study of this many virtual subjects, with tuberosity and scatter")
     ] = None,
-    subject: Annotated[int, typer.Option(help="for one foot: the subject of Table 2.1 whose body mass it has")] = 16,
+    subject: Annotated[int, typer.Option(help="for one foot: subject of Table 2.1 whose body mass is used")] = 16,
     added_mass: Annotated[
         list[float] | None, typer.Option(help="mass on the knee in kg; repeat (default 0, for studies 0, 2.3, 4.5)")
     ] = None,
@@ -50,7 +50,7 @@ def main(
     seed: Annotated[int | None, typer.Option(min=0, help="seed of subjects, phases and noise")] = None,
     jobs: Annotated[int, typer.Option(help="processes; 0 for all cores")] = 0,
 ) -> None:
-    """Make a synthetic study with known truth.
+    """Make a synthetic study with known constants.
 
     Examples:
       fasbody laboratory my_study --subjects 20

@@ -22,7 +22,7 @@ def print_peaks(
     figure: Annotated[Path | None, typer.Option(help="SVG or PNG to write")] = None,
     json: JsonOption = False,
 ) -> None:
-    """Where a leg's MB, TB and TM are highest under 0, 2.3 and 4.5 kg; which statements of the thesis hold.
+    """Peaks of MB, TB and TM of a leg under 0, 2.3 and 4.5 kg, and which statements of the thesis hold.
 
     Examples:
       fasbody leg peaks --figure peaks.svg

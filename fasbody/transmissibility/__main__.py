@@ -40,7 +40,7 @@ def main(
 ) -> None:
     """Transmissibility and phase for MB, TB and TM by load and posture, with statistics and figures.
 
-    Exit code 2 if a recording cannot be used; the results of the others are written all the same.
+    Exit code 2 if a recording cannot be used; the results of the others are still written.
 
     Examples:
       fasbody transmissibility my_study --out results/my_study

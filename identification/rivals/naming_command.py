@@ -31,7 +31,7 @@ def name(
     figure: Annotated[Path | None, typer.Option(help="SVG or PNG to write, of one person")] = None,
     json: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
 ) -> None:
-    """Name the mechanism that made a person's recordings: a second mode, stiffening, lift-off, both, or none of these.
+    """Name the mechanism in a person's recordings: a second mode, stiffening, lift-off, both, or none of these.
 
     Takes sines under any loads, best as docs/load.md asks for them. Then virtual subjects are
     shaken as the person was, to say how many of them are named correctly; a second or two each.

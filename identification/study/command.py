@@ -59,7 +59,7 @@ def main(
 ) -> None:
     """Fit every recording of a study and check the fits, computing only what is missing.
 
-    It may be stopped at any moment and started again with the same command. Exit code 1 if no fit at all could be done.
+    You can stop it at any time and start it again with the same command. Exit code 1 if no fit succeeded.
 
     Examples:
       fasbody study my_study

@@ -29,7 +29,7 @@ def load_effect(
     figures: Annotated[Path | None, typer.Option(help="folder for leg-mechanisms, as SVG and PNG")] = None,
     json: JsonOption = False,
 ) -> None:
-    """Find which mechanisms can raise the resonance with the load, and for what share of the values in the literature.
+    """Show which mechanisms can raise the resonance with the load, for published values of the constants.
 
     Takes some minutes, most of them for lift-off.
 
@@ -166,7 +166,7 @@ def decide(
     figure: Annotated[Path | None, typer.Option(help="SVG or PNG to write")] = None,
     json: JsonOption = False,
 ) -> None:
-    """Which mechanism made a recording: how often an analysis of virtual subjects names the right one.
+    """Count how often the analysis names the right mechanism of virtual subjects.
 
     Takes two seconds per subject and plan. Ctrl-C stops it, and the same command goes on.
 

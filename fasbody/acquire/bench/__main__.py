@@ -38,7 +38,7 @@ def board(
         float, typer.Option(help="both sensors on the base, the malleolus' with this gain; 0 for a foot")
     ] = 0.0,
 ) -> None:
-    """The accelerometer board: samples the shaken foot and sends frames (or, with --bits 0, text lines).
+    """Simulate the accelerometer board: sample the virtual foot and send frames (with --bits 0: text lines).
 
     Runs until its standard input is closed.
 
@@ -80,7 +80,7 @@ def board(
 
 @app.command()
 def generator(link: LinkArgument, cable: CableArgument) -> None:
-    """The function generator: a small SCPI instrument whose output drives the shaker.
+    """Simulate the function generator: a small SCPI instrument that drives the shaker.
 
     Runs until its standard input is closed.
 
