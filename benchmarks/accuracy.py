@@ -64,7 +64,7 @@ def errors(foot: Foot, frequency_hz: float, steps: tuple[float, ...] = STEPS, se
     rows = []
     for step in steps:
         stride, count = round(1 / (RATE_HZ * step)), round(seconds / step)
-        run, smooth = simulate(foot, recorded, step=step), simulate(foot, sine, step=step)
+        run, smooth = (simulate(foot, each, step=step, accept=None) for each in (recorded, sine))
         y = run.malleolus[0]
         other, *_ = trajectory(
             np.zeros(4), truth.theta, truth.m_S, truth.m_F, recorded.half_steps(step, count), step, 1, 0

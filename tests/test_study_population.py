@@ -133,7 +133,8 @@ def test_what_all_may_have_in_common_counts_once() -> None:
     assert (ankle.verdict, ankle.odds_log, ankle.common_odds_log) == ("undecided", 15.0, 3.0)
     assert (pad.odds_log, pad.common_odds_log) == (-15.0, -3.0)
     assert ankle.odds_text == (
-        "stiff ankle: over a million to 1 if each person errs alone, 20.1 to 1 if gain and masses are off alike in all"
+        "stiff ankle: over a million to 1 for independent errors of the persons, 20.1 to 1 if all share those of gain "
+        "and masses"
     )
     (half,) = populations(study(6.0, paid=2.0))[0]  # the misfit alone is 10
     assert half.verdict == "decided" and half.common_odds_log == pytest.approx(11.0)
@@ -201,7 +202,7 @@ def test_who_does_not_belong_is_named_and_kept(tmp_path: Path) -> None:
     (said,) = found[0].odd()
     assert said.startswith("midstance, 0 kg, stiff ankle: k_T of subject 4 is") and "it is kept" in said
     assert found[0].document()["constants"][0]["does_not_belong"] == ["4"]
-    assert tables.population(found)["does not belong (kept)"].tolist() == ["4", *["nobody"] * 3]
+    assert tables.population(found)["outliers (included)"].tolist() == ["4", *["nobody"] * 3]
     assert "persons' (4)" in " ".join(figures.persons(found, "synthetic").get_supxlabel().split())
     report.write(tmp_path, Findings([{**d, "cycles": []} for d in fits]), "five persons", "synthetic")
     assert said.replace("'", "&#39;") in (tmp_path / "report.html").read_text()

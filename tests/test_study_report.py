@@ -167,7 +167,7 @@ def test_tracking_turns_what_is_shown(tmp_path: Path, bare: None) -> None:
     assert set(found.tracked.values()) == {"stiff pad"}
     report.write(tmp_path, found, "turned", "synthetic")
     page = (tmp_path / "report.html").read_text()
-    said = "Of 42 fits shown: 42 on the branch that all fits of a subject together decide (42 of them against their own"
+    said = "Of 42 fits shown: 42 on the branch decided by all fits of the subject together (42 of them against the"
     assert said in page
     table = pd.read_csv(tmp_path / "summary.csv")
     shown = table[table["shown"]]
@@ -200,7 +200,7 @@ def test_curves_leave_out_what_rests_on_a_bound() -> None:
 
 def test_best_ends_that_a_second_start_met_are_counted(written: Path) -> None:
     """Starts of the study end at 10, 15 and 20; of three fits one has its best end twice on one branch."""
-    assert "<th>best end met by a second start</th>" in (written / "report.html").read_text()
+    assert "<th>best minimum found twice</th>" in (written / "report.html").read_text()
     fits = study()[:3]
     for d, second in zip(fits, ((10.001, "stiff ankle"), (10.001, "stiff pad"), (10.5, "stiff ankle")), strict=True):
         d["result"]["starts"][1] |= dict(zip(("cost", "branch"), second, strict=True))
@@ -210,7 +210,7 @@ def test_best_ends_that_a_second_start_met_are_counted(written: Path) -> None:
     for starts, again in ((sides, 0), (sides[1:], 1)):  # of steady recordings the best side's own count
         (row,) = summary.counts([{**fits[0], "result": fits[0]["result"] | {"starts": starts}}]).to_dict("records")
         assert (row["again"], row["again_of"]) == (again, 1)
-    assert tables.counts(fits)["best end met by a second start"].tolist() == ["1 of 3 (33 %)"]
+    assert tables.counts(fits)["best minimum found twice"].tolist() == ["1 of 3 (33 %)"]
 
 
 def test_what_is_decided_alone_is_one_number_in_sentence_and_table() -> None:
@@ -223,7 +223,7 @@ def test_what_is_decided_alone_is_one_number_in_sentence_and_table() -> None:
     table, said = found.table, " ".join(tables.short(found))
     (row,) = tables.branches(fits, table).to_dict("records")
     assert "mirror decided in 2 of 6 alone" in said and (row["fits"], row["decided alone"]) == (6, 2)
-    shown = ("shown as tracking decides", "shown as it decides alone, not tracked", *summary.DECIDED_BY[2:])
+    shown = ("decided by all fits together", "decided by the fit alone", *summary.DECIDED_BY[2:])
     assert [row[name] for name in shown] == [0, 0, 6, 0, 0]
 
 

@@ -77,9 +77,9 @@ class Findings:
         usable = [fit for fit in fits if not summary.misfit(fit)]
         two = [fit for fit in usable if len(fit["result"]["branches"]) > 1]
         two = [fit for fit in two if mode == "pooled" or fit["frequency_hz"] is not None]
-        tracking, text = None, "Fits without a frequency or a mirror solution are not tracked."
+        tracking, text = None, "Fits without a frequency or a mirror solution are not combined."
         if not usable:
-            text = "No fit follows its recordings, so no branch is weighed."
+            text = "No fit follows its recordings, so no branch is decided."
         try:
             if two:
                 tracking = track([Fit.from_document(fit) for fit in two], prior=self.prior)
