@@ -98,7 +98,7 @@ def test_one_frequency_is_no_range_and_places_decide_what_confirms() -> None:
 
 
 def test_a_rise_within_ends_a_plateau() -> None:
-    """Section 2.3.1: neighbours that do not differ. A greater one further on is not periodic."""
+    """Section 2.3.1: neighbours that do not differ. A greater one further on is no part of it."""
     rise = np.array([1.6, 1.3, 1.3, 1.3, 1.5, 1.3, 1.1, 1.0, 0.9])
     r = by_thesis(F, panel(rise, 0.03))
     assert r.kind != "plateau" or not r.low <= 30 <= r.high
