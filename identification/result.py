@@ -291,7 +291,7 @@ class FitResult(Presented):
             word = "estimated" if mass.weighed else "assumed" if mass.assumed else "as stated"
             prior = f"{mass.stated:.4g} {mass.basis}"
             rows.append([f"{mass.name} [kg]", mass.interval(), prior, *others, *known, word])
-        columns = ["parameter", *self.intervals, *mirrors, *(["truth"] if self.truth else []), ""]
+        columns = ["parameter", *self.intervals, *mirrors, *(["truth"] if self.truth else []), "status"]
         notes = [
             self.sentence(),
             self.reason,
@@ -434,7 +434,7 @@ class FitResult(Presented):
         values = " or ".join(branch.stiffness(len(self.open) > 1) for branch in self.open)
         if not self.offered:
             count = len(self.parameters)
-            rank = f"the excitation has rank {self.excitation_rank} for {count} free parameters"
+            rank = f"the recordings determine at most {self.excitation_rank} of {count} free parameters"
             why = rank if self.excitation_rank < count else "the model does not follow the recordings"
             values = f"No constant is reported, as {why}"
         goodness = ""

@@ -323,7 +323,7 @@ def test_the_printed_error_of_a_ball_of_flat_triangles_holds(tmp_path: Path) -> 
     speed = np.sqrt(BONE.E / (2 * (1 + BONE.nu) * BONE.rho))
     off = np.abs(found.frequencies_hz / (lamb_torsional(2) * speed / (2 * np.pi * 0.01)) - 1)
     assert found.errors.max() - found.body.changed < off.max() < found.errors.min()
-    assert "0.88% of each error is for a shape of flat triangles" in str(found)
+    assert "0.88% of each error is due to the flat triangles of the surface" in str(found)
     assert found.document()["shape_error"] == found.body.changed
 
 

@@ -82,7 +82,7 @@ def test_a_single_20_hz_recording_tells_little_and_says_so(foot: Foot, trial: Tr
     text = " ".join(result.warnings)
     assert "The excitation has rank 2, fewer than the 8 free parameters" in text
     assert "Not identifiable from these recordings" in text
-    assert "One frequency cannot tell a delay" in text
+    assert "One frequency cannot separate a delay" in text
     assert "delay_s" not in result.parameters
     assert result.fit_percent > 98  # and yet the fit percentage is splendid
 

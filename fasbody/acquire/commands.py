@@ -306,7 +306,7 @@ def check(
     except ValueError:
         raise SettingError(f"--frequencies {frequencies!r} holds no numbers with commas between them.") from None
     if len(set(frequencies_hz)) < 2:
-        raise SettingError("--frequencies needs at least two: one cannot tell a delay from a gain that turns.")
+        raise SettingError("--frequencies needs at least two, because one cannot determine a delay.")
     equipment = Equipment(board, port, baud, generator, generator_baud, calibration)
     origin = "synthetic" if simulate else "measured"
     plan = Plan(
