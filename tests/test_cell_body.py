@@ -245,13 +245,13 @@ def test_large_errors_come_with_advice(sesamoid: BodyModes) -> None:
         body = replace(sesamoid.body, **changes)  # type: ignore[arg-type]
         return replace(sesamoid, body=body, errors=np.full(4, error)).heading()[1][-1]
 
-    assert "errors above" not in last(0.049)
-    size, unknowns = re.findall(r"\((\S+) mm: about (\d+) unknowns\)", last(0.1, changed=0.0))[0]
+    assert "errors below" not in last(0.049)
+    size, unknowns = re.findall(r"--size (\S+) \(mm; about (\d+) unknowns\)", last(0.1, changed=0.0))[0]
     assert float(size) == pytest.approx(1.0, rel=0.05)  # half of 2 mm, for half of the error
     assert sesamoid.model.assembly.dof < int(unknowns) < LIMIT
     assert "mesh of smaller elements" in last(0.1, changed=0.0, size_um=None)
     assert "does not fit" in last(0.1, changed=0.0, size_um=100.0)
-    assert "errors above" not in last(0.1, changed=0.06)  # which no element size mends
+    assert "errors below" not in last(0.1, changed=0.06)  # which no element size mends
 
 
 def test_the_progress_of_both_meshes_is_told(rod: Path) -> None:

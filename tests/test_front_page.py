@@ -48,7 +48,7 @@ def test_coverage_is_that_of_the_pages() -> None:
     low, high = (float(number) for number in re.findall(r"in (\d+) to (\d+) %", section)[0])
     assert (low, high) == (min(map(float, seeds)), max(map(float, seeds)))
     *errors, page = re.findall(r"is (\d+) % for k_F and (\d+) % for c_11 \| \[[^]]*\]\((\S+)\)", section)[0]
-    text = (ROOT / "docs" / page).read_text()
+    text = " ".join((ROOT / "docs" / page).read_text().split())
     assert all(f"{error} % for {name}" in text for error, name in zip(errors, ("k_F", "c_11"), strict=True))
     (held,) = re.findall(r"within (\d+ of \d+) intervals", section)
     assert f"| {held} (" in CREDIBILITY.split("## Uncertainty")[1]

@@ -85,7 +85,7 @@ def test_page_says_what_the_fits_say(written: Path) -> None:
     assert "42 of 43 fits done, 1 failed." in page
     assert "mean fit 90.0 %, 0 % of estimates identified, mirror decided in 0 of 42 alone" in page
     assert "s6.csv: malleolus is &lt;b&gt;dead&lt;/b&gt;" in page
-    assert "A recording of one frequency is worth its harmonics" in page
+    assert "A recording of one frequency contains amplitude and phase" in page
     assert "differ by 0.1 % at most" in page  # 0.01 of 8.01
     found = pd.read_csv(written / "recovery.csv").set_index("parameter").loc["all"]
     assert f"{found['chosen']:.0f} of 336 ({100 * found['chosen'] / 336:.0f} %)" in page
@@ -276,7 +276,7 @@ def test_subject_whom_the_model_follows_is_shown_or_nobody_is() -> None:
             branch["fit_percent"] = 84.9
     found = report.pictures(Findings(fits), "synthetic")
     assert not any(name.startswith("loops") for name in found)
-    assert "No fit of any subject here follows" in found["transmissibility_per-recording"][1]
+    assert "No fit follows its recordings, so the hysteresis" in found["transmissibility_per-recording"][1]
 
 
 def test_two_subjects_make_no_curve() -> None:

@@ -235,7 +235,7 @@ def populations(documents: Sequence[Document]) -> tuple[list[Population], list[s
         usable = [fit for fit in fits if not _unfit(fit)]
         of_group = [] if twice else _of_group(posture, load, usable, unfit)
         made += of_group
-        why, hint = f"subject {twice[0]} is there twice" if twice else "", ""
+        why, hint = f"subject {twice[0]} occurs twice" if twice else "", ""
         if twice:
             hint = "give the two persons different names in subjects.csv"
         elif not of_group and len(fits) > 1:
