@@ -116,13 +116,13 @@ def steady_state(wild_starts: int = 50) -> tuple[list[Check], float]:
     what = f"pooled steady-state fit of {len(question.recordings)} recordings"
     rows = [
         at_most(
-            f"{what}, model assumed exact, one of {len(Q)} wild starts together", 1e3 * seconds_per_start, 60.0, "ms"
+            f"{what}, model assumed exact, one of {len(Q)} random starts", 1e3 * seconds_per_start, 60.0, "ms"
         ),
-        faster(f"{what}, one start", seconds_per_start, alone, "any MJCF on MuJoCo's inverse dynamics, from nearby"),
-        at_most("distance between the estimates of both, standard errors", float(np.max(np.abs(a - b) / std)), _ONE),
-        at_least(f"of {len(Q)} wild starts, ends at the best place of its side", arrived, round(0.5 * len(Q))),
-        at_most(f"{what}, both sides, every nuisance, replayed in MuJoCo, CPU time", seconds, 60.0, "s"),
-        at_least("times that it met its best end", int(whole.starts[0]["hits"]), 2),
+        faster(f"{what}, one start", seconds_per_start, alone, "MuJoCo's inverse dynamics, for any model"),
+        at_most("difference between both estimates, standard errors", float(np.max(np.abs(a - b) / std)), _ONE),
+        at_least(f"of {len(Q)} random starts, end at the best minimum of their branch", arrived, round(0.5 * len(Q))),
+        at_most(f"{what}, both branches, all nuisance parameters, replay in MuJoCo, CPU time", seconds, 60.0, "s"),
+        at_least("times that its search found the best minimum", int(whole.starts[0]["hits"]), 2),
     ]
     return rows, seconds_per_start
 
@@ -156,7 +156,7 @@ def time_domain(steady_seconds: float, seconds: float = 10.0, repeats: int = 5, 
     scipy_cost = float(np.sum(problem.residual(z) ** 2))
     other = f"scipy RK45 and least_squares, {limit} trial points allowed"
     return [
-        faster(f"time-domain fit of a {seconds:g} s recording, twin ({descent.evaluations} evaluations)",
+        faster(f"time-domain fit of a {seconds:g} s recording, compiled equations ({descent.evaluations} evaluations)",
                median, scipy_seconds, other, 300.0),
         Check("its cost (weighted sum of squares)", descent.cost, high=scipy_cost * (1 + _SAME),
               said=f"{descent.cost:.8g}", beside=f"scipy: {scipy_cost:.8g}, equal or lower",

@@ -26,7 +26,7 @@ from simulator.worlds import SOURCES, WORLDS, member, recordings
 #: Difference of two objectives (chi-square and prior) that makes two ends one.
 SAME = 0.5
 #: What a fit says where it has not found an end twice.
-WORDS = "search not exhausted"
+WORDS = "search was not exhaustive"
 
 
 @dataclass(frozen=True)

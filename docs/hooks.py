@@ -207,7 +207,7 @@ def _unit(name: str, says: str) -> str:
 
 def command_reference() -> str:
     """Every command with its help and its options."""
-    head = "# Commands\n\n`python -m fasbody` prints this list; every command has `--help`.\n"
+    head = "# Commands\n\n`fasbody` prints this list; every command has `--help`.\n"
     groups = groupby(commands(), lambda command: command.group)
     return "\n".join([head, *("\n".join([f"## {title}\n", *map(_section, group)]) for title, group in groups)])
 
@@ -221,7 +221,7 @@ def _section(command: Command) -> str:
     table = "\n".join(["| option | what | default |", "|---|---|---|", *rows]) if rows else ""
     lines = [line.strip() for line in examples.splitlines() if line.strip()]
     shell = ["```shell\n" + "\n".join(lines) + "\n```"] if lines else []
-    return "\n\n".join([f"### {command.call.removeprefix('python -m ')}", text.strip(), *shell, table]) + "\n"
+    return "\n\n".join([f"### {command.call}", text.strip(), *shell, table]) + "\n"
 
 
 def _row(parameter: Any) -> str:

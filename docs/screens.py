@@ -36,18 +36,18 @@ FRAME = """<svg class="rich-terminal" viewBox="0 0 {width} {height}" xmlns="http
 """
 #: Picture -> the command that it shows, and how many lines of it; without a picture it is only run.
 STEPS: tuple[tuple[str, str, int], ...] = (
-    ("", "fasbody.laboratory my_study --added-mass 0 --added-mass 2.3 --seconds 4", 0),
-    ("tutorial-check", "fasbody.recording check my_study", 12),
-    ("", "fasbody.transmissibility my_study --out results/transmissibility", 0),
-    ("tutorial-fit", "identification.fit my_study --out results", 18),
-    ("tutorial-undecided", "identification.fit 20hz.csv --body-mass 72.5", 16),
+    ("", "laboratory my_study --added-mass 0 --added-mass 2.3 --seconds 4", 0),
+    ("tutorial-check", "check my_study", 12),
+    ("", "transmissibility my_study --out results/transmissibility", 0),
+    ("tutorial-fit", "fit my_study --out results", 18),
+    ("tutorial-undecided", "fit 20hz.csv --body-mass 72.5", 16),
 )
 
 
 def terminal(command: str, said: str, lines: int) -> str:
     """What a terminal shows of a command, as SVG."""
     shown = Console(record=True, width=COLUMNS, file=StringIO(), legacy_windows=False)
-    shown.print(Text(f"$ python -m {command}\n", style="bold"))
+    shown.print(Text(f"$ fasbody {command}\n", style="bold"))
     body = [line for line in said.splitlines() if line.strip()]
     shown.print(Text("\n".join(body[:lines]) + ("\n..." if len(body) > lines else "")))
     svg = shown.export_svg(theme=MONOKAI, code_format=FRAME, unique_id="t", title="")
@@ -77,9 +77,8 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as name:
         desk = Path(name)
         for picture, command, lines in STEPS:
-            done = subprocess.run(
-                [sys.executable, "-m", *shlex.split(command)], cwd=desk, check=True, capture_output=True, text=True
-            )
+            typed = [sys.executable, "-m", "fasbody", *shlex.split(command)]
+            done = subprocess.run(typed, cwd=desk, check=True, capture_output=True, text=True)
             if picture:
                 (FIGURES / f"{picture}.svg").write_text(terminal(command, done.stdout, lines))
             shutil.copy(desk / "my_study" / "recordings" / "20hz_0kg.csv", desk / "20hz.csv")

@@ -1,4 +1,4 @@
-"""`python -m fasbody`, or `fasbody` where it is installed: the map of all commands, and each of them by its words."""
+"""`fasbody`, or `python -m fasbody` in a clone: the map of all commands, and each of them by its words."""
 
 import re
 import runpy
@@ -27,14 +27,14 @@ def main(
         str | None, typer.Option(metavar="SHELL", help="print what completes fasbody in bash, zsh or fish")
     ] = None,
 ) -> None:
-    """Show what there is: every command of the project, and what it does.
+    """List all commands, and what they do.
 
     Examples:
-      python -m fasbody
+      fasbody
 
-      python -m fasbody fit my_study --out results
+      fasbody fit my_study --out results
 
-      python -m fasbody --completion bash
+      fasbody --completion bash
     """
     if version:
         results.print(fasbody.__version__)
@@ -56,11 +56,9 @@ def main(
             table.add_row()
         table.add_row(f"[bold]{title}[/]")
         for command in group:
-            table.add_row(f"fasbody {command.words}".rstrip() if _installed() else command.call, command.does)
+            table.add_row(command.call, command.does)
     results.print(table)
     results.print("\nEach has --help with examples, and most --json.")
-    if not _installed():
-        results.print("Where fasbody is installed, a short form does the same: fasbody fit.", highlight=False)
     if makefile := _makefile():
         targets = re.findall(r"^(\w+):.*  ##", makefile, re.MULTILINE)
         results.print(f"Each of make {', '.join(targets)} sets up its environment first.", highlight=False)
@@ -93,7 +91,7 @@ def page() -> None:
         others = [command.words.removeprefix(f"{first} ") for command in family if command.words != first]
         also = f"{'With' if does else 'One of'}: {first} {', '.join(others)}." if others else ""
         table.add_row(first, " ".join([*does, *([also] if also else [])]))
-    results.print("Usage: fasbody COMMAND [OPTIONS], or python -m fasbody COMMAND [OPTIONS]\n", markup=False)
+    results.print("Usage: fasbody COMMAND [OPTIONS]\n", markup=False)
     results.print(table)
     results.print("\nEach has --help with examples. fasbody alone shows all in groups; --version, --json.")
     results.print('Completion in a shell: eval "$(fasbody --completion bash)", or zsh, fish.', highlight=False)

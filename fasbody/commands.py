@@ -39,8 +39,8 @@ class Command:
 
     @property
     def call(self) -> str:
-        """What to type without an installed `fasbody`."""
-        return f"python -m {self.module} {self.name}".rstrip()
+        """What to type."""
+        return f"fasbody {self.words}".rstrip()
 
     @property
     def home(self) -> str:
@@ -54,9 +54,6 @@ class Command:
         if self.needs and not _folder(self.needs).is_dir():
             return False
         return (place / "__main__.py").is_file() or place.with_suffix(".py").is_file()
-
-    def __str__(self) -> str:
-        return f"{self.call}: {self.does}"
 
 
 def _folder(module: str) -> Path:

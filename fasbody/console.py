@@ -143,7 +143,7 @@ def run_app(app: "Typer", words: list[str] | None = None, name: str | None = Non
 
     from fasbody.help import readable
 
-    command = readable(typer.main.get_command(app), short=started is not None)
+    command = readable(typer.main.get_command(app))
     words, inner = list(sys.argv[1:] if words is None else words), getattr(command, "commands", {})
     renamed = ""
     if default and not (words and words[0] in inner):

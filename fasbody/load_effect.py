@@ -1,4 +1,4 @@
-"""Why the resonance rises with the load: `python -m fasbody.load_effect --help`."""
+"""Why the resonance rises with the load: `fasbody load effect --help`."""
 
 import typer
 

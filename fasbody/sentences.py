@@ -15,7 +15,7 @@ SETTINGS: Mapping[str, tuple[str, str]] = {
     "free": ("--free", "their boxes"),
     "bounds": ("--bounds", "the small numbers under a slider"),
     "exclude": ("--exclude, [known] in study.toml", "[known] in the study.toml of a study folder"),
-    "compare_rivals": ("python -m identification.rivals", "the button Rivals"),
+    "compare_rivals": ("fasbody rivals", "the button Rivals"),
     "sampling_rate_hz": ("sampling_rate_hz in study.toml", "the rate with “…”"),
     "channels": ("study.toml ({value})", "“…”"),
     "channels.column": ("study.toml ([channels.{channel}] column = ...)", "“…”"),
@@ -54,7 +54,7 @@ class Sentence(str):
     code: str
     reason: str
 
-    def __new__(cls, *parts: str, code: str = "", on_page: str = "", reason: str = "") -> "Sentence":
+    def __new__(cls, *parts: str, code: str = "", on_page: str | None = None, reason: str = "") -> "Sentence":
         """Join parts, of which some may be sentences.
 
         Args:
@@ -64,7 +64,7 @@ class Sentence(str):
             reason: without the name of a file.
         """
         sentence = super().__new__(cls, "".join(parts))
-        sentence.on_page = on_page or "".join(map(for_page, parts))
+        sentence.on_page = "".join(map(for_page, parts)) if on_page is None else on_page
         sentence.code, sentence.reason = code, reason or str(sentence)
         return sentence
 

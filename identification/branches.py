@@ -21,24 +21,24 @@ DECISIVE_ODDS = 100.0
 DECISIVE_TOGETHER = 1000.0
 #: Log of the odds up to which branches are tied: rounding alone then orders them, and the name does it instead.
 TIE = 0.01
-LEFT_OUT = "The {name} branch is left out: the motions at its best ends do not last in MuJoCo."
+LEFT_OUT = "The {name} branch is left out: the motion of its best fits is unstable in MuJoCo."
 DOES_NOT_FOLLOW = (
-    "No branch is decided, as the model does not follow the recordings: they would have to repeat no better than to "
-    "{percent:.3g} %. People repeat to 2 to 5 %, and beyond {bound:.3g} % nothing is decided."
+    "No branch is decided, as the model does not follow the recordings: it deviates by {percent:.3g} %. Recordings of "
+    "people repeat to 2 to 5 %, and above {bound:.3g} % nothing is decided."
 )
 #: Chi-square per degree of freedom beyond which a model assumed exact is not exact, and decides nothing.
 MISSES = 2.0
 NOT_EXACT = (
-    "No branch is decided, as the model is assumed exact and misses the recordings: chi-square {excess:.3g} per degree "
-    "of freedom, and {bound:g} is the most."
+    "No branch is decided, as the model is assumed exact but does not fit the recordings to their noise: chi-square is "
+    "{excess:.3g} per degree of freedom, and above {bound:g} nothing is decided."
 )
 FOLLOWS_LITTLE = (
-    "No branch is decided, as the model does not follow the recordings: it follows {percent:.0f} % of them in the "
-    "mean, and {least:g} % is the least."
+    "No branch is decided, as the model does not follow the recordings: the mean fit is {percent:.0f} %, and {least:g} "
+    "% is required."
 )
 NOT_EXHAUSTED = (
-    "No branch is decided, as the search is not exhausted: the best end of the less likely branch was not found twice. "
-    "More starts (--starts) or what the laboratory knows ([known] in study.toml) may help."
+    "No branch is decided, as the search was not exhaustive: the best fit of the less likely branch was found only "
+    "once. Use more starts (--starts), or state what is known in [known] of study.toml."
 )
 #: Names of the branches by what is stiffer than its mirror image.
 STIFF_ANKLE, STIFF_PAD = "stiff ankle", "stiff pad"
@@ -80,7 +80,8 @@ def has_mirror(free: Sequence[str], declared: Container[str]) -> str:
         return "This model has no mirror solution that is known in closed form; one solution is reported."
     held = [name for name in EXCHANGED if name not in free]
     if held:
-        return f"The mirror solution was not compared, as it needs {', '.join(held)} free; one solution is reported."
+        names = ", ".join(held)
+        return f"The mirror solution was not compared, as {names} must be free for it; one solution is reported."
     return ""
 
 
@@ -123,20 +124,15 @@ class Recorded:
     @property
     def may_tell(self) -> str:
         """What else may, in a sentence."""
-        sensor = "a sensor on the bones of the foot, beside that on the malleolus,"
-        if self.loads == 1 and self.sensors == 1:
-            return (
-                f"{sensor.capitalize()} decides most often; a second load may, if the constants do not change with it."
-            )
+        sensor = "a second sensor, on the bones of the foot"
+        more = f" {sensor.capitalize()}, usually decides." if self.sensors == 1 else ""
         if self.loads == 1:
-            return "A second load may decide, if the constants do not change with it."
-        more = [sensor] if self.sensors == 1 else []
+            return f"{more} A second load can decide, if the constants do not change with it.".strip()
         if not self.follow:
-            return f"The loads do not tell them apart{f'; {more[0]} may' if more else ''}."
-        ways = [*more, " or "] if more else []
+            return f"The loads do not separate them.{more}"
         return Sentence(
-            "The loads do not tell them apart if the constants may change with the load; ",
-            *ways, "excluding nuisance parameters (", called("exclude"), ") may.",
+            f"The loads do not separate them if the constants may change with the load.{more} Excluding nuisance "
+            "parameters (", called("exclude"), ") can help.",
         )  # fmt: skip
 
 
@@ -186,7 +182,7 @@ def judge(
     """
     recorded = recorded or Recorded()
     if len(names) < 2:
-        text = "The mirror image of this solution lies outside the bounds or leads back here, so nothing was compared."
+        text = "The mirror image of this solution is outside the bounds or the same solution; nothing was compared."
         return Verdict("not compared", 0.0, text)
     excess = max(1.0, chi_square / max(1, dof))
     ratio_ = 0.5 * (deviances[1] - deviances[0]) / excess
@@ -194,8 +190,8 @@ def judge(
     pair = " and ".join(sorted(names[:2]))
     if rests and ratio_ > np.log(DECISIVE_ODDS):
         text = Sentence(
-            f"The {names[0]} branch fits better, but the {names[1]} branch rests on the bound of {', '.join(rests)}: "
-            "the bounds, and not the data, may speak against it. Wider ones (",
+            f"The {names[0]} branch fits better, but the {names[1]} branch is limited by the bound of "
+            f"{', '.join(rests)}, so the bounds and not the data may exclude it. Wider bounds (",
             called("bounds"),
             f"){' or a second load' if recorded.loads == 1 else ''} can decide.",
         )

@@ -78,19 +78,23 @@ class Contact:
         """What cannot be, in words; nothing where the table only presses."""
         if not self.share:
             return ""
-        source = "stated in study.toml (known.static_force_n)" if self.stated else "the weight of leg and load"
+        source = "the static force (known.static_force_n in study.toml)"
+        source = source if self.stated else "the weight of leg and load"
         text = (
-            f"The foot would leave the table for {100 * self.share:.0f} % of the cycle at "
-            f"{self.frequency_hz:.4g} Hz under {self.added_mass_kg:g} kg ({self.file}): the force of {self.element} "
-            f"pulls, and something else must press the foot down with at least {self.missing_n:.3g} N in addition "
-            f"to {source} ({self.static_force_n:.3g} N)."
+            f"At {self.frequency_hz:.4g} Hz under {self.added_mass_kg:g} kg ({self.file}) the model's {self.element} "
+            f"pulls on the table for {100 * self.share:.0f} % of the cycle, where a real foot would lift off. To hold "
+            f"it down, {self.missing_n:.3g} N or more would be needed beside {source} ({self.static_force_n:.3g} N)."
         )
         if self.harmonics:
             added, estimated = 100 * (self.added or 0.0), 100 * (self.measured or 0.0)
-            word = {"for": "so it probably did", "against": "so it probably did not", "neither": "which leaves it open"}
+            word = {
+                "for": "so the foot probably lifted off",
+                "against": "so the foot probably did not lift off",
+                "neither": "so lift-off is neither shown nor excluded",
+            }
             text += (
-                f" A foot that lifts would add harmonics of about {added:.2g} % of the first at the malleolus. "
-                f"{estimated:.2g} % were found beyond the model's, {word[self.harmonics]}."
+                f" Lift-off would add harmonics of about {added:.2g} % of the fundamental at the malleolus. The "
+                f"recording exceeds the model's harmonics by {estimated:.2g} %, {word[self.harmonics]}."
             )
         return text
 
@@ -102,4 +106,4 @@ def summary(contacts: Sequence[Contact]) -> str:
         return ""
     worst = max(lifted, key=lambda contact: contact.missing_n)
     text = worst.sentence()
-    return text + (f" This concerns {len(lifted)} of {len(contacts)} recordings." if len(contacts) > 1 else "")
+    return text + (f" {len(lifted)} of {len(contacts)} recordings are affected." if len(contacts) > 1 else "")

@@ -1,4 +1,4 @@
-"""`python -m identification.fit`: stiffness and damping of a foot from its recordings."""
+"""`fasbody fit`: stiffness and damping of a foot from its recordings."""
 
 import sys
 from dataclasses import replace
@@ -37,7 +37,7 @@ def main(
     delay_std: DelayStd = None,
     exclude: Annotated[
         str | None,
-        typer.Option(help="nuisances to exclude: mount, relaxation, load, rocking, drift, share, seating, or all"),
+        typer.Option(help="what to exclude: mount, relaxation, load, rocking, drift, share, seating, or all"),
     ] = None,
     sensors: Annotated[
         str | None, typer.Option(help="accelerometers to fit, e.g. malleolus,foot (default: all that the model has)")
@@ -50,21 +50,21 @@ def main(
     """Estimate the parameters of a foot from recordings of its vibration.
 
     Examples:
-      python -m identification.fit
+      fasbody fit
 
-      python -m identification.fit my_study --starts 20 --out results
+      fasbody fit my_study --starts 20 --out results
 
-      python -m identification.fit loaded/*.csv --body-mass 72.5 --added-mass 2.3
+      fasbody fit loaded/*.csv --body-mass 72.5 --added-mass 2.3
 
-      python -m identification.fit 20hz.tdms 30hz.tdms --study study.toml --body-mass 72.5
+      fasbody fit 20hz.tdms 30hz.tdms --study study.toml --body-mass 72.5
 
-      python -m identification.fit my_study --exclude mount,rocking --mass-std 0.03
+      fasbody fit my_study --exclude mount,rocking --mass-std 0.03
 
-      python -m identification.fit my_study --sensors malleolus,foot
+      fasbody fit my_study --sensors malleolus,foot
 
-      python -m identification.fit bare.csv loaded.csv --body-mass 72.5 --added-mass 0 --added-mass 2.3
+      fasbody fit bare.csv loaded.csv --body-mass 72.5 --added-mass 0 --added-mass 2.3
 
-      python -m identification.fit my_study --model my_foot.xml --free k_T,k_F --bounds k_F=3e3:5e5
+      fasbody fit my_study --model my_foot.xml --free k_T,k_F --bounds k_F=3e3:5e5
     """
     from fasbody.foot.model import load
     from fasbody.recording.sources import gather
@@ -104,7 +104,7 @@ def main(
 
 def _typed() -> str:
     """The command as it was typed."""
-    return " ".join(["python -m identification.fit", *map(quote, sys.argv[1:])])
+    return " ".join(["fasbody fit", *map(quote, sys.argv[1:])])
 
 
 def _slug(text: str) -> str:

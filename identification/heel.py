@@ -1,4 +1,4 @@
-"""`python -m identification.heel`: the command of fasbody/heel."""
+"""`fasbody heel`: the command of fasbody/heel."""
 
 from fasbody.console import command_line, heeded, run_app
 

@@ -280,7 +280,7 @@ class Solution:
         at_bound = bool(min(x - item.lower, item.upper - x) < _AT_BOUND * (item.upper - item.lower))
         word = identifiability(x, std, size_that_matters(parameter), at_bound)
         if low <= 0 <= high and word == "identified":
-            word = "not told from none"
+            word = "not distinguishable from zero"
         return Estimate(x, std, low, high, at_bound, word)
 
     def masses(self) -> tuple[Mass, ...]:

@@ -111,9 +111,9 @@ OF_SENSOR = (
     Nuisance("delay", "delay", "s", 0.0, 1e-4, -2e-3, 2e-3, "a multiplexed converter", "of the {sensor}' channel"),
     Nuisance("drift", "drift", "", 0.0, 0.01, -0.2, 0.2, "as the gain",
              "of the gain from first to last recording"),
-    Nuisance("mount", "mount", "s^2", 0.0, 1e-4, 0.0, 3e-3, _MOUNT, "1 / f^2 of the sensor on its tissue"),
+    Nuisance("mount", "mount", "s^2", 0.0, 1e-4, 0.0, 3e-3, _MOUNT, "1 / f^2 of the sensor's resonance on soft tissue"),
     Nuisance("mount damping", "mount", "", 0.2, 0.1, 0.02, 0.6, _MOUNT, "damping ratio of the sensor on its tissue"),
-    Nuisance("rocking", "rocking", "", 0.0, 0.03, -0.5, 0.5, _ROCK, "share of the base that rotation adds"),
+    Nuisance("rocking", "rocking", "", 0.0, 0.03, -0.5, 0.5, _ROCK, "share of the base's motion that rotation adds"),
 )  # fmt: skip
 #: Of the leg, which rocks as one body.
 OF_LEG = (
@@ -123,12 +123,12 @@ OF_LEG = (
 )  # fmt: skip
 #: Of the springs of the two-mass foot.
 OF_SPRINGS = (
-    Nuisance("relaxing", "relaxation", "", 0.0, 0.35, 0.0, 3.0, _PAD, "share of k_T beside it that relaxes",
+    Nuisance("relaxing", "relaxation", "", 0.0, 0.35, 0.0, 3.0, _PAD, "relaxing part of k_T, as a share of k_T",
              constant="k_T"),
-    Nuisance("relaxing", "relaxation", "", 0.0, 0.35, 0.0, 3.0, _PAD, "share of k_F beside it that relaxes",
+    Nuisance("relaxing", "relaxation", "", 0.0, 0.35, 0.0, 3.0, _PAD, "relaxing part of k_F, as a share of k_F",
              constant="k_F"),
     _log("relaxation time", "relaxation", "s", 5e-3, float(np.log(2)), 5e-4, 5e-2,
-         "where 10 to 50 Hz see one element", "of both springs"),
+         "10 to 50 Hz resolve one relaxation time", "of both springs"),
 )  # fmt: skip
 
 

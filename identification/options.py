@@ -10,11 +10,11 @@ Data = Annotated[
 ]
 BodyMass = Annotated[
     list[float] | None,
-    typer.Option(metavar="KG", help="body mass, for bare files; once, or once per file in their order"),
+    typer.Option(metavar="KG", help="body mass, for files without a study; once, or once per file in their order"),
 ]
 AddedMass = Annotated[
     list[float] | None,
-    typer.Option(metavar="KG", help="mass on the knee, for bare files; once, or once per file"),
+    typer.Option(metavar="KG", help="mass on the knee, for files without a study; once, or once per file"),
 ]
 Mapping = Annotated[
     Path | None, typer.Option("--study", help="study.toml that maps channels, units and sensitivities of files")

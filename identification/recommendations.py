@@ -56,9 +56,10 @@ def advice(
     )
     if best.p_value is not None and best.p_value < UNLIKELY:
         texts.append(
-            f"The model alone does not describe the recordings to their noise (chi-square {best.chi_square:.4g} for "
-            f"{best.dof} degrees of freedom, {chance(best.p_value)}); the standard errors of the model assumed "
-            "exact are widened by its root, and are still too small where the constants change between recordings."
+            f"With the model assumed exact, the misfit is larger than the noise (chi-square {best.chi_square:.4g} for "
+            f"{best.dof} degrees of freedom, {chance(best.p_value)}). The standard errors of that column are enlarged "
+            "by the root of chi-square per degree of freedom, and remain too small if constants change between "
+            "recordings."
         )
     below = [(fit, r.file) for fit, r in zip(fits, data, strict=True) if not follows(fit)]
     likely = best.p_value is not None and best.p_value >= UNLIKELY
@@ -66,39 +67,32 @@ def advice(
     if below and not likely and not followed:  # else it is the sensors' noise
         fit, file = min(below)
         texts.append(
-            f"The model follows {file} only to {fit:.0f} %: check that its channels are aligned and in the right unit, "
-            "that it is this foot, and that the bounds hold the answer."
+            f"The fit of {file} is only {fit:.0f} %. Check that its channels are aligned and in the right unit, that "
+            "it is a recording of this foot, and that the bounds are not too narrow."
         )
     if base_error > _BASE_ERROR:
-        texts.append(f"The model's base misses the prescribed acceleration by {base_error:.1e} of its peak.")
+        texts.append(f"In MuJoCo the base differs from the recorded acceleration by {base_error:.1e} of its peak.")
     if best.dof == 0:
         exact = (
-            ": they are fitted exactly whatever the truth, so goodness of fit says nothing."
+            ". Any foot fits them exactly, so the goodness of fit is no evidence."
             if best.chi_square <= 1
-            else ", which could follow them exactly and do not: the best end was not found, or is out of bounds."
+            else ", which should fit them exactly and do not: the best fit was missed, or lies outside the bounds."
         )
         count = f"The recordings hold no more numbers than the {len(space.free)} free parameters{exact}"
         texts.append(Sentence(f"{count} {more} or free fewer (", called("free"), ")."))
     if rank < len(space.free):
         texts.append(
-            f"The excitation has rank {rank}, fewer than the {len(space.free)} free parameters: the rest can only be "
-            f"learned from the distortion by nonlinear dampers, so no interval that trusts the model is shown. {more}."
+            f"The excitation has rank {rank}, fewer than the {len(space.free)} free parameters. The others show only "
+            f"in the distortion by nonlinear dampers, so no interval with the model assumed exact is shown. {more}."
         )
     bound = [key for key, e in best.parameters.items() if e.at_bound]
     zero = [key for key in bound if best.parameters[key].value == 0.0]
     may_trust = best.departures is None or best.departures.follows
     if zero and may_trust:
-        bends = [key for key in zero if _bend(key)]
-        if bends:
-            texts.append(
-                f"At zero: {', '.join(map(_symbol, bends))}. "
-                "The recordings cannot tell this bend of the damper from none."
-            )
-        if rest := ", ".join(_symbol(key) for key in zero if key not in bends):
-            texts.append(f"At zero, its bound: {rest}. The recordings do not tell it from zero.")
+        texts.append(f"Not distinguishable from zero: {', '.join(map(_symbol, zero))}.")
     if set(bound) - set(zero):
         rest = ", ".join(_symbol(key) for key in bound if key not in zero)
-        texts.append(f"At its bound: {rest}. The value says where the bound is, not where the foot is.")
+        texts.append(f"At its bound: {rest}. The value is that of the bound, and no estimate.")
     few = best.departures is None and rank < len(space.free)
     free = {key: e for key, e in best.parameters.items() if not e.at_bound}
     weak = [key for key, e in free.items() if few or e.identifiability == "not identifiable"]
@@ -108,13 +102,14 @@ def advice(
     narrow = {k: e.if_model_true for k, e in best.parameters.items() if _bend(k) and e.if_model_true and e.lower == 0}
     if trusted := [_symbol(key) for key, e in narrow.items() if e.lower > 0 and rank >= len(space.free) and may_trust]:
         texts.append(
-            f"Above zero only with the model assumed exact: {', '.join(trusted)}. Otherwise zero is in the interval."
+            f"Distinguishable from zero only with the model assumed exact: {', '.join(trusted)}."
         )
     held = [name for name in space.fixed if name not in MASSES]
     if held and best.departures is not None and not best.departures.follows:
         texts.append(
             Sentence(
-                f"Held at the model's values: {', '.join(held)}. A wrong one is a misfit; free them (",
+                f"Held at the model's values: {', '.join(held)}. A wrong value causes a misfit. Estimate them instead "
+                "(",
                 called("free"),
                 ").",
             )
@@ -155,8 +150,10 @@ def about_departures(departures: Departures, others: Sequence[Departures] = (), 
     for mass in departures.masses:
         if mass.weighed:
             texts.append(
-                f"The recordings weigh the leg: {mass.name} without load is {mass.interval()} kg, "
-                f"{100 * (mass.value / mass.stated - 1):+.1f} % off the {mass.stated:.4g} {mass.basis}."
+                f"The recordings determine {mass.name}: without load it is {mass.interval()} kg (95 %). The estimate "
+                "is "
+                f"{abs(100 * (mass.value / mass.stated - 1)):.1f} % {'above' if mass.value > mass.stated else 'below'} "
+                f"the {mass.basis} {mass.stated:.4g} kg."
             )
     if departures.masses and not any(mass.weighed for mass in departures.masses):
         assumed = any(mass.assumed for mass in departures.masses)
@@ -164,9 +161,9 @@ def about_departures(departures: Departures, others: Sequence[Departures] = (), 
         better = ("; ", called("body_mass"), " narrows it") if assumed else ()
         better = better or (("; ", called("mass_std"), " if you know them better") if usual else ())
         scale = (
-            "The recordings do not determine the leg's mass, and all stiffness and damping scale with it: they are "
-            f"known about as well as the masses that were {'assumed' if assumed else 'stated'} (standard deviation "
-            f"{100 * max(m.prior_std for m in departures.masses):.3g} % each"
+            "The recordings do not determine the leg's mass, to which all stiffness and damping constants are "
+            f"proportional. So these are no more accurate than the {'assumed' if assumed else 'stated'} masses "
+            f"(standard deviation {100 * max(m.prior_std for m in departures.masses):.3g} % each"
         )
         remedy = f"). A {'second' if loads == 1 else 'heavier'} load may determine it."
         texts.append(Sentence(scale, *better, remedy))
@@ -183,9 +180,9 @@ def _culprits(departures: Departures) -> list[str]:
     itself = departures.repeats_by_itself
     if itself is not None and departures.repeatability > _BEYOND * itself:
         texts.append(
-            f"Recordings of one condition repeat to {100 * itself:.2g} %, and the model leaves "
-            f"{100 * departures.repeatability:.2g} %: the model or a condition is wrong, rather than the person "
-            "restless."
+            f"Recordings of one condition repeat to {100 * itself:.2g} %, but the model deviates by "
+            f"{100 * departures.repeatability:.2g} %. So the model or a stated condition is wrong, and the person's "
+            "repeatability is not the cause."
         )
     if departures.misfit is None:
         return texts
@@ -195,8 +192,8 @@ def _culprits(departures: Departures) -> list[str]:
     parts += [f"the {name} ({_share(share)})" for name, share in out.get("sensors", {}).items()]
     if parts:
         texts.append(
-            f"More of chi-square than elsewhere is in {', '.join(parts)}: check load, body mass, unit and mounting "
-            "there, or fit without. Where one recording is wrong, the fit may miss others."
+            f"Most of the misfit is in {', '.join(parts)}. Check load, body mass, unit and mounting there, or leave it "
+            "out: one wrong recording can spoil the fit of others."
         )
     else:
         spread = (
@@ -220,17 +217,17 @@ def _ruler(departures: Departures) -> list[str]:
     texts = []
     if departures.scale_std > _NARROW:
         texts.append(
-            "All stiffness and damping share one scale, the leg's mass, which is known to "
-            f"±{100 * Z95 * departures.scale_std:.2g} % (95 %); natural frequencies, damping ratios and constants per "
-            "kilogram do not depend on it. A force plate under the foot, with and without the load, narrows it "
-            "(static_force_n in [known] of study.toml)."
+            "All stiffness and damping constants are proportional to the leg's mass, which is known to "
+            f"±{100 * Z95 * departures.scale_std:.2g} % (95 %). Natural frequencies, damping ratios and constants per "
+            "kilogram do not depend on it. A force plate under the foot, with and without the load, determines it "
+            "better (static_force_n in [known] of study.toml)."
         )
     off = [nuisance.off for nuisance in departures.nuisances if nuisance.group == "masses"]
     if len(off) == 2 and min(off) * max(off) > 0 and min(map(abs, off)) > _ALIKE:
         way = "heavier" if off[0] > 0 else "lighter"
         texts.append(
-            f"Shank and foot both come out {way} than stated, by about one factor: the added mass or the body mass may "
-            "be wrong, or thigh and chair carry a part of the load."
+            f"The estimated masses of shank and foot are both {way} than stated, by about the same factor. The added "
+            "mass or the body mass may be wrong, or thigh and chair carry part of the load."
         )
     return texts
 
@@ -255,14 +252,14 @@ def _loads(departures: Departures) -> list[str]:
         return []
     falls = max(0.0, departures.constant - departures.objective) / max(1.0, departures.per_dof)
     p = float(chdtrc(len(follow), falls))
-    gain = f"the sum of squares falls by {falls:.3g} for {len(follow)} more constants, {chance(p)}"
+    gain = f"{len(follow)} parameters for a change lower the sum of squares by {falls:.3g}, {chance(p)}"
     if p < UNLIKELY:
         return [
-            f"The recordings ask for stiffness and damping that change with the load ({gain}); these values do not."
+            f"The recordings contradict constants that do not change with the load ({gain})."
         ]
     return [
-        f"Stiffness and damping need not change with the load to explain the recordings ({gain}). Intervals and odds "
-        "allow for what the recordings do not exclude."
+        f"The recordings agree with constants that do not change with the load ({gain}). Intervals and odds still "
+        "allow for a change within the prior."
     ]
 
 
@@ -283,37 +280,38 @@ def _sign(item: Allowance) -> str:
         low = f"{item.upper**-0.5:.0f}"
         high = f"{item.lower**-0.5:.0f} Hz" if item.lower > 0 else "beyond any"
         return (
-            f"A sign of a sensor on soft tissue: the mount of {_owner(whose)} sensor would ring at "
-            f"{item.value**-0.5:.0f} Hz ({low} to {high}). Tap the sensor to know it (mount in [known] of study.toml)."
+            f"A sign of a sensor on soft tissue: the mount of {_owner(whose)} sensor resonates at "
+            f"{item.value**-0.5:.0f} Hz ({low} to {high}). Tap the sensor to check this (mount in [known] of "
+            "study.toml)."
         )
     if item.group == "relaxation":
         return (
-            f"A sign that the spring {item.name.split()[1]} relaxes: {_share(item.value)} of it beside it "
+            f"A sign that the spring {item.name.split()[1]} relaxes: its relaxing part is {_share(item.value)} of it "
             f"({_share(item.lower)} to {_share(item.upper)})."
         )
     if item.group == "load":
         return (
-            f"A sign that constants follow the load: {item.name} is {_share(item.value - 1)} off its value without "
-            f"({_share(item.lower - 1)} to {_share(item.upper - 1)})."
+            f"A sign that constants change with the load: {item.name} differs by {_share(item.value - 1)} from the "
+            f"value without load ({_share(item.lower - 1)} to {_share(item.upper - 1)})."
         )
     if item.group == "rocking":
         return (
-            f"A sign that the leg rocks: rotation adds {_share(item.value)} of the base ({_share(item.lower)} to "
-            f"{_share(item.upper)})."
+            f"A sign that the leg rocks: rotation adds {_share(item.value)} of the base's acceleration "
+            f"({_share(item.lower)} to {_share(item.upper)})."
         )
     if item.group == "delay":
         return (
             f"A sign of a wrong model: the delay of {_owner(whose)} channel, {1e3 * item.value:.3g} ms, is "
-            f"{abs(item.off):.1f} standard deviations of what the instrument can have, so it stands for something else."
+            f"{abs(item.off):.1f} standard deviations of its prior, more than the instrument can have."
         )
     if item.group == "masses":
         return (
-            f"A sign of a wrong model or a wrong body mass: the {item.name} is {_share(item.value - 1)} off what was "
-            "expected."
+            f"A sign of a wrong model or a wrong body mass: the {item.name} differs by {_share(item.value - 1)} from "
+            "what was expected."
         )
     return (
         f"A sign of a wrong calibration or model: the {kind} of {_owner(whose)} channel is {_share(item.value)}, "
-        f"{abs(item.off):.1f} standard deviations of what was expected."
+        f"{abs(item.off):.1f} standard deviations of its prior."
     )
 
 

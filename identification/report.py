@@ -86,7 +86,7 @@ def write(result: FitResult, folder: Path, called: Path | None = None) -> list[P
 def moving(result: FitResult, folder: Path | None = None) -> str:
     """The command that shows this fit as a moving foot; with a recording where one lies where its label says."""
     model = str(result.provenance.get("model") or result.model)
-    command = ["python", "-m", "viz.foot", "--model", model, "--result", str((folder or Path()) / "result.json")]
+    command = ["fasbody", "view", "--model", model, "--result", str((folder or Path()) / "result.json")]
     beside = next((r.file for r in result.recordings if Path(r.file).is_file()), "")
     options = ["--study", str(result.provenance["study"])] if "study" in result.provenance else []
     return join([*command, "--recording", beside, *options] if beside else command)
@@ -143,8 +143,8 @@ def captions(result: FitResult) -> dict[str, str]:
         harmonics = len(quantities.chi_square)
         texts["chi_square"] = (
             f"Where chi-square comes from: {harmonics} harmonics of {n}, {basis}. Noise alone gives 2 a harmonic on "
-            "average. Parts above the dashed line, or many high ones at one load or frequency, show where the model "
-            "misses."
+            "average. Parts above the dashed line, or many large ones at one load or frequency, show where the model "
+            "does not fit."
         )
     at = ""
     if result.departures and result.relaxes:
@@ -174,7 +174,7 @@ def captions(result: FitResult) -> dict[str, str]:
         texts["dampers"] = (
             f"Damping over the relative displacement that {n} reached (bars, by load); extension is positive. Bands of "
             "95 % at each displacement, errors propagated linearly."
-            + (" What the springs relax damps beside these laws." if result.relaxes else "")
+            + (" Relaxing springs add damping that is not shown." if result.relaxes else "")
         )
     if quantities.energies:
         texts["energies"] = (
@@ -183,9 +183,10 @@ def captions(result: FitResult) -> dict[str, str]:
             else f"Energy that ankle and fat pad dissipate in one cycle, one mark a recording ({n})."
         )
     texts["traces"] = f"Acceleration of the malleolus over three periods, data and model ({best.name}); {n}."
-    texts["residuals"] = f"What the model leaves, as amplitude spectrum, beside that of the data; {n}."
+    texts["residuals"] = f"Amplitude spectrum of the residuals, beside that of the data; {n}."
     texts["correlation"] = (
-        f"Correlation of the {len(result.parameters)} estimates, {basis}: pairs near ±1 are known only together."
+        f"Correlation of the {len(result.parameters)} estimates, {basis}. Near ±1 only a combination of two is "
+        "determined."
     )
     if result.starts and result.domain != "periodic":
         texts["waterfall"] = (
@@ -199,8 +200,8 @@ def captions(result: FitResult) -> dict[str, str]:
         )
     if result.contact:
         texts["contact"] = (
-            f"Force between table and foot over a cycle ({n}, {best.name} branch): the "
-            "static force (dashed) and what the motion adds. Below zero the foot would leave the table."
+            f"Force between table and foot over a cycle ({n}, {best.name} branch), and the "
+            "static force (dashed). Below zero a real foot would lift off the table."
         )
     return texts
 
@@ -322,7 +323,7 @@ def _searched(result: FitResult) -> str:
     steady = result.domain == "periodic"
     count = sum(int(start["evaluations"]) for start in result.starts) if steady else len(result.starts)
     text = f"The search had {count} starts" + (f" (seed {seed})" if seed is not None else "")
-    text += "; both mirror solutions were followed to their ends. " if result.mirror else ". "
+    text += "; both mirror solutions were searched. " if result.mirror else ". "
     if steady:
         apart = result.twin_mujoco_difference or 0.0
         return (
@@ -344,9 +345,9 @@ def _beyond(result: FitResult) -> str:
     names = ["delay between the channels" if name == DELAY.name else name for name in names]
     names = (["segment masses"] if result.departures.masses else []) + names
     text = (
-        "What a laboratory seldom excludes was estimated together with the constants, as nuisance parameters with "
-        f"priors: {', '.join(names)}. So was the scatter of the recordings: {result.departures.repeats}. The intervals "
-        "of the model assumed exact hold all of these at the centre of their priors. "
+        f"Nuisance parameters with priors were estimated together with the constants: {', '.join(names)}. The scatter "
+        f"between recordings was estimated, too: {result.departures.repeats}. For the intervals of the model assumed "
+        "exact, the nuisance parameters are held at the centre of their priors. "
     )
     if result.relaxes:
         text += (

@@ -89,7 +89,7 @@ class Departures(Tabled):
     def repeats(self) -> str:
         """How well recordings repeat, in words."""
         if self.repeatability < 5e-4:
-            return "recordings repeat as well as the sensors can tell"
+            return "recordings repeat within sensor noise"
         return f"recordings repeat to {100 * self.repeatability:.2g} %"
 
     @property
@@ -201,7 +201,7 @@ class RecordingFit(Tabled):
 
 @dataclass(frozen=True, eq=False, repr=False)
 class FitResult(Presented):
-    """Everything `python -m identification.fit` reports; `document()` is result.json.
+    """Everything `fasbody fit` reports; `document()` is result.json.
 
     `result["k_T"]` is an estimate of the likelier branch, `result.mirror` the other branch.
     """
@@ -287,10 +287,10 @@ class FitResult(Presented):
             truth = self.truth_of(f"{mass.name}_kg")
             known = ["" if truth is None else f"{truth:.4g}"] if self.truth else []
             others = [b.departures.masses[i].interval() if b.departures else "" for b in self.branches[1:]]
-            word = "weighed" if mass.weighed else "assumed" if mass.assumed else "as stated"
+            word = "estimated" if mass.weighed else "assumed" if mass.assumed else "as stated"
             prior = f"{mass.stated:.4g} {mass.basis}"
             rows.append([f"{mass.name} [kg]", mass.interval(), prior, *others, *known, word])
-        columns = ["parameter", *self.intervals, *mirrors, *(["truth"] if self.truth else []), ""]
+        columns = ["parameter", *self.intervals, *mirrors, *(["truth"] if self.truth else []), "status"]
         notes = [
             self.sentence(),
             self.reason,
@@ -310,7 +310,7 @@ class FitResult(Presented):
         text = lifted(self.contact)
         best = self.best
         if text and self.domain == "periodic" and misses(best.chi_square, best.dof):
-            text += " This force is rough: it is of the model without sensor errors, which misses these recordings."
+            text += " This force is approximate, as the model without sensor errors does not fit these recordings."
         return [text] if text else []
 
     @property
@@ -412,29 +412,30 @@ class FitResult(Presented):
         alone += "" if p is None else f", {chance(p)}"
         if self.departures and not self.departures.follows:
             return Sentence(
-                f"The model does not follow the recordings: {self.departures.repeats}, and people repeat to 2 to 5 %. "
-                "No constant is offered; check the added masses, the body mass and the units first. ",
+                "The model does not follow the recordings: it deviates from them by "
+                f"{100 * self.departures.repeatability:.2g} %, and recordings of people repeat to 2 to 5 %. No "
+                "constant is reported. Check the added masses, the body mass and the units first. ",
                 called("compare_rivals"),
-                " compares rivals. ",
+                " compares other models. ",
             )
         if p is None or p >= UNLIKELY:
             return ""
         if self.departures:
             return Sentence(
-                f"The model alone misses the recordings ({alone}; ",
+                f"With the model assumed exact, it does not fit the recordings ({alone}; ",
                 called("compare_rivals"),
-                " compares other models). With model and sensor errors it follows them: ",
+                " compares other models). With model and sensor errors it does: ",
             )
-        return f"The model misses the recordings ({alone}): "
+        return f"The model does not fit the recordings ({alone}): "
 
     def sentence(self) -> str:
         """The result in one sentence, with the values of both branches where the data do not decide; a misfit first."""
         values = " or ".join(branch.stiffness(len(self.open) > 1) for branch in self.open)
         if not self.offered:
             count = len(self.parameters)
-            rank = f"the excitation has rank {self.excitation_rank} for {count} free parameters"
+            rank = f"the recordings determine at most {self.excitation_rank} of {count} free parameters"
             why = rank if self.excitation_rank < count else "the model does not follow the recordings"
-            values = f"No constant is offered, as {why}"
+            values = f"No constant is reported, as {why}"
         goodness = ""
         if self.domain == "periodic":
             per = f"chi-square {self.best.chi_square / max(1, self.best.dof):.2f} per degree of freedom"

@@ -80,7 +80,7 @@ def parts(file: Path) -> list[Path]:
 
 
 def asset(name: str) -> Path:
-    """A file of the display-only assets (meshes made by `python -m viz.anatomy`)."""
+    """A file of the display-only assets (meshes made by `fasbody anatomy`)."""
     return _FOLDER / "assets" / name
 
 

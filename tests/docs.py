@@ -6,11 +6,13 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from fasbody.commands import resolve
+
 ROOT = Path(__file__).parent.parent
 FOLDERS = (".", "docs", "mjcf", "benchmarks", "fasbody/acquire")
 DOCUMENTS = sorted(file for folder in FOLDERS for file in (ROOT / folder).glob("*.md"))
 #: What a line of a shell block begins with.
-SHELL = re.compile(r"^(\w+=\S* )*(make|python|pip|source|git|(\.venv/bin|/\S+)/\w+)\b")
+SHELL = re.compile(r"^(\w+=\S* )*(make|fasbody|python|pip|source|git|(\.venv/bin|/\S+)/\w+)\b")
 FENCE = re.compile(r"^(?P<indent> *)```(?P<language>\w*)\s*$")
 #: A comment above a block that says why it is not run: <!-- not run: needs a browser -->
 TAG = re.compile(r"<!-- not run: (?P<reason>.+?) -->")
@@ -63,19 +65,30 @@ def _guess(text: str) -> str:
 
 
 def words(command: str) -> list[str]:
-    """A command as the shell would split it, without its comment, environment and path of the interpreter."""
+    """A command as the shell would split it, without its comment, environment and path of the interpreter.
+
+    `fasbody fit` comes back as the `python -m identification.fit` that it runs.
+    """
     found = shlex.split(command, comments=True)
     while found and re.match(r"\w+=", found[0]):
         found = found[1:]
-    return [found[0].removeprefix(".venv/bin/"), *found[1:]] if found else []
+    if not found:
+        return []
+    program = found[0].removeprefix(".venv/bin/")
+    if program != "fasbody":
+        return [program, *found[1:]]
+    if len(found) == 1 or found[1].startswith("-"):
+        return ["python", "-m", "fasbody", *found[1:]]
+    command, rest = resolve(found[1:])
+    return ["python", "-m", command.module, *filter(None, [command.name]), *rest]
 
 
 def inline_commands(file: Path) -> Iterator[str]:
-    """`python -m ...` and `make ...` in running text."""
+    """`fasbody ...`, `python -m ...` and `make ...` in running text."""
     text = re.sub(r"^ *```.*?^ *```", "", file.read_text(encoding="utf-8"), flags=re.DOTALL | re.MULTILINE)
     for span in re.findall(r"`([^`]+)`", text):
         for joined in " ".join(span.split()).split(" && "):
-            if re.match(r"(\w+=\S* )*((\.venv/bin/)?python -m \w|make \w)", joined):
+            if re.match(r"(\w+=\S* )*(fasbody [a-z]|(\.venv/bin/)?python -m \w|make \w)", joined):
                 yield joined
 
 

@@ -490,7 +490,7 @@ def test_capture_that_becomes_no_recording_says_how_to_try_again(
     with pytest.raises(InputFileError):
         Session(Plan(study, (None,), CONDITION, seconds=0.3), board).run()
     capture = study / "captures" / "broadband_0kg.fascap"
-    command = f"python -m fasbody.acquire recover {capture}"
+    command = f"fasbody recover {capture}"
     assert f"to try again: {command}" in " ".join(capsys.readouterr().err.split())
     assert folder.left_behind(study) == [capture]
     convert([capture], study)

@@ -88,7 +88,7 @@ def test_check_compares_bare_files(tmp_path: Path, named: bool) -> None:
     for f in (10, 15, 20, 25, 35, 45):
         write(tmp_path / f"{who}{f}Hz.csv", f, (2.0 if f == 25 else 1.0) * mass_on_a_spring(f))
     done = in_process.command("fasbody.recording", "check", *map(str, sorted(tmp_path.glob("*.csv"))))
-    warned = [line for line in done.stderr.splitlines() if "let expect" in line]
+    warned = [line for line in done.stderr.splitlines() if "as expected from" in line]
     assert len(warned) == 1 and f"{who}25Hz.csv: the malleolus moves 2" in warned[0]
     assert ("if of one person" in warned[0]) != named
 

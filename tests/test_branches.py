@@ -43,19 +43,19 @@ def test_mirror_lies_on_the_other_side_with_the_same_linear_response(name: str) 
 def test_a_mirror_needs_four_free_parameters() -> None:
     declared = {**oracle.TRUTH, **oracle.MASSES}
     assert has_mirror(["k_T", "k_F", "c_11", "c_21", "c_12"], declared) == ""
-    assert "it needs c_21 free" in has_mirror(["k_T", "k_F", "c_11"], declared)
+    assert "c_21 must be free for it" in has_mirror(["k_T", "k_F", "c_11"], declared)
     assert "no mirror solution that is known" in has_mirror(["k_T", "k_F", "c_11", "c_21"], ["k_T", "k_F"])
 
 
 @pytest.mark.parametrize(
     ("recorded", "said", "unsaid"),
     [
-        (Recorded(), "A sensor on the bones of the foot", "excluding"),
-        (Recorded(sensors=2), "A second load may decide", "bones"),
-        (Recorded(loads=2), "a sensor on the bones of the foot, beside that on the malleolus, may.", "--exclude"),
-        (Recorded(loads=2, sensors=2), "The loads do not tell them apart.", "second"),
-        (Recorded(loads=2, follow=True), "beside that on the malleolus, or excluding", "second load"),
-        (Recorded(loads=2, sensors=2, follow=True), "; excluding nuisance parameters", "second"),
+        (Recorded(), "A second sensor, on the bones of the foot, usually decides. A second load can", "xcluding"),
+        (Recorded(sensors=2), "A second load can decide", "bones"),
+        (Recorded(loads=2), "separate them. A second sensor, on the bones of the foot, usually decides.", "--exclude"),
+        (Recorded(loads=2, sensors=2), "The loads do not separate them.", "second"),
+        (Recorded(loads=2, follow=True), "usually decides. Excluding", "second load"),
+        (Recorded(loads=2, sensors=2, follow=True), "with the load. Excluding nuisance parameters", "second"),
     ],
 )
 def test_an_undecided_verdict_advises_what_was_not_done(recorded: Recorded, said: str, unsaid: str) -> None:
@@ -75,7 +75,7 @@ def test_odds_of_a_hundred_decide(difference: float, decided: bool) -> None:
     verdict = judge([STIFF_ANKLE, STIFF_PAD], [100.0, 100.0 + difference], 40.0, 50)
     assert str(verdict) == ("decided" if decided else "undecided")
     assert verdict.log_likelihood_ratio == pytest.approx(difference / 2)
-    assert ("a second load may" in verdict.sentence) is not decided
+    assert ("A second load can" in verdict.sentence) is not decided
     assert not verdict.tied
 
 
@@ -98,7 +98,7 @@ def test_a_branch_on_its_bound_is_not_decided_against() -> None:
     """Its likelihood is the bound's: beyond, it would fit better."""
     verdict = judge(NAMES, [100.0, 500.0], 40.0, 50, ["k_F"])
     assert str(verdict) == "undecided" and verdict.log_likelihood_ratio == pytest.approx(200)
-    assert "the stiff pad branch rests on the bound of k_F" in verdict.sentence
+    assert "the stiff pad branch is limited by the bound of k_F" in verdict.sentence
     assert pinned({"k_F_n_per_m": True, "k_T_n_per_m": False, "c_12_per_m": True, "c_11_n_s_per_m": False}) == ["k_F"]
 
 

@@ -71,8 +71,8 @@ def test_two_loads_weigh_the_shank(bundled: tuple) -> None:
         assert mass["name"] == name and mass["stated"] == pytest.approx(document["truth"][name])
         assert mass["lower"] < document["truth"][name] < mass["upper"]
         assert mass["weighed"] is (mass["learned"] > 0.3) is (name == "m_S")
-    assert sum(text.startswith("The recordings weigh the leg") for text in document["warnings"]) == 1
-    assert "Two or more loads weigh the leg" in (folder / "report.html").read_text()
+    assert sum(text.startswith("The recordings determine m_S") for text in document["warnings"]) == 1
+    assert "Two or more loads determine the leg" in (folder / "report.html").read_text()
 
 
 def test_goodness_of_fit_and_certificates(bundled: tuple) -> None:
@@ -128,7 +128,7 @@ def test_bundled_report_shows_the_fit(bundled: tuple) -> None:
     assert len(re.findall("<figure", text)) == 10  # no cascade of starts: descents that came to each end are counted
     for _, digest in document["provenance"]["sha256"].items():
         assert digest in text
-    assert "identification.fit --json --out" in document["provenance"]["command"] in unescape(text)
+    assert "fasbody fit --json --out" in document["provenance"]["command"] in unescape(text)
     assert document["source"] in text
     assert RULE in unescape(text)
 
@@ -146,7 +146,7 @@ def test_table_of_the_readme_is_what_the_fit_finds(bundled: tuple) -> None:
         if symbol in shown:
             printed, word = shown[symbol]
             assert abs(found["value" if word == "±" else "lower"] - printed) < 0.2 * found["std_error"], key
-    assert f"recordings repeat as well as the sensors can tell; {document['verdict']}." in " ".join(readme.split())
+    assert f"recordings repeat within sensor noise; {document['verdict']}." in " ".join(readme.split())
 
 
 def test_numbers_of_the_paper_are_those_of_the_fit(bundled: tuple) -> None:

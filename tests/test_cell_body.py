@@ -245,13 +245,13 @@ def test_large_errors_come_with_advice(sesamoid: BodyModes) -> None:
         body = replace(sesamoid.body, **changes)  # type: ignore[arg-type]
         return replace(sesamoid, body=body, errors=np.full(4, error)).heading()[1][-1]
 
-    assert "errors above" not in last(0.049)
-    size, unknowns = re.findall(r"\((\S+) mm: about (\d+) unknowns\)", last(0.1, changed=0.0))[0]
+    assert "errors below" not in last(0.049)
+    size, unknowns = re.findall(r"--size (\S+) \(mm; about (\d+) unknowns\)", last(0.1, changed=0.0))[0]
     assert float(size) == pytest.approx(1.0, rel=0.05)  # half of 2 mm, for half of the error
     assert sesamoid.model.assembly.dof < int(unknowns) < LIMIT
     assert "mesh of smaller elements" in last(0.1, changed=0.0, size_um=None)
     assert "does not fit" in last(0.1, changed=0.0, size_um=100.0)
-    assert "errors above" not in last(0.1, changed=0.06)  # which no element size mends
+    assert "errors below" not in last(0.1, changed=0.06)  # which no element size mends
 
 
 def test_the_progress_of_both_meshes_is_told(rod: Path) -> None:
@@ -323,7 +323,7 @@ def test_the_printed_error_of_a_ball_of_flat_triangles_holds(tmp_path: Path) -> 
     speed = np.sqrt(BONE.E / (2 * (1 + BONE.nu) * BONE.rho))
     off = np.abs(found.frequencies_hz / (lamb_torsional(2) * speed / (2 * np.pi * 0.01)) - 1)
     assert found.errors.max() - found.body.changed < off.max() < found.errors.min()
-    assert "0.88% of each error is for a shape of flat triangles" in str(found)
+    assert "0.88% of each error is due to the flat triangles of the surface" in str(found)
     assert found.document()["shape_error"] == found.body.changed
 
 

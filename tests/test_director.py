@@ -362,7 +362,7 @@ def test_another_sensor_is_offered_and_is_worth_what_a_director_with_it_says(pla
     for name in EXCHANGED:
         assert offer.expected.outlook.half_width[name] == pytest.approx(expected.half_width[name], rel=0.05)
         assert offer.expected.outlook.half_width[name] < 0.5 * plan.expected[PLANNED].outlook.half_width[name]
-    assert any("With a second sensor 'foot' (" in note for note in plan.sheet().notes)
+    assert any("With a second sensor 'foot' (in brackets: without)" in note for note in plan.sheet().notes)
     assert plan.document()["offers"][0]["sensor"] == "foot" and offer.adds.information > 0
 
 
@@ -384,7 +384,7 @@ def test_the_thesis_is_compared_with_the_same_sensors() -> None:
         ((Cause("foot mass", "foot mass of A", 0.5),), False, ("malleolus",), "Weigh the segments."),
         ((Cause("gain", "gain of malleolus", 0.6),), False, ("malleolus",), "Calibrate the channels."),
         ((), True, ("malleolus",), "Wear a sensor on the foot."),
-        ((), True, ("malleolus", "foot"), "not visible in the vibration."),
+        ((), True, ("malleolus", "foot"), "The vibration alone does not show more."),
     ],
 )
 def test_no_remedy_is_one_that_is_there(
@@ -395,9 +395,9 @@ def test_no_remedy_is_one_that_is_there(
         plan.mine, {"k_T": 0.01}, {"k_T": causes}, names, open_, (0.0, 2.3, 4.5), sensors
     )
     assert said.endswith(remedy)
-    remains = "".join(f"(what remains comes from: {cause})" for cause in causes)
-    assert remains in said and ("what remains" in said) == bool(causes)
-    assert ("decides the branch" in said) == open_
+    remains = "".join(f"(shares of the remaining variance: {cause})" for cause in causes)
+    assert remains in said and ("remaining variance" in said) == bool(causes)
+    assert ("the branch is decided" in said) == open_
 
 
 def test_a_plan_that_recording_refuses_says_so_first(plan: Planned) -> None:
@@ -407,7 +407,7 @@ def test_a_plan_that_recording_refuses_says_so_first(plan: Planned) -> None:
     share = 1.5 * (Safety.daily_vdv / exposure([once]).vdv) ** 4
     long = replace(once, seconds=share * once.seconds)
     result = replace(plan, steps=(long,), adds=plan.adds[:1])
-    assert result.sheet().notes[0].startswith("Above the daily limit; recording will refuse it: ")
+    assert result.sheet().notes[0].startswith("Recording will refuse this plan, as it exceeds the daily limit: ")
     minutes = float(result.warning.split("--minutes ")[1].rstrip(". "))
     shorter = replace(result, steps=(replace(long, seconds=60 * minutes),))
     assert not shorter.warning and minutes > 0.6 * long.seconds / 60
@@ -438,7 +438,7 @@ def test_what_shaking_cannot_tell_is_said() -> None:
     assert set(result.never) == set(EXCHANGED)
     for name in EXCHANGED:  # what is asked, what can be reached, and what is in the way
         reached = 100 * result.reached.half_width[name]
-        assert reached > 10 and f"{name} below +-{reached:.2g} % (+-1 % asked)" in result.sentence()
+        assert reached > 10 and f"{name} ±{reached:.2g} % (goal ±1 %)" in result.sentence()
         assert {cause.kind for cause in result.causes[name]} >= {"shank mass", "foot mass"}
     # an unlimited plan is as wide as that, and exact masses leave nothing of it
     known = Known().overruled_by(exclude=("all",), mass_std=0.0)
@@ -449,7 +449,7 @@ def test_noise_is_told_from_what_shaking_cannot_tell(director: Director) -> None
     """Where noise is in the way the plan says for how long it must be shaken, and that time is enough."""
     loud = Director(person(), replace(SHAKER, noise_m_s2=2.0), dict.fromkeys(EXCHANGED, 0.2), draws=6)
     result = planned(loud, 9, 270.0)
-    assert result.missed and not result.never and "oise is in the way" in result.sentence()
+    assert result.missed and not result.never and "oise limits" in result.sentence()
     assert result.longer is not None and f"{result.longer}" in result.sentence()
     steps = result.steps if result.longer.steps == "the plan" else loud.candidates
     long, short = (
@@ -470,9 +470,9 @@ def test_what_is_not_named_is_not_asked_for() -> None:
     all_four = Director(person(), SHAKER, dict.fromkeys(EXCHANGED, 0.05), draws=6).session(9, 270.0)
     assert shaking_s(result.steps) < shaking_s(all_four)
     assert result.document()["asked"] == {"k_T": 0.05, "k_F": None, "c_11": None, "c_21": None}
-    assert "Asked: k_T +-5 %, and the branch. Not asked: k_F, c_11, c_21." in result.sheet().notes
+    assert "Goal: k_T ±5 %, and the branch decided. No goal for k_F, c_11, c_21." in result.sheet().notes
     usual = planned(Director(person(), SHAKER, draws=2), 1, 10.0).sheet().notes
-    assert any(n.startswith("Asked: k_T +-3 %, k_F +-3 %, c_11 +-6 %, c_21 +-6 % (the default goal") for n in usual)
+    assert any("c_21 ±6 %, and the branch decided. This is the default" in n for n in usual)
     everything = who.candidates[0]
     for name in EXCHANGED:  # information is that on what is asked
         who.aim({name: 0.05})
@@ -501,12 +501,12 @@ def test_thesis_is_compared_as_far_as_the_shaker_can_do_it() -> None:
         travel = 0.5 * COMMANDED * 0.002 * (2 * np.pi * s.frequency_hz) ** 2
         assert s.amplitude_m_s2 == pytest.approx(min(8.95, travel))
     least = 0.5 * COMMANDED * 0.002 * (30 * np.pi) ** 2
-    said = f"as this shaker can do it: without 10 and 50 Hz, and weaker at 15 Hz, down to {least:.3g} in place of 8.95"
+    said = f"to what this shaker can do: without 10 and 50 Hz, and weaker at 15 Hz, down to {least:.3g} instead of 8.95"
     assert any(said in note for note in result.sheet().notes) and said in result.document()["limited"]
     assert planned(Director(person(), SHAKER, draws=2), 1, 10.0).limited == ""
     fast = Director(person(), Shaker(60.0, 80.0, 10.0), draws=2)
     alone = planned(fast, 1, 10.0)
-    assert "none of the thesis' sines" in alone.limited and "thesis" not in alone.sentence()
+    assert "cannot make any sine" in alone.limited and "thesis" not in alone.sentence()
     assert not any(note.startswith("the thesis") for note in alone.sheet().notes)
     with pytest.raises(SettingError, match="none of the thesis' sines"):
         fast.as_thesis()
@@ -802,7 +802,7 @@ def test_strangeness_takes_several_recordings(half_way: tuple[Director, list[Rec
     both, all_ = (Director(who, PEOPLE, earlier=wild[:count], draws=2) for count in (2, 9))
     assert both.belief is not None and not both.belief.strange
     assert all_.belief is not None and all_.belief.strange
-    assert "Such a foot does not move like this" in believed(all_)
+    assert "The model does not follow these recordings" in believed(all_)
     assert both.belief.follows or "Too little is recorded to say" in believed(both)
 
 
@@ -840,8 +840,8 @@ def test_session_goes_on_while_more_minutes_narrow_what_can_never_be_met() -> No
         ends.append(session._over(director))
     on, over = ends
     assert on is None and over is not None and over[0] == NEVER
-    assert f"k_T below +-{100 * ever['k_T']:.2g} % (+-2 % asked)" in over[1]
-    assert "shank mass" in over[1] and "with unlimited minutes" in over[1]
+    assert f"k_T ±{100 * ever['k_T']:.2g} % (goal ±2 %)" in over[1]
+    assert "shank mass" in over[1] and "However long you record" in over[1]
 
 
 def made(half_way: tuple[Director, list[Recording]], ask: dict[str, float]) -> Session:

@@ -80,7 +80,7 @@ def has_every_document_and_every_module(site: Path) -> None:
     delay = reference.split('id="viz.settings.Settings"')[1].split("<code>delay_s</code>\n")[1].split("</tr>")[0]
     assert "<td>s</td>" in delay and "<code>0.0</code>" in delay  # though the docstring has no list of arguments
     commands = re.sub(r"<[^>]+>", "", (site / "commands.html").read_text(encoding="utf-8"))
-    assert "python -m identification.fit my_study --starts 20" in commands
+    assert "fasbody fit my_study --starts 20" in commands
 
 
 def until(page: Any, condition: str, otherwise: str) -> None:

@@ -52,9 +52,9 @@ def test_every_setting_has_a_name_for_each_reader(setting: str) -> None:
     error = InputFileError("/tmp/x/a.csv", "has no unit", remedy, 3, setting=setting)
     assert (error.file, error.line, error.setting, error.remedy) == ("/tmp/x/a.csv", 3, setting, remedy)
     assert error.on_page("a.csv").startswith("a.csv, line 3: has no unit; give ")
-    for option in ("--", "study.toml:", "[channels", "python -m"):
+    for option in ("--", "study.toml:", "[channels", "fasbody "):
         assert option not in error.on_page()
-    assert re.search("--|study.toml|python -m", str(error))
+    assert re.search("--|study.toml|fasbody ", str(error))
 
 
 def test_a_recording_is_named_once_and_its_reason_stands_alone() -> None:

@@ -118,7 +118,7 @@ def test_unknown_option_is_exit_2(fit: Callable) -> None:
 def test_help_has_examples(fit: Callable) -> None:
     code, out, _ = fit("--help")
     assert code == 0
-    assert "python -m identification.fit my_study --starts 20 --out results" in out
+    assert "fasbody fit my_study --starts 20 --out results" in out
     for option in ("model", "body-mass", "added-mass", "free", "bounds", "starts", "domain", "json", "out"):
         assert f"--{option}" in out
 

@@ -48,7 +48,7 @@ def light(trial: Trial) -> list[Recording]:
 def test_nearly_linear_damping_is_undecided(foot: Foot, light: list[Recording]) -> None:
     result = fit_foot(light, foot, Settings(starts=2))
     assert result.verdict == "undecided"
-    assert "a second load may, if the constants do not change" in result.reason
+    assert "A second load can decide, if the constants do not change" in result.reason
     assert len(result.branches) == 2
     by_name = {b.name: b.parameters for b in result.branches}
     true = by_name["stiff ankle"]["k_T_n_per_m"]
@@ -72,7 +72,7 @@ def test_a_single_20_hz_recording_tells_little_and_says_so(foot: Foot, trial: Tr
     result = fit_foot([trial(TRUTH, 20.0)], foot, Settings(starts=3))
     assert result.verdict == "undecided"
     assert {e.identifiability for b in result.branches for e in b.parameters.values()} == {"not identifiable"}
-    assert {row[1] for row in result.sheet().rows} == {"–"} and result.sentence().startswith("No constant is offered")
+    assert {row[1] for row in result.sheet().rows} == {"–"} and result.sentence().startswith("No constant is reported")
     document = json.loads(to_json(result.document()))
     assert {p[end] for p in document["parameters"].values() for end in ("lower", "upper", "std_error")} == {None}
     page = html(result)
@@ -83,7 +83,7 @@ def test_a_single_20_hz_recording_tells_little_and_says_so(foot: Foot, trial: Tr
     text = " ".join(result.warnings)
     assert "The excitation has rank 2, fewer than the 8 free parameters" in text
     assert "Not identifiable from these recordings" in text
-    assert "One frequency cannot tell a delay" in text
+    assert "One frequency cannot separate a delay" in text
     assert "delay_s" not in result.parameters
     assert result.fit_percent > 98  # and yet the fit percentage is splendid
 
@@ -128,7 +128,7 @@ def test_bounds_are_kept_and_told(foot: Foot, trial: Trial) -> None:
     assert e.at_bound
     assert e.identifiability == "not identifiable"
     assert any(text.startswith("At its bound: k_T") for text in result.warnings)
-    assert any("does not describe the recordings to their noise" in text for text in result.warnings)
+    assert any("the misfit is larger than the noise" in text for text in result.warnings)
 
 
 def test_unknown_masses_are_the_models_and_told(foot: Foot, trial: Trial) -> None:
@@ -192,7 +192,7 @@ def test_an_exact_model_that_misses_its_recordings_decides_nothing(foot: Foot, s
     data = session(BENT, (12.0, 25.0, 40.0), (0.0, 4.5), scatter=scatter, second=True)
     result = fit_foot(data, foot, starts=4, threads=1, departures=False)
     assert result.log_likelihood_ratio > np.log(1e6) and (result.verdict == "decided") is decided
-    assert ("misses the recordings" in result.reason) is not decided
+    assert ("does not fit the recordings" in result.reason) is not decided
     assert result["k_T"].identifiability == f"{'identified' if decided else 'weak'}, model assumed exact"
 
 
@@ -205,7 +205,7 @@ def test_a_mirror_image_beyond_its_bounds_counts(foot: Foot, bends: float, secon
     data = session(truth, (12.0, 20.0, 28.0, 40.0), second=second)
     result = fit_foot(data, foot, starts=4, threads=1, exclude=("all",), mass_std=0.01, bounds={"k_T": (1.2e5, 1e6)})
     assert (result.best.name, result.verdict) == ("stiff ankle", verdict)
-    assert ("rests on the bound of k_T" in result.reason) is (verdict == "undecided")
+    assert ("limited by the bound of k_T" in result.reason) is (verdict == "undecided")
     rival = result.branches[1].parameters["k_T_n_per_m"]
     assert rival.at_bound and rival.value == pytest.approx(1.2e5)
     for solution in result.evidence.solutions:  # what is reported is what was fitted

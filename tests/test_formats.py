@@ -112,7 +112,7 @@ def test_mixed_rates_and_lengths(tmp_path: Path) -> None:
     write_tdms(tmp_path / "b.tdms", base=(BASE, 1000), malleolus=(BASE[::2], 500))
     back = Recording.read(tmp_path / "b.tdms")
     assert back.malleolus_m_s2 == pytest.approx(back.base_m_s2, abs=1e-6) and back.rate_hz == pytest.approx(1000)
-    assert "malleolus at 500 Hz), brought to the highest by a spline" in back.warnings[0]
+    assert "malleolus at 500 Hz), resampled to the highest by a spline" in back.warnings[0]
     write_tdms(tmp_path / "b.tdms", base=(BASE, 1000), malleolus=(BASE[:150], 1000))
     with pytest.raises(InputFileError, match=r"different lengths \(base_m_s2 300, malleolus_m_s2 150\)"):
         Recording.read(tmp_path / "b.tdms")

@@ -678,7 +678,7 @@ def test_the_answer_is_the_known_one(tmp_path: Path, case: Case) -> None:
         assert "\n" not in str(error.value)
         return
     recording = Recording.read(tmp_path / case.name, layout=layout)
-    fair = "gravity|an offset|rounded to|brought to the highest"
+    fair = "gravity|an offset|rounded to|resampled to the highest"
     assert not [text for text in checked(recording).warnings if not re.search(fair, text)]
     (row,) = [r for r in rows(recording) if r.pair == "MB"]
     assert row.frequency_hz == pytest.approx(HZ, abs=0.02)

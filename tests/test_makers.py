@@ -153,7 +153,7 @@ def test_empty_cells_are_a_slower_channel_a_shorter_one_or_refused(tmp_path: Pat
     slow = [cell if i % 4 == 0 else "" for i, cell in enumerate(cells)]
     recording = read(file(tmp_path / "a.csv", head, [TIME, B / G, slow]))
     right(recording)
-    assert "malleolus at 250 Hz), brought to the highest by a spline" in recording.warnings[0]
+    assert "malleolus at 250 Hz), resampled to the highest by a spline" in recording.warnings[0]
     for broken, line in (([*cells[:700], "", *cells[701:]], 702), ([*cells[:-1], ""], 1501)):
         file(tmp_path / "b.csv", head, [TIME, B / G, broken])
         with pytest.raises(InputFileError, match=rf"line {line}: malleolus_m_s2 is '', not a number"):

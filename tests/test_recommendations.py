@@ -92,4 +92,4 @@ def test_white_noise_alone_is_no_misfit_and_a_wrong_unit_is(noise: float, times:
     ]
     result = fit_foot(recordings, load("two_dof"))
     assert min(r.fit_percent for r in result.recordings) < LEAST_FIT
-    assert any("only to" in text for text in result.warnings) == warns
+    assert any(" is only " in text for text in result.warnings) == warns

@@ -78,7 +78,7 @@ def test_the_misfit_comes_before_all_numbers(whole: str, fitted: FitResult) -> N
     assert places == sorted(places)
     notes = [page.index(f"{text}</p>") for text in fitted.warnings]
     assert min(notes) == next(
-        at for at, text in zip(notes, fitted.warnings, strict=True) if "does not describe" in text
+        at for at, text in zip(notes, fitted.warnings, strict=True) if "larger than the noise" in text
     )
 
 
@@ -158,7 +158,7 @@ def test_the_command_to_the_moving_foot(tmp_path: Path, monkeypatch: pytest.Monk
     fit = result(model=model.name)
     report.write(fit, folder, Path("out"))
     page = unescape((folder / "report.html").read_text())
-    command = page.partition("<code>python -m viz.foot")[2].partition("</code>")[0]
+    command = page.partition("<code>fasbody view")[2].partition("</code>")[0]
     typed = shlex.split(command)
     assert typed == ["--model", "my foot.xml", "--result", "out/result.json"]
     values = read(Path(typed[3]), load(typed[1]).parameters)["branches"][0]["values"]

@@ -263,7 +263,7 @@ def test_nothing_is_said_where_no_rival_follows() -> None:
     assert compared(made("model", 900.0, 900.0, repeats=0.14)).adequate
     lost = compared(made("model", 900.0, 900.0, repeats=0.16))
     assert not lost.adequate and not lost.conclusions
-    assert "would have to repeat no better than to 16 %, and 15 % is" in lost.sentence()
+    assert "deviates by 16 %, and recordings of people repeat to 15 %" in lost.sentence()
     assert len(lost.records()) == 1 and lost.to_dataframe().shape[0] == 1
     with pytest.raises(SettingError, match="unknown rival 'mond'"):
         lost["mond"]
@@ -304,7 +304,7 @@ def test_springs_that_relax_are_named_and_the_model_is_not_believed(relaxing: Ri
     assert first.k_T.at_rest and first.k_T.at_rest.lower < LEG.k_T < first.k_T.at_rest.upper
     own = {each.name: each for each in first.own}
     assert own["r_T"].lower < 0.4 < own["r_T"].upper and own["tau"].lower < 5e-3 < own["tau"].upper
-    assert relaxing.sentence().startswith("The recordings prefer springs that relax; every other rival is ruled out.")
+    assert relaxing.sentence().startswith("Best model: springs that relax; every other model is ruled out.")
 
 
 @pytest.mark.long

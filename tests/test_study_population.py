@@ -88,7 +88,7 @@ def test_the_spread_of_persons_alike_is_bounded_by_their_errors() -> None:
     logs = np.array([1.0, 1.01, 0.99, 1.0])
     c = constant("k_T", NAMES[:4], logs, np.full(4, 0.1))
     assert c.spread_lower == 0.0 and 0.1 < c.spread_upper < 0.5
-    assert c.spread_text == ("cannot be told from 4 persons", f"at most {100 * c.spread_upper:.2g} %")
+    assert c.spread_text == ("not determined by 4 persons", f"at most {100 * c.spread_upper:.2g} %")
     assert constant("k_T", NAMES[:4], 40 * logs, np.full(4, 0.1)).spread_lower > 0.05
     with pytest.raises(RecordingError, match="3 persons make no population"):
         constant("k_T", NAMES[:3], LOGS[:3], np.full(3, 0.1))
@@ -124,7 +124,7 @@ def test_the_branch_is_decided_by_all_persons_together() -> None:
     both = populations(study(1.0))[0]
     assert [p.branch for p in both] == ["stiff ankle", "stiff pad"] and {p.verdict for p in both} == {"undecided"}
     assert both[1].odds_log == pytest.approx(-2.5)
-    assert both[1].odds_text.startswith("stiff pad: 1 to 12.2 if")
+    assert both[1].odds_text.startswith("stiff pad: 1 to 12.2 for")
 
 
 def test_what_all_may_have_in_common_counts_once() -> None:
@@ -133,7 +133,8 @@ def test_what_all_may_have_in_common_counts_once() -> None:
     assert (ankle.verdict, ankle.odds_log, ankle.common_odds_log) == ("undecided", 15.0, 3.0)
     assert (pad.odds_log, pad.common_odds_log) == (-15.0, -3.0)
     assert ankle.odds_text == (
-        "stiff ankle: over a million to 1 if each person errs alone, 20.1 to 1 if gain and masses are off alike in all"
+        "stiff ankle: over a million to 1 for independent errors of the persons, 20.1 to 1 if all share those of gain "
+        "and masses"
     )
     (half,) = populations(study(6.0, paid=2.0))[0]  # the misfit alone is 10
     assert half.verdict == "decided" and half.common_odds_log == pytest.approx(11.0)
@@ -199,10 +200,10 @@ def test_who_does_not_belong_is_named_and_kept(tmp_path: Path) -> None:
     assert [p.subject for p in k_T.odd] == ["4"] and not k_F.odd and len(k_T.persons) == 5
     assert k_T.mean == pytest.approx(1e5 * np.exp(0.47), rel=0.02)  # it is in the mean
     (said,) = found[0].odd()
-    assert said.startswith("midstance, 0 kg, stiff ankle: k_T of subject 4 is") and "it is kept" in said
+    assert said.startswith("midstance, 0 kg, stiff ankle: k_T of subject 4 is") and "included in the estimate" in said
     assert found[0].document()["constants"][0]["does_not_belong"] == ["4"]
-    assert tables.population(found)["does not belong (kept)"].tolist() == ["4", *["nobody"] * 3]
-    assert "persons' (4)" in " ".join(figures.persons(found, "synthetic").get_supxlabel().split())
+    assert tables.population(found)["outliers (included)"].tolist() == ["4", *["nobody"] * 3]
+    assert "included in the means (4)" in " ".join(figures.persons(found, "synthetic").get_supxlabel().split())
     report.write(tmp_path, Findings([{**d, "cycles": []} for d in fits]), "five persons", "synthetic")
     assert said.replace("'", "&#39;") in (tmp_path / "report.html").read_text()
 
@@ -237,8 +238,8 @@ def test_why_there_is_no_population_is_said() -> None:
     assert said.endswith("at least 4 are needed; left out: lost (the fit failed).")
     assert populations(study(20.0))[1] == populations(fits[:1])[1] == []
     twice = [*study(20.0), study(20.0)[0]]
-    assert populations(twice)[0] == [] and "subject 0 is there twice" in populations(twice)[1][0]
-    with pytest.raises(RecordingError, match="subject a is there twice"):
+    assert populations(twice)[0] == [] and "subject 0 occurs twice" in populations(twice)[1][0]
+    with pytest.raises(RecordingError, match="subject a occurs twice"):
         constant("k_T", [*"aabcd"], LOGS, np.full(5, 0.1))
 
 

@@ -85,7 +85,7 @@ def test_page_says_what_the_fits_say(written: Path) -> None:
     assert "42 of 43 fits done, 1 failed." in page
     assert "mean fit 90.0 %, 0 % of estimates identified, mirror decided in 0 of 42 alone" in page
     assert "s6.csv: malleolus is &lt;b&gt;dead&lt;/b&gt;" in page
-    assert "A recording of one frequency is worth its harmonics" in page
+    assert "A recording of one frequency contains amplitude and phase" in page
     assert "differ by 0.1 % at most" in page  # 0.01 of 8.01
     found = pd.read_csv(written / "recovery.csv").set_index("parameter").loc["all"]
     assert f"{found['chosen']:.0f} of 336 ({100 * found['chosen'] / 336:.0f} %)" in page
@@ -167,7 +167,7 @@ def test_tracking_turns_what_is_shown(tmp_path: Path, bare: None) -> None:
     assert set(found.tracked.values()) == {"stiff pad"}
     report.write(tmp_path, found, "turned", "synthetic")
     page = (tmp_path / "report.html").read_text()
-    said = "Of 42 fits shown: 42 on the branch that all fits of a subject together decide (42 of them against their own"
+    said = "Of 42 fits shown: 42 on the branch decided by all fits of the subject together (42 of them against the"
     assert said in page
     table = pd.read_csv(tmp_path / "summary.csv")
     shown = table[table["shown"]]
@@ -200,7 +200,7 @@ def test_curves_leave_out_what_rests_on_a_bound() -> None:
 
 def test_best_ends_that_a_second_start_met_are_counted(written: Path) -> None:
     """Starts of the study end at 10, 15 and 20; of three fits one has its best end twice on one branch."""
-    assert "<th>best end met by a second start</th>" in (written / "report.html").read_text()
+    assert "<th>best minimum found twice</th>" in (written / "report.html").read_text()
     fits = study()[:3]
     for d, second in zip(fits, ((10.001, "stiff ankle"), (10.001, "stiff pad"), (10.5, "stiff ankle")), strict=True):
         d["result"]["starts"][1] |= dict(zip(("cost", "branch"), second, strict=True))
@@ -210,7 +210,7 @@ def test_best_ends_that_a_second_start_met_are_counted(written: Path) -> None:
     for starts, again in ((sides, 0), (sides[1:], 1)):  # of steady recordings the best side's own count
         (row,) = summary.counts([{**fits[0], "result": fits[0]["result"] | {"starts": starts}}]).to_dict("records")
         assert (row["again"], row["again_of"]) == (again, 1)
-    assert tables.counts(fits)["best end met by a second start"].tolist() == ["1 of 3 (33 %)"]
+    assert tables.counts(fits)["best minimum found twice"].tolist() == ["1 of 3 (33 %)"]
 
 
 def test_what_is_decided_alone_is_one_number_in_sentence_and_table() -> None:
@@ -223,7 +223,7 @@ def test_what_is_decided_alone_is_one_number_in_sentence_and_table() -> None:
     table, said = found.table, " ".join(tables.short(found))
     (row,) = tables.branches(fits, table).to_dict("records")
     assert "mirror decided in 2 of 6 alone" in said and (row["fits"], row["decided alone"]) == (6, 2)
-    shown = ("shown as tracking decides", "shown as it decides alone, not tracked", *summary.DECIDED_BY[2:])
+    shown = ("decided by all fits together", "decided by the fit alone", *summary.DECIDED_BY[2:])
     assert [row[name] for name in shown] == [0, 0, 6, 0, 0]
 
 
@@ -276,7 +276,7 @@ def test_subject_whom_the_model_follows_is_shown_or_nobody_is() -> None:
             branch["fit_percent"] = 84.9
     found = report.pictures(Findings(fits), "synthetic")
     assert not any(name.startswith("loops") for name in found)
-    assert "No fit of any subject here follows" in found["transmissibility_per-recording"][1]
+    assert "No fit follows its recordings, so the hysteresis" in found["transmissibility_per-recording"][1]
 
 
 def test_two_subjects_make_no_curve() -> None:

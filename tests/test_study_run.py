@@ -195,7 +195,7 @@ def test_aperiodic_recordings_are_fitted_in_the_time_domain(tmp_path: Path) -> N
         (("--scheduler", "foo"), "--scheduler foo is not tcp://HOST:PORT"),
         (("--scheduler", "tcp://127.0.0.1:seven"), "is not tcp://HOST:PORT"),
         (("--prior", "k_T>k_Q"), "is not NAME=LOWER:UPPER, for example k_F=3e3:1e6, nor an order: k_T>k_F or k_T<k_F."),
-        (("--profile", "delay"), "one frequency cannot tell the delay"),
+        (("--profile", "delay"), "one frequency cannot determine the delay"),
     ],
 )
 def test_bad_input_is_one_sentence(study: Path, tmp_path: Path, more: tuple[str, ...], said: str) -> None:

@@ -304,4 +304,4 @@ def test_the_virtual_studys_truth_lies_within_what_it_states(study: Path, table:
     z = np.concatenate([off / frame["phase_std_deg"], (frame["transmissibility"] - known["transmissibility"])
                         / frame["transmissibility_std"]])  # fmt: skip
     assert 0.5 < np.sqrt(np.mean(z**2)) < 1.2
-    assert "gains and delays" in table.covers
+    assert "gain and delay" in table.covers

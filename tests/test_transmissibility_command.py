@@ -51,7 +51,7 @@ def test_one_recording_of_a_study_is_corrected_as_its_study_says(study: Path) ->
     done = command(str(study / "recordings" / "s01_midstance_2.3kg_30hz.h5"), "--json")
     document = json.loads(done.stdout)
     assert {row["added_mass_kg"] for row in document} == {2.3}
-    assert "gains and delays that study.toml states (malleolus, tuberosity)" in done.stderr
+    assert "gain and delay stated in study.toml (malleolus, tuberosity)" in done.stderr
 
 
 def test_one_recording_and_no_tuberosity(tmp_path: Path) -> None:

@@ -119,7 +119,7 @@ def test_from_a_dropped_file_to_the_mirror_foot(opened: Any, tmp_path: Path) -> 
         assert {"results/report.html", "results/parameters.csv", "results/figures/transmissibility.svg"} <= set(names)
         entry = told["branches"][0]["parameters"]["k_T_n_per_m"]
         assert entry["value"] == first
-        assert f"python -m viz.foot --model {own} --result results/result.json" in text
+        assert f"fasbody view --model {own} --result results/result.json" in text
 
         # a typed value, held at the bound that the model declares
         page("openTask('model')")

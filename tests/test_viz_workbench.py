@@ -267,7 +267,7 @@ def test_tables_that_cannot_be_read_are_told_what_the_page_can_do(bench: Bench) 
     for row in listed["rows"]:
         sentences = [row["unread"], row["problem"], *row["warnings"]]
         assert any(sentences), row["file"]
-        assert not [s for s in sentences if "study.toml" in s or "--" in s or "python -m" in s], sentences
+        assert not [s for s in sentences if "study.toml" in s or "--" in s or "fasbody " in s], sentences
     assert "“…”" in listed["rows"][1]["unread"]
 
 
@@ -394,8 +394,8 @@ def test_rivals_are_what_a_script_compares(bench: Bench, monkeypatch: pytest.Mon
     told: list[Any] = []
     worker._rivals(asked[0], told.append)
     (progress, *_), found = told, told[-1]
-    assert progress["type"] == "progress" and found["rows"][0][0] == "the model"
-    assert found["adequate"] == [True, False] and found["notes"][0].startswith("The recordings prefer the model")
+    assert progress["type"] == "progress" and found["rows"][0][0] == "the two-mass foot"
+    assert found["adequate"] == [True, False] and found["notes"][0].startswith("Best model: the two-mass foot")
     bench.fits.job = asked[0]
     bench.fits.receive(found)
     scope: dict[str, Any] = {}

@@ -122,7 +122,7 @@ runpy.run_module("identification.fit", run_name="__main__", alter_sys=True)
 def test_map_of_commands_is_in_the_wheel(installed: Path, tmp_path: Path) -> None:
     done = run(installed, tmp_path, "-m", "fasbody")
     assert done.returncode == 0, done.stderr
-    assert "python -m identification.fit" in done.stdout and "python -m viz.foot" in done.stdout
+    assert "fasbody fit" in done.stdout and "fasbody view" in done.stdout
 
 
 def test_what_the_packages_import_is_declared(wheel: Path) -> None:

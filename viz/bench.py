@@ -243,7 +243,7 @@ class Bench:
         """
         recordings = [self.recordings.source(number).read() for number in numbers]
         if not recordings:
-            raise SettingError("tick the recordings that the study is to hold.")
+            raise SettingError("tick the recordings to save in the study.")
         files = study("recordings of a session", recordings, self.folder)
         write_whole(self.folder / ".study.zip", packed({f"study/{name}": text for name, text in files.items()}))
         return [{"type": "kept"}]
@@ -265,7 +265,7 @@ class Bench:
         """
         job = self._job(numbers, asked)
         if not twin_applies(self.show.feet[MODEL]):
-            raise SettingError("rivals are known of the two masses only; choose two_dof, or a model like it.")
+            raise SettingError("rival models exist for the two-mass foot only; choose two_dof, or a model like it.")
         return self._begin(replace(job, rivals=True))
 
     def _begin(self, job: Job) -> list[Document]:
@@ -275,15 +275,15 @@ class Bench:
     def _job(self, numbers: list[int], asked: Mapping[str, Any]) -> Job:
         """What is to be fitted."""
         if self.fits.running:
-            raise SettingError("a fit runs already; stop it first.")
+            raise SettingError("a fit is already running; stop it first.")
         sources = {number: self.recordings.source(number) for number in numbers}
         if not sources:
             raise SettingError("choose at least one recording to fit.")
         foot = self.show.feet[MODEL]
         if isinstance(self.show.models[0], Foot):
-            raise SettingError("a model that was handed over in Python is fitted there: identification.fit_foot.")
+            raise SettingError("a model passed from Python cannot be fitted here; use identification.fit_foot.")
         if self.model.draft:
-            raise SettingError("the model in the editor is not saved yet; save it first, for a fit reads its file.")
+            raise SettingError("the model in the editor is not saved yet; save it before you fit.")
         values = dict(asked.get("values", {}))
         values = {str(name): float(value) for name, value in values.items() if name in foot.parameters}
         for name, value in values.items():
@@ -300,7 +300,7 @@ class Bench:
     def report(self) -> list[Document]:
         """Write the report of the last fit; the page opens it when it is there."""
         if self._fit is None:
-            raise SettingError("there is no fit to report; start one.")
+            raise SettingError("there is no fit yet; start one.")
         self._results = None  # the new one counts
         self.fits.report(self._fit[0], self.folder / "results")
         return []
@@ -347,7 +347,7 @@ class Bench:
             self.send(answer)
             self.send(self.document())
         else:
-            self.send({"type": "complaint", "text": f"{job.model} is fitted; choose it to see what was found."})
+            self.send({"type": "complaint", "text": f"{job.model} has been fitted; choose it to see the result."})
 
     # ---- the model ---------------------------------------------------------------------------------------------------
     def choose(self, name: str) -> list[Document]:
@@ -390,9 +390,9 @@ class Bench:
             SettingError: the model was handed over in Python, or its text is not saved.
         """
         if isinstance(self.show.models[0], Foot):
-            raise SettingError("a model that was handed over in Python cannot be kept in a session's file.")
+            raise SettingError("a model passed from Python cannot be saved in a session.")
         if self.model.draft:
-            raise SettingError("the model in the editor is not saved yet; save it first, for a session keeps its file.")
+            raise SettingError("the model in the editor is not saved yet; save it before you save the session.")
         jobs = [answer[0].sources for answer in (self._fit, self._rivals) if answer]
         sources = [source for group in (self.recordings.sources, *jobs) for source in group.values()]
         folders = uploads.places(self.folder, {Path(s.folder) for s in sources if s.folder != str(BUNDLED)})
@@ -426,7 +426,7 @@ class Bench:
             SettingError: none was, or a fit runs. FasError: its model cannot be shown.
         """
         if self.dropped_session is None:
-            raise SettingError("no session was dropped; give the file that this page saved.")
+            raise SettingError("this is no saved session; drop a file that this page has saved.")
         if self.fits.running:
             raise SettingError("a fit runs; stop it first.")
         (folder, session), self.dropped_session = self.dropped_session, None
@@ -486,7 +486,7 @@ def _settings(asked: Mapping[str, Any], foot: Foot) -> dict[str, Any]:
     if asked.get("free") is not None:
         free = [name for name in asked["free"] if name in foot.parameters]
         if not free:
-            raise SettingError("every parameter is held; let at least one of them go.", "free")
+            raise SettingError("all parameters are held; tick at least one to estimate.", "free")
         settings["free"] = free
     bounds = {}
     for name, pair in dict(asked.get("bounds", {})).items():

@@ -1,4 +1,4 @@
-"""The mode shapes of the cell, or of any elastic body, in a browser: `python -m viz.cell`."""
+"""The mode shapes of the cell, or of any elastic body, in a browser: `fasbody view cell`."""
 
 import asyncio
 import tempfile
@@ -21,7 +21,7 @@ QUICK = 5.0
 @app.command()
 def main(
     result: Annotated[
-        Path | None, typer.Argument(help="result folder of python -m fasbody.cell, or of its command modes")
+        Path | None, typer.Argument(help="result folder of fasbody cell, or of its command modes")
     ] = None,
     mode: Annotated[int, typer.Option(help="mode that is shown first")] = 1,
     export: Annotated[Path | None, typer.Option(help="write a .html, .png, .gif or .mp4 file, and quit")] = None,
@@ -29,18 +29,18 @@ def main(
     browser: Annotated[bool, typer.Option(help="open the browser")] = True,
     json: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
 ) -> None:
-    """Watch the mode shapes of a cell, a bone or any body in slow motion; the page follows its result's file.
+    """Watch the mode shapes of a cell, a bone or any body in slow motion.
 
     Without a result it shows results/cell, or a quick one that it computes.
 
     Examples:
-      python -m viz.cell
+      fasbody view cell
 
-      python -m viz.cell results/cell --mode 3
+      fasbody view cell results/cell --mode 3
 
-      python -m viz.cell results/calcaneus   # of python -m fasbody.cell modes calcaneus --out results/calcaneus
+      fasbody view cell results/calcaneus   # of fasbody cell modes calcaneus --out results/calcaneus
 
-      python -m viz.cell results/cell --export cell.html
+      fasbody view cell results/cell --export cell.html
     """
     if mode < 1:  # before a result is computed for it
         raise SettingError(f"--mode is {mode}, but the first mode of a result is 1.")
@@ -66,7 +66,7 @@ def _show(result: Path, mode: int, export: Path | None, port: int, browser: bool
 
 
 def quick(folder: Path) -> Path:
-    """Compute the cell of `python -m fasbody.cell` on a coarser mesh, without error estimate, into a folder."""
+    """Compute the cell of `fasbody cell` on a coarser mesh, without error estimate, into a folder."""
     console.print(f"no result was named and there is no {USUAL}: computing a quick one, elements of {QUICK:g} um")
     from fasbody.cell.analysis import analyse
     from fasbody.cell.assembly import assemble

@@ -228,7 +228,7 @@ class Show:
             return ""
         if excitation.steady is not None:
             s = excitation.steady
-            return f"mean of {s.periods:.0f} periods at {s.frequency_hz:.4g} Hz; {100 * s.noise:.2g} % is no part of it"
+            return f"mean of {s.periods:.0f} periods at {s.frequency_hz:.4g} Hz; {100 * s.noise:.2g} % is not periodic"
         first, last = excitation.window
         return f"{first:.3g} to {last:.3g} s of it, slower than 3 Hz taken out"
 

@@ -11,7 +11,7 @@ from viz.job import Job
 from viz.worker import Send, Worker
 
 Document = dict[str, Any]
-_LOADING = "loading the solver, which is compiled when it is used for the first time"
+_LOADING = "loading the solver, which is compiled at its first use"
 
 
 class Fits:
@@ -54,7 +54,7 @@ class Fits:
             SettingError: another one runs.
         """
         if self.running:
-            raise SettingError("a fit runs already; stop it first.")
+            raise SettingError("a fit is already running; stop it first.")
         self.job, self._began = job, time.monotonic()
         self._ask({"do": "rivals" if job.rivals else "fit", "job": job.document()})
         what = "reading the recordings" if self._warm else _LOADING
@@ -75,7 +75,7 @@ class Fits:
         if self._worker is None or not self.running:
             return False
         reporting, self.reporting = self.reporting, False
-        self._idle("stopped; the report that was asked for is still being written" if reporting else "stopped")
+        self._idle("stopped; the report is still being written" if reporting else "stopped")
         self._worker.stop()
         self._warm, self._worker = False, Worker(self.receive)
         return reporting
@@ -116,7 +116,7 @@ class Fits:
             doubt = "" if known or self.job is None else self._doubt(self.job)
             self._failed(" ".join(filter(None, (document["text"], doubt))), of)
         elif kind == "ended" and (self.reporting or self.running) and not (self._worker and self._worker.alive):
-            self._failed("the fitting process was ended by the system; memory may be short.")
+            self._failed("the system ended the fit; there may be too little memory.")
 
     def _failed(self, sentence: str, of: str = "") -> None:
         """Report that a fit or a report failed, without `of` both. The other one goes on."""

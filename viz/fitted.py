@@ -14,7 +14,7 @@ from fasbody.foot.parameters import Parameter, symbol_and_unit
 from identification.estimates import Estimate
 from viz.settings import within
 
-_VALID = "give the result.json of python -m identification.fit"
+_VALID = "give the result.json of fasbody fit"
 
 
 def fitted(

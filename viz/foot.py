@@ -1,4 +1,4 @@
-"""The vibrating foot in a browser: `python -m viz.foot`."""
+"""The vibrating foot in a browser: `fasbody view`."""
 
 import asyncio
 from collections.abc import Mapping
@@ -37,14 +37,14 @@ def main(
     seconds: Annotated[
         float | None, typer.Option(help=r"length of what is shown of the recording, or of the sweep \[s] (default 4)")
     ] = None,
-    study: Annotated[Path | None, typer.Option(help="study.toml that says what the recording's columns are")] = None,
+    study: Annotated[Path | None, typer.Option(help="study.toml that describes the columns of the recording")] = None,
     result: Annotated[
         Path | None,
-        typer.Option(help="result.json of a fit: its parameters, and its model unless --model names another"),
+        typer.Option(help="result.json of a fit; its model is used unless --model names another"),
     ] = None,
     slow: Annotated[float, typer.Option(help="how many times slower than in reality")] = 20.0,
     amplify: Annotated[
-        float | None, typer.Option(help="factor by which motion is enlarged (default: makes the deformation visible)")
+        float | None, typer.Option(help="factor that enlarges the motion (default: the deformation becomes visible)")
     ] = None,
     watch: Annotated[
         bool | None,
@@ -55,18 +55,18 @@ def main(
     browser: Annotated[bool, typer.Option(help="open the browser")] = True,
     json: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
 ) -> None:
-    """Watch a foot on the shaker in slow motion; move a slider and the real model runs again.
+    """Watch a foot on the shaker in slow motion, and move sliders to change the model.
 
     Examples:
-      python -m viz.foot
+      fasbody view
 
-      python -m viz.foot --model my_foot.xml
+      fasbody view --model my_foot.xml
 
-      python -m viz.foot --model two_dof --recording 20hz.csv --result results/result.json
+      fasbody view --model two_dof --recording 20hz.csv --result results/result.json
 
-      python -m viz.foot --compare foot_arch@25
+      fasbody view --compare foot_arch@25
 
-      python -m viz.foot --export foot.html
+      fasbody view --export foot.html
     """
     for name, value in (("--slow", slow), ("--amplify", amplify), ("--seconds", seconds)):
         if value is not None and not 0 < value < 1e4:
@@ -76,7 +76,7 @@ def main(
     if watch and model is not None and not Path(model.partition("@")[0]).is_file():
         raise SettingError(f"--watch needs a model in a file of your own, not {model!r}; copy a shipped one first.")
     if watch and export is not None:
-        raise SettingError("--watch and --export exclude each other: an exported file follows nothing.")
+        raise SettingError("--watch and --export exclude each other.")
     if study is not None and recording is None:
         raise SettingError("--study says what the columns of --recording are; give both, or neither.")
     look = {"slow": slow, "amplify": amplify}
@@ -118,7 +118,7 @@ def _copy_arch(file: Path) -> None:
     from fasbody.console import write_whole
 
     write_whole(file, mjcf.text(DEFAULT_MODEL))
-    console.print(f"{file.name} is a copy of the arch to edit; the page follows it")
+    console.print(f"{file.name} is a copy of the arch that you can edit; the page reloads it when it changes")
 
 
 def _show(

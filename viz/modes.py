@@ -19,7 +19,7 @@ Array = np.ndarray
 SIZE = 2.6
 #: Share of the height below which a corner belongs to the clamped base.
 BASE = 1e-3
-SOURCE = "give the folder of python -m fasbody.cell --out FOLDER, or of its command modes, or the .npz in it"
+SOURCE = "give the folder of fasbody cell --out FOLDER, or of its command modes, or the .npz in it"
 #: Files of a result: of a cell, and of any other body.
 FILES = ("cell.npz", "body.npz")
 #: Length units of a body's page: name, micrometres, up to which size it is used [um].
@@ -37,7 +37,7 @@ class ModeShapes:
         nucleus_faces: (g, 3).
         modes: (c, v, 3), largest displacement 1.
         frequencies_hz: (c,).
-        document: of ``python -m fasbody.cell --json``.
+        document: of ``fasbody cell --json``.
     """
 
     file: Path
@@ -196,7 +196,7 @@ class ModeShow:
         Raises:
             SettingError: always.
         """
-        raise SettingError("the modes of this cell are computed already; run python -m fasbody.cell for another one.")
+        raise SettingError("the modes of this cell are computed already; run fasbody cell for another one.")
 
     def exported(self, live: bool = False) -> dict[str, Any]:
         """The document of an exported page."""

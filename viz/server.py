@@ -177,7 +177,7 @@ class Server:
         assert self.bench is not None
         complaint = {"type": "complaint", "of": str(message.get("type"))[:20]}
         if not self.is_session_key(str(message.get("key", ""))):
-            page.send(page_json(complaint | {"text": "this page is of another session; reload it."}))
+            page.send(page_json(complaint | {"text": "this page belongs to another session; reload it."}))
             return
         before = self.show.files()
         try:

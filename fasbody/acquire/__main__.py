@@ -1,4 +1,4 @@
-"""`python -m fasbody.acquire`: from the shaker to a study folder."""
+"""`fasbody record`: from the shaker to a study folder."""
 
 from fasbody.console import command_line
 

@@ -102,7 +102,7 @@ class Calibration(SettingsFile):
     output: int = 1
 
     TITLE = "calibration of a sound card"
-    VALID = "python -m fasbody.acquire calibrate writes it"
+    VALID = "fasbody calibrate writes it"
     NAMED = True
     VALUES: ClassVar[Mapping[str, tuple[Callable[[Any], bool], str]]] = {
         "device": (lambda value: isinstance(value, str) and bool(value.strip()), "the card's name"),
@@ -132,7 +132,7 @@ class Calibration(SettingsFile):
         for role, scale in zip(ROLES, self.scale_m_s2, strict=True):
             if not abs(scale) > 0:
                 raise SettingError(
-                    f"the sensitivity of {role} is not known: python -m fasbody.acquire calibrate flip {role}, or "
+                    f"the sensitivity of {role} is not known: fasbody calibrate flip {role}, or "
                     f"calibrator {role}."
                 )
         if abs(self.skew_s) > _IN_STEP_S:

@@ -36,22 +36,22 @@ _Board = Annotated[
     str,
     typer.Option(
         "--board",
-        help="serial; audio, a sound card that plays and records; ni, mcc, labjack; or a device of a package of yours",
+        help="serial; audio, a sound card that plays and records; ni, mcc, labjack; or a device of another package",
     ),
 ]
 _Settings = Annotated[
     Path | None,
     typer.Option(
         "--calibration",
-        help="settings of a device that is no serial board (default sound_card.json, ni.json and so on)",
+        help="settings of a device other than a serial board (default sound_card.json, ni.json and so on)",
     ),
 ]
 _Seconds = Annotated[float, typer.Option(help="length of each recording in s")]
-_Level = Annotated[float, typer.Option(help="wanted base acceleration in m/s^2")]
+_Level = Annotated[float, typer.Option(help="required base acceleration in m/s^2")]
 _MaxVolts = Annotated[float, typer.Option(help="highest generator amplitude in V peak to peak")]
 _Baud = Annotated[int, typer.Option(min=1, help="baud rate of the board")]
 _GeneratorBaud = Annotated[int, typer.Option(min=1, help="baud rate of the generator")]
-_Simulate = Annotated[bool, typer.Option("--simulate", help="a virtual bench instead of hardware")]
+_Simulate = Annotated[bool, typer.Option("--simulate", help="simulated devices instead of hardware")]
 _Json = Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")]
 #: A mass has no exposure; this is a day at 100 g.
 _NOBODY = 1000.0
@@ -67,7 +67,7 @@ def record(
     frequency: Annotated[float | None, typer.Option(help="one recording at this excitation in Hz")] = None,
     sweep: Annotated[str | None, typer.Option(help="START:STOP:STEP in Hz, one recording each")] = None,
     plan_: Annotated[
-        Path | None, typer.Option("--plan", help="planned session; python -m identification.plan writes it")
+        Path | None, typer.Option("--plan", help="planned session; fasbody plan writes it")
     ] = None,
     first: Annotated[int, typer.Option(min=1, help="with --plan: begin at this step of the file")] = 1,
     seconds: _Seconds = 10.0,
@@ -82,7 +82,7 @@ def record(
     peak_to_peak: _Level = PEAK_TO_PEAK,
     max_volts: _MaxVolts = Safety.volts,
     max_acceleration: Annotated[
-        float, typer.Option(help="highest base acceleration in m/s^2; at most 0.86 of it is wanted")
+        float, typer.Option(help="highest base acceleration in m/s^2; at most 0.86 of it can be requested")
     ] = Safety.peak_m_s2,
     max_displacement: Annotated[
         float, typer.Option(help="largest base motion in m, peak to peak")
@@ -100,7 +100,9 @@ def record(
     list_: Annotated[
         bool, typer.Option("--list", help="show the serial ports, or with --board audio the sound cards, and stop")
     ] = False,
-    probe_: Annotated[bool, typer.Option("--probe", help="say what answers on --port (or on all) and stop")] = False,
+    probe_: Annotated[
+        bool, typer.Option("--probe", help="show which device answers on --port (or on all ports) and stop")
+    ] = False,
     board_: _Board = SERIAL,
     calibration: _Settings = None,
     firmware_: Annotated[
@@ -111,25 +113,25 @@ def record(
     """Record accelerations of a foot on the shaker into a study folder.
 
     Examples:
-      python -m fasbody.acquire --simulate --sweep 10:50:5 --seconds 4 --out my_study
+      fasbody record --simulate --sweep 10:50:5 --seconds 4 --out my_study
 
-      python -m fasbody.acquire --port /dev/ttyACM0 --generator /dev/ttyUSB0 --sweep 10:50:5 --body-mass 72 --out study
+      fasbody record --port /dev/ttyACM0 --generator /dev/ttyUSB0 --sweep 10:50:5 --body-mass 72 --out study
 
-      python -m fasbody.acquire --port /dev/ttyACM0 --frequency 20 --body-mass 72.5 --out study
+      fasbody record --port /dev/ttyACM0 --frequency 20 --body-mass 72.5 --out study
 
-      python -m fasbody.acquire --port /dev/ttyACM0 --generator /dev/ttyUSB0 --plan protocol.json --out study
+      fasbody record --port /dev/ttyACM0 --generator /dev/ttyUSB0 --plan protocol.json --out study
 
-      python -m fasbody.acquire --list
+      fasbody record --list
 
-      python -m fasbody.acquire --board audio --list
+      fasbody record --board audio --list
 
-      python -m fasbody.acquire --port /dev/ttyACM0 --probe
+      fasbody record --port /dev/ttyACM0 --probe
 
-      python -m fasbody.acquire --board audio --calibration sound_card.json --sweep 10:50:5 --body-mass 72 --out study
+      fasbody record --board audio --calibration sound_card.json --sweep 10:50:5 --body-mass 72 --out study
 
-      python -m fasbody.acquire --firmware my_sketches
+      fasbody record --firmware my_sketches
 
-      python -m fasbody.acquire recover study/captures/20hz_0kg.fascap
+      fasbody recover study/captures/20hz_0kg.fascap
     """
     if firmware_ is not None:
         file = str(firmware.write(firmware_))
@@ -224,7 +226,7 @@ def record(
         console.print(text, soft_wrap=True, markup=False)
     made, bad = _record(plans, None if simulate else equipment, by_hand)
     good = counted(sum(not one.problems for one in made), "recording")
-    text = f"{good} in {out}; next: python -m identification.fit {shlex.quote(str(out))}"
+    text = f"{good} in {out}; next: fasbody fit {shlex.quote(str(out))}"
     _result({"study": str(out), "recordings": [one.document() for one in made]}, text, json_)
     if bad:
         are = "is" if len(bad) == 1 else "are"
@@ -288,14 +290,14 @@ def check(
     simulate: _Simulate = False,
     json_: _Json = False,
 ) -> None:
-    """Measure the chain with both sensors on one mass, and nobody on the shaker: their ratio must be 1.
+    """Check shaker and sensors with both sensors on one mass, and nobody on the shaker.
 
     Gain and delay, with their standard deviations, go into study.toml, where every fit of this study finds them.
 
     Examples:
-      python -m fasbody.acquire check --port /dev/ttyACM0 --generator /dev/ttyUSB0 --out study
+      fasbody record check --port /dev/ttyACM0 --generator /dev/ttyUSB0 --out study
 
-      python -m fasbody.acquire check --simulate --seconds 1 --out my_study
+      fasbody record check --simulate --seconds 1 --out my_study
     """
     from fasbody.acquire.one_mass import measure
 
@@ -304,7 +306,7 @@ def check(
     except ValueError:
         raise SettingError(f"--frequencies {frequencies!r} holds no numbers with commas between them.") from None
     if len(set(frequencies_hz)) < 2:
-        raise SettingError("--frequencies needs at least two: one cannot tell a delay from a gain that turns.")
+        raise SettingError("--frequencies needs at least two, because one cannot determine a delay.")
     equipment = Equipment(board, port, baud, generator, generator_baud, calibration)
     origin = "synthetic" if simulate else "measured"
     plan = Plan(
@@ -340,12 +342,12 @@ def recover(
     ] = False,
     json_: _Json = False,
 ) -> None:
-    """Make a recording from a capture file, for example after a crash; several captures make one each.
+    """Make recordings from capture files, for example after a crash.
 
     Examples:
-      python -m fasbody.acquire recover study/captures/20hz_0kg.fascap
+      fasbody recover study/captures/20hz_0kg.fascap
 
-      python -m fasbody.acquire recover study/captures/*.fascap
+      fasbody recover study/captures/*.fascap
     """
     made: list[Converted] = []
     bad: list[str] = []
@@ -448,13 +450,13 @@ def calibrate(
     For a flip, hold the sensor still as it is worn for three seconds, turn it upside down, and hold it still again.
 
     Examples:
-      python -m fasbody.acquire --board audio --list
+      fasbody record --board audio --list
 
-      python -m fasbody.acquire calibrate loopback --device "USB Audio"
+      fasbody calibrate loopback --device "USB Audio"
 
-      python -m fasbody.acquire calibrate calibrator base --rms 10 --hz 159.155
+      fasbody calibrate calibrator base --rms 10 --hz 159.155
 
-      python -m fasbody.acquire calibrate flip malleolus
+      fasbody calibrate flip malleolus
     """
     numbers = {"--seconds": seconds, "--hz": hz, "--rms": rms, "--latency": latency}
     for name, value in (numbers | {"--full-scale-volts": full_scale_volts}).items():

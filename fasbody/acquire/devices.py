@@ -103,7 +103,7 @@ class Equipment:
             if self.settings is not None:
                 raise SettingError("--calibration belongs to a device: add --board, or leave it out.")
             if self.port is None:
-                raise SettingError("give --port (python -m fasbody.acquire --list shows them), --board or --simulate.")
+                raise SettingError("give --port (fasbody record --list shows them), --board or --simulate.")
         elif self.port is not None:
             raise SettingError(f"--board {self.board} is no serial port: leave out --port.")
         else:

@@ -279,7 +279,7 @@ def at_rest(recording: Recording) -> str:
 
 def recovery(files: Sequence[Path]) -> str:
     """The command that makes recordings of captures."""
-    return f"python -m fasbody.acquire recover {shlex.join(map(str, files))}"
+    return f"fasbody recover {shlex.join(map(str, files))}"
 
 
 def left_behind(study: Path) -> list[Path]:
@@ -416,7 +416,7 @@ def begin(study: Path, origin: str) -> None:
     """Write study.toml, if there is none."""
     if not (study / "study.toml").is_file():
         title = json.dumps(study.resolve().name)
-        text = f'[study]\nname = {title}\norigin = "{origin}"\ndescription = "Recorded by python -m fasbody.acquire."\n'
+        text = f'[study]\nname = {title}\norigin = "{origin}"\ndescription = "Recorded by fasbody record."\n'
         write_whole(study / "study.toml", text)
 
 

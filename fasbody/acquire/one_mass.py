@@ -5,7 +5,7 @@ the ratio of the two lines, from which gain g and delay tau of the malleolus' ch
 
     y_m / y_b = g exp(-i omega tau).
 
-Then the watch's limit is lowered below the level, and the output must go off. `python -m fasbody.acquire check` writes
+Then the watch's limit is lowered below the level, and the output must go off. `fasbody record check` writes
 check.json, and puts gain and delay with their standard deviations into study.toml, where every fit finds them.
 """
 
@@ -40,7 +40,7 @@ SCATTER = 0.03
 OFF = 0.10
 #: Of the level, the limit that must trip the watch; the base is quiet below this share of it, within so long [s].
 _TRIP, _QUIET, _LONGEST_S = 0.7, 0.1, 3.0
-_BEGIN, _END = "# Measured by python -m fasbody.acquire check, both sensors on one mass:", "# end of what it measured"
+_BEGIN, _END = "# Measured by fasbody record check, both sensors on one mass:", "# end of what it measured"
 
 
 @dataclass(frozen=True)

@@ -114,12 +114,11 @@ class Dose:
     def sentence(self) -> str:
         """With what the directive has, and for whom it was made."""
         beyond = self.a8 > ACTION or self.vdv > VDV_ACTION
-        asks = "It asks for action from" if beyond else "It would ask for action from"
         return (
-            f"Exposure, W_k-weighted: {self}. That is {100 * self.a8 / LIMIT:.0f} % of the A(8) "
-            f"and {100 * self.vdv / VDV_LIMIT:.0f} % of the VDV that the directive on work allows "
-            f"in a day ({LIMIT:g}, {VDV_LIMIT:g}). {asks} {ACTION:g} or {VDV_ACTION:g} on; made "
-            "for seated and standing people, not for a foot."
+            f"Vibration exposure, weighted by W_k: {self}. These are {100 * self.a8 / LIMIT:.0f} % and "
+            f"{100 * self.vdv / VDV_LIMIT:.0f} % of the daily limits of the European directive on vibration at work "
+            f"({LIMIT:g} and {VDV_LIMIT:g}). Its action values ({ACTION:g} and {VDV_ACTION:g}) are "
+            f"{'exceeded' if beyond else 'not exceeded'}. It is made for seated and standing people, not for one foot."
         )
 
     def beyond(self, a8: float, vdv: float) -> dict[str, Any]:

@@ -129,7 +129,7 @@ class PlannedStep:
 
 
 def steps_in(path: Path) -> tuple[dict[str, Any], Sequence[PlannedStep]]:
-    """A file of planned steps, as `python -m identification.plan` writes it: the document, and its steps in order."""
+    """A file of planned steps, as `fasbody plan` writes it: the document, and its steps in order."""
     try:
         document = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:

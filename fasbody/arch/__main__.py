@@ -47,14 +47,14 @@ def print_sensitivity(
     figures: Annotated[Path | None, typer.Option(help="folder for the charts like Figures 4.3 and C.1")] = None,
     json: JsonOption = False,
 ) -> None:
-    """Do only k_T, c_T, k_F, c_F matter? Relative sensitivity of the five-body arch to all 13 constants.
+    """Relative sensitivity of the five-body arch to its 13 constants.
 
     First around the model's own constants, then around random ones of Table 4.2, which replace all 13 of them.
 
     Examples:
-      python -m fasbody.arch sensitivity --model my_arch.xml --this
+      fasbody arch sensitivity --model my_arch.xml --this
 
-      python -m fasbody.arch sensitivity --lever-arm 0.015 --lever-arm 0.1 --json
+      fasbody arch sensitivity --lever-arm 0.015 --lever-arm 0.1 --json
     """
     if trajectory is not None and not 1 <= trajectory <= 1000:
         raise SettingError(f"{trajectory:g} Hz must be between 1 and 1000 Hz.", "trajectory")
@@ -102,10 +102,10 @@ def print_reduction(
     figure: Annotated[Path | None, typer.Option(help="SVG or PNG to write")] = None,
     json: JsonOption = False,
 ) -> None:
-    """What the reduction of the five-body arch to two masses costs at the malleolus, 1-100 Hz.
+    """Error of the malleolus' motion when two masses replace the five-body arch, 1-100 Hz.
 
     Examples:
-      python -m fasbody.arch reduction --draws 200 --figure reduction.svg
+      fasbody arch reduction --draws 200 --figure reduction.svg
     """
     if figure is not None:
         ready(figure)
@@ -129,7 +129,7 @@ def print_load(
     """Sag of the arch under a static load, and its resonance under the added masses of Chapter 2.
 
     Examples:
-      python -m fasbody.arch load --figures docs/figures
+      fasbody arch load --figures docs/figures
     """
     if not 0 < load < 1e5:
         raise SettingError(f"{load:g} N must be above 0 and below 100000 N.", "load")
@@ -166,7 +166,7 @@ def print_crosscheck(
     """Compare mass matrix and velocity terms of the arch: equations, Pinocchio, MuJoCo; exit 1 on disagreement.
 
     Examples:
-      python -m fasbody.arch crosscheck --model my_arch.xml --samples 200
+      fasbody arch crosscheck --model my_arch.xml --samples 200
     """
     from fasbody.arch.crosscheck import AGREEMENT, MOTION_AGREEMENT, crosscheck
 

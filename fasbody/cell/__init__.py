@@ -1,4 +1,4 @@
 """Modal analysis of an adherent bone cell (Chapter 5): mesh, materials, modes, sweeps, and what lies beyond.
 
-Needs the extra ``cell`` (gmsh, scikit-fem, meshio, trimesh). The command is ``python -m fasbody.cell``.
+Needs the extra ``cell`` (gmsh, scikit-fem, meshio, trimesh). The command is ``fasbody cell``.
 """

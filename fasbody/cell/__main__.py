@@ -1,4 +1,4 @@
-"""Command line of the cell and of other bodies: ``python -m fasbody.cell --help``."""
+"""Command line of the cell and of other bodies: ``fasbody cell --help``."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -79,13 +79,13 @@ def analyse_cell(
     cell.vtu (ParaView), cell.npz (for the browser) and the figures modes.png and mesh.png.
 
     Examples:
-      python -m fasbody.cell
+      fasbody cell
 
-      python -m fasbody.cell --preset si --shape 67x60 --modulus 1000 --out results/cell
+      fasbody cell --preset si --shape 67x60 --modulus 1000 --out results/cell
 
-      python -m fasbody.cell --mesh my_cell.stl --preset si --json
+      fasbody cell --mesh my_cell.stl --preset si --json
 
-      python -m fasbody.cell sweep --out results/cell
+      fasbody cell sweep --out results/cell
     """
     check_together(context, mesh)
     if context.invoked_subcommand is not None:
@@ -149,17 +149,17 @@ def modes_of_a_body(
     as_json: JsonOption = False,
     out: OutOption = None,
 ) -> None:
-    """Modes of any elastic body: a bone, an insole block, a shoe sole; free or held.
+    """Modes of any elastic body, free or fixed: a bone, an insole block, a shoe sole.
 
     The rigid motions of a free body are skipped. With --out, writes body.json, body.vtu
-    (ParaView), body.npz (for python -m viz.cell) and modes.png.
+    (ParaView), body.npz (for fasbody view cell) and modes.png.
 
     Examples:
-      python -m fasbody.cell modes calcaneus --material 7.3e9,0.3,1500 --size 5
+      fasbody cell modes calcaneus --material 7.3e9,0.3,1500 --size 5
 
-      python -m fasbody.cell modes sole.stl --support base --up z --material 2e6,0.4,200
+      fasbody cell modes sole.stl --support base --up z --material 2e6,0.4,200
 
-      python -m fasbody.cell modes soles.msh --support region --held 3 \
+      fasbody cell modes soles.msh --support region --held 3 \
 --material 1=2e6,0.4,200 --material 1e7,0.4,300
     """
     from fasbody.cell.body import STEPS, body_modes, read_body
@@ -193,12 +193,12 @@ def shake_a_body(
     as_json: JsonOption = False,
     out: OutOption = None,
 ) -> None:
-    """Damping of any viscoelastic body, and its response: to a shaken support, or to a force.
+    """Damped modes of any viscoelastic body, and its response to a shaken support or a force.
 
     Examples:
-      python -m fasbody.cell response sole.stl --up z --material 2e6,0.4,200 --relaxation 0.5,0.001
+      fasbody cell response sole.stl --up z --material 2e6,0.4,200 --relaxation 0.5,0.001
 
-      python -m fasbody.cell response calcaneus --support free --material 7.3e9,0.3,1500 \
+      fasbody cell response calcaneus --support free --material 7.3e9,0.3,1500 \
 --relaxation 0.1,1e-5
     """
     from fasbody.cell.body import STEPS, read_body, shaken_body
@@ -235,12 +235,12 @@ def shake(
     as_json: JsonOption = False,
     out: OutOption = None,
 ) -> None:
-    """Beyond the thesis: damping of a viscoelastic cell on a base shaken from 5 Hz up.
+    """Damped modes and response of a viscoelastic cell on a shaken base.
 
     Examples:
-      python -m fasbody.cell shake
+      fasbody cell shake
 
-      python -m fasbody.cell shake --g 1 --tau 0.001 --nucleus-tau 0.01 --out results/cell
+      fasbody cell shake --g 1 --tau 0.001 --nucleus-tau 0.01 --out results/cell
     """
     from fasbody.cell.assembly import assemble
     from fasbody.cell.mesh import MeshSize

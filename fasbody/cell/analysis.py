@@ -103,7 +103,7 @@ class ModalAnalysis(Presented):
 
 @dataclass(frozen=True, repr=False)
 class Analysis(ModalAnalysis):
-    """What ``python -m fasbody.cell`` reports.
+    """What ``fasbody cell`` reports.
 
     Args:
         preset: materials and units.

@@ -1,6 +1,6 @@
 """The modes of any body in a file: a bone, an insole block, a shoe sole; free or held somewhere.
 
-Elements, matrices and solver are those of the cell. `python -m fasbody.cell modes`; docs/cell.md.
+Elements, matrices and solver are those of the cell. `fasbody cell modes`; docs/cell.md.
 """
 
 from collections.abc import Mapping
@@ -276,7 +276,7 @@ class BodyMode:
 
 @dataclass(frozen=True, repr=False)
 class BodyModes(ModalAnalysis):
-    """What ``python -m fasbody.cell modes`` reports.
+    """What ``fasbody cell modes`` reports.
 
     Args:
         body: mesh and names.
@@ -310,13 +310,13 @@ class BodyModes(ModalAnalysis):
         if not len(self.modes.rigid_hz):
             return ""
         highest = f"at most {self.modes.rigid_hz.max():.1g} Hz"
-        return f"six rigid motions of the free body, {highest}, are skipped: mode 1 is the first that deforms it"
+        return f"the six rigid motions of the free body ({highest}) are not listed"
 
     def heading(self) -> tuple[str, list[str]]:
         """Body, support and size, with what is to be said of all modes."""
         remarks = [self.remark] if self.remark else []
         if (share := self.body.changed) > ROUND:
-            remarks += [f"{share:.2%} of each error is for a shape of flat triangles"]
+            remarks += [f"{share:.2%} of each error is due to the flat triangles of the surface"]
         dof = self.model.assembly.dof
         if advice := self._advice():
             remarks.append(advice)
@@ -331,18 +331,18 @@ class BodyModes(ModalAnalysis):
         error, shape, size = float(self.errors.max()), self.body.changed, self.body.size_um
         if error <= LARGE or shape > LARGE / 2:
             return ""
-        head, surface = "errors above 5 %:", self.body.mesh.surface
+        head, surface = "for errors below 5 %", self.body.mesh.surface
         if size is None:
-            return f"{head} a mesh of smaller elements narrows them"
+            return f"{head} use a mesh of smaller elements"
         name, um = self.unit
         needed = size * (LARGE - shape) / (error - shape) / um
         fits = largest(lambda h: filled(surface, h * um), needed, LIMIT)
         digit = 10 ** (np.floor(np.log10(fits)) - 1)
         finer = float(np.ceil(fits / digit) * digit)
         if finer > WORTH * size / um:
-            return f"{head} a smaller --size would narrow them and does not fit into some 4 GB of memory"
+            return f"{head} a smaller --size would be needed, which does not fit into 4 GB of memory"
         many = round(filled(surface, finer * um), -4)
-        return f"{head} a smaller --size narrows them ({finer:.2g} {name}: about {many:.0f} unknowns)"
+        return f"{head} use --size {finer:.2g} ({name}; about {many:.0f} unknowns)"
 
     def document(self) -> dict[str, Any]:
         """Everything but the shapes, ready for JSON."""
@@ -406,7 +406,7 @@ def body_modes(
 
 @dataclass(frozen=True)
 class ShakenBody(Tabled):
-    """What ``python -m fasbody.cell response`` reports.
+    """What ``fasbody cell response`` reports.
 
     Args:
         elastic: modes and their errors without damping.

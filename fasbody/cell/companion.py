@@ -16,7 +16,7 @@ from fasbody.cell.mesher import UM, fill, sized_mesh
 if TYPE_CHECKING:
     import trimesh
 
-#: The error of a frequency falls as h^ORDER. `python -m fasbody.cell verify` observes nearly the 4
+#: The error of a frequency falls as h^ORDER. `fasbody cell verify` observes nearly the 4
 #: of smooth modes, but a corner where a free wall meets a held base is singular and slows it down;
 #: 2 gives the larger, safer estimate.
 ORDER = 2.0

@@ -1,4 +1,4 @@
-"""The command `python -m identification.heel`: which law the heel pads of people follow."""
+"""The command `fasbody heel`: which law the heel pads of people follow."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -26,26 +26,26 @@ def main(
         str | None,
         typer.Option(help="contact that the population's law describes (default: to the first peak)"),
     ] = None,
-    out: Annotated[Path | None, typer.Option(help="folder for documents and figures; resumes what is there")] = None,
+    out: Annotated[Path | None, typer.Option(help="folder for results and figures; existing ones are reused")] = None,
     mjcf: Annotated[Path | None, typer.Option(help="write two_dof.xml with the population's law as its pad")] = None,
-    load_n: Annotated[float, typer.Option(min=1.0, help="load under which the pad rests [N]")] = 43.0,
-    sample: Annotated[bool, typer.Option("--sample", help="sample the population, too")] = False,
+    load_n: Annotated[float, typer.Option(min=1.0, help="static force on the pad [N]")] = 43.0,
+    sample: Annotated[bool, typer.Option("--sample", help="also sample the posterior of the population")] = False,
     workers: Annotated[int, typer.Option(min=0, help="processes; 0 for one per core, 1 for this one")] = 0,
     json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
 ) -> None:
     """Compare laws of the heel pad with measured heel strikes of people.
 
-    The compression is the travel of a heel point fixed to the shank, so it includes everything
+    The compression is the displacement of a heel point fixed to the shank, so it includes all tissue
     between skin and shank.
 
     Examples:
-      python -m identification.heel
+      fasbody heel
 
-      python -m identification.heel --out results/heel --json
+      fasbody heel --out results/heel --json
 
-      python -m identification.heel my_drop_tests --law power --law hunt_crossley
+      fasbody heel my_drop_tests --law power --law hunt_crossley
 
-      python -m identification.heel --mjcf foot_with_measured_pad.xml --load-n 66
+      fasbody heel --mjcf foot_with_measured_pad.xml --load-n 66
     """
     from fasbody.heel import analysis
     from fasbody.heel.estimate import WINDOWS

@@ -1,1 +1,1 @@
-"""A virtual laboratory: synthetic recordings and whole studies with known truth; `python -m fasbody.laboratory`."""
+"""A virtual laboratory: synthetic recordings and whole studies with known truth; `fasbody laboratory`."""

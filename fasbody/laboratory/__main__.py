@@ -1,4 +1,4 @@
-"""`python -m fasbody.laboratory FOLDER`: synthetic recordings with known truth, to learn on and to test against.
+"""`fasbody laboratory FOLDER`: synthetic recordings with known truth, to learn on and to test against.
 
 `--subjects 20` makes a whole study (study.py); without it, recordings of one foot with constant parameters (foot.py).
 """
@@ -24,7 +24,7 @@ def main(
     subjects: Annotated[
         int | None, typer.Option(help="make a whole study of this many virtual subjects, with tuberosity and scatter")
     ] = None,
-    subject: Annotated[int, typer.Option(help="for one foot: the subject of Table 2.1 whose body mass it has")] = 16,
+    subject: Annotated[int, typer.Option(help="for one foot: subject of Table 2.1 whose body mass is used")] = 16,
     added_mass: Annotated[
         list[float] | None, typer.Option(help="mass on the knee in kg; repeat (default 0, for studies 0, 2.3, 4.5)")
     ] = None,
@@ -50,16 +50,16 @@ def main(
     seed: Annotated[int | None, typer.Option(min=0, help="seed of subjects, phases and noise")] = None,
     jobs: Annotated[int, typer.Option(help="processes; 0 for all cores")] = 0,
 ) -> None:
-    """Make a synthetic study with known truth.
+    """Make a synthetic study with known constants.
 
     Examples:
-      python -m fasbody.laboratory my_study --subjects 20
+      fasbody laboratory my_study --subjects 20
 
-      python -m fasbody.laboratory two_sensors --foot-sensor
+      fasbody laboratory two_sensors --foot-sensor
 
-      python -m fasbody.laboratory one_foot --added-mass 0 --added-mass 2.3 --seconds 10
+      fasbody laboratory one_foot --added-mass 0 --added-mass 2.3 --seconds 10
 
-      python -m fasbody.laboratory small --added-mass 0 --added-mass 2.3 --loaded-frequency 10 --loaded-frequency 40
+      fasbody laboratory small --added-mass 0 --added-mass 2.3 --loaded-frequency 10 --loaded-frequency 40
     """
     from fasbody.laboratory.foot import make_study
     from fasbody.laboratory.study import FREQUENCIES_HZ, Plan, make

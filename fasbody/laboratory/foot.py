@@ -163,7 +163,7 @@ def _command(
     if tuple(frequencies_hz) != FREQUENCIES_HZ:
         words += [f"--frequency {f:g}" for f in frequencies_hz]
     words += [f"--loaded-frequency {f:g}" for f in loaded_frequencies_hz or ()]
-    return " ".join(["python -m fasbody.laboratory FOLDER", *words, f"--seconds {seconds:g} --seed {seed}"])
+    return " ".join(["fasbody laboratory FOLDER", *words, f"--seconds {seconds:g} --seed {seed}"])
 
 
 _STUDY = '''[study]

@@ -211,7 +211,7 @@ _STUDY = '''[study]
 name = "virtual study"
 origin = "synthetic"
 description = """
-{plan.subjects} virtual subjects made by python -m fasbody.laboratory (seed {plan.seed}). Nobody was measured:
+{plan.subjects} virtual subjects made by fasbody laboratory (seed {plan.seed}). Nobody was measured:
 constants.csv holds the parameters, truth.csv the transmissibilities. The mean subject is calibrated to the findings of
 section 2.3.{picked}{held}"""
 sampling_rate_hz = {rate:g}

@@ -1,4 +1,4 @@
-"""Command line of the leg: `python -m fasbody.leg peaks | crosscheck | drop | decide | name`."""
+"""Command line of the leg: `fasbody leg peaks | crosscheck | drop | decide | name`."""
 
 from pathlib import Path
 from typing import Annotated
@@ -22,12 +22,12 @@ def print_peaks(
     figure: Annotated[Path | None, typer.Option(help="SVG or PNG to write")] = None,
     json: JsonOption = False,
 ) -> None:
-    """Where a leg's MB, TB and TM are highest under 0, 2.3 and 4.5 kg; which statements of the thesis hold.
+    """Peaks of MB, TB and TM of a leg under 0, 2.3 and 4.5 kg, and which statements of the thesis hold.
 
     Examples:
-      python -m fasbody.leg peaks --figure peaks.svg
+      fasbody leg peaks --figure peaks.svg
 
-      python -m fasbody.leg peaks --model my_leg.xml --json
+      fasbody leg peaks --model my_leg.xml --json
     """
     if figure is not None:
         ready(figure)
@@ -61,7 +61,7 @@ def print_crosscheck(
     """Matrices and stepped response of a leg from the equations, Pinocchio and MuJoCo; exit 1 on disagreement.
 
     Examples:
-      python -m fasbody.leg crosscheck --model my_leg.xml --added-mass 4.5
+      fasbody leg crosscheck --model my_leg.xml --added-mass 4.5
     """
     if added_mass is not None and not 0 <= added_mass <= 50:
         raise SettingError(f"--added-mass is {added_mass:g}, but must be between 0 and 50 kg.")

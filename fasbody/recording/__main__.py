@@ -1,4 +1,4 @@
-"""`python -m fasbody.recording`: check what a file holds, convert it to another format, init a study of a folder."""
+"""`fasbody recording`: check what a file holds, convert it to another format, init a study of a folder."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -37,10 +37,10 @@ _Take = Annotated[int | None, typer.Option("--take", min=1, help="which recordin
 
 @app.callback()
 def main() -> None:
-    """Recordings: check what was understood of a file, convert it, make a study of a folder.
+    """Recordings: check how a file is read, convert it, make a study from a folder.
 
     Examples:
-      python -m fasbody.recording check my_study
+      fasbody check my_study
     """
 
 
@@ -52,18 +52,18 @@ def check(
     study: _Study = None,
     columns: _Columns = None,
     take: _Take = None,
-    report: Annotated[Path | None, typer.Option(help="write a page with a second of the traces, .html")] = None,
+    report: Annotated[Path | None, typer.Option(help="write a page with one second of each recording, .html")] = None,
     json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
     jobs: Annotated[int, typer.Option(help="processes for a study; 0 for all cores")] = 0,
 ) -> None:
-    """Say what was understood of a recording or a study, and what is wrong with it.
+    """Show how recordings or a study are read, and what is wrong with them.
 
     Exit code 2 if any recording cannot be used.
 
     Examples:
-      python -m fasbody.recording check measured.tdms --study study.toml --json
+      fasbody check measured.tdms --study study.toml --json
 
-      python -m fasbody.recording check bare.log --columns time_s,base_g,malleolus_g --report check.html
+      fasbody check bare.log --columns time_s,base_g,malleolus_g --report check.html
     """
     from fasbody.heel.study import is_heel_study
     from fasbody.recording.checks import reasons
@@ -191,14 +191,14 @@ def convert(
         str | None, typer.Option(help="version of a .mat file: 5 (default), or 7.3 (which is HDF5)")
     ] = None,
 ) -> None:
-    """Write a recording in another format, in m/s^2, signs, sensitivities and delays applied.
+    """Convert a recording to another format, in m/s^2, with signs, sensitivities and delays applied.
 
-    A recording that no analysis could use is still converted, and the command says what is wrong with it.
+    A recording that cannot be analysed is converted, too, with a warning.
 
     Examples:
-      python -m fasbody.recording convert measured.tdms measured.csv --study study.toml
+      fasbody convert measured.tdms measured.csv --study study.toml
 
-      python -m fasbody.recording convert session.csv second.csv --take 2
+      fasbody convert session.csv second.csv --take 2
     """
     from fasbody.recording.checks import checked
     from fasbody.recording.recording import Recording
@@ -227,7 +227,7 @@ def merge(
     table: Annotated[Path, typer.Argument(help="recording of the logger on the shaker's table")],
     foot: Annotated[Path, typer.Argument(help="recording of the logger on the foot, made at the same time")],
     target: Annotated[
-        Path, typer.Argument(help="file to write (.csv); what is known of the delay is written beside it, as .json")
+        Path, typer.Argument(help="file to write (.csv); a .json file beside it gets the delay and its uncertainty")
     ],
     base: Annotated[str, typer.Option(help="column of the table's file (default: the one named base)")] = "",
     malleolus: Annotated[str, typer.Option(help="column of the foot's file (default: the one named malleolus)")] = "",
@@ -235,12 +235,12 @@ def merge(
     study: _Study = None,
     json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
 ) -> None:
-    """Make one recording of two loggers, one on the foot and one on the table, by a knock in both.
+    """Merge the recordings of two loggers, one on the foot and one on the table, aligned by knocks.
 
-    The uncertainty of the delay enters every phase and fit of the merged recording.
+    Phases and fits of the merged recording include the uncertainty of the delay.
 
     Examples:
-      python -m fasbody.recording merge table.csv knee.csv merged.csv --base z --malleolus z
+      fasbody merge table.csv knee.csv merged.csv --base z --malleolus z
     """
     from fasbody.recording.files import read_one
     from fasbody.recording.merge import WAYS
@@ -268,22 +268,22 @@ def merge(
 
 @app.command()
 def init(
-    folder: Annotated[Path, typer.Argument(help="folder of the recordings, which may lie in subfolders")],
+    folder: Annotated[Path, typer.Argument(help="folder of the recordings, also in subfolders")],
     pattern: Annotated[
         str | None,
         typer.Option(help="pattern of the file names, with {subject}, {posture}, {load}, {frequency}, {any}"),
     ] = None,
     json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
 ) -> None:
-    """Make a study of a folder of recordings: study.toml, subjects.csv and recordings.csv, to be completed.
+    """Make a study from a folder of recordings: write study.toml, subjects.csv and recordings.csv.
 
-    File names are scanned and one file of each kind is read. Nothing is overwritten; a study that is there gets a line
+    File names are scanned and one file of each kind is read. Nothing is overwritten; an existing study gets a line
     for each new recording.
 
     Examples:
-      python -m fasbody.recording init my_study
+      fasbody study init my_study
 
-      python -m fasbody.recording init my_study --pattern "S{subject}_{frequency}Hz_{load}kg"
+      fasbody study init my_study --pattern "S{subject}_{frequency}Hz_{load}kg"
     """
     from fasbody.recording.proposal import propose
 

@@ -282,8 +282,8 @@ class Layout(Tabled):
         made = {name: _brought(taken.get(name, t), values, covered) for name, values in channels.items()
                 if name != "time_s"}  # fmt: skip
         remark = (
-            f"its channels have different rates ({listed}), brought to the highest by a spline, which costs less than "
-            f"0.1 % below {min(slow.values()) / 2.6:.3g} Hz"
+            f"its channels have different rates ({listed}), resampled to the highest by a spline, with an error of "
+            f"less than 0.1 % below {min(slow.values()) / 2.6:.3g} Hz"
         ) if slow else ""  # fmt: skip
         return {"time_s": covered} | made, remark
 

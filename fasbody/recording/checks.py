@@ -272,8 +272,8 @@ def _excitation(recording: Recording, hz: float) -> Iterator[str]:
         alias = np.abs(orders * hz - rate * np.round(orders * hz / rate))
         folded = orders[np.abs(alias - hz) < 2 / length]
         effect = (
-            f"its harmonic {folded[0]} folds onto the excitation itself and biases it by its own "
-            "share, which the interval does not hold; choose another rate."
+            f"its harmonic {folded[0]} is aliased to the excitation frequency and biases the amplitude, "
+            "which the interval does not include; choose another sampling rate."
             if folded.size
             else f"the sine fit needs no more, but harmonics above {rate / 2:.4g} Hz fold and are "
             "not told apart."
@@ -344,8 +344,8 @@ def _odd(
     if odd.mark is not None:
         raise RecordingError(
             f"{name}_m_s2 is {odd.mark + offset:.6g} m/s^2 at {odd.spikes.size} places, first at "
-            f"{t[odd.spikes[0]]:.4g} s, and near it nowhere else: a mark for missing samples; cut "
-            "them off, or fill them before."
+            f"{t[odd.spikes[0]]:.4g} s, and near it nowhere else, like a code for missing samples; "
+            "remove or fill them first."
         )
     if odd.spikes.size:
         costs = ""
@@ -363,8 +363,8 @@ def _odd(
     elif odd.jumps.size:
         more = f" and at {odd.jumps.size - 1} more places" if odd.jumps.size > 1 else ""
         yield (
-            f"{name}_m_s2 jumps by {odd.size:.3g} m/s^2 at {t[odd.jumps[0]]:.4g} s{more}; are "
-            "samples missing there? Then what is behind them comes early, and its phase leads."
+            f"{name}_m_s2 jumps by {odd.size:.3g} m/s^2 at {t[odd.jumps[0]]:.4g} s{more}; "
+            "if samples are missing there, all later ones come too early."
         )
 
 
@@ -408,7 +408,7 @@ def _level(recording: Recording, frequency: float) -> Iterator[str]:
     if _late(abs(ratio), lead):
         yield Sentence(
             f"the malleolus lags the base by {360 - lead:.0f} degrees at {frequency:.4g} Hz, more "
-            "than half a turn: a foot well above its resonance does, and so does a wrong sign (",
+            "than 180 degrees. A foot well above its resonance can do so; a wrong sign does, too (",
             called("channels.sign"),
             ").",
         )
@@ -462,8 +462,8 @@ def _quality(recording: Recording, measures: Quality, frequency: float | None) -
         )
     if measures.coherence < _COHERENT[frequency is not None]:
         yield (
-            f"the coherence of malleolus and base is {measures.coherence:.2f} {at}; noise, or a "
-            "foot that does not answer its base alike."
+            f"the coherence of malleolus and base is {measures.coherence:.2f} {at}; noise, "
+            "or a foot whose response changes during the recording."
         )
 
 
@@ -494,9 +494,9 @@ def _cost(recording: Recording, measures: Quality, frequency: float) -> Iterator
         half = Z95 * measures.lead_std_deg
         yield (
             f"{100 * (1 - share):.0f} % of the power of base_m_s2 is neither the excitation nor "
-            "its harmonics (noise, drift, or a shaker that wanders): the malleolus over the base "
-            f"is known to {100 * np.radians(half):.2g} % and {half:.2g} degrees, or better where "
-            "the wander is common to both."
+            "its harmonics (noise, drift, or an unsteady shaker): the malleolus over the base "
+            f"is known to {100 * np.radians(half):.2g} % and {half:.2g} degrees, or better if "
+            "both channels share the disturbance."
         )
 
 

@@ -73,8 +73,8 @@ def uniform(
         if not _gapless(t, channels, unit):
             return unchanged
         return _line(t), channels, (
-            f"its times are rounded to {1e3 * unit:g} ms; they are taken for a uniform clock of "
-            f"{1 / typical:.6g} Hz, which leaves ratio and phase as they are and the frequency uncertain by "
+            f"its times are rounded to {1e3 * unit:g} ms; a uniform clock of {1 / typical:.6g} Hz is "
+            "assumed. Transmissibility and phase are not affected; the frequency is uncertain by "
             f"{100 * unit / (t[-1] - t[0]):.1g} %."
         )
     if steps.min() <= 0 or steps.max() > _GAP * typical:
@@ -84,9 +84,9 @@ def uniform(
     clock = np.linspace(t[0], t[-1], t.size)
     made = {name: CubicSpline(t, x)(clock) for name, x in channels.items()}
     return clock, made, (
-        f"its times jitter (steps of {1e3 * steps.min():.3g} to {1e3 * steps.max():.3g} ms); taken "
-        f"for exact, the channels were brought to a uniform {1 / typical:.6g} Hz by a spline, which costs less than "
-        f"0.1 % below {0.1 / typical:.3g} Hz."
+        f"its times jitter (steps of {1e3 * steps.min():.3g} to {1e3 * steps.max():.3g} ms); assumed "
+        f"exact, they were used to resample the channels at {1 / typical:.6g} Hz by a spline, with an error of less "
+        f"than 0.1 % below {0.1 / typical:.3g} Hz."
     )
 
 

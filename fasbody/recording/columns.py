@@ -193,7 +193,7 @@ def _column_of(
         raise InputFileError(file, f"has two columns for {channel}", hint, line=columns.line)
     if stated.column and not candidates:
         hint = Sentence(
-            "one study.toml is for files of one kind; python -m fasbody.recording convert makes them one",
+            "one study.toml is for files of one kind; fasbody convert makes them one",
             on_page=f"name its columns with {for_page(called(f'channels.{channel}.column'))}",
         )
         column = repr(stated.column) if stated.column[:1] != "#" else f"number {stated.column[1:]}"
@@ -269,7 +269,7 @@ def _complete(file: Path, columns: Columns, layout: Layout, chosen: Mapping[str,
                 if name in clock
                 else Sentence(
                     "units may also be g or ms, and ", column, " can name the column",
-                    Sentence(" (fasbody study init FOLDER writes it; in Python: layout)", on_page=""),
+                    Sentence(" (fasbody study init FOLDER writes study.toml)", on_page=""),
                 )
             )
             missing = f"has no column {name!r} ({columns.listed})"

@@ -205,7 +205,7 @@ def several_takes(file: Path, count: int, where: str) -> InputFileError:
     """A sentence on a file with more than one recording."""
     return InputFileError(
         file, f"holds {count} takes ({where})",
-        f"say which one is meant: --take 1 to {count} (study.toml: [study] take = 1); python -m fasbody.recording "
+        f"say which one is meant: --take 1 to {count} (study.toml: [study] take = 1); fasbody recording "
         "convert --take writes one as a file of its own",
     )  # fmt: skip
 

@@ -180,7 +180,7 @@ def _by_correlation(
     others = np.delete(alike, np.arange(max(0, top - near), min(alike.size, top + near + 1)))
     if alike[top] < 0.2 or others.max() > 0.9 * alike[top]:
         raise RecordingError(
-            f"{name}: the two recordings correlate at no delay above all others (a sine repeats itself); knock on the "
-            "table before and after, so that both loggers feel it."
+            f"{name}: the delay is ambiguous, because the recordings repeat themselves as a sine does; knock on the "
+            "table before and after, so that both loggers register it."
         )
     return (top - (q.size - 1)) * step, float(np.hypot(_FOOT_S, step / 3)), 0.0

@@ -200,9 +200,10 @@ def impossible(ratio: complex) -> str:
     inverse = 1 / ratio
     loss = inverse.imag / max(1e-9, 1 - inverse.real)
     if inverse.real > _LITTLE:
-        return "what moves so much less than its base lags by a quarter turn or more"
+        return "a foot that moves so little lags by 90 degrees or more"
     if abs(ratio) > _MUCH and loss < _LOSSLESS:
         return (
-            f"what moves so much more is in resonance, and this one would lose no energy (a loss factor of {loss:.2g})"
+            "a foot that moves so much is in resonance, and this one would have no damping (a loss factor of "
+            f"{loss:.2g})"
         )
     return ""

@@ -61,8 +61,8 @@ def _of_one(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     )
     whose = "of its subject" if rows[0].get("subject") else "beside it, if of one person and load,"
     return [
-        f"{row['file']}: the malleolus moves {np.exp(one.real):.3g} times as much as the other "
-        f"{f.size - 1} sines {whose} let expect, and {np.degrees(one.imag):+.0f} degrees apart; "
+        f"{row['file']}: the malleolus moves {np.exp(one.real):.3g} times as much as expected from "
+        f"the other {f.size - 1} sines {whose}, with a phase difference of {np.degrees(one.imag):+.0f} degrees; "
         "check the file's units, columns and clocks."
         for row, one, odd in zip(rows, off, wrong, strict=True)
         if odd

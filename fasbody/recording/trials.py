@@ -47,7 +47,7 @@ def _way_out(file: Path) -> str:
     if not kinds:
         return ""
     named = " ".join(f"{quote(str(folder))}/*{kind}" for kind in sorted(kinds))
-    return f" (python -m fasbody.recording init {quote(str(folder))} makes them); or name the files, {named}"
+    return f" (fasbody study init {quote(str(folder))} makes them); or name the files, {named}"
 
 
 def parsed(file: Path, text: str) -> tuple[dict[str, str], Layout]:
@@ -98,7 +98,7 @@ def listed(folder: Path, only: Path | None = None) -> tuple[Trial, ...]:
     """
     for name in ("subjects.csv", "recordings.csv"):
         if not (folder / name).is_file():
-            hint = f"python -m fasbody.recording init {folder} proposes the tables of a folder of recordings"
+            hint = f"fasbody study init {quote(str(folder))} makes it"
             raise InputFileError(folder / name, "no such file", hint)
     masses = _masses(folder / "subjects.csv")
     file = folder / "recordings.csv"

@@ -1,4 +1,4 @@
-"""`python -m fasbody.transmissibility STUDY`: the table, the statistics and the figures of Chapter 2."""
+"""`fasbody transmissibility STUDY`: the table, the statistics and the figures of Chapter 2."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -40,16 +40,16 @@ def main(
 ) -> None:
     """Transmissibility and phase for MB, TB and TM by load and posture, with statistics and figures.
 
-    Exit code 2 if a recording cannot be used; the results of the others are written all the same.
+    Exit code 2 if a recording cannot be used; the results of the others are still written.
 
     Examples:
-      python -m fasbody.transmissibility my_study --out results/my_study
+      fasbody transmissibility my_study --out results/my_study
 
-      python -m fasbody.transmissibility my_study --model "group * added_mass_kg + age_yr"
+      fasbody transmissibility my_study --model "group * added_mass_kg + age_yr"
 
-      python -m fasbody.transmissibility 20hz.csv --json
+      fasbody transmissibility 20hz.csv --json
 
-      python -m fasbody.transmissibility 20hz.tdms 30hz.tdms --study study.toml
+      fasbody transmissibility 20hz.tdms 30hz.tdms --study study.toml
     """
     from fasbody.recording.study import StudyFolder, read_file
     from fasbody.recording.trials import people, posture_remarks
@@ -78,7 +78,7 @@ def main(
         print_json(table.frame.to_dict("records"))
     else:
         show(table)
-    console.print(f"Standard deviations hold {table.covers}.", markup=False, soft_wrap=True)
+    console.print(f"Standard errors include {table.covers}.", markup=False, soft_wrap=True)
     if remark := table.resolved(resolution):
         console.print(f"[yellow]warning:[/] {escape(remark)}", soft_wrap=True)
     if folder is not None:
@@ -104,7 +104,7 @@ def show(table: "Table") -> None:
 
     results.print(str(table))
     printed = Printed(
-        "pair", "posture", r"load \[kg]", "n", "resonance (section 2.3.1)", "with control of errors",
+        "pair", "posture", r"load \[kg]", "n", "resonance (rule of the thesis)", "resonance (controlled error rates)",
         r"mean transmissibility (phase \[deg]) by frequency \[Hz]",
     )  # fmt: skip
     for c in table.each():
@@ -120,11 +120,12 @@ def show(table: "Table") -> None:
             str(c.resonance), str(c.resonance_by_tests), ", ".join(cells),
         )  # fmt: skip
     results.print(printed)
+    results.print("MB: malleolus over base. TB: tuberosity over base. TM: tuberosity over malleolus.")
     stated, why = judged(table)
     if stated:
         show_findings(stated, table.origin)
     else:
-        results.print(f"The thesis' statements are not judged: {why}.")
+        results.print(f"The statements of the thesis are not tested: {why}.")
 
 
 def show_findings(stated: list["Finding"], origin: str) -> None:
@@ -133,7 +134,7 @@ def show_findings(stated: list["Finding"], origin: str) -> None:
 
     from fasbody.transmissibility.findings import summary
 
-    printed = Printed("section", "the thesis states", f"came out ({origin})", "holds", "note")
+    printed = Printed("section", "the thesis states", f"this study ({origin})", "holds", "note")
     colours = {"yes": "green", "no": "red", "not tested": "yellow"}
     for f in stated:
         printed.add_row(f.section, f.says, f.came_out, f"[{colours[f.verdict]}]{f.verdict}[/]", f.note)

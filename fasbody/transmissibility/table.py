@@ -25,7 +25,7 @@ from fasbody.transmissibility.resonance import Resonance, by_tests, by_thesis
 _NOTABLE_BIAS = 0.01
 Condition = tuple[str, float]  # posture, added mass [kg]
 #: What the standard deviations hold where study.toml says nothing of the sensors.
-NOISE_ONLY = "noise only; gain and delay of the sensors are not in them (study.toml: gain_std, delay_std_s)"
+NOISE_ONLY = "noise only; to add those of gain and delay, state gain_std and delay_std_s in study.toml"
 
 
 @dataclass(frozen=True, eq=False)
@@ -148,8 +148,8 @@ class Table(Presented):
         rows = [
             (c.pair, c.posture, f"{c.added_mass_kg:g}", str(len(c.subjects)), str(c.resonance)) for c in self.each()
         ]
-        columns = ("pair", "posture", "load [kg]", "subjects", "resonance (section 2.3.1)")
-        return Sheet(str(self), columns, rows, (f"Standard deviations hold {self.covers}.", *self.problems))
+        columns = ("pair", "posture", "load [kg]", "subjects", "resonance (rule of the thesis)")
+        return Sheet(str(self), columns, rows, (f"Standard errors include {self.covers}.", *self.problems))
 
     def records(self) -> list[dict[str, Any]]:
         """The rows."""
@@ -292,7 +292,7 @@ def covered(channels: Mapping[str, Channel]) -> str:
     stated = [n for n, c in channels.items() if c.gain_std or c.delay_std_s]
     if not stated:
         return NOISE_ONLY
-    return f"noise, and the uncertain gains and delays that study.toml states ({', '.join(stated)})"
+    return f"noise, and the uncertainty of gain and delay stated in study.toml ({', '.join(stated)})"
 
 
 def _mean(values: np.ndarray) -> np.ndarray:

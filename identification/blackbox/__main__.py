@@ -1,4 +1,4 @@
-"""Command `python -m identification.blackbox`: black-box models of recordings, with what the data cannot tell."""
+"""Command `fasbody blackbox`: black-box models of recordings, with what the data cannot tell."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -19,21 +19,22 @@ EXAMPLES = """
 Linear and Hammerstein-Wiener models of recordings with one input and one output.
 
 Works on a study folder, on recordings (time_s, base_m_s2, malleolus_m_s2) and on any CSV with two signals. Orders are
-chosen by free simulation of a part of the data, or by one-step errors where simulation cannot serve (steps, feedback,
-unstable plants); the fit shown is of held-out data that no choice has seen. Warnings say what the input did not excite.
+chosen by free simulation of a part of the data, or by one-step errors if simulation cannot be used (steps, feedback,
+unstable plants). The fit is that of held-out data, which are not used for the choice. Warnings say what the input did
+not excite.
 
 Examples:
-  python -m identification.blackbox recording.csv
+  fasbody blackbox recording.csv
 
-  python -m identification.blackbox motor.csv --input volts --output speed --sample-time 0.01
+  fasbody blackbox motor.csv --input volts --output speed --sample-time 0.01
 
-  python -m identification.blackbox recording.csv --structures oe,ss --orders "oe=4,4,1;ss=4" --json
+  fasbody blackbox recording.csv --structures oe,ss --orders "oe=4,4,1;ss=4" --json
 
-  python -m identification.blackbox drifting.csv --detrend 1 --robust --structures oe,bj
+  fasbody blackbox drifting.csv --detrend 1 --robust --structures oe,bj
 
-  python -m identification.blackbox plant.csv --input u1,u2 --output y1,y2 --structures arx,ss
+  fasbody blackbox plant.csv --input u1,u2 --output y1,y2 --structures arx,ss
 
-  python -m identification.blackbox study/ --pool --structures oe --out results/
+  fasbody blackbox study/ --pool --structures oe --out results/
 """
 
 
@@ -48,8 +49,8 @@ def main(
         str, typer.Option(help='"auto", or orders as in Table 3.2: "oe=4,4,1;ss=4" (others are selected).')
     ] = "auto",
     split: Annotated[float, typer.Option(help="fraction used for estimation; the rest is held out")] = 0.5,
-    pool: Annotated[bool, typer.Option("--pool", help="one model of all recordings, an initial state each")] = False,
-    detrend: Annotated[int, typer.Option(help="degree of the polynomials in time taken off input and output")] = 0,
+    pool: Annotated[bool, typer.Option("--pool", help="one model for all recordings")] = False,
+    detrend: Annotated[int, typer.Option(help="degree of the polynomials in time to subtract")] = 0,
     robust: Annotated[bool, typer.Option("--robust", help="replace single wrong samples of the output")] = False,
     json: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
     out: Annotated[

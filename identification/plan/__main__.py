@@ -1,4 +1,4 @@
-"""`python -m identification.plan`: the next recording worth making, a session, and the session itself."""
+"""`fasbody plan`: the next recording worth making, a session, and the session itself."""
 
 import sys
 import time
@@ -60,14 +60,13 @@ class Options:
         list[str] | None,
         Option(
             help="NAME=SHARE, half-width of a 95 % interval, for example k_T=0.05; repeat for several. "
-            "What is not named is not asked for. thesis: all as narrow as its three loads would make "
-            "them here",
+            "Other constants then have no goal. thesis: the intervals that the thesis' three loads would give",
             show_default="k_T=0.03, k_F=0.03, c_11=0.06, c_21=0.06",
         ),
     ] = None
     # a third of the thesis' recordings, and as long as it shook
-    minutes: Annotated[float, Option(help="most minutes of shaking", callback=_finite)] = 4.5
-    recordings: Annotated[int, Option(help="recordings at most", min=1)] = 9
+    minutes: Annotated[float, Option(help="largest time of shaking in minutes", callback=_finite)] = 4.5
+    recordings: Annotated[int, Option(help="largest number of recordings", min=1)] = 9
     frequencies: Annotated[str, Option(help="START:STOP:STEP in Hz")] = "10:50:2"
     loads: Annotated[str, Option(help="masses for the knee in kg, separated by commas")] = (
         "0,2.3,4.5"
@@ -84,7 +83,7 @@ class Options:
     noise: Annotated[
         float | None,
         Option(
-            help="noise of a sensor, rms of a sample in m/s^2 (default about 0.5, or what recordings say)"
+            help="noise of a sensor, rms of a sample in m/s^2 (default about 0.5, or as in earlier recordings)"
         ),
     ] = None
     repeatability: Annotated[
@@ -98,7 +97,7 @@ class Options:
     exclude: Annotated[
         str | None,
         Option(
-            help="nuisances to exclude, as in a fit: mount, relaxation, load, share, rocking, drift, "
+            help="nuisance parameters to exclude, as in a fit: mount, relaxation, load, share, rocking, drift, "
             "seating, or all"
         ),
     ] = None
@@ -166,7 +165,7 @@ class Options:
             name, _, share = (part.strip() for part in text.partition("="))
             if text.strip() == _AS_THESIS:
                 raise SettingError(
-                    f"--ask {_AS_THESIS} asks for all intervals; leave out the other --ask."
+                    f"--ask {_AS_THESIS} sets all intervals; leave out the other --ask."
                 )
             if name in shares:
                 raise SettingError(
@@ -209,9 +208,9 @@ def propose(
         Argument(help="earlier recordings: study folder, or CSV files", show_default="none"),
     ] = None,
     subject: Annotated[
-        str | None, Option(help="whose recordings of an earlier study of several people count")
+        str | None, Option(help="subject, if the earlier study has several")
     ] = None,
-    posture: Annotated[str | None, Option(help="in which posture, of several")] = None,
+    posture: Annotated[str | None, Option(help="posture, if there are several")] = None,
     amplitudes: Annotated[
         str | None, Option(help="amplitudes to try, separated by commas (default: the largest)")
     ] = None,
@@ -221,29 +220,29 @@ def propose(
     ] = "malleolus",
     protocol: Annotated[
         Path | None,
-        Option(help="write the steps to this file, which python -m fasbody.acquire --plan runs"),
+        Option(help="write the steps to this file, which fasbody record --plan runs"),
     ] = None,
     out: Annotated[
         Path | None,
         Option(help="folder for report.html, protocol.json, plan.json, plan.csv and figures"),
     ] = None,
 ) -> None:
-    """Plan what to record next: a session that decides between the mirror feet and narrows the intervals.
+    """Plan what to record next, to decide the branch and to narrow the intervals.
 
     Examples:
-      python -m identification.plan --body-mass 80
+      fasbody plan --body-mass 80
 
-      python -m identification.plan my_study --ask k_T=0.05 --ask k_F=0.05 --out next
+      fasbody plan my_study --ask k_T=0.05 --ask k_F=0.05 --out next
 
-      python -m identification.plan my_study --subject 3 --posture midstance
+      fasbody plan my_study --subject 3 --posture midstance
 
-      python -m identification.plan --ask thesis --out as_thesis
+      fasbody plan --ask thesis --out as_thesis
 
-      python -m identification.plan --frequencies 15:40:5 --loads 0,5 --protocol steps.json
+      fasbody plan --frequencies 15:40:5 --loads 0,5 --protocol steps.json
 
-      python -m identification.plan --exclude all --sensors malleolus,foot --json
+      fasbody plan --exclude all --sensors malleolus,foot --json
 
-      python -m identification.plan run --simulate --auto --out my_study
+      fasbody plan run --simulate --auto --out my_study
     """
     from fasbody import page
     from identification.parameters import names
@@ -286,7 +285,7 @@ def propose(
 def run(
     options: Options,
     out: Annotated[
-        Path | None, Option(help="study folder; recordings that are there count")
+        Path | None, Option(help="study folder; its recordings are used")
     ] = None,
     auto: Annotated[bool, Option("--auto", help="take each step without asking")] = False,
     port: Annotated[str | None, Option(help="port of the accelerometer board")] = None,
@@ -298,7 +297,7 @@ def run(
     ] = "serial",
     calibration: Annotated[
         Path | None,
-        Option(help="settings of a device that is no serial board (default sound_card.json ...)"),
+        Option(help="settings of a device other than a serial board (default sound_card.json ...)"),
     ] = None,
     baud: Annotated[int, Option(help="baud rate of the board")] = 921600,
     generator_baud: Annotated[int, Option(help="baud rate of the generator")] = 115200,
@@ -311,24 +310,24 @@ def run(
         float, Option(help="largest vibration dose value of a day in m/s^1.75")
     ] = 21.0,
     simulate: Annotated[
-        bool, Option("--simulate", help="a virtual bench instead of hardware")
+        bool, Option("--simulate", help="simulated devices instead of hardware")
     ] = False,
     subject: Annotated[str, Option(help="name or number of the subject")] = "1",
     load_change: Annotated[
         float, Option(help="cost of a change of load, in seconds of shaking", min=0, max=3600)
     ] = 60.0,
 ) -> None:
-    """Record, fit and plan in turn; report each recording, the intervals so far, and the next step.
+    """Record, fit and plan in turn, and report the intervals after each recording.
 
-    However it ends, also by Ctrl-C, the result so far is printed and written to session.json in the study folder; the
-    same command goes on from the recordings that are there.
+    The result is always printed and written to session.json in the study folder, even after Ctrl-C. The
+    same command continues from the existing recordings.
 
     Examples:
-      python -m identification.plan run --simulate --auto --seconds 4 --out my_study
+      fasbody plan run --simulate --auto --seconds 4 --out my_study
 
-      python -m identification.plan run --port /dev/ttyACM0 --generator /dev/ttyUSB0 --body-mass 72 --out my_study
+      fasbody plan run --port /dev/ttyACM0 --generator /dev/ttyUSB0 --body-mass 72 --out my_study
 
-      python -m identification.plan run --board audio --body-mass 72 --out my_study
+      fasbody plan run --board audio --body-mass 72 --out my_study
     """
     from fasbody import page
     from fasbody.acquire.devices import Equipment

@@ -36,7 +36,7 @@ def information(result: "Planned") -> Figure:
     _curves(result, axes[0, 0], after=False)
     _curves(result, axes[0, 1], after=True)
     axes[0, 0].set_title("the first recording")
-    axes[0, 1].set_title("one more after the plan")
+    axes[0, 1].set_title("one more recording after the plan")
     axes[0, 0].set_ylabel("information [nat]")
     for axis in axes[0]:
         axis.set_xlabel("frequency [Hz]")
@@ -57,7 +57,7 @@ def session(result: "Planned") -> Figure:
     axes[0, 0].legend()
     _times(result, axes[1, 0])
     _widths(result, axes[1, 1])
-    titles = ("the first recording", "one more after the plan", "what is recorded", "what is left uncertain")
+    titles = ("the first recording", "one more recording after the plan", "recordings", "expected intervals")
     for letter, title, axis in zip("abcd", titles, axes.flat, strict=True):
         axis.set_title(letter, loc="left", fontweight="bold")
         axis.set_title(title)

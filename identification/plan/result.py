@@ -58,7 +58,7 @@ class Expected:
     def width(self, name: str) -> str:
         """The interval of a constant, and of how many feet."""
         low, high = (percent(self.outlook.quantile(share)[name]) for share in (0.1, 0.9))
-        return f"{name} +-{percent(self.outlook.half_width[name])} ({low} to {high})"
+        return f"{name} ±{percent(self.outlook.half_width[name])} ({low} to {high})"
 
     def widths(self) -> str:
         """Those of all, without their range."""
@@ -67,21 +67,27 @@ class Expected:
 
 #: What a group of what is uncertain is, and what a laboratory does about it, in words that the fit takes.
 _RELIEF = {
-    "masses": ("masses that are not as stated", "weigh the segments, and say how well: --mass-std"),
-    "gain": ("the gain between the channels", "compare them side by side on the table: --gain-std"),
-    "delay": ("the delay between the channels", "measure it: --delay-std"),
-    "mount": ("a sensor that rings on soft tissue", "where a tap shows that it does not: --exclude mount"),
-    "relaxation": ("springs that relax", "higher frequencies tell it; where it is ruled out: --exclude relaxation"),
-    "load": ("constants that follow the load", "where a slow push under each load rules it out: --exclude load"),
-    "share": ("a load that the thigh helps to carry", "where a force plate shows all of it: --exclude share"),
-    "rocking": ("a leg that rocks", "where a sensor across the leg rules it out: --exclude rocking"),
-    "seating": ("a foot that differs from one seating to the next", "sit down once: --exclude seating"),
-    "drift": ("a gain that drifts", "where the channels are compared before and after: --exclude drift"),
+    "masses": ("the masses of the segments", "Measure them, and state their accuracy (--mass-std)."),
+    "gain": ("the gain between the channels", "Compare the sensors side by side on the table (--gain-std)."),
+    "delay": ("the delay between the channels", "Measure it (--delay-std)."),
+    "mount": ("a sensor on soft tissue", "If a tap shows that the sensor does not ring, use --exclude mount."),
+    "relaxation": ("springs that relax", "If you know that they do not, use --exclude relaxation."),
+    "load": (
+        "constants that change with the load",
+        "If a slow push under each load shows that they do not, use --exclude load.",
+    ),
+    "share": (
+        "the share of the load that the thigh carries",
+        "If a force plate shows that the leg carries all of it, use --exclude share.",
+    ),
+    "rocking": ("a leg that rocks", "If a sensor across the leg shows that it does not, use --exclude rocking."),
+    "seating": ("differences between seatings", "If the person does not stand up in between, use --exclude seating."),
+    "drift": ("a gain that drifts", "If the sensors agree before and after the session, use --exclude drift."),
 }
 #: What the last columns of the table are.
 _LEGEND = (
-    "Gain: what a recording adds to the others, for all asked constants, for the one with the "
-    "widest interval, and for the branch. Intervals: median of the feet (eight in ten)."
+    "Gain: information that a recording adds to all others, for the constants of the goal together, for the one with "
+    "the widest interval, and for the branch. Intervals: median of the simulated feet (range of 80 % of them)."
 )
 #: What measures a cause that the vibration does not show, by the kinds of nuisance.
 _MEASURED = {
@@ -94,7 +100,7 @@ _FAR_S, _WORTH = 6 * 3600.0, 1.1
 #: A sensor comes first where it adds so much to the probability of a decision, or of the goal.
 _DECIDES = 0.1
 #: What is recorded where no few steps would do.
-EVERY = "every candidate"
+EVERY = "all candidates"
 
 
 @dataclass(frozen=True)
@@ -104,7 +110,7 @@ class Longer:
     Attributes:
         times: how often the steps must be recorded, once for as they are planned.
         shaking_s: that takes.
-        steps: "the plan", or every candidate where that is quicker.
+        steps: "the plan", or all candidates where that is quicker.
         available_s: of shaking, that there was.
     """
 
@@ -115,13 +121,10 @@ class Longer:
 
     def __str__(self) -> str:
         if self.steps != EVERY:
-            return f"It would take {self.steps} {plain(self.times)} times over, {span(self.shaking_s)} of shaking."
+            return f"Recording {self.steps} {plain(self.times)} times would do: {span(self.shaking_s)} of shaking."
         if self.shaking_s <= self.available_s:
-            return (
-                f"The number of recordings is the limit: spread over {EVERY}, {span(self.shaking_s)} of shaking would "
-                "do."
-            )
-        return f"It would take more recordings, and {span(self.shaking_s)} of shaking spread over {EVERY}."
+            return f"More recordings in the same time would do: {span(self.shaking_s)} of shaking, spread over {EVERY}."
+        return f"More recordings would do: {span(self.shaking_s)} of shaking, spread over {EVERY}."
 
     @classmethod
     def of(
@@ -234,10 +237,10 @@ class Planned(Presented):
         if weaker:
             f, least = [s.frequency_hz for s in weaker], min(s.amplitude_m_s2 for s in weaker)
             where = f"at {min(f):g} to {max(f):g} Hz" if max(f) > min(f) else f"at {f[0]:g} Hz"
-            parts.append(f"weaker {where}, down to {least:.3g} in place of {THESIS_AMPLITUDE:g} m/s^2")
+            parts.append(f"weaker {where}, down to {least:.3g} instead of {THESIS_AMPLITUDE:g} m/s^2")
         if not theirs:
-            return "This shaker makes none of the thesis' sines, so nothing is compared with its protocol."
-        return f"The thesis' protocol is taken as this shaker can do it: {', and '.join(parts)}." if parts else ""
+            return "This shaker cannot make any sine of the thesis' protocol, so the plan is not compared with it."
+        return f"The thesis' protocol is limited to what this shaker can do: {', and '.join(parts)}." if parts else ""
 
     @property
     def mine(self) -> Outlook:
@@ -285,14 +288,14 @@ class Planned(Presented):
         loads = {s.added_mass_kg for s in self.steps}
         parts = [exposure([s for s in self.steps if s.added_mass_kg == kg]) for kg in loads]
         if len(loads) > 1 and not any(part.beyond(*most) for part in parts):
-            ways.append("a day for each load (acquire --added-mass)")
+            ways.append("one day for each load (fasbody record --added-mass)")
         use = f" Use {' or '.join(ways)}." if ways else " Plan for less."
-        text = "Above the daily limit; recording will refuse it: {quantity} {value:.3g}, and may be {valid}."
+        text = "Recording will refuse this plan, as it exceeds the daily limit: {quantity} {value:.3g}, valid: {valid}."
         return f"{text.format(**beyond)}{use} "
 
     @property
     def protocol(self) -> dict[str, Any]:
-        """The steps in order, and whom they are for, as `python -m fasbody.acquire --plan` reads them."""
+        """The steps in order, and whom they are for, as `fasbody record --plan` reads them."""
         return {
             "format": PROTOCOL, "subject": self.subject, "body_mass_kg": self.body_mass_kg, "posture": self.posture,
             "seed": self.seed, "protocol": [asdict(step) for step in self.steps],
@@ -304,18 +307,19 @@ class Planned(Presented):
 
     def _sentences(self) -> list[str]:
         existing = "the recording" if self.earlier == 1 else f"the {self.earlier} recordings"
-        likely = f"with a probability of {chance(self.mine.goal())}"
+        verb = "reaches" if self.earlier == 1 else "reach"
+        likely = f"the goal with a probability of {chance(self.mine.goal())}"
         if not self.steps:
-            return [f"Nothing more needs to be recorded: what is asked is met by {existing} that exist, {likely}."]
+            return [f"Nothing more needs to be recorded: {existing} so far {verb} {likely}."]
         more = "more " if self.earlier else ""
         shaking = minutes(shaking_s(self.steps))
         text = self.warning + f"{counted(len(self.steps), f'{more}recording')} and {shaking} of shaking"
-        text += f" after {existing} that exist" if self.earlier else ""
-        text += f" meet what is asked {likely}"
-        parts = [f"{self.expected[PLANNED].width(name)} for +-{percent(self.asked[name])}" for name in self.missed]
+        text += f" after {existing} so far" if self.earlier else ""
+        text += f" reach {likely}."
+        parts = [f"{self.expected[PLANNED].width(name)}, goal ±{percent(self.asked[name])}" for name in self.missed]
+        text += f" Expected 95 % intervals: {'; '.join(parts)}." if parts else ""
         if self.mine.decided < SHARE:
-            parts.append(f"the branch decided with {chance(self.mine.decided)}")
-        text += f": {'; '.join(parts)}." if parts else "."
+            text += f" The branch is decided with a probability of {chance(self.mine.decided)}."
         return [text, *filter(None, (self._first(), self._more(), self._never(), self.relief()))]
 
     def _first(self) -> str:
@@ -325,8 +329,8 @@ class Planned(Presented):
             return ""
         e = offer.expected
         return (
-            f"Begin with a second sensor {offer.sensor!r}: with it the branch is decided with "
-            f"{chance(e.outlook.decided)}, and {e.widths()}."
+            f"First add a sensor {offer.sensor!r}: then the branch is decided with a probability of "
+            f"{chance(e.outlook.decided)}, and the intervals are {e.widths()}."
         )
 
     def _more(self) -> str:
@@ -338,9 +342,9 @@ class Planned(Presented):
             return ""
         what, of = in_the_way(self.repeatability), listed(names)
         if self.longer is not None and self.longer.shaking_s > _FAR_S:
-            return f"Out of reach of these candidates, with {span(self.longer.shaking_s)} of shaking: {of}."
-        ever = f"With unlimited minutes that is met with {chance(self.reached.goal())}."
-        return f"{what[:1].upper()}{what[1:]} in the way of {of}. {self.longer or ever}"
+            return f"Out of reach, as it would take {span(self.longer.shaking_s)} of shaking: the goal for {of}."
+        ever = f"With unlimited time the goal is reached with a probability of {chance(self.reached.goal())}."
+        return f"{what[:1].upper()}{what[1:]} {of}. {self.longer or ever}"
 
     def _never(self) -> str:
         """What no minutes bring."""
@@ -363,7 +367,8 @@ class Planned(Presented):
         if narrower(self.excluding[most]) < _WORTH:
             return ""
         what, how = _RELIEF[most]
-        return f"What costs most is {what}: without, {_widths(self.excluding[most], self.missed)} ({how})."
+        widths = _widths(self.excluding[most], self.missed)
+        return f"The largest avoidable uncertainty is {what}. Without it the intervals would be {widths}. {how}"
 
     def sheet(self) -> Sheet:
         """The session, step by step."""
@@ -374,7 +379,10 @@ class Planned(Presented):
             )
             for i, (step, score) in enumerate(zip(self.steps, self.adds, strict=True), start=1)
         ]  # fmt: skip
-        columns = ("step", "kind", "Hz", "kg", "m/s^2", "s", "gain [nat]: all", "widest", "branch")
+        columns = (
+            "step", "kind", "frequency [Hz]", "load [kg]", "amplitude [m/s^2]", "time [s]", "gain [nat]: all", "widest",
+            "branch",
+        )  # fmt: skip
         notes = [*self._sentences(), goal(self.asked), _LEGEND if rows else "", self.limited]
         for name, e in self.expected.items():
             if not e.steps and not (name == PLANNED and self.earlier):
@@ -383,33 +391,31 @@ class Planned(Presented):
             if name != PLANNED and len(self.shaker["sensors"]) > 1:
                 title += f", with {listed(self.shaker['sensors'])}"
             if self.earlier:
-                title += f", {'with' if name == PLANNED else 'without'} what exists"
+                title += f", {'with' if name == PLANNED else 'without'} earlier recordings"
             notes.append(
-                f"{title}: {counted(len(e.steps), 'recording')}, {minutes(shaking_s(e.steps))}, {e.widths()}, "
-                f"decided {chance(e.outlook.decided)}, all that is asked {chance(e.outlook.goal())}."
+                f"{title}: {counted(len(e.steps), 'recording')}, {minutes(shaking_s(e.steps))}, {e.widths()}; "
+                f"probability of a decided branch {chance(e.outlook.decided)}, of the whole goal "
+                f"{chance(e.outlook.goal())}."
             )
         for offer in self.offers:
             e = offer.expected
             widths = ", ".join(
-                f"{n} +-{percent(e.outlook.half_width[n])} ({percent(self.mine.half_width[n])})" for n in EXCHANGED
+                f"{n} ±{percent(e.outlook.half_width[n])} ({percent(self.mine.half_width[n])})" for n in EXCHANGED
             )
             notes.append(
-                f"With a second sensor {offer.sensor!r} (without it): {widths}, decided {chance(e.outlook.decided)} "
-                f"({chance(self.mine.decided)})."
+                f"With a second sensor {offer.sensor!r} (in brackets: without): {widths}; probability of a decided "
+                f"branch {chance(e.outlook.decided)} ({chance(self.mine.decided)})."
             )
-        one = len(self.uncertain) == 1 and self.uncertain != ("masses",)
-        also = "nothing beside their constants is uncertain"
-        if self.uncertain:
-            also = f"{listed(self.uncertain)} {'is' if one else 'are'} uncertain"
+        also = f"Uncertain beside the constants: {listed(self.uncertain) or 'nothing'}"
         notes += [
-            f"Of {counted(self.feet, 'foot', 'feet')} of persons of {self.body_mass_kg:g} kg; {also}; "
-            f"{repeating(self.repeatability)}. Seed {self.seed}.",
+            f"Predicted from {counted(self.feet, 'simulated foot', 'simulated feet')} of persons of "
+            f"{self.body_mass_kg:g} kg, seed {self.seed}. {also}. {repeating(self.repeatability).capitalize()}.",
             exposure(self.steps).sentence(),
             self.findings,
         ]
-        title = f"a session for a new person of {self.body_mass_kg:g} kg"
+        title = f"planned session for a new person of {self.body_mass_kg:g} kg"
         if self.earlier:
-            title = f"the next session of subject {self.subject}"
+            title = f"planned next session of subject {self.subject}"
         return Sheet(f"{self.model}: {title}", columns, rows, [*filter(None, notes)])
 
     def records(self) -> list[dict[str, Any]]:
@@ -519,15 +525,15 @@ def believed(director: Director) -> str:
     bands = ", ".join(f"{name} {band}" for name, band in belief.open_bands(EXCHANGED).items())
     odds = np.exp(min(belief.log_odds, np.log(1e6)))
     name = belief.ends[0].branch
-    verdict = f"{name}, decided" if belief.decided else f"branch open, {name} at {readable(odds)} to 1"
+    verdict = f"{name}, decided" if belief.decided else f"branch undecided, {name} at odds of {readable(odds)} to 1"
     doubt = ""
     if not belief.follows:
         doubt = (
-            " Such a foot does not move"
+            " The model does not follow these recordings"
             if belief.strange
-            else " Too little is recorded to say whether such a foot moves"
+            else " Too little is recorded to say whether the model follows the recordings"
         )
-        doubt += f" like this (chi-square {belief.ends[0].excess:.3g} per degree of freedom)."
+        doubt += f" (chi-square {belief.ends[0].excess:.3g} per degree of freedom)."
     # theirs, in place of what was expected
     about = f"noise {readable(director.noise_m_s2, 2)} m/s^2, {repeating(belief.repeatability)}"
     return f"After {counted(len(director.done), 'recording')} ({about}): {verdict}; {bands}.{doubt}"
@@ -535,15 +541,19 @@ def believed(director: Director) -> str:
 
 def _widths(half: Mapping[str, float], names: Sequence[str]) -> str:
     """Half-widths of some constants."""
-    return ", ".join(f"{name} +-{percent(half[name])}" for name in names)
+    return ", ".join(f"{name} ±{percent(half[name])}" for name in names)
 
 
 def goal(asked: Mapping[str, float]) -> str:
     """What is asked for, in full."""
     widths = _widths(asked, list(asked))
     rest = ", ".join(name for name in EXCHANGED if name not in asked)
-    usual = " (the default goal)" if asked == GOAL else ""
-    return f"Asked: {widths}{usual}, and the branch.{f' Not asked: {rest}.' if rest else ''}"
+    usual = (
+        " This is the default, narrower than recordings usually reach, so that a plan uses all of its time; --ask "
+        "states another."
+    )
+    text = f"Goal: {widths}, and the branch decided."
+    return f"{text}{usual if asked == GOAL else ''}{f' No goal for {rest}.' if rest else ''}"
 
 
 def _texts(causes: Sequence[Cause]) -> str:
@@ -575,22 +585,21 @@ def nothing_brings(
     together: dict[str, list[str]] = {}
     for name in names:
         together.setdefault(_texts(causes[name]), []).append(
-            f"{name} below +-{percent(reached.half_width[name])} (+-{percent(asked[name])} asked)"
+            f"{name} ±{percent(reached.half_width[name])} (goal ±{percent(asked[name])})"
         )
     what = [
-        listed(texts, "nor") + (f" (what remains comes from: {cause})" if cause else "")
+        listed(texts) + (f" (shares of the remaining variance: {cause})" if cause else "")
         for cause, texts in together.items()
     ]
-    parts = [f"brings {', nor '.join(what)}"] if what else []
+    parts = [f"no interval becomes narrower than {'; '.join(what)}"] if what else []
     if open_:
-        parts.append(f"decides the branch with more than {chance(reached.decided)}")
+        parts.append(f"the branch is decided with a probability of at most {chance(reached.decided)}")
     kinds = {cause.kind for name in names for cause in causes[name]}
     ways = [way for way, measured in _MEASURED.items() if not kinds.isdisjoint(measured)]
     if open_ or not ways:
         ways += ["add a load"] * (len(set(loads_kg)) < 2)
         ways += ["wear a sensor on the foot"] * ("foot" not in sensors)
     remedy = listed(ways, "or")
-    return (
-        f"No protocol of these candidates {', nor '.join(parts)}, with unlimited minutes: what stays "
-        "uncertain is not visible in the vibration."
-    ) + (f" {remedy[:1].upper()}{remedy[1:]}." if ways else "")
+    return f"However long you record, {', and '.join(parts)}. The vibration alone does not show more." + (
+        f" {remedy[:1].upper()}{remedy[1:]}." if ways else ""
+    )

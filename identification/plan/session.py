@@ -139,7 +139,10 @@ class Shaken(Presented):
                     f"{t.branch}{'' if t.decided else '?'}" if t.branch else "–",
                 )
             )  # fmt: skip
-        columns = ("step", "Hz", "kg", "s", "m/s^2", "dist.", "coher.", "ratio", *EXCHANGED, "branch")
+        columns = (
+            "step", "frequency [Hz]", "load [kg]", "time [s]", "base [m/s^2]", "distortion [%]", "coherence", "T",
+            *(f"{name} [±%]" for name in EXCHANGED), "branch",
+        )  # fmt: skip
         last = self.left if self.ended in (STOPPED, INTERRUPTED, BROKEN) else ()
         left = [f"Planned and not recorded: {'; '.join(map(str, last))}."] if last else []
         failed = [
@@ -147,7 +150,7 @@ class Shaken(Presented):
             for i, t in enumerate(self.taken, start=1)
             if t.why
         ]
-        title = "A session on the shaker (distortion and half-widths in %)"
+        title = "A session on the shaker (T: transmissibility; last columns: half of each 95 % interval)"
         return Sheet(title, columns, rows, [self.sentence(), goal(self.asked), *failed, *left])
 
     def records(self) -> list[dict[str, Any]]:
@@ -240,7 +243,7 @@ class Session:
                 if ended:
                     return self._end(*ended)
                 if step is None:
-                    return self._end(FAILING, "Every step that is left has failed.")
+                    return self._end(FAILING, "Every remaining step has failed.")
                 count = len(self._recordings)
                 why = f"adds most to what {count} recordings say" if count != 1 else "adds most to one recording"
                 why = "again, as the board stalled" if self._again else why
@@ -276,7 +279,7 @@ class Session:
         if belief is not None:
             bands, missed = belief.open_bands(EXCHANGED), self._missed(director)
             if belief.decided and not missed and self._confirmed():
-                return MET, "What is asked is met, as the fit of all recordings says."
+                return MET, "The fit of all recordings reaches the goal."
             ever = director.for_ever()
             never = [name for name in missed if ever.half_width[name] > director.asked[name]]
             open_ = not belief.decided and ever.decided < HOPELESS
@@ -285,7 +288,7 @@ class Session:
             if len(near) == len(missed) > 0 and ever.goal() < HOPELESS and (belief.decided or open_):
                 return NEVER, self._unreachable(director, never, open_)
         if count >= self._most or spent + self._shaker.seconds > self._seconds + 1e-9:
-            return SPENT, f"The recordings or minutes that were given are spent. {self._missing(director)}".strip()
+            return SPENT, f"The planned recordings or minutes are used up. {self._missing(director)}".strip()
         last = self._taken[-_FAILURES:]
         if len(last) == _FAILURES and all(t.observed is None for t in last):
             if all(t.stalled for t in last):
@@ -308,9 +311,9 @@ class Session:
         missed = [n for n, share in self._ask.items() if self._fitted[n].half_width > share]
         if result.verdict == "decided" and not missed:
             return True
-        what = [f"{n} +-{percent(self._fitted[n].half_width)}" for n in missed]
-        what += ["the branch open"] * (result.verdict != "decided")
-        self._offering.report(f"The fit of all recordings is not there yet: {listed(what)}.")
+        what = [f"{n} ±{percent(self._fitted[n].half_width)}" for n in missed]
+        what += ["the branch undecided"] * (result.verdict != "decided")
+        self._offering.report(f"The fit of all recordings has not reached the goal yet: {listed(what)}.")
         return False
 
     def _idle(self, director: Director) -> tuple[str, str] | None:
@@ -323,11 +326,12 @@ class Session:
         helps = any(then.half_width[name] < _HELPS * now.half_width[name] for name in missed)
         if then.goal() >= HOPELESS or helps or not missed or (not belief.decided and then.decided > now.decided):
             return None
-        still = [f"{name} stays at +-{percent(bands[name].half_width)}" for name in missed]
-        still += ["the branch stays open"] * (not belief.decided)
+        still = [f"{name} stays at ±{percent(bands[name].half_width)}" for name in missed]
+        still += ["the branch stays undecided"] * (not belief.decided)
         return NEVER, (
-            f"Nothing more helps: with {counted(len(rest), 'more recording')} of {minutes(shaking_s(rest))} in all, "
-            f"{listed(still)}; what is asked would be met with {chance(then.goal())}."
+            f"More recording would not help: after {counted(len(rest), 'more recording')} "
+            f"({minutes(shaking_s(rest))} in all), {listed(still)}. The goal would be reached with a probability of "
+            f"{chance(then.goal())}."
         )
 
     def _unreachable(self, director: Director, never: Sequence[str], open_: bool) -> str:
@@ -354,7 +358,7 @@ class Session:
             return self._unreachable(director, never, open_)
         what = in_the_way(director.repeatability)
         of = ", ".join([*names, *["the branch"] * branch])
-        text = f"{what[:1].upper()}{what[1:]} in the way of {of}. {longer} {self._unreachable(director, never, open_)}"
+        text = f"{what[:1].upper()}{what[1:]} {of}. {longer} {self._unreachable(director, never, open_)}"
         return text.strip()
 
     def _missed(self, director: Director) -> list[str]:

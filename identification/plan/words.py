@@ -41,5 +41,5 @@ def repeating(repeatability: float) -> str:
 
 
 def in_the_way(repeatability: float) -> str:
-    """What more recordings average out."""
-    return "noise and scatter between recordings are" if repeatability else "noise is"
+    """What more recordings average out, and its verb."""
+    return "noise and scatter between recordings limit" if repeatability else "noise limits"

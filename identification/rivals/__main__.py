@@ -1,4 +1,4 @@
-"""`python -m identification.rivals`: the same recordings against a ladder of rival models."""
+"""`fasbody rivals`: the same recordings against a ladder of rival models."""
 
 import sys
 from pathlib import Path
@@ -16,8 +16,8 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 @app.command()
 def main(
     data: Data = None,
-    model: Annotated[str, typer.Option(help="two-mass model that the rivals are edits of, or its file")] = "two_dof",
-    rival: Annotated[list[Path] | None, typer.Option(help="an edited MJCF to compare as well; repeat for more")] = None,
+    model: Annotated[str, typer.Option(help="two-mass model to compare with the others, or its file")] = "two_dof",
+    rival: Annotated[list[Path] | None, typer.Option(help="edited MJCF file to compare, too; repeat for more")] = None,
     rungs: Annotated[
         str | None,
         typer.Option(help="exponential, polynomial, relaxing, mount, third, load, separated by commas (default: all)"),
@@ -28,22 +28,22 @@ def main(
     mass_std: MassStd = None,
     gain_std: GainStd = None,
     delay_std: DelayStd = None,
-    write_model: Annotated[Path | None, typer.Option(help="folder for every fitted rival, as MJCF")] = None,
+    write_model: Annotated[Path | None, typer.Option(help="folder for every fitted model, as MJCF")] = None,
     json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
     out: Annotated[
         Path | None, typer.Option(help="folder for report.html, rivals.csv, rivals.json and figures")
     ] = None,
 ) -> None:
-    """Compare rival models on the same recordings, ranked by BIC and by held-out prediction.
+    """Compare other models on the same recordings, by BIC and by predictions of held-out recordings.
 
     Examples:
-      python -m identification.rivals
+      fasbody rivals
 
-      python -m identification.rivals my_study --rival my_foot.xml --out results
+      fasbody rivals my_study --rival my_foot.xml --out results
 
-      python -m identification.rivals my_study --rungs relaxing,mount --write-model models
+      fasbody rivals my_study --rungs relaxing,mount --write-model models
 
-      python -m identification.rivals bare.csv loaded.csv --body-mass 72.5 --added-mass 0 --added-mass 2.3
+      fasbody rivals bare.csv loaded.csv --body-mass 72.5 --added-mass 0 --added-mass 2.3
     """
     import mjcf
     from fasbody import page

@@ -82,13 +82,13 @@ _FOLLOW = _of_joints("following", "e", "", 0.1, 1.0, "k_{} and damper grow by ex
 LINEAR = "linear"
 LADDER = (
     Rung(LINEAR, "linear dampers", held=("c_12", "c_13", "c_22", "c_23")),
-    Rung(MODEL, "the model"),
+    Rung(MODEL, "the two-mass foot"),
     Rung("exponential", "springs that stiffen, exponential", _BENT),
     Rung("polynomial", "springs that stiffen, polynomial", _CURVED),
     Rung("relaxing", "springs that relax", _RELAX),
     Rung("mount", "sensor on soft tissue", _MOUNT),
     Rung("third", "a third mass", _THIRD),
-    Rung("load", "constants that follow the load", _FOLLOW, loads=2),
+    Rung("load", "constants that change with the load", _FOLLOW, loads=2),
 )
 #: Rungs that say the same of the foot, by what they say.
 KINDS = {"exponential": "stiffening", "polynomial": "stiffening"}

@@ -251,24 +251,24 @@ class Naming(Presented):
         best = self.verdict.best
         if not self.enough:
             count = int(self.seen.recordings.repeats.sum())
-            few = f"{count} sines are too few to tell {len(self.fits)} mechanisms apart"
+            few = f"{count} sines are too few to separate {len(self.fits)} mechanisms"
             return f"Undecided for {who}: {few}."
         if self.stays:
             return (
-                f"Undecided for {who}: {best} is nearest, but its fit never leaves the plate; a "
-                "pad that stiffens in contact does the same."
+                f"Undecided for {who}: {best} fits best, but without leaving the plate, as a pad that "
+                "only stiffens would."
             )
         if self.named == NONE:
             per_number = f"{self.verdict.per_dof:.1f} per number"
-            return f"None of these for {who}: even {best} misses ({per_number})."
+            return f"None of these for {who}: even the best, {best}, does not fit (sum of squares {per_number})."
         if self.named == UNDECIDED:
-            return f"Undecided for {who}: {best} is nearest, but below odds of 1000 to 1."
+            return f"Undecided for {who}: {best} fits best, but at odds below 1000 to 1."
         first = self.fits[0].criterion
-        text = f"{best.capitalize()} for {who}, if it is one of these: at more than 1000 to 1 against the others"
+        text = f"{best.capitalize()} for {who}, by odds above 1000 to 1 over the other mechanisms"
         for richer in self.fits:
             over = richer.criterion - first
             if richer.rival in RICHER.get(best, ()) and over < DECIDED:
-                return f"{text}, but for {richer.rival}, which contains it ({_against(over)})."
+                return f"{text}; only {richer.rival}, which contains it, is not excluded ({_against(over)})."
         return f"{text}."
 
     @property
@@ -277,26 +277,25 @@ class Naming(Presented):
         plan, seen = self.seen.plan, self.seen
         notes = [*(f"Left out: {text}" for text in seen.left_out), *seen.notes]
         if seen.body_kg is None:
-            notes.append(f"No body mass is stated; {BODY_KG:g} kg is taken.")
+            notes.append(f"No body mass is stated; {BODY_KG:g} kg is assumed.")
         if np.ptp(plan.added_kg) == 0:
-            notes.append("All recordings have one load: what a load does cannot tell mechanisms apart here.")
+            notes.append("All recordings have one load, so the effect of a load cannot separate the mechanisms.")
         if not (plan.partner >= 0).any():
             notes.append("No frequency was shaken at two amplitudes, the best sign of a foot that leaves the plate.")
         within = f"a foot within {100 * DEPARTURE:g} % of one mechanism"
-        notes.append(f"Assumed, not measured: scatter of {100 * NOISE:g} % and {within}.")
+        notes.append(f"Assumed, not measured: scatter of {100 * NOISE:g} %, and {within}.")
         if self.enough and self.verdict.per_dof < CLOSE:
             notes.append(
-                f"{self.fits[0].rival.capitalize()} fits far better than that assumes "
-                f"({self.verdict.per_dof:.2g} per number, where about 1 is expected): with a "
-                "smaller departure less might stay undecided."
+                f"{self.fits[0].rival.capitalize()} fits far better than these assumptions allow "
+                f"(sum of squares {self.verdict.per_dof:.2g} per number, expected about 1), so the result is cautious."
             )
         if self.tried is not None:
             t = self.tried
             others = f"{t.wrong} wrongly, {t.subjects - t.right - t.wrong} not at all"
-            few = "; so few tell no rate (--subjects asks for more)" if t.subjects < RATE else ""
+            few = "; too few for a rate (more with --subjects)" if t.subjects < RATE else ""
             notes.append(
-                f"Virtual subjects who were shaken in the same way: {t.subjects}, of whom "
-                f"{t.right} were named rightly, {others}{few}."
+                f"Of {t.subjects} virtual subjects with the same recordings {t.right} were named correctly, "
+                f"{others}{few}."
             )
         return notes
 

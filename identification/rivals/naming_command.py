@@ -1,4 +1,4 @@
-"""`python -m fasbody.leg name`: which mechanism made a person's recordings."""
+"""`fasbody leg name`: which mechanism made a person's recordings."""
 
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -31,16 +31,16 @@ def name(
     figure: Annotated[Path | None, typer.Option(help="SVG or PNG to write, of one person")] = None,
     json: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
 ) -> None:
-    """Name the mechanism that made a person's recordings: a second mode, stiffening, lift-off, both, or none of these.
+    """Name the mechanism in a person's recordings: a second mode, stiffening, lift-off, both, or none of these.
 
     Takes sines under any loads, best as docs/load.md asks for them. Then virtual subjects are
     shaken as the person was, to say how many of them are named correctly; a second or two each.
     --subjects 0 leaves them out.
 
     Examples:
-      python -m fasbody.leg name my_study --figure mechanism.svg
+      fasbody leg name my_study --figure mechanism.svg
 
-      python -m fasbody.leg name my_study --subjects 0 --json
+      fasbody leg name my_study --subjects 0 --json
     """
     if figure is not None:
         ready(figure)

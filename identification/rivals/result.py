@@ -199,22 +199,22 @@ class Rivals(Presented):
         """The result in a sentence."""
         if not self.adequate:
             return (
-                f"No rival follows the recordings; {self.first.title} comes nearest (they would have to repeat no "
-                f"better than to {100 * self.first.repeatability:.3g} %, and {100 * FOLLOWS:.3g} % is what people do "
-                "at most), and nothing is said of the foot."
+                f"No model follows the recordings, so there is no conclusion about the foot. The best, "
+                f"{self.first.title}, deviates by {100 * self.first.repeatability:.3g} %, and recordings of people "
+                f"repeat to {100 * FOLLOWS:.3g} % or better."
             )
         shared = [c.text for c in self.conclusions if c.shared]
         changing = [c.text for c in self.conclusions if not c.shared]
         also, more = [r.title for r in self.adequate if r is not self.first], [r.title for r in self.not_needed]
-        parts = [f"The recordings prefer {self.first.title}"]
+        parts = [f"Best model: {self.first.title}"]
         parts += [f"{listed(also)} cannot be ruled out"] * bool(also)
-        parts += [f"{listed(more)} would do as well with more constants, which the recordings do not need"] * bool(more)
+        parts += [f"{listed(more)} fits as well with more constants, which are not needed"] * bool(more)
         if rest := len(self.rivals) - 1 - len(also) - len(more):
             many = f"the other {rest} are" if rest > 1 else "the other is"
-            parts.append(f"{many if also or more else 'every other rival is'} ruled out")
+            parts.append(f"{many if also or more else 'every other model is'} ruled out")
         text = f"{'; '.join(parts)}."
-        text += f" Shared by all of these: {'; '.join(shared)}." if shared else " They share no conclusion."
-        return text + (f" No fact, as it changes with the rival: {'; '.join(changing)}." if changing else "")
+        text += f" All adequate models agree that {'; '.join(shared)}." if shared else " They agree on no conclusion."
+        return text + (f" Open, as the models disagree: {'; '.join(changing)}." if changing else "")
 
     def sheet(self) -> Sheet:
         """The rivals side by side."""
@@ -236,7 +236,8 @@ class Rivals(Presented):
             for r in self.rivals
         ]  # fmt: skip
         columns = (
-            "rival", "free", "repeat to", "BIC", "held out", "error", "branch", "k_T [N/m]", "k_F [N/m]", "adequate",
+            "model", "parameters", "scatter", "BIC over best", "held-out over best", "held-out error", "branch",
+            "k_T [N/m]", "k_F [N/m]", "adequate",
         )  # fmt: skip
         notes = [self.sentence(), self._repeating()]
         if self.first.own and self.first.follows:
@@ -246,7 +247,7 @@ class Rivals(Presented):
     def _repeating(self) -> str:
         least = min(self.rivals, key=lambda r: r.repeatability)
         scatter = f"{100 * self.repeatability:.2g} %" if self.repeatability else "the sensors' noise"
-        return f"Recordings repeat to {scatter}, as {least.title} says; all rivals are weighed with that."
+        return f"Recordings repeat to {scatter}, estimated with {least.title} and used for all models."
 
     def records(self) -> list[dict[str, Any]]:
         """One row a rival."""

@@ -1,6 +1,6 @@
 """A whole study at once: every subject, load and frequency, on one machine or a cluster, resumable.
 
-`python -m identification.study STUDY`. One fit is one JSON document in OUT/fits; summary, figures
+`fasbody study STUDY`. One fit is one JSON document in OUT/fits; summary, figures
 and report are made from those.
 """
 

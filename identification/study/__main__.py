@@ -1,4 +1,4 @@
-"""`python -m identification.study`: the command of command.py."""
+"""`fasbody study`: the command of command.py."""
 
 from fasbody.console import command_line, heeded, run_app
 

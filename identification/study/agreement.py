@@ -150,7 +150,7 @@ def agreement(
 
 def _sentence(known: Sequence[Mapping[str, Any]], behaviour: Sequence[Steadiness], steady: FitResult) -> str:
     if not known:
-        return "Nothing to compare: no parameter has a standard error in both the steady state and the time domain."
+        return "Nothing to compare: no parameter has a standard error both in steady state and in the time domain."
     routes, count = "Steady state and time domain", len(known)
     apart = ", ".join(f"{d['key']} by {abs(d['z']):.1f}" for d in known if not d["agrees"])
     if not apart:
@@ -165,11 +165,11 @@ def _sentence(known: Sequence[Mapping[str, Any]], behaviour: Sequence[Steadiness
     excess = steady.best.chi_square / max(1, steady.best.dof)
     if steady.best.dof and excess > 2:
         return (
-            f"{text} steady within {100 * STEADY:.0f} % and more, but the model misfits them "
-            f"(chi-square {excess:.3g} per degree of freedom), which both weigh differently."
+            f"{text} steady within {100 * STEADY:.0f} % and more, but the model does not fit them "
+            f"(chi-square {excess:.3g} per degree of freedom), and both methods weight this differently."
         )
     return (
-        f"{text} steady and the model fits. The time domain also sees what lies between and above the "
-        "harmonics compared (a strap's resonance, the colour of the noise), and in a flat valley each "
-        "route stops elsewhere; in measured data look for an offset, a drifting mean or a wrong clock, too."
+        f"{text} steady, and the model fits. The time domain also includes signals between and above the "
+        "harmonics (a resonating strap, coloured noise). If the minimum is flat, the two methods may "
+        "end at different points. In measured data, check for an offset, a drift or a wrong clock, too."
     )

@@ -1,4 +1,4 @@
-"""The command `python -m identification.study`: fit a whole study, resumably, here or on a Dask cluster."""
+"""The command `fasbody study`: fit a whole study, resumably, here or on a Dask cluster."""
 
 import time
 from collections.abc import Callable, Mapping, Sequence
@@ -59,18 +59,18 @@ def main(
 ) -> None:
     """Fit every recording of a study and check the fits, computing only what is missing.
 
-    It may be stopped at any moment and started again with the same command. Exit code 1 if no fit at all could be done.
+    You can stop it at any time and start it again with the same command. Exit code 1 if no fit succeeded.
 
     Examples:
-      python -m identification.study my_study
+      fasbody study my_study
 
-      python -m identification.study my_study --mode pooled --subject 3 --subject 7
+      fasbody study my_study --mode pooled --subject 3 --subject 7
 
-      python -m identification.study my_study --profile k_T,k_F --validate --prior "k_T>k_F"
+      fasbody study my_study --profile k_T,k_F --validate --prior "k_T>k_F"
 
-      python -m identification.study anna --mode pooled --with results/ben_study --with results/cleo_study
+      fasbody study anna --mode pooled --with results/ben_study --with results/cleo_study
 
-      python -m identification.study my_study --scheduler tcp://127.0.0.1:8786
+      fasbody study my_study --scheduler tcp://127.0.0.1:8786
     """
     from fasbody.foot.model import load
     from fasbody.recording.study import StudyFolder

@@ -141,7 +141,7 @@ def curves(table: pd.DataFrame, origin: str) -> Figure:
     return noted(
         figure,
         f"{_people(origin, rows)} {bars} The branch is decided in {decided} of "
-        f"{len(fits)} fits; elsewhere ankle and pad may have changed places, and the likelier "
+        f"{len(fits)} fits; in the others ankle and pad may be exchanged, and the likelier "
         f"branch is drawn. {means}",
         handles,
         len(handles) if len(handles) < 7 else 4,
@@ -314,7 +314,7 @@ def loops(cycles: Sequence[Mapping[str, Any]], origin: str) -> Figure:
         "The area of a loop is the energy dissipated in a cycle."
     )
     if not all(c.get("decided", True) for c in cycles):
-        text += " Dashed: no branch is decided, ankle and pad may have changed places, and the "
+        text += " Dashed: the branch is not decided, ankle and pad may be exchanged, and the "
         text += "likelier branch is drawn."
     if not all(c.get("follows", True) for c in cycles):
         text += f" Dotted: the fit follows its recordings to less than {LEAST_FIT:g} % in the mean."

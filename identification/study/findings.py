@@ -77,9 +77,9 @@ class Findings:
         usable = [fit for fit in fits if not summary.misfit(fit)]
         two = [fit for fit in usable if len(fit["result"]["branches"]) > 1]
         two = [fit for fit in two if mode == "pooled" or fit["frequency_hz"] is not None]
-        tracking, text = None, "Fits without a frequency or a mirror solution are not tracked."
+        tracking, text = None, "Fits without a frequency or a mirror solution are not combined."
         if not usable:
-            text = "No fit follows its recordings, so no branch is weighed."
+            text = "No fit follows its recordings, so no branch is decided."
         try:
             if two:
                 tracking = track([Fit.from_document(fit) for fit in two], prior=self.prior)
@@ -144,8 +144,8 @@ class Findings:
         if alone.empty or summary.measured(alone).any():
             return ""
         return (
-            "No estimate has an interval: one frequency has fewer numbers than there are constants. "
-            "Fit the frequencies of a subject together with --mode pooled, or fewer constants with --free."
+            "One frequency cannot determine all constants, so no estimate has an interval. Fit the frequencies of a "
+            "subject together with --mode pooled."
         )
 
     def of(self, kind: str) -> list[tuple[Document, Document]]:

@@ -50,7 +50,7 @@ def ensure(mode: str, settings: Settings, foot: Foot, profile: Sequence[str]) ->
         if name not in free:
             raise SettingError(f"{unknown('parameter to profile', name, free)}.")
     if mode == "per-recording" and DELAY.name in profile:
-        raise SettingError("one frequency cannot tell the delay, which per-recording fits hold; profile it in pooled.")
+        raise SettingError("one frequency cannot determine the delay; profile it with --mode pooled.")
     return space
 
 

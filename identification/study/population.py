@@ -103,7 +103,7 @@ class Constant(Tabled):
     def spread_text(self) -> tuple[str, str]:
         """The spread between persons and its 95 % interval, in words where none can be told."""
         if not self.spread_lower:
-            return f"cannot be told from {len(self.persons)} persons", f"at most {100 * self.spread_upper:.2g} %"
+            return f"not determined by {len(self.persons)} persons", f"at most {100 * self.spread_upper:.2g} %"
         ends = f"{100 * self.spread_lower:.2g} to {100 * self.spread_upper:.2g} %"
         return f"{100 * self.spread:.2g} %", ends
 
@@ -142,7 +142,8 @@ class Population(Tabled):
     def odds_text(self) -> str:
         """Both odds, in a clause."""
         alone, common = (_to_one(odds) for odds in (self.odds_log, self.common_odds_log))
-        return f"{self.branch}: {alone} if each person errs alone, {common} if gain and masses are off alike in all"
+        shared = f"{common} if all share those of gain and masses"
+        return f"{self.branch}: {alone} for independent errors of the persons, {shared}"
 
     def dropped(self, constant: Constant | None = None) -> str:
         """Who is left out and why, of one constant or of all, in a clause; empty where nobody is."""
@@ -153,9 +154,9 @@ class Population(Tabled):
         """Who does not belong to the others, and in what, a sentence each."""
         where = f"{self.posture}, {self.added_mass_kg:g} kg, {self.branch}"
         return [
-            f"{where}: {c.name} of subject {p.subject} is {readable(p.value / c.mean)} times the mean and does not "
-            f"belong to the other persons' (chance {readable(p.chance, 2)}, corrected for {len(c.persons)} persons); "
-            "it is kept in the estimate, so look at its recordings."
+            f"{where}: {c.name} of subject {p.subject} is {readable(p.value / c.mean)} times the mean, an outlier "
+            f"(probability {readable(p.chance, 2)}, corrected for {len(c.persons)} persons); "
+            "it is included in the estimate, so check its recordings."
             for c in self.constants
             for p in c.odd
         ]
@@ -198,7 +199,7 @@ def constant(name: str, subjects: Sequence[str], logs: np.ndarray, errors: np.nd
     """
     if len(set(subjects)) < len(subjects):
         twice = next(who for who in subjects if subjects.count(who) > 1)
-        raise RecordingError(f"subject {twice} is there twice; one person counts once in a population.")
+        raise RecordingError(f"subject {twice} occurs twice; a population can have each person only once.")
     for who, s in zip(subjects, errors, strict=True):
         if not (np.isfinite(s) and s > 0):
             raise RecordingError(
@@ -234,7 +235,7 @@ def populations(documents: Sequence[Document]) -> tuple[list[Population], list[s
         usable = [fit for fit in fits if not _unfit(fit)]
         of_group = [] if twice else _of_group(posture, load, usable, unfit)
         made += of_group
-        why, hint = f"subject {twice[0]} is there twice" if twice else "", ""
+        why, hint = f"subject {twice[0]} occurs twice" if twice else "", ""
         if twice:
             hint = "give the two persons different names in subjects.csv"
         elif not of_group and len(fits) > 1:
@@ -277,7 +278,7 @@ def _unfit(fit: Document) -> str:
     if fit["status"] != "done":
         return "the fit failed"
     allows = all(branch.get("world") for branch in fit["result"]["branches"])
-    return misfit(fit) or ("" if allows else "the fit allows for nothing but the model")
+    return misfit(fit) or ("" if allows else "the fit assumes an exact model")
 
 
 def _odds(fits: Sequence[Document]) -> tuple[float, float]:

@@ -23,14 +23,14 @@ Document = Mapping[str, Any]
 _EXAMPLE = "16"
 _LISTED = 20
 _NONE_FOLLOWS = (
-    " No fit of any subject here follows its recordings, so what the model does between foot and ground is not shown."
+    " No fit follows its recordings, so the hysteresis of the model is not shown."
 )
 #: Names of the figures that `pictures` gives, or gave before.
 _OURS = re.compile(r"(verdicts|waterfall|(curves|boxes|traces|transmissibility|loops|energies|persons)_.+)\.(svg|png)")
 #: What a fit of each mode takes; loops mean most per recording, where ankle and pad may change places.
 _MODES = {
     "per-recording": "each recording alone, as in the thesis",
-    "pooled": "each load of a subject over all frequencies, with constants that do not depend on frequency",
+    "pooled": "all frequencies of a subject and load together, with constants that do not depend on frequency",
 }
 
 

@@ -95,7 +95,7 @@ def pooled_fits(results: Path) -> list[Document]:
             raise InputFileError(results, problem, "run its study with one --out for each")
         fits[who] = document
     if not fits:
-        command = "python -m identification.study STUDY --mode pooled --out there"
+        command = "fasbody study STUDY --mode pooled --out there"
         raise InputFileError(results, "holds no pooled fits", f"run {command} first")
     name = results.resolve().name
     return [{**fit, "subject": f"{fit['subject']} of {name}"} for fit in fits.values()]

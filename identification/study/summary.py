@@ -76,7 +76,7 @@ def misfit(document: Document) -> str:
     world = best.get("world")
     alone = document["mode"] != "pooled" and result["domain"] == "periodic" and not world
     if alone and misses(goodness["chi_square"], goodness["dof"]):
-        return "the model is assumed exact and misses the recording"
+        return "the model, assumed exact, does not fit the recording"
     if document["mode"] != "pooled" or (world["follows"] if world else follows(best["fit_percent"])):
         return ""
     if world:

@@ -24,9 +24,9 @@ LISTED = 40
 _ANSWER = {False: "no", True: "yes", None: "nothing to compare"}
 #: What chose the branch that is shown, in words.
 _CHOSEN_BY = {
-    "tracking": "on the branch that all fits of a subject together decide",
-    "likelihood": "not tracked and on the one that its data decide alone",
-    "undecided": "undecided and on their own likelier branch",
+    "tracking": "on the branch decided by all fits of the subject together",
+    "likelihood": "on the branch decided by the fit alone",
+    "undecided": "undecided, on the likelier branch",
     "not compared": "with one branch only",
     "no mirror": "of a model without a known mirror",
 }
@@ -55,7 +55,7 @@ def short(findings: Findings) -> list[str]:
                 if not any(r[f"{way}_of"] for way in WAYS):
                     continue
                 likelier, chosen, nearer = (_of(r, way) for way in WAYS)
-                text += f" Truth within two standard errors: {likelier} on each fit's own branch, "
+                text += f" Truth within two standard errors: {likelier} on the likelier branch of each fit, "
                 text += f"{chosen} on the branch shown, {nearer} on the nearer one."
         sentences.append(text)
     return [*filter(None, sentences), *([balance(energy)] if len(energy) else [])]
@@ -67,7 +67,7 @@ def drawn(rows: pd.DataFrame) -> str:
     by = fits["decided_by"]
     number = by.value_counts()
     turned = int((by.eq("tracking") & ~fits["chosen"]).sum())
-    against = f" ({turned} of them against their own choice)" if turned else ""
+    against = f" ({turned} of them against the fit alone)" if turned else ""
     parts = _CHOSEN_BY | {"tracking": _CHOSEN_BY["tracking"] + against}
     listed = (f"{number[name]} {text}" for name, text in parts.items() if name in number)
     return f"Of {len(fits)} fits shown: {', '.join(listed)}."
@@ -102,7 +102,7 @@ def counts(documents: Sequence[Document], tracked: Mapping[str, str] | None = No
     rows = totals.to_dict("records")
     return totals[["mode", "fits", "done", "failed", "recordings"]].assign(**{
         "mean fit [%]": [f"{row['fit_percent']:.2f}" if row["done"] else "–" for row in rows],
-        "best end met by a second start": [_of(row, "again") for row in rows],
+        "best minimum found twice": [_of(row, "again") for row in rows],
         "computing time [s]": [f"{row['seconds']:.0f}" for row in rows],
     })  # fmt: skip
 
@@ -137,7 +137,7 @@ def branches(documents: Sequence[Document], table: pd.DataFrame) -> pd.DataFrame
     "Decided alone" is of every fit, whatever tracking says of it then; the columns after it add up.
     """
     alone = {row["mode"]: row["decided"] for row in summary.counts(documents).to_dict("records")}
-    chosen = {"tracking": "shown as tracking decides", "likelihood": "shown as it decides alone, not tracked"}
+    chosen = {"tracking": "decided by all fits together", "likelihood": "decided by the fit alone"}
     rows = []
     for mode, fits in table[table["shown"]].drop_duplicates("key").groupby("mode", sort=False):
         row: dict[str, Any] = {"mode": mode, "fits": len(fits), "decided alone": alone[mode]}
@@ -164,7 +164,7 @@ def recovery(recovered: pd.DataFrame) -> pd.DataFrame:
         | {f"right on {where}": share(r, way) for where, way in zip(on, WAYS, strict=True)}
         | {f"median error on {where}": _percent(r[f"{way}_error"]) for where, way in zip(error_on, WAYS, strict=True)}
         | {"median standard error stated": _percent(r["std_error"]),
-           "right of those that say identified": share(r, "identified")}
+           "right, of those called identified": share(r, "identified")}
         for r in recovered.to_dict("records")
     )  # fmt: skip
 
@@ -213,7 +213,7 @@ def population(populations: Sequence[Population]) -> pd.DataFrame:
                 "spread between persons": spread, "95 % of the spread": interval,
                 "scatter of the estimates, before and after shrinking": " to ".join(scatter),
                 "persons left out": p.dropped(c) or "nobody",
-                "does not belong (kept)": " and ".join(q.subject for q in c.odd) or "nobody",
+                "outliers (included)": " and ".join(q.subject for q in c.odd) or "nobody",
             })  # fmt: skip
     return pd.DataFrame(rows)
 
@@ -228,7 +228,7 @@ def circled(populations: Sequence[Population]) -> str:
     """The outliers that the figure circles, in a sentence; empty where there are none."""
     odd = dict.fromkeys(q.subject for p in populations for c in p.constants for q in c.odd)
     who = ", ".join(odd)
-    return f"Circled, kept in the means: what does not belong to the other persons' ({who}). " if odd else ""
+    return f"Circled: outliers, included in the means ({who}). " if odd else ""
 
 
 def odds(populations: Sequence[Population]) -> list[str]:

@@ -323,9 +323,9 @@ def _sentence(choices: Sequence[Choice], overall: Mapping[str, float]) -> str:
         name, odds = max(overall.items(), key=lambda item: item[1])
         if odds <= DECISIVE_TOGETHER:
             even = "the odds are even" if odds < 1.05 else f"odds {readable(odds)} to 1 for the {name}"
-            text += f" If it is one branch throughout, {even}, which is undecided: "
-            text += "a second load, a prior or a sensor on the foot bones must tell."
+            text += f" If all fits are on one branch, {even}, which is undecided: "
+            text += "a second load, a prior or a sensor on the foot bones is needed."
         else:
             size = "more than a million" if odds > 1e6 else readable(odds)
-            text += f" If it is one branch throughout: {name}, odds {size} to 1."
+            text += f" If all fits are on one branch, it is the {name}, with odds of {size} to 1."
     return text

@@ -1,4 +1,4 @@
-"""`python -m fasbody.arch validate`: each published number predicted from the others, and the proofs."""
+"""`fasbody arch validate`: each published number predicted from the others, and the proofs."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -24,14 +24,14 @@ def validate(
     figure: Annotated[Path | None, typer.Option(help="SVG or PNG to write")] = None,
     json: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
 ) -> None:
-    """Predict each published number of feet from the others, and show which numbers no arch can meet.
+    """Predict each published number of feet from the others, and show which no arch can meet.
 
     Takes two minutes or more.
 
     Examples:
-      python -m fasbody.arch validate --figure docs/figures/validation.svg
+      fasbody arch validate --figure docs/figures/validation.svg
 
-      python -m fasbody.arch validate --steps 200 --json
+      fasbody arch validate --steps 200 --json
     """
     if figure is not None:
         ready(figure)

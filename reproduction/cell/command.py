@@ -1,4 +1,4 @@
-"""`python -m fasbody.cell sweep | verify`: the figures of section 5.4, and known bodies."""
+"""`fasbody cell sweep | verify`: the figures of section 5.4, and known bodies."""
 
 from fasbody.cell.dome import Dome, shape
 from fasbody.cell.materials import MODULI_PA, preset
@@ -25,7 +25,7 @@ def sweep(
     """Figures 5.9 (four shapes), 5.10 (seven moduli) and 5.11 (power law with both ways of fitting).
 
     Examples:
-      python -m fasbody.cell sweep --preset as-printed --out results/cell
+      fasbody cell sweep --preset as-printed --out results/cell
     """
     chosen = preset(preset_name)
     dome = Dome(*shape(shape_text), chosen.height_um)
@@ -70,7 +70,7 @@ def verify(preset_name: PresetOption = "as-reproduced", as_json: JsonOption = Fa
     """Known bodies: free sphere, beams, plates, scaling laws; and the cell's mesh convergence. Takes about a minute.
 
     Examples:
-      python -m fasbody.cell verify
+      fasbody cell verify
     """
     from fasbody.cell.mesh import MeshSize
     from reproduction.cell.verification import (

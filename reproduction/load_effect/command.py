@@ -29,14 +29,14 @@ def load_effect(
     figures: Annotated[Path | None, typer.Option(help="folder for leg-mechanisms, as SVG and PNG")] = None,
     json: JsonOption = False,
 ) -> None:
-    """Find which mechanisms can raise the resonance with the load, and for what share of the values in the literature.
+    """Show which mechanisms can raise the resonance with the load, for published values of the constants.
 
     Takes some minutes, most of them for lift-off.
 
     Examples:
-      python -m fasbody.load_effect --draws 2000 --lift-off-draws 50
+      fasbody load effect --draws 2000 --lift-off-draws 50
 
-      python -m fasbody.load_effect --figures docs/figures --json
+      fasbody load effect --figures docs/figures --json
     """
     if figures is not None:
         make_folder(figures)
@@ -127,9 +127,9 @@ def drop(
     """Kinoshita's drop, 5 kg at 0.93 m/s on a heel pad, stepped by MuJoCo with gravity.
 
     Examples:
-      python -m fasbody.leg drop
+      fasbody leg drop
 
-      python -m fasbody.leg drop --law "1 30000 43 2.6 1.5 0 -1" --json
+      fasbody leg drop --law "1 30000 43 2.6 1.5 0 -1" --json
     """
     from reproduction.load_effect import drop as dropping
 
@@ -166,14 +166,14 @@ def decide(
     figure: Annotated[Path | None, typer.Option(help="SVG or PNG to write")] = None,
     json: JsonOption = False,
 ) -> None:
-    """Which mechanism made a recording: how often an analysis of virtual subjects names the right one.
+    """Count how often the analysis names the right mechanism of virtual subjects.
 
     Takes two seconds per subject and plan. Ctrl-C stops it, and the same command goes on.
 
     Examples:
-      python -m fasbody.leg decide --subjects 2 --folder results/decide
+      fasbody leg decide --subjects 2 --folder results/decide
 
-      python -m fasbody.leg decide --plans all --folder results/decide --figure decide.svg --json
+      fasbody leg decide --plans all --folder results/decide --figure decide.svg --json
     """
     if plans not in ("two", "all"):
         raise SettingError(f"--plans is {plans!r}, but must be two or all.")

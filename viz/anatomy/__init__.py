@@ -1,1 +1,1 @@
-"""The shapes of bones and soft parts, and the meshes made of them; `python -m viz.anatomy`."""
+"""The shapes of bones and soft parts, and the meshes made of them; `fasbody anatomy`."""

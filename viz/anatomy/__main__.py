@@ -1,4 +1,4 @@
-"""The foot's meshes, made from the shapes and written as assets: `python -m viz.anatomy`.
+"""The foot's meshes, made from the shapes and written as assets: `fasbody anatomy`.
 
 Bones carry baked colours, soft parts the weights by which they follow the segments. `viz.anatomy.assets` has the files.
 """
@@ -142,7 +142,7 @@ def main(
     """Make the meshes of the foot from their shapes, check that they are closed, and write them as assets.
 
     Examples:
-      python -m viz.anatomy --folder mjcf/assets
+      fasbody anatomy --folder mjcf/assets
     """
     from rich.table import Table
 

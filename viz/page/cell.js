@@ -25,7 +25,7 @@ function buildControls() {
   const first = cell.modes[0].hz, picture = byId("showing");
   const [unit, um] = cell.unit;
   slider(picture, "amplitude", "Largest displacement", unit, 0, cell.height_um / um, state.amplitude / um, v => { state.amplitude = v * um; fresh = true; },
-    { hint: "A mode shape has no size of its own; this one is for the picture.", nominal: LARGE[+!cell.body] * cell.height_um / um });
+    { hint: "The size of a mode shape is arbitrary; this sets the size in the picture.", nominal: LARGE[+!cell.body] * cell.height_um / um });
   slider(picture, "slow", "Slow motion", "× slower", 0.2 * first, 20 * first, state.slow, v => { state.slow = v; fresh = true; }, { log: true, nominal: 2 * first });
   slider(picture, "opacity", "Opacity", "", 0.1, 1, state.opacity, v => { state.opacity = v; fresh = true; }, { step: 0.01, nominal: CLEAR[+!cell.body] });
   const looks = rowIn(picture);

@@ -34,7 +34,7 @@ function slider(parent, key, label, unit, low, high, value, changed, { log = fal
   input.oninput = () => { remarkValue(""); const v = snapped(+input.value); row.value = v; write(v); changed(v); };
   row.ondblclick = back.onclick = event => { event.preventDefault(); row.home(); };
   shown.title = "click to type a value";
-  const inside = v => Math.min(high, Math.max(low, v)), bound = v => `${v > high ? "Above" : "Below"} the bound; ${number(inside(v))} ${unit} is taken.`;
+  const inside = v => Math.min(high, Math.max(low, v)), bound = v => `${v > high ? "Above" : "Below"} the bound; ${number(inside(v))} ${unit} is used.`;
   editable(shown, remarkValue, () => row.value, v => { row.set(inside(v)); changed(inside(v), true); return inside(v) === v ? "" : bound(v); });
   // The interval of a fit, as a band along the slider.
   row.band = (limits, text = "") => {
@@ -152,7 +152,7 @@ function themeButton(parent) {
     theme = isLight() ? "dark" : "light";
     try { localStorage.setItem("fasbody_theme", theme); } catch { /* not allowed */ }
     showTheme();
-  }, "colours of the page; as the system has them until this is pressed");
+  }, "colours of the page; until you press this, those of the system");
   b.className = "theme";
   showTheme();
 }

@@ -90,7 +90,7 @@ function checkSoon() {
   clearTimeout(editor.timer);
   editor.timer = setTimeout(() => {
     const text = typedText(), size = new Blob([JSON.stringify(text)]).size;
-    if (size > MOST_TEXT) { showCheck({ text: `${(size / 1e6).toFixed(1)} MB are more than the page takes; save the file with another editor.`, line: null }); return; }
+    if (size > MOST_TEXT) { showCheck({ text: `${(size / 1e6).toFixed(1)} MB are too large for this editor; use another one.`, line: null }); return; }
     byId("editor_state").textContent = "checking";
     tellServer("check", { text });
   }, 250);
@@ -100,7 +100,7 @@ function showCheck({ text, line }) {
   if (!editor.view) return;
   const doc = editor.view.state.doc, at = line && line <= doc.lines ? doc.line(line) : null;
   const changed = doc.toString() !== editor.text;
-  byId("editor_state").textContent = text || (changed ? "sound; not saved yet" : "");
+  byId("editor_state").textContent = text || (changed ? "valid; not saved yet" : "");
   byId("editor_state").classList.toggle("wrong", Boolean(text));
   const marks = text ? [{ from: at ? at.from : 0, to: at ? at.to : 0, severity: "error", message: text }] : [];
   editor.view.dispatch(CM.setDiagnostics(editor.view.state, marks));

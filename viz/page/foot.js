@@ -25,13 +25,13 @@ function buildControls(offered) {
   const picture = byId("showing");
   rows.slow = slider(picture, "slow", "Slow motion", "× slower", 1, 200, s.slow, v => { s.slow = v; fresh = true; }, { log: true, nominal: model.look.slow });
   rows.amplify = slider(picture, "amplify", "Motion drawn larger", "×", 1, 1000, s.amplify || 10, v => { s.amplify = v; fresh = true; },
-    { log: true, hint: "as chosen for the picture until it is moved" });
+    { log: true, hint: "chosen for the picture until you move it" });
   rows.amplify.home = () => { s.amplify = model.look.amplify; fresh = true; };
   rows.amplify.show = best => { rows.amplify.nominal(model.look.amplify || best); rows.amplify.set(s.amplify === null ? best : s.amplify); };
   const looks = rowIn(picture);
   rows.skin = button(looks, "Skin", () => showSkin(!stage.skinShown), "K");
   showSkin(stage.skinShown);
-  rows.ride = button(looks, "Ride with the table", () => ride(!stage.riding), "The table is drawn at rest: its motion is taken from everything");
+  rows.ride = button(looks, "Ride with the table", () => ride(!stage.riding), "The table is drawn at rest: its motion is subtracted");
   ride(stage.riding);
   themeButton(looks);
   if (model.feet.b) rows.apart = button(looks, "Side by side", () => apart(!stage.apart));

@@ -1,4 +1,4 @@
-"""`python -m fasbody.acquire.bench board|generator`: the two processes of a bench."""
+"""`fasbody board|generator`: the two processes of a bench."""
 
 import contextlib
 import json
@@ -38,14 +38,14 @@ def board(
         float, typer.Option(help="both sensors on the base, the malleolus' with this gain; 0 for a foot")
     ] = 0.0,
 ) -> None:
-    """The accelerometer board: samples the shaken foot and sends frames (or, with --bits 0, text lines).
+    """Simulate the accelerometer board: sample the virtual foot and send frames (with --bits 0: text lines).
 
     Runs until its standard input is closed.
 
     Examples:
-      python -m fasbody.acquire.bench board /tmp/board /tmp/cable
+      fasbody board /tmp/board /tmp/cable
 
-      python -m fasbody.acquire.bench board /tmp/board /tmp/cable --rate 4000 --channels 3 --damage 0.01
+      fasbody board /tmp/board /tmp/cable --rate 4000 --channels 3 --damage 0.01
     """
     rng = np.random.default_rng(seed)
     foot = ShakenFoot(rate, added_mass, rng, one_mass)
@@ -80,12 +80,12 @@ def board(
 
 @app.command()
 def generator(link: LinkArgument, cable: CableArgument) -> None:
-    """The function generator: a small SCPI instrument whose output drives the shaker.
+    """Simulate the function generator: a small SCPI instrument that drives the shaker.
 
     Runs until its standard input is closed.
 
     Examples:
-      python -m fasbody.acquire.bench generator /tmp/generator /tmp/cable
+      fasbody generator /tmp/generator /tmp/cable
     """
     line = Line(link)
     line.plug()

@@ -1,6 +1,6 @@
 """The firmware of a board with an ATmega328P (Arduino Uno, Nano), as a sketch for the Arduino IDE.
 
-`python -m fasbody.acquire --firmware FOLDER` writes it out. docs/acquisition.md has the wiring and the parts.
+`fasbody record --firmware FOLDER` writes it out. docs/acquisition.md has the wiring and the parts.
 """
 
 from pathlib import Path

@@ -1,4 +1,4 @@
-// Two accelerometers on an ATmega328P (Arduino Uno, Nano), sent to `python -m fasbody.acquire --baud 500000`.
+// Two accelerometers on an ATmega328P (Arduino Uno, Nano), sent to `fasbody record --baud 500000`.
 //
 // Open this file in the Arduino IDE and upload it; no library is needed. Wiring, parts and the format of the frames are
 // in docs/acquisition.md. Timer 1 alone says when a sample is taken: its compare match B starts each conversion of the
