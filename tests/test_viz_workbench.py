@@ -286,7 +286,7 @@ def test_progress_says_how_long_a_fit_has_run(bench: Bench, monkeypatch: pytest.
     bench.fits._began -= 100
     assert progress["seconds"] < 50 and 100 <= bench.documents()[2]["seconds"] < 150
     assert Job.of(json.loads(json.dumps(asked[0]["job"]))) == bench.fits.job  # as the process reads it
-    with pytest.raises(FasError, match="a fit runs already"):
+    with pytest.raises(FasError, match="a fit is already running"):
         bench.fit([0], {})
     bench.fits.receive({"type": "problem", "of": "fit", "text": "no end"})
     assert bench.fits.progress()["seconds"] == 0
@@ -325,7 +325,7 @@ def test_fit_is_what_a_script_finds() -> None:
         }
         with told.deaf:  # nothing is heard of the fit, so it cannot have ended in between
             bench.fit([0], said)
-            with pytest.raises(FasError, match="a fit runs already"):
+            with pytest.raises(FasError, match="a fit is already running"):
                 bench.fit([0], {})
         answer = told.wait("fitted", "complaint")
         assert answer["type"] == "fitted", answer
@@ -405,7 +405,7 @@ def test_rivals_are_what_a_script_compares(bench: Bench, monkeypatch: pytest.Mon
     exec(bench._rivals[1]["script"].replace('result.write("results")', ""), scope)
     assert [list(row) for row in scope["result"].sheet().rows] == [list(row) for row in found["rows"]]
     bench.choose("foot_arch")
-    with pytest.raises(FasError, match="known of the two masses only"):
+    with pytest.raises(FasError, match="exist for the two-mass foot only"):
         bench.rivals([0, 1, 2], {})
 
 
@@ -413,7 +413,7 @@ def test_rivals_are_what_a_script_compares(bench: Bench, monkeypatch: pytest.Mon
     ("said", "sentence"),
     [
         ({"starts": 0}, "give 1 to 64"), ({"starts": "many"}, "give 1 to 64"),
-        ({"free": []}, "every parameter is held"),
+        ({"free": []}, "all parameters are held"),
         ({"bounds": {"k_F": [2, 1]}}, "must be the smaller one"), ({"bounds": {"k_F": 3}}, "give two numbers"),
         ({"values": {"k_F": float("nan")}}, "give a number"),
     ],
