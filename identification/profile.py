@@ -13,8 +13,10 @@ import numpy as np
 from identification.optimiser import descend
 from identification.residual import Evaluation, Problem
 
-#: Fits at which an end is sought, steps of each, and how near the rise must come to what is sought.
-_FITS, _STEPS, _NEAR = 10, 20, 0.1
+#: Steps of the fits at which an end is sought: short ones, then long ones for what a flat valley hides.
+_STEPS = (*[20] * 10, *[100] * 6)
+#: How near the rise must come to what is sought.
+_NEAR = 0.1
 #: Decrease of the sum of squares that is worth no further step.
 _PROMISED = 0.05
 #: Standard errors over the tolerance with which a constant is held, and how far off [standard errors] a fit may leave
@@ -88,7 +90,8 @@ def ends(
         covariance: (n, n) of the search variable.
         coordinates: k of them.
         rise: of the sum of squares at an end.
-        quantile: standard errors to an end by the curvature; what is returned where no better end is reached.
+        quantile: standard errors to an end by the curvature; it is returned where no better end is reached,
+            moved to between the places that are known to lie inside and outside.
     """
     c = coordinates
     pins = np.repeat(np.arange(c.std.size), 2)
@@ -98,14 +101,14 @@ def ends(
     going = np.arange(pins.size)
     at, distance = np.tile(q, (pins.size, 1)), reach.copy()
     inside, outside = np.zeros(pins.size), np.full(pins.size, np.inf)
-    for _ in range(_FITS):
+    for steps in _STEPS:
         if not going.size:
             break
         places = c.values[pins] + ways * distance
         start = at + (places - c.of(at)[np.arange(pins.size), pins])[:, None] * along
         down = descend(
             _Pinned(problem, sign, c, places),  # type: ignore[arg-type]
-            np.column_stack([start, np.arange(pins.size)])[going], going, _STEPS, _PROMISED,
+            np.column_stack([start, np.arange(pins.size)])[going], going, steps, _PROMISED,
         )  # fmt: skip
         at[going] = down.Q[:, :-1]
         off = (c.of(at[going])[np.arange(going.size), pins[going]] - places[going]) / std[going]
@@ -122,4 +125,5 @@ def ends(
         # what has not come to rest goes on where it is: its rise is still too large
         distance[going] = np.where(down.rests | (up < 1), step, distance[going])
         going = going[free & ~near]
+    reach[going] = np.clip(reach, inside, outside)[going]
     return reach.reshape(-1, 2)
