@@ -14,7 +14,7 @@ import pytest
 pytest.importorskip("meshcat", reason="needs the extra: pip install 'fasbody[view]'")
 
 import tornado.httpclient
-from page_client import WAIT, documents, leave, status, upgrade
+from page_client import WAIT, at, documents, leave, status, upgrade
 
 import mjcf
 from fasbody.exceptions import FasError
@@ -498,7 +498,7 @@ def test_changes_need_the_session_key() -> None:
     async def post(server: Server, body: bytes, name: str = "20hz.csv", **headers: str) -> Any:
         client = tornado.httpclient.AsyncHTTPClient(force_instance=True)
         try:
-            url = f"{server.url}upload?name={name}"
+            url = f"{at(server.url, 'upload')}&name={name}"
             return await client.fetch(url, method="POST", body=body, headers=headers, raise_error=False)
         finally:
             client.close()
@@ -526,13 +526,13 @@ def test_changes_need_the_session_key() -> None:
             )  # refused or cut off, and never read
             client.close()
             assert (await post(server, good, **key)).code == 200
-            socket = await upgrade(server, Origin=server.url.rstrip("/"))
+            socket = await upgrade(server, Origin=server.origin)
             assert (await documents(socket, "models"))["now"] == "two_dof"
-            other = await upgrade(server, Origin=server.url.rstrip("/"))  # a second tab sees what the first one does
+            other = await upgrade(server, Origin=server.origin)  # a second tab sees what the first one does
             for path in ("report", "results", "take"):
-                assert (await status(server.url + path)).code == 404  # nothing is made yet
-                assert (await status(server.url + path, Host="evil.example")).code == 403
-                assert (await status(server.url + path, Origin="http://evil.example")).code == 403
+                assert (await status(at(server.url, path))).code == 404  # nothing is made yet
+                assert (await status(at(server.url, path), Host="evil.example")).code == 403
+                assert (await status(at(server.url, path), Origin="http://evil.example")).code == 403
             for asked in ({"type": "open", "names": ["20hz.csv"]}, {"type": "save", "text": "x", "key": "wrong"}):
                 await socket.write_message(json.dumps(asked))
                 assert "another session" in (await documents(socket, "complaint"))["text"]

@@ -24,7 +24,7 @@ function tellServer(type, more = {}, working = "") {
   socket.send(JSON.stringify({ type, key: KEY, ...more }));
   if (working) busyWith(working);
 }
-const OTHER_SESSION = "This page belongs to an earlier session: reload it.";
+const OTHER_SESSION = "This page belongs to an earlier session: open the address that the command printed.";
 const STARTED_AGAIN = "The command was started again: recordings, ticks and fits of before are gone.";
 
 function element(tag, text = "", more = {}) { return Object.assign(document.createElement(tag), { textContent: text }, more); }
