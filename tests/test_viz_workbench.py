@@ -203,8 +203,8 @@ def test_fit_belongs_to_its_model_and_recordings(bench: Bench) -> None:
     bench.open(["20hz.csv"])
     question = bench._job([0], {})
     assert (question.model, question.script.count("20hz.csv")) == ("two_dof", 1)
-    document: dict[str, Any] = {"type": "fitted", "number": 1, "fit": {"branches": []}}
-    bench._fit, bench.show.fit = (question, document), document["fit"]
+    document = bench.history.add(question, {"fit": {"branches": []}})
+    bench.show.fit = document["fit"]
     assert document in bench.documents() and bench.document()["stale"] == ""
     bench.correct({0: {"body_mass_kg": 60}})
     assert "20hz.csv was read in another way" in bench.document()["stale"]
@@ -229,7 +229,7 @@ def test_fit_is_out_of_date_when_an_included_file_changes(tmp_path: Path) -> Non
     try:
         bench.keep("20hz.csv", ONE.read_bytes())
         bench.open(["20hz.csv"])
-        bench._fit = bench._job([0], {}), {"type": "fitted", "number": 1, "fit": {"branches": []}}
+        bench.history.add(bench._job([0], {}), {"fit": {"branches": []}})
         assert bench.document()["stale"] == ""
         (tmp_path / "body.xml").write_text(f"<mujoco>{text[start:end]}<!-- another --></mujoco>")
         assert "the model's file was changed" in bench.document()["stale"]

@@ -40,6 +40,7 @@ function receiveFit(document_) {
   Object.assign(bench, { found: document_, fitNumber: document_.number });
   if (another) bench.branch = 0;
   showFit(document_.fit);
+  drawHistory();
   if (document_.script) { byId("script").textContent = document_.script; byId("script_box").hidden = false; }
   drawFit();
   if (!window.EXPORTED && another) { showBranch(0); openTask("fit"); }
@@ -91,6 +92,7 @@ function forgetFit() {
   byId("tabs").hidden = byId("tab_rivals").hidden && !bench.rows.length;
   if (!byId("fit_plots").hidden) tab("motion");
   drawMatrix();
+  drawHistory();
   advise();
 }
 

@@ -67,19 +67,23 @@ function fitting(p) {
   };
 }
 
-// The values before, for undo: one step for each parameter that is moved.
-const past = [];
+// The values before, for undo, and those that were undone: one step for each parameter that is moved.
+const past = [], undone = [];
 let lastMoved = "";
+const valuesNow = () => ({ values: { ...state.values }, delay_s: state.delay_s, branch: bench.branch });
 function remember(name = "") {
   if (name && name === lastMoved) return;
   lastMoved = name;
-  past.push({ values: { ...state.values }, delay_s: state.delay_s, branch: bench.branch });
+  undone.length = 0;
+  past.push(valuesNow());
   if (past.length > 100) past.shift();
 }
-function undo() {
-  const before = past.pop();
+function undo(from = past, to = undone) {
+  const before = from.pop();
   lastMoved = "";
   if (!before) return;
+  forgetRemarks();
+  to.push(valuesNow());
   const { branch, ...values } = before;
   Object.assign(state, values);
   bench.branch = branch;
@@ -87,9 +91,14 @@ function undo() {
   for (const p of model.parameters) rows[p.name].set(p.name in state.values ? state.values[p.name] : p.nominal);
   ask();
 }
-byId("undo").onclick = () => { forgetRemarks(); undo(); };
+const redo = () => undo(undone, past);
+byId("undo").onclick = () => undo();
+byId("redo").onclick = redo;
 addEventListener("keydown", event => {
-  if ((event.ctrlKey || event.metaKey) && event.key === "z" && !event.target.closest("#editor, input:not([type=range]), textarea")) { event.preventDefault(); undo(); }
+  const key = event.key.toLowerCase(), again = key === "y" || (key === "z" && event.shiftKey);
+  if (!(event.ctrlKey || event.metaKey) || !(again || key === "z") || event.target.closest("#editor, input:not([type=range]), textarea")) return;
+  event.preventDefault();
+  if (again) redo(); else undo();
 });
 byId("reset").onclick = () => { forgetRemarks(); remember(); state.values = {}; state.delay_s = 0; for (const p of model.parameters) rows[p.name].set(p.nominal); ask(); };
 function forgetRemarks() { for (const p of model.parameters) if (rows[p.name]) rows[p.name].remark(""); }
@@ -136,7 +145,7 @@ function receive(document_) {
     else if (other) {  // values of the same name are not its own
       Object.assign(state, { values: {}, delay_s: 0 });
       Object.assign(bench, { free: {}, bounds: {} });
-      past.length = 0;
+      past.length = undone.length = 0;
       forgetFit();
       byId("compared").hidden = byId("tab_rivals").hidden = true;
       tab("motion");

@@ -1,7 +1,7 @@
 // The recordings: a table whose cells are fields, a matrix of loads against frequencies, and a form for channels.
 "use strict";
 function showRecordings(document_) {
-  const { session, rows: listed, shown, stale } = document_;
+  const { session, rows: listed, shown, stale, undo: steps } = document_;
   if (bench.session && session !== bench.session) {
     for (const kept of [bench.chosen, bench.fittable, bench.unticked]) kept.clear();
     bench.lost = true;
@@ -29,6 +29,7 @@ function showRecordings(document_) {
   byId("stale").textContent = stale;
   advise();
   byId("clear").hidden = !listed.length;
+  ["undo_correction", "redo_correction"].forEach((name, k) => { byId(name).disabled = !(steps && steps[k]); });
   byId("sine").hidden = bench.shown < 0;
   keepState();
 }
@@ -142,6 +143,8 @@ if (!window.EXPORTED) {
     for (const row of bench.rows) if (off) bench.chosen.delete(row.id); else if (sound(row)) bench.chosen.add(row.id);
     ticksChanged();
   };
+  byId("undo_correction").onclick = () => tellServer("undo", {}, "reading");
+  byId("redo_correction").onclick = () => tellServer("undo", { again: true }, "reading");
   byId("keep_study").onclick = () => tellServer("keep_study", { numbers: ticked() }, "writing the study");
 }
 

@@ -10,6 +10,7 @@ const bench = {
   corrected: -1,  // id of the recording whose form was sent
   // The fit: its words and branches as the report has them, the server's document with its curves, and its number.
   fit: null, found: null, fitNumber: 0, branch: 0, plots: null,
+  history: [], pair: null,  // fits of the session, and the plots of two of them
   task: "model",
   free: {}, bounds: {},  // what the next fit may change, by parameter
   asked: 0, fitBegan: 0,  // when Fit was pressed, and when the running one began; 0 while none runs [ms]
@@ -69,7 +70,7 @@ for (const [name, label] of Object.entries(TASKS)) {
 }
 openTask("model");
 
-const TABS = ["recordings", "motion", "fit", "rivals"];
+const TABS = ["recordings", "motion", "fit", "rivals", "pair"];
 function tab(name) {
   for (const id of TABS) { byId(`${id}_plots`).hidden = id !== name; byId(`tab_${id}`).setAttribute("aria-pressed", id === name); }
 }
@@ -117,7 +118,7 @@ function receiveComplaint({ text, of }) {
 // What the server says beside models and motions; false if it is none of that.
 function workbenchReceives(document_) {
   const kinds = {
-    data: showRecordings, columns: correctionForm, progress: showProgress, fitted: receiveFit, rivals: showRivals,
+    data: showRecordings, columns: correctionForm, progress: showProgress, fitted: receiveFit, rivals: showRivals, history: showHistory, comparison: showComparison,
     reported: receiveReport, kept: () => { busyWith(""); save("/study", "study.zip"); }, session_kept: saveSession, session: receiveSession, taken: saveOfflinePage, complaint: receiveComplaint,
     // an exported page has no editor
     saved: d => showSaved(d), models: d => listModels(d), checked: d => showCheck(d),
