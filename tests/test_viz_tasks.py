@@ -99,7 +99,7 @@ def test_the_token_leaves_the_address_bar_and_a_reload_needs_none(opened: Any, t
         assert page.complaints == []
         page.page.context.clear_cookies()
         page("socket.close()")
-        page.until("byId('state').textContent === 'connection lost'")
+        page.until("byId('state').textContent === 'connection lost' && !byId('error').hidden")
         assert page("byId('error').textContent").startswith("Open the address that the command printed")
         page.page.reload()
         assert page.page.inner_text("body").startswith("Open the address that the command printed")

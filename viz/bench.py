@@ -31,12 +31,13 @@ from viz.model_text import ModelText, is_shipped
 from viz.recordings import Recordings
 from viz.session import Session
 from viz.settings import settings_from
+from viz.signals import signals
 from viz.source import Source, on_page, study_files
 from viz.worker import Send
 
 Document = dict[str, Any]
 #: Documents for the requesting page alone; all others are for every page.
-PRIVATE = {"columns", "checked", "saved", "taken", "kept", "session_kept", "session", "comparison"}
+PRIVATE = {"columns", "signals", "checked", "saved", "taken", "kept", "session_kept", "session", "comparison"}
 #: Fewest and most starts of a fit.
 _STARTS = (1, 64)
 
@@ -142,6 +143,7 @@ class Bench:
         actions: dict[Any, Callable[[], list[Document]]] = {
             "open": lambda: self.open([str(n) for n in message.get("names", [])]), "bundled": self.bundled,
             "use": lambda: self.use(number), "sine": self.sine, "columns": lambda: self.columns(number),
+            "signals": lambda: [{"type": "signals", "number": number, **signals(self.recordings.source(number))}],
             "correct": lambda: self.correct(_changes(message.get("changes"))),
             "undo": lambda: self.undo(message.get("again") is True),
             "show_fit": lambda: self.show_fit(number), "remove_fit": lambda: self.remove_fit(number),

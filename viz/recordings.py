@@ -59,7 +59,8 @@ class Recordings:
         """The sentences of the checks, and the entries of the form."""
         source = self.sources[number]
         row: Row = {"id": number, "file": source.file, "unread": "", "problem": "", "doubt": "", "warnings": []}
-        row |= {"unit": source.unit, "body_mass_kg": source.body_mass_kg, "added_mass_kg": source.added_mass_kg}
+        row |= {"unit": source.unit, "start_s": source.start_s, "end_s": source.end_s}
+        row |= {"body_mass_kg": source.body_mass_kg, "added_mass_kg": source.added_mass_kg}
         try:
             recording = source.read()
             self._latest = source, recording

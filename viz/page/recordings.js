@@ -31,6 +31,7 @@ function showRecordings(document_) {
   byId("clear").hidden = !listed.length;
   ["undo_correction", "redo_correction"].forEach((name, k) => { byId(name).disabled = !(steps && steps[k]); });
   byId("sine").hidden = bench.shown < 0;
+  viewSignals();
   keepState();
 }
 
@@ -40,7 +41,7 @@ const CELLS = { added_mass_kg: "load [kg]", body_mass_kg: "body mass [kg]", unit
 function drawTable() {
   const table = byId("recordings"), held = document.activeElement, place = held && held.dataset.key && table.contains(held) ? [held.dataset.id, held.dataset.key] : null;
   const forms = new Map([...table.querySelectorAll("form")].map(box => [+box.dataset.id, box])), head = element("tr");
-  head.append(...["fit", "file", "Hz", ...Object.values(CELLS), "status", "more"].map(text => element("th", text, { scope: "col" })));
+  head.append(...["fit", "file", "Hz", "seconds", ...Object.values(CELLS), "status", "more"].map(text => element("th", text, { scope: "col" })));
   table.replaceChildren(head);
   for (const row of bench.rows) {
     table.append(recordingRow(row));
@@ -53,7 +54,7 @@ function drawTable() {
   scope.replaceChildren(...scopes.map(([name, n]) => element("option", `${name} (${n})`, { value: name })));
   scope.value = scopes.some(([name]) => name === chosen) ? chosen : scopes.length ? scopes[0][0] : "";
   byId("tick_all").textContent = allTicked() ? "untick all" : "tick all";
-  byId("tab_recordings").hidden = !bench.rows.length;
+  byId("tab_recordings").hidden = byId("tab_signals").hidden = !bench.rows.length;
   byId("tabs").hidden = !bench.rows.length && byId("tab_fit").hidden && byId("tab_rivals").hidden;
 }
 function focusCell(id, key) { const cell = byId("recordings").querySelector(`input[data-id="${id}"][data-key="${key}"]`); if (cell) cell.focus(); }
@@ -84,7 +85,9 @@ function recordingRow(row) {
   const more = titled(element("button", "…", { className: "more" }), `channels, units and masses of ${row.file}`, () => { const open_ = formOf(id); if (open_) open_.closest("tr").remove(); else tellServer("columns", { number: id }); });
   const away = titled(element("button", "×", { className: "more" }), `remove ${row.file}`, () => tellServer("remove", { numbers: [id] }));
   const at = row.frequency_hz ? number(row.frequency_hz) : readable(row) ? "broadband" : "";
-  for (const content of [pick, name, at, ...cells]) tr.insertCell().append(content);
+  const part = row.start_s !== null || row.end_s !== null, seconds = row.seconds ? number(row.seconds) : "";
+  const used = part ? `${number(row.start_s || 0)} to ${row.end_s === null ? "end" : number(row.end_s)}` : seconds;
+  for (const content of [pick, name, at, used, ...cells]) tr.insertCell().append(content);
   tr.append(status);
   tr.insertCell().append(more, " ", away);
   return tr;
@@ -148,7 +151,11 @@ if (!window.EXPORTED) {
   byId("keep_study").onclick = () => tellServer("keep_study", { numbers: ticked() }, "writing the study");
 }
 
-function showRecording(row) { tellServer("use", { number: row.id }, `reading ${row.file}`); }
+function showRecording(row) {
+  tellServer("use", { number: row.id }, `reading ${row.file}`);
+  viewed.id = row.id;
+  viewSignals();
+}
 
 // Subjects and loads against frequencies, coloured by how well each recording was fitted; a click shows it. What was
 // recorded again at a frequency has a line of its own.
@@ -248,7 +255,7 @@ const formOf = id => byId("recordings").querySelector(`form[data-id="${id}"]`);
 function unfold(id, box) {
   const old = formOf(id), tr = element("tr");
   if (old) old.closest("tr").remove();
-  tr.append(Object.assign(element("td"), { colSpan: 8 }));
+  tr.append(Object.assign(element("td"), { colSpan: 9 }));
   tr.firstChild.append(box);
   byId("recordings").querySelector(`tr[data-id="${id}"]`).after(tr);
 }

@@ -70,9 +70,10 @@ for (const [name, label] of Object.entries(TASKS)) {
 }
 openTask("model");
 
-const TABS = ["recordings", "motion", "fit", "rivals", "pair"];
+const TABS = ["recordings", "signals", "motion", "fit", "rivals", "pair"];
 function tab(name) {
   for (const id of TABS) { byId(`${id}_plots`).hidden = id !== name; byId(`tab_${id}`).setAttribute("aria-pressed", id === name); }
+  viewSignals();
 }
 for (const id of TABS) byId(`tab_${id}`).onclick = () => tab(id);
 byId("start_fit").onclick = askFit;
@@ -118,7 +119,7 @@ function receiveComplaint({ text, of }) {
 // What the server says beside models and motions; false if it is none of that.
 function workbenchReceives(document_) {
   const kinds = {
-    data: showRecordings, columns: correctionForm, progress: showProgress, fitted: receiveFit, rivals: showRivals, history: showHistory, comparison: showComparison,
+    data: showRecordings, columns: correctionForm, signals: showSignals, progress: showProgress, fitted: receiveFit, rivals: showRivals, history: showHistory, comparison: showComparison,
     reported: receiveReport, kept: () => { busyWith(""); save("/study", "study.zip"); }, session_kept: saveSession, session: receiveSession, taken: saveOfflinePage, complaint: receiveComplaint,
     // an exported page has no editor
     saved: d => showSaved(d), models: d => listModels(d), checked: d => showCheck(d),
