@@ -76,7 +76,7 @@ def test_the_seconds_are_fitted_reported_and_in_the_lines_of_python(bench: Bench
     source = Source("20hz_0kg.csv", str(ONE.parent), body_mass_kg=70.0, start_s=1.0)
     assert source.line().startswith("with_masses(read_file(") and ").between(1.0, None), 70.0, None)" in source.line()
     result = idn.fit_foot([source.read()], fb.load("two_dof"), free=["k_T", "c_11"], starts=1)
-    assert "Parts were used of 20hz_0kg.csv, 1 to 3.999 s." in methods(result)[0]
+    assert methods(result)[0].endswith("20hz_0kg.csv, 1 to 3.999 s.")
     assert result.document()["recordings"][0]["part_s"] == [1.0, pytest.approx(3.999)]
     bench.correct({0: {"start_s": None, "end_s": None}})
     assert bench.recordings.rows[0]["seconds"] == before
