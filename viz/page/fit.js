@@ -35,6 +35,7 @@ function showProgress({ running, what, done, total, seconds }) {
 function showSeconds() { byId("fit_seconds").textContent = bench.fitBegan ? `${Math.floor((performance.now() - bench.fitBegan) / 1000)} s` : ""; }
 if (!window.EXPORTED) setInterval(showSeconds, 1000);
 
+/** @param {Fitted} document_ */
 function receiveFit(document_) {
   const another = document_.number !== bench.fitNumber;  // else this page lost its connection and has it again
   Object.assign(bench, { found: document_, fitNumber: document_.number });
@@ -49,6 +50,7 @@ function receiveFit(document_) {
 }
 
 // Sentence, verdict, both branches beside each other, notes: the words of the report.
+/** @param {Fit} fit */
 function showFit(fit) {
   bench.fit = fit && fit.branches ? fit : null;
   byId("found").hidden = !bench.fit;

@@ -3,11 +3,13 @@
 const BASE = "#8fa3b8", ANKLE = "#ffb454", OTHER = "#6cb6ff", SEEN = "#7ee0a1";
 const stage = new Feet(byId("pane"));
 stage.addGround(TABLE - 0.5);
+/** @type {State} */
 const state = { frequency: 20, peak_to_peak: 17.9, added_mass: 0, values: {}, delay_s: 0, slow: 20, amplify: null };
 const stats = { frames: 0, motions: 0, posed: [], drawn: [], seconds: [] };
-let model = null, motion = null, drawn = null, asked = 0, request = 0, arrived = false, broken = "";
+let /** @type {Model} */ model = null, /** @type {Motion} */ motion = null, drawn = null, asked = 0, request = 0, arrived = false, broken = "";
 
 // ---- controls -------------------------------------------------------------------------------------------------------
+/** @type {Record<string, Slider> & { skin?: any, ride?: any, apart?: any }} */
 const rows = {};
 function buildControls(offered) {
   for (const id of ["excitation", "showing", "parameters"]) for (const old of byId(id).querySelectorAll("label, .row:not(#choosing), p")) old.remove();
@@ -38,9 +40,9 @@ function buildControls(offered) {
   if (rows.apart) apart(stage.apart, false);
   takeAwaySection(stage, () => "foot", {
     page: !window.EXPORTED && KEY ? takeAway : null,
-    film: () => ({ ...filmPlan(length() * s.slow, firstFoot().periodic), drawAt: showAt }),
-    scene: () => ({ keys: KEYS, seconds: length() * s.slow, periodic: firstFoot().periodic, unit: 1 / SCALE,
-      pose: share => { time = share * length(); stage.pose(motion, frame(), stage.gain(motion, state.amplify)); } }),
+    film: () => ({ ...filmPlan(motionLength() * s.slow, firstFoot().periodic), drawAt: showAt }),
+    scene: () => ({ keys: KEYS, seconds: motionLength() * s.slow, periodic: firstFoot().periodic, unit: 1 / SCALE,
+      pose: share => { time = share * motionLength(); stage.pose(motion, frame(), stage.gain(motion, state.amplify)); } }),
   });
   if (window.EXPORTED && !(EXPORTED.live && EXPORTED.live.twin)) {
     byId("parameters").hidden = true;  // this file holds the motions of one foot
@@ -94,7 +96,7 @@ function undo(from = past, to = undone) {
 const redo = () => undo(undone, past);
 byId("undo").onclick = () => undo();
 byId("redo").onclick = redo;
-addEventListener("keydown", event => {
+addEventListener("keydown", (/** @type {any} */ event) => {
   const key = event.key.toLowerCase(), again = key === "y" || (key === "z" && event.shiftKey);
   if (!(event.ctrlKey || event.metaKey) || !(again || key === "z") || event.target.closest("#editor, input:not([type=range]), textarea")) return;
   event.preventDefault();
@@ -112,7 +114,7 @@ function apart(on, look = true) {
   rows.apart.setAttribute("aria-pressed", on);
   if (look) stage.view(stage.viewed);
 }
-const firstFoot = () => Object.values(motion.feet)[0], length = () => (motion ? firstFoot().duration : 1), stepping = () => firstFoot().frames;
+const firstFoot = () => Object.values(motion.feet)[0], motionLength = () => (motion ? firstFoot().duration : 1), stepping = () => firstFoot().frames;
 
 // ---- the server -----------------------------------------------------------------------------------------------------
 let busy = false, wanted = false;
@@ -221,6 +223,8 @@ const plots = {
   pad: new Plot(byId("motion_plots"), "fat pad, force [N]", "compression [mm]", "", { loop: true }),
   ankle: new Plot(byId("motion_plots"), "ankle, force [N]", "compression [mm]", "", { loop: true }),
 };
+/** @type {[Plot, string][]} */
+const LOOPS = [[plots.pad, "fat pad"], [plots.ankle, "ankle"]];
 const frame = () => { const foot = firstFoot(); return passedShare() * (foot.periodic ? foot.frames : foot.frames - 1); };
 
 // A motion's curves; a period ends as it began.
@@ -239,7 +243,7 @@ function draw() {
   const dots = feet.filter(([, f]) => f.ratio !== null).map(([n, f]) => ({ label: "", colour: colourOf(n), x: [shownFrequency()], y: [f.ratio], points: 9 }));
   const top = 1.1 * Math.max(1.2, ...curves.map(([, f]) => Math.max(...f.transmissibility)), ...dots.map(d => d.y[0]));
   plots.curve.set([...curves.map(([n, f]) => ({ label: seriesLabel(n), colour: colourOf(n), x: model.curve_hz, y: f.transmissibility })), ...dots], [0, top]);
-  for (const [plot, key] of [[plots.pad, "fat pad"], [plots.ankle, "ankle"]]) {
+  for (const [plot, key] of LOOPS) {
     plot.box.hidden = !first.loops[key];
     plot.set(curves.filter(([, f]) => f.loops[key]).map(([n, f]) => ({ label: seriesLabel(n), colour: colourOf(n), x: f.loops[key].x.map(v => -1e3 * v), y: f.loops[key].force.map(v => -v) })));
   }
@@ -249,9 +253,9 @@ const shownFrequency = () => 1 / firstFoot().duration;
 // Where the moment that is shown lies on the curves.
 function follow() {
   if (drawn !== motion) { draw(); drawn = motion; }
-  const feet = Object.entries(motion.feet), t = 1e3 * passedShare() * length(), at = frame();
+  const feet = Object.entries(motion.feet), t = 1e3 * passedShare() * motionLength(), at = frame();
   plots.traces.marks([[t, sample(firstFoot().base, firstFoot(), at), BASE], ...feet.map(([n, f]) => [t, sample(f.malleolus, f, at), colourOf(n)])]);
-  for (const [plot, key] of [[plots.pad, "fat pad"], [plots.ankle, "ankle"]])
+  for (const [plot, key] of LOOPS)
     plot.marks(feet.filter(([, f]) => f.loops[key]).map(([n, f]) => [-1e3 * sample(f.loops[key].x, f, at), -sample(f.loops[key].force, f, at), colourOf(n)]));
 }
 
@@ -287,7 +291,7 @@ function tellState() {
 // Show one share (0 to 1) of the motion and draw it now: for pictures and films.
 function showAt(share) {
   play(false);
-  time = share * length();
+  time = share * motionLength();
   stage.pose(motion, frame(), stage.gain(motion, state.amplify));
   follow();
   stage.render();
@@ -314,7 +318,7 @@ function tick(now) {
       if (fresh) { legend(); tellState(); rows.amplify.show(stage.gain(motion, null)); }
       follow();
       byId("seek").value = frame() / firstFoot().frames;
-      byId("clock").textContent = `${(1e3 * (((time % length()) + length()) % length())).toFixed(1)} of ${(1e3 * length()).toFixed(1)} ms`;
+      byId("clock").textContent = `${(1e3 * (((time % motionLength()) + motionLength()) % motionLength())).toFixed(1)} of ${(1e3 * motionLength()).toFixed(1)} ms`;
     }
     if (stage.viewer.needs_render) stage.render();
     fresh = false;

@@ -1,5 +1,6 @@
 // The fits of this session: a list in which each can be shown, compared with the one that is shown, or deleted.
 "use strict";
+/** @param {{ fits: Summary[] }} document_ */
 function showHistory({ fits }) {
   bench.history = fits;
   drawHistory();
@@ -32,6 +33,7 @@ function timeOf(at) {
 
 function compareWith(number) { tellServer("compare_fits", { numbers: [bench.fitNumber, number], name: shownBranchName() }); }
 
+/** @param {Comparison} document_ */
 function showComparison({ columns, rows, independent, fits }) {
   const line = (tag, texts) => {
     const tr = element("tr");
@@ -50,11 +52,10 @@ function showComparison({ columns, rows, independent, fits }) {
     for (const load of [...new Set(fit.data.map(r => r.added_mass_kg))].sort((a, b) => a - b)) {
       const data = fit.data.filter(r => r.added_mass_kg === load).sort(by), curve = fit.curves.filter(r => r.added_mass_kg === load && r.branch === fit.branch).sort(by);
       const label = load ? `${name}, ${number(load)} kg` : name, dashed = load > 0;
-      for (const [series, key, y] of [[size, "transmissibility", v => v], [lag, "phase_lag_deg", unwrapped]]) {
-        const limits = series === size ? { low: data.map(r => r.lower), high: data.map(r => r.upper) } : {};
-        series.push({ label: "", colour, x: data.map(r => r.frequency_hz), y: y(data.map(r => r[key])), points: true, ...limits });
-        series.push({ label, colour, x: curve.map(r => r.frequency_hz), y: y(curve.map(r => r[key])), dashed });
-      }
+      const x = data.map(r => r.frequency_hz), u = curve.map(r => r.frequency_hz), lags = points => unwrapped(points.map(r => r.phase_lag_deg));
+      size.push({ label: "", colour, x, y: data.map(r => r.transmissibility), low: data.map(r => r.lower), high: data.map(r => r.upper), points: true });
+      size.push({ label, colour, x: u, y: curve.map(r => r.transmissibility), dashed });
+      lag.push({ label: "", colour, x, y: lags(data), points: true }, { label, colour, x: u, y: lags(curve), dashed });
     }
   });
   bench.pair.size.set(size, [0, 1.1 * Math.max(1, ...size.map(s => largestOf(s.y)))]);

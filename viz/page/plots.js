@@ -10,11 +10,21 @@ class Plot {
   static all = [];
   static seen() { return Plot.all.filter(plot => plot.plot && !plot.box.hidden && plot.pane.clientWidth > 0); }
 
+  title = ""; x = ""; y = ""; loop = false; whole = false; log = false; sync = ""; key = "";
+  /** @type {Series[]} */ series = [];
+  /** @type {[number, number] | null} */ range = null;
+  /** @type {[number, number] | null} a part of the abscissa; what is beside it is faded */ used = null;
+  /** @type {((from: number, to: number) => void) | null} gets the part that is seen */ zoomed = null;
+  /** @type {any} */ plot = null;
+  /** @type {any[]} */ dots = [];
+  /** @type {any} */ at = null;
+  /** @type {any} */ head;
+  /** @type {any} */ pane;
+
   // Args: the element to go into; title; names of the axes; whether it is a loop; twice as wide; of whole numbers; with
-  // a logarithmic ordinate; and the name of plots that share a cursor. `used` is a part of the abscissa, and `zoomed`
-  // gets the part that is seen.
+  // a logarithmic ordinate; and the name of plots that share a cursor.
   constructor(parent, title, x, y, { loop = false, wide = false, whole = false, log = false, sync = "" } = {}) {
-    Object.assign(this, { title, x, y, loop, whole, log, sync, series: [], dots: [], range: null, used: null, zoomed: null });
+    Object.assign(this, { title, x, y, loop, whole, log, sync });
     this.box = document.createElement("figure");
     this.box.className = wide ? "wide" : "";
     this.box.innerHTML = "<figcaption><b></b><button type=button title='the numbers as CSV' aria-label='save the numbers as CSV'>⤓</button><span></span></figcaption><div></div>";

@@ -1,5 +1,6 @@
 // The recordings: a table whose cells are fields, a matrix of loads against frequencies, and a form for channels.
 "use strict";
+/** @param {Recordings} document_ */
 function showRecordings(document_) {
   const { session, rows: listed, shown, stale, undo: steps } = document_;
   if (bench.session && session !== bench.session) {
@@ -35,11 +36,13 @@ function showRecordings(document_) {
   keepState();
 }
 
-const readable = row => !row.unread && !row.problem, sound = row => readable(row) && !row.doubt;
+/** @typedef {(row: Row) => boolean} OfRow */
+/** @type {OfRow} */
+const readable = row => !row.unread && !row.problem, /** @type {OfRow} */ sound = row => readable(row) && !row.doubt;
 // ---- the table: each cell is a field, and what is typed above it goes to several -------------------------------------
 const CELLS = { added_mass_kg: "load [kg]", body_mass_kg: "body mass [kg]", unit: "unit" };
 function drawTable() {
-  const table = byId("recordings"), held = document.activeElement, place = held && held.dataset.key && table.contains(held) ? [held.dataset.id, held.dataset.key] : null;
+  const table = byId("recordings"), held = /** @type {any} */ (document.activeElement), place = held && held.dataset.key && table.contains(held) ? [held.dataset.id, held.dataset.key] : null;
   const forms = new Map([...table.querySelectorAll("form")].map(box => [+box.dataset.id, box])), head = element("tr");
   head.append(...["fit", "file", "Hz", "seconds", ...Object.values(CELLS), "status", "more"].map(text => element("th", text, { scope: "col" })));
   table.replaceChildren(head);
@@ -62,6 +65,7 @@ const allTicked = () => bench.rows.every(row => bench.chosen.has(row.id) || !sou
 const inScope = () => bench.rows.filter(row => ({ ticked: bench.chosen.has(row.id), "in doubt": row.doubt, all: true })[byId("scope").value]);
 
 let lastTick = -1;
+/** @param {Row} row */
 function recordingRow(row) {
   const { id } = row, tr = element("tr", "", { className: row.unread || row.problem ? "wrong" : row.doubt || row.warnings.length ? "warned" : "" }), shown = id === bench.shown;
   tr.dataset.id = id;
@@ -85,8 +89,7 @@ function recordingRow(row) {
   const more = titled(element("button", "…", { className: "more" }), `channels, units and masses of ${row.file}`, () => { const open_ = formOf(id); if (open_) open_.closest("tr").remove(); else tellServer("columns", { number: id }); });
   const away = titled(element("button", "×", { className: "more" }), `remove ${row.file}`, () => tellServer("remove", { numbers: [id] }));
   const at = row.frequency_hz ? number(row.frequency_hz) : readable(row) ? "broadband" : "";
-  const part = row.start_s !== null || row.end_s !== null, seconds = row.seconds ? number(row.seconds) : "";
-  const used = part ? `${number(row.start_s || 0)} to ${row.end_s === null ? "end" : number(row.end_s)}` : seconds;
+  const used = row.start_s || row.end_s ? `${number(row.start_s || 0)} to ${row.end_s ? number(row.end_s) : "end"}` : row.seconds ? number(row.seconds) : "";
   for (const content of [pick, name, at, used, ...cells]) tr.insertCell().append(content);
   tr.append(status);
   tr.insertCell().append(more, " ", away);
@@ -195,7 +198,7 @@ function drawMatrix() {
     return Array.from({ length: Math.max(...cells.map(repeats => repeats.length)) }, (_, k) =>
       line(k ? `repeat ${k + 1}` : name, "row", cells.map(repeats => cell(repeats[k], repeats))));
   });
-  const hertz = columns.map(([row]) => element("th", +row.frequency_hz.toFixed(1), { scope: "col" }));
+  const hertz = columns.map(([row]) => element("th", String(+row.frequency_hz.toFixed(1)), { scope: "col" }));
   box.replaceChildren(element("caption", "fit of each recording [%]"), line("Hz", "col", hertz), ...lines);
   nameBranch();
 }
@@ -242,9 +245,9 @@ function correctionForm({ number: id, columns, said }) {
     });
     if (wrong.length) { wrong[0].input.focus(); return; }
     const told = { channels: { time: {}, base: {}, malleolus: {} } };
-    for (const [name, value] of new FormData(box)) {
-      const [channel, key] = name.split(".");
-      if (key) { if (value.trim()) told.channels[channel][key] = value.trim(); } else told[name] = value.trim();
+    for (const [name, typed] of new FormData(box)) {
+      const [channel, key] = name.split("."), value = String(typed).trim();
+      if (key) { if (value) told.channels[channel][key] = value; } else told[name] = value;
     }
     bench.corrected = id;
     correct((event.submitter && event.submitter.value === "all" ? alike : [id]).map(n => [n, told]));

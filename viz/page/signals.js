@@ -1,5 +1,6 @@
 // The recording that was clicked last as it was recorded: traces, spectra, the seconds that are fitted, and its columns.
 "use strict";
+/** @type {{ id: number, row: string, plots: Record<string, Plot> | null, seconds: number }} */
 const viewed = { id: -1, row: "", plots: null, seconds: 0 };
 function viewSignals() {
   const row = bench.rows.find(r => r.id === viewed.id) || bench.rows.find(r => r.id === bench.shown) || bench.rows[0];
@@ -10,6 +11,7 @@ function viewSignals() {
   tellServer("signals", { number: row.id }, `reading ${row.file}`);
 }
 
+/** @param {Signals} document_ */
 function showSignals({ number: id, traces, spectra, seconds, rate_hz, part_s, used, unused }) {
   const row = bench.rows.find(r => r.id === id), into = byId("signals_plots");
   if (!row) return;

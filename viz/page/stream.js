@@ -20,20 +20,21 @@ function connect(stage, opened, received) {
   };
 }
 
-// Begin a page: from its server, or with what an exported page carries, documents in the order of `order`.
-async function start(stage, opened, received, order) {
+// Begin a page: from its server, or with what an exported page carries: documents in the order of `order`, once `before`
+// is done.
+async function start(stage, opened, received, order, before = async () => {}) {
   if (QUALITY === "low" || QUALITY === "none") stage.setQuality(0);
   const own = window.EXPORTED;
   if (!own) { hideToken(); connect(stage, opened, received); return; }
   document.body.classList.add("exported");
   await unpack(stage, own.scene);
-  if (own.live) await unpackGrid();
+  await before();
   for (const name of order) if (own[name]) received(own[name]);
 }
 
 // The cookie has the token from now on, so the address can be seen by others.
 function hideToken() {
-  const address = new URL(location);
+  const address = new URL(location.href);
   address.searchParams.delete("token");
   history.replaceState(history.state, "", address);
 }

@@ -1,6 +1,7 @@
 // The workbench: recordings in, a fit of them, what it found. All of it is done by the server, as a script would do it.
 "use strict";
-const KEY = (document.querySelector("meta[name=key]") || {}).content || "";
+const KEY = /** @type {any} */ (document.querySelector("meta[name=key]") || {}).content || "";
+/** @type {Bench} */
 const bench = {
   // Recordings: as the server lists them, by ids that the session gives once; the one that drives the table, -1 for none.
   session: "", rows: [], shown: -1, lost: false,
