@@ -150,7 +150,7 @@ function receive(document_) {
       past.length = undone.length = 0;
       forgetFit();
       byId("compared").hidden = byId("tab_rivals").hidden = true;
-      tab("motion");
+      if (!byId("rivals_plots").hidden) tab("motion");  // recordings and signals are of any model
     }
     if (!first && model.adopt) { for (const name of ["frequency", "added_mass"]) state[name] = model.settings[name]; }
     const known = new Set(model.parameters.map(p => p.name));
