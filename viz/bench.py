@@ -57,6 +57,7 @@ class Bench:
         history: of the fits that were made.
         current: id of the recording that shakes the foot, -1 for none.
         dropped_session: folder and content of a session's file that was dropped last.
+        unread: dropped recordings that are still to be read; see `read_next`.
     """
 
     def __init__(self, show: Show, send: Send = lambda document: None, results: Path | None = None) -> None:
@@ -74,6 +75,7 @@ class Bench:
         self._rivals: Answer | None = None
         self._first = (self.model.name, show.fit)  # a result that was there from the start
         self.dropped_session: tuple[Path, Session] | None = None
+        self.unread: list[Source] = []
 
     @property
     def folder(self) -> Path:
@@ -113,6 +115,7 @@ class Bench:
             answer[1]["fit"]["stale"] = stale  # an exported page states it, too
         rows, undo = list(self.recordings.rows.values()), self.recordings.steps
         about = {"session": self.session, "shown": self.current, "stale": stale, "undo": undo}
+        about["unread"] = len(self.unread)
         return {"type": "data", **about, "rows": rows}
 
     def _results_of_model(self) -> list[Document]:
@@ -141,7 +144,8 @@ class Bench:
         several = message.get("numbers", [])
         chosen = [n for n in several if isinstance(n, int)] if isinstance(several, list) else []
         actions: dict[Any, Callable[[], list[Document]]] = {
-            "open": lambda: self.open([str(n) for n in message.get("names", [])]), "bundled": self.bundled,
+            "open": lambda: self._begin_reading(uploads.sources(self.folder, [*map(str, message.get("names", []))])),
+            "bundled": lambda: self._begin_reading(_bundled()),
             "use": lambda: self.use(number), "sine": self.sine, "columns": lambda: self.columns(number),
             "signals": lambda: [{"type": "signals", "number": number, **signals(self.recordings.source(number))}],
             "correct": lambda: self.correct(_changes(message.get("changes"))),
@@ -178,29 +182,35 @@ class Bench:
 
     def open(self, names: list[str]) -> list[Document]:
         """Read dropped files, or the study among them, and show the first that can be shown."""
-        return self._add(uploads.sources(self.folder, names))
+        return self._begin_reading(uploads.sources(self.folder, names)) + self._read_all()
 
     def bundled(self) -> list[Document]:
         """The study that ships with the package."""
-        return self._add([Source(file, str(BUNDLED)) for file in study_files(BUNDLED)])
+        return self._begin_reading(_bundled()) + self._read_all()
 
-    def _add(self, fresh: list[Source]) -> list[Document]:
+    def _begin_reading(self, fresh: list[Source]) -> list[Document]:
+        """Read recordings as far as the first that can be shown; the others are `unread`."""
         if not fresh:
             raise SettingError("none of these files is a recording; drop a .csv, or any format of the readers.")
         self.fits.prepare()  # loads the solver while the recordings are read
-        is_driving = False
-        for source in fresh:
+        for k, source in enumerate(fresh):
             number = self.recordings.first([self.recordings.add(source)])
-            if not is_driving and number >= 0:
-                documents, is_driving = self.use(number), True
-                if len(fresh) == 1:
-                    return documents
-                for document in documents:  # the foot moves while the others are read
-                    self.send(document)
+            if number >= 0:
+                self.unread += fresh[k + 1 :]
+                return self.use(number)  # the foot moves while the others are read
         doubtful = [number for number, row in self.recordings.rows.items() if row["doubt"]]
-        if not is_driving and self.current < 0 and doubtful:
+        if self.current < 0 and doubtful:
             return self.use(doubtful[0])  # the foot is at rest, with the reason
         return [self.document()]
+
+    def read_next(self) -> list[Document]:
+        """Read one more of the unread recordings; the list of all after the last one."""
+        if self.unread:
+            self.recordings.add(self.unread.pop(0))
+        return [] if self.unread else [self.document()]
+
+    def _read_all(self) -> list[Document]:
+        return [document for _ in list(self.unread) for document in self.read_next()]
 
     def correct(self, changes: Mapping[int, Mapping[str, Any]]) -> list[Document]:
         """Read recordings again with the page's corrections; where one correction is invalid, none is applied."""
@@ -509,6 +519,11 @@ class Bench:
         job = replace(job, sources=sources, text=job.text or self.model.whole)
         job = replace(job, model=self.model.name) if job.model == model else job
         return job, document | {"script": job.script}
+
+
+def _bundled() -> list[Source]:
+    """The study that ships with the package."""
+    return [Source(file, str(BUNDLED)) for file in study_files(BUNDLED)]
 
 
 def _changes(asked: Any) -> dict[int, Mapping[str, Any]]:

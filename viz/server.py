@@ -98,6 +98,7 @@ class Server:
         self.bench = bench
         self.key = secrets.token_urlsafe(24)
         self._key_once = ""
+        self._reading: asyncio.Task[None] | None = None
         self._followed = asyncio.Event()  # other files are to be watched
         self.pages: set[Stream] = set()
         self.visited = asyncio.Event()  # a page was here, even if it left before its browser's starter came back
@@ -208,8 +209,21 @@ class Server:
                 page.send(page_json(document))
             else:
                 self.broadcast(document)
+        if self.bench.unread:
+            self._reading = asyncio.create_task(self._read_others())
         if self.show.files() != before:
             self._followed.set()
+
+    async def _read_others(self) -> None:
+        """Read what was dropped one by one, so that motions need not wait for the last one."""
+        assert self.bench is not None
+        while self.bench.unread:
+            try:
+                documents = await asyncio.get_running_loop().run_in_executor(self._pool, self.bench.read_next)
+            except Exception as error:
+                documents = [{"type": "complaint", "of": "open", "text": _bug(error)}]
+            for document in documents:
+                self.broadcast(document)
 
     def is_session_key(self, key: str) -> bool:
         """Whether a key is this session's."""

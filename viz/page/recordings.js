@@ -2,7 +2,7 @@
 "use strict";
 /** @param {Recordings} document_ */
 function showRecordings(document_) {
-  const { session, rows: listed, shown, stale, undo: steps } = document_;
+  const { session, rows: listed, shown, stale, undo: steps, unread } = document_;
   if (bench.session && session !== bench.session) {
     for (const kept of [bench.chosen, bench.fittable, bench.unticked]) kept.clear();
     bench.lost = true;
@@ -17,7 +17,7 @@ function showRecordings(document_) {
   }
   const here = new Set(listed.map(row => row.id));
   for (const id of [...bench.fittable.keys()]) if (!here.has(id)) { bench.fittable.delete(id); bench.chosen.delete(id); }
-  busyWith("");
+  busyWith(unread ? `reading ${unread} more` : "");
   drawTable();
   bench.corrected = -1;
   drawMatrix();

@@ -24,7 +24,7 @@ interface Row {
   frequency_hz?: number | null; samples?: number; rate_hz?: number; seconds?: number; start_s: number | null; end_s: number | null;
   body_mass_kg: number | null; added_mass_kg: number | null;
 }
-interface Recordings { session: string; rows: Row[]; shown: number; stale: string; undo?: [number, number]; }
+interface Recordings { session: string; rows: Row[]; shown: number; stale: string; undo?: [number, number]; unread?: number; }
 interface Signal { time_s: number[]; m_s2: number[]; }
 interface Signals {
   number: number; traces: Record<string, Signal>; spectra: Record<string, { frequency_hz: number[]; m_s2: number[] }>; seconds: number; rate_hz: number;
