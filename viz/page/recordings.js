@@ -8,7 +8,7 @@ function showRecordings(document_) {
     bench.lost = true;
     complain(`${STARTED_AGAIN} Reload this page, and drop the recordings again.`);
   }
-  Object.assign(bench, { session, rows: listed, shown });
+  Object.assign(bench, { session, rows: listed, shown, unread: unread || 0 });
   for (const row of listed) {  // ticked as soon as it can be fitted, and not any longer than that
     const good = sound(row), before = bench.fittable.get(row.id);
     if (good && !before && !bench.unticked.delete(row.id)) bench.chosen.add(row.id);

@@ -51,7 +51,7 @@ interface Slider extends HTMLLabelElement {
 interface State { frequency: number; peak_to_peak: number; added_mass: number; values: Record<string, number>; delay_s: number; slow: number; amplify: number | null; }
 // See `bench`.
 interface Bench {
-  session: string; rows: Row[]; shown: number; lost: boolean; chosen: Set<number>; unticked: Set<number>; fittable: Map<number, boolean>; count: number; running: boolean;
+  session: string; rows: Row[]; shown: number; lost: boolean; chosen: Set<number>; unticked: Set<number>; fittable: Map<number, boolean>; count: number; unread: number; running: boolean;
   corrected: number; fit: Fit | null; found: Fitted | null; fitNumber: number; branch: number; plots: Record<string, Plot> | null; history: Summary[]; pair: Record<string, Plot> | null;
   task: string; free: Record<string, boolean>; bounds: Record<string, [number, number]>; asked: number; fitBegan: number; wantedPath: string; draft: boolean;
 }

@@ -7,7 +7,7 @@ const bench = {
   session: "", rows: [], shown: -1, lost: false,
   // Ids that are ticked, those whose tick was taken away before a reload, and of each whether it could be fitted.
   chosen: new Set(), unticked: new Set(), fittable: new Map(),
-  count: 0, running: false,  // recordings listed before, and whether a fit runs
+  count: 0, unread: 0, running: false,  // recordings listed before, those that are still to be read, and whether a fit runs
   corrected: -1,  // id of the recording whose form was sent
   // The fit: its words and branches as the report has them, the server's document with its curves, and its number.
   fit: null, found: null, fitNumber: 0, branch: 0, plots: null,
@@ -50,7 +50,7 @@ function advise() {
   byId("next").textContent = parts.filter(Boolean).join(" ");
   byId("two_masses").hidden = !slow;
   byId("bundled").hidden = bench.rows.length > 0;
-  for (const id of ["start_fit", "start_rivals"]) byId(id).disabled = bench.running || !count;
+  for (const id of ["start_fit", "start_rivals"]) byId(id).disabled = bench.running || !count || bench.unread > 0;
 }
 
 // Tasks of the column beside the foot, one of which is open; Fit and what to do next stand above them.
