@@ -55,7 +55,7 @@ def test_two_fits_side_by_side(bench: Bench) -> None:
         bench.history.add(job, result(row(1.2e5 + 1e4 * numbers[0], 1e5, 2.6e5), row(9e4, key="k_F_n_per_m")))
     alike, apart = (bench.act({"type": "compare_fits", "numbers": pair})[0] for pair in ([1, 2], [1, 3]))
     assert (alike["independent"], apart["independent"]) == (False, True)
-    assert alike["columns"] == ["", "fit 1, stiff ankle", "fit 2, stiff ankle", "difference"]
+    assert alike["columns"] == ["quantity", "fit 1, stiff ankle", "fit 2, stiff ankle", "difference"]
     assert ["settings", "4 starts, free: k_T", "4 starts, free: k_T", ""] in apart["rows"]
     assert ["fit", "98.8 %", "98.8 %", ""] in apart["rows"]
     assert apart["rows"][-2][0] == "k_T [N/m]" and " ± " in apart["rows"][-2][3] and " ± " not in alike["rows"][-2][3]
@@ -108,7 +108,7 @@ def test_fits_are_listed_compared_and_kept_in_the_session(opened: Any, tmp_path:
         assert head[1].startswith("fit 2, ") and head[3] == "difference, 95 %"
         assert page("bench.pair.size.series.filter(s => s.label).map(s => s.label)") == ["fit 2, 2.3 kg", "fit 1"]
         assert page("[...byId('pair').rows].some(tr => tr.cells[0].textContent.startsWith('k_T'))")
-        items.nth(1).get_by_role("button", name="show fit 1").click()
+        items.nth(1).get_by_role("button", name="fit 1,").click()
         page.until("bench.fitNumber === 1 && byId('fits').children[1].querySelector('[aria-pressed=true]')")
         values = page("state.values.k_T")
         page("rows.k_T.set(2e5), remember('k_T'), state.values.k_T = 2e5, ask()")

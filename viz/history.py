@@ -96,7 +96,7 @@ class History:
             {"name": head, "branch": b["name"], "data": document["data"], "curves": document["curves"]}
             for head, b, (_, document) in zip(heads, branches, pair, strict=True)
         ]
-        columns = ["", *heads, "difference, 95 %" if independent else "difference"]
+        columns = ["quantity", *heads, "difference, 95 %" if independent else "difference"]
         rows = [row for row in rows if any(row[1:])]
         return {"type": "comparison", "columns": columns, "rows": rows, "independent": independent, "fits": fits}
 

@@ -13,7 +13,7 @@ function drawHistory() {
   byId("history").hidden = !fits.length;
   byId("fits").replaceChildren(...[...fits].reverse().map(fit => {
     const li = element("li"), shown = fit.number === bench.fitNumber, what = `fit ${fit.number}`;
-    const name = titled(element("button", `${what}${fit.at ? `, ${timeOf(fit.at)}` : ""}`), `show ${what}: ${fit.files.join(", ")}`, () => tellServer("show_fit", { number: fit.number }));
+    const name = element("button", `${what}${fit.at ? `, ${timeOf(fit.at)}` : ""}`, { title: `show it: ${fit.files.join(", ")}`, onclick: () => tellServer("show_fit", { number: fit.number }) });
     name.setAttribute("aria-pressed", shown);
     const about = [fit.fit, fit.verdict, `${fit.model}, ${fit.recordings} recording${fit.recordings === "1" ? "" : "s"}`, fit.settings, ...fit.constants];
     const row = element("div", "", { className: "row" });
