@@ -276,10 +276,11 @@ def _data(result: FitResult) -> str:
     rate = (first.size - 1) / (first[-1] - first[0])
     seconds = sorted({round(float(r.time_s[-1] - r.time_s[0] + 1 / rate), 2) for r in result.recordings})
     length = f"{seconds[0]:g} s" if len(seconds) == 1 else f"{seconds[0]:g} to {seconds[-1]:g} s"
+    parts = [f"{r.file}, {r.part_s[0]:g} to {r.part_s[1]:g} s" for r in result.recordings if r.part_s]
     kind = {"synthetic": "Synthetic", "measured": "Measured"}.get(result.origin, "The given")
     return (
         f"{kind} accelerations of base and medial malleolus, {_counted(result)}, served as data: {', '.join(groups)}; "
-        f"{length} each, sampled at {rate:.4g} Hz."
+        f"{length} each, sampled at {rate:.4g} Hz." + (f" Parts were used of {'; '.join(parts)}." if parts else "")
     )
 
 

@@ -173,7 +173,8 @@ class Branch(Presented):
 class RecordingFit(Tabled):
     """One recording: measured and model traces, and how well they agree; `base` is what shook both.
 
-    `sensors` has every accelerometer that was fitted, the malleolus first.
+    `sensors` has every accelerometer that was fitted, the malleolus first. `part_s` are the first and last second that
+    were used, where that was not all of the file.
     """
 
     file: str
@@ -185,6 +186,7 @@ class RecordingFit(Tabled):
     model: np.ndarray
     base: np.ndarray
     sensors: tuple[SensorFit, ...] = ()
+    part_s: tuple[float, float] | None = None
 
     @classmethod
     def of(
@@ -193,7 +195,7 @@ class RecordingFit(Tabled):
         """A recording beside the model's malleolus (n,) [m/s^2]."""
         c, r = recording.condition, recording
         about = (r.file, c.frequency_hz, c.added_mass_kg, fit_percent)
-        return cls(*about, r.time_s, r.malleolus_m_s2, model, r.base_m_s2, sensors)
+        return cls(*about, r.time_s, r.malleolus_m_s2, model, r.base_m_s2, sensors, r.part_s)
 
     def __repr__(self) -> str:
         return f"{self.file}: fit {self.fit_percent:.1f} %, {self.time_s.size} samples"
@@ -362,6 +364,7 @@ class FitResult(Presented):
             "recordings": [
                 {name: getattr(r, name) for name in ("file", "frequency_hz", "added_mass_kg", "fit_percent")}
                 | {"sensors": [sensor.document() for sensor in r.sensors]}
+                | ({"part_s": list(r.part_s)} if r.part_s else {})
                 for r in self.recordings
             ],
             "parameters": {key: asdict(value) for key, value in self.parameters.items()},

@@ -39,8 +39,14 @@ async def status(url: str, **headers: str) -> tornado.httpclient.HTTPResponse:
         client.close()
 
 
+def at(url: str, path: str) -> str:
+    """Another path of a server, with the token of its address."""
+    origin, token = url.split("/?")
+    return f"{origin}/{path}?{token}"
+
+
 async def upgrade(server: Server, **headers: str) -> tornado.websocket.WebSocketClientConnection:
-    request = tornado.httpclient.HTTPRequest(server.url.replace("http", "ws") + "stream", headers=headers)
+    request = tornado.httpclient.HTTPRequest(at(server.url, "stream").replace("http", "ws"), headers=headers)
     return await tornado.websocket.websocket_connect(request)
 
 
@@ -63,7 +69,8 @@ async def leave(socket: tornado.websocket.WebSocketClientConnection) -> None:
 
 async def ask(url: str, requests: int) -> tornado.websocket.WebSocketClientConnection:
     """A page that asks for motions and reads none."""
-    request = tornado.httpclient.HTTPRequest(url.replace("http", "ws") + "stream", headers={"Origin": url.rstrip("/")})
+    headers = {"Origin": url.partition("/?")[0]}
+    request = tornado.httpclient.HTTPRequest(at(url, "stream").replace("http", "ws"), headers=headers)
     socket = await tornado.websocket.websocket_connect(request)
     await documents(socket, "model")
     for number in range(requests):

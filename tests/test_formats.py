@@ -101,7 +101,7 @@ def test_contradicting_units_and_missing_sensitivity(tmp_path: Path) -> None:
     with pytest.raises(InputFileError, match=r"base is in mg \(a unit with the column\), and its heading says g; "):
         Recording.read(tmp_path / "r.csv")
     (tmp_path / "r.csv").write_text("time_s,base_g,malleolus_v\n0,0,0\n")
-    with pytest.raises(InputFileError, match="malleolus is in v; give study"):
+    with pytest.raises(InputFileError, match="malleolus is in V; give study"):
         Recording.read(tmp_path / "r.csv")
 
 

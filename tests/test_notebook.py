@@ -94,7 +94,7 @@ def test_the_viewer_is_beside_the_notebook(fitted: idn.FitResult, foot: fb.Foot,
         assert viewer.show.settings.values["k_T"] == fitted.values()["k_T_n_per_m"]
         page = urllib.request.urlopen(viewer.url, timeout=300).read().decode()
         assert "<canvas" in page or "meshcat" in page
-        assert re.fullmatch(r"two_dof at http://127\.0\.0\.1:\d+/", repr(viewer))
+        assert re.fullmatch(r"two_dof at http://127\.0\.0\.1:\d+/\?token=[\w-]{32}", repr(viewer))
     finally:
         viewer.close()
     assert repr(viewer).endswith("(closed)")

@@ -210,7 +210,7 @@ def test_from_a_dropped_file_to_the_mirror_foot(opened: Any, tmp_path: Path) -> 
             (_, top, _, tall), (_, below, *_) = inside
             assert width in (1600, 1100) or top + tall <= below + 1  # beside or above the curves that follow it
         assert page.complaints == []
-        host = url.removeprefix("http://")
+        host = url.removeprefix("http://").partition("/")[0]
         allowed = ("data:", "blob:", f"http://{host}", f"ws://{host}")
         assert [a for a in page.addresses if not a.startswith(allowed)] == []
 

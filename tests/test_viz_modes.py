@@ -10,7 +10,7 @@ import pytest
 pytest.importorskip("meshcat", reason="needs the extra: pip install 'fasbody[view]'")
 
 from made_cell import HZ, write
-from test_viz_server import documents, serve, status, upgrade
+from page_client import at, documents, serve, status, upgrade
 from typer.testing import CliRunner
 
 from fasbody.exceptions import FasError
@@ -33,11 +33,11 @@ def test_server_shows_the_cell_and_refuses_strangers(result: Path) -> None:
         assert "default-src 'none'" in page.headers["Content-Security-Policy"]
         assert b"cell.js" in page.body
         for name in ("meshcat.js", "stage.js", "controls.js", "stream.js", "cell.js", "style.css"):
-            assert (await status(server.url + name)).code == 200
+            assert (await status(at(server.url, name))).code == 200
         for name in ("foot.js", "cell.html", "cell.npz", "../cell.py"):
-            assert (await status(server.url + name)).code == 404
+            assert (await status(at(server.url, name))).code == 404
         assert (await status(server.url, Host="evil.example")).code == 403
-        socket = await upgrade(server, Origin=server.url.rstrip("/"))
+        socket = await upgrade(server, Origin=server.origin)
         model = await documents(socket, "model")
         assert [mode["hz"] for mode in model["modes"]] == list(HZ)
         assert (model["mode"], model["height_um"]) == (2, pytest.approx(20))

@@ -141,7 +141,7 @@ def test_foot_in_the_browser(opened: Any) -> None:
         assert [page.height(s) for s in ("tibia", "metatarsals", "navicular")] == pytest.approx(rest, abs=1e-9)
 
         assert page.complaints == []
-        host = url.removeprefix("http://").rstrip("/")
+        host = url.removeprefix("http://").partition("/")[0]
         outside = [
             a for a in page.addresses if not a.startswith(("data:", "blob:", f"http://{host}/", f"ws://{host}/"))
         ]

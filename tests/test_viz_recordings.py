@@ -26,7 +26,7 @@ DROP = """files => {
   const about = { dataTransfer: data, bubbles: true, cancelable: true };
   for (const type of ["dragover", "drop"]) document.body.dispatchEvent(new DragEvent(type, about));
 }"""
-#: Rows of the table as a person reads them: tick, file, frequency, the three fields, status.
+#: Rows of the table as a person reads them: tick, file, frequency, seconds, the three fields, status.
 TABLE = """[...byId('recordings').querySelectorAll('tr[data-id]')].map(tr => [tr.querySelector('input').checked,
   ...[...tr.cells].slice(1, -1).map(td => td.querySelector('input')?.value ?? td.textContent.trim())])"""
 RECTANGLE = "(r => [r.left, r.top, r.right, r.bottom])({}.getBoundingClientRect())"
@@ -67,9 +67,9 @@ def test_table_is_filled_many_at_once_and_kept_as_a_study(opened: Any, tmp_path:
         assert page("[byId('bundled').hidden, byId('start_fit').disabled]") == [False, True]
         drop(page, {name: text.encode() for name, text in FILES.items()}, 3)
         assert page(TABLE) == [  # loads are those of the names
-            [True, "10hz_0kg.csv", "10", "0", "", "m/s^2", "sound"],
-            [True, "20hz_0kg.csv", "20", "0", "", "m/s^2", "sound"],
-            [True, "25hz_2.3kg.csv", "25", "2.3", "", "m/s^2", "sound"],
+            [True, "10hz_0kg.csv", "10", "3.999", "0", "", "m/s^2", "sound"],
+            [True, "20hz_0kg.csv", "20", "3.999", "0", "", "m/s^2", "sound"],
+            [True, "25hz_2.3kg.csv", "25", "3.999", "2.3", "", "m/s^2", "sound"],
         ]
         assert "3 without body mass" in page("byId('next').textContent")
 
@@ -118,7 +118,7 @@ def test_table_is_filled_many_at_once_and_kept_as_a_study(opened: Any, tmp_path:
         page.page.get_by_role("button", name="clear").click()
         page.until("bench.rows.length === 0")
         drop(page, {"study.zip": content}, 3)
-        assert [row[2:6] for row in page(TABLE)] == [
+        assert [[row[2], *row[4:7]] for row in page(TABLE)] == [
             ["10", "0", "72.57", "m/s^2"], ["20", "0", "72.57", "m/s^2"], ["25", "2.3", "72.57", "m/s^2"]
         ]  # fmt: skip
         assert page.complaints == []
@@ -149,7 +149,7 @@ def test_unit_in_doubt_is_unticked_the_foot_rests_and_a_unit_mends_it(opened: An
         page.until("complaints.includes('furlong')")
         typed(page, "unit of these", "mm/s^2")
         page.until("ticked().length === 2 && motion && !busy && model.recorded")
-        assert [row[5] for row in page(TABLE)[:2]] == ["mm/s^2"] * 2
+        assert [row[6] for row in page(TABLE)[:2]] == ["mm/s^2"] * 2
         assert page("motion.feet.measured.ratio") == pytest.approx(1.312, abs=2e-3)  # as recorded in m/s^2
         assert page("byId('error').hidden")
 

@@ -11,12 +11,12 @@ pytest.importorskip("meshcat", reason="needs the extra: pip install 'fasbody[vie
 
 import tornado.httpclient
 import tornado.websocket
-from page_client import WAIT, ask, documents, leave, serve, status, upgrade
+from page_client import WAIT, ask, at, documents, leave, serve, status, upgrade
 
 from fasbody.exceptions import SettingError
 from fasbody.recording.study import BUNDLED
 from viz.feet import Show
-from viz.server import Server
+from viz.server import REFUSED, Server
 from viz.settings import settings_from
 
 RECORDED = str(BUNDLED / "recordings" / "20hz_0kg.csv")
@@ -36,11 +36,11 @@ def test_strangers_are_refused(show: Show) -> None:
         assert "unsafe-eval" not in policy
         assert "script-src 'self';" in policy
         for name in ("meshcat.js", "stage.js", "plots.js", "foot.js", "style.css", "vendor/uplot.js"):
-            assert (await status(server.url + name)).code == 200
+            assert (await status(at(server.url, name))).code == 200
         for name in ("../foot.py", "foot.py", "%2e%2e/foot.py", "foot.html", "cell.html"):
-            assert (await status(server.url + name)).code == 404
+            assert (await status(at(server.url, name))).code == 404
         assert (await status(server.url, Host="evil.example")).code == 403
-        here = server.url.rstrip("/")
+        here = server.origin
         for origin in (
             "http://evil.example", f"http://127.0.0.1:{server.port + 1}", "null", "", f"{here}/", f"{here}.evil.org",
             *(here.replace("http:", other) for other in ("https:", "ws:", "wss:", "file:", "HTTP:")),
@@ -58,9 +58,33 @@ def test_strangers_are_refused(show: Show) -> None:
     serve(show, client)
 
 
+def test_without_the_token_of_the_address_everything_is_refused(show: Show) -> None:
+    """Other accounts of this machine reach the port, too. What a browser's command line shows works once."""
+
+    async def client(server: Server) -> None:
+        paths = ("", "foot.js", "stream", "take", "upload")
+        for address in [f"{server.origin}/{path}{query}" for path in paths for query in ("", "?token=", "?token=x")]:
+            refused = await status(address)
+            assert refused.code == 403 or (refused.code == 404 and "upload" in address)  # there is no bench
+            assert "Set-Cookie" not in refused.headers
+        assert refused.code == 404 and (await status(server.origin)).body.decode() == REFUSED
+        with pytest.raises(tornado.httpclient.HTTPClientError, match="403"):
+            await tornado.websocket.websocket_connect(f"ws{server.origin.removeprefix('http')}/stream")
+        once = server.address_once()
+        page = await status(once)
+        assert page.code == 200 and server.key not in once
+        assert (await status(once)).code == 403
+        cookie = page.headers["Set-Cookie"]
+        assert "HttpOnly" in cookie and "SameSite=Lax" in cookie and f"fasbody-{server.port}=" in cookie
+        assert (await status(f"{server.origin}/foot.js", Cookie=cookie.partition(";")[0])).code == 200
+        assert (await status(f"{server.origin}/foot.js", Cookie=f"fasbody-{server.port}=x")).code == 403
+
+    serve(show, client)
+
+
 def test_pages_get_motions_and_sentences(show: Show) -> None:
     async def client(server: Server) -> None:
-        sockets = [await upgrade(server, Origin=server.url.rstrip("/")) for _ in range(3)]
+        sockets = [await upgrade(server, Origin=server.origin) for _ in range(3)]
         asked = {"type": "simulate", "frequency": 20, "peak_to_peak": 17.9, "added_mass": 0}
         for number, socket in enumerate(sockets):
             model = await documents(socket, "model")
@@ -103,7 +127,7 @@ def test_ten_killed_browsers_leave_nothing_behind(show: Show) -> None:
     async def client(server: Server) -> None:
         asked = {"type": "simulate", "frequency": 20, "peak_to_peak": 17.9, "added_mass": 0}
         for number in range(10):
-            socket = await upgrade(server, Origin=server.url.rstrip("/"))
+            socket = await upgrade(server, Origin=server.origin)
             await socket.write_message(json.dumps(asked | {"request": number}))
             if number % 2:
                 await documents(socket, "model")

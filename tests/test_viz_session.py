@@ -24,6 +24,10 @@ from viz.session import NAME
 FILES = {name: BUNDLED / "recordings" / name for name in ("10hz_0kg.csv", "20hz_0kg.csv", "25hz_2.3kg.csv")}
 
 
+JOB: dict[str, Any] = {"sources": {}, "model": "two_dof"}
+FIT: dict[str, Any] = {"fit": {"branches": [], "sentence": "It is so."}}
+
+
 def made(*models: str) -> Bench:
     bench = Bench(Show(list(models) or ["two_dof"]))
     bench.fits.prepare = lambda: None  # type: ignore[method-assign]
@@ -52,8 +56,9 @@ def test_a_session_comes_back_as_it_was(bench: Bench) -> None:
     bench.correct({3: {"channels": {"base": {"column": "left", "unit": "m/s^2"}}}})
     bench.use(1)
     job = replace(bench._job([0, 3, 4], {"values": {"c_12": 40}}), settings={"starts": 2})
-    document = {"type": "fitted", "number": 1, "fit": {"branches": [], "sentence": "It is so."}, "script": ""}
-    bench._fit = job, document
+    for sentence in ("It is so.", "It is not so."):
+        bench.history.add(job, {"fit": {"branches": [], "sentence": sentence}})
+    bench.show_fit(1)
     before, page = bench.document(), {"ticked": [0, 3], "state": {"values": {"k_T": 2e5}}}
     content = saved(bench, page)
     for _ in range(2):
@@ -65,10 +70,13 @@ def test_a_session_comes_back_as_it_was(bench: Bench) -> None:
             ids = kinds["session"]["ids"]
             assert kinds["session"]["page"] == page and after["shown"] == before["shown"]
             assert kinds["fitted"]["fit"]["sentence"] == "It is so." and after["stale"] == ""
-            again = other._fit[0] if other._fit else None
-            assert again and [again.sources[ids[k]].read().base_m_s2.std() for k in (0, 3, 4)] == [
-                s.read().base_m_s2.std() for s in job.sources.values()
-            ]
+            again, _ = other.history.of_model("two_dof") or (None, None)
+            assert (
+                len(other.history.answers) == 2
+                and again
+                and [again.sources[ids[k]].read().base_m_s2.std() for k in (0, 3, 4)]
+                == [s.read().base_m_s2.std() for s in job.sources.values()]
+            )
             assert (again.values, again.settings, again.model) == (job.values, job.settings, "two_dof")
             other.correct({ids[0]: {"body_mass_kg": 50}})
             assert "10hz_0kg.csv was read in another way" in other.document()["stale"]
@@ -92,7 +100,7 @@ def test_a_model_of_ones_own_goes_along_with_what_it_includes(tmp_path: Path) ->
     bench = made(str(own))
     try:
         bench.bundled()
-        bench._fit = bench._job([0], {}), {"type": "fitted", "number": 1, "fit": {"branches": []}, "script": ""}
+        bench.history.add(bench._job([0], {}), {"fit": {"branches": []}})
         content, stiffness = saved(bench), bench.show.feet["a"].values()["k_F"]
         bench.check(own.read_text() + "<!-- more -->")
         with pytest.raises(FasError, match="is not saved yet"):
@@ -120,13 +128,15 @@ def changed(content: bytes, change: Any) -> bytes:
 @pytest.mark.parametrize(
     ("change", "sentence"),
     [
-        (lambda d: d.update(fasbody_session=2), "is a session of form 2, not 1; update fasbody"),
+        (lambda d: d.update(fasbody_session=3), "is a session of form 3, not 2; update fasbody"),
         (lambda d: d.pop("sources"), "is not a whole session"),
         (lambda d: d["sources"]["0"].update(folder="../.."), "is not a whole session"),
         (lambda d: d["sources"]["0"].update(folder="/etc"), "is not a whole session"),
         (lambda d: d["sources"]["0"].update(file="../../x.csv"), "is not a whole session"),
         (lambda d: d["sources"].update(x={}), "is not a whole session"),
-        (lambda d: d.update(fit={"job": 1}), "is not a whole session"),
+        (lambda d: d.update(fits=[{"job": 1}]), "is not a whole session"),
+        (lambda d: d.update(fits=[{"job": JOB, "document": {"fit": {}}}]), "is not a whole session"),
+        (lambda d: d.update(fits=[{"job": JOB | {"model": "/etc/passwd"}, "document": FIT}]), "is not a whole session"),
     ],
 )
 def test_a_session_that_is_none_is_refused(bench: Bench, change: Any, sentence: str) -> None:
@@ -137,6 +147,22 @@ def test_a_session_that_is_none_is_refused(bench: Bench, change: Any, sentence: 
     with pytest.raises(FasError, match="no session was dropped"):
         bench.open_session()
     assert list(bench.recordings.sources) == [0]
+
+
+def test_a_session_of_one_fit_opens(bench: Bench) -> None:
+    """As this page saved it before it kept all fits."""
+
+    def before(document: dict[str, Any]) -> None:
+        del document["fits"], document["chosen"]
+        document.update(fasbody_session=1, fit={"job": JOB, "document": FIT})
+
+    bench.bundled()
+    other, answers = opened_with(changed(saved(bench), before))
+    try:
+        assert [a["fit"]["sentence"] for a in answers if a["type"] == "fitted"] == ["It is so."]
+        assert [a["fits"][0]["at"] for a in answers if a["type"] == "history"] == [0.0]
+    finally:
+        other.close()
 
 
 def test_no_file_of_a_session_lands_elsewhere(bench: Bench) -> None:

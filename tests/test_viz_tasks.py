@@ -87,3 +87,19 @@ def test_a_text_beyond_what_the_page_takes_is_said_at_once(opened: Any, tmp_path
         page("editor.view.dispatch({ changes: { from: 0, insert: `<!--${'x'.repeat(1.2e6)}-->` } })")
         page.until("byId('editor_state').textContent.includes('1.2 MB are more than the page takes')")
         assert page("socket.readyState") == 1 and page.complaints == []
+
+
+def test_the_token_leaves_the_address_bar_and_a_reload_needs_none(opened: Any, tmp_path: Any) -> None:
+    """A page of an ended session stops asking, and says where to go."""
+    with served("--model", "two_dof", folder=tmp_path) as url:
+        page = Watched(opened, url, (1000, 700))
+        assert page("location.search") == "?quality=low" and page("document.cookie") == ""
+        page.page.reload()
+        page.until("window.stats && stats.motions > 0")
+        assert page.complaints == []
+        page.page.context.clear_cookies()
+        page("socket.close()")
+        page.until("byId('state').textContent === 'connection lost' && !byId('error').hidden")
+        assert page("byId('error').textContent").startswith("Open the address that the command printed")
+        page.page.reload()
+        assert page.page.inner_text("body").startswith("Open the address that the command printed")

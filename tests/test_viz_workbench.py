@@ -14,7 +14,7 @@ import pytest
 pytest.importorskip("meshcat", reason="needs the extra: pip install 'fasbody[view]'")
 
 import tornado.httpclient
-from page_client import WAIT, documents, leave, status, upgrade
+from page_client import WAIT, at, documents, leave, status, upgrade
 
 import mjcf
 from fasbody.exceptions import FasError
@@ -84,10 +84,9 @@ def test_study_is_read_as_a_whole(bench: Bench) -> None:
     for file in (*BUNDLED.glob("*.*"), *sorted(BUNDLED.glob("recordings/*.csv"))[:4]):
         names.append(f"study/{file.relative_to(BUNDLED)}")
         bench.keep(names[-1], file.read_bytes())
-    told: list[dict[str, Any]] = []
-    bench.send = told.append
-    (listed,) = bench.open(names)
-    assert [document["type"] for document in told] == ["data", "model"]  # the foot moves while the rest is read
+    *first, listed = bench.open(names)
+    assert [document["type"] for document in first] == ["data", "model"]  # the foot moves while the rest is read
+    assert first[0]["unread"] == len(first[0]["rows"]) * 11 == 11 and listed["unread"] == 0
     rows = listed["rows"]
     assert len(rows) == 12
     good = [row for row in rows if not row["unread"]]
@@ -157,7 +156,7 @@ def test_rows_keep_their_ids_and_what_was_said_of_them(bench: Bench) -> None:
     names = ["Proband 3 – 20 Hz [1].csv", "a#b&c.csv", "c.csv"]
     assert [bench.keep(name, ONE.read_bytes()) for name in names] == [[name] for name in names]
     assert bench.keep('d<1>?".csv', ONE.read_bytes()) == ["d_1___.csv"]
-    (listed,) = bench.open(names)
+    *_, listed = bench.open(names)
     assert [(row["id"], row["file"]) for row in listed["rows"]] == list(enumerate(names))
     bench.correct({1: {"body_mass_kg": 60}})
     bench.keep(names[1], ONE.read_bytes())
@@ -203,8 +202,8 @@ def test_fit_belongs_to_its_model_and_recordings(bench: Bench) -> None:
     bench.open(["20hz.csv"])
     question = bench._job([0], {})
     assert (question.model, question.script.count("20hz.csv")) == ("two_dof", 1)
-    document: dict[str, Any] = {"type": "fitted", "number": 1, "fit": {"branches": []}}
-    bench._fit, bench.show.fit = (question, document), document["fit"]
+    document = bench.history.add(question, {"fit": {"branches": []}})
+    bench.show.fit = document["fit"]
     assert document in bench.documents() and bench.document()["stale"] == ""
     bench.correct({0: {"body_mass_kg": 60}})
     assert "20hz.csv was read in another way" in bench.document()["stale"]
@@ -229,7 +228,7 @@ def test_fit_is_out_of_date_when_an_included_file_changes(tmp_path: Path) -> Non
     try:
         bench.keep("20hz.csv", ONE.read_bytes())
         bench.open(["20hz.csv"])
-        bench._fit = bench._job([0], {}), {"type": "fitted", "number": 1, "fit": {"branches": []}}
+        bench.history.add(bench._job([0], {}), {"fit": {"branches": []}})
         assert bench.document()["stale"] == ""
         (tmp_path / "body.xml").write_text(f"<mujoco>{text[start:end]}<!-- another --></mujoco>")
         assert "the model's file was changed" in bench.document()["stale"]
@@ -498,7 +497,7 @@ def test_changes_need_the_session_key() -> None:
     async def post(server: Server, body: bytes, name: str = "20hz.csv", **headers: str) -> Any:
         client = tornado.httpclient.AsyncHTTPClient(force_instance=True)
         try:
-            url = f"{server.url}upload?name={name}"
+            url = f"{at(server.url, 'upload')}&name={name}"
             return await client.fetch(url, method="POST", body=body, headers=headers, raise_error=False)
         finally:
             client.close()
@@ -526,13 +525,13 @@ def test_changes_need_the_session_key() -> None:
             )  # refused or cut off, and never read
             client.close()
             assert (await post(server, good, **key)).code == 200
-            socket = await upgrade(server, Origin=server.url.rstrip("/"))
+            socket = await upgrade(server, Origin=server.origin)
             assert (await documents(socket, "models"))["now"] == "two_dof"
-            other = await upgrade(server, Origin=server.url.rstrip("/"))  # a second tab sees what the first one does
+            other = await upgrade(server, Origin=server.origin)  # a second tab sees what the first one does
             for path in ("report", "results", "take"):
-                assert (await status(server.url + path)).code == 404  # nothing is made yet
-                assert (await status(server.url + path, Host="evil.example")).code == 403
-                assert (await status(server.url + path, Origin="http://evil.example")).code == 403
+                assert (await status(at(server.url, path))).code == 404  # nothing is made yet
+                assert (await status(at(server.url, path), Host="evil.example")).code == 403
+                assert (await status(at(server.url, path), Origin="http://evil.example")).code == 403
             for asked in ({"type": "open", "names": ["20hz.csv"]}, {"type": "save", "text": "x", "key": "wrong"}):
                 await socket.write_message(json.dumps(asked))
                 assert "another session" in (await documents(socket, "complaint"))["text"]

@@ -135,7 +135,7 @@ class Watched:
         page.on("pageerror", lambda error: self.complaints.append(str(error)))
         page.on("request", lambda request: self.addresses.append(request.url))
         page.on("websocket", lambda socket: self.addresses.append(socket.url))
-        page.goto(f"{url}?quality=low")
+        page.goto(f"{url}{'&' if '?' in url else '?'}quality=low")
         self.until("window.stats && stats.motions > 0")
         self("play(false)")
 

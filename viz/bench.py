@@ -24,18 +24,20 @@ from viz.excitation import Excitation
 from viz.feet import MODEL, Show
 from viz.fits import Fits
 from viz.fitted import fitted
-from viz.job import Job
+from viz.history import History
+from viz.job import Answer, Job
 from viz.load import files_of, load_foot
-from viz.model_text import ModelText
+from viz.model_text import ModelText, is_shipped
 from viz.recordings import Recordings
 from viz.session import Session
 from viz.settings import settings_from
+from viz.signals import signals
 from viz.source import Source, on_page, study_files
 from viz.worker import Send
 
 Document = dict[str, Any]
 #: Documents for the requesting page alone; all others are for every page.
-PRIVATE = {"columns", "checked", "saved", "taken", "kept", "session_kept", "session"}
+PRIVATE = {"columns", "signals", "checked", "saved", "taken", "kept", "session_kept", "session", "comparison"}
 #: Fewest and most starts of a fit.
 _STARTS = (1, 64)
 
@@ -52,8 +54,10 @@ class Bench:
         recordings: of the session.
         model: as text.
         fits: the process that fits.
+        history: of the fits that were made.
         current: id of the recording that shakes the foot, -1 for none.
         dropped_session: folder and content of a session's file that was dropped last.
+        unread: dropped recordings that are still to be read; see `read_next`.
     """
 
     def __init__(self, show: Show, send: Send = lambda document: None, results: Path | None = None) -> None:
@@ -67,11 +71,11 @@ class Bench:
         self.model = ModelText(show, self.folder)
         self.fits = Fits(lambda document: self.send(document), self._answered, self._doubt)
         self.current = -1
-        self._fit: tuple[Job, Document] | None = None
-        self._rivals: tuple[Job, Document] | None = None
-        self._count = 0  # of fits
+        self.history = History()
+        self._rivals: Answer | None = None
         self._first = (self.model.name, show.fit)  # a result that was there from the start
         self.dropped_session: tuple[Path, Session] | None = None
+        self.unread: list[Source] = []
 
     @property
     def folder(self) -> Path:
@@ -100,19 +104,25 @@ class Bench:
 
     def documents(self) -> list[Document]:
         """The documents for a page that opens now."""
-        return [self.document(), self.model.document(), self.fits.progress(), *self._results_of_model()]
+        now = [self.document(), self.model.document(), self.fits.progress(), self.history.document()]
+        return [*now, *self._results_of_model()]
 
     def document(self) -> Document:
         """The recordings, as the page lists them."""
-        stale = self._fit[0].stale(self.recordings.sources, self.model.whole) if self._fit else ""
-        if self._fit:
-            self._fit[1]["fit"]["stale"] = stale  # an exported page states it, too
-        rows = list(self.recordings.rows.values())
-        return {"type": "data", "session": self.session, "rows": rows, "shown": self.current, "stale": stale}
+        answer, stale = self.history.of_model(self.model.name), ""
+        if answer:
+            stale = answer[0].stale(self.recordings.sources, self.model.whole)
+            answer[1]["fit"]["stale"] = stale  # an exported page states it, too
+        rows, undo = list(self.recordings.rows.values()), self.recordings.steps
+        about = {"session": self.session, "shown": self.current, "stale": stale, "undo": undo}
+        about["unread"] = len(self.unread)
+        return {"type": "data", **about, "rows": rows}
 
     def _results_of_model(self) -> list[Document]:
         """Fit and rivals of the model that is shown."""
-        return [answer[1] for answer in (self._fit, self._rivals) if answer and answer[0].model == self.model.name]
+        name = self.model.name
+        answers = (self.history.of_model(name), self._rivals)
+        return [answer[1] for answer in answers if answer and answer[0].model == name]
 
     def followed(self) -> list[Document]:
         """The documents for all pages after another program changed a file of the model."""
@@ -131,12 +141,17 @@ class Bench:
         text, name, digest = (str(message.get(key, "")) for key in ("text", "name", "digest"))
         fields = message.get("said")
         fields = fields if isinstance(fields, dict) else {}
-        several = message.get("numbers", []) if kind in ("fit", "rivals", "remove", "keep_study") else []
-        chosen = [n for n in several if isinstance(n, int)]
+        several = message.get("numbers", [])
+        chosen = [n for n in several if isinstance(n, int)] if isinstance(several, list) else []
         actions: dict[Any, Callable[[], list[Document]]] = {
-            "open": lambda: self.open([str(n) for n in message.get("names", [])]), "bundled": self.bundled,
+            "open": lambda: self._begin_reading(uploads.sources(self.folder, [*map(str, message.get("names", []))])),
+            "bundled": lambda: self._begin_reading(_bundled()),
             "use": lambda: self.use(number), "sine": self.sine, "columns": lambda: self.columns(number),
+            "signals": lambda: [{"type": "signals", "number": number, **signals(self.recordings.source(number))}],
             "correct": lambda: self.correct(_changes(message.get("changes"))),
+            "undo": lambda: self.undo(message.get("again") is True),
+            "show_fit": lambda: self.show_fit(number), "remove_fit": lambda: self.remove_fit(number),
+            "compare_fits": lambda: [self.history.comparison(chosen, name)],
             "fit": lambda: self.fit(chosen, fields), "stop": self.stop, "rivals": lambda: self.rivals(chosen, fields),
             "remove": lambda: self.remove(chosen), "keep_study": lambda: self.keep_study(chosen),
             "report": self.report, "choose": lambda: self.choose(name), "check": lambda: self.check(text),
@@ -167,44 +182,55 @@ class Bench:
 
     def open(self, names: list[str]) -> list[Document]:
         """Read dropped files, or the study among them, and show the first that can be shown."""
-        return self._add(uploads.sources(self.folder, names))
+        return self._begin_reading(uploads.sources(self.folder, names)) + self._read_all()
 
     def bundled(self) -> list[Document]:
         """The study that ships with the package."""
-        return self._add([Source(file, str(BUNDLED)) for file in study_files(BUNDLED)])
+        return self._begin_reading(_bundled()) + self._read_all()
 
-    def _add(self, fresh: list[Source]) -> list[Document]:
+    def _begin_reading(self, fresh: list[Source]) -> list[Document]:
+        """Read recordings as far as the first that can be shown; the others are `unread`."""
         if not fresh:
             raise SettingError("none of these files is a recording; drop a .csv, or any format of the readers.")
         self.fits.prepare()  # loads the solver while the recordings are read
-        is_driving = False
-        for source in fresh:
+        for k, source in enumerate(fresh):
             number = self.recordings.first([self.recordings.add(source)])
-            if not is_driving and number >= 0:
-                documents, is_driving = self.use(number), True
-                if len(fresh) == 1:
-                    return documents
-                for document in documents:  # the foot moves while the others are read
-                    self.send(document)
+            if number >= 0:
+                self.unread += fresh[k + 1 :]
+                return self.use(number)  # the foot moves while the others are read
         doubtful = [number for number, row in self.recordings.rows.items() if row["doubt"]]
-        if not is_driving and self.current < 0 and doubtful:
+        if self.current < 0 and doubtful:
             return self.use(doubtful[0])  # the foot is at rest, with the reason
         return [self.document()]
 
+    def read_next(self) -> list[Document]:
+        """Read one more of the unread recordings; the list of all after the last one."""
+        if self.unread:
+            self.recordings.add(self.unread.pop(0))
+        return [] if self.unread else [self.document()]
+
+    def _read_all(self) -> list[Document]:
+        return [document for _ in list(self.unread) for document in self.read_next()]
+
     def correct(self, changes: Mapping[int, Mapping[str, Any]]) -> list[Document]:
         """Read recordings again with the page's corrections; where one correction is invalid, none is applied."""
-        changed = {number: self.recordings.corrected(number, fields) for number, fields in changes.items()}
-        for number, source in changed.items():
-            self.recordings.put(number, source)
+        return self._corrected(self.recordings.correct(changes))
+
+    def undo(self, again: bool) -> list[Document]:
+        """Take back the last corrections, or make them `again`."""
+        return self._corrected(self.recordings.undo(again))
+
+    def _corrected(self, changed: set[int]) -> list[Document]:
         if self.current in changed:
             return self.sine() if self.recordings.rows[self.current]["unread"] else self.use(self.current)
-        good = self.recordings.first(changed)
+        good = self.recordings.first(sorted(changed))
         alone = len(changed) == 1 or self.current < 0
         return self.use(good) if good >= 0 and alone else [self.document()]
 
     def remove(self, numbers: list[int]) -> list[Document]:
         """Forget recordings; their files go where no fit needs them for its report."""
-        jobs = [job for job in (self._fit and self._fit[0], self._rivals and self._rivals[0], self.fits.job) if job]
+        answers = [*self.history.answers.values(), *([self._rivals] if self._rivals else [])]
+        jobs = [*(job for job, _ in answers), *([self.fits.job] if self.fits.job else [])]
         needed = {source.path for job in jobs for source in job.sources.values()}
         for number in numbers:
             self.recordings.forget(number, self.folder, needed)
@@ -298,12 +324,41 @@ class Bench:
         return [self.fits.progress()]
 
     def report(self) -> list[Document]:
-        """Write the report of the last fit; the page opens it when it is there."""
-        if self._fit is None:
+        """Write the report of the fit that is shown; the page opens it when it is there."""
+        answer = self.history.of_model(self.model.name)
+        if answer is None:
             raise SettingError("there is no fit yet; start one.")
         self._results = None  # the new one counts
-        self.fits.report(self._fit[0], self.folder / "results")
+        self.fits.report(answer[0], self.folder / "results")
         return []
+
+    def show_fit(self, number: int) -> list[Document]:
+        """Show a fit that was made before, with its model.
+
+        Raises:
+            SettingError: it is no longer kept. FasError: its model cannot be shown.
+        """
+        job, document = self.history.answer(number)
+        self.history.chosen = number
+        if job.model != self.model.name:
+            return self.choose(job.model)
+        self.show.fit = document["fit"]
+        return [document, self.document()]
+
+    def remove_fit(self, number: int) -> list[Document]:
+        """Forget a fit.
+
+        Raises:
+            SettingError: it is no longer kept.
+        """
+        self.history.answer(number)
+        before = self.history.of_model(self.model.name)
+        del self.history.answers[number]
+        after = self.history.of_model(self.model.name)
+        if after is before:
+            return [self.history.document()]
+        self.show.fit = after[1]["fit"] if after else {}
+        return [self.history.document(), after[1] if after else self.show.description(), self.document()]
 
     def zipped(self) -> bytes:
         """What `FitResult.write` writes, in one file; empty where nothing is written."""
@@ -338,11 +393,10 @@ class Bench:
             parameters = (self.show.feet[MODEL] if is_current else load_foot(job.model)).parameters
             fit = fitted(document["document"], parameters, document["sentence"], job.values)
             answer = {key: document[key] for key in ("data", "curves", "chi_square", "traces", "seconds")}
-            self._count += 1
-            answer |= {"type": "fitted", "number": self._count, "fit": fit, "script": job.script}
-            self._fit = job, answer
+            answer = self.history.add(job, answer | {"fit": fit})
             if is_current:
                 self.show.fit = fit
+            self.send(self.history.document())
         if is_current:
             self.send(answer)
             self.send(self.document())
@@ -393,7 +447,11 @@ class Bench:
             raise SettingError("a model passed from Python cannot be saved in a session.")
         if self.model.draft:
             raise SettingError("the model in the editor is not saved yet; save it before you save the session.")
-        jobs = [answer[0].sources for answer in (self._fit, self._rivals) if answer]
+        kept = f"model/{Path(self.model.name).name}" if self.model.file is not None else self.model.name
+        pairs = [(number, self._kept(answer, kept)) for number, answer in self.history.answers.items()]
+        fits = {number: answer for number, answer in pairs if answer}
+        rivals = self._kept(self._rivals, kept) if self._rivals else None
+        jobs = [job.sources for job, _ in (*fits.values(), *([rivals] if rivals else []))]
         sources = [source for group in (self.recordings.sources, *jobs) for source in group.values()]
         folders = uploads.places(self.folder, {Path(s.folder) for s in sources if s.folder != str(BUNDLED)})
         files = {
@@ -406,18 +464,20 @@ class Bench:
             beside = main.resolve().parent
             parts = [file for file in files_of(name) if file.is_relative_to(beside) and file.is_file()]
             files |= {f"model/{file.relative_to(beside).as_posix()}": file.read_bytes() for file in parts}
-        kept = f"model/{Path(name).name}" if main is not None else name
-        fit, rivals = (self._kept(answer, kept) for answer in (self._fit, self._rivals))
-        session = Session(self.recordings.sources, self.current, kept, fit, rivals, page, files)
+        chosen = list(fits).index(self.history.chosen) if self.history.chosen in fits else -1
+        answers = tuple(fits.values())
+        session = Session(self.recordings.sources, self.current, kept, answers, chosen, rivals, page, files)
         write_whole(self.folder / ".session.zip", session.pack(folders))
         return [{"type": "session_kept"}]
 
-    def _kept(self, answer: tuple[Job, Document] | None, model: str) -> tuple[Job, Document] | None:
-        """A result of the model that is shown, for the session's file; its digest goes where it is up to date."""
-        if answer is None or answer[0].model != self.model.name:
-            return None
+    def _kept(self, answer: Answer, model: str) -> Answer | None:
+        """A result for the session's file: of the model that is shown, whose digest goes where it is up to date, or of
+        a shipped one; None of other files, which the session does not hold.
+        """
         job, document = answer
-        return replace(job, model=model, text="" if job.text == self.model.whole else "changed"), document
+        if job.model == self.model.name:
+            return replace(job, model=model, text="" if job.text == self.model.whole else "changed"), document
+        return answer if is_shipped(job.model) else None
 
     def open_session(self) -> list[Document]:
         """Take up the session whose file was dropped, in place of this one.
@@ -433,29 +493,37 @@ class Bench:
         for name, content in session.files.items():
             if kept := uploads.safe(name):
                 write_whole(folder / kept, content)
-        self._fit = self._rivals = None
+        self.history, self._rivals = History(count=self.history.count), None
         self.remove(list(self.recordings.sources))
+        self.recordings.forget_corrections()
         in_file = session.model.startswith("model/")
         models = self.choose(str(folder / session.model) if in_file else session.model)
         ids = {number: self.recordings.add(source, new=True) for number, source in session.sources.items()}
-        self._fit, self._rivals = self._opened(session.fit, ids), self._opened(session.rivals, ids)
-        if self._fit:
-            self._count += 1
-            self._fit = self._fit[0], self._fit[1] | {"number": self._count}
-            self.show.fit = self._fit[1]["fit"]
+        answers = [self._opened(answer, ids, session.model) for answer in session.fits]
+        self.history = History(answers, self.history.count)
+        self._rivals = self._opened(session.rivals, ids, session.model) if session.rivals else None
+        numbers = list(self.history.answers)
+        self.history.chosen = numbers[session.chosen] if 0 <= session.chosen < len(numbers) else 0
+        if answer := self.history.of_model(self.model.name):
+            self.show.fit = answer[1]["fit"]
         driven = self.use(ids[session.current]) if session.current in ids else self.sine()
         note = f"{Path(self.model.name).name} is this session's copy; save the session to keep its edits."
         page = {"type": "session", "page": dict(session.page), "ids": ids, "note": note if in_file else ""}
-        return [models[0], *driven, *self._results_of_model(), self.document(), page]
+        documents = [models[0], *driven, self.history.document(), *self._results_of_model(), self.document()]
+        return [*documents, page]
 
-    def _opened(self, answer: tuple[Job, Document] | None, ids: Mapping[int, int]) -> tuple[Job, Document] | None:
-        """A result of a session's file under the ids of this session."""
-        if answer is None:
-            return None
+    def _opened(self, answer: Answer, ids: Mapping[int, int], model: str) -> Answer:
+        """A result of a session's file under the ids of this session, and its `model` where that now lies."""
         job, document = answer
         sources = {ids.get(number, -1 - number): source for number, source in job.sources.items()}
-        job = replace(job, sources=sources, model=self.model.name, text=job.text or self.model.whole)
+        job = replace(job, sources=sources, text=job.text or self.model.whole)
+        job = replace(job, model=self.model.name) if job.model == model else job
         return job, document | {"script": job.script}
+
+
+def _bundled() -> list[Source]:
+    """The study that ships with the package."""
+    return [Source(file, str(BUNDLED)) for file in study_files(BUNDLED)]
 
 
 def _changes(asked: Any) -> dict[int, Mapping[str, Any]]:

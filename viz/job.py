@@ -90,3 +90,7 @@ class Job:
         ]
         changed += ["the model's file was changed"] if text != self.text else []
         return f"Out of date: since this fit {' and '.join(changed)}; fit again." if changed else ""
+
+
+#: A result as the page has it, with what it is of.
+Answer = tuple[Job, dict[str, Any]]

@@ -41,7 +41,7 @@ class ModelText:
     def file(self) -> Path | None:
         """The file of the model, None of a shipped one."""
         now = self.show.models[0]
-        return None if isinstance(now, Foot) or now.partition("@")[0] in mjcf.names() else Path(now.partition("@")[0])
+        return None if isinstance(now, Foot) or is_shipped(now) else Path(now.partition("@")[0])
 
     @property
     def text(self) -> str:
@@ -133,6 +133,11 @@ class ModelText:
         file = source or self._copy()
         write_whole(file, text)
         return {"type": "saved", "file": str(file), "text": "", "digest": _digest(text)}
+
+
+def is_shipped(name: str) -> bool:
+    """Whether a model comes with the package, of any height of the arch."""
+    return name.partition("@")[0] in mjcf.names()
 
 
 def _digest(text: str) -> str:

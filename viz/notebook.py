@@ -65,9 +65,14 @@ class Viewer:
 
     @property
     def url(self) -> str:
-        """The page's address, of this machine only."""
+        """The page's address with its token, of this machine only."""
         assert self._server is not None
         return self._server.url
+
+    def address_once(self) -> str:
+        """An address that opens the page once, for a browser's command line."""
+        assert self._server is not None
+        return self._server.address_once()
 
     def wait(self) -> None:
         """Until Ctrl-C, as a script needs it, which would otherwise end and the page with it."""
@@ -123,7 +128,7 @@ def show(
     if browser:
         import webbrowser
 
-        webbrowser.open(viewer.url)
+        webbrowser.open(viewer.address_once())
     interactive = hasattr(sys, "ps1") or bool(sys.flags.interactive) or "ipykernel" in sys.modules
     if not interactive if wait is None else wait:
         viewer.wait()

@@ -35,6 +35,7 @@ class Recordings:
         self._warnings: dict[int, list[str]] = {}  # of the checks, with their codes
         self._latest: tuple[Source, Recording] | None = None  # read last, so that a long file is read once
         self._next_id = 0
+        self.forget_corrections()
 
     def add(self, source: Source, *, new: bool = False) -> int:
         """Read a file; one that is dropped again keeps its id and its corrections, unless it is `new`."""
@@ -58,7 +59,8 @@ class Recordings:
         """The sentences of the checks, and the entries of the form."""
         source = self.sources[number]
         row: Row = {"id": number, "file": source.file, "unread": "", "problem": "", "doubt": "", "warnings": []}
-        row |= {"unit": source.unit, "body_mass_kg": source.body_mass_kg, "added_mass_kg": source.added_mass_kg}
+        row |= {"unit": source.unit, "start_s": source.start_s, "end_s": source.end_s}
+        row |= {"body_mass_kg": source.body_mass_kg, "added_mass_kg": source.added_mass_kg}
         try:
             recording = source.read()
             self._latest = source, recording
@@ -77,6 +79,47 @@ class Recordings:
     def doubt(self, numbers: Iterable[int]) -> str:
         """The checks' doubt about the units of some recordings, in a sentence; empty where there is none."""
         return for_page(unit_in_doubt(self._warnings[number] for number in numbers if number in self._warnings))
+
+    def correct(self, changes: Mapping[int, Mapping[str, Any]]) -> set[int]:
+        """Read recordings with corrections; where one correction is invalid, none is applied. The ids.
+
+        Raises:
+            SettingError, RecordingError, InputFileError: see `Source.corrected`.
+        """
+        changed = {number: self.corrected(number, fields) for number, fields in changes.items()}
+        self._undone.clear()
+        self._done.append(self._put_all(changed))
+        return set(changed)
+
+    def undo(self, again: bool) -> set[int]:
+        """Take back the last corrections, or make those `again` that were taken back last. The ids.
+
+        Raises:
+            SettingError: there are none.
+        """
+        past, future = (self._undone, self._done) if again else (self._done, self._undone)
+        if not past:
+            raise SettingError(f"there is nothing to {'redo' if again else 'undo'}.")
+        changed = past.pop()
+        future.append(self._put_all(changed))
+        return set(changed) & set(self.sources)
+
+    @property
+    def steps(self) -> tuple[int, int]:
+        """How many corrections can be taken back, and made again."""
+        return len(self._done), len(self._undone)
+
+    def forget_corrections(self) -> None:
+        """Nothing is to be undone."""
+        self._done: list[dict[int, Source]] = []
+        self._undone: list[dict[int, Source]] = []
+
+    def _put_all(self, sources: Mapping[int, Source]) -> dict[int, Source]:
+        """Read recordings that are still listed; what they were before."""
+        before = {number: self.sources[number] for number in sources if number in self.sources}
+        for number in before:
+            self.put(number, sources[number])
+        return before
 
     def corrected(self, number: int, fields: Mapping[str, Any]) -> Source:
         """A source with corrections; masses that its study stated stay when its channels are corrected.

@@ -1,8 +1,8 @@
 """The page's server: the loopback only, no caller from another site, simulations off the event loop.
 
-It answers with the page's files and one stream for each page, and only to itself: see `Guarded`. It runs in the process
-of the command. Each wait has a limit: a simulation its computing time (`viz.motion.PATIENCE`), a silent page its pings,
-the start of a browser `OPENING`, the last connections `PARTING`.
+It answers with the page's files and one stream for each page, only with the session's key: see `Guarded`.
+It runs in the process of the command. Each wait has a limit: a simulation its computing time (`viz.motion.PATIENCE`),
+a silent page its pings, the start of a browser `OPENING`, the last connections `PARTING`.
 """
 
 import asyncio
@@ -48,6 +48,8 @@ GRACE = 8.0
 LOOKING = 2.0
 #: Seconds for a browser to be started, and for connections to be closed at the end.
 OPENING, PARTING = 15.0, 2.0
+#: The answer to a request without the session's key.
+REFUSED = "Open the address that the command printed: its token is missing, or belongs to an earlier session.\n"
 #: No script but ours and no address but this server; meshcat's control panel writes styles into the page.
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; "
@@ -72,7 +74,7 @@ async def serve(
         sys.stdout.flush()  # a calling process waits for the address
 
     async def look() -> None:
-        if await _opened(server.url):
+        if await _opened(server.address_once()):
             await server.until_alone()
 
     await server.run(watch, look() if browser else None)
@@ -85,12 +87,18 @@ class Server:
         show: what is shown.
         port: 0 takes a free one.
         bench: what a page may do beyond moving sliders.
+
+    Attributes:
+        key: of the session; the token of its address, and what a page sends with each change.
+        origin: scheme, name and port.
     """
 
     def __init__(self, show: Display, port: int = 0, bench: Bench | None = None) -> None:
         self.show = show
         self.bench = bench
         self.key = secrets.token_urlsafe(24)
+        self._key_once = ""
+        self._reading: asyncio.Task[None] | None = None
         self._followed = asyncio.Event()  # other files are to be watched
         self.pages: set[Stream] = set()
         self.visited = asyncio.Event()  # a page was here, even if it left before its browser's starter came back
@@ -102,7 +110,7 @@ class Server:
             problem = f"port {port} cannot be used ({error.strerror}); leave --port out for a free one."
             raise SettingError(problem) from None
         self.port = self._sockets[0].getsockname()[1]
-        self.url = f"http://{ADDRESS}:{self.port}/"
+        self.origin = f"http://{ADDRESS}:{self.port}"
         self.hosts = {f"{ADDRESS}:{self.port}", f"localhost:{self.port}"}
         self._ended = asyncio.Event()
         routes: list[Any] = [("/", Page, {"server": self, "name": show.page}), ("/stream", Stream, {"server": self})]
@@ -113,6 +121,16 @@ class Server:
             routes, websocket_ping_interval=PATIENCE / 2, websocket_ping_timeout=PATIENCE / 2,
             websocket_max_message_size=LARGEST, log_function=lambda handler: None,
         )  # fmt: skip
+
+    @property
+    def url(self) -> str:
+        """The page's address, with the token that opens it."""
+        return f"{self.origin}/?token={self.key}"
+
+    def address_once(self) -> str:
+        """An address that opens the page once, for a browser's command line, which other accounts can read."""
+        self._key_once = secrets.token_urlsafe(24)
+        return f"{self.origin}/?token={self._key_once}"
 
     async def run(self, watch: bool = False, beside: Coroutine[Any, Any, None] | None = None) -> None:
         """Serve until `stop`; with `watch` follow the files of what is shown; `beside` runs along."""
@@ -191,12 +209,32 @@ class Server:
                 page.send(page_json(document))
             else:
                 self.broadcast(document)
+        if self.bench.unread:
+            self._reading = asyncio.create_task(self._read_others())
         if self.show.files() != before:
             self._followed.set()
+
+    async def _read_others(self) -> None:
+        """Read what was dropped one by one, so that motions need not wait for the last one."""
+        assert self.bench is not None
+        while self.bench.unread:
+            try:
+                documents = await asyncio.get_running_loop().run_in_executor(self._pool, self.bench.read_next)
+            except Exception as error:
+                documents = [{"type": "complaint", "of": "open", "text": _bug(error)}]
+            for document in documents:
+                self.broadcast(document)
 
     def is_session_key(self, key: str) -> bool:
         """Whether a key is this session's."""
         return secrets.compare_digest(key.encode(errors="replace"), self.key.encode())
+
+    def admits(self, token: str) -> bool:
+        """Whether the token of an address opens the page."""
+        if self._key_once and secrets.compare_digest(token.encode(errors="replace"), self._key_once.encode()):
+            self._key_once = ""
+            return True
+        return self.is_session_key(token)
 
     def broadcast(self, document: dict[str, Any]) -> None:
         """Send one document to every page."""
@@ -246,7 +284,11 @@ class Server:
 
 
 class Guarded(tornado.web.RequestHandler):
-    """A request handler that answers only under the server's names."""
+    """A request handler that answers only under the server's names, and only with the session's key.
+
+    The address that the command prints carries the key; from then on a cookie does. Browsers share cookies between
+    ports, so its name has the port.
+    """
 
     def initialize(self, server: "Server", name: str = "") -> None:
         """Called by tornado."""
@@ -261,6 +303,20 @@ class Guarded(tornado.web.RequestHandler):
         origin = self.request.headers.get("Origin")
         if self.request.host not in self.server.hosts or not (origin is None or self.is_same_origin(origin)):
             raise tornado.web.HTTPError(403)
+        cookie = f"fasbody-{self.server.port}"
+        if self.server.is_session_key(self.get_cookie(cookie) or ""):
+            return
+        if not self.server.admits(self.get_query_argument("token", "")):
+            raise tornado.web.HTTPError(403)
+        self.set_cookie(cookie, self.server.key, httponly=True, samesite="Lax")
+
+    def write_error(self, status_code: int, **more: Any) -> None:
+        """A refusal is one sentence."""
+        if status_code != 403:
+            super().write_error(status_code, **more)
+            return
+        self.set_header("Content-Type", "text/plain; charset=utf-8")
+        self.finish(REFUSED)
 
     def is_same_origin(self, origin: str) -> bool:
         """Whether an origin is this server under the name of the request."""

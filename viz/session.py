@@ -1,4 +1,4 @@
-"""A session as a file: recordings with their corrections, the model's text, fit and rivals, and what the page shows.
+"""A session as a file: recordings with their corrections, the model's text, fits and rivals, and what the page shows.
 
 A zip of `session.json` and the files themselves, so that it opens on another machine. Recordings of the bundled study
 are named, not copied. Nothing of it is run, and no file is written outside the session's folder.
@@ -14,17 +14,17 @@ from fasbody.console import to_json
 from fasbody.exceptions import InputFileError
 from fasbody.recording.study import BUNDLED
 from viz.archive import packed, unpacked
-from viz.job import Job
+from viz.history import History
+from viz.job import Answer, Job
+from viz.model_text import is_shipped
 from viz.source import Source
 from viz.uploads import FILES, LARGEST, MOST
 
-#: Form of the file; another number is of another version.
-FORM = 1
+#: Form of the file; form 1 holds one fit. Another number is of another version.
+FORM = 2
 NAME = "session.json"
 _BUNDLED = "bundled study"
 _VALID = "give a file that this page saved"
-
-Answer = tuple[Job, dict[str, Any]]
 
 
 @dataclass(frozen=True)
@@ -35,8 +35,9 @@ class Session:
         sources: the recordings, by their ids; folders are relative to the session's, or absolute when it is open.
         current: id of the one that shakes the foot, -1 for none.
         model: shown, by name or by its file in the session.
-        fit: the last fit with its job, None where there is none.
-        rivals: the same of a comparison.
+        fits: with their jobs, in order.
+        chosen: which of them is shown, -1 for none.
+        rivals: a comparison with its job, None where there is none.
         page: ticks, sliders and what a fit may change, which only the page reads.
         files: contents by name.
     """
@@ -44,7 +45,8 @@ class Session:
     sources: Mapping[int, Source]
     current: int
     model: str
-    fit: Answer | None
+    fits: tuple[Answer, ...]
+    chosen: int
     rivals: Answer | None
     page: Mapping[str, Any]
     files: Mapping[str, bytes]
@@ -60,9 +62,7 @@ class Session:
             inside = _BUNDLED if source.folder == str(BUNDLED) else folders.get(source.folder, "")
             return replace(source, folder=inside)
 
-        def answer(kept: Answer | None) -> dict[str, Any] | None:
-            if kept is None:
-                return None
+        def answer(kept: Answer) -> dict[str, Any]:
             job = replace(kept[0], sources={n: relative(s) for n, s in kept[0].sources.items()})
             return {"job": job.document(), "document": kept[1]}
 
@@ -70,7 +70,8 @@ class Session:
             "fasbody_session": FORM,
             "sources": {number: asdict(relative(source)) for number, source in self.sources.items()},
             "current": self.current, "model": self.model, "page": dict(self.page),
-            "fit": answer(self.fit), "rivals": answer(self.rivals),
+            "fits": list(map(answer, self.fits)), "chosen": self.chosen,
+            "rivals": answer(self.rivals) if self.rivals else None,
         }  # fmt: skip
         return packed({NAME: to_json(document).encode()} | {f"files/{name}": text for name, text in self.files.items()})
 
@@ -93,22 +94,26 @@ class Session:
                 raise ValueError(source.file)
             return replace(source, folder=str(where))
 
-        def answer(kept: Any) -> Answer | None:
-            if kept is None:
-                return None
+        def answer(kept: Any) -> Answer:
             job = Job.of(kept["job"])
+            if job.model != document["model"] and not is_shipped(job.model):
+                raise ValueError(job.model)
             job = replace(job, sources={n: placed(s) for n, s in job.sources.items()})
             return job, dict(kept["document"])
 
         try:
             document = json.loads(inside[NAME])
             form = document["fasbody_session"]
-            if form == FORM:
+            if form in (1, FORM):
                 sources = {int(n): placed(Source(**source)) for n, source in document["sources"].items()}
                 files = {file.removeprefix("files/"): text for file, text in inside.items() if file != NAME}
-                fit, rivals = answer(document["fit"]), answer(document["rivals"])
+                kept = [document["fit"]] if form == 1 else document["fits"]
+                fits = tuple(answer(fit) for fit in kept if fit)
+                History(fits)  # refuses what is no result
+                chosen = len(fits) - 1 if form == 1 else int(document["chosen"])
+                rivals = answer(document["rivals"]) if document["rivals"] else None
                 current, page = int(document["current"]), dict(document["page"])
-                return cls(sources, current, str(document["model"]), fit, rivals, page, files)
+                return cls(sources, current, str(document["model"]), fits, chosen, rivals, page, files)
         except (ValueError, KeyError, TypeError, AttributeError, RecursionError):
             raise InputFileError(name, "is not a whole session", _VALID) from None
         raise InputFileError(name, f"is a session of form {form}, not {FORM}", "update fasbody, or save it again")

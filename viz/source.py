@@ -48,6 +48,7 @@ class Source:
         channels: as in study.toml, by name; empty where the file or its study says it.
         rate_hz: of a file without time.
         body_mass_kg, added_mass_kg: None for what the study says.
+        start_s, end_s: of what is used of it, from its first sample; None for all.
     """
 
     file: str
@@ -56,6 +57,8 @@ class Source:
     rate_hz: float | None = None
     body_mass_kg: float | None = None
     added_mass_kg: float | None = None
+    start_s: float | None = None
+    end_s: float | None = None
 
     @property
     def path(self) -> Path:
@@ -91,7 +94,7 @@ class Source:
             recording = Recording.read(self.path, label=self.file, layout=self._layout())
         else:
             recording = read_file(self.path)
-        return with_masses(recording, self.body_mass_kg, self.added_mass_kg)
+        return with_masses(recording.between(self.start_s, self.end_s), self.body_mass_kg, self.added_mass_kg)
 
     def _layout(self) -> Layout:
         return Layout.from_toml(Path(self.file), self.channels, self.rate_hz)
@@ -105,6 +108,8 @@ class Source:
             tables = {name: dict(table) for name, table in self.channels.items()}
             layout = f"Layout.from_toml(Path({self.file!r}), {tables!r}, {self.rate_hz!r})"
             text = f"fb.Recording.read({self.file!r}, layout={layout})"
+        if self.start_s is not None or self.end_s is not None:
+            text += f".between({self.start_s!r}, {self.end_s!r})"
         if self.body_mass_kg is None and self.added_mass_kg is None:
             return text
         return f"with_masses({text}, {self.body_mass_kg!r}, {self.added_mass_kg!r})"
@@ -120,7 +125,7 @@ class Source:
 
     def corrected(self, changes: Mapping[str, Any]) -> "Source":
         """The source with the page's corrections: tables of channels, ``unit`` of all its accelerations, ``rate_hz``,
-        masses. Entries that are not mentioned stay; for empty ones the file counts.
+        masses, seconds. Entries that are not mentioned stay; for empty ones the file counts.
 
         Raises:
             SettingError: an entry is invalid. RecordingError: a mass is not a plausible number.
@@ -143,7 +148,7 @@ class Source:
                 channels[name] = kept | unit_fields
         numbers: dict[str, Any] = {
             key: None if changes[key] in ("", None) else _converted(key, changes[key], float)
-            for key in ("rate_hz", "body_mass_kg", "added_mass_kg")
+            for key in ("rate_hz", "body_mass_kg", "added_mass_kg", "start_s", "end_s")
             if key in changes
         }
         for name in ("body", "added"):
@@ -151,6 +156,8 @@ class Source:
                 plausible(mass, name, self.file)
         source = replace(self, channels={name: table for name, table in channels.items() if table}, **numbers)
         source._layout()
+        if (source.start_s, source.end_s) != (self.start_s, self.end_s):
+            source.read()
         return source
 
     def _unit(self, text: str) -> dict[str, str]:

@@ -374,7 +374,8 @@ def _factor(file: Path, columns: Columns, layout: Layout, key: str, unit: str) -
     if unit.lower() in VOLTAGES:
         if stated.sensitivity == 1.0 and not stated.volts:
             hint = Sentence("give ", called(f"channels.{channel}.sensitivity", "100 mV/g"))
-            raise InputFileError(file, f"{channel} is in {unit}", hint)
+            symbol = {"v": "V", "mv": "mV"}.get(unit.lower(), unit)  # of a heading in lower case
+            raise InputFileError(file, f"{channel} is in {symbol}", hint)
         scale = VOLTAGES[unit.lower()] if stated.volts else 1.0
     else:
         scale = factor(file, channel, unit, ACCELERATIONS, columns.line)

@@ -47,6 +47,7 @@ class Recording(Tabled):
         others: (n,) of further accelerometers by name, such as ``foot`` [m/s^2].
         used: on each channel the column, unit and clock that it was made of, in words.
         unused: what else the file holds.
+        part_s: first and last second that are used, counted from the start of the file; None for all.
     """
 
     time_s: np.ndarray
@@ -63,6 +64,7 @@ class Recording(Tabled):
     others: Mapping[str, np.ndarray] = field(default_factory=dict)
     used: tuple[str, ...] = ()
     unused: tuple[str, ...] = ()
+    part_s: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
         """Arrays of any kind are kept as numpy's, and the index of a pandas Series is not looked at."""
@@ -283,6 +285,27 @@ class Recording(Tabled):
         further = {name.removesuffix("_m_s2"): v for name, v in channels.items() if name not in HEADER}
         named = {name: channels.get(name, getattr(self, name)) for name in HEADER[:3]}
         return replace(self, **named, tuberosity_m_s2=channels.get(HEADER[3]), others=further)
+
+    def between(self, start_s: float | None = None, end_s: float | None = None) -> "Recording":
+        """The part between two times, which are counted from the first sample.
+
+        Args:
+            start_s: None for the first sample [s].
+            end_s: None for the last sample [s].
+
+        Raises:
+            RecordingError: fewer than two samples lie between them.
+        """
+        if start_s is None and end_s is None:
+            return self
+        passed = self.time_s - self.time_s[0]
+        first, last = start_s or 0.0, float(passed[-1]) if end_s is None else end_s
+        keep = (passed >= first) & (passed <= last)
+        if keep.sum() < 2:
+            problem = f"{keep.sum()} samples lie between {first:g} and {last:g} s"
+            raise RecordingError(f"{self.file}: {problem}; give two times between 0 and {passed[-1]:g} s.")
+        part = self.with_channels({name: values[keep] for name, values in self.channels.items()})
+        return replace(part, part_s=(max(first, 0.0), min(last, float(passed[-1]))))
 
     def write(self, file: Path, matlab: str = "5") -> None:
         """Write in the format of the file's ending; as CSV numbers are as short as they are exact to 1e-6.

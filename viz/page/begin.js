@@ -1,4 +1,4 @@
 // Everything is there: the page begins.
 "use strict";
 requestAnimationFrame(tick);
-start(stage, forget, receive, ["model", "fitted", "motion"]);
+start(stage, forget, receive, ["model", "fitted", "motion"], unpackGrid);

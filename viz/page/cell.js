@@ -12,7 +12,7 @@ stage.addGround(-0.055);
 const state = { mode: 1, amplitude: 1, slow: 1, opacity: 0.55, lines: true };
 const stats = { frames: 0, motions: 0 };
 let cell = null, parts = [], meshButton = null;
-const chosen = () => cell.modes[state.mode - 1], length = () => 1 / chosen().hz, stepping = () => 48;
+const chosen = () => cell.modes[state.mode - 1], motionLength = () => 1 / chosen().hz, stepping = () => 48;
 
 // ---- controls -------------------------------------------------------------------------------------------------------
 function buildControls() {
@@ -34,9 +34,9 @@ function buildControls() {
   meshButton.setAttribute("aria-pressed", state.lines);
   takeAwaySection(stage, () => `${(cell.body || "cell").replace(/\.\w+$/, "").replace(/\W+/g, "_")}-mode-${state.mode}`, {
     page: !window.EXPORTED && (() => save("/take", "cell.html")),
-    film: () => ({ ...filmPlan(length() * state.slow, true), drawAt: showAt }),
-    scene: () => ({ keys: KEYS, seconds: length() * state.slow, periodic: true, unit: (cell.body ? 1e-6 : 1e-3) / cell.scale,
-      pose: share => { time = share * length(); pose(); } }),
+    film: () => ({ ...filmPlan(motionLength() * state.slow, true), drawAt: showAt }),
+    scene: () => ({ keys: KEYS, seconds: motionLength() * state.slow, periodic: true, unit: (cell.body ? 1e-6 : 1e-3) / cell.scale,
+      pose: share => { time = share * motionLength(); pose(); } }),
   });
 }
 
@@ -46,7 +46,7 @@ function choose(number) {
   if (number < 1 || number > cell.modes.length) return;
   const at = passedShare();
   state.mode = number;
-  time = at * length();  // the same place in the period
+  time = at * motionLength();  // the same place in the period
   byId("modes").querySelectorAll("button").forEach((b, i) => b.setAttribute("aria-pressed", i + 1 === number));
   paint();
   markMode();
@@ -156,13 +156,13 @@ function tellState() {
   const share = mode.nucleus_share === null ? "" : `nucleus ${(100 * mode.nucleus_share).toFixed(1)} % of the kinetic energy`;
   tell([cell.title, `mode ${state.mode} of ${cell.modes.length}: ${mode.label}, ${hertz(mode.hz)}${error}`, share, `${number(+state.slow.toPrecision(3))}× slower`]);
   byId("seek").value = passedShare();
-  byId("clock").textContent = `${(1e3 * passedShare() * length()).toPrecision(3)} of ${(1e3 * length()).toPrecision(3)} ms`;
+  byId("clock").textContent = `${(1e3 * passedShare() * motionLength()).toPrecision(3)} of ${(1e3 * motionLength()).toPrecision(3)} ms`;
 }
 
 // Show one share (0 to 1) of the period and draw it now: for pictures and films.
 function showAt(share) {
   play(false);
-  time = share * length();
+  time = share * motionLength();
   pose();
   tellState();
   stage.render();

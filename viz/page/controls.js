@@ -1,14 +1,15 @@
 // What every page has: sliders, buttons, error line, cameras, play and step.
 "use strict";
+/** @type {(id: string) => any} an element of the page's template, of whatever kind it is */
 const byId = id => document.getElementById(id);
 
 // A slider's row. Where its thumb is within half a step of `nominal` the value is exactly that; a double click or the
 // row's ↺ takes it there. `changed` gets each value that the user chooses. What was wrong with a typed number stands in
 // the row, and goes when it is another one.
 function slider(parent, key, label, unit, low, high, value, changed, { log = false, step = 0, hint = "", nominal = value, ends = false, fitted = null } = {}) {
-  const row = document.createElement("label");
+  const row = /** @type {Slider} */ (document.createElement("label"));
   row.innerHTML = "<span></span><button type=button class=back>↺</button><output tabindex=0 role=button></output><input type=range><i class=band hidden></i><small class=ends hidden><span></span><em></em><span></span></small>";
-  const [name, back, shown, input, band, bounds] = row.children, remarkValue = remarkIn(row, shown);
+  const [name, back, shown, input, band, bounds] = /** @type {any[]} */ ([...row.children]), remarkValue = remarkIn(row, shown);
   bounds.hidden = !ends;
   [bounds.firstChild.textContent, bounds.lastChild.textContent] = [number(low), number(high)];
   row.beside = text => { bounds.children[1].textContent = text; };
@@ -182,25 +183,25 @@ function tell(parts) {
   box.replaceChildren(...text.flatMap((part, i) => [...(i ? [" · "] : []), Object.assign(document.createElement("span"), { textContent: part })]));
 }
 
-// ---- time: `length()` [s] and `stepping()`, steps in it, are the page's ----------------------------------------------
+// ---- time: `motionLength()` [s] and `stepping()`, steps in it, are the page's ----------------------------------------------
 let playing = true, time = 0, last = 0, fresh = false;
-const passedShare = () => ((time / length()) % 1 + 1) % 1;
+const passedShare = () => ((time / motionLength()) % 1 + 1) % 1;
 function play(on) { playing = on; byId("play").textContent = on ? "Pause" : "Play"; }
-function stepOn(n) { play(false); time += n * length() / stepping(); fresh = true; }
+function stepOn(n) { play(false); time += n * motionLength() / stepping(); fresh = true; }
 byId("play").onclick = () => play(!playing);
 if (matchMedia("(prefers-reduced-motion: reduce)").matches) play(false);
 byId("step").onclick = () => stepOn(1);
-byId("seek").oninput = e => { play(false); time = +e.target.value * length(); fresh = true; };
+byId("seek").oninput = e => { play(false); time = +e.target.value * motionLength(); fresh = true; };
 function cameras(stage) { for (const name of Object.keys(stage.views)) button(byId("cameras"), name, () => stage.view(name), `camera: ${name}`); }
 
 // What a slider that has the focus keeps for itself.
 const MOVES = new Set(["ArrowLeft", "ArrowRight", "ArrowUp", "ArrowDown", "Home", "End", "PageUp", "PageDown"]);
 // A button clicked with the mouse would take the next space; one reached with the keyboard keeps the focus.
-addEventListener("click", event => { const b = event.target.closest("button"); if (b && event.detail > 0) b.blur(); });
+addEventListener("click", (/** @type {any} */ event) => { const b = event.target.closest("button"); if (b && event.detail > 0) b.blur(); });
 
 // Keys of every page; `own(key)` says whether the page takes another one. Nothing is taken from a field or a shortcut.
 function keys(ready, own) {
-  addEventListener("keydown", event => {
+  addEventListener("keydown", (/** @type {any} */ event) => {
     if (event.target.matches("select, textarea, input:not([type=range])")) return;
     if (event.target.matches("input") && MOVES.has(event.key)) return;
     if (event.ctrlKey || event.metaKey || event.altKey || !ready()) return;

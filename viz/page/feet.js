@@ -45,7 +45,7 @@ class Feet extends Stage {
   stepBack() {
     const boxes = Object.values(this.feet || {}).map(f => f.reach).filter(reach => reach && reach.length);
     const box = [0, 1].map(end => ROOM[end].map((made, i) => (end ? Math.max : Math.min)(made, ...boxes.map(b => SCALE * b[end][i]))));
-    const size = ([low, high], i) => high[i] - low[i], further = Math.max(...[0, 1].map(i => size(box, i) / size(ROOM, i)));
+    const size = (/** @type {number[][]} */ [low, high], i) => high[i] - low[i], further = Math.max(...[0, 1].map(i => size(box, i) / size(ROOM, i)));
     if (further === 1) return;
     const target = this.viewer.controls.target, eye = this.camera.position.sub(target).multiplyScalar(further);
     const [x, y, z] = [0, 1, 2].map(i => 0.5 * (box[0][i] + box[1][i] - ROOM[0][i] - ROOM[1][i]));
@@ -103,7 +103,7 @@ class Feet extends Stage {
   // Largest motion of any foot [dm]: of all that is drawn, and of what the table does not carry, turns included.
   travel(motion) {
     if (!motion.travel) motion.travel = {};
-    const known = motion.travel[this.riding];
+    const known = motion.travel[String(this.riding)];
     if (known) return known;
     let drawn = 1e-9, relative = 1e-9;
     for (const [name, foot] of Object.entries(motion.feet)) {
@@ -115,7 +115,7 @@ class Feet extends Stage {
         drawn = Math.max(drawn, this.riding ? own : Math.hypot(b[i], b[i + 1]) + turn);
       }
     }
-    return (motion.travel[this.riding] = [SCALE * drawn, SCALE * relative]);
+    return (motion.travel[String(this.riding)] = [SCALE * drawn, SCALE * relative]);
   }
 
   // How many times larger the motion is drawn: as wanted, or (null) so that the largest deformation is well seen; and
@@ -226,6 +226,7 @@ class Feet extends Stage {
 }
 
 // What is coloured: parts, loop whose force it is, ramp, and which way the force points.
+/** @type {[string[], string, string, number][]} */
 const PAINTED = [[["heel_pad", "forefoot_pad"], "fat pad", "pressure", -1], [["aponeurosis"], "fascia", "tension", 1]];
 
 // A ghost lets the foot be seen that it lies over; beside it there is no need for that.

@@ -1,16 +1,23 @@
-// Files in: what is dropped on the page, or chosen, goes to the server one by one.
+// Files in: what is dropped on the page, or chosen, goes to the server.
 "use strict";
 async function upload(files) {
-  const names = [];
   complain("");
-  for (const { file, name } of files) {
+  const send = async ({ file, name }) => {
     busyWith(`reading ${name}`);
     const answer = await fetch(`/upload?name=${encodeURIComponent(name)}`, { method: "POST", headers: { "X-Key": KEY }, body: file }).catch(() => null);
     const known = answer && (answer.headers.get("Content-Type") || "").startsWith("application/json");
     const said = known ? await answer.json() : { text: answer && answer.status === 403 ? OTHER_SESSION : `${name} could not be sent; it may be larger than 64 MB.` };
-    if (said.text) complain([complaints, said.text].filter(Boolean).join("\n")); else names.push(...said.names);
-    if (said.session) { tellServer("open_session", {}, "opening the session"); return; }
+    if (said.text) complain([complaints, said.text].filter(Boolean).join("\n"));
+    return { names: said.names || [], session: said.session };
+  };
+  const answers = [], isZip = ({ name }) => name.toLowerCase().endsWith(".zip");
+  for (const zip of files.filter(isZip)) {  // one of them may be a session, which replaces all else
+    const answer = await send(zip);
+    if (answer.session) { tellServer("open_session", {}, "opening the session"); return; }
+    answers.push(answer);
   }
+  answers.push(...await Promise.all(files.filter(file => !isZip(file)).map(send)));
+  const names = answers.flatMap(answer => answer.names);
   if (names.length) tellServer("open", { names }); else busyWith("");
 }
 

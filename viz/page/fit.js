@@ -35,11 +35,13 @@ function showProgress({ running, what, done, total, seconds }) {
 function showSeconds() { byId("fit_seconds").textContent = bench.fitBegan ? `${Math.floor((performance.now() - bench.fitBegan) / 1000)} s` : ""; }
 if (!window.EXPORTED) setInterval(showSeconds, 1000);
 
+/** @param {Fitted} document_ */
 function receiveFit(document_) {
   const another = document_.number !== bench.fitNumber;  // else this page lost its connection and has it again
   Object.assign(bench, { found: document_, fitNumber: document_.number });
   if (another) bench.branch = 0;
   showFit(document_.fit);
+  drawHistory();
   if (document_.script) { byId("script").textContent = document_.script; byId("script_box").hidden = false; }
   drawFit();
   if (!window.EXPORTED && another) { showBranch(0); openTask("fit"); }
@@ -48,6 +50,7 @@ function receiveFit(document_) {
 }
 
 // Sentence, verdict, both branches beside each other, notes: the words of the report.
+/** @param {Fit} fit */
 function showFit(fit) {
   bench.fit = fit && fit.branches ? fit : null;
   byId("found").hidden = !bench.fit;
@@ -91,6 +94,7 @@ function forgetFit() {
   byId("tabs").hidden = byId("tab_rivals").hidden && !bench.rows.length;
   if (!byId("fit_plots").hidden) tab("motion");
   drawMatrix();
+  drawHistory();
   advise();
 }
 

@@ -3,11 +3,13 @@
 const BASE = "#8fa3b8", ANKLE = "#ffb454", OTHER = "#6cb6ff", SEEN = "#7ee0a1";
 const stage = new Feet(byId("pane"));
 stage.addGround(TABLE - 0.5);
+/** @type {State} */
 const state = { frequency: 20, peak_to_peak: 17.9, added_mass: 0, values: {}, delay_s: 0, slow: 20, amplify: null };
 const stats = { frames: 0, motions: 0, posed: [], drawn: [], seconds: [] };
-let model = null, motion = null, drawn = null, asked = 0, request = 0, arrived = false, broken = "";
+let /** @type {Model} */ model = null, /** @type {Motion} */ motion = null, drawn = null, asked = 0, request = 0, arrived = false, broken = "";
 
 // ---- controls -------------------------------------------------------------------------------------------------------
+/** @type {Record<string, Slider> & { skin?: any, ride?: any, apart?: any }} */
 const rows = {};
 function buildControls(offered) {
   for (const id of ["excitation", "showing", "parameters"]) for (const old of byId(id).querySelectorAll("label, .row:not(#choosing), p")) old.remove();
@@ -38,9 +40,9 @@ function buildControls(offered) {
   if (rows.apart) apart(stage.apart, false);
   takeAwaySection(stage, () => "foot", {
     page: !window.EXPORTED && KEY ? takeAway : null,
-    film: () => ({ ...filmPlan(length() * s.slow, firstFoot().periodic), drawAt: showAt }),
-    scene: () => ({ keys: KEYS, seconds: length() * s.slow, periodic: firstFoot().periodic, unit: 1 / SCALE,
-      pose: share => { time = share * length(); stage.pose(motion, frame(), stage.gain(motion, state.amplify)); } }),
+    film: () => ({ ...filmPlan(motionLength() * s.slow, firstFoot().periodic), drawAt: showAt }),
+    scene: () => ({ keys: KEYS, seconds: motionLength() * s.slow, periodic: firstFoot().periodic, unit: 1 / SCALE,
+      pose: share => { time = share * motionLength(); stage.pose(motion, frame(), stage.gain(motion, state.amplify)); } }),
   });
   if (window.EXPORTED && !(EXPORTED.live && EXPORTED.live.twin)) {
     byId("parameters").hidden = true;  // this file holds the motions of one foot
@@ -67,19 +69,23 @@ function fitting(p) {
   };
 }
 
-// The values before, for undo: one step for each parameter that is moved.
-const past = [];
+// The values before, for undo, and those that were undone: one step for each parameter that is moved.
+const past = [], undone = [];
 let lastMoved = "";
+const valuesNow = () => ({ values: { ...state.values }, delay_s: state.delay_s, branch: bench.branch });
 function remember(name = "") {
   if (name && name === lastMoved) return;
   lastMoved = name;
-  past.push({ values: { ...state.values }, delay_s: state.delay_s, branch: bench.branch });
+  undone.length = 0;
+  past.push(valuesNow());
   if (past.length > 100) past.shift();
 }
-function undo() {
-  const before = past.pop();
+function undo(from = past, to = undone) {
+  const before = from.pop();
   lastMoved = "";
   if (!before) return;
+  forgetRemarks();
+  to.push(valuesNow());
   const { branch, ...values } = before;
   Object.assign(state, values);
   bench.branch = branch;
@@ -87,9 +93,14 @@ function undo() {
   for (const p of model.parameters) rows[p.name].set(p.name in state.values ? state.values[p.name] : p.nominal);
   ask();
 }
-byId("undo").onclick = () => { forgetRemarks(); undo(); };
-addEventListener("keydown", event => {
-  if ((event.ctrlKey || event.metaKey) && event.key === "z" && !event.target.closest("#editor, input:not([type=range]), textarea")) { event.preventDefault(); undo(); }
+const redo = () => undo(undone, past);
+byId("undo").onclick = () => undo();
+byId("redo").onclick = redo;
+addEventListener("keydown", (/** @type {any} */ event) => {
+  const key = event.key.toLowerCase(), again = key === "y" || (key === "z" && event.shiftKey);
+  if (!(event.ctrlKey || event.metaKey) || !(again || key === "z") || event.target.closest("#editor, input:not([type=range]), textarea")) return;
+  event.preventDefault();
+  if (again) redo(); else undo();
 });
 byId("reset").onclick = () => { forgetRemarks(); remember(); state.values = {}; state.delay_s = 0; for (const p of model.parameters) rows[p.name].set(p.nominal); ask(); };
 function forgetRemarks() { for (const p of model.parameters) if (rows[p.name]) rows[p.name].remark(""); }
@@ -103,7 +114,7 @@ function apart(on, look = true) {
   rows.apart.setAttribute("aria-pressed", on);
   if (look) stage.view(stage.viewed);
 }
-const firstFoot = () => Object.values(motion.feet)[0], length = () => (motion ? firstFoot().duration : 1), stepping = () => firstFoot().frames;
+const firstFoot = () => Object.values(motion.feet)[0], motionLength = () => (motion ? firstFoot().duration : 1), stepping = () => firstFoot().frames;
 
 // ---- the server -----------------------------------------------------------------------------------------------------
 let busy = false, wanted = false;
@@ -136,10 +147,10 @@ function receive(document_) {
     else if (other) {  // values of the same name are not its own
       Object.assign(state, { values: {}, delay_s: 0 });
       Object.assign(bench, { free: {}, bounds: {} });
-      past.length = 0;
+      past.length = undone.length = 0;
       forgetFit();
       byId("compared").hidden = byId("tab_rivals").hidden = true;
-      tab("motion");
+      if (!byId("rivals_plots").hidden) tab("motion");  // recordings and signals are of any model
     }
     if (!first && model.adopt) { for (const name of ["frequency", "added_mass"]) state[name] = model.settings[name]; }
     const known = new Set(model.parameters.map(p => p.name));
@@ -212,6 +223,8 @@ const plots = {
   pad: new Plot(byId("motion_plots"), "fat pad, force [N]", "compression [mm]", "", { loop: true }),
   ankle: new Plot(byId("motion_plots"), "ankle, force [N]", "compression [mm]", "", { loop: true }),
 };
+/** @type {[Plot, string][]} */
+const LOOPS = [[plots.pad, "fat pad"], [plots.ankle, "ankle"]];
 const frame = () => { const foot = firstFoot(); return passedShare() * (foot.periodic ? foot.frames : foot.frames - 1); };
 
 // A motion's curves; a period ends as it began.
@@ -230,7 +243,7 @@ function draw() {
   const dots = feet.filter(([, f]) => f.ratio !== null).map(([n, f]) => ({ label: "", colour: colourOf(n), x: [shownFrequency()], y: [f.ratio], points: 9 }));
   const top = 1.1 * Math.max(1.2, ...curves.map(([, f]) => Math.max(...f.transmissibility)), ...dots.map(d => d.y[0]));
   plots.curve.set([...curves.map(([n, f]) => ({ label: seriesLabel(n), colour: colourOf(n), x: model.curve_hz, y: f.transmissibility })), ...dots], [0, top]);
-  for (const [plot, key] of [[plots.pad, "fat pad"], [plots.ankle, "ankle"]]) {
+  for (const [plot, key] of LOOPS) {
     plot.box.hidden = !first.loops[key];
     plot.set(curves.filter(([, f]) => f.loops[key]).map(([n, f]) => ({ label: seriesLabel(n), colour: colourOf(n), x: f.loops[key].x.map(v => -1e3 * v), y: f.loops[key].force.map(v => -v) })));
   }
@@ -240,9 +253,9 @@ const shownFrequency = () => 1 / firstFoot().duration;
 // Where the moment that is shown lies on the curves.
 function follow() {
   if (drawn !== motion) { draw(); drawn = motion; }
-  const feet = Object.entries(motion.feet), t = 1e3 * passedShare() * length(), at = frame();
+  const feet = Object.entries(motion.feet), t = 1e3 * passedShare() * motionLength(), at = frame();
   plots.traces.marks([[t, sample(firstFoot().base, firstFoot(), at), BASE], ...feet.map(([n, f]) => [t, sample(f.malleolus, f, at), colourOf(n)])]);
-  for (const [plot, key] of [[plots.pad, "fat pad"], [plots.ankle, "ankle"]])
+  for (const [plot, key] of LOOPS)
     plot.marks(feet.filter(([, f]) => f.loops[key]).map(([n, f]) => [-1e3 * sample(f.loops[key].x, f, at), -sample(f.loops[key].force, f, at), colourOf(n)]));
 }
 
@@ -278,7 +291,7 @@ function tellState() {
 // Show one share (0 to 1) of the motion and draw it now: for pictures and films.
 function showAt(share) {
   play(false);
-  time = share * length();
+  time = share * motionLength();
   stage.pose(motion, frame(), stage.gain(motion, state.amplify));
   follow();
   stage.render();
@@ -305,7 +318,7 @@ function tick(now) {
       if (fresh) { legend(); tellState(); rows.amplify.show(stage.gain(motion, null)); }
       follow();
       byId("seek").value = frame() / firstFoot().frames;
-      byId("clock").textContent = `${(1e3 * (((time % length()) + length()) % length())).toFixed(1)} of ${(1e3 * length()).toFixed(1)} ms`;
+      byId("clock").textContent = `${(1e3 * (((time % motionLength()) + motionLength()) % motionLength())).toFixed(1)} of ${(1e3 * motionLength()).toFixed(1)} ms`;
     }
     if (stage.viewer.needs_render) stage.render();
     fresh = false;

@@ -41,7 +41,7 @@ class GlbFile {
   }
 
   // An accessor of numbers; `limits` where glTF asks for them.
-  numbers(values, type, limits = false, Kind = Float32Array, target = undefined) {
+  numbers(values, type, limits = false, /** @type {any} */ Kind = Float32Array, target = undefined) {
     const array = values instanceof Kind ? values : new Kind(values), width = { SCALAR: 1, VEC3: 3, VEC4: 4 }[type], buffer = this.json.buffers[0];
     const bytes = new Uint8Array(4 * Math.ceil(array.byteLength / 4));
     bytes.set(new Uint8Array(array.buffer, array.byteOffset, array.byteLength));

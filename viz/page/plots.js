@@ -10,9 +10,21 @@ class Plot {
   static all = [];
   static seen() { return Plot.all.filter(plot => plot.plot && !plot.box.hidden && plot.pane.clientWidth > 0); }
 
-  // Args: the element to go into; title; names of the axes; whether it is a loop; twice as wide; of whole numbers.
-  constructor(parent, title, x, y, { loop = false, wide = false, whole = false } = {}) {
-    Object.assign(this, { title, x, y, loop, whole, series: [], dots: [], range: null });
+  title = ""; x = ""; y = ""; loop = false; whole = false; log = false; sync = ""; key = "";
+  /** @type {Series[]} */ series = [];
+  /** @type {[number, number] | null} */ range = null;
+  /** @type {[number, number] | null} a part of the abscissa; what is beside it is faded */ used = null;
+  /** @type {((from: number, to: number) => void) | null} gets the part that is seen */ zoomed = null;
+  /** @type {any} */ plot = null;
+  /** @type {any[]} */ dots = [];
+  /** @type {any} */ at = null;
+  /** @type {any} */ head;
+  /** @type {any} */ pane;
+
+  // Args: the element to go into; title; names of the axes; whether it is a loop; twice as wide; of whole numbers; with
+  // a logarithmic ordinate; and the name of plots that share a cursor.
+  constructor(parent, title, x, y, { loop = false, wide = false, whole = false, log = false, sync = "" } = {}) {
+    Object.assign(this, { title, x, y, loop, whole, log, sync });
     this.box = document.createElement("figure");
     this.box.className = wide ? "wide" : "";
     this.box.innerHTML = "<figcaption><b></b><button type=button title='the numbers as CSV' aria-label='save the numbers as CSV'>⤓</button><span></span></figcaption><div></div>";
@@ -79,14 +91,14 @@ class Plot {
       return low === null ? [0, 1] : high > low || this.whole ? [low - room, high + room] : [low - 1, high + 1];
     };
     this.plot = new uPlot({
-      ...this.size(), legend: { show: false }, padding: [6, 14, 0, 0], cursor: { y: false, points: { size: 6 }, drag: { x: !this.loop, y: this.loop } },
-      scales: { x: { time: false, range: across }, y: { range: shown } },
-      axes: [{ ...axis(this.across(), 20), ...(this.whole ? { incrs: [1, 2, 5, 10, 20, 50, 100] } : {}) }, { ...axis(this.y, 38), size: (u, texts) => Math.max(38, 8 + 6.3 * Math.max(...(texts || []).map(text => text.length))) }],
+      ...this.size(), legend: { show: false }, padding: [6, 14, 0, 0], cursor: { ...(this.sync ? { sync: { key: this.sync } } : {}), y: false, points: { size: 6 }, drag: { x: !this.loop, y: this.loop } },
+      scales: { x: { time: false, range: across }, y: this.log ? { distr: 3 } : { range: shown } },
+      axes: [{ ...axis(this.across(), 20), ...(this.whole ? { incrs: [1, 2, 5, 10, 20, 50, 100] } : {}) }, { ...axis(this.y, 38), ...(this.log ? { values: (u, marks) => marks.map(v => tickText(v)) } : {}), size: (u, texts) => Math.max(38, 8 + 6.3 * Math.max(...(texts || []).map(text => text.length))) }],
       series: [{}, ...this.series.map(s => ({
         stroke: tone(s.colour), width: 1.6, dash: s.dashed ? [4, 3] : undefined, spanGaps: true,
         ...(s.points ? { paths: () => null, points: { show: true, size: s.points === true ? 6 : s.points, fill: tone(s.colour), width: 0 } } : { points: { show: false } }),
       }))],
-      hooks: { draw: [u => this.drawLoopsAndLimits(u)], setCursor: [u => this.tell(u)], setSize: [() => this.place()], setScale: [() => this.place()] },
+      hooks: { draw: [u => this.drawLoopsAndLimits(u)], setCursor: [u => this.tell(u)], setSize: [() => this.place()], setScale: [(u, key) => { this.place(); if (key === "x" && this.zoomed) this.zoomed(u.scales.x.min, u.scales.x.max); }] },
     }, this.data(), this.pane);
     this.dots = [];
     this.tell({ cursor: {} });
@@ -99,6 +111,12 @@ class Plot {
     ink.beginPath();
     ink.rect(u.bbox.left, u.bbox.top, u.bbox.width, u.bbox.height);
     ink.clip();
+    if (this.used) {  // what is not used is faded
+      const [from, to] = this.used.map(v => u.valToPos(v, "x", true)), { left, top, width, height } = u.bbox;
+      ink.fillStyle = isLight() ? "#ffffffb8" : "#10161db8";
+      ink.fillRect(left, top, from - left, height);
+      ink.fillRect(to, top, left + width - to, height);
+    }
     for (const s of this.series) {
       ink.strokeStyle = tone(s.colour);
       ink.lineWidth = 1.6 * devicePixelRatio;

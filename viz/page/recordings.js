@@ -1,13 +1,14 @@
 // The recordings: a table whose cells are fields, a matrix of loads against frequencies, and a form for channels.
 "use strict";
+/** @param {Recordings} document_ */
 function showRecordings(document_) {
-  const { session, rows: listed, shown, stale } = document_;
+  const { session, rows: listed, shown, stale, undo: steps, unread } = document_;
   if (bench.session && session !== bench.session) {
     for (const kept of [bench.chosen, bench.fittable, bench.unticked]) kept.clear();
     bench.lost = true;
     complain(`${STARTED_AGAIN} Reload this page, and drop the recordings again.`);
   }
-  Object.assign(bench, { session, rows: listed, shown });
+  Object.assign(bench, { session, rows: listed, shown, unread: unread || 0 });
   for (const row of listed) {  // ticked as soon as it can be fitted, and not any longer than that
     const good = sound(row), before = bench.fittable.get(row.id);
     if (good && !before && !bench.unticked.delete(row.id)) bench.chosen.add(row.id);
@@ -16,7 +17,7 @@ function showRecordings(document_) {
   }
   const here = new Set(listed.map(row => row.id));
   for (const id of [...bench.fittable.keys()]) if (!here.has(id)) { bench.fittable.delete(id); bench.chosen.delete(id); }
-  busyWith("");
+  busyWith(unread ? `reading ${unread} more` : "");
   drawTable();
   bench.corrected = -1;
   drawMatrix();
@@ -29,17 +30,21 @@ function showRecordings(document_) {
   byId("stale").textContent = stale;
   advise();
   byId("clear").hidden = !listed.length;
+  ["undo_correction", "redo_correction"].forEach((name, k) => { byId(name).disabled = !(steps && steps[k]); });
   byId("sine").hidden = bench.shown < 0;
+  viewSignals();
   keepState();
 }
 
-const readable = row => !row.unread && !row.problem, sound = row => readable(row) && !row.doubt;
+/** @typedef {(row: Row) => boolean} OfRow */
+/** @type {OfRow} */
+const readable = row => !row.unread && !row.problem, /** @type {OfRow} */ sound = row => readable(row) && !row.doubt;
 // ---- the table: each cell is a field, and what is typed above it goes to several -------------------------------------
 const CELLS = { added_mass_kg: "load [kg]", body_mass_kg: "body mass [kg]", unit: "unit" };
 function drawTable() {
-  const table = byId("recordings"), held = document.activeElement, place = held && held.dataset.key && table.contains(held) ? [held.dataset.id, held.dataset.key] : null;
+  const table = byId("recordings"), held = /** @type {any} */ (document.activeElement), place = held && held.dataset.key && table.contains(held) ? [held.dataset.id, held.dataset.key] : null;
   const forms = new Map([...table.querySelectorAll("form")].map(box => [+box.dataset.id, box])), head = element("tr");
-  head.append(...["fit", "file", "Hz", ...Object.values(CELLS), "status", "more"].map(text => element("th", text, { scope: "col" })));
+  head.append(...["fit", "file", "Hz", "seconds", ...Object.values(CELLS), "status", "more"].map(text => element("th", text, { scope: "col" })));
   table.replaceChildren(head);
   for (const row of bench.rows) {
     table.append(recordingRow(row));
@@ -52,7 +57,7 @@ function drawTable() {
   scope.replaceChildren(...scopes.map(([name, n]) => element("option", `${name} (${n})`, { value: name })));
   scope.value = scopes.some(([name]) => name === chosen) ? chosen : scopes.length ? scopes[0][0] : "";
   byId("tick_all").textContent = allTicked() ? "untick all" : "tick all";
-  byId("tab_recordings").hidden = !bench.rows.length;
+  byId("tab_recordings").hidden = byId("tab_signals").hidden = !bench.rows.length;
   byId("tabs").hidden = !bench.rows.length && byId("tab_fit").hidden && byId("tab_rivals").hidden;
 }
 function focusCell(id, key) { const cell = byId("recordings").querySelector(`input[data-id="${id}"][data-key="${key}"]`); if (cell) cell.focus(); }
@@ -60,6 +65,7 @@ const allTicked = () => bench.rows.every(row => bench.chosen.has(row.id) || !sou
 const inScope = () => bench.rows.filter(row => ({ ticked: bench.chosen.has(row.id), "in doubt": row.doubt, all: true })[byId("scope").value]);
 
 let lastTick = -1;
+/** @param {Row} row */
 function recordingRow(row) {
   const { id } = row, tr = element("tr", "", { className: row.unread || row.problem ? "wrong" : row.doubt || row.warnings.length ? "warned" : "" }), shown = id === bench.shown;
   tr.dataset.id = id;
@@ -83,7 +89,8 @@ function recordingRow(row) {
   const more = titled(element("button", "…", { className: "more" }), `channels, units and masses of ${row.file}`, () => { const open_ = formOf(id); if (open_) open_.closest("tr").remove(); else tellServer("columns", { number: id }); });
   const away = titled(element("button", "×", { className: "more" }), `remove ${row.file}`, () => tellServer("remove", { numbers: [id] }));
   const at = row.frequency_hz ? number(row.frequency_hz) : readable(row) ? "broadband" : "";
-  for (const content of [pick, name, at, ...cells]) tr.insertCell().append(content);
+  const used = row.start_s || row.end_s ? `${number(row.start_s || 0)} to ${row.end_s ? number(row.end_s) : "end"}` : row.seconds ? number(row.seconds) : "";
+  for (const content of [pick, name, at, used, ...cells]) tr.insertCell().append(content);
   tr.append(status);
   tr.insertCell().append(more, " ", away);
   return tr;
@@ -142,10 +149,16 @@ if (!window.EXPORTED) {
     for (const row of bench.rows) if (off) bench.chosen.delete(row.id); else if (sound(row)) bench.chosen.add(row.id);
     ticksChanged();
   };
+  byId("undo_correction").onclick = () => tellServer("undo", {}, "reading");
+  byId("redo_correction").onclick = () => tellServer("undo", { again: true }, "reading");
   byId("keep_study").onclick = () => tellServer("keep_study", { numbers: ticked() }, "writing the study");
 }
 
-function showRecording(row) { tellServer("use", { number: row.id }, `reading ${row.file}`); }
+function showRecording(row) {
+  tellServer("use", { number: row.id }, `reading ${row.file}`);
+  viewed.id = row.id;
+  viewSignals();
+}
 
 // Subjects and loads against frequencies, coloured by how well each recording was fitted; a click shows it. What was
 // recorded again at a frequency has a line of its own.
@@ -185,7 +198,7 @@ function drawMatrix() {
     return Array.from({ length: Math.max(...cells.map(repeats => repeats.length)) }, (_, k) =>
       line(k ? `repeat ${k + 1}` : name, "row", cells.map(repeats => cell(repeats[k], repeats))));
   });
-  const hertz = columns.map(([row]) => element("th", +row.frequency_hz.toFixed(1), { scope: "col" }));
+  const hertz = columns.map(([row]) => element("th", String(+row.frequency_hz.toFixed(1)), { scope: "col" }));
   box.replaceChildren(element("caption", "fit of each recording [%]"), line("Hz", "col", hertz), ...lines);
   nameBranch();
 }
@@ -232,9 +245,9 @@ function correctionForm({ number: id, columns, said }) {
     });
     if (wrong.length) { wrong[0].input.focus(); return; }
     const told = { channels: { time: {}, base: {}, malleolus: {} } };
-    for (const [name, value] of new FormData(box)) {
-      const [channel, key] = name.split(".");
-      if (key) { if (value.trim()) told.channels[channel][key] = value.trim(); } else told[name] = value.trim();
+    for (const [name, typed] of new FormData(box)) {
+      const [channel, key] = name.split("."), value = String(typed).trim();
+      if (key) { if (value) told.channels[channel][key] = value; } else told[name] = value;
     }
     bench.corrected = id;
     correct((event.submitter && event.submitter.value === "all" ? alike : [id]).map(n => [n, told]));
@@ -245,7 +258,7 @@ const formOf = id => byId("recordings").querySelector(`form[data-id="${id}"]`);
 function unfold(id, box) {
   const old = formOf(id), tr = element("tr");
   if (old) old.closest("tr").remove();
-  tr.append(Object.assign(element("td"), { colSpan: 8 }));
+  tr.append(Object.assign(element("td"), { colSpan: 9 }));
   tr.firstChild.append(box);
   byId("recordings").querySelector(`tr[data-id="${id}"]`).after(tr);
 }

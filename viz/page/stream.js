@@ -7,22 +7,36 @@ function connect(stage, opened, received) {
   socket = new WebSocket(`ws://${location.host}/stream`);
   socket.binaryType = "arraybuffer";
   socket.onopen = () => { wait = 300; opened(); };
-  socket.onclose = () => { byId("state").textContent = "connection lost, trying again"; setTimeout(() => connect(stage, opened, received), wait); wait = Math.min(2 * wait, 5000); };
+  socket.onclose = async () => {
+    byId("state").textContent = "connection lost, trying again";
+    const answer = await fetch("style.css").catch(() => null);
+    if (answer && answer.status === 403) { byId("state").textContent = "connection lost"; say(await answer.text()); return; }  // of another session
+    setTimeout(() => connect(stage, opened, received), wait);
+    wait = Math.min(2 * wait, 5000);
+  };
   socket.onmessage = message => {
     if (message.data instanceof ArrayBuffer) { stage.viewer.handle_command_message(message); stage.viewer.set_dirty(); }
     else received(JSON.parse(message.data));
   };
 }
 
-// Begin a page: from its server, or with what an exported page carries, documents in the order of `order`.
-async function start(stage, opened, received, order) {
+// Begin a page: from its server, or with what an exported page carries: documents in the order of `order`, once `before`
+// is done.
+async function start(stage, opened, received, order, before = async () => {}) {
   if (QUALITY === "low" || QUALITY === "none") stage.setQuality(0);
   const own = window.EXPORTED;
-  if (!own) { connect(stage, opened, received); return; }
+  if (!own) { hideToken(); connect(stage, opened, received); return; }
   document.body.classList.add("exported");
   await unpack(stage, own.scene);
-  if (own.live) await unpackGrid();
+  await before();
   for (const name of order) if (own[name]) received(own[name]);
+}
+
+// The cookie has the token from now on, so the address can be seen by others.
+function hideToken() {
+  const address = new URL(location.href);
+  address.searchParams.delete("token");
+  history.replaceState(history.state, "", address);
 }
 
 // The scene of an exported page: messages behind their lengths, as base64 of gzip.

@@ -47,7 +47,7 @@ async function recordFilm(stage, name, { seconds, repeats, drawAt }) {
       passed += Math.min(500, Math.max(0, now - last));  // a computer that stood still leaves no hole in the motion
       last = Math.max(last, now);
       const share = passed / (1000 * seconds);
-      if (share >= repeats) { done(); return; }
+      if (share >= repeats) { done(null); return; }
       drawAt(share % 1);
       requestAnimationFrame(step);
     };
@@ -73,9 +73,9 @@ const PANEL = { width: 300, height: 230, left: 46, right: 12, top: 26, bottom: 3
 function plotsSvg() {
   const shown = Plot.seen(), columns = shown.length === 4 ? 2 : Math.min(3, shown.length), width = columns * PANEL.width, height = Math.ceil(shown.length / columns) * PANEL.height;
   const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
-  for (const [key, value] of Object.entries({ width, height, viewBox: `0 0 ${width} ${height}`, "font-family": "Helvetica, Arial, sans-serif", "font-size": 10 })) svg.setAttribute(key, value);
+  for (const [key, value] of Object.entries({ width, height, viewBox: `0 0 ${width} ${height}`, "font-family": "Helvetica, Arial, sans-serif", "font-size": 10 })) svg.setAttribute(key, String(value));
   const ground = svg.appendChild(document.createElementNS(svg.namespaceURI, "rect"));
-  for (const [key, value] of Object.entries({ width, height, fill: "#ffffff" })) ground.setAttribute(key, value);
+  for (const [key, value] of Object.entries({ width, height, fill: "#ffffff" })) ground.setAttribute(key, String(value));
   shown.forEach((plot, k) => svgOf(plot, svg, PANEL.width * (k % columns), PANEL.height * Math.floor(k / columns), `clip${k}`));
   return { text: new XMLSerializer().serializeToString(svg), width, height };
 }
@@ -83,20 +83,21 @@ function plotsSvg() {
 function svgOf(plot, svg, x, y, clip) {
   const group = svg.appendChild(document.createElementNS(svg.namespaceURI, "g")), { width, height, left, right, top, bottom } = PANEL;
   group.setAttribute("transform", `translate(${x} ${y})`);
-  const put = (tag, about, text = "", into = group) => {
+  const put = (tag, about, /** @type {any} */ text = "", into = group) => {
     const node = into.appendChild(document.createElementNS(svg.namespaceURI, tag));
     for (const [key, value] of Object.entries(about)) node.setAttribute(key, value);
     node.textContent = text;
     return node;
   };
   const { x: across, y: up } = plot.plot.scales, w = width - left - right, h = height - top - bottom, round = v => +v.toFixed(2);
-  const X = v => round(left + w * (v - across.min) / (across.max - across.min)), Y = v => round(top + h * (1 - (v - up.min) / (up.max - up.min)));
+  const X = v => round(left + w * (v - across.min) / (across.max - across.min)), level = v => (plot.log ? Math.log10(v) : v);
+  const Y = v => round(top + h * (1 - (level(v) - level(up.min)) / (level(up.max) - level(up.min)))), tens = Math.ceil(Math.log10(up.min));
   put("rect", { x: left, y: top, width: w, height: h }, "", put("clipPath", { id: clip }));
   for (const v of ticks(across.min, across.max, 6)) {
     put("path", { d: `M${X(v)} ${top}V${top + h}`, stroke: "#e3e3e3", fill: "none" });
     put("text", { x: X(v), y: top + h + 13, "text-anchor": "middle" }, tickText(v));
   }
-  for (const v of ticks(up.min, up.max, 6)) {
+  for (const v of plot.log ? Array.from({ length: Math.floor(Math.log10(up.max)) - tens + 1 }, (_, k) => 10 ** (tens + k)) : ticks(up.min, up.max, 6)) {
     put("path", { d: `M${left} ${Y(v)}H${left + w}`, stroke: "#e3e3e3", fill: "none" });
     put("text", { x: left - 5, y: Y(v) + 3.5, "text-anchor": "end" }, tickText(v));
   }

@@ -50,7 +50,7 @@ function orbit(p, u, h) {
       up[j] += size[j];
       down[j] -= size[j];
       const a = period(up, p, u, h), b = period(down, p, u, h);
-      for (let i = 0; i < 4; i++) A[i][j] = (i === j) - (a[i] - b[i]) / (2 * size[j]);
+      for (let i = 0; i < 4; i++) A[i][j] = +(i === j) - (a[i] - b[i]) / (2 * size[j]);
     }
     const step = solve4(A, end.map((v, i) => v - x[i]));
     x = x.map((v, i) => v + step[i]);
@@ -129,7 +129,7 @@ const live = { grid: null };
 
 // The next motion: computed here, or the nearest of those that the file holds; null where neither can be.
 function liveAnswer() {
-  const own = window.EXPORTED.live;
+  const own = EXPORTED.live;
   if (!own) return null;
   if (own.twin) return twinAnswer({ ...own.twin, curve_hz: model.curve_hz }, state, motion && motion.feet.measured);
   if (!live.grid) return null;
@@ -143,6 +143,6 @@ function liveAnswer() {
 }
 
 async function unpackGrid() {
-  const own = window.EXPORTED.live;
+  const own = EXPORTED.live;
   if (own && own.grid) live.grid = JSON.parse(new TextDecoder().decode(await inflated(own.grid)));
 }

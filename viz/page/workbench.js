@@ -1,15 +1,17 @@
 // The workbench: recordings in, a fit of them, what it found. All of it is done by the server, as a script would do it.
 "use strict";
-const KEY = (document.querySelector("meta[name=key]") || {}).content || "";
+const KEY = /** @type {any} */ (document.querySelector("meta[name=key]") || {}).content || "";
+/** @type {Bench} */
 const bench = {
   // Recordings: as the server lists them, by ids that the session gives once; the one that drives the table, -1 for none.
   session: "", rows: [], shown: -1, lost: false,
   // Ids that are ticked, those whose tick was taken away before a reload, and of each whether it could be fitted.
   chosen: new Set(), unticked: new Set(), fittable: new Map(),
-  count: 0, running: false,  // recordings listed before, and whether a fit runs
+  count: 0, unread: 0, running: false,  // recordings listed before, those that are still to be read, and whether a fit runs
   corrected: -1,  // id of the recording whose form was sent
   // The fit: its words and branches as the report has them, the server's document with its curves, and its number.
   fit: null, found: null, fitNumber: 0, branch: 0, plots: null,
+  history: [], pair: null,  // fits of the session, and the plots of two of them
   task: "model",
   free: {}, bounds: {},  // what the next fit may change, by parameter
   asked: 0, fitBegan: 0,  // when Fit was pressed, and when the running one began; 0 while none runs [ms]
@@ -24,7 +26,7 @@ function tellServer(type, more = {}, working = "") {
   socket.send(JSON.stringify({ type, key: KEY, ...more }));
   if (working) busyWith(working);
 }
-const OTHER_SESSION = "This page belongs to an earlier session: reload it.";
+const OTHER_SESSION = "This page belongs to an earlier session: open the address that the command printed.";
 const STARTED_AGAIN = "The command was started again: recordings, ticks and fits of before are gone.";
 
 function element(tag, text = "", more = {}) { return Object.assign(document.createElement(tag), { textContent: text }, more); }
@@ -48,7 +50,7 @@ function advise() {
   byId("next").textContent = parts.filter(Boolean).join(" ");
   byId("two_masses").hidden = !slow;
   byId("bundled").hidden = bench.rows.length > 0;
-  for (const id of ["start_fit", "start_rivals"]) byId(id).disabled = bench.running || !count;
+  for (const id of ["start_fit", "start_rivals"]) byId(id).disabled = bench.running || !count || bench.unread > 0;
 }
 
 // Tasks of the column beside the foot, one of which is open; Fit and what to do next stand above them.
@@ -69,9 +71,10 @@ for (const [name, label] of Object.entries(TASKS)) {
 }
 openTask("model");
 
-const TABS = ["recordings", "motion", "fit", "rivals"];
+const TABS = ["recordings", "signals", "motion", "fit", "rivals", "pair"];
 function tab(name) {
   for (const id of TABS) { byId(`${id}_plots`).hidden = id !== name; byId(`tab_${id}`).setAttribute("aria-pressed", id === name); }
+  viewSignals();
 }
 for (const id of TABS) byId(`tab_${id}`).onclick = () => tab(id);
 byId("start_fit").onclick = askFit;
@@ -117,7 +120,7 @@ function receiveComplaint({ text, of }) {
 // What the server says beside models and motions; false if it is none of that.
 function workbenchReceives(document_) {
   const kinds = {
-    data: showRecordings, columns: correctionForm, progress: showProgress, fitted: receiveFit, rivals: showRivals,
+    data: showRecordings, columns: correctionForm, signals: showSignals, progress: showProgress, fitted: receiveFit, rivals: showRivals, history: showHistory, comparison: showComparison,
     reported: receiveReport, kept: () => { busyWith(""); save("/study", "study.zip"); }, session_kept: saveSession, session: receiveSession, taken: saveOfflinePage, complaint: receiveComplaint,
     // an exported page has no editor
     saved: d => showSaved(d), models: d => listModels(d), checked: d => showCheck(d),
