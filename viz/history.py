@@ -6,6 +6,7 @@ import time
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+from fasbody.constants import Z95
 from fasbody.exceptions import SettingError
 from fasbody.presentation import readable
 from identification.estimates import Estimate
@@ -152,4 +153,4 @@ def _difference(entries: list[Mapping[str, Any] | None], independent: bool) -> s
         return readable(value, 3)
     lower = value - math.hypot(a["value"] - a["lower"], b["upper"] - b["value"])
     upper = value + math.hypot(a["upper"] - a["value"], b["value"] - b["lower"])
-    return Estimate(value, (upper - lower) / 3.92, lower, upper, False, "").interval()
+    return Estimate(value, (upper - lower) / (2 * Z95), lower, upper, False, "").interval()
