@@ -550,6 +550,8 @@ TIED = Truth(complex(1 - 1.3 * S**2 * (FOOT.mass + 1.3 * SHANK.mass) / _D))
 GLUE = '<equality><weld name="glue" body1="base" body2="foot" solref="-2e4 -100" solimp="0.5 0.5 0.001"/></equality>'
 LEVELS = '<site name="anchor" pos="0 0.05 0"/><site name="foot" '
 BENT = ' user="4.25 430 50 100"'
+SENSED = '<framelinacc name="malleolus" objtype="site" objname="malleolus"/>'
+LEVEL = '<accelerometer name="malleolus" site="malleolus"/>'
 
 
 def _glue() -> complex:
@@ -615,6 +617,26 @@ FRESH = (
     _edit("two_dof", "a servo of the shank's height, which stands too far", (ACTUATORS, '<general name="servo" site="malleolus" refsite="base" '
           'gear="0 1 0 0 0 0" gainprm="0" biastype="affine" biasprm="0 -5e4 -30"/>' + ACTUATORS),
           **dict.fromkeys(("simulate", "curve", "viewer"), "joint 'fat_pad' stands .* damper is negative")),
+    _edit("two_dof", "a servo in the parent of its joint", (ACTUATORS, '<general name="servo" jointinparent="talocrural" gainprm="0" '
+          'biastype="affine" biasprm="0 -5e4 -30"/>' + ACTUATORS), truth=chain(FOOT, SHANK, at=1, more=((1, 0, 5e4 + 30 * S),)),
+          leg="actuator 'servo'"),
+    _edit("two_dof", "a sensor that leans by 0.35 rad", (SENSED, LEVEL), ('pos="0 0.09 0.03"', 'pos="0 0.09 0.03" euler="0.35 0 0"'),
+          truth=replace(CHAIN := chain(FOOT, SHANK, at=1), T=np.cos(0.35) * CHAIN.T), leg="sensor 'malleolus' leans"),
+    _edit("two_dof", "a dashpot from the world to the knee", (SITE, SITE + '<site name="top" pos="0 0.3 0"/>'),
+          ("<worldbody>", '<worldbody><site name="ceiling" pos="0 1.3 0"/>'),
+          (TENDONS, '<tendon><spatial name="dash" damping="300"><site site="ceiling"/><site site="top"/></spatial></tendon>' + TENDONS),
+          truth=replace(chain(FOOT, SHANK, at=1, more=((1, -2, 300 * S),)), singular=None), leg="tendon 'dash'"),
+    _edit("two_dof", "a brake of the table", ("<worldbody>", '<worldbody><site name="ceiling" pos="0 1.3 0"/>'),
+          (TENDONS, '<tendon><spatial name="brake" damping="1e11"><site site="ceiling"/><site site="base"/></spatial></tendon>' + TENDONS),
+          load="tendon 'brake' holds the table"),
+    _edit("two_dof", "a ball without a name", ("  </worldbody>", '<body name="ball"><freejoint/><geom size="0.01" mass="0.1"/></body></worldbody>'),
+          load="joint number 4 of body 'ball' is a ball or free"),
+    _edit("two_dof", "a table whose ref is in place of zero", ('<joint name="base" class="base"/>', '<joint name="base" class="base" ref="0.1"/>'),
+          truth=chain(FOOT, SHANK, at=1)),
+    _edit("two_dof", "a soft equality without a name", (TENDONS, '<equality><joint joint1="talocrural" joint2="fat_pad" active="false"/></equality>' + TENDONS),
+          truth=chain(FOOT, SHANK, at=1), leg="equality number 1"),
+    _edit("foot_arch", "a sensor that leans by 20 degrees", (SENSED, LEVEL), ('class="bone" pos="0 0 0.03"', 'class="bone" pos="0 0 0.03" euler="20 0 0"'),
+          load="sensor 'malleolus' leans"),
     _edit("leg", "a load that is fused", ('angle="radian"', 'angle="radian" fusestatic="true"'), load="parameter 'added_mass': unknown body 'load'"),
     _edit("leg", "a load of a geom", (LOAD, ""), ('<geom name="load" ', '<geom name="load" mass="2.3" '),
           truth=chain(*LEG[:4], replace(TISSUE, mass=2.5), at=1)),

@@ -177,6 +177,29 @@ def test_a_table_that_is_tied_to_the_world_moves_about_its_place(tmp_path: Path,
         simulate(foot, shaker.sweep(5.0, 20.0, 1.0))
 
 
+WORLD = ("<worldbody>", '<worldbody><site name="ceiling" pos="0 1.3 0"/>')
+TO_WORLD = '<tendon><spatial name="tie" {}><site site="ceiling"/><site site="malleolus"/></spatial></tendon>'
+LIFT = '<actuator><general name="tie" site="malleolus" refsite="ceiling" gear="0 1 0 0 0 0" gainprm="0" '
+
+
+@pytest.mark.parametrize(
+    ("tie", "by"),
+    [
+        (TO_WORLD.format('damping="300"'), "tendon 'tie'"),
+        (TO_WORLD.format('frictionloss="3"'), "tendon 'tie'"),
+        (LIFT + 'biastype="affine" biasprm="-24200 -2e4 -30"/></actuator>', "actuator 'tie'"),
+        ('<option jacobian="sparse"/>' + TO_WORLD.format('stiffness="2e4"'), "tendon 'tie'"),
+        ('<equality><weld body1="shank" solref="-2e4 -100"/></equality>', "equality number 1"),
+    ],
+    ids=["damper", "friction", "servo", "sparse", "no name"],
+)
+def test_whatever_ties_the_foot_to_the_world_is_named(tie: str, by: str) -> None:
+    """A damper and friction feel how fast the table goes, of which a sweep's acceleration says as little."""
+    foot = load(mjcf.text("two_dof").replace(*WORLD).replace("</mujoco>", tie + "</mujoco>"))
+    with pytest.raises(SimulationError, match=f"{by} ties the foot to the world"):
+        simulate(foot, shaker.sweep(5.0, 20.0, 1.0))
+
+
 def test_a_fit_follows_a_foot_that_is_tied_to_the_world(tmp_path: Path) -> None:
     """Sines begin where their table does not drift; a sweep does not say where its table is."""
     rope = next(edit for edit in EDITS if edit.says == "a rope from the world to the knee")

@@ -11,8 +11,8 @@ import numpy as np
 
 from fasbody.exceptions import ModelError, unknown
 from fasbody.foot import damper
-from fasbody.foot.model import check_constants, check_free
-from fasbody.foot.parameters import declared
+from fasbody.foot.model import check_constants, check_free, leans
+from fasbody.foot.parameters import declared, names
 
 #: The joints of the tree in the order of `tree_position`; the shaker's `base` comes before them.
 JOINTS = (
@@ -226,6 +226,8 @@ def _check_bodies(model: mujoco.MjModel, index: Index, name: str) -> None:
         raise ModelError(
             f"{name}: site 'malleolus' is on {model.body(sensed).name!r}, and the equations have it on the tibia."
         )
+    if "malleolus" in names(model, "sensor") and leans(model, model.sensor("malleolus").id, (0.0, 1.0, 0.0)):
+        raise ModelError(f"{name}: sensor 'malleolus' leans, and the equations read it along y; turn its site.")
 
 
 def _check_on_table(model: mujoco.MjModel, body: int, where: str) -> None:

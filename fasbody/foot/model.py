@@ -13,7 +13,7 @@ import mjcf
 from fasbody.exceptions import InputFileError, ModelError, unknown
 from fasbody.foot import damper
 from fasbody.foot.engine import SHAKER, SHAKER_CONTROLS, quiet
-from fasbody.foot.model_fields import check_fields
+from fasbody.foot.model_fields import check_fields, element_name
 from fasbody.foot.parameters import Fitted, Parameters, declared, names
 from fasbody.presentation import Sheet, Tabled, readable
 
@@ -26,9 +26,11 @@ HEAVY, CLOSED = 1e6, 1e-6
 #: Improvement at which the solver of constraints stops, and its iterations. MuJoCo divides it by all
 #: inertia, of which the table has nearly all: at the usual 1e-8 a foot's constraint is not seen.
 _IMPROVEMENT, _ITERATIONS = 1e-30, 100
-#: A table that is moved by so much [m] may change its acceleration by so much [m/s^2], and a foot's by so much [m/s^2
-#: or rad/s^2] before it counts as tied to the world.
-_MOVED, _HELD, _FELT = 1e-3, 1e-3, 1e-4
+#: How far [m] and fast [m/s] a table is moved to see what ties it to the world, and by how much that may change its
+#: acceleration [1/s^2 or 1/s], and a foot's. Jacobian from which on something pulls.
+_MOVED, _SPEED, _HELD, _FELT, _PULLS = 1e-3, 0.1, 1.0, 0.1, 1e-9
+#: Share of an acceleration that an accelerometer may miss before it counts as leaning.
+_LEANS = 1e-6
 #: Density of a geom that names none [kg/m^3].
 _WATER = 1000.0
 #: Geoms whose density is written.
@@ -255,9 +257,9 @@ def _check_masses(spec: mujoco.MjSpec, name: str, dense: Container[tuple[int, st
                 quantity = density
             else:
                 continue
+            of = f"geom {geom.name!r}" if geom.name else f"a geom of body {body.name!r}"
             raise ModelError(
-                f"{name}: geom {geom.name!r} has the {quantity}, which counts for nothing, as {ruled}; write the mass "
-                "there."
+                f"{name}: {of} has the {quantity}, which counts for nothing, as {ruled}; write the mass there."
             )
 
 
@@ -321,7 +323,10 @@ def _check_options(model: mujoco.MjModel, name: str) -> None:
     """Require slides and hinges only, and no physics switched off, which no equation would follow."""
     for j in range(model.njnt):
         if int(model.jnt_type[j]) not in (int(mujoco.mjtJoint.mjJNT_SLIDE), int(mujoco.mjtJoint.mjJNT_HINGE)):
-            raise ModelError(f"{name}: joint {model.joint(j).name!r} is a ball or free; use slides and hinges.")
+            on = element_name(model, "body", int(model.jnt_bodyid[j]))
+            raise ModelError(
+                f"{name}: {element_name(model, 'joint', j)} of {on} is a ball or free; use slides and hinges."
+            )
     for flag in (*_NEEDED, *(("constraint",) if can_be_constrained(model) else ())):
         if model.opt.disableflags & getattr(mujoco.mjtDisableBit, f"mjDSBL_{flag.upper()}"):
             raise ModelError(
@@ -374,6 +379,10 @@ def _check_sensors(model: mujoco.MjModel, name: str, sensors: Mapping[str, Senso
                 f"{sensor!r} add the sensor {velocity!r}, a framelinvel at the same site."
             )
         one, other = model.sensor(sensor).id, model.sensor(velocity).id
+        if leans(model, one, sensors["base"].axis):
+            raise ModelError(
+                f"{name}: sensor {sensor!r} leans, and {velocity!r} reads the vertical; turn its site, or use RK4."
+            )
         if model.sensor_type[other] != mujoco.mjtSensor.mjSENS_FRAMELINVEL:
             raise ModelError(
                 f"{name}: sensor {velocity!r} is read in the world's axes; make it a framelinvel at a site."
@@ -425,6 +434,22 @@ def _check_places(model: mujoco.MjModel, parameters: Parameters, name: str) -> N
                     f"{name}: parameter {symbol!r} is {value:g} {parameter.unit} at the first place that its <text> "
                     f"names and {other:g} at another; edit every place alike, or the shares in the <text>."
                 )
+
+
+def leans(model: mujoco.MjModel, sensor: int, up: tuple[float, float, float]) -> bool:
+    """Whether a sensor is an accelerometer whose site has no axis along the vertical.
+
+    Args:
+        model: the compiled model.
+        sensor: its number.
+        up: (3,) the vertical.
+    """
+    if model.sensor_type[sensor] != _IN_SITE:
+        return False
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    seen = np.abs(data.site_xmat[model.sensor_objid[sensor]].reshape(3, 3).T @ up)
+    return bool(seen.max() < 1 - _LEANS)
 
 
 def accelerometers(model: mujoco.MjModel, up: tuple[float, float, float]) -> dict[str, Sensor]:
@@ -498,45 +523,61 @@ def _check_base(model: mujoco.MjModel, name: str, shaker: int) -> tuple[float, f
 
 
 def _check_held(model: mujoco.MjModel, name: str) -> None:
-    """Refuse a spring or equality between table and world whose force is not small against the table's inertia."""
+    """Refuse what ties the table to the world with a force that is not small against the table's inertia."""
     change, data = _moved(model)
     dof = int(model.jnt_dofadr[model.joint("base").id])
-    if abs(change[dof]) < _HELD:
+    if change[dof] < _HELD:
         return
-    holders = _holders(model, data, dof)
     raise ModelError(
-        f"{name}: {' and '.join(holders) or 'something'} holds the table, which moves as it is asked to; tie it to the "
-        "foot, or remove it."
+        f"{name}: {' and '.join(_holders(model, data, dof))} holds the table, which moves as it is asked to; tie it to "
+        "the foot, or remove it."
     )
 
 
 def held_to_world(foot: Foot) -> list[str]:
-    """What makes the foot feel where the table is, by kind and name; a contact that is open shows nothing of it."""
+    """What makes the foot feel where the table is or how fast it goes; a contact that is open shows nothing of it."""
     change, data = _moved(foot.model)
-    if np.abs(np.delete(change, foot.base)).max(initial=0.0) < _FELT:
+    if np.delete(change, foot.base).max(initial=0.0) < _FELT:
         return []
-    return _holders(foot.model, data, foot.base) or ["something"]
+    return _holders(foot.model, data, foot.base)
 
 
 def _moved(model: mujoco.MjModel) -> tuple[np.ndarray, mujoco.MjData]:
-    """How accelerations (nv,) change when the table moves by `_MOVED`, and the data there."""
-    data, accelerations = mujoco.MjData(model), []
-    for place in (0.0, _MOVED):
-        data.qpos[model.jnt_qposadr[model.joint("base").id]] = place
+    """How accelerations (nv,) change per m and per m/s of the table, whichever is more, and the data there."""
+    data, base = mujoco.MjData(model), model.joint("base")
+    mujoco.mj_forward(model, data)
+    rest, changes = data.qacc.copy(), []
+    for state, index, size in ((data.qpos, base.qposadr[0], _MOVED), (data.qvel, base.dofadr[0], _SPEED)):
+        state[index] += size
         mujoco.mj_forward(model, data)
-        accelerations.append(data.qacc.copy())
-    return accelerations[1] - accelerations[0], data
+        changes.append(np.abs(data.qacc - rest) / size)
+        rest = data.qacc.copy()
+    return np.maximum(*changes), data
 
 
 def _holders(model: mujoco.MjModel, data: mujoco.MjData, dof: int) -> list[str]:
-    """Equalities that act on a degree of freedom, or else the tendon that is stiffest on it, by kind and name."""
-    rows = data.efc_J.reshape(-1, model.nv)[:, dof] != 0 if data.nefc else np.zeros(0, bool)
+    """What acts between a degree of freedom and the world, by kind and name."""
+    pull = _column(data.ten_J, model.ten_J_rownnz, model.ten_J_rowadr, model.ten_J_colind, dof)
+    push = _column(data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind, dof)
+    if mujoco.mj_isSparse(model):
+        rows = _column(data.efc_J, data.efc_J_rownnz, data.efc_J_rowadr, data.efc_J_colind, dof)
+    else:
+        rows = data.efc_J.reshape(-1, model.nv)[:, dof]
     equal = data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY
-    holders = [f"equality {model.equality(int(e)).name!r}" for e in dict.fromkeys(data.efc_id[equal & rows])]
-    pull, J = np.zeros((model.ntendon, model.nv)), (data.ten_J.ravel(), model.ten_J_rownnz, model.ten_J_rowadr)
-    mujoco.mju_sparse2dense(pull, *J, model.ten_J_colind.ravel())
-    strongest = int(np.argmax(model.tendon_stiffness * pull[:, dof] ** 2)) if model.ntendon else 0
-    return holders or ([f"tendon {model.tendon(strongest).name!r}"] if model.ntendon else [])
+    equalities = dict.fromkeys(map(int, data.efc_id[equal & (rows != 0)]))
+    forces = (model.tendon_stiffness, model.tendon_damping, model.tendon_frictionloss, model.tendon_limited)
+    tendons = np.flatnonzero(np.any(forces, axis=0) & (np.abs(pull) > _PULLS))
+    pushing = np.abs(push[model.actuator_outadr]) > _PULLS
+    actuators = np.flatnonzero(pushing & (model.actuator_trntype != mujoco.mjtTrn.mjTRN_JOINT))
+    kinds = (("equality", list(equalities)), ("tendon", tendons.tolist()), ("actuator", actuators.tolist()))
+    return [element_name(model, kind, number) for kind, found in kinds for number in found] or ["something"]
+
+
+def _column(values: np.ndarray, count: np.ndarray, first: np.ndarray, columns: np.ndarray, column: int) -> np.ndarray:
+    """One column (rows,) of a sparse matrix of MuJoCo."""
+    flat, where = values.ravel(), columns.ravel()
+    rows = (slice(start, start + n) for start, n in zip(first, count, strict=True))
+    return np.array([flat[row][where[row] == column].sum() for row in rows])
 
 
 def _check_pads(model: mujoco.MjModel, name: str) -> None:

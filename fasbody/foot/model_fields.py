@@ -99,8 +99,8 @@ def check_fields(model: mujoco.MjModel, name: str) -> None:
         _check_default(model, name, field)
     base = int(model.joint("base").id)
     first = int(model.actuator_ctrladr[model.actuator("shaker").id])
-    on_table = (model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINT) & (model.actuator_trnid[:, 0] == base)
-    on_table |= model.actuator_trntype == mujoco.mjtTrn.mjTRN_JOINTINPARENT
+    on_joint = np.isin(model.actuator_trntype, (mujoco.mjtTrn.mjTRN_JOINT, mujoco.mjtTrn.mjTRN_JOINTINPARENT))
+    on_table = on_joint & (model.actuator_trnid[:, 0] == base)
     drives = np.flatnonzero((model.actuator_ctrladr >= first) & (model.actuator_ctrladr < first + SHAKER_CONTROLS))
     for field in TABLE:
         _check_default(model, name, field, [int(model.jnt_dofadr[base]) if field.name.startswith("dof") else base])
@@ -108,16 +108,18 @@ def check_fields(model: mujoco.MjModel, name: str) -> None:
         _check_default(model, name, field, drives)
     for number in map(int, drives):
         if model.actuator_biastype[number] and number != model.actuator("shaker").id:
-            raise ModelError(f"{name}: {_called(model, 'actuator', number)} has a biastype; {_ASKED}, so remove it.")
+            raise ModelError(
+                f"{name}: {element_name(model, 'actuator', number)} has a biastype; {_ASKED}, so remove it."
+            )
     for number in {*map(int, np.flatnonzero(on_table))} - {*map(int, drives)}:
         raise ModelError(
-            f"{name}: {_called(model, 'actuator', number)} acts on the joint 'base' beside the shaker; {_ASKED}, so "
-            "remove it."
+            f"{name}: {element_name(model, 'actuator', number)} acts on the joint 'base' beside the shaker; {_ASKED}, "
+            "so remove it."
         )
     for number in map(int, np.flatnonzero(model.actuator_dyntype == mujoco.mjtDyn.mjDYN_INTEGRATOR)):
         raise ModelError(
-            f"{name}: {_called(model, 'actuator', number)} integrates its control, so that any mean of it repeats; "
-            "write a <position>, or a <general> without dyntype."
+            f"{name}: {element_name(model, 'actuator', number)} integrates its control, so that any mean of it "
+            "repeats; write a <position>, or a <general> without dyntype."
         )
     read = np.isin(model.sensor_type, [getattr(mujoco.mjtSensor, f"mjSENS_{kind}") for kind in READ])
     for field in SENSED:
@@ -139,8 +141,8 @@ def _check_default(model: mujoco.MjModel, name: str, field: Field, among: Iterab
             numbers = " ".join(f"{value:g}" for value in np.ravel(values[number]) if value != field.default)
             of = f" ({numbers})" if values.dtype != bool and field.default == 0 else ""
             raise ModelError(
-                f"{name}: {_called(model, kind, int(number))} has the attribute {field.attribute!r}{of}; {field.why}, "
-                "so remove it."
+                f"{name}: {element_name(model, kind, int(number))} has the attribute {field.attribute!r}{of}; "
+                f"{field.why}, so remove it."
             )
 
 
@@ -152,14 +154,14 @@ def _check_numbers(model: mujoco.MjModel, name: str) -> None:
             wrong = np.argwhere(np.isnan(values))
             if wrong.size:
                 kind = _KINDS.get(field.split("_")[0])
-                where = _called(model, kind, int(wrong[0, 0])) if kind else "the model"
+                where = element_name(model, kind, int(wrong[0, 0])) if kind else "the model"
                 raise ModelError(f"{name}: {where} has something that is no number ({field}); write a number.")
     for option in ("timestep", "gravity", "wind", "density", "viscosity", "tolerance"):
         if not np.all(np.isfinite(getattr(model.opt, option))):
             raise ModelError(f"{name}: <option> has a {option} that is no number; write a number.")
 
 
-def _called(model: mujoco.MjModel, kind: str, number: int) -> str:
+def element_name(model: mujoco.MjModel, kind: str, number: int) -> str:
     """An element by kind and name, or by number where it has none."""
     if kind == "dof":
         kind, number = "joint", int(model.dof_jntid[number])

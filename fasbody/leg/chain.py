@@ -18,7 +18,8 @@ import numpy as np
 
 from fasbody.exceptions import ModelError, unknown
 from fasbody.foot import damper
-from fasbody.foot.model import body_of, check_constants, check_free
+from fasbody.foot.model import body_of, check_constants, check_free, leans
+from fasbody.foot.model_fields import element_name
 from fasbody.foot.parameters import declared, names
 from fasbody.presentation import Tabled
 
@@ -97,6 +98,10 @@ class Leg(Tabled):
                 raise ModelError(
                     f"{name}: sensor {sensor!r} sits on {model.body(sensed).name!r} and the site {sensor!r} does not; "
                     "put both on one body."
+                )
+            if leans(model, model.sensor(sensor).id, (0.0, 1.0, 0.0)):
+                raise ModelError(
+                    f"{name}: sensor {sensor!r} leans, and these equations read it along y; turn its site."
                 )
         labels = tuple(model.joint(j).name for j in joints)
         k, c = (np.array([law[i] for law in laws]) for i in (0, 1))
@@ -182,7 +187,8 @@ def _slides(model: mujoco.MjModel, name: str) -> int:
         off = np.abs(data.xaxis[j] - (0, 1, 0)).max()
         if model.jnt_type[j] != mujoco.mjtJoint.mjJNT_SLIDE or off > 1e-9:
             raise ModelError(f"{name}: joint {model.joint(j).name!r} is not a slide along y; a leg moves only along y.")
-        if model.qpos_spring[model.jnt_qposadr[j]] != model.qpos0[model.jnt_qposadr[j]]:
+        at = model.jnt_qposadr[j]
+        if model.joint(j).name != "base" and model.qpos_spring[at] != model.qpos0[at]:
             raise ModelError(
                 f"{name}: joint {model.joint(j).name!r} has a springref that is not its ref, so that its spring pulls "
                 "from the start; a leg begins at rest, so write both alike or neither."
@@ -202,11 +208,11 @@ def _check_nothing_else(model: mujoco.MjModel, name: str) -> None:
     """Refuse what pushes or holds and is not in the equations."""
     for kind, count in (("tendon", model.ntendon), ("equality", model.neq)):
         if count:
-            raise ModelError(f"{name}: {kind} {getattr(model, kind)(0).name!r} is not in the equations of a leg.")
+            raise ModelError(f"{name}: {element_name(model, kind, 0)} is not in the equations of a leg.")
     base = int(model.joint("base").id)
     for a in range(model.nactuator):
         if model.actuator_trnid[a, 0] != base:
-            raise ModelError(f"{name}: actuator {model.actuator(a).name!r} is not in the equations of a leg.")
+            raise ModelError(f"{name}: {element_name(model, 'actuator', a)} is not in the equations of a leg.")
     for field in ("jnt_stiffnesspoly", "dof_dampingpoly"):
         values = getattr(model, field)
         if np.any(values):
