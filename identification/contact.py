@@ -83,7 +83,8 @@ class Contact:
         text = (
             f"At {self.frequency_hz:.4g} Hz under {self.added_mass_kg:g} kg ({self.file}) the model's {self.element} "
             f"pulls on the table for {100 * self.share:.0f} % of the cycle, where a real foot would lift off. To hold "
-            f"it down, {self.missing_n:.3g} N or more would be needed beside {source} ({self.static_force_n:.3g} N)."
+            f"it down, a force of at least {self.missing_n:.3g} N would be needed in addition to {source} "
+            f"({self.static_force_n:.3g} N)."
         )
         if self.harmonics:
             added, estimated = 100 * (self.added or 0.0), 100 * (self.measured or 0.0)
@@ -93,8 +94,8 @@ class Contact:
                 "neither": "so lift-off is neither shown nor excluded",
             }
             text += (
-                f" Lift-off would add harmonics of about {added:.2g} % of the fundamental at the malleolus. The "
-                f"recording exceeds the model's harmonics by {estimated:.2g} %, {word[self.harmonics]}."
+                f" Lift-off would add harmonics of about {added:.2g} % of the fundamental at the malleolus. Those "
+                f"measured differ from the model's by {estimated:.2g} % of the fundamental, {word[self.harmonics]}."
             )
         return text
 

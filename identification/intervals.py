@@ -279,7 +279,7 @@ class Solution:
         low, high = (float(np.clip(x + sign * self.quantile * std, item.lower, item.upper)) for sign in (-1, 1))
         at_bound = bool(min(x - item.lower, item.upper - x) < _AT_BOUND * (item.upper - item.lower))
         word = identifiability(x, std, size_that_matters(parameter), at_bound)
-        if low <= 0 <= high and word == "identified":
+        if low <= 0 <= high and word != "not identifiable":
             word = "not distinguishable from zero"
         return Estimate(x, std, low, high, at_bound, word)
 

@@ -82,14 +82,15 @@ def advice(
         texts.append(Sentence(f"{count} {more} or free fewer (", called("free"), ")."))
     if rank < len(space.free):
         texts.append(
-            f"The excitation has rank {rank}, fewer than the {len(space.free)} free parameters. The others show only "
-            f"in the distortion by nonlinear dampers, so no interval with the model assumed exact is shown. {more}."
+            f"The base motion holds {rank // 2} frequencies of any size (rank {rank}). A linear foot shows at most "
+            f"{rank} of the {len(space.free)} free parameters in them. The rest show only in harmonics that nonlinear "
+            f"dampers add, so no interval with the model assumed exact is shown. {more}."
         )
     bound = [key for key, e in best.parameters.items() if e.at_bound]
     zero = [key for key in bound if best.parameters[key].value == 0.0]
     may_trust = best.departures is None or best.departures.follows
     if zero and may_trust:
-        texts.append(f"Not distinguishable from zero: {', '.join(map(_symbol, zero))}.")
+        texts.append(f"At the lower bound, zero: {', '.join(map(_symbol, zero))}. Larger values may fit, too.")
     if set(bound) - set(zero):
         rest = ", ".join(_symbol(key) for key in bound if key not in zero)
         texts.append(f"At its bound: {rest}. The value is that of the bound, and no estimate.")
@@ -163,7 +164,7 @@ def about_departures(departures: Departures, others: Sequence[Departures] = (), 
         scale = (
             "The recordings do not determine the leg's mass, to which all stiffness and damping constants are "
             f"proportional. So these are no more accurate than the {'assumed' if assumed else 'stated'} masses "
-            f"(standard deviation {100 * max(m.prior_std for m in departures.masses):.3g} % each"
+            f"(standard deviation up to {100 * max(m.prior_std for m in departures.masses):.3g} %"
         )
         remedy = f"). A {'second' if loads == 1 else 'heavier'} load may determine it."
         texts.append(Sentence(scale, *better, remedy))

@@ -167,8 +167,9 @@ def captions(result: FitResult) -> dict[str, str]:
     if quantities.modes:
         texts["modes"] = (
             f"Natural frequencies and damping ratios of small motion about rest under each load, from {n}; errors "
-            "propagated linearly. A mode with a damping ratio above one does not swing. Filled marks: model assumed "
-            "exact" + ("; open ones: model and sensor errors included." if result.departures else ".")
+            "propagated linearly. A mode with a damping ratio above one is overdamped: it does not oscillate. Filled "
+            "marks: model assumed exact"
+            + ("; open ones: model and sensor errors included." if result.departures else ".")
         )
     if quantities.dampers:
         texts["dampers"] = (

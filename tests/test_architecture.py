@@ -63,8 +63,8 @@ def test_one_door(foreign: str) -> None:
 
 #: The rooms of fasbody from the ground up: each imports from the rows above its own, never from beside it or below.
 ROOMS = (
-    ("constants", "sentences"), ("exceptions",), ("lazy",), ("usage", "commands"), ("help", "completion"), ("console",),
-    ("presentation", "runner"), ("page",),
+    ("constants", "sentences", "progress"), ("exceptions",), ("lazy",), ("usage", "commands"), ("help", "completion"),
+    ("console",), ("presentation", "runner"), ("page",),
     ("foot",),
     ("arch", "recording", "cell"), ("heel", "laboratory", "transmissibility"), ("acquire", "leg"),
 )  # fmt: skip

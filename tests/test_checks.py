@@ -142,7 +142,7 @@ def test_too_slow_sampling_and_too_few_periods() -> None:
     assert "its harmonic 3 is aliased to the excitation frequency" in checked(good(250.0)).warnings[0]
     r = good(20.0)
     cut = replace(r, **{n: getattr(r, n)[:120] for n in CHANNELS})
-    with pytest.raises(RecordingError, match=r"is too short: 2\.4 periods of 20\.?\d* Hz, needed are 3"):
+    with pytest.raises(RecordingError, match=r"is too short: 2\.4 periods of 20\.?\d* Hz, not 3 or more"):
         checked(cut)
 
 

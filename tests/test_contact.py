@@ -47,7 +47,7 @@ def test_what_cannot_be_is_said_and_shown(fitted: FitResult) -> None:
     lifted = fitted.contact[0]
     for part in (
         "At 20 Hz", f"fat_pad pulls on the table for {100 * lifted.share:.0f} % of the cycle",
-        f"{lifted.missing_n:.3g} N or more", "the weight of leg and load", "so the foot probably did not lift off",
+        f"at least {lifted.missing_n:.3g} N", "the weight of leg and load", "so the foot probably did not lift off",
             "1 of 2 recordings are affected",
     ):  # fmt: skip
         assert part in text

@@ -188,7 +188,7 @@ def test_findings_take_the_nine_frequencies_from_among_others(table: Table) -> N
     assert [f.came_out for f in judged(wider)[0]] == [f.came_out for f in judged(table)[0]]
     for frame, why in (
         (table.frame.assign(frequency_hz=12.0), "nothing was recorded at 10, 15"),
-        (table.frame[table.frame["subject"] == "1"], "1 subject, needed are 3"),
+        (table.frame[table.frame["subject"] == "1"], "they need at least 3 subjects, not 1"),
         (table.frame.assign(method="H1 by Welch"), "this study has broadband recordings"),
         (table.frame[table.frame["added_mass_kg"] == 2.3], "neither all three loads nor"),
     ):

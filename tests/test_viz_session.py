@@ -144,7 +144,7 @@ def test_a_session_that_is_none_is_refused(bench: Bench, change: Any, sentence: 
     bench.open(["20hz.csv"])
     with pytest.raises(FasError, match=sentence):
         bench.keep("kept.zip", changed(saved(bench), change))
-    with pytest.raises(FasError, match="no session was dropped"):
+    with pytest.raises(FasError, match="this is no saved session"):
         bench.open_session()
     assert list(bench.recordings.sources) == [0]
 

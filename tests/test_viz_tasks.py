@@ -85,7 +85,7 @@ def test_a_text_beyond_what_the_page_takes_is_said_at_once(opened: Any, tmp_path
         page = Watched(opened, url, (1000, 700))
         page("openEditor()")
         page("editor.view.dispatch({ changes: { from: 0, insert: `<!--${'x'.repeat(1.2e6)}-->` } })")
-        page.until("byId('editor_state').textContent.includes('1.2 MB are more than the page takes')")
+        page.until("byId('editor_state').textContent.includes('1.2 MB are too large for this editor')")
         assert page("socket.readyState") == 1 and page.complaints == []
 
 

@@ -113,12 +113,13 @@ class Dose:
 
     def sentence(self) -> str:
         """With what the directive has, and for whom it was made."""
-        beyond = self.a8 > ACTION or self.vdv > VDV_ACTION
+        above = [self.a8 > ACTION, self.vdv > VDV_ACTION]
+        which = ["both are", "A(8)'s is", "the VDV's is", "neither is"][2 * (not above[0]) + (not above[1])]
         return (
             f"Vibration exposure, weighted by W_k: {self}. These are {100 * self.a8 / LIMIT:.0f} % and "
             f"{100 * self.vdv / VDV_LIMIT:.0f} % of the daily limits of the European directive on vibration at work "
-            f"({LIMIT:g} and {VDV_LIMIT:g}). Its action values ({ACTION:g} and {VDV_ACTION:g}) are "
-            f"{'exceeded' if beyond else 'not exceeded'}. It is made for seated and standing people, not for one foot."
+            f"({LIMIT:g} and {VDV_LIMIT:g}). Of its action values ({ACTION:g} and {VDV_ACTION:g}) {which} "
+            "exceeded. The directive is made for people who sit or stand on what vibrates, not for one foot."
         )
 
     def beyond(self, a8: float, vdv: float) -> dict[str, Any]:

@@ -570,7 +570,7 @@ def _holders(model: mujoco.MjModel, data: mujoco.MjData, dof: int) -> list[str]:
     pushing = np.abs(push[model.actuator_outadr]) > _PULLS
     actuators = np.flatnonzero(pushing & (model.actuator_trntype != mujoco.mjtTrn.mjTRN_JOINT))
     kinds = (("equality", list(equalities)), ("tendon", tendons.tolist()), ("actuator", actuators.tolist()))
-    return [element_name(model, kind, number) for kind, found in kinds for number in found] or ["something"]
+    return [element_name(model, kind, number) for kind, numbers in kinds for number in numbers] or ["something"]
 
 
 def _column(values: np.ndarray, count: np.ndarray, first: np.ndarray, columns: np.ndarray, column: int) -> np.ndarray:

@@ -313,7 +313,7 @@ def _parse(model: "mujoco.MjModel", symbol: str, data: str, name: str) -> Parame
     where = f"{name}: parameter {symbol!r}"
     parts = [part.strip() for part in data.split("|")]
     if len(parts) != 5:
-        raise ModelError(f"{where} has {len(parts)} parts; needed are unit | lower | upper | where | source.")
+        raise ModelError(f"{where} has {len(parts)} parts, not five: unit | lower | upper | where | source.")
     unit, lower, upper, places, source = parts
     if unit not in UNITS:
         raise ModelError(f"{where} has the unit {unit!r} (valid: {', '.join(filter(None, UNITS))}).")

@@ -171,8 +171,8 @@ def _time(t: np.ndarray) -> None:
     rate_hz = float((t.size - 1) / (t[-1] - t[0]))
     if rate_hz < SLOWEST_HZ:
         raise RecordingError(
-            f"is sampled at {rate_hz:.3g} Hz over {t[-1] - t[0]:.4g} s; needed are "
-            f"{SLOWEST_HZ:g} Hz (if the time is in ms, name the column time_ms)."
+            f"is sampled at {rate_hz:.3g} Hz over {t[-1] - t[0]:.4g} s; it needs "
+            f"{SLOWEST_HZ:g} Hz or more (if the time is in ms, name the column time_ms)."
         )
     typical = float(np.median(steps))
     off = np.abs(steps - typical)
@@ -265,7 +265,7 @@ def _excitation(recording: Recording, hz: float) -> Iterator[str]:
         )
     if length * hz < 3:
         raise RecordingError(
-            f"is too short: {length * hz:.1f} periods of {hz:.4g} Hz, needed are 3."
+            f"is too short: {length * hz:.1f} periods of {hz:.4g} Hz, not 3 or more."
         )
     if rate < COMFORTABLE * hz * (1 - 1e-3):
         orders = np.arange(2, 11)

@@ -7,7 +7,6 @@ from itertools import pairwise
 import numpy as np
 
 from fasbody.exceptions import RecordingError
-from fasbody.presentation import counted
 from fasbody.transmissibility import statistics
 from fasbody.transmissibility.resonance import Resonance
 from fasbody.transmissibility.statistics import one_sample
@@ -67,7 +66,7 @@ def judged(table: Table) -> tuple[list[Finding], str]:
     if table.broadband:
         return [], "they are about sines, and this study has broadband recordings"
     if table.frame["subject"].nunique() < 3:
-        return [], f"{counted(table.frame['subject'].nunique(), 'subject')}, needed are 3"
+        return [], f"they need at least 3 subjects, not {table.frame['subject'].nunique()}"
     have = table.frame["frequency_hz"]
     if not have.isin(FREQUENCIES_HZ).any():
         return [], f"nothing was recorded at {', '.join(f'{f:g}' for f in FREQUENCIES_HZ)} Hz"

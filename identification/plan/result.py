@@ -342,7 +342,7 @@ class Planned(Presented):
             return ""
         what, of = in_the_way(self.repeatability), listed(names)
         if self.longer is not None and self.longer.shaking_s > _FAR_S:
-            return f"Out of reach, as it would take {span(self.longer.shaking_s)} of shaking: the goal for {of}."
+            return f"The goal for {of} is out of reach: it would take {span(self.longer.shaking_s)} of shaking."
         ever = f"With unlimited time the goal is reached with a probability of {chance(self.reached.goal())}."
         return f"{what[:1].upper()}{what[1:]} {of}. {self.longer or ever}"
 
