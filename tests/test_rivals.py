@@ -358,6 +358,13 @@ def test_figures_files_and_command(relaxing: Rivals, tmp_path: Path) -> None:
     found = write_models(relaxing, mjcf.path("two_dof"), tmp_path)
     assert {path.stem for path in found} == {"linear", "model", "relaxing", "mount"}
     assert max(found.values()) < 1e-5
+    exchanged = tmp_path / "exchanged.xml"
+    text = mjcf.text("two_dof").replace("talocrural", "ankle").replace("fat_pad", "talocrural")
+    exchanged.write_text(text.replace("joint ankle", "joint fat_pad").replace('"ankle"', '"fat_pad"'))
+    (tmp_path / "off").mkdir()
+    with pytest.raises(ModelError, match=r"MuJoCo's motion is off by [\d.]+ %"):
+        write_models(relaxing, exchanged, tmp_path / "off")
+    assert not list((tmp_path / "off").iterdir())
 
 
 # MJCF

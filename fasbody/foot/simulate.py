@@ -26,6 +26,7 @@ CLOSING = 1e6
 #: Error of the time step, as a share of a signal, above which the step is halved; how often; and
 #: steps of all simulations together that fit into memory.
 ACCEPTED, HALVINGS, MOST_STEPS = 1e-3, 7, 2**20
+_EXPLICIT = (mujoco.mjtIntegrator.mjINT_RK4, mujoco.mjtIntegrator.mjINT_EULER)
 #: Steps in which most of what is unstable shows.
 PROBE = 500
 
@@ -330,9 +331,11 @@ class Batch:
         bad = ~np.isfinite(sensordata).all(axis=(1, 2)) | ~np.isfinite(qvel).all(axis=(1, 2))
         bad |= np.asarray(self._batch.warning).reshape(self.nsim, -1).any(axis=1)
         if bad.any():
+            explicit = self.foot.model.opt.integrator in _EXPLICIT
+            other = "the integrator implicitfast, " if explicit else ""
             raise UnstableError(
-                f"{self.foot.name}: {bad.sum()} of {self.nsim} simulations became unstable; use a smaller time step "
-                "or parameters within the declared bounds."
+                f"{self.foot.name}: {bad.sum()} of {self.nsim} simulations became unstable; use a smaller time step, "
+                f"{other}or parameters within the declared bounds."
             )
 
 

@@ -33,6 +33,8 @@ _REST, _LEAST = 0.02, 1e-3
 #: Of a Maxwell element: stiffness that relaxes over that which stays, exponent of a pad that is as good as linear
 #: [1/m], and how far apart the two ends of its spectrum are.
 _RELAXES, _STRAIGHT, _APART = 1e8, 1e-4, 1e-4
+#: Share of the fundamental by which MuJoCo's motion of a written model may be off.
+_MOST_APART = 1e-3
 _JOINTS = {"T": ("talocrural", "c_11", "c_12", "c_13"), "F": ("fat_pad", "c_21", "c_22", "c_23")}
 
 
@@ -48,7 +50,8 @@ def write_models(result: Rivals, file: Path, folder: Path) -> dict[Path, float]:
         Each file, and the largest difference of MuJoCo's motion from the equations, as a share of its peak.
 
     Raises:
-        ModelError: the file has no such joints, or they are not where the edits expect them.
+        ModelError: the file has no such joints, or they are not where the edits expect them, so that MuJoCo moves
+            otherwise; the file is removed then.
     """
     hz = min((p.frequency_hz for p in result.points), key=lambda f: abs(f - 20.0))
     U = next(p.base for p in result.points if p.frequency_hz == hz)
@@ -62,7 +65,14 @@ def write_models(result: Rivals, file: Path, folder: Path) -> dict[Path, float]:
             name = f"{rival.name}_{load_kg:g}kg.xml" if len(by_load) > 1 else f"{rival.name}.xml"
             text = edited_text(file, rival.name, rival.title, rival.values, load_kg)
             path = write_whole(folder / name, text)
-            differences[path] = difference(path, rival.values, hz, U, load_kg)
+            gap = differences[path] = difference(path, rival.values, hz, U, load_kg)
+            if gap > _MOST_APART:
+                path.unlink()
+                raise ModelError(
+                    f"{file.name}: with the constants of {rival.name!r} written into it, MuJoCo's motion is off by "
+                    f"{100 * gap:.2g} %; rivals are made from files with the ankle at the joint 'talocrural' and the "
+                    "pad at 'fat_pad'."
+                )
     return differences
 
 
