@@ -74,6 +74,11 @@ def main(
         table = Table.of(opened, resolution, jobs, estimate)
     else:
         table = Table.of_recordings(opened, resolution, estimate)
+    terms = ""
+    if model is not None:  # before anything is printed: it may be refused
+        from fasbody.transmissibility.comparisons import mixed
+
+        terms = mixed(table, people(path), model).to_csv(index=False, float_format="%.6g")
     if json_:
         print_json(table.frame.to_dict("records"))
     else:
@@ -83,10 +88,7 @@ def main(
         console.print(f"[yellow]warning:[/] {escape(remark)}", soft_wrap=True)
     if folder is not None:
         write(table, folder, figure_format)
-        if model is not None:
-            from fasbody.transmissibility.comparisons import mixed
-
-            terms = mixed(table, people(path), model).to_csv(index=False, float_format="%.6g")
+        if terms:
             write_whole(folder / "mixed.csv", terms)
         console.print(f"tables and figures in [bold]{escape(str(folder))}[/]", soft_wrap=True)
     for problem in table.problems:
