@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from fasbody.exceptions import RecordingError, by_name
+from fasbody.exceptions import InputFileError, RecordingError, by_name
 from fasbody.foot.shaker import plain, seconds
 from fasbody.presentation import Sheet, Tabled
 from fasbody.recording import files
@@ -205,7 +205,14 @@ class Recording(Tabled):
             units.append("s" if array.dtype.kind in "mM" else str(unit))
         layout, file = layout or Layout(), Path(name)
         sizes, clocked = [values.size for values in arrays], layout.rate_hz is not None
-        uses = assign(file, Columns(list(columns), units, sizes=sizes, clocked=clocked), layout).uses
+        try:
+            uses = assign(file, Columns(list(columns), units, sizes=sizes, clocked=clocked), layout).uses
+        except InputFileError as error:
+            if not error.code.startswith("no "):
+                raise
+            column = error.code.removeprefix("no ")
+            remedy = f"rename the column, frame.rename(columns={{'...': {column!r}}}), or name it in layout"
+            raise InputFileError(name, error.problem, remedy, code=error.code) from None
         rows = {
             key: _seconds(arrays[use.index], name)
             if arrays[use.index].dtype.kind in "mM"
