@@ -384,7 +384,7 @@ def test_the_thesis_is_compared_with_the_same_sensors() -> None:
         ((Cause("foot mass", "foot mass of A", 0.5),), False, ("malleolus",), "Weigh the segments."),
         ((Cause("gain", "gain of malleolus", 0.6),), False, ("malleolus",), "Calibrate the channels."),
         ((), True, ("malleolus",), "Wear a sensor on the foot."),
-        ((), True, ("malleolus", "foot"), "The vibration alone does not show more."),
+        ((), True, ("malleolus", "foot"), "Vibration alone cannot narrow them."),
     ],
 )
 def test_no_remedy_is_one_that_is_there(

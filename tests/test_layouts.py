@@ -181,7 +181,8 @@ def test_a_recording_of_a_whole_table() -> None:
         assert made.base_m_s2 == pytest.approx(base) and made.malleolus_m_s2 == pytest.approx(malleolus)
         assert made.condition.body_mass_kg == 70.0
     assert list(made.others) == ["foot"]
-    with pytest.raises(InputFileError, match=r"mine: has no column 'malleolus_m_s2' \(found: time_s, base_g\); rename the column"):
+    sentence = r"mine: has no column 'malleolus_m_s2' \(found: time_s, base_g\); rename the column"
+    with pytest.raises(InputFileError, match=sentence):
         Recording.from_table({"time_s": TIME, "base_g": base}, name="mine")
 
 

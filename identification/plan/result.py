@@ -406,7 +406,7 @@ class Planned(Presented):
                 f"With a second sensor {offer.sensor!r} (in brackets: without): {widths}; probability of a decided "
                 f"branch {chance(e.outlook.decided)} ({chance(self.mine.decided)})."
             )
-        also = f"Uncertain beside the constants: {listed(self.uncertain) or 'nothing'}"
+        also = f"Also uncertain: {listed(self.uncertain) or 'nothing'}"
         notes += [
             f"Predicted from {counted(self.feet, 'simulated foot', 'simulated feet')} of persons of "
             f"{self.body_mass_kg:g} kg, seed {self.seed}. {also}. {repeating(self.repeatability).capitalize()}.",
@@ -591,7 +591,7 @@ def nothing_brings(
         listed(texts) + (f" (shares of the remaining variance: {cause})" if cause else "")
         for cause, texts in together.items()
     ]
-    parts = [f"no interval becomes narrower than {'; '.join(what)}"] if what else []
+    parts = [f"these intervals stay at {'; '.join(what)}"] if what else []
     if open_:
         parts.append(f"the branch is decided with a probability of at most {chance(reached.decided)}")
     kinds = {cause.kind for name in names for cause in causes[name]}
@@ -600,6 +600,6 @@ def nothing_brings(
         ways += ["add a load"] * (len(set(loads_kg)) < 2)
         ways += ["wear a sensor on the foot"] * ("foot" not in sensors)
     remedy = listed(ways, "or")
-    return f"However long you record, {', and '.join(parts)}. The vibration alone does not show more." + (
+    return f"However long you record, {', and '.join(parts)}. Vibration alone cannot narrow them." + (
         f" {remedy[:1].upper()}{remedy[1:]}." if ways else ""
     )
