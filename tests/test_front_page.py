@@ -58,13 +58,14 @@ def test_verdicts_are_those_of_the_reproduction() -> None:
     thesis, others = (ROOT / "docs" / "reproduction.md").read_text().split("\n## Outside data")
     said = []
     for part, what in (
-        (thesis, "rows, everything that the thesis numbers or finds"),
+        (thesis, "equations, tables, figures and findings of the thesis"),
         (others, "comparisons with measurements by others"),
     ):
         counts = re.findall(r"^- \*\*(\d+)\*\* (.+)$", part, re.MULTILINE)
         assert len(counts) > 1
-        said.append(f"of {sum(int(n) for n, _ in counts)} {what}: {', '.join(map(' '.join, counts))}")
-    line = "; ".join(said).replace("of", "Of", 1)
+        the = "the " * (part is thesis)
+        said.append(f"Of {the}{sum(int(n) for n, _ in counts)} {what}: {', '.join(map(' '.join, counts))}")
+    line = ". ".join(said)
     assert line in " ".join(CREDIBILITY.split()), f"docs/credibility.md should say: {line}"
 
 
