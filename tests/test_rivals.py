@@ -13,7 +13,7 @@ from scipy.stats import t as student_t
 from typer.testing import CliRunner
 
 import mjcf
-from fasbody.exceptions import ModelError, RecordingError, SettingError
+from fasbody.exceptions import InputFileError, ModelError, RecordingError, SettingError
 from fasbody.foot.model import load
 from fasbody.foot.two_dof import TwoDof
 from fasbody.recording.checks import checked
@@ -365,6 +365,11 @@ def test_figures_files_and_command(relaxing: Rivals, tmp_path: Path) -> None:
     with pytest.raises(ModelError, match=r"MuJoCo's motion is off by [\d.]+ %"):
         write_models(relaxing, exchanged, tmp_path / "off")
     assert not list((tmp_path / "off").iterdir())
+    (tmp_path / "shoe.xml").write_text("<mujocoinclude><size/></mujocoinclude>")
+    split = tmp_path / "split.xml"
+    split.write_text(mjcf.text("two_dof").replace("</mujoco>", '<include file="shoe.xml"/></mujoco>'))
+    with pytest.raises(InputFileError, match=r"split.xml: includes 'shoe.xml', .*; write it into the file"):
+        write_models(relaxing, split, tmp_path / "off")
 
 
 # MJCF

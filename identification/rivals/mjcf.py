@@ -89,6 +89,9 @@ def edited_text(file: Path, name: str, title: str, values: Mapping[str, float], 
         root = ET.fromstring(mjcf.whole(file.read_text()), ET.XMLParser(target=ET.TreeBuilder(insert_comments=True)))
     except (OSError, ET.ParseError) as error:
         raise InputFileError(file, f"cannot be edited as XML ({error})") from None
+    if (include := next(root.iter("include"), None)) is not None:
+        parts = f"includes {include.get('file')!r}, which a rival elsewhere would not find"
+        raise InputFileError(file, parts, "write it into the file")
     v = dict(values)
     for joint, names in _JOINTS.items():
         for constant in (f"k_{joint}", names[1]):
