@@ -351,7 +351,7 @@ def _show(rows: list[dict[str, Any]]) -> None:
             console.print(text, markup=False, soft_wrap=True)
     for (used, unused), files in list(alike.items())[:_LEDGERS]:
         of = "" if len(rows) == 1 else f"{', '.join(files[:3])}{f' and {len(files) - 3} more' * (len(files) > 3)}: "
-        left = f"not used: {'; '.join(unused) or 'nothing'}"
+        left = f"not used: {'; '.join(unused)}" if unused else "all columns are used"
         results.print(f"{of}{'; '.join(used)}\n{left}", markup=False, soft_wrap=True)
     if len(alike) > _LEDGERS:
         results.print(f"{len(alike) - _LEDGERS} more kinds of files (--json lists them, --report draws them).")
