@@ -8,6 +8,7 @@ from scipy.special import chdtrc
 
 from fasbody.constants import Z95
 from fasbody.foot.parameters import symbol_and_unit
+from fasbody.presentation import counted
 from fasbody.recording.recording import Recording
 from fasbody.sentences import Sentence, called
 from identification.estimates import Allowance
@@ -82,9 +83,9 @@ def advice(
         texts.append(Sentence(f"{count} {more} or free fewer (", called("free"), ")."))
     if rank < len(space.free):
         texts.append(
-            f"The base motion holds {rank // 2} frequencies of any size (rank {rank}). A linear foot shows at most "
-            f"{rank} of the {len(space.free)} free parameters in them. The rest show only in harmonics that nonlinear "
-            f"dampers add, so no interval with the model assumed exact is shown. {more}."
+            f"The base moves at {counted(rank // 2, 'frequency', 'frequencies')} (rank {rank}), in which a linear foot "
+            f"shows at most {rank} of the {len(space.free)} free parameters. The rest show only in harmonics that "
+            f"nonlinear dampers add, so no interval with the model assumed exact is shown. {more}."
         )
     bound = [key for key, e in best.parameters.items() if e.at_bound]
     zero = [key for key in bound if best.parameters[key].value == 0.0]
