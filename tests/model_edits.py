@@ -857,6 +857,17 @@ REFUSED = (
         ),
         "tendon 'plantar_aponeurosis' must run straight from 'heel' to 'heads'",
     ),
+    (
+        "a tendon from heel to hindfoot",
+        (
+            (HEADS, HEADS + '<site name="way" pos="0 -0.03 0"/>'),
+            (
+                "  </tendon>",
+                '<spatial name="tape" stiffness="2e4"><site site="heel"/><site site="way"/></spatial></tendon>',
+            ),
+        ),
+        "tendon 'tape' pulls, and the equations lack it",
+    ),
     ("a branch with a gear", (('input="none"', 'gear="2" input="none"'),), "'aponeurosis_branch' has another gear"),
     (
         "a branch of another motor",

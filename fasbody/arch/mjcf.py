@@ -12,6 +12,7 @@ import numpy as np
 from fasbody.exceptions import ModelError, unknown
 from fasbody.foot import damper
 from fasbody.foot.model import check_constants, check_free, leans
+from fasbody.foot.model_fields import element_name
 from fasbody.foot.parameters import declared, names
 
 #: The joints of the tree in the order of `tree_position`; the shaker's `base` comes before them.
@@ -273,6 +274,11 @@ def _check_tendons(model: mujoco.MjModel, index: Index, name: str) -> None:
             _check_on_table(model, int(model.site_bodyid[site]), f"{name}: tendon {tendon!r} ends on")
         if model.tendon_armature[index["tendon", tendon]]:
             raise ModelError(f"{name}: tendon {tendon!r} has an armature, which the equations lack; remove it.")
+    ours = {index["tendon", tendon] for tendon in (*PADS, FASCIA)}
+    for t in sorted(set(range(model.ntendon)) - ours):
+        fields = ("stiffness", "stiffnesspoly", "damping", "dampingpoly", "frictionloss", "limited", "armature", "user")
+        if any(np.any(getattr(model, f"tendon_{field}")[t]) for field in fields):
+            raise ModelError(f"{name}: {element_name(model, 'tendon', t)} pulls, and the equations lack it; remove it.")
     for tendon in (*PADS, FASCIA):
         t = index["tendon", tendon]
         if np.abs(model.tendon_lengthspring[t] - model.tendon_length0[t]).max() > TOLERANCE:
