@@ -365,26 +365,27 @@ def test_loopback_asks_whether_the_amplifier_is_off(
 
 
 class Live(Stream):
-    """PortAudio's, which hears a sine about in real time, until it is `gone` or `silent`."""
+    """PortAudio's, which hears a sine about in real time, until it is `unplugged`, for good, or while it is `silent`."""
 
-    gone: ClassVar[bool] = False
+    unplugged: ClassVar[threading.Event] = threading.Event()
     silent: ClassVar[bool] = False
 
     def __init__(self, **options: Any) -> None:
         super().__init__(**options)
-        if Live.gone:
+        self._unplugged = Live.unplugged
+        if self._unplugged.is_set():
             raise ValueError("No input device matching 'made'")
 
     @property
     def active(self) -> bool:  # type: ignore[override]
-        return not Live.gone
+        return not self._unplugged.is_set()
 
     def start(self) -> None:
         threading.Thread(target=self._hear, daemon=True).start()
 
     def _hear(self) -> None:
         number = 0
-        while not (self.closed or Live.gone):
+        while not (self.closed or self._unplugged.is_set()):
             time.sleep(0.02)  # on a busy machine more: it makes up for nothing, or a recording were whole at once
             t = (960 * number + np.arange(960)) / CARD_HZ
             wave = 0.2 * np.column_stack([np.sin(40 * np.pi * t), np.sin(40 * np.pi * t - 0.3)]).astype(np.float32)
@@ -402,7 +403,7 @@ def test_card_that_goes_away_or_falls_silent(
     monkeypatch.setattr(audio.sounddevice, "Stream", Live)
     monkeypatch.setattr(audio, "cards", lambda: "cards of this computer: none")
     monkeypatch.setattr(audio, "_GONE_S", 60.0)
-    monkeypatch.setattr(Live, "gone", False)
+    monkeypatch.setattr(Live, "unplugged", threading.Event())
     monkeypatch.setattr(Live, "silent", False)
     board, _ = devices.opened(audio.SoundCard, Calibration("made", (100.0, 80.0), latency_s=0.1))
     board.reader.patience = 0.5 if fault == "unplugged for good" else 20.0
@@ -411,11 +412,15 @@ def test_card_that_goes_away_or_falls_silent(
     def strike(b: Board) -> None:
         if b.timeline is not None and b.timeline.length > 2000 and not struck:
             struck.append(time.monotonic())
-            Live.gone, Live.silent = fault != "stalled", fault == "stalled"
+            Live.silent = fault == "stalled"
+            if not Live.silent:
+                Live.unplugged.set()
             monkeypatch.setattr("fasbody.acquire.board.STALLED_S", 0.5 if fault == "stalled" else 20.0)
         back = b.unplugs if fault == "unplugged" else struck and b.timeline is None
         if back and fault != "unplugged for good":
-            Live.gone = Live.silent = False
+            Live.silent = False
+            if Live.unplugged.is_set():
+                Live.unplugged = threading.Event()
             monkeypatch.setattr("fasbody.acquire.board.STALLED_S", 20.0)
 
     board.listener = strike
