@@ -365,7 +365,7 @@ def test_loopback_asks_whether_the_amplifier_is_off(
 
 
 class Live(Stream):
-    """PortAudio's, which hears a sine about in real time, until it is `unplugged`, for good, or while it is `silent`."""
+    """PortAudio's, which hears a sine about in real time, until it is `unplugged`; while `silent` nothing."""
 
     unplugged: ClassVar[threading.Event] = threading.Event()
     silent: ClassVar[bool] = False
