@@ -868,6 +868,38 @@ REFUSED = (
         ),
         "tendon 'tape' pulls, and the equations lack it",
     ),
+    (
+        "pads that lean",
+        (
+            ('pos="-0.06845655 -1000 0"', 'pos="-0.03845655 -0.03 0"'),
+            ('pos="0.09819040 -1000 0"', 'pos="0.12819040 -0.03 0"'),
+        ),
+        "tendon 'heel_pad' leans, .* put site 'heel_ground' below 'heel'",
+    ),
+    (
+        "a navicular 10 mm ahead of the talus",
+        (('<body name="navicular" ', '<body name="navicular" pos="0.00504570 0.00863370 0" '),),
+        "joint 'spring_ligament' lies 10.000 mm off joint 'hindfoot'",
+    ),
+    (
+        "toes out by 30 degrees",
+        ((APEX, APEX.replace(" childclass", ' euler="0 30 0" childclass')),),
+        "joint 'hindfoot' must be a hinge .* in the world's axes, not 0.5 0 0.866025; turn it or its body",
+    ),
+    (
+        "toes the other way",
+        (
+            (APEX, APEX.replace(" childclass", ' euler="0 180 0" childclass')),
+            ('pos="-0.06845655 -', 'pos="0.06845655 -'),
+            ('pos="0.09819040 -', 'pos="-0.09819040 -'),
+        ),
+        "joint 'hindfoot' must be a hinge .*, not 0 0 -1;",
+    ),
+    (
+        "a tibia that leans by 10 degrees",
+        (('<body name="tibia" pos="0 0.03 0"', '<body name="tibia" pos="0 0.03 0" euler="0 0 10"'),),
+        "joint 'talocrural' must be a slide .* in the world's axes",
+    ),
     ("a branch with a gear", (('input="none"', 'gear="2" input="none"'),), "'aponeurosis_branch' has another gear"),
     (
         "a branch of another motor",
@@ -946,6 +978,7 @@ ARCHES = (
     _edit("foot_arch", "Euler's integrator", ("implicitfast", "Euler"), truth=arch()),
     _edit("foot_arch", "the implicit integrator", ('"implicitfast"', '"implicit"'), truth=arch()),
     _edit("foot_arch", "a parameter less", (_line('name="k_12"'), ""), truth=arch()),
+    _edit("foot_arch", "short pads", ("-1000 0", "-0.02 0"), truth=arch()),
     *(_edit("foot_arch", says, *changes, arch=words) for says, changes, words in REFUSED),
     *(_edit("foot_arch", says, *changes, load=words) for says, changes, words in LOADED),
 )  # fmt: skip
@@ -1018,7 +1051,9 @@ def section() -> str:
         lines += [f"- {kind}: {edits}." for kind, edits in kinds.items() if edits]
         last = {
             "Followed, but not drawn": _list(edit for edit, refused in own if "viewer" in refused and edit.truth),
-            "Refused by `simulate` and viewer": _list(edit for edit, refused in own if "viewer" in refused and not edit.truth),
+            "Refused by `simulate` and viewer": _list(
+                edit for edit, refused in own if "viewer" in refused and not edit.truth
+            ),
         }
         lines += [*(f"- {kind}: {edits}." for kind, edits in last.items() if edits), ""]
     return "\n".join(lines)

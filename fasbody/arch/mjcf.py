@@ -32,8 +32,8 @@ APEX_MASS = 1e-9
 #: How far an axis, the closure's polynomial, a rest length or a declared constant may be off.
 TOLERANCE = 1e-6
 
-#: Smallest impedance of the closure that the equations' rigid one still stands for.
-STIFF = 0.5
+#: Smallest impedance of the closure that the equations' rigid one still stands for, and how far a pad may lean [rad].
+STIFF, UPRIGHT = 0.5, 1e-3
 
 _KINDS = {"joint": JOINTS, "site": (*SITES, "malleolus"), "tendon": (*PADS, FASCIA), "actuator": (BRANCH,)}
 Index = Mapping[tuple[str, str], int]
@@ -101,6 +101,12 @@ def _bones(model: mujoco.MjModel, index: Index, name: str) -> dict[str, float]:
     joint = [index["joint", element] for element in JOINTS]
     anchor, body = data.xanchor[joint], model.jnt_bodyid[joint]
     heel, heads = (data.site_xpos[index["site", element]] for element in SITES)
+    apart = np.linalg.norm(anchor[3] - anchor[2])
+    if apart > TOLERANCE:
+        raise ModelError(
+            f"{name}: joint {JOINTS[3]!r} lies {apart * 1e3:.3f} mm off joint {JOINTS[2]!r}; in the equations both "
+            "are the apex of the arch."
+        )
     if abs(heel[1] - heads[1]) > TOLERANCE:
         raise ModelError(
             f"{name}: heel and heads rest {abs(heel[1] - heads[1]) * 1e3:.3f} mm apart in height; "
@@ -174,16 +180,18 @@ def _law(model: mujoco.MjModel, kind: str, number: int) -> np.ndarray:
 
 
 def _check_joints(model: mujoco.MjModel, index: Index, name: str) -> None:
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
     for joint in JOINTS:
         j = index["joint", joint]
         dof = int(model.jnt_dofadr[j])
         slides = joint in ("apex", "talocrural")
         joint_type, axis = ("slide", (0, 1, 0)) if slides else ("hinge", (0, 0, 1))
         kind = mujoco.mjtJoint.mjJNT_SLIDE if slides else mujoco.mjtJoint.mjJNT_HINGE
-        if model.jnt_type[j] != kind or np.abs(model.jnt_axis[j] - axis).max() > TOLERANCE:
+        if model.jnt_type[j] != kind or np.abs(data.xaxis[j] - axis).max() > TOLERANCE:
             raise ModelError(
-                f'{name}: joint {joint!r} must be a {joint_type} with axis="{_listed(axis)}", '
-                f"not one about {_listed(model.jnt_axis[j])}."
+                f'{name}: joint {joint!r} must be a {joint_type} with axis="{_listed(axis)}" in the world\'s axes, '
+                f"not {_listed(np.round(data.xaxis[j], 6) + 0.0)}; turn it or its body."
             )
         if model.dof_armature[dof] != 0:
             raise ModelError(
@@ -262,6 +270,8 @@ def _check_closure(model: mujoco.MjModel, index: Index, name: str) -> None:
 
 
 def _check_tendons(model: mujoco.MjModel, index: Index, name: str) -> None:
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
     for tendon, anchor in zip((*PADS, FASCIA), (*SITES, SITES), strict=True):
         first, count = (int(rows[index["tendon", tendon]]) for rows in (model.tendon_adr, model.tendon_num))
         straight = count == 2 and (model.wrap_type[first : first + 2] == mujoco.mjtWrap.mjWRAP_SITE).all()
@@ -271,6 +281,13 @@ def _check_tendons(model: mujoco.MjModel, index: Index, name: str) -> None:
             way = f"from the table to {anchor!r}" if isinstance(anchor, str) else "from 'heel' to 'heads'"
             raise ModelError(f"{name}: tendon {tendon!r} must run straight {way}, as in the equations.")
         for site in sites - ends:
+            (end,) = ends
+            x, y, z = data.site_xpos[end] - data.site_xpos[site]
+            if np.hypot(x, z) > UPRIGHT * abs(y):
+                raise ModelError(
+                    f"{name}: tendon {tendon!r} leans, and the equations have it upright; put "
+                    f"{element_name(model, 'site', site)} below {anchor!r}."
+                )
             _check_on_table(model, int(model.site_bodyid[site]), f"{name}: tendon {tendon!r} ends on")
         if model.tendon_armature[index["tendon", tendon]]:
             raise ModelError(f"{name}: tendon {tendon!r} has an armature, which the equations lack; remove it.")
