@@ -118,7 +118,7 @@ def print_table(
     out.print(made)
     if count:
         left = ", ".join(name for name in columns if name in order[:count])
-        out.print(f"left out for want of room: {left}; more with --json or in --report", markup=False, soft_wrap=True)
+        out.print(f"left out for want of room: {left}; --json has all", markup=False, soft_wrap=True)
 def write(result: Presented, folder: Path, command: str) -> list[Path]:
     """Write the numbers of a result, each figure as SVG and PNG, and report.html; say so.
 
