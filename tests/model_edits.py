@@ -869,6 +869,16 @@ REFUSED = (
         "tendon 'tape' pulls, and the equations lack it",
     ),
     (
+        "an inertia without mass on the hindfoot",
+        (
+            (
+                '<site name="heel" ',
+                '<body name="wheel"><inertial pos="0 0 0" mass="0" diaginertia="1e-3 1e-3 1e-3"/></body><site name="heel" ',
+            ),
+        ),
+        "body 'wheel' has a mass or joint of its own",
+    ),
+    (
         "pads that lean",
         (
             ('pos="-0.06845655 -1000 0"', 'pos="-0.03845655 -0.03 0"'),
@@ -935,6 +945,15 @@ LOADED = (
         "a velocity in the axes of its site",
         ((VELOCITY, '<velocimeter name="malleolus_velocity" site="malleolus"/>'),),
         "sensor 'malleolus_velocity' is read in the world's axes",
+    ),
+    (
+        "a velocity at another place of a bone that turns",
+        (
+            ('<site name="malleolus" class="bone" pos="0 0 0.03"/>', ""),
+            ('<site name="heel" ', '<site name="malleolus" pos="0 -0.02 0"/><site name="heel" '),
+            (VELOCITY, VELOCITY.replace('objname="malleolus"', 'objname="heel"')),
+        ),
+        "sensor 'malleolus_velocity' sits at another place of 'calcaneus_talus' than sensor 'malleolus'",
     ),
     (
         "one pad stiffer than its share",

@@ -224,7 +224,8 @@ def _check_bodies(model: mujoco.MjModel, index: Index, name: str) -> None:
         fixed_to = int(model.body_weldid[body])
         if not inside or (fixed_to == tibia and body != tibia):  # the tibia only slides, so what it carries is mass
             continue
-        if fixed_to not in known or model.body_jntnum[body] > 1 or (body not in known and model.body_mass[body] > 0):
+        inert = bool(model.body_mass[body] or model.body_inertia[body].any())
+        if fixed_to not in known or model.body_jntnum[body] > 1 or (body not in known and inert):
             raise ModelError(
                 f"{name}: body {model.body(body).name!r} has a mass or joint of its own that the five-body arch does "
                 "not have; fix it to tibia, or add its mass to a bone."

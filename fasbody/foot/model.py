@@ -369,6 +369,9 @@ def _check_sensors(model: mujoco.MjModel, name: str, sensors: Mapping[str, Senso
             raise ModelError(f"{name}: sensor {sensor!r} sits on {model.body(on).name!r}; it belongs on {place}.")
     if model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4:
         return
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
     for sensor in sensors:
         velocity = f"{sensor}_velocity"
         if sensor == "base":
@@ -390,6 +393,24 @@ def _check_sensors(model: mujoco.MjModel, name: str, sensors: Mapping[str, Senso
         if model.body_weldid[body_of(model, one)] != model.body_weldid[body_of(model, other)]:
             on = model.body(body_of(model, other)).name
             raise ModelError(f"{name}: sensor {velocity!r} sits on {on!r}; it belongs where sensor {sensor!r} is.")
+        if np.abs(_jacobian(model, data, one) - _jacobian(model, data, other)).max() > CLOSED:
+            raise ModelError(
+                f"{name}: sensor {velocity!r} sits at another place of {model.body(body_of(model, other)).name!r} than "
+                f"sensor {sensor!r}, and the body turns; put both at one site."
+            )
+
+
+def _jacobian(model: mujoco.MjModel, data: mujoco.MjData, sensor: int) -> np.ndarray:
+    """How the place of a sensor moves (3, nv) with the joints."""
+    kinds = mujoco.mjtObj
+    places = {
+        int(kinds.mjOBJ_SITE): data.site_xpos, int(kinds.mjOBJ_CAMERA): data.cam_xpos,
+        int(kinds.mjOBJ_GEOM): data.geom_xpos, int(kinds.mjOBJ_BODY): data.xipos, int(kinds.mjOBJ_XBODY): data.xpos,
+    }  # fmt: skip
+    jacobian = np.zeros((3, model.nv))
+    place = places[int(model.sensor_objtype[sensor])][model.sensor_objid[sensor]]
+    mujoco.mj_jac(model, data, jacobian, None, place, body_of(model, sensor))
+    return jacobian
 
 
 def body_of(model: mujoco.MjModel, sensor: int) -> int:
