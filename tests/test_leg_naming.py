@@ -212,8 +212,8 @@ def test_virtual_subjects_are_shaken_in_the_same_way(linked: list[Recording]) ->
     *_, last = name(seen, subjects=1)
     assert last.tried is not None
     assert last.tried.subjects == 5
-    told = f"5, of whom {last.tried.right} were named rightly, {last.tried.wrong} wrongly, "
-    assert told in last.notes[-1] and last.notes[-1].endswith("so few tell no rate (--subjects asks for more).")
+    told = f"{last.tried.right} were named correctly, {last.tried.wrong} wrongly, "
+    assert told in last.notes[-1] and last.notes[-1].endswith("too few for a rate (more with --subjects).")
     many = Confusion("p", {truth: 20 * list(each) for truth, each in last.tried.verdicts.items()})
     assert "rate" not in replace(last, tried=many).notes[-1]
     assert last.tried.right >= 3
