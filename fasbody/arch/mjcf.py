@@ -11,7 +11,7 @@ import numpy as np
 
 from fasbody.exceptions import ModelError, unknown
 from fasbody.foot import damper
-from fasbody.foot.model import check_constants, check_free, leans
+from fasbody.foot.model import check_constants, check_free, leans, reference_pose
 from fasbody.foot.model_fields import element_name
 from fasbody.foot.parameters import declared, names
 
@@ -53,14 +53,15 @@ def numbers(model: mujoco.MjModel, name: str = "model") -> dict[str, float]:
     index = _index(model, name)
     check_constants(model, name)
     check_free(model, name)
-    _check_joints(model, index, name)
-    _check_bodies(model, index, name)
+    data = reference_pose(model)
+    _check_joints(data, index, name)
+    _check_bodies(data, index, name)
     _check_closure(model, index, name)
-    _check_tendons(model, index, name)
+    _check_tendons(data, index, name)
     _check_actuators(model, index, name)
     constants = _constants(model, index, name)
     _check_declared(model, constants, name)
-    return _bones(model, index, name) | constants
+    return _bones(data, index, name) | constants
 
 
 def nonlinear_laws(model: mujoco.MjModel) -> list[str]:
@@ -93,11 +94,9 @@ def _index(model: mujoco.MjModel, name: str) -> Index:
     return numbers
 
 
-def _bones(model: mujoco.MjModel, index: Index, name: str) -> dict[str, float]:
+def _bones(data: mujoco.MjData, index: Index, name: str) -> dict[str, float]:
     """Masses, lengths, inertias and rest angles, from the pose in which the file stands."""
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    mujoco.mj_comPos(model, data)
+    model = data.model
     joint = [index["joint", element] for element in JOINTS]
     anchor, body = data.xanchor[joint], model.jnt_bodyid[joint]
     heel, heads = (data.site_xpos[index["site", element]] for element in SITES)
@@ -179,9 +178,8 @@ def _law(model: mujoco.MjModel, kind: str, number: int) -> np.ndarray:
     return np.pad(user, (0, damper.USER_SIZE - len(user)))
 
 
-def _check_joints(model: mujoco.MjModel, index: Index, name: str) -> None:
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
+def _check_joints(data: mujoco.MjData, index: Index, name: str) -> None:
+    model = data.model
     for joint in JOINTS:
         j = index["joint", joint]
         dof = int(model.jnt_dofadr[j])
@@ -204,7 +202,8 @@ def _check_joints(model: mujoco.MjModel, index: Index, name: str) -> None:
             raise ModelError(f"{name}: joint {joint!r} has a spring or damper; in the equations it is free.")
 
 
-def _check_bodies(model: mujoco.MjModel, index: Index, name: str) -> None:
+def _check_bodies(data: mujoco.MjData, index: Index, name: str) -> None:
+    model = data.model
     for floating in np.flatnonzero(model.body_gravcomp):
         raise ModelError(
             f"{name}: body {model.body(floating).name!r} has a gravcomp, which the equations lack; remove it."
@@ -236,7 +235,7 @@ def _check_bodies(model: mujoco.MjModel, index: Index, name: str) -> None:
         raise ModelError(
             f"{name}: site 'malleolus' is on {model.body(sensed).name!r}, and the equations have it on the tibia."
         )
-    if "malleolus" in names(model, "sensor") and leans(model, model.sensor("malleolus").id, (0.0, 1.0, 0.0)):
+    if "malleolus" in names(model, "sensor") and leans(data, model.sensor("malleolus").id, (0.0, 1.0, 0.0)):
         raise ModelError(f"{name}: sensor 'malleolus' leans, and the equations read it along y; turn its site.")
 
 
@@ -270,9 +269,8 @@ def _check_closure(model: mujoco.MjModel, index: Index, name: str) -> None:
         )
 
 
-def _check_tendons(model: mujoco.MjModel, index: Index, name: str) -> None:
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
+def _check_tendons(data: mujoco.MjData, index: Index, name: str) -> None:
+    model = data.model
     for tendon, anchor in zip((*PADS, FASCIA), (*SITES, SITES), strict=True):
         first, count = (int(rows[index["tendon", tendon]]) for rows in (model.tendon_adr, model.tendon_num))
         straight = count == 2 and (model.wrap_type[first : first + 2] == mujoco.mjtWrap.mjWRAP_SITE).all()

@@ -369,9 +369,7 @@ def _check_sensors(model: mujoco.MjModel, name: str, sensors: Mapping[str, Senso
             raise ModelError(f"{name}: sensor {sensor!r} sits on {model.body(on).name!r}; it belongs on {place}.")
     if model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4:
         return
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    mujoco.mj_comPos(model, data)
+    data = reference_pose(model)
     for sensor in sensors:
         velocity = f"{sensor}_velocity"
         if sensor == "base":
@@ -382,7 +380,7 @@ def _check_sensors(model: mujoco.MjModel, name: str, sensors: Mapping[str, Senso
                 f"{sensor!r} add the sensor {velocity!r}, a framelinvel at the same site."
             )
         one, other = model.sensor(sensor).id, model.sensor(velocity).id
-        if leans(model, one, sensors["base"].axis):
+        if leans(data, one, sensors["base"].axis):
             raise ModelError(
                 f"{name}: sensor {sensor!r} leans, and {velocity!r} reads the vertical; turn its site, or use RK4."
             )
@@ -393,16 +391,24 @@ def _check_sensors(model: mujoco.MjModel, name: str, sensors: Mapping[str, Senso
         if model.body_weldid[body_of(model, one)] != model.body_weldid[body_of(model, other)]:
             on = model.body(body_of(model, other)).name
             raise ModelError(f"{name}: sensor {velocity!r} sits on {on!r}; it belongs where sensor {sensor!r} is.")
-        if np.abs(_jacobian(model, data, one) - _jacobian(model, data, other)).max() > CLOSED:
+        if np.abs(_jacobian(data, one) - _jacobian(data, other)).max() > CLOSED:
             raise ModelError(
                 f"{name}: sensor {velocity!r} sits at another place of {model.body(body_of(model, other)).name!r} than "
                 f"sensor {sensor!r}, and the body turns; put both at one site."
             )
 
 
-def _jacobian(model: mujoco.MjModel, data: mujoco.MjData, sensor: int) -> np.ndarray:
+def reference_pose(model: mujoco.MjModel) -> mujoco.MjData:
+    """Frames of bodies, sites and joints where the file puts them."""
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    return data
+
+
+def _jacobian(data: mujoco.MjData, sensor: int) -> np.ndarray:
     """How the place of a sensor moves (3, nv) with the joints."""
-    kinds = mujoco.mjtObj
+    model, kinds = data.model, mujoco.mjtObj
     places = {
         int(kinds.mjOBJ_SITE): data.site_xpos, int(kinds.mjOBJ_CAMERA): data.cam_xpos,
         int(kinds.mjOBJ_GEOM): data.geom_xpos, int(kinds.mjOBJ_BODY): data.xipos, int(kinds.mjOBJ_XBODY): data.xpos,
@@ -457,20 +463,22 @@ def _check_places(model: mujoco.MjModel, parameters: Parameters, name: str) -> N
                 )
 
 
-def leans(model: mujoco.MjModel, sensor: int, up: tuple[float, float, float]) -> bool:
+def leans(data: mujoco.MjData, sensor: int, up: tuple[float, float, float]) -> bool:
     """Whether a sensor is an accelerometer whose site has no axis along the vertical.
 
     Args:
-        model: the compiled model.
+        data: of the model in its `reference_pose`.
         sensor: its number.
         up: (3,) the vertical.
     """
-    if model.sensor_type[sensor] != _IN_SITE:
-        return False
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    seen = np.abs(data.site_xmat[model.sensor_objid[sensor]].reshape(3, 3).T @ up)
-    return bool(seen.max() < 1 - _LEANS)
+    in_site = data.model.sensor_type[sensor] == _IN_SITE
+    return bool(in_site and np.abs(_to_site(data, sensor) @ up).max() < 1 - _LEANS)
+
+
+def _to_site(data: mujoco.MjData, sensor: int) -> np.ndarray:
+    """Rotation (3, 3) from the world's axes to those of a sensor's site."""
+    rotation: np.ndarray = data.site_xmat[data.model.sensor_objid[sensor]].reshape(3, 3).T
+    return rotation
 
 
 def accelerometers(model: mujoco.MjModel, up: tuple[float, float, float]) -> dict[str, Sensor]:
@@ -483,15 +491,13 @@ def accelerometers(model: mujoco.MjModel, up: tuple[float, float, float]) -> dic
         model: the compiled model.
         up: (3,) the vertical.
     """
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    sensors = {}
+    data, sensors = reference_pose(model), {}
     for number in range(model.nsensor):
         kind, first, called = model.sensor_type[number], int(model.sensor_adr[number]), model.sensor(number).name
         if kind == _IN_WORLD:
             sensors[called] = Sensor(called, first, up, float(-model.opt.gravity @ up))
         elif kind == _IN_SITE:
-            turned = data.site_xmat[model.sensor_objid[number]].reshape(3, 3).T
+            turned = _to_site(data, number)
             seen = turned @ up
             nearest = int(np.argmax(np.abs(seen)))
             axis = np.zeros(3)
@@ -506,10 +512,7 @@ def _check_base(model: mujoco.MjModel, name: str, shaker: int) -> tuple[float, f
 
     The shaker's force is gear x acceleration, so the gear must be the base's armature.
     """
-    joint = model.joint("base").id
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    mujoco.mj_comPos(model, data)
+    joint, data = model.joint("base").id, reference_pose(model)
     axis = np.where(np.abs(data.xaxis[joint]) < 1e-9, 0.0, data.xaxis[joint])
     if model.jnt_type[joint] != mujoco.mjtJoint.mjJNT_SLIDE:
         raise ModelError(f"{name}: joint 'base' must be a slide along the vertical, which its axis says.")
@@ -580,10 +583,8 @@ def _holders(model: mujoco.MjModel, data: mujoco.MjData, dof: int) -> list[str]:
     """What acts between a degree of freedom and the world, by kind and name."""
     pull = _column(data.ten_J, model.ten_J_rownnz, model.ten_J_rowadr, model.ten_J_colind, dof)
     push = _column(data.actuator_moment, data.moment_rownnz, data.moment_rowadr, data.moment_colind, dof)
-    if mujoco.mj_isSparse(model):
-        rows = _column(data.efc_J, data.efc_J_rownnz, data.efc_J_rowadr, data.efc_J_colind, dof)
-    else:
-        rows = data.efc_J.reshape(-1, model.nv)[:, dof]
+    rows = np.zeros(data.nefc)
+    mujoco.mj_mulJacVec(model, data, rows, np.eye(model.nv)[dof])  # of a sparse Jacobian and of a dense one
     equal = data.efc_type == mujoco.mjtConstraint.mjCNSTR_EQUALITY
     equalities = dict.fromkeys(map(int, data.efc_id[equal & (rows != 0)]))
     forces = (model.tendon_stiffness, model.tendon_damping, model.tendon_frictionloss, model.tendon_limited)

@@ -18,7 +18,7 @@ import numpy as np
 
 from fasbody.exceptions import ModelError, unknown
 from fasbody.foot import damper
-from fasbody.foot.model import body_of, check_constants, check_free, leans
+from fasbody.foot.model import body_of, check_constants, check_free, leans, reference_pose
 from fasbody.foot.model_fields import element_name
 from fasbody.foot.parameters import declared, names
 from fasbody.presentation import Tabled
@@ -69,7 +69,8 @@ class Leg(Tabled):
         """
         check_constants(model, name)
         _check_nothing_else(model, name)
-        base = _slides(model, name)
+        data = reference_pose(model)
+        base = _slides(data, name)
         joints = [j for j in range(model.njnt) if j != base]
         at = {int(model.jnt_bodyid[j]): i for i, j in enumerate(joints)}
         table = int(model.jnt_bodyid[base])
@@ -99,7 +100,7 @@ class Leg(Tabled):
                     f"{name}: sensor {sensor!r} sits on {model.body(sensed).name!r} and the site {sensor!r} does not; "
                     "put both on one body."
                 )
-            if leans(model, model.sensor(sensor).id, (0.0, 1.0, 0.0)):
+            if leans(data, model.sensor(sensor).id, (0.0, 1.0, 0.0)):
                 raise ModelError(
                     f"{name}: sensor {sensor!r} leans, and these equations read it along y; turn its site."
                 )
@@ -179,10 +180,9 @@ class Leg(Tabled):
         return np.abs(poles) / (2 * np.pi), -poles.real / np.abs(poles)
 
 
-def _slides(model: mujoco.MjModel, name: str) -> int:
+def _slides(data: mujoco.MjData, name: str) -> int:
     """Number of the joint base; every joint must be a slide along y, one to a body, the bodies not turned."""
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
+    model = data.model
     for j in range(model.njnt):
         off = np.abs(data.xaxis[j] - (0, 1, 0)).max()
         if model.jnt_type[j] != mujoco.mjtJoint.mjJNT_SLIDE or off > 1e-9:
