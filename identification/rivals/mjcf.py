@@ -51,7 +51,7 @@ def write_models(result: Rivals, file: Path, folder: Path) -> dict[Path, float]:
 
     Raises:
         ModelError: the file has no such joints, or they are not where the edits expect them, so that MuJoCo moves
-            otherwise; the file is removed then.
+            otherwise; such a model is not written.
     """
     hz = min((p.frequency_hz for p in result.points), key=lambda f: abs(f - 20.0))
     U = next(p.base for p in result.points if p.frequency_hz == hz)
@@ -64,15 +64,14 @@ def write_models(result: Rivals, file: Path, folder: Path) -> dict[Path, float]:
         for load_kg in by_load:
             name = f"{rival.name}_{load_kg:g}kg.xml" if len(by_load) > 1 else f"{rival.name}.xml"
             text = edited_text(file, rival.name, rival.title, rival.values, load_kg)
-            path = write_whole(folder / name, text)
-            gap = differences[path] = difference(path, rival.values, hz, U, load_kg)
+            gap = difference(text, rival.values, hz, U, load_kg)
             if gap > _MOST_APART:
-                path.unlink()
                 raise ModelError(
                     f"{file.name}: with the constants of {rival.name!r} written into it, MuJoCo's motion is off by "
                     f"{100 * gap:.2g} %; rivals are made from files with the ankle at the joint 'talocrural' and the "
                     "pad at 'fat_pad'."
                 )
+            differences[write_whole(folder / name, text)] = gap
     return differences
 
 
@@ -131,18 +130,18 @@ def edited_text(file: Path, name: str, title: str, values: Mapping[str, float], 
 
 
 def difference(
-    file: Path, values: Mapping[str, float], hz: float, U: np.ndarray, load_kg: float
+    model: str | Path, values: Mapping[str, float], hz: float, U: np.ndarray, load_kg: float
 ) -> float:
-    """How far MuJoCo's motion of a written model is from the equations, as a share of the fundamental.
+    """How far MuJoCo's motion of a rung's model is from the equations, as a share of the fundamental.
 
     Args:
-        file: the model.
+        model: its MJCF, or the file of it.
         values: constants of the rung.
         hz: fundamental.
         U: (H,) base [m/s^2].
         load_kg: on it.
     """
-    foot = load(file)
+    foot = load(model)
     masses = {"m_S": values["m_S"] + load_kg, "m_F": values["m_F"], "added_mass": load_kg}
     stated = {name: kg for name, kg in masses.items() if name in foot.parameters}
     moved = Balance(foot).orbit(hz, U, stated).harmonics()[: U.size]
