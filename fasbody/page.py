@@ -91,7 +91,11 @@ def print_table(
         title: above the table.
     """
     out = Console(highlight=False, width=None if os.environ.get("COLUMNS", "").isdigit() else results.width)
+    room = out.options.update(width=10_000)
     order = [*(name for name in spared if name in columns), *(name for name in columns[:0:-1] if name not in spared)]
+    longest = max((Text.from_markup(row[0]).cell_len for row in rows), default=0)
+    first: dict[str, Any] = {"overflow": "fold", "min_width": min(_NAME, longest)}
+    others: dict[str, Any] = {"overflow": "crop", "no_wrap": True}
 
     def table(dropped: Sequence[str], broken: bool) -> Table:
         made = Table(title=escape(title), title_justify="left", box=box.SIMPLE_HEAD, show_edge=False, padding=0)
@@ -99,16 +103,11 @@ def print_table(
         for i in kept:
             heading = escape(columns[i].replace(" ", "\n") if broken else columns[i])
             side: Literal["left", "right"] = "left" if columns[i] in words else "right"
-            if i:
-                made.add_column(heading, justify=side, no_wrap=True, overflow="crop")
-            else:
-                longest = max((Text.from_markup(row[0]).cell_len for row in rows), default=0)
-                made.add_column(heading, justify=side, overflow="fold", min_width=min(_NAME, longest))
+            made.add_column(heading, justify=side, **(others if i else first))
         for row in rows:
             made.add_row(*(row[i] for i in kept))
         return made
 
-    room = out.options.update(width=10_000)
     layouts = [(0, False), *((count, True) for count in range(len(order) + 1))]
     for count, broken in layouts:
         made = table(order[:count], broken)
@@ -119,6 +118,8 @@ def print_table(
     if count:
         left = ", ".join(name for name in columns if name in order[:count])
         out.print(f"left out for want of room: {left}; --json has all", markup=False, soft_wrap=True)
+
+
 def write(result: Presented, folder: Path, command: str) -> list[Path]:
     """Write the numbers of a result, each figure as SVG and PNG, and report.html; say so.
 

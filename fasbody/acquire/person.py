@@ -113,8 +113,12 @@ class Dose:
 
     def sentence(self) -> str:
         """With what the directive has, and for whom it was made."""
-        above = [self.a8 > ACTION, self.vdv > VDV_ACTION]
-        which = ["both are", "that of A(8) is", "that of the VDV is", "none is"][2 * (not above[0]) + (not above[1])]
+        which = {
+            (True, True): "both are",
+            (True, False): "that of A(8) is",
+            (False, True): "that of the VDV is",
+            (False, False): "none is",
+        }[self.a8 > ACTION, self.vdv > VDV_ACTION]
         return (
             f"Vibration exposure, weighted by W_k: {self}. These are {100 * self.a8 / LIMIT:.0f} % and "
             f"{100 * self.vdv / VDV_LIMIT:.0f} % of the daily limits of the European directive on vibration at work "
