@@ -92,8 +92,7 @@ def test_corrections_are_taken_back_and_made_again(bench: Bench) -> None:
 def test_fits_are_listed_compared_and_kept_in_the_session(opened: Any, tmp_path: Any) -> None:
     with served("--model", "two_dof", folder=tmp_path) as url:
         page = Watched(opened, url, (1440, 900))
-        page.page.locator("#bundled").click()
-        page.until("bench.rows.length === 12 && motion && !busy && byId('data_state').textContent === ''")
+        page.open_example()
         page("byId('starts').value = 2")
         for kept in ("row.added_mass_kg === 0", "row.added_mass_kg > 0"):
             page(f"bench.chosen = new Set(bench.rows.filter(row => {kept}).map(row => row.id)), ticksChanged()")

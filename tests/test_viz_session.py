@@ -182,8 +182,7 @@ def test_no_file_of_a_session_lands_elsewhere(bench: Bench) -> None:
 def test_the_page_saves_a_session_and_another_one_takes_it_up(opened: Any, tmp_path: Path) -> None:
     with served("--model", "two_dof", folder=tmp_path) as url:
         page = Watched(opened, url)
-        page.page.locator("#bundled").click()
-        page.until("bench.rows.length === 12 && motion && !busy && byId('data_state').textContent === ''")
+        page.open_example()
         assert page("bench.task") == "data"
         page("byId('recordings').querySelectorAll('[type=checkbox]')[2].click()")
         page("bench.free.c_13 = false, state.values.k_T = 2e5, ask()")

@@ -87,8 +87,7 @@ def test_seconds_are_chosen_on_the_page(opened: Any, tmp_path: Path) -> None:
     """By a zoom that both traces share, and by typing; for one recording, and for all that are ticked."""
     with served("--model", "two_dof", folder=tmp_path) as url:
         page = Watched(opened, url, (1440, 900))
-        page.page.locator("#bundled").click()
-        page.until("bench.rows.length === 12 && motion && !busy && byId('data_state').textContent === ''")
+        page.open_example()
         page.page.locator("#tab_signals").click()
         page.until("viewed.plots && viewed.plots.base.series.length && byId('data_state').textContent === ''")
         assert page("byId('signals_used').textContent").startswith("time: 'time_s' in s")

@@ -40,8 +40,7 @@ def test_what_to_do_next_and_the_fit_are_in_sight_in_every_task(opened: Any, tmp
         page = Watched(opened, url, (1440, 900))
         assert page("byId('next').textContent").startswith("Drop recordings")
         assert page(IN_SIGHT, "bundled") and page("byId('start_fit').disabled")
-        page.page.locator("#bundled").click()  # the example is one click away
-        page.until("bench.rows.length === 12 && motion && !busy && byId('data_state').textContent === ''")
+        page.open_example()  # one click away
         assert page("[bench.task, document.querySelectorAll('#tasks [aria-pressed=true]').length]") == ["data", 1]
         for width, height in ((1440, 900), (800, 600), (390, 844)):
             page.resize(width, height)

@@ -149,6 +149,11 @@ class Watched:
             assert time.monotonic() < end, f"never true: {condition}; {self.complaints}"
             time.sleep(0.05)
 
+    def open_example(self) -> None:
+        """Load the bundled study by its button, and wait until it moves."""
+        self.page.locator("#bundled").click()
+        self.until("bench.rows.length === 12 && motion && !busy && byId('data_state').textContent === ''")
+
     def resize(self, width: int, height: int) -> None:
         """Another size of the window, and wait until everything on the page has taken it up."""
         self.page.set_viewport_size({"width": width, "height": height})
