@@ -38,6 +38,8 @@ _SETTLED, _LEVELS = 0.05, 16
 _LONGER, _EXACTLY = 5.0, 1e-5
 #: Least and largest damping of a step.
 _LEAST_DAMPING, _MOST_DAMPING = 1e-7, 1e12
+#: Passes to the active set of a step's bounds at most; in the second half none is left again.
+_PASSES = 12
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,7 +113,7 @@ def descend(
     for _ in range(steps):
         A = np.swapaxes(now.jacobian, 1, 2) @ now.jacobian
         g = np.einsum("cmn,cm->cn", now.jacobian, now.residual)
-        left = _step(A, g, Q[at], low[at], high[at], np.full(len(at), _LEAST_DAMPING))[1]
+        left = bounded_step(A, g, Q[at], low[at], high[at], np.full(len(at), _LEAST_DAMPING))[1]
         # a step cut by several bounds at once may promise a loss
         promise[at] = np.where(now.moves, np.abs(left), np.inf)
         rests[at] = promise[at] < promised
@@ -119,7 +121,7 @@ def descend(
         if not go.any():
             break
         at, damping, factor, now, A, g = at[go], damping[go], factor[go], now.rows(go), A[go], g[go]
-        trial, foretold = _step(A, g, Q[at], low[at], high[at], damping)
+        trial, foretold = bounded_step(A, g, Q[at], low[at], high[at], damping)
         after = problem.evaluate(trial, now)
         gain = np.where(after.moves, objective[at] - after.objective, -1.0)
         better = gain > 0
@@ -134,30 +136,68 @@ def descend(
     return Descended(Q, objective, rests, promise)
 
 
-def _step(
-    A: np.ndarray, g: np.ndarray, Q: np.ndarray, low: np.ndarray, high: np.ndarray, damping: np.ndarray
+def bounded_step(
+    A: np.ndarray,
+    g: np.ndarray,
+    Q: np.ndarray,
+    low: np.ndarray,
+    high: np.ndarray,
+    damping: np.ndarray,
+    along: np.ndarray | None = None,
+    room: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Trial places (C, n) inside the bounds, and what the quadratic promises (C,) where it is not damped much."""
+    """One damped Gauss-Newton step of each candidate, between bounds.
+
+    Args:
+        A: (C, n, n) J^T J.
+        g: (C, n) J^T r.
+        Q: (C, n) places.
+        low: (C, n) bounds.
+        high: (C, n) bounds.
+        damping: (C,) of Levenberg and Marquardt, as a share of the diagonal of A.
+        along: (C, n) gradient of a quantity that shall become as large as it can; nothing shall by default.
+        room: (C,) by how much the sum of squares may rise for it.
+
+    Returns:
+        trial places (C, n) inside the bounds, and by how much the quadratic foretells that the sum of squares falls
+        (C,).
+    """
     n = Q.shape[1]
     diagonal = np.einsum("cnn->cn", A)
-    floor = 1e-12 * np.maximum(diagonal.max(1, keepdims=True), 1e-300)
-    held = (high <= low) | ((low >= Q) & (g > 0)) | ((high <= Q) & (g < 0))
-    at = np.arange(n)
-    p = np.zeros_like(Q)
-    for _ in range(6):  # what runs into a bound stays there, and the others are stepped anew
-        rest = g + np.einsum("cnm,cm->cn", A, np.where(held, p, 0.0))
-        B = np.where(held[:, :, None] | held[:, None, :], 0.0, A)
-        B[:, at, at] = np.where(held, 1.0, diagonal * (1 + damping[:, None]) + floor)
-        step = -np.linalg.solve(B, np.where(held, 0.0, rest)[..., None])[..., 0]
-        p = np.where(held, p, np.clip(Q + step, low, high) - Q)
-        out = ~held & (np.abs(p - step) > 1e-12)
-        if not out.any():
+    extra = damping[:, None] * diagonal + 1e-12 * np.maximum(diagonal.max(1, keepdims=True), 1e-300)
+    B = A.copy()
+    B[:, np.arange(n), np.arange(n)] += extra
+    least, most, fixed = low - Q, high - Q, high <= low
+    towards = np.zeros((*g.shape, 1)) if along is None else along[..., None]
+    pushed = g if along is None else 0 * g
+    side = np.where((least >= 0) & (pushed > 0), -1, np.where((most <= 0) & (pushed < 0), 1, 0))
+    for number in range(_PASSES):  # the active set of bounds, by what runs into them and what they hold back
+        held = fixed | (side != 0)
+        p = np.where(held, np.where(side < 0, least, np.where(side > 0, most, 0.0)), 0.0)
+        rest = g + np.einsum("cnm,cm->cn", B, p)
+        free = np.where(held[:, :, None] | held[:, None, :], 0.0, B)
+        free[:, np.arange(n), np.arange(n)] += held
+        right = np.where(held[..., None], 0.0, np.concatenate([-rest[..., None], towards], 2))
+        down, up = np.moveaxis(np.linalg.solve(free, right), -1, 0)
+        p = p + down
+        force = np.zeros(len(Q))
+        if room is not None:  # the damped quadratic is least at p, and rises with the square of the way along `up`
+            gain = np.maximum(np.einsum("cn,cn->c", right[..., 1], up), 1e-300)
+            force = np.sqrt(np.maximum(room + _falls(B, g, p), 0.0) / gain)
+            p = p + force[:, None] * up
+        pull = g + np.einsum("cnm,cm->cn", B, p) - force[:, None] * towards[..., 0]
+        back = held & (side * pull > 1e-9 * np.abs(g).max(1, keepdims=True)) & (number < _PASSES // 2)
+        after = np.where(fixed | back, 0, np.where(held, side, (p > most + 1e-12) - 1 * (p < least - 1e-12)))
+        if (after == side).all():
             break
-        held |= out
+        side = after
     trial = np.clip(Q + p, low, high)
-    p = trial - Q
-    promised = -(2 * np.einsum("cn,cn->c", g, p) + np.einsum("cn,cnm,cm->c", p, A, p))
-    return trial, promised
+    return trial, _falls(A, g, trial - Q)
+
+
+def _falls(A: np.ndarray, g: np.ndarray, p: np.ndarray) -> np.ndarray:
+    """(C,) by how much the quadratic falls with a step p (C, n)."""
+    return np.asarray(-(2 * np.einsum("cn,cn->c", g, p) + np.einsum("cn,cnm,cm->c", p, A, p)))
 
 
 def finished(

@@ -1,8 +1,8 @@
 """Profile likelihood: how far a constant can go before the best fit that is left is too unlikely.
 
-A standard error takes the sum of squares for a parabola. Here a constant is held at the end that a parabola would have,
-and everything else is fitted anew; where the sum of squares has not risen by what it should, the end is moved until it
-has.
+A standard error takes the sum of squares for a parabola. An end of the profile is where a constant is as large, or as
+small, as the sum of squares allows: Venzon and Moolgavkar (1988) step there without a fit at each place between, here
+by the same damped Gauss-Newton steps between bounds as every other descent.
 """
 
 from collections.abc import Callable
@@ -10,18 +10,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification.optimiser import descend
+from identification.optimiser import bounded_step
 from identification.residual import Evaluation, Problem
 
-#: Steps of the fits at which an end is sought: short ones, then long ones for what a flat valley hides.
-_STEPS = (*[20] * 10, *[100] * 6)
-#: How near the rise must come to what is sought.
-_NEAR = 0.1
-#: Decrease of the sum of squares that is worth no further step.
-_PROMISED = 0.05
-#: Standard errors over the tolerance with which a constant is held, and how far off [standard errors] a fit may leave
-#: it: farther, and bounds are in the way.
-_STIFF, _HELD = 30.0, 0.1
+#: Steps towards an end at most.
+_STEPS = 60
+#: Share of the way to an end, and of the rise of the sum of squares, that is worth no further step.
+_NEAR, _CLOSE = 0.01, 0.05
+#: First, least and largest damping of a step, as in every other descent.
+_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-4, 1e-7, 1e12
+#: How far the sum of squares may be from what the quadratic foretold, as a share of its change or of its rise.
+_WRONG = 0.75
+#: Cosine between a step and the change of the slope below which a secant says nothing.
+_SECANT = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,37 +40,6 @@ class Coordinates:
     values: np.ndarray
     slopes: np.ndarray
     std: np.ndarray
-
-
-@dataclass(frozen=True, eq=False)
-class _Pinned:
-    """A problem with one row more, which holds a coordinate of a candidate at a place.
-
-    Which one, and where, says the last variable of a candidate, the number of its pin: pins 2 i and 2 i + 1 hold
-    coordinate i.
-    """
-
-    problem: Problem
-    sign: int
-    coordinates: Coordinates
-    places: np.ndarray
-
-    def bounds(self, pin: int) -> tuple[np.ndarray, np.ndarray]:
-        low, high = self.problem.bounds(self.sign)
-        return np.append(low, pin), np.append(high, pin)
-
-    def evaluate(self, Q: np.ndarray, near: Evaluation | None = None) -> Evaluation:
-        pins, Q = Q[:, -1].astype(int), Q[:, :-1]
-        C, n = Q.shape
-        now, c, pinned = self.problem.evaluate(Q, near), self.coordinates, (np.arange(C), pins // 2)
-        stiff = _STIFF / c.std[pins // 2]
-        row = stiff * (c.of(Q)[pinned] - self.places[pins])
-        slopes = np.zeros((C, 1, n + 1))
-        slopes[:, 0, :n] = stiff[:, None] * self.problem.variables.slopes(c.of, Q, np.arange(n))[pinned]
-        slopes[:, 0, :n][:, self.problem.held] = 0.0
-        J = np.concatenate([now.jacobian, np.zeros((*now.jacobian.shape[:2], 1))], 2)
-        r = np.concatenate([now.residual, row[:, None]], 1)
-        return Evaluation(r, np.concatenate([J, slopes], 1), now.moves, now.memory)
 
 
 def ends(
@@ -90,40 +60,63 @@ def ends(
         covariance: (n, n) of the search variable.
         coordinates: k of them.
         rise: of the sum of squares at an end.
-        quantile: standard errors to an end by the curvature; it is returned where no better end is reached,
-            moved to between the places that are known to lie inside and outside.
+        quantile: standard errors to an end by the curvature. Where no end is reached it is returned, or how far the
+            sum of squares is known to allow, if that is farther.
     """
-    c = coordinates
-    pins = np.repeat(np.arange(c.std.size), 2)
-    ways, std = np.tile([-1.0, 1.0], c.std.size), c.std[pins]
-    along = (c.slopes @ covariance)[pins] / std[:, None] ** 2  # of a parabola, for a step of 1
-    least, reach = float(problem.evaluate(q[None]).objective[0]), quantile * std
-    going = np.arange(pins.size)
-    at, distance = np.tile(q, (pins.size, 1)), reach.copy()
-    inside, outside = np.zeros(pins.size), np.full(pins.size, np.inf)
-    for steps in _STEPS:
-        if not going.size:
+    c, n = coordinates, q.size
+    pins, ways = np.repeat(np.arange(c.std.size), 2), np.tile([-1.0, 1.0], c.std.size)
+    low, high = (np.tile(limit, (pins.size, 1)) for limit in problem.bounds(sign))
+    Q = np.tile(q, (pins.size, 1))
+    now = problem.evaluate(Q)
+    limit = float(now.objective[0]) + rise
+    reach, before = quantile * c.std[pins], np.full(pins.size, -np.inf)
+    at, damping, factor = np.arange(pins.size), np.full(pins.size, _DAMPING), np.full(pins.size, 2.0)
+    bend = np.zeros((pins.size, n, n))
+    for _ in range(_STEPS):
+        A = np.swapaxes(now.jacobian, 1, 2) @ now.jacobian + bend[at]
+        g = np.einsum("cmn,cm->cn", now.jacobian, now.residual)
+        rows = np.arange(at.size), pins[at]
+        along = ways[at, None] * problem.variables.slopes(c.of, Q[at], np.arange(n))[rows]
+        along[:, problem.held] = 0.0
+        room = limit - now.objective
+        way = ways[at] * (c.of(Q[at])[rows] - c.values[pins[at]])
+        reach[at] = np.where(room > 0, np.maximum(reach[at], way), reach[at])
+        place = A, g, Q[at], low[at], high[at]
+        further = bounded_step(*place, np.full(at.size, _LEAST_DAMPING), along, room)[0] - Q[at]
+        end = way + np.einsum("cn,cn->c", along, further)
+        rests = (np.abs(end - way) < _NEAR * way) & (np.abs(room) < _CLOSE * rise)
+        again = rests & (np.abs(end - before[at]) > 2 * _NEAR * way)
+        before[at[again]], bend[at[again]] = end[again], 0.0  # what the secant holds back would rest too early
+        arrived = rests & ~again
+        reach[at[arrived]] = end[arrived]
+        go = ~arrived & (damping < _MOST_DAMPING)
+        if not go.any():
             break
-        places = c.values[pins] + ways * distance
-        start = at + (places - c.of(at)[np.arange(pins.size), pins])[:, None] * along
-        down = descend(
-            _Pinned(problem, sign, c, places),  # type: ignore[arg-type]
-            np.column_stack([start, np.arange(pins.size)])[going], going, steps, _PROMISED,
-        )  # fmt: skip
-        at[going] = down.Q[:, :-1]
-        off = (c.of(at[going])[np.arange(going.size), pins[going]] - places[going]) / std[going]
-        up = (down.objective - (_STIFF * off) ** 2 - least) / rise
-        free = np.abs(off) < _HELD
-        near = down.rests & (np.abs(up - 1) < _NEAR)
-        reach[going[free & near]] = (distance[going] + ways[going] * off * std[going])[free & near]
-        inside[going[up < 1]], outside[going[(up >= 1) & down.rests]] = (
-            distance[going[up < 1]], distance[going[(up >= 1) & down.rests]]
-        )  # fmt: skip
-        step = distance[going] * np.clip(up, 0.1, 10.0) ** -0.5
-        middle = 0.5 * (inside[going] + np.minimum(outside[going], 2 * distance[going]))
-        step = np.where((inside[going] < step) & (step < outside[going]), step, middle)
-        # what has not come to rest goes on where it is: its rise is still too large
-        distance[going] = np.where(down.rests | (up < 1), step, distance[going])
-        going = going[free & ~near]
-    reach[going] = np.clip(reach, inside, outside)[going]
+        at, damping, factor, now = at[go], damping[go], factor[go], now.rows(go)
+        trial, falls = bounded_step(*(x[go] for x in place), damping, along[go], room[go])
+        after = problem.evaluate(trial, now)
+        wrong = np.abs(now.objective - falls - after.objective) / np.maximum(rise, np.abs(falls))
+        good = after.moves & (wrong < _WRONG)
+        # Nielsen (1999): by how well the quadratic foretold the sum of squares
+        damping = np.where(good, damping * np.maximum(0.1, 1 - (1 - 2 * wrong) ** 3), damping * factor)
+        damping, factor = np.maximum(_LEAST_DAMPING, damping), np.where(good, 2.0, 2 * factor)
+        bend[at[good]] = _bent(bend[at], trial - Q[at], now.jacobian, after)[good]
+        Q[at[good]] = trial[good]
+        now = now.replaced(after, good)
     return reach.reshape(-1, 2)
+
+
+def _bent(bend: np.ndarray, step: np.ndarray, jacobian: np.ndarray, after: Evaluation) -> np.ndarray:
+    """What the residual's second derivatives add to J^T J (C, n, n), as the last step (C, n) shows it.
+
+    The secant of Dennis, Gay and Welsch (1981), sized as there, but of rank one and never negative.
+    """
+    change = np.einsum("cmn,cm->cn", after.jacobian - jacobian, after.residual)
+    along, already = np.einsum("cn,cn->c", step, change), np.einsum("cn,cnm,cm->c", step, bend, step)
+    share = np.where(already > 0, np.clip(along / np.maximum(already, 1e-300), 0.0, 1.0), 1.0)
+    bend = share[:, None, None] * bend
+    missing = change - np.einsum("cnm,cm->cn", bend, step)
+    size = np.einsum("cn,cn->c", missing, step)
+    use = size > _SECANT * np.linalg.norm(missing, axis=1) * np.linalg.norm(step, axis=1)
+    update = missing[:, :, None] * missing[:, None, :] / np.where(use, size, 1.0)[:, None, None]
+    return bend + np.where(use[:, None, None], update, 0.0)

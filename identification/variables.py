@@ -319,14 +319,18 @@ class Variables:
     def slopes(self, function, Q: np.ndarray, of: np.ndarray):  # type: ignore[no-untyped-def]
         """Derivatives (..., k) of what a function makes of Q (C, n), an array (C, ...), to k of the variables.
 
-        Central differences, all in one array.
+        Differences, central ones or, at a bound, one-sided; all in one array.
         """
         C, k = len(Q), len(of)
-        steps = _STEP * np.eye(self.size)[of]
-        moved = np.concatenate([Q + steps[:, None], Q - steps[:, None]])  # (2 k, C, n)
-        values = function(moved.reshape(2 * k * C, -1))
+        low, high = self.bounds
+        steps = _STEP * np.eye(self.size)[of][:, None]
+        above, below = np.minimum(Q + steps, high), np.maximum(Q - steps, low)  # (k, C, n)
+        length = np.take_along_axis(above - below, np.broadcast_to(of[:, None, None], (k, C, 1)), 2)[..., 0]
+        values = function(np.concatenate([above, below]).reshape(2 * k * C, -1))
         values = values.reshape(2, k, C, *values.shape[1:])
-        return np.moveaxis((values[0] - values[1]) / (2 * _STEP), 0, -1)
+        difference = np.moveaxis(values[0] - values[1], 0, -1)
+        length = np.where(length == 0, 1.0, length)  # of what cannot change
+        return difference / np.moveaxis(length, 0, -1).reshape(C, *[1] * (difference.ndim - 2), k)
 
     # what is reported
 
