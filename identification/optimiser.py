@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from identification.repeatability import repeatability
-from identification.residual import Problem, Scatter
+from identification.residual import Evaluation, Problem, Scatter
 
 #: Starts of a side in one round, and rounds at most.
 STARTS, ROUNDS = 12, 6
@@ -40,6 +40,8 @@ _LONGER, _EXACTLY = 5.0, 1e-5
 _LEAST_DAMPING, _MOST_DAMPING = 1e-7, 1e12
 #: Passes to the active set of a step's bounds at most; in the second half none is left again.
 _PASSES = 12
+#: Cosine between a step and the change of the slope below which a secant says nothing.
+_SECANT = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +97,7 @@ class Descended:
 def descend(
     problem: Problem, Q: np.ndarray, signs: np.ndarray, steps: int = STEPS, promised: float = _PROMISED
 ) -> Descended:
-    """Damped Gauss-Newton steps of many candidates at once, between bounds.
+    """Damped Gauss-Newton steps of many candidates at once, between bounds, along valleys that bend (`bent`).
 
     Args:
         problem: whose sum of squares falls.
@@ -110,6 +112,7 @@ def descend(
     now = problem.evaluate(Q)
     objective = now.objective
     damping, factor, promise = np.full(len(Q), 1e-2), np.full(len(Q), 2.0), np.full(len(Q), np.inf)
+    bend = np.zeros((len(Q), Q.shape[1], Q.shape[1]))
     for _ in range(steps):
         A = np.swapaxes(now.jacobian, 1, 2) @ now.jacobian
         g = np.einsum("cmn,cm->cn", now.jacobian, now.residual)
@@ -121,10 +124,11 @@ def descend(
         if not go.any():
             break
         at, damping, factor, now, A, g = at[go], damping[go], factor[go], now.rows(go), A[go], g[go]
-        trial, foretold = bounded_step(A, g, Q[at], low[at], high[at], damping)
+        trial, foretold = bounded_step(A + bend[at], g, Q[at], low[at], high[at], damping)
         after = problem.evaluate(trial, now)
         gain = np.where(after.moves, objective[at] - after.objective, -1.0)
         better = gain > 0
+        bend[at[better]] = bent(bend[at], trial - Q[at], now.jacobian, after)[better]
         good = np.clip(gain / np.maximum(foretold, 1e-9), 0.0, 1.5)
         # Nielsen (1999): by how well the quadratic foretold the gain
         damping = damping * np.where(better, np.maximum(0.1, 1 - (2 * good - 1) ** 3), factor)
@@ -198,6 +202,22 @@ def bounded_step(
 def _falls(A: np.ndarray, g: np.ndarray, p: np.ndarray) -> np.ndarray:
     """(C,) by how much the quadratic falls with a step p (C, n)."""
     return np.asarray(-(2 * np.einsum("cn,cn->c", g, p) + np.einsum("cn,cnm,cm->c", p, A, p)))
+
+
+def bent(bend: np.ndarray, step: np.ndarray, jacobian: np.ndarray, after: Evaluation) -> np.ndarray:
+    """What the residual's second derivatives add to J^T J (C, n, n), as the last step (C, n) shows it.
+
+    The secant of Dennis, Gay and Welsch (1981), sized as there, but of rank one and never negative.
+    """
+    change = np.einsum("cmn,cm->cn", after.jacobian - jacobian, after.residual)
+    along, already = np.einsum("cn,cn->c", step, change), np.einsum("cn,cnm,cm->c", step, bend, step)
+    share = np.where(already > 0, np.clip(along, 0.0, already) / np.maximum(already, 1e-300), 1.0)
+    bend = share[:, None, None] * bend
+    missing = change - np.einsum("cnm,cm->cn", bend, step)
+    size = np.einsum("cn,cn->c", missing, step)
+    use = size > _SECANT * np.linalg.norm(missing, axis=1) * np.linalg.norm(step, axis=1)
+    update = missing[:, :, None] * missing[:, None, :] / np.where(use, size, 1.0)[:, None, None]
+    return bend + np.where(use[:, None, None], update, 0.0)
 
 
 def finished(

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification.optimiser import bounded_step
-from identification.residual import Evaluation, Problem
+from identification.optimiser import bent, bounded_step
+from identification.residual import Problem
 
 #: Steps towards an end at most.
 _STEPS = 60
@@ -21,8 +21,6 @@ _NEAR, _CLOSE = 0.01, 0.05
 _DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-4, 1e-7, 1e12
 #: How far the sum of squares may be from what the quadratic foretold, as a share of its change or of its rise.
 _WRONG = 0.75
-#: Cosine between a step and the change of the slope below which a secant says nothing.
-_SECANT = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -100,23 +98,7 @@ def ends(
         # Nielsen (1999): by how well the quadratic foretold the sum of squares
         damping = np.where(good, damping * np.maximum(0.1, 1 - (1 - 2 * wrong) ** 3), damping * factor)
         damping, factor = np.maximum(_LEAST_DAMPING, damping), np.where(good, 2.0, 2 * factor)
-        bend[at[good]] = _bent(bend[at], trial - Q[at], now.jacobian, after)[good]
+        bend[at[good]] = bent(bend[at], trial - Q[at], now.jacobian, after)[good]
         Q[at[good]] = trial[good]
         now = now.replaced(after, good)
     return reach.reshape(-1, 2)
-
-
-def _bent(bend: np.ndarray, step: np.ndarray, jacobian: np.ndarray, after: Evaluation) -> np.ndarray:
-    """What the residual's second derivatives add to J^T J (C, n, n), as the last step (C, n) shows it.
-
-    The secant of Dennis, Gay and Welsch (1981), sized as there, but of rank one and never negative.
-    """
-    change = np.einsum("cmn,cm->cn", after.jacobian - jacobian, after.residual)
-    along, already = np.einsum("cn,cn->c", step, change), np.einsum("cn,cnm,cm->c", step, bend, step)
-    share = np.where(already > 0, np.clip(along / np.maximum(already, 1e-300), 0.0, 1.0), 1.0)
-    bend = share[:, None, None] * bend
-    missing = change - np.einsum("cnm,cm->cn", bend, step)
-    size = np.einsum("cn,cn->c", missing, step)
-    use = size > _SECANT * np.linalg.norm(missing, axis=1) * np.linalg.norm(step, axis=1)
-    update = missing[:, :, None] * missing[:, None, :] / np.where(use, size, 1.0)[:, None, None]
-    return bend + np.where(use[:, None, None], update, 0.0)
