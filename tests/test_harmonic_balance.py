@@ -38,6 +38,10 @@ class Oscillator:
     def metric(self) -> Array:
         return np.eye(1)
 
+    @property
+    def rest(self) -> Array:
+        return np.zeros(1)
+
     def residual(self, series: Fourier, x: Array, share: float) -> Array:
         z, v, a = series.at(x)
         left = W**2 * a + self.damping * W * v + self.spring(z)

@@ -30,8 +30,10 @@ PASSES, CHORDS = 12, 40
 #: Contraction from which on a new Jacobian is computed in place of a further step.
 SLOW = 0.5
 #: Size of a step over the motion that ends the search. Below the second one a step that is not
-#: shortened is rounding, if the Jacobian is new or has shortened steps to the third.
+#: shortened is rounding, if the Jacobian is new, was new no farther off, or has shortened steps to the third.
 TIGHT, ROUNDING, PROVEN = 1e-12, 1e-6, 1e-3
+#: Coordinates of rest are steps from zero as large as this at least, by the system's metric [sqrt(kg) m].
+STILL = 1e-3
 #: Least share of a Newton step, and least part of the amplitude by which a motion is continued.
 SHORTEST, FINEST = 2.0**-8, 2.0**-7
 #: Change of the Floquet multipliers that refining may leave, and how often intervals are halved.
@@ -146,7 +148,7 @@ class Equations(Protocol):
 
 def newton(
     equations: Equations, x: Array, inverse: Array | None = None, tight: float = TIGHT,
-    longest: float = np.inf,
+    longest: float = np.inf, least: float = 0.0,
 ) -> tuple[Array, Array, Array]:  # fmt: skip
     """Solve many systems by damped Newton's method, a Jacobian serving as long as steps contract.
 
@@ -160,11 +162,12 @@ def newton(
         tight: size of a step over that of the unknowns which ends the search.
         longest: size of a first step over that of the unknowns. Where many motions exist, a search
             with shorter ones stays near its start.
+        least: size of the unknowns of which steps are a share, where they are smaller themselves.
 
     Returns:
         Unknowns (b, m), the inverse of the last Jacobian (b, m, m), and which are solved (b,).
     """
-    search, rows = _Search(equations, np.array(x, float), tight, longest), np.arange(len(x))
+    search, rows = _Search(equations, np.array(x, float), tight, longest, least), np.arange(len(x))
     with np.errstate(all="ignore"):  # steps that are too long give non-finite residuals and are shortened
         if inverse is not None:
             search.inverse[:] = inverse
@@ -180,8 +183,8 @@ def newton(
 class _Search:
     """Where Newton's method is with each of many systems."""
 
-    def __init__(self, equations: Equations, x: Array, tight: float, longest: float) -> None:
-        self.equations, self.x, self.tight, self.longest = equations, x, tight, longest
+    def __init__(self, equations: Equations, x: Array, tight: float, longest: float, least: float) -> None:
+        self.equations, self.x, self.tight, self.longest, self.least = equations, x, tight, longest, least
         count, m = x.shape
         self.inverse, self.solved = np.empty((count, m, m)), np.zeros(count, bool)
 
@@ -196,14 +199,17 @@ class _Search:
         first = self.equations.size(step)
         reach = self.longest * self.equations.size(self.x) / first
         damping = np.maximum(SHORTEST, np.fmin(1, reach))  # without a limit from rest it is no number
+        new = fresh
         for _ in range(CHORDS):
             trial = self.x[going] + damping[going, None] * step[going]
             following = self._correction(trial, going)
             before, after, motion = map(self.equations.size, (step[going], following, trial))
+            motion = np.maximum(motion, self.least)
             contraction = after / np.maximum(before, np.finfo(float).tiny)
             better = contraction < 1 - damping[going] / 4
             rounded = (contraction > SLOW) & (before < ROUNDING * motion)
-            proven = fresh | (before < PROVEN * first[going])
+            near = new & (first[going] < ROUNDING * motion)
+            proven = fresh | near | (before < PROVEN * first[going])
             self.solved[going] = (after <= self.tight * motion) | (rounded & proven)
             self.x[going[better]], step[going[better]] = trial[better], following[better]
             damping[going] = np.where(better, np.minimum(1, 2 * damping[going]), damping[going] / 2)
@@ -243,6 +249,10 @@ class System(Protocol):
     @property
     def metric(self) -> Array:
         """By which accelerations are measured (n, n), such as a mass matrix."""
+
+    @property
+    def rest(self) -> Array:
+        """Coordinates (n,) of rest, without the excitation."""
 
     def residual(self, series: Fourier, x: Array, share: float) -> Array:
         """What must vanish (n, 2 H + 1) at coefficients x under a share of the excitation."""
@@ -334,7 +344,18 @@ def periodic(system: System, start: Solution | None = None, least: int = HARMONI
 
 
 def _rest(system: System, series: Fourier) -> Solution:
-    return Solution(series, np.zeros((len(system.metric), series.size)))
+    return Solution(series, series.real(np.zeros((len(system.metric), 0)), system.rest))
+
+
+def rest(system: System, x: Array) -> tuple[Array, bool]:
+    """Coordinates (n,) at which a system stays without excitation, and whether there are any.
+
+    Args:
+        system: what rests.
+        x: (n,) from where Newton's method begins.
+    """
+    solution, solved = _solved(system, Solution(Fourier.of(0), x[:, None]), 0.0, STILL)
+    return solution.x[:, 0], solved
 
 
 def _doubled(solution: Solution) -> Solution:
@@ -342,10 +363,10 @@ def _doubled(solution: Solution) -> Solution:
     return Solution(series, series.real(solution.series.complex(solution.x), solution.x[:, 0]))
 
 
-def _solved(system: System, start: Solution, share: float) -> tuple[Solution, bool]:
+def _solved(system: System, start: Solution, share: float, least: float = 0.0) -> tuple[Solution, bool]:
     """Where Newton's method ends under a share of the excitation, and whether that is a motion."""
     near = None if start.inverse is None else start.inverse[None]
-    x, inverse, solved = newton(_Single(system, start.series, share), start.x.reshape(1, -1), near)
+    x, inverse, solved = newton(_Single(system, start.series, share), start.x.reshape(1, -1), near, least=least)
     return Solution(start.series, x.reshape(start.x.shape), inverse[0]), bool(solved[0])
 
 
@@ -359,7 +380,8 @@ def _continued(system: System, series: Fourier) -> Solution:
     solution, reached, part = _rest(system, series), 0.0, 0.5
     while reached < 1:
         share = min(1.0, reached + part)
-        grown = Solution(series, solution.x * (share / reached if reached else 1.0))
+        still = _rest(system, series).x
+        grown = Solution(series, still + (solution.x - still) * (share / reached if reached else 1.0))
         following, solved = _solved(system, grown, share)
         if solved:
             solution, reached, part = following, share, 2 * part

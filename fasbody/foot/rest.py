@@ -1,56 +1,28 @@
 """The pose in which a foot stands: gravity and springs that pull at rest are balanced, the table held."""
 
-import mujoco
 import numpy as np
 
 from fasbody.exceptions import SimulationError
 from fasbody.foot.damper import DAMPER
-from fasbody.foot.engine import callbacks
 from fasbody.foot.model import Foot
-
-#: Acceleration [m/s^2 or rad/s^2] that still counts as rest, and the difference by which slopes are taken [m or rad].
-_STILL, _NUDGE = 1e-7, 1e-6
-_PASSES, _HALVINGS = 60, 20
+from fasbody.foot.steady_state import Balance
 
 
 def standing(foot: Foot) -> np.ndarray:
-    """The pose (nq,) of rest, by Newton's method from the pose of the file.
+    """The pose (nq,) of rest: from the pose of the file, or from where the foot falls to.
 
     Raises:
         SimulationError: there is none, or a damper is negative there.
     """
-    model, data = foot.model, mujoco.MjData(foot.model)
-    dofs = np.delete(np.arange(model.nv), foot.base)
-
-    def acceleration(q: np.ndarray) -> np.ndarray:
-        data.qpos[:], data.qvel[:], data.ctrl[:] = q, 0.0, 0.0
-        mujoco.mj_forward(model, data)
-        return data.qacc[dofs].copy()
-
-    q = model.qpos0.copy()
-    with callbacks():
-        a = acceleration(q)
-        for _ in range(_PASSES):
-            if np.abs(a).max(initial=0.0) < _STILL:
-                break
-            slope = np.empty((dofs.size, dofs.size))
-            for column, i in enumerate(dofs):
-                ends = [acceleration(q + sign * _NUDGE * (np.arange(model.nq) == i)) for sign in (1, -1)]
-                slope[:, column] = (ends[0] - ends[1]) / (2 * _NUDGE)
-            step = np.zeros(model.nq)
-            step[dofs] = np.linalg.lstsq(slope, -a, rcond=1e-14)[0]
-            for halving in range(_HALVINGS):
-                tried = q + step / 2**halving
-                residual = acceleration(tried)
-                if np.abs(residual).max() < np.abs(a).max():
-                    q, a = tried, residual
-                    break
-            else:
-                break
-    if np.abs(a).max(initial=0.0) < 1e3 * _STILL:
-        check_dampers(foot, q[None], model.jnt_user[None])
-        return q
-    raise SimulationError(f"{foot.name}: nothing carries it: no pose was found in which it rests.")
+    balance = Balance(foot)
+    x = balance.rest({})
+    if x is None:
+        raise SimulationError(f"{foot.name}: nothing carries it: no pose was found in which it rests.")
+    q = foot.model.qpos0.copy()
+    dofs = balance.free[balance.free < foot.model.nv]
+    q[dofs] += x[: dofs.size]
+    check_dampers(foot, q[None], foot.model.jnt_user[None])
+    return q
 
 
 def carrier(foot: Foot) -> str:

@@ -24,7 +24,7 @@ import numpy as np
 
 from fasbody.exceptions import SettingError, unknown
 from fasbody.foot.engine import callbacks
-from fasbody.foot.harmonic_balance import MOST_HARMONICS, Fourier, Solution, multipliers, periodic
+from fasbody.foot.harmonic_balance import MOST_HARMONICS, Fourier, Solution, multipliers, periodic, rest
 from fasbody.foot.model import Foot, can_change
 from fasbody.foot.parameters import Fitted
 
@@ -35,6 +35,8 @@ STEP = 1e-9
 POSITION, RATE = 1e-6, 1e-4
 #: In accelerations [m/s^2 or rad/s^2]: forces are linear in them, unless something lifts or slips from some on.
 ACCELERATION, WITH_CHANGES = 1.0, 1e-4
+#: Time after which what falls has come to rest [s].
+_FALL = 2.0
 #: Difference in a parameter as a share of its size, and in harmonics of the base [m/s^2].
 PARAMETER, BASE = 3e-4, 1.0
 
@@ -169,6 +171,12 @@ class Shaken:
     def metric(self) -> Array:
         """Mass matrix at rest (n, n)."""
         return self.balance.metric
+
+    @cached_property
+    def rest(self) -> Array:
+        """See `Balance.rest`; the file's pose where the foot stands in none."""
+        x = self.balance.rest(self.values)
+        return np.zeros(len(self.metric)) if x is None else x
 
     @property
     def _scale(self) -> Array:
@@ -324,6 +332,31 @@ class Balance:
         mujoco.mj_fwdPosition(self.model, data)
         mujoco.mj_fullM(self.model, data, mass)
         return np.pad(mass, (0, self.model.na))[np.ix_(self.free, self.free)]
+
+    def rest(self, values: Mapping[str, float]) -> Array | None:
+        """Coordinates from the file's pose, and activations, (n,) without the base's, at which a foot stands still.
+
+        Args:
+            values: parameters that differ from the model's, by name.
+
+        Returns:
+            None where nothing carries it.
+        """
+        still = Shaken(self, 1.0, np.zeros(1), values)
+        with callbacks():
+            x, stands = rest(still, np.zeros(len(self.metric)))
+            if not stands:  # a contact that is open has no slope: what falls comes to it
+                x, stands = rest(still, self._fallen(values))
+        return x if stands else None
+
+    def _fallen(self, values: Mapping[str, float]) -> Array:
+        """Where `rest` may be: after `_FALL` in the time domain."""
+        self.set(values)
+        model = copy.copy(self.model)
+        model.opt.integrator, model.opt.timestep = self.foot.model.opt.integrator, self.foot.model.opt.timestep
+        data = mujoco.MjData(model)
+        mujoco.mj_step(model, data, nstep=round(_FALL / model.opt.timestep))
+        return np.concatenate([data.qpos - model.qpos0, data.act])[self.free]
 
     def reading(self, sensor: str) -> Array:
         """Weights (r,) by which rows of the engine give an accelerometer, but for gravity."""
