@@ -91,7 +91,8 @@ def ends(
         if not go.any():
             break
         at, damping, factor, now = at[go], damping[go], factor[go], now.rows(go)
-        trial, falls = bounded_step(*(x[go] for x in place), damping, along[go], room[go])
+        place = A[go], g[go], Q[at], low[at], high[at]
+        trial, falls = bounded_step(*place, damping, along[go], room[go])
         after = problem.evaluate(trial, now)
         wrong = np.abs(now.objective - falls - after.objective) / np.maximum(rise, np.abs(falls))
         good = after.moves & (wrong < _WRONG)

@@ -164,16 +164,17 @@ def fit(
     )  # fmt: skip
     solutions = [Solution(SIDES[o.sign], search.problem, o) for o in search.optima]
     solutions = [_with_enough_harmonics(solution) for solution in solutions]
-    replays, kept, left_out = {}, [], []
+    replays, kept, left_out, reason = {}, [], [], ""
     for number, solution in enumerate(solutions):
         advance("replaying in MuJoCo", number, len(solutions))
         try:
             replays[solution.branch] = replay(foot, solution.problem, solution.q)
             kept.append(solution)
-        except SimulationError:
+        except SimulationError as error:
             left_out.append(solution.branch)
+            reason = reason or str(error)
     if not kept:
-        raise SimulationError(f"{foot.name}: the best parameter sets are all unstable over the recordings.")
+        raise SimulationError(reason)
     advance("the model assumed exact", 0, 1)
     alone = _held_ends(search.problem.with_held(held).with_scatter(Scatter()), kept) if allow else {}
     return Fitted(tuple(kept), alone, replays, tuple(left_out))

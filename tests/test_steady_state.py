@@ -4,6 +4,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import cache
 
+import mujoco
 import numpy as np
 import oracle
 import pytest
@@ -13,8 +14,10 @@ import mjcf
 from fasbody.arch import linear, mount
 from fasbody.arch.bones import Arch
 from fasbody.arch.mounted import SHIPPED
-from fasbody.exceptions import NotSmoothError, PeriodicMotionError, SettingError
+from fasbody.exceptions import NotSmoothError, PeriodicMotionError, SettingError, SimulationError
+from fasbody.foot.engine import callbacks
 from fasbody.foot.model import Foot, load
+from fasbody.foot.rest import standing
 from fasbody.foot.shaker import harmonics
 from fasbody.foot.simulate import Batch
 from fasbody.foot.steady_state import Balance, Orbit
@@ -370,3 +373,49 @@ def test_a_base_of_many_harmonics_is_not_cut_off() -> None:
     for k, amplitude in enumerate(base):
         alone = balance("leg").orbit(3.0 * (k + 1), [amplitude]).harmonics()[0]
         assert have[k] == pytest.approx(alone, rel=1e-9)
+
+
+GRAVITY = ('gravity="0 0 0"', 'gravity="0 -9.81 0"')
+PAD = 'stiffness="1.0e5" damping="800" user="4.25 800 -50 100"'
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new"),
+    [
+        ("foot_arch", *GRAVITY),
+        ("foot_arch", '<joint name="spring_ligament"/>', '<joint name="spring_ligament" springref="0.3"/>'),
+        ("foot_arch", 'aponeurosis" stiffness="15e3"', 'aponeurosis" springlength="0.1665" stiffness="15e3"'),
+        ("mounted_arch", 'biasprm="-42.0 0 0"', 'biasprm="-70 0 0"'),
+        ("two_dof", PAD, 'user="1 1e5 40 2 0.5 0 -1"'),
+    ],
+    ids=["arch with gravity", "ligament that pulls", "fascia that pulls", "heavier weight", "pad without stiffness"],
+)
+def test_a_foot_that_does_not_stand_in_the_pose_of_its_file(name: str, old: str, new: str) -> None:
+    """Its small motion goes on about where MuJoCo leaves it, as stepping has it."""
+    text = mjcf.text(name)
+    assert old in text
+    text = text.replace(old, new)
+    foot = load(text.replace(*GRAVITY) if name == "two_dof" else text)
+    rest = standing(foot)
+    data = mujoco.MjData(foot.model)
+    with callbacks():
+        data.qpos[:] = rest
+        mujoco.mj_forward(foot.model, data)
+    weight = abs(foot.model.body_subtreemass[0] - foot.model.body_mass[foot.model.dof_bodyid[foot.base]]) * 9.81
+    M = np.zeros((foot.model.nv, foot.model.nv))
+    mujoco.mj_fullM(foot.model, data, M)
+    assert np.abs(np.delete(M @ data.qacc, foot.base)).max() < 1e-5 * weight
+    orbit = Balance(foot).orbit(20.0, [0.02])
+    batch = Batch(foot, 1, 1)
+    step = 1 / 20.0 / round(1 / 20.0 / 1e-4)
+    count = round(1 / 20.0 / step)
+    state = orbit.initial_state()
+    run = batch.run(harmonics(20.0, [0.02], 0.05).controls(step, count)[None], step, *(part[None] for part in state))
+    moved = run.malleolus_m_s2[0] @ np.exp(-2j * np.pi * np.arange(count) / count) * 2 / count
+    assert abs(moved / orbit.harmonics()[0] - 1) < 3e-3
+
+
+def test_nothing_carries_a_foot_without_springs() -> None:
+    text = mjcf.text("two_dof").replace(PAD, "").replace(*GRAVITY)
+    with pytest.raises(SimulationError, match="nothing carries it"):
+        standing(load(text))

@@ -153,10 +153,16 @@ class Arch(Tabled):
             name: what to call it in messages.
 
         Raises:
-            ModelError: the model is no five-body arch, or departs from it; the message names the element.
+            ModelError: the model is no five-body arch, or departs from it, or has gravity; the message names the
+                element.
         """
         from fasbody.arch.mjcf import numbers  # the equations alone need no MuJoCo
 
+        if model.opt.gravity.any():
+            raise ModelError(
+                f"{name}: <option> has gravity, and these equations are about the state in which it is balanced "
+                '(Eq. 4.29); write gravity="0 0 0" (crosscheck alone follows it).'
+            )
         return cls(**numbers(model, name))
 
     @classmethod
@@ -168,16 +174,11 @@ class Arch(Tabled):
 
         Raises:
             InputFileError: no such model, or MuJoCo cannot compile it.
-            ModelError: see `from_model`; or the model has gravity.
+            ModelError: see `from_model`.
         """
         from fasbody.foot.model import load
 
         foot = load(model)
-        if foot.model.opt.gravity.any():
-            raise ModelError(
-                f"{foot.name}: <option> has gravity, and these equations are about the state in which it is balanced "
-                '(Eq. 4.29); write gravity="0 0 0" (crosscheck alone follows it).'
-            )
         return cls.from_model(foot.model, foot.name)
 
     @property

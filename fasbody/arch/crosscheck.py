@@ -17,7 +17,7 @@ import numpy as np
 from fasbody.arch.bones import Arch
 from fasbody.arch.kinematics import Array, rest
 from fasbody.arch.lagrange import mass_and_bias
-from fasbody.arch.mjcf import JOINTS, nonlinear_laws
+from fasbody.arch.mjcf import JOINTS, nonlinear_laws, numbers
 from fasbody.arch.motion import move
 from fasbody.arch.ode import solve
 from fasbody.arch.tree import project, tree_jacobian, tree_position
@@ -116,7 +116,7 @@ def crosscheck(
         FasError: Pinocchio is not installed.
     """
     foot = load(model)
-    arch = Arch.from_model(foot.model, foot.name)
+    arch = Arch(**numbers(foot.model, foot.name))  # gravity is compared, too
     q, q_dot = random_poses(arch, np.random.default_rng(seed), samples)
     at_rest = rest(arch)[None]
     nonlinear = _all_engines(foot.model, foot.name, arch, q, q_dot)

@@ -57,6 +57,7 @@ def numbers(model: mujoco.MjModel, name: str = "model") -> dict[str, float]:
     _check_joints(data, index, name)
     _check_bodies(data, index, name)
     _check_closure(model, index, name)
+    _check_springs(model, index, name)
     _check_tendons(data, index, name)
     _check_actuators(model, index, name)
     constants = _constants(model, index, name)
@@ -146,15 +147,21 @@ def _constants(model: mujoco.MjModel, index: Index, name: str) -> dict[str, floa
     return constants | {"k_11": k_11, "c_1": c_1, "k_12": c_1 / time_constant}
 
 
+def _check_springs(model: mujoco.MjModel, index: Index, name: str) -> None:
+    """Require springs of joints that pull nowhere at rest; those of tendons are measured in the pose of these."""
+    for element in SPRUNG.values():
+        place = model.jnt_qposadr[index["joint", element]]
+        if model.qpos_spring[place] != model.qpos0[place]:
+            raise ModelError(f"{name}: joint {element!r} has a spring that pulls at rest; remove its springref.")
+
+
 def _at_rest(model: mujoco.MjModel, kind: str, number: int, name: str) -> tuple[float, float]:
     """Stiffness and damping of a joint or tendon for small motion about rest: its own, and its law's."""
     where = f"{name}: {kind} {getattr(model, kind)(number).name!r}"
     if kind == "joint":
-        dof, place = model.jnt_dofadr[number], model.jnt_qposadr[number]
+        dof = model.jnt_dofadr[number]
         linear = model.jnt_stiffness[number], model.dof_damping[dof]
         poly = model.jnt_stiffnesspoly[number], model.dof_dampingpoly[dof]
-        if model.qpos_spring[place] != model.qpos0[place]:
-            raise ModelError(f"{where} has a spring that pulls at rest; remove its springref.")
     else:
         linear = model.tendon_stiffness[number], model.tendon_damping[number]
         poly = model.tendon_stiffnesspoly[number], model.tendon_dampingpoly[number]

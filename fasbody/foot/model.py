@@ -606,16 +606,17 @@ def _check_pads(model: mujoco.MjModel, name: str) -> None:
     """Tendons that an equality keeps equally long must begin so: the engine would keep the gap that it finds."""
     for e in np.flatnonzero((model.eq_type == mujoco.mjtEq.mjEQ_TENDON) & model.eq_active0):
         one, other = int(model.eq_obj1id[e]), int(model.eq_obj2id[e])
+        tie = f"{name}: {element_name(model, 'equality', int(e))}"
         if other >= 0 and model.eq_solref[e, 0] > 0:
             raise ModelError(
-                f"{name}: equality {model.equality(e).name!r} ties its tendons softly, by a time constant of "
-                f'{model.eq_solref[e, 0]:g} s, which each step width takes otherwise; write solref="-2.5e7 -1e4" as in '
-                "foot_arch.xml."
+                f"{tie} ties its tendons softly, by a time constant of {model.eq_solref[e, 0]:g} s. How far such a tie "
+                'gives way depends on the time step if it holds little mass; write solref="-2.5e7 -1e4" as in '
+                "foot_arch.xml, or a spring in its place."
             )
         gap = abs(float(model.tendon_length0[one] - model.tendon_length0[other])) if other >= 0 else 0.0
         if gap > CLOSED and not np.any(model.eq_data[e, :5] - (0, 1, 0, 0, 0)):
             raise ModelError(
-                f"{name}: equality {model.equality(e).name!r} ties the tendons {model.tendon(one).name!r} and "
+                f"{tie} ties the tendons {model.tendon(one).name!r} and "
                 f"{model.tendon(other).name!r}, whose lengths at rest are {gap * 1e3:.3f} mm apart; turn or move a "
                 "body until both are equal (in foot_arch.xml calcaneus_talus, until heel and heads are level)."
             )
