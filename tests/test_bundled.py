@@ -156,7 +156,7 @@ def test_numbers_of_the_paper_are_those_of_the_fit(bundled: tuple) -> None:
     root = Path(__file__).parent.parent
     paper = (root / "docs" / "paper" / "paper.md").read_text()
     row = next(line for line in (root / "README.md").read_text().splitlines() if line.startswith("k_T ["))
-    whole, exact = re.search(r"(\d[\d ]* to \d+ \d+) .*?(± \d+)", row).groups()  # type: ignore[union-attr]
+    whole, exact = re.search(r"(\d[\d ]* (?:to|±) \d+ \d+) .*?(± \d+)", row).groups()  # type: ignore[union-attr]
     assert f"is {exact} N/m with the model assumed exact, and {whole} N/m with model" in " ".join(paper.split())
     (percent,) = re.findall(r"both feet reach a fit of ([\d.]+) %", paper)
     assert {f"{branch['fit_percent']:.1f}" for branch in document["branches"]} == {percent}
