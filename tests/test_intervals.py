@@ -140,6 +140,45 @@ def test_where_a_parabola_does_not_hold_intervals_end_where_the_profile_does() -
     assert max(ratios + [1 / ratio for ratio in ratios]) > 1.15, "a parabola would do"
 
 
+def test_every_end_of_a_profile_is_as_unlikely_as_it_should_be() -> None:
+    """A leg with two loads, its masses unsure: at each end SciPy's best fit has risen by the quantile's square."""
+    made = problem(
+        session(BENT, FREQUENCIES[1:4], (0.0, 2.3)), free=list(COUNTED), exclude=["rocking", "drift", "share"]
+    )
+    q = made.variables.start(BENT)
+    here = solved(made.weighed(q), q)
+    v, rise = here.problem.variables, here.quantile**2 * here.excess
+    low, high = here.problem.bounds(here.optimum.sign)
+    free = np.flatnonzero(high > low)
+    for name in COUNTED:
+
+        def coordinate(Q: Array, name: str = name) -> Array:
+            return np.log(v.dynamic(Q)[name])
+
+        std, at = float(here.spread(here.slopes(lambda q: coordinate(q)[None]))[0]), float(coordinate(here.q))
+        for sign, reach in zip((-1, 1), here.profiles[name], strict=True):
+            place, stiff = at + sign * reach, 100 / std
+
+            def whole(y: Array) -> Array:
+                z = here.q.copy()
+                z[free] = y
+                return z
+
+            def residual(y: Array, place: float = place, stiff: float = stiff) -> Array:
+                z = whole(y)
+                return np.append(here.problem.evaluate(z[None]).residual[0], stiff * (coordinate(z) - place))
+
+            def jacobian(y: Array, stiff: float = stiff) -> Array:
+                z = whole(y)[None]
+                last = stiff * v.slopes(coordinate, z, free)
+                return np.concatenate([here.problem.evaluate(z).jacobian[0][:, free], last])
+
+            along = sign * reach / std**2 * (here.covariance @ here.slopes(lambda q: coordinate(q)[None])[0])
+            begin = np.clip((here.q + along)[free], low[free] + 1e-6, high[free] - 1e-6)
+            fit = least_squares(residual, begin, jacobian, (low[free], high[free]), x_scale="jac", max_nfev=300)
+            assert (2 * fit.cost - here.optimum.objective) / rise == pytest.approx(1.0, abs=0.1), (name, sign)
+
+
 def test_of_exact_masses_the_scale_has_no_profile_and_the_constants_have() -> None:
     made = problem(session(BENT, FREQUENCIES[1:5]), mass_std=0.0, exclude=["share", "rocking", "drift", "mount"])
     q = made.variables.start(BENT)

@@ -5,17 +5,22 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
-from scipy.optimize import least_squares, lsq_linear
+from scipy.optimize import least_squares, lsq_linear, minimize
 from steady_cases import BENT, problem, session
 
 from fasbody.foot.model import Foot
 from identification import optimiser, steady
 from identification.branches import NOT_EXHAUSTED, Recorded
-from identification.optimiser import SAME, Optimum, Population, Searched, descend, finished, search
+from identification.optimiser import SAME, Optimum, Population, Searched, bounded_step, descend, finished, search
 from identification.residual import Evaluation, Problem
 
 Array = np.ndarray
 FREQUENCIES = (10.0, 15.0, 20.0, 30.0, 40.0, 50.0)
+
+
+@pytest.fixture
+def rng() -> np.random.Generator:
+    return np.random.default_rng(3)
 
 
 @dataclass
@@ -228,3 +233,64 @@ def test_beyond_the_bound_of_repeatability_nothing_is_offered(
     assert (words == {"not identifiable"}) is not follows
     text = steady.verdict_of(scattered, built, Recorded(2), "").sentence
     assert ("does not follow the recordings" in text) is not follows
+
+
+def quadratics(rng: np.random.Generator, count: int = 40, n: int = 5) -> tuple[Array, ...]:
+    """J^T J, J^T r, places and bounds of as many problems, some places at a bound."""
+    J, r = rng.normal(size=(count, 9, n)), rng.normal(size=(count, 9))
+    Q = rng.normal(size=(count, n))
+    low, high = Q - rng.uniform(0, 0.6, Q.shape), Q + rng.uniform(0, 0.6, Q.shape)
+    low[:, 0], high[::2, 1] = Q[:, 0], Q[::2, 1]
+    return np.swapaxes(J, 1, 2) @ J, np.einsum("cmn,cm->cn", J, r), Q, low, high
+
+
+def test_a_step_is_the_minimum_between_its_bounds(rng: np.random.Generator) -> None:
+    """Against scipy's L-BFGS-B on the quadratic itself."""
+    A, g, Q, low, high = quadratics(rng)
+    trial, falls = bounded_step(A, g, Q, low, high, np.zeros(len(Q)))
+    for c in range(len(Q)):
+        end = minimize(
+            lambda p, A=A[c], g=g[c]: (2 * g @ p + p @ A @ p, 2 * (g + A @ p)), np.zeros(Q.shape[1]), jac=True,
+            bounds=list(zip(low[c] - Q[c], high[c] - Q[c], strict=True)), method="L-BFGS-B",
+            options={"ftol": 1e-15, "gtol": 1e-10},
+        )  # fmt: skip
+        assert falls[c] == pytest.approx(-end.fun, rel=1e-6, abs=1e-9)
+        np.testing.assert_allclose(trial[c] - Q[c], end.x, atol=1e-5)
+
+
+@pytest.mark.parametrize("room", [0.5, 3.0])
+def test_a_step_takes_a_quantity_as_far_as_the_sum_of_squares_allows(rng: np.random.Generator, room: float) -> None:
+    """Against scipy's SLSQP; with bounds, the sum of squares rises by what there is room for, or all bounds hold."""
+    A, g, Q, low, high = quadratics(rng)
+    along = rng.normal(size=Q.shape)
+    trial, falls = bounded_step(A, g, Q, low, high, np.zeros(len(Q)), along, np.full(len(Q), room))
+    for c in range(len(Q)):
+        end = minimize(
+            lambda p, a=along[c]: (-a @ p, -a), np.zeros(Q.shape[1]), jac=True, method="SLSQP",
+            bounds=list(zip(low[c] - Q[c], high[c] - Q[c], strict=True)), options={"ftol": 1e-12, "maxiter": 500},
+            constraints={"type": "ineq", "fun": lambda p, A=A[c], g=g[c]: room - (2 * g @ p + p @ A @ p)},
+        )  # fmt: skip
+        assert falls[c] >= -room - 1e-9
+        assert along[c] @ (trial[c] - Q[c]) == pytest.approx(-end.fun, rel=1e-4, abs=1e-6)
+
+
+@dataclass
+class Bent(Valley):
+    """Its floor swings from side to side, and its residual does not vanish there."""
+
+    def residual(self, q: Array) -> Array:
+        return np.array([3 * np.sin(3 * q[1]) + q[0], 4 + np.cos(3 * q[1]), 0.05 * (q[1] - 2)])
+
+    def jacobian(self, q: Array) -> Array:
+        return np.array([[1.0, 9 * np.cos(3 * q[1])], [0.0, -3 * np.sin(3 * q[1])], [0.0, 0.05]])
+
+
+def test_a_valley_that_bends_is_followed_to_its_end() -> None:
+    valley = Bent(np.full(2, -10.0), np.full(2, 10.0))
+    down = descend(valley, np.array([[0.5, 0.8], [-1.0, 1.2]]), np.zeros(2, int), 60, 1e-6)  # type: ignore[arg-type]
+    for q, objective in zip(down.Q, down.objective, strict=True):
+        end = minimize(
+            lambda q: float(np.sum(valley.residual(q) ** 2)), q, method="Nelder-Mead",
+            options={"xatol": 1e-9, "fatol": 1e-12},
+        )  # fmt: skip
+        assert objective == pytest.approx(end.fun, abs=1e-5)

@@ -76,7 +76,7 @@ function showFit(fit) {
 function drawEstimates() {
   const { branches } = bench.fit, shown = branches[bench.branch] || branches[0], head = element("tr");
   head.append(element("th", bench.fit.at || ""), ...branches.map(b => element("th", b.name, { className: b === shown && branches.length > 1 ? "shown" : "" })));
-  head.append(element("th", "known", { title: branches.length > 1 ? `of the ${shown.name}` : "" }));
+  head.append(element("th", "status", { title: branches.length > 1 ? `of the ${shown.name}` : "" }));
   byId("estimates").replaceChildren(head, ...shown.rows.map((row, k) => {
     const tr = element("tr"), name = element("th", row.name, { title: row.key });
     const interval = b => { const own = b.rows[k] || row; return (own.interval || number(own.value)).replace(" ± ", " ±\u00a0").replace(" to ", "\u00a0to "); };
