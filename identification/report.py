@@ -149,11 +149,12 @@ def captions(result: FitResult) -> dict[str, str]:
     at = ""
     if result.departures and result.relaxes:
         at = f" Stiffness and damping are at {result.departures.reference_frequency_hz:.3g} Hz; diamonds: at rest."
-    texts["parameters"] = (
-        f"Estimates of each branch from {n}; {interval}."
-        + at
-        + (" The dotted line is the truth." if result.truth else "")
-    )
+    if result.offered:
+        texts["parameters"] = (
+            f"Estimates of each branch from {n}; {interval}."
+            + at
+            + (" The dotted line is the truth." if result.truth else "")
+        )
     if quantities.data or any(recording.frequency_hz is None for recording in result.recordings):
         curve = (
             f"Solid lines: the {best.name} branch{other}, as its sensor reads it, for a sine as large as the recorded "
@@ -175,7 +176,7 @@ def captions(result: FitResult) -> dict[str, str]:
         texts["dampers"] = (
             f"Damping over the relative displacement that {n} reached (bars, by load); extension is positive. Bands of "
             "95 % at each displacement, errors propagated linearly."
-            + (" Relaxing springs add damping that is not shown." if result.relaxes else "")
+            + (" Damping by relaxing springs is not shown, but is included in c_11 and c_21." if result.relaxes else "")
         )
     if quantities.energies:
         texts["energies"] = (

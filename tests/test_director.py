@@ -407,7 +407,8 @@ def test_a_plan_that_recording_refuses_says_so_first(plan: Planned) -> None:
     share = 1.5 * (Safety.daily_vdv / exposure([once]).vdv) ** 4
     long = replace(once, seconds=share * once.seconds)
     result = replace(plan, steps=(long,), adds=plan.adds[:1])
-    assert result.sheet().notes[0].startswith("Recording will refuse this plan, as it exceeds the daily limit: ")
+    assert result.sheet().notes[0].startswith("fasbody record would refuse this plan: ")
+    assert "VDV would be" in result.warning and "--max-vdv" in result.warning
     minutes = float(result.warning.split("--minutes ")[1].rstrip(". "))
     shorter = replace(result, steps=(replace(long, seconds=60 * minutes),))
     assert not shorter.warning and minutes > 0.6 * long.seconds / 60

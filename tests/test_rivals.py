@@ -254,7 +254,7 @@ def test_only_what_all_adequate_rivals_say_is_shared() -> None:
     rich = made("third", 125.0, 100.0, 11, penalty=20.0)  # as near as the model, and more constants
     both = compared(model, rich, made("linear", 190.0, 200.0, 4))
     assert [r.name for r in both.not_needed] == ["third"] and [r.name for r in both.adequate] == ["model"]
-    assert "the other is ruled out" in both.sentence()
+    assert "need more constants: " in both.sentence() and "The other models are ruled out." in both.sentence()
     open_ = replace(model, log_odds=1.0, other=(far.k_T, far.k_F))
     assert {c.what for c in compared(open_).conclusions if c.shared} == {"k_F"}
 
@@ -304,7 +304,7 @@ def test_springs_that_relax_are_named_and_the_model_is_not_believed(relaxing: Ri
     assert first.k_T.at_rest and first.k_T.at_rest.lower < LEG.k_T < first.k_T.at_rest.upper
     own = {each.name: each for each in first.own}
     assert own["r_T"].lower < 0.4 < own["r_T"].upper and own["tau"].lower < 5e-3 < own["tau"].upper
-    assert relaxing.sentence().startswith("Best model: springs that relax; every other model is ruled out.")
+    assert relaxing.sentence().startswith("Best model: springs that relax. All other models are ruled out.")
 
 
 @pytest.mark.long

@@ -275,10 +275,17 @@ class Planned(Presented):
 
     @property
     def warning(self) -> str:
-        """That recording will refuse the plan, and what would do; empty where it will not."""
+        """What of the daily exposure recording would refuse, and what would do; empty where it would not."""
         dose, most = exposure(self.steps), (Safety.daily_a8, Safety.daily_vdv)
-        beyond = dose.beyond(*most)
-        if not beyond:
+        over = [
+            f"{name} would be {value:.3g} {unit}, above the {what} of {limit:g} ({option})"
+            for name, unit, value, limit, what, option in (
+                ("A(8)", "m/s^2", dose.a8, most[0], "action value", "--max-exposure"),
+                ("VDV", "m/s^1.75", dose.vdv, most[1], "limit", "--max-vdv"),
+            )
+            if value > limit
+        ]
+        if not over:
             return ""
         # finding the levels takes its time however short the recordings are
         share = min((most[0] / dose.a8) ** 2, (most[1] / dose.vdv) ** 4)
@@ -290,8 +297,7 @@ class Planned(Presented):
         if len(loads) > 1 and not any(part.beyond(*most) for part in parts):
             ways.append("one day for each load (fasbody record --added-mass)")
         use = f" Use {' or '.join(ways)}." if ways else " Plan for less."
-        text = "Recording will refuse this plan, as it exceeds the daily limit: {quantity} {value:.3g}, valid: {valid}."
-        return f"{text.format(**beyond)}{use} "
+        return f"fasbody record would refuse this plan: {', and '.join(over)}.{use} "
 
     @property
     def protocol(self) -> dict[str, Any]:
