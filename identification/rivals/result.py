@@ -253,12 +253,12 @@ class Rivals(Presented):
         notes = [self.sentence(), self._repeating()]
         if self.first.own and self.first.follows:
             notes.append(f"{self.first.title}: {'; '.join(map(str, self.first.own))}.")
-        return Sheet(f"{self.source}, rivals of {self.model}", columns, rows, [*notes, *self.warnings])
+        return Sheet(f"{self.source}: rivals of {self.model}", columns, rows, [*notes, *self.warnings])
 
     def _repeating(self) -> str:
         least = min(self.rivals, key=lambda r: r.repeatability)
-        scatter = f"{100 * self.repeatability:.2g} %" if self.repeatability else "the sensors' noise"
-        return f"Recordings repeat to {scatter}, estimated with {least.title} and used for all models."
+        scatter = f"{100 * self.repeatability:.2g} %" if self.repeatability else "within the sensors' noise"
+        return f"The scatter between recordings is {scatter}. The model {least.title!r} gives it; it is used for all."
 
     def records(self) -> list[dict[str, Any]]:
         """One row a rival."""
