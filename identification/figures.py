@@ -21,7 +21,7 @@ _DATA, _OTHER = "#2b2b2b", "#8a8a8a"
 #: The best branch, and its mirror image.
 _LINES = ("-", "--")
 #: Their colours where each has a band: of the wider interval, and of the narrower one within it.
-_SHADES = (("#7a7a7a", "#8e5ba6"), ("#0072B2", "#2f78b7"))
+_SHADES = (("#5a5a5a", "#8e5ba6"), ("#8e5ba6", "#2f78b7"))
 _MM, _MJ = 1e3, 1e3
 
 

@@ -266,9 +266,10 @@ class BodyMode:
         return ", ".join(f"{axis} {share:.0%}" for share, axis in order if share >= NAMED)
 
     @property
-    def cells(self) -> tuple[str, str]:
-        """Directions and shares of the regions, for a table."""
-        return self.label, " ".join(f"{tag}: {share:.0%}" for tag, share in self.parts.items())
+    def cells(self) -> tuple[str, ...]:
+        """Directions, and shares of several regions, for a table."""
+        shares = " ".join(f"{tag}: {share:.0%}" for tag, share in self.parts.items())
+        return (self.label, shares)[: len(self.parts)]
 
     def document(self) -> dict[str, Any]:
         """Ready for JSON."""

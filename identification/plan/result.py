@@ -205,7 +205,7 @@ class Planned(Presented):
     """
 
     figures: ClassVar[str] = "identification.plan.figures"
-    plots: ClassVar[tuple[str, ...]] = ("session", "information")
+    plots: ClassVar[tuple[str, ...]] = ("session",)
 
     model: str
     subject: str
@@ -382,7 +382,7 @@ class Planned(Presented):
         rows = [
             (
                 str(i), step.kind, f"{step.frequency_hz:g}", f"{step.added_mass_kg:g}", f"{step.amplitude_m_s2:.3g}",
-                f"{step.seconds:g}", f"{score.information:.2f}", f"{score.widest:.2f}", f"{score.branch:.2f}",
+                f"{step.seconds:g}", _gain(score.information), _gain(score.widest), _gain(score.branch),
             )
             for i, (step, score) in enumerate(zip(self.steps, self.adds, strict=True), start=1)
         ]  # fmt: skip
@@ -561,6 +561,10 @@ def goal(asked: Mapping[str, float]) -> str:
     )
     text = f"Goal: {widths}, and the branch decided."
     return f"{text}{usual if asked == GOAL else ''}{f' No goal for {rest}.' if rest else ''}"
+
+
+def _gain(nats: float) -> str:
+    return f"{round(nats, 2) + 0.0:.2f}"  # no minus before zero
 
 
 def _texts(causes: Sequence[Cause]) -> str:

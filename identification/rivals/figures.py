@@ -1,13 +1,13 @@
 """The printed figures of a comparison: predictions over frequency, and stiffness of the springs."""
 
 from itertools import product
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator
 
-from fasbody.presentation import COLOURS, MARKS, PAGE, panels, printed
+from fasbody.presentation import COLOURS, LINES, MARKS, PAGE, panels, printed
 
 if TYPE_CHECKING:
     from identification.rivals.naming import Naming
@@ -51,11 +51,13 @@ def predictions(result: "Rivals") -> Figure:
         size.plot(f, np.abs(Y / U), "o", ms=5, mfc="white", mec="#2b2b2b", label="measured", zorder=3)
         lag.plot(f, _lag(Y / U), "o", ms=5, mfc="white", mec="#2b2b2b", zorder=3)
         gap.fill_between(f, 1e-7, 100 * noise, color="#d9d9d9", lw=0, label="standard error")
-        for r in drawn:
+        for number, r in enumerate(drawn):
             colour, mark = look[r.name]
             y = np.array([r.predicted[i][0] for i in places])
-            size.plot(f, np.abs(y / U), color=colour, lw=1.1, label=r.title)
-            lag.plot(f, _lag(y / U), color=colour, lw=1.1)
+            # the first is wide, so that it is seen behind the others
+            line: Any = {"color": colour, "lw": 1.2 if number else 3.5, "ls": LINES[number % len(LINES)]}
+            size.plot(f, np.abs(y / U), alpha=1 if number else 0.4, label=r.title, **line)
+            lag.plot(f, _lag(y / U), alpha=1 if number else 0.4, **line)
             gap.semilogy(f, 100 * np.abs(y - Y) / np.abs(Y), color=colour, marker=mark, ms=3.5, lw=0.9)
         size.set_title(f"{load:g} kg on the knee")
         gap.set_xlabel("frequency [Hz]")

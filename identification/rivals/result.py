@@ -258,7 +258,7 @@ class Rivals(Presented):
     def _repeating(self) -> str:
         least = min(self.rivals, key=lambda r: r.repeatability)
         scatter = f"{100 * self.repeatability:.2g} %" if self.repeatability else "within the sensors' noise"
-        return f"The scatter between recordings is {scatter}. The model {least.title!r} gives it; it is used for all."
+        return f"The scatter between recordings is {scatter}. It is estimated with {least.title!r} and used for all."
 
     def records(self) -> list[dict[str, Any]]:
         """One row a rival."""
