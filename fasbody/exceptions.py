@@ -10,7 +10,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
 
-from fasbody.sentences import Sentence
+from fasbody.sentences import Sentence, called
 
 
 class FasError(Exception):
@@ -209,6 +209,10 @@ class UnstableError(SimulationError):
     """A simulation became non-finite."""
 
 
+#: What to do without harmonic balance.
+_OTHERWISE = "Simulate it in the time domain (in a fit: "
+
+
 class PeriodicMotionError(SimulationError):
     """No periodic motion was computed.
 
@@ -221,7 +225,8 @@ class PeriodicMotionError(SimulationError):
     def __init__(self, model: str, frequency_hz: float, share: float, sentence: str = "") -> None:
         self.model, self.frequency_hz, self.share = model, frequency_hz, share
         reached = f"from rest it was followed up to {share:.2g} of the amplitude" if share else "not even a small one"
-        super().__init__(sentence or f"{model}: no periodic motion was found at {frequency_hz:g} Hz ({reached}).")
+        text = f"{model}: no periodic motion was found at {frequency_hz:.4g} Hz ({reached}). {_OTHERWISE}"
+        super().__init__(sentence or Sentence(text, called("domain", "time"), ")."))
 
 
 class NotSmoothError(PeriodicMotionError):
@@ -242,10 +247,8 @@ class NotSmoothError(PeriodicMotionError):
             if changes
             else f"{left:.1e} of its acceleration is in the highest of {harmonics} harmonics"
         )
-        sentence = (
-            f"{model}: the motion at {frequency_hz:g} Hz is not smooth enough for harmonic balance ({reason}); "
-            "simulate it in the time domain."
-        )
+        text = f"{model}: the motion at {frequency_hz:.4g} Hz is not smooth enough for harmonic balance ({reason}). "
+        sentence = Sentence(text, _OTHERWISE, called("domain", "time"), ").")
         super().__init__(model, frequency_hz, 1.0, sentence)
 
 

@@ -131,8 +131,9 @@ class Recorded:
         if not self.follow:
             return f"The loads do not separate them.{more}"
         return Sentence(
-            f"The loads do not separate them if the constants may change with the load.{more} Excluding nuisance "
-            "parameters (", called("exclude"), ") can help.",
+            "The loads do not separate them if the constants may change with the load. Most models of ",
+            called("compare_rivals"), " exclude such a change, so it may find one branch.", more,
+            " Excluding nuisance parameters (", called("exclude"), ") can help.",
         )  # fmt: skip
 
 

@@ -20,8 +20,8 @@ from identification.result import FitResult, RecordingFit
 _DATA, _OTHER = "#2b2b2b", "#8a8a8a"
 #: The best branch, and its mirror image.
 _LINES = ("-", "--")
-#: Their bands: of the wider interval, and of the narrower one within it.
-_SHADES = (("#d4d4d4", "#8e5ba6"), ("#cfe2f3", "#2f78b7"))
+#: Their colours where each has a band: of the wider interval, and of the narrower one within it.
+_SHADES = (("#5a5a5a", "#8e5ba6"), ("#8e5ba6", "#2f78b7"))
 _MM, _MJ = 1e3, 1e3
 
 
@@ -145,7 +145,8 @@ def transmissibility(result: FitResult) -> Figure:
                 phase.plot(f, -unwrapped(np.degrees(np.angle(H))), style, ms=3, lw=0.9, color=colour)
     for branch, line in zip(result.branches, _LINES, strict=False):
         if quantities.curves:
-            size.plot([], [], line, lw=1.1, color=_DATA, label=branch.name)
+            where = "" if branch is result.best else " (not seen where both coincide)"
+            size.plot([], [], line, lw=1.1, color=_DATA, label=f"{branch.name}{where}")
     size.axhline(1, lw=0.8, ls=":", color="#444444")
     size.set_ylabel("transmissibility")
     phase.set_ylabel("phase lag [deg]")
@@ -223,9 +224,10 @@ def modes(result: FitResult) -> Figure:
                 _limits(axis, at, mine, keys, fmt=mark, ms=4.5, mfc=face, color=colour, capsize=3, label=label)
         axis.set_title(f"mode {mode + 1}" if row == 0 else "")
         axis.set_xlim(-0.5, max(len(places), 1) - 0.25)
-        axis.set_xticks(np.arange(len(places)) + 0.12, [f"{load:g}" for _, load in places])
+        ticks = [f"{load:g}" + (f"\n{name}" if len(names) > 1 else "") for name, load in places]
+        axis.set_xticks(np.arange(len(places)) + 0.12, ticks, rotation=90 if len(places) > 4 else 0)
         axes[row, 0].set_ylabel(title)
-        axes[1, mode].set_xlabel("added mass [kg]" + (f": {', then '.join(names)}" if len(names) > 1 else ""))
+        axes[1, mode].set_xlabel("added mass [kg]" + (", branch" if len(names) > 1 else ""))
     handles, labels = axes[0, 0].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=2)
     return figure
@@ -250,9 +252,12 @@ def dampers(result: FitResult) -> Figure:
                     for key in ("displacement_m", "damping_n_s_per_m", "lower", "upper")
                 )
                 shade, name = shades[number > 0], f"{branch.name}, " if len(result.open) > 1 else ""
-                axis.fill_between(_MM * x, low, high, color=shade, lw=0, alpha=0.8, label=f"{name}{basis}")
+                axis.fill_between(_MM * x, low, high, color=shade, lw=0, alpha=0.15 + 0.25 * (len(bases) > 1))
+                for limit in (low, high):  # the edges of a band can be seen within another
+                    axis.plot(_MM * x, limit, line, lw=0.8, color=shade, label=f"{name}{basis}" if limit is low else "")
                 if number == 0:
-                    axis.plot(_MM * x, c, line, lw=1.2, color=_DATA, zorder=3, label=f"{name}estimate")
+                    estimate = shade if len(result.open) > 1 else _DATA
+                    axis.plot(_MM * x, c, line, lw=1.8, color=estimate, zorder=3, label=f"{name}estimate")
         spans = [row for row in quantities.reached if row["damper"] == joint]
         for place, row in enumerate(spans):
             colour, _ = loads[row["added_mass_kg"]]
@@ -277,23 +282,24 @@ def energies(result: FitResult) -> Figure:
     rows, loads = derived(result).energies, _loads(result)
     joints = list(dict.fromkeys(row["damper"] for row in rows))
     figure, axes = panels(1, max(1, len(joints)), 3.6 * max(1, len(joints)), 3.0, sharey=True)
+    series = [*product(zip(result.branches, _LINES, strict=False), loads.items())]
+    apart = min(0.9, 3.0 / len(series))  # [Hz], so that no mark hides another
     for axis, joint in zip(axes[0], joints, strict=False):
-        for branch, line in zip(result.branches, _LINES, strict=False):
-            for load, (colour, mark) in loads.items():
-                mine = [r for r in rows if (r["damper"], r["branch"], r["basis"], r["added_mass_kg"])
-                        == (joint, branch.name, result.intervals[0], load)]  # fmt: skip
-                mine.sort(key=lambda row: row["frequency_hz"])
-                x = np.array([row["frequency_hz"] for row in mine])
-                label = f"{load:g} kg added" + (f", {branch.name}" if len(result.open) > 1 else "")
-                if mine:
-                    keys = ("dissipated_j", "lower_j", "upper_j")
-                    face = colour if line == _LINES[0] else "white"
-                    style: Any = {"fmt": mark, "ms": 4.5, "mfc": face, "color": colour, "capsize": 2, "lw": 1.0}
-                    _limits(axis, x, mine, keys, _MJ, label=label, **style)
+        for number, ((branch, line), (load, (colour, mark))) in enumerate(series):
+            mine = [r for r in rows if (r["damper"], r["branch"], r["basis"], r["added_mass_kg"])
+                    == (joint, branch.name, result.intervals[0], load)]  # fmt: skip
+            mine.sort(key=lambda row: row["frequency_hz"])
+            x = np.array([row["frequency_hz"] for row in mine]) + apart * (number - 0.5 * (len(series) - 1))
+            label = f"{load:g} kg added" + (f", {branch.name}" if len(result.open) > 1 else "")
+            if mine:
+                keys = ("dissipated_j", "lower_j", "upper_j")
+                face = colour if line == _LINES[0] else "white"
+                style: Any = {"fmt": mark, "ms": 3.5, "mfc": face, "color": colour, "capsize": 1.5, "lw": 0.9}
+                _limits(axis, x, mine, keys, _MJ, label=label, **style)
         axis.set_yscale("log")
         axis.set_title(joint)
         axis.set_xlabel("frequency [Hz]")
-    axes[0, 0].set_ylabel("dissipated a cycle [mJ]")
+    axes[0, 0].set_ylabel("energy per cycle [mJ]")
     axes[0, 0].legend()
     return figure
 

@@ -29,7 +29,9 @@ def main(
         str | None, typer.Option(help="parameters to estimate, e.g. k_T,k_F,c_11,c_21 (default: all)")
     ] = None,
     bounds: Annotated[list[str] | None, typer.Option(help="NAME=LOWER:UPPER in SI units; repeat for several")] = None,
-    starts: Annotated[int, typer.Option(help="starts of each branch in a round of the search")] = 12,
+    starts: Annotated[
+        int, typer.Option(help="random starts per branch and round; rounds end when the minimum was found twice")
+    ] = 12,
     seed: Annotated[int, typer.Option(min=0, help="seed of the random starts")] = 0,
     domain: Annotated[str, typer.Option(help="auto, periodic (steady state) or time")] = "auto",
     mass_std: MassStd = None,
@@ -37,7 +39,9 @@ def main(
     delay_std: DelayStd = None,
     exclude: Annotated[
         str | None,
-        typer.Option(help="what to exclude: mount, relaxation, load, rocking, drift, share, seating, or all"),
+        typer.Option(
+            help="nuisance parameters to exclude: mount, relaxation, load, rocking, drift, share, seating, or all"
+        ),
     ] = None,
     sensors: Annotated[
         str | None, typer.Option(help="accelerometers to fit, e.g. malleolus,foot (default: all that the model has)")

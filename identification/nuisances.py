@@ -18,14 +18,14 @@ from identification.branches import EXCHANGED
 from identification.sensors import MALLEOLUS
 
 _SEGMENTS = "body-segment tables differ by 5 to 11 % between samples"
-_SEATED = "as the foot, and a seated leg carries some of the thigh"
-_NOBODY = "no body mass was given; adults differ by 20 %, segments by another 10 %"
+_SEATED = "as for the foot; in addition, a seated leg carries some of the thigh"
+_NOBODY = "no body mass was stated; adults differ by 20 %, segments by another 10 %"
 _MOUNT = "a skin-mounted sensor overestimates bone by 12 % at 15 to 30 Hz, J Biomech Eng 115:47 (1993)"
-_ROCK = "transverse sensitivity of accelerometers up to 5 %, and a lever arm"
+_ROCK = "transverse sensitivity of accelerometers up to 5 %, and the lever arm of the sensor"
 _PAD = "the heel pad loses 30 % of its energy a cycle, Ker (1996)"
-_SITS = "persons who sit down anew repeat to 2 to 5 %"
-_SHARE = "thigh and chair carry a part of a load on the knee; no measurement is known to us"
-_PLATE = "the static force with and without the load, as study.toml states it"
+_SITS = "after sitting down again, a person's recordings repeat to 2 to 5 %"
+_SHARE = "thigh and chair carry a part of a load on the knee; we know of no measurement"
+_PLATE = "static force with and without the load, from study.toml"
 #: Relative standard deviations of the segments' masses where nothing else is said.
 SHANK_STD, FOOT_STD = 0.15, 0.10
 #: The same where no body mass was given, and the bound of its logarithm.
@@ -107,28 +107,32 @@ def _log(kind: str, group: str, unit: str, value: float, std: float, low: float,
 #: Of the instrument, one of each for every accelerometer.
 OF_SENSOR = (
     Nuisance("gain", "gain", "", 0.0, _GAIN_STD, -0.2, 0.2, "calibration certificates state 1 to 3 %",
-             "of the {sensor}' channel against the base's"),
-    Nuisance("delay", "delay", "s", 0.0, 1e-4, -2e-3, 2e-3, "a multiplexed converter", "of the {sensor}' channel"),
-    Nuisance("drift", "drift", "", 0.0, 0.01, -0.2, 0.2, "as the gain",
-             "of the gain from first to last recording"),
-    Nuisance("mount", "mount", "s^2", 0.0, 1e-4, 0.0, 3e-3, _MOUNT, "1 / f^2 of the sensor's resonance on soft tissue"),
-    Nuisance("mount damping", "mount", "", 0.2, 0.1, 0.02, 0.6, _MOUNT, "damping ratio of the sensor on its tissue"),
-    Nuisance("rocking", "rocking", "", 0.0, 0.03, -0.5, 0.5, _ROCK, "share of the base's motion that rotation adds"),
+             "relative gain error between the channels of {sensor} and base"),
+    Nuisance("delay", "delay", "s", 0.0, 1e-4, -2e-3, 2e-3, "multiplexed converter",
+             "delay of the channel {sensor} after the base"),
+    Nuisance("drift", "drift", "", 0.0, 0.01, -0.2, 0.2, "as for the gain",
+             "relative change of the gain from the first to the last recording"),
+    Nuisance("mount", "mount", "s^2", 0.0, 1e-4, 0.0, 3e-3, _MOUNT,
+             "1/f^2, where f is the resonance of the sensor on soft tissue"),
+    Nuisance("mount damping", "mount", "", 0.2, 0.1, 0.02, 0.6, _MOUNT, "damping ratio of this resonance"),
+    Nuisance("rocking", "rocking", "", 0.0, 0.03, -0.5, 0.5, _ROCK,
+             "acceleration by rotation of the leg, relative to the base"),
 )  # fmt: skip
 #: Of the leg, which rocks as one body.
 OF_LEG = (
     _log("rocking frequency", "rocking", "Hz", 60, 0.4, 20, 150,
-         "legs rock at tens of hertz; no measurement is known to us", "of the leg's rotation"),
-    Nuisance("rocking damping", "rocking", "", 0.1, 0.05, 0.01, 0.5, "as soft tissue", "ratio of the leg's rotation"),
+         "legs rock at tens of hertz; we know of no measurement", "resonance of this rotation"),
+    Nuisance("rocking damping", "rocking", "", 0.1, 0.05, 0.01, 0.5, "as for soft tissue",
+             "damping ratio of this rotation"),
 )  # fmt: skip
 #: Of the springs of the two-mass foot.
 OF_SPRINGS = (
-    Nuisance("relaxing", "relaxation", "", 0.0, 0.35, 0.0, 3.0, _PAD, "relaxing part of k_T, as a share of k_T",
+    Nuisance("relaxing", "relaxation", "", 0.0, 0.35, 0.0, 3.0, _PAD, "relaxing stiffness, relative to k_T at rest",
              constant="k_T"),
-    Nuisance("relaxing", "relaxation", "", 0.0, 0.35, 0.0, 3.0, _PAD, "relaxing part of k_F, as a share of k_F",
+    Nuisance("relaxing", "relaxation", "", 0.0, 0.35, 0.0, 3.0, _PAD, "relaxing stiffness, relative to k_F at rest",
              constant="k_F"),
     _log("relaxation time", "relaxation", "s", 5e-3, float(np.log(2)), 5e-4, 5e-2,
-         "10 to 50 Hz resolve one relaxation time", "of both springs"),
+         "10 to 50 Hz resolve one relaxation time", "relaxation time of both springs"),
 )  # fmt: skip
 
 
@@ -206,7 +210,7 @@ def _masses(recordings: Sequence[Recording], known: Known, declared: Sequence[st
                 std = known.mass_std
             elif not stated_mass(recordings, person):
                 std, end, source = _UNKNOWN_STD, _UNKNOWN_END, _NOBODY
-            does = "multiplies m_S, without the load" if kind == "shank mass" else "multiplies m_F"
+            does = "factor on m_S, without the load" if kind == "shank mass" else "factor on m_F"
             items.append(
                 Nuisance(kind, "masses", "", 0.0, std, -end, end, source, does, logarithmic=True, person=person)
             )
@@ -226,7 +230,7 @@ def _shares(recordings: Sequence[Recording], known: Known, declared: Sequence[st
         ]
         if max(loads, default=0.0) > 0:
             item = Nuisance("load share", "share", "", 1.0, 0.15, 0.4, 1.0, _SHARE,
-                            "of the added mass that the leg carries", person=person)  # fmt: skip
+                            "share of the added mass that the leg carries", person=person)  # fmt: skip
             if known.load_share is not None:
                 item = replace(item, mean=known.load_share, std=_WEIGHED_STD, upper=1.2, source=_PLATE)
             items.append(item)
@@ -236,10 +240,10 @@ def _shares(recordings: Sequence[Recording], known: Known, declared: Sequence[st
 def _following(recordings: Sequence[Recording]) -> list[Nuisance]:
     """How stiffness and damping change under each load beyond the smallest."""
     first, *others = sorted({recording.condition.added_mass_kg for recording in recordings})
-    text = f"force on a heel grows as deformation to the power 2.6, against {first:g} kg"
+    text = "chosen here: 10 % under 2.3 kg, in proportion to the load; a heel pad in walking would change by up to 29 %"
     return [
         Nuisance("under load", "load", "", 0.0, _LOAD_STD * (load - first) / _LOAD_KG, -1.0, 1.0, text,
-                 f"multiplies {name}", logarithmic=True, constant=name, load_kg=load)
+                 f"factor on {name}, relative to {first:g} kg", logarithmic=True, constant=name, load_kg=load)
         for load in others
         for name in EXCHANGED
     ]  # fmt: skip
@@ -256,7 +260,7 @@ def _seated(recordings: Sequence[Recording]) -> list[Nuisance]:
     if len(seatings) < 2:
         return []
     return [
-        Nuisance("seating", "seating", "", 0.0, _SEATING_STD, -0.5, 0.5, _SITS, f"multiplies {name}",
+        Nuisance("seating", "seating", "", 0.0, _SEATING_STD, -0.5, 0.5, _SITS, f"factor on {name}",
                  logarithmic=True, constant=name, person=person, seating=seating)
         for (person, seating), count in seatings.items() if count > 1
         for name in EXCHANGED

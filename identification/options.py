@@ -34,6 +34,6 @@ DelayStd = Annotated[
     float | None,
     typer.Option(
         metavar="S",
-        help="standard deviation of the delay between channels, in s (default a tenth of a sample)",
+        help="standard deviation of the delay between channels, in s (default: a tenth of a sample)",
     ),
 ]

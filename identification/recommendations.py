@@ -1,4 +1,4 @@
-"""What a careful colleague would say about a fit, and how much its excitation can tell."""
+"""Notes on a fit, and how many parameters its excitation can determine."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -58,8 +58,8 @@ def advice(
     if best.p_value is not None and best.p_value < UNLIKELY:
         texts.append(
             f"With the model assumed exact, the misfit is larger than the noise (chi-square {best.chi_square:.4g} for "
-            f"{best.dof} degrees of freedom, {chance(best.p_value)}). The standard errors of that column are enlarged "
-            "by the root of chi-square per degree of freedom, and remain too small if constants change between "
+            f"{best.dof} degrees of freedom, {chance(best.p_value)}). The standard errors in that column are enlarged "
+            "by the root of chi-square per degree of freedom. They are still too small if constants change between "
             "recordings."
         )
     below = [(fit, r.file) for fit, r in zip(fits, data, strict=True) if not follows(fit)]
@@ -72,20 +72,20 @@ def advice(
             "it is a recording of this foot, and that the bounds are not too narrow."
         )
     if base_error > _BASE_ERROR:
-        texts.append(f"In MuJoCo the base differs from the recorded acceleration by {base_error:.1e} of its peak.")
+        texts.append(f"In MuJoCo, the base acceleration differs from the recorded one by {base_error:.1e} of its peak.")
     if best.dof == 0:
         exact = (
-            ". Any foot fits them exactly, so the goodness of fit is no evidence."
+            "Any foot fits them exactly, so goodness of fit is no evidence."
             if best.chi_square <= 1
-            else ", which should fit them exactly and do not: the best fit was missed, or lies outside the bounds."
+            else "They should fit exactly but do not: the search missed the minimum, or it lies outside the bounds."
         )
-        count = f"The recordings hold no more numbers than the {len(space.free)} free parameters{exact}"
-        texts.append(Sentence(f"{count} {more} or free fewer (", called("free"), ")."))
+        count = f"There are not more data than the {len(space.free)} free parameters. {exact}"
+        texts.append(Sentence(f"{count} {more} or estimate fewer parameters (", called("free"), ")."))
     if rank < len(space.free):
         texts.append(
-            f"The base moves at {counted(rank // 2, 'frequency', 'frequencies')} (rank {rank}), in which a linear foot "
-            f"shows at most {rank} of the {len(space.free)} free parameters. The rest show only in harmonics that "
-            f"nonlinear dampers add, so no interval with the model assumed exact is shown. {more}."
+            f"With {counted(rank // 2, 'frequency', 'frequencies')}, a linear foot determines at most {rank} of the "
+            f"{len(space.free)} free parameters. Only the harmonics of nonlinear dampers depend on the others, so no "
+            f"interval with the model assumed exact is shown. {more}."
         )
     bound = [key for key, e in best.parameters.items() if e.at_bound]
     zero = [key for key in bound if best.parameters[key].value == 0.0]
@@ -94,7 +94,7 @@ def advice(
         texts.append(f"At the lower bound, zero: {', '.join(map(_symbol, zero))}. Larger values may fit, too.")
     if set(bound) - set(zero):
         rest = ", ".join(_symbol(key) for key in bound if key not in zero)
-        texts.append(f"At its bound: {rest}. The value is that of the bound, and no estimate.")
+        texts.append(f"At a bound: {rest}. This value is not an estimate.")
     few = best.departures is None and rank < len(space.free)
     free = {key: e for key, e in best.parameters.items() if not e.at_bound}
     weak = [key for key, e in free.items() if few or e.identifiability == "not identifiable"]
@@ -104,7 +104,7 @@ def advice(
     narrow = {k: e.if_model_true for k, e in best.parameters.items() if _bend(k) and e.if_model_true and e.lower == 0}
     if trusted := [_symbol(key) for key, e in narrow.items() if e.lower > 0 and rank >= len(space.free) and may_trust]:
         texts.append(
-            f"Distinguishable from zero only with the model assumed exact: {', '.join(trusted)}."
+            f"Different from zero only with the model assumed exact: {', '.join(trusted)}."
         )
     held = [name for name in space.fixed if name not in MASSES]
     if held and best.departures is not None and not best.departures.follows:
@@ -163,8 +163,8 @@ def about_departures(departures: Departures, others: Sequence[Departures] = (), 
         better = ("; ", called("body_mass"), " narrows it") if assumed else ()
         better = better or (("; ", called("mass_std"), " if you know them better") if usual else ())
         scale = (
-            "The recordings do not determine the leg's mass, to which all stiffness and damping constants are "
-            f"proportional. So these are no more accurate than the {'assumed' if assumed else 'stated'} masses "
+            "The recordings do not determine the leg's mass. So no stiffness or damping constant is more accurate "
+            f"than the {'assumed' if assumed else 'stated'} masses "
             f"(standard deviation up to {100 * max(m.prior_std for m in departures.masses):.3g} %"
         )
         remedy = f"). A {'second' if loads == 1 else 'heavier'} load may determine it."
@@ -183,8 +183,7 @@ def _culprits(departures: Departures) -> list[str]:
     if itself is not None and departures.repeatability > _BEYOND * itself:
         texts.append(
             f"Recordings of one condition repeat to {100 * itself:.2g} %, but the model deviates by "
-            f"{100 * departures.repeatability:.2g} %. So the model or a stated condition is wrong, and the person's "
-            "repeatability is not the cause."
+            f"{100 * departures.repeatability:.2g} %. So the model or a stated condition is wrong."
         )
     if departures.misfit is None:
         return texts
@@ -199,8 +198,8 @@ def _culprits(departures: Departures) -> list[str]:
         )
     else:
         spread = (
-            "The misfit is spread over all recordings and harmonics, so that no single recording is to blame: check "
-            "load, body mass and units first, then compare rivals ("
+            "The misfit is spread over all recordings and harmonics, so no single recording is wrong. Check load, body "
+            "mass and units first, then compare other models ("
         )
         texts.append(Sentence(spread, called("compare_rivals"), ")."))
     return texts
@@ -254,7 +253,7 @@ def _loads(departures: Departures) -> list[str]:
         return []
     falls = max(0.0, departures.constant - departures.objective) / max(1.0, departures.per_dof)
     p = float(chdtrc(len(follow), falls))
-    gain = f"{len(follow)} parameters for a change lower the sum of squares by {falls:.3g}, {chance(p)}"
+    gain = f"{len(follow)} parameters for such a change lower the sum of squares by {falls:.3g}, {chance(p)}"
     if p < UNLIKELY:
         return [
             f"The recordings contradict constants that do not change with the load ({gain})."
@@ -288,8 +287,8 @@ def _sign(item: Allowance) -> str:
         )
     if item.group == "relaxation":
         return (
-            f"A sign that the spring {item.name.split()[1]} relaxes: its relaxing part is {_share(item.value)} of it "
-            f"({_share(item.lower)} to {_share(item.upper)})."
+            f"A sign that the spring {item.name.split()[1]} relaxes: its relaxing part is {_share(item.value)} of its "
+            f"stiffness at rest ({_share(item.lower)} to {_share(item.upper)})."
         )
     if item.group == "load":
         return (
@@ -304,16 +303,16 @@ def _sign(item: Allowance) -> str:
     if item.group == "delay":
         return (
             f"A sign of a wrong model: the delay of {_owner(whose)} channel, {1e3 * item.value:.3g} ms, is "
-            f"{abs(item.off):.1f} standard deviations of its prior, more than the instrument can have."
+            f"{abs(item.off):.1f} standard deviations from the mean of its prior."
         )
     if item.group == "masses":
         return (
             f"A sign of a wrong model or a wrong body mass: the {item.name} differs by {_share(item.value - 1)} from "
-            "what was expected."
+            "the stated one."
         )
     return (
         f"A sign of a wrong calibration or model: the {kind} of {_owner(whose)} channel is {_share(item.value)}, "
-        f"{abs(item.off):.1f} standard deviations of its prior."
+        f"{abs(item.off):.1f} standard deviations from the mean of its prior."
     )
 
 

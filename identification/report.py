@@ -137,7 +137,7 @@ def captions(result: FitResult) -> dict[str, str]:
     n = _counted(result)
     basis = result.intervals[0].removeprefix("95 % CI, ")
     interval = f"95 % intervals, {basis}"
-    other = f"; dashed lines: its mirror image ({result.mirror.name})" if result.mirror else ""
+    other = f" Dashed: {result.mirror.name}. Where there is no dashed line, both coincide." if result.mirror else ""
     texts: dict[str, str] = {}
     if quantities.chi_square:
         harmonics = len(quantities.chi_square)
@@ -149,19 +149,20 @@ def captions(result: FitResult) -> dict[str, str]:
     at = ""
     if result.departures and result.relaxes:
         at = f" Stiffness and damping are at {result.departures.reference_frequency_hz:.3g} Hz; diamonds: at rest."
-    texts["parameters"] = (
-        f"Estimates of each branch from {n}; {interval}."
-        + at
-        + (" The dotted line is the truth." if result.truth else "")
-    )
+    if result.offered:
+        texts["parameters"] = (
+            f"Estimates of each branch from {n}; {interval}."
+            + at
+            + (" The dotted line is the truth." if result.truth else "")
+        )
     if quantities.data or any(recording.frequency_hz is None for recording in result.recordings):
         curve = (
-            f"Solid lines: the {best.name} branch{other}, as its sensor reads it, for a sine as large as the recorded "
-            "ones. " if quantities.curves else ""
+            f"Solid: {best.name}.{other} Curves include the estimated sensor errors, at the recorded amplitude. "
+            if quantities.curves else ""
         )  # fmt: skip
         texts["transmissibility"] = (
             f"Acceleration of the malleolus over that of the base, and its phase lag ({n}). Marks: data with 95 % "
-            f"limits of {_scatter(result)}, often smaller than the marks. {curve}Above the dotted line the ankle moves "
+            f"limits by {_scatter(result)}, often smaller than the marks. {curve}Above the dotted line the ankle moves "
             "more than the base."
         )
     if quantities.modes:
@@ -175,7 +176,7 @@ def captions(result: FitResult) -> dict[str, str]:
         texts["dampers"] = (
             f"Damping over the relative displacement that {n} reached (bars, by load); extension is positive. Bands of "
             "95 % at each displacement, errors propagated linearly."
-            + (" Relaxing springs add damping that is not shown." if result.relaxes else "")
+            + (" Damping by relaxing springs is not shown, but is included in c_11 and c_21." if result.relaxes else "")
         )
     if quantities.energies:
         texts["energies"] = (
@@ -191,8 +192,8 @@ def captions(result: FitResult) -> dict[str, str]:
     )
     if result.starts and result.domain != "periodic":
         texts["waterfall"] = (
-            f"Where each of the {len(result.starts)} starts ended. A flat first step says that the minimum was found "
-            "often."
+            f"Final sum of squares of the {len(result.starts)} starts. A flat beginning means that several of them "
+            "found the same minimum."
         )
     if result.by_sensor:
         texts["sensors"] = (
@@ -210,8 +211,8 @@ def captions(result: FitResult) -> dict[str, str]:
 def _scatter(result: FitResult) -> str:
     """What limits a measured transmissibility, in words."""
     if result.departures is None or result.departures.repeatability < 5e-4:
-        return "their noise"
-    return f"noise and of how recordings repeat ({100 * result.departures.repeatability:.2g} %)"
+        return "noise"
+    return f"noise and scatter between recordings ({100 * result.departures.repeatability:.2g} %)"
 
 
 def rests(result: FitResult) -> dict[str, str]:
@@ -289,7 +290,8 @@ def _reduction(result: FitResult) -> str:
     best, rows = result.best, derived(result).chi_square
     if result.domain != "periodic":
         return (
-            "The model was compared with every sample in the time domain, each recording with its own initial states."
+            "The model was compared with every sample in the time domain. The initial state of each recording was "
+            "estimated."
         )
     numbers = f": {2 * len(rows)} numbers in all" if rows else ""
     return (
@@ -319,7 +321,7 @@ def _model(result: FitResult) -> str:
 
 
 def _searched(result: FitResult) -> str:
-    """How the best place was looked for, and what MuJoCo has to do with it."""
+    """How the minimum was searched, and what was simulated in MuJoCo."""
     seed, engine = result.provenance.get("seed"), result.provenance.get("versions", {}).get("mujoco")
     mujoco = "MuJoCo" + (f" {engine}" if engine else "")
     steady = result.domain == "periodic"
@@ -329,13 +331,13 @@ def _searched(result: FitResult) -> str:
     if steady:
         apart = result.twin_mujoco_difference or 0.0
         return (
-            f"{text}Periodic motions were computed by harmonic balance, and each end was replayed as a {mujoco} "
-            f"rollout of the model, which differs from it by {apart:.1e} of the largest harmonic at most."
+            f"{text}Periodic motion was computed by harmonic balance. Each solution was also simulated in {mujoco}; "
+            f"the two differ by at most {apart:.1e} of the largest harmonic."
         )
-    text += f"The reported estimate is converged on the {mujoco} rollout"
+    text += f"The reported estimate is the minimum of the simulation in {mujoco}"
     if result.twin_mujoco_difference is not None:
         text += (
-            f", which differs from the equations of motion by {result.twin_mujoco_difference:.1e} of the peak at most"
+            f", which differs from the equations of motion by at most {result.twin_mujoco_difference:.1e} of the peak"
         )
     return f"{text}."
 
@@ -353,12 +355,13 @@ def _beyond(result: FitResult) -> str:
     )
     if result.relaxes:
         text += (
-            "Stiffness and damping of a joint are dynamic, those of its complex stiffness at "
-            f"{result.departures.reference_frequency_hz:.3g} Hz, the geometric mean of the recorded frequencies. "
+            "Stiffness and damping are the real part of the joint's complex stiffness, and its imaginary part over "
+            f"the angular frequency, at {result.departures.reference_frequency_hz:.3g} Hz, the geometric mean of the "
+            "recorded frequencies. "
         )
     return text + (
-        "Errors of derived quantities are propagated linearly; natural frequencies and damping ratios are of small "
-        "motion about rest."
+        "Errors of derived quantities are propagated linearly. Natural frequencies and damping ratios are those of "
+        "small motion about rest."
     )
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from fasbody.exceptions import SettingError, unknown
 from fasbody.foot.parameters import of_channel, symbol_and_unit
 from fasbody.presentation import Presented, Sheet, Tabled, readable
-from fasbody.recording.recording import Recording
+from fasbody.recording.recording import UNSTATED, Recording
 from fasbody.sentences import Sentence, called
 from identification.branches import misses
 from identification.contact import Contact
@@ -300,7 +300,8 @@ class FitResult(Presented):
             *self.impossible,
             *(f"note: {text}" for text in self.warnings),
         ]
-        return Sheet(f"{self.source} ({self.origin}), model {self.model}", columns, rows, notes)
+        origin = "" if self.origin == UNSTATED else f" ({self.origin})"
+        return Sheet(f"{self.source}{origin}, model {self.model}", columns, rows, notes)
 
     def write(self, folder: Path | str) -> list[Path]:
         """Write result.json, parameters.csv and report.html into a folder, each whole or not at all."""

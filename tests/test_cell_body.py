@@ -81,6 +81,12 @@ def test_a_free_bone_skips_six_rigid_motions(sesamoid: BodyModes) -> None:
     assert np.abs(sesamoid.modes.participation).max() < 1e-9  # a free body's mode moves no centre of mass
 
 
+def test_a_body_of_less_than_a_millimetre_may_have_another_unit(rod: Path) -> None:
+    small = body_modes(read_body(rod, unit="um"), {None: SOFT}, count=2)
+    assert "--unit m" not in str(small)  # its unit was chosen
+    assert "--unit m" in str(replace(small, body=replace(small.body, unit="mm")))
+
+
 @pytest.mark.parametrize("way", ["multigrid", "superlu"])
 def test_ways_agree_on_a_free_body(sesamoid: BodyModes, way: str) -> None:
     again = body_modes(sesamoid.body, {None: BONE}, count=4, way=way)

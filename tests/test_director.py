@@ -362,7 +362,7 @@ def test_another_sensor_is_offered_and_is_worth_what_a_director_with_it_says(pla
     for name in EXCHANGED:
         assert offer.expected.outlook.half_width[name] == pytest.approx(expected.half_width[name], rel=0.05)
         assert offer.expected.outlook.half_width[name] < 0.5 * plan.expected[PLANNED].outlook.half_width[name]
-    assert any("With a second sensor 'foot' (in brackets: without)" in note for note in plan.sheet().notes)
+    assert any("With a second sensor 'foot' (in brackets: without it)" in note for note in plan.sheet().notes)
     assert plan.document()["offers"][0]["sensor"] == "foot" and offer.adds.information > 0
 
 
@@ -374,7 +374,7 @@ def test_the_thesis_is_compared_with_the_same_sensors() -> None:
     alone = Director(person(), SHAKER, draws=2)
     narrower = [d.outlook(d.thesis(), fresh=True).half_width["k_T"] for d in (who, alone)]
     assert narrower[0] < 0.7 * narrower[1]
-    titles = [n for n in result.sheet().notes if n.startswith("the thesis, ")]
+    titles = [n for n in result.sheet().notes if n.startswith("Protocol of the thesis, ")]
     assert len(titles) == 2 and all(", with malleolus and foot: " in n for n in titles)
 
 
@@ -395,7 +395,7 @@ def test_no_remedy_is_one_that_is_there(
         plan.mine, {"k_T": 0.01}, {"k_T": causes}, names, open_, (0.0, 2.3, 4.5), sensors
     )
     assert said.endswith(remedy)
-    remains = "".join(f"(shares of the remaining variance: {cause})" for cause in causes)
+    remains = "".join(f"(remaining variance: {cause})" for cause in causes)
     assert remains in said and ("remaining variance" in said) == bool(causes)
     assert ("the branch is decided" in said) == open_
 
@@ -407,7 +407,8 @@ def test_a_plan_that_recording_refuses_says_so_first(plan: Planned) -> None:
     share = 1.5 * (Safety.daily_vdv / exposure([once]).vdv) ** 4
     long = replace(once, seconds=share * once.seconds)
     result = replace(plan, steps=(long,), adds=plan.adds[:1])
-    assert result.sheet().notes[0].startswith("Recording will refuse this plan, as it exceeds the daily limit: ")
+    assert result.sheet().notes[0].startswith("fasbody record would refuse this plan: ")
+    assert "VDV would be" in result.warning and "--max-vdv" in result.warning
     minutes = float(result.warning.split("--minutes ")[1].rstrip(". "))
     shorter = replace(result, steps=(replace(long, seconds=60 * minutes),))
     assert not shorter.warning and minutes > 0.6 * long.seconds / 60

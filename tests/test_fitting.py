@@ -81,7 +81,7 @@ def test_a_single_20_hz_recording_tells_little_and_says_so(foot: Foot, trial: Tr
     assert {row["interval"] for row in shown} == {"–"} and not any("lower" in row for row in shown)
     assert result.excitation_rank == 2
     text = " ".join(result.warnings)
-    assert "The base moves at 1 frequency (rank 2), in which a linear foot shows at most 2 of the 8 free" in text
+    assert "With 1 frequency, a linear foot determines at most 2 of the 8 free parameters" in text
     assert "Not identifiable from these recordings" in text
     assert "One frequency cannot separate a delay" in text
     assert "delay_s" not in result.parameters
@@ -127,7 +127,7 @@ def test_bounds_are_kept_and_told(foot: Foot, trial: Trial) -> None:
     assert e.value == pytest.approx(1.4e5, rel=1e-4)
     assert e.at_bound
     assert e.identifiability == "not identifiable"
-    assert any(text.startswith("At its bound: k_T") for text in result.warnings)
+    assert any(text.startswith("At a bound: k_T") for text in result.warnings)
     assert any("the misfit is larger than the noise" in text for text in result.warnings)
 
 

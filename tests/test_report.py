@@ -119,7 +119,7 @@ def test_methods_have_the_numbers_of_the_fit(fitted: FitResult) -> None:
     for part in (
         "n = 3 recordings", "10 to 30 Hz", "sampled at 1000 Hz", "28 numbers", f"{fitted.best.dof} degrees of freedom",
         "m_S = 3.375 kg ± 15 %", "starts (seed 0)", "k_T [N/m]", "p < 1e-16", "at 18.2 Hz, the geometric mean",
-        fitted.departures.repeats, "replayed as a MuJoCo",
+        fitted.departures.repeats, "simulated in MuJoCo",
     ):  # fmt: skip
         assert part in text, part
 

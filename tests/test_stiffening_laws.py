@@ -91,7 +91,7 @@ def swapped(tmp_path: Path, user: str) -> Path:
 )
 def test_a_swapped_law_brings_its_own_names_and_units(tmp_path: Path, user: str, own: dict[str, str]) -> None:
     foot = load(swapped(tmp_path, user))
-    assert not {"c_21", "c_22", "c_23"} & set(foot.parameters)
+    assert not {"k_F", "c_21", "c_22", "c_23"} & set(foot.parameters)
     found = {
         name.removeprefix("fat_pad_"): p.unit for name, p in foot.parameters.items() if name.startswith("fat_pad_")
     }

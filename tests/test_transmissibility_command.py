@@ -47,7 +47,7 @@ def test_a_folder_that_cannot_be_written_is_refused_before_the_work(study: Path,
 
 def test_one_recording_of_a_study_is_corrected_as_its_study_says(study: Path) -> None:
     printed = command(str(study / "recordings" / "s01_midstance_2.3kg_30hz.h5"), "--out", str(study / "one")).stdout
-    assert "[kg]" in printed and "[deg]" in printed  # brackets are no markup
+    assert "2.3 kg" in printed and "[deg]" in printed  # brackets are no markup
     done = command(str(study / "recordings" / "s01_midstance_2.3kg_30hz.h5"), "--json")
     document = json.loads(done.stdout)
     assert {row["added_mass_kg"] for row in document} == {2.3}

@@ -20,35 +20,35 @@ def main(
     model: Annotated[
         str | None,
         typer.Option(
-            help="model or MJCF file; foot_arch@25 is an arch 25 mm high; a copy of the arch "
-            "in this folder, my_foot.xml, unless given or fitted"
+            help="shipped model or MJCF file; foot_arch@25 is an arch 25 mm high (default: the model of --result, "
+            "or else my_foot.xml, a copy of the arch that is written to this folder)"
         ),
     ] = None,
-    compare: Annotated[str, typer.Option(help="a second model, shown as a ghost")] = "",
+    compare: Annotated[str, typer.Option(help="second model, drawn transparent")] = "",
     frequency: Annotated[float | None, typer.Option(help="frequency of the shaker [Hz] (default 20)")] = None,
     peak_to_peak: Annotated[
         float | None, typer.Option(help=r"acceleration of the table \[m/s^2] (default 17.9)")
     ] = None,
     added_mass: Annotated[float, typer.Option(help=r"mass on the knee \[kg]")] = 0.0,
-    sweep: Annotated[bool, typer.Option(help="a swept sine, 5 to 50 Hz in 4 s, in place of the sine")] = False,
+    sweep: Annotated[bool, typer.Option(help="sweep from 5 to 50 Hz in 4 s, in place of the sine")] = False,
     recording: Annotated[
-        Path | None, typer.Option(help="recording that drives the table; its ankle is shown as a ghost")
+        Path | None, typer.Option(help="recording that drives the table; its malleolus is drawn transparent")
     ] = None,
     seconds: Annotated[
-        float | None, typer.Option(help=r"length of what is shown of the recording, or of the sweep \[s] (default 4)")
+        float | None, typer.Option(help=r"length of the recording or sweep to show \[s] (default 4)")
     ] = None,
     study: Annotated[Path | None, typer.Option(help="study.toml that describes the columns of the recording")] = None,
     result: Annotated[
         Path | None,
         typer.Option(help="result.json of a fit; its model is used unless --model names another"),
     ] = None,
-    slow: Annotated[float, typer.Option(help="how many times slower than in reality")] = 20.0,
+    slow: Annotated[float, typer.Option(help="slow motion: how many times slower than real time")] = 20.0,
     amplify: Annotated[
-        float | None, typer.Option(help="factor that enlarges the motion (default: the deformation becomes visible)")
+        float | None, typer.Option(help="factor by which the motion is enlarged (default: so that it is visible)")
     ] = None,
     watch: Annotated[
         bool | None,
-        typer.Option(help="load the model again whenever its file is saved (the default for your own files)"),
+        typer.Option(help="reload the model whenever its file is saved (default for your own files)"),
     ] = None,
     export: Annotated[Path | None, typer.Option(help="write a .html, .png, .gif or .mp4 file, and quit")] = None,
     port: Annotated[int, typer.Option(help="port of the server; 0 takes a free one")] = 0,

@@ -18,7 +18,7 @@ from fasbody.cell.mesh import MeshSize
 from fasbody.cell.mesher import dome_mesh
 from fasbody.cell.modal import CellModel, Modes, solve
 from fasbody.cell.modeshape import describe
-from fasbody.presentation import Presented, Sheet
+from fasbody.presentation import Presented, Sheet, readable
 
 
 @dataclass(frozen=True, repr=False)
@@ -88,9 +88,10 @@ class ModalAnalysis(Presented):
         rows = []
         for i, (f, d) in enumerate(zip(self.frequencies_hz, self.descriptions, strict=True)):
             error = "" if self.errors is None else f"{100 * self.errors[i]:.2g}"
-            rows.append((str(i + 1), f"{f:.{self.digits}g}", error, *d.cells))
+            rows.append((str(i + 1), readable(f, self.digits), error, *d.cells))
         title, notes = self.heading()
-        columns = ("mode", "frequency [Hz]", "estimated error [%]", *self.columns)
+        described = self.columns[: len(self.descriptions[0].cells)]
+        columns = ("mode", "frequency [Hz]", "estimated error [%]", *described)
         return Sheet(title, columns, rows, notes)
 
     @abstractmethod

@@ -46,7 +46,7 @@ from fasbody.exceptions import (
     SettingError,
     unknown,
 )
-from fasbody.presentation import Tabled
+from fasbody.presentation import Tabled, readable
 from fasbody.progress import Advance, silent
 
 T = TypeVar("T")
@@ -67,6 +67,8 @@ ROUND = 1e-4
 LARGE, WORTH = 0.05, 0.95
 #: Share of the kinetic energy from which a direction is named.
 NAMED = 0.05
+#: Mass below which the length unit of a file in millimetres is doubtful [kg].
+LEAST_KG = 1e-6
 
 
 @dataclass(frozen=True)
@@ -264,9 +266,10 @@ class BodyMode:
         return ", ".join(f"{axis} {share:.0%}" for share, axis in order if share >= NAMED)
 
     @property
-    def cells(self) -> tuple[str, str]:
-        """Directions and shares of the regions, for a table."""
-        return self.label, " ".join(f"{tag}: {share:.0%}" for tag, share in self.parts.items())
+    def cells(self) -> tuple[str, ...]:
+        """Directions, and shares of several regions, for a table."""
+        shares = " ".join(f"{tag}: {share:.0%}" for tag, share in self.parts.items())
+        return (self.label, shares)[: len(self.parts)]
 
     def document(self) -> dict[str, Any]:
         """Ready for JSON."""
@@ -318,6 +321,10 @@ class BodyModes(ModalAnalysis):
         if (share := self.body.changed) > ROUND:
             remarks += [f"{share:.2%} of each error is due to the flat triangles of the surface"]
         dof = self.model.assembly.dof
+        side_mm = 1e-3 * float(np.ptp(self.model.assembly.nodes_um, axis=0).max())
+        if self.body.unit in ("mm", "cm") and (side_mm < 1 or self.model.mass_kg < LEAST_KG):
+            text = f"the body is only {side_mm:.2g} mm long and weighs {readable(1e6 * self.model.mass_kg)} mg"
+            remarks.append(f"{text}: if its file is in metres, use --unit m")
         if advice := self._advice():
             remarks.append(advice)
         cm3, grams = self.model.assembly.volume_um3 * 1e-12, 1e3 * self.model.mass_kg

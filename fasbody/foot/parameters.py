@@ -272,7 +272,7 @@ def _follow_laws(model: "mujoco.MjModel", items: list[Parameter]) -> list[Parame
 
     Where a declaration in a `user` field has another unit than the law's parameter there, it is dropped with all others
     of the element but those with the law's symbol and unit, and the law declares the rest: `fat_pad_E` [N],
-    from a hundredth to a hundred times its value.
+    from a hundredth to a hundred times its value. A stiffness or damping of zero beside a law is no parameter.
     """
     from fasbody.foot import damper  # compiles; names and units are wanted without it
 
@@ -287,6 +287,7 @@ def _follow_laws(model: "mujoco.MjModel", items: list[Parameter]) -> list[Parame
             units = [symbol_and_bracket(text) for text in law.parameters]
             on_element = [p for p in items if any(x.field == field and x.index // width == number for x in p.places)]
             columns = {x.index % width: p.unit for p in on_element for x in p.places}
+            items = [p for p in items if not _unused(model, p, kind, number)]
             if all(0 < c <= len(units) and units[c - 1][1] == unit for c, unit in columns.items()):
                 continue
             expected = dict(enumerate(units, 1))
@@ -301,6 +302,13 @@ def _follow_laws(model: "mujoco.MjModel", items: list[Parameter]) -> list[Parame
                         Parameter(f"{label}_{symbol}", unit, value / 100, 100 * value, (place,), source)
                     )
     return items + law_parameters
+
+
+def _unused(model: "mujoco.MjModel", item: Parameter, kind: str, number: int) -> bool:
+    """Whether a parameter is the stiffness or damping of an element that has none."""
+    damper = ("dof_damping", int(model.jnt_dofadr[number])) if kind == "joint" else ("tendon_damping", number)
+    linear = {("jnt_stiffness" if kind == "joint" else "tendon_stiffness", number), damper}
+    return {(x.field, x.index) for x in item.places} <= linear and item.read(model) == 0
 
 
 def symbol_and_bracket(text: str) -> tuple[str, str]:

@@ -22,7 +22,7 @@ from functools import cached_property
 import mujoco
 import numpy as np
 
-from fasbody.exceptions import SettingError, unknown
+from fasbody.exceptions import PeriodicMotionError, SettingError, unknown
 from fasbody.foot.engine import callbacks
 from fasbody.foot.harmonic_balance import MOST_HARMONICS, Fourier, Solution, multipliers, periodic, rest
 from fasbody.foot.model import Foot, can_change
@@ -268,9 +268,18 @@ class Orbit:
 
     @cached_property
     def inverse(self) -> Array:
-        """Inverse (m, m) of the Jacobian at the orbit."""
+        """Inverse (m, m) of the Jacobian at the orbit.
+
+        Raises:
+            PeriodicMotionError: the motion is not unique.
+        """
         residuals = self.slopes[:, :, : len(self.solution.x)]
-        return np.asarray(np.linalg.inv(self.shaken.assembled(self.series, residuals)))
+        try:
+            return np.asarray(np.linalg.inv(self.shaken.assembled(self.series, residuals)))
+        except np.linalg.LinAlgError:
+            name, f = self.shaken.name, self.shaken.frequency_hz
+            text = f"{name}: the motion at {f:g} Hz is not unique, as no spring or damper acts on a part of the model."
+            raise PeriodicMotionError(name, f, 1.0, text) from None
 
     @property
     def start(self) -> Solution:

@@ -88,10 +88,10 @@ class Known(Tabled):
         delay_std_s: float | None = None,
         exclude: Iterable[str] = (),
     ) -> "Known":
-        """The same with a user's values, which overrule the study; "all" excludes every departure.
+        """The same with a user's values, which overrule the study; "all" excludes every nuisance parameter.
 
         Raises:
-            SettingError: a size or a departure that does not exist.
+            SettingError: a size or a nuisance parameter that does not exist.
         """
         stated = {"mass_std": mass_std, "gain_std": gain_std, "delay_std_s": delay_std_s}
         for name, value in stated.items():
@@ -104,7 +104,7 @@ class Known(Tabled):
         excluded = set(self.excluded)
         for name in exclude:
             if name not in (*DEPARTURES, "all"):
-                raise SettingError(f"{unknown('departure to exclude', name, (*DEPARTURES, 'all'))}.")
+                raise SettingError(f"{unknown('nuisance parameter', name, (*DEPARTURES, 'all'))}.")
             excluded |= set(DEPARTURES) if name == "all" else {name}
         sizes = {name: getattr(self, name) if value is None else value for name, value in stated.items()}
         return replace(

@@ -1,5 +1,7 @@
 """`fasbody transmissibility STUDY`: the table, the statistics and the figures of Chapter 2."""
 
+from collections.abc import Sequence
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -8,10 +10,11 @@ from rich.markup import escape
 
 from fasbody.console import command_line, console, make_folder, print_json, results, write_whole
 from fasbody.exceptions import RecordingError, SettingError, pip_install
+from fasbody.page import print_table
 
 if TYPE_CHECKING:
     from fasbody.transmissibility.findings import Finding
-    from fasbody.transmissibility.table import Condition, Table
+    from fasbody.transmissibility.table import Condition, Curves, Table
 
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 _ENDINGS = ("svg", "png", "pdf")
@@ -100,34 +103,45 @@ def main(
 
 def show(table: "Table") -> None:
     """Mean curves, resonance ranges and the findings, for people."""
-    from rich.table import Table as Printed
-
     from fasbody.transmissibility.findings import judged
 
     results.print(str(table))
-    printed = Printed(
-        "pair", "posture", r"load \[kg]", "n", "resonance (rule of the thesis)", "resonance (controlled error rates)",
-        r"mean transmissibility (phase \[deg]) by frequency \[Hz]",
-    )  # fmt: skip
-    for c in table.each():
-        every = max(1, round(c.frequency_hz.size / 9))
-        cells = [
-            f"{f:g}: {T:.2f} ({p:.0f})"
-            for f, T, p in zip(c.frequency_hz[::every], c.mean[::every], c.mean_phase_deg[::every], strict=True)
-        ]
-        tested, count = c.resonance.subjects, len(c.subjects)
-        partly = f" ({tested} tested)" if c.resonance.tested and tested < count else ""
-        printed.add_row(
-            c.pair, escape(c.posture), f"{c.added_mass_kg:g}", f"{count}{partly}",
-            str(c.resonance), str(c.resonance_by_tests), ", ".join(cells),
-        )  # fmt: skip
-    results.print(printed)
+    for (pair, posture), group in groupby(table.each(), lambda c: (c.pair, c.posture)):
+        curves = list(group)
+        rows = [(f"{f:g} Hz", *(_at(c, f) for c in curves)) for f in _some(curves)]
+        if any(c.resonance.tested for c in curves):
+            rows.append(("resonance, rule of the thesis", *(str(c.resonance) for c in curves)))
+            rows.append(("resonance, controlled error rates", *(str(c.resonance_by_tests) for c in curves)))
+        loads = [f"{c.added_mass_kg:g} kg{_people(c)}" for c in curves]
+        results.print(f"\n{pair}, {posture}: mean transmissibility (phase [deg]) by load", markup=False)
+        print_table(("frequency", *loads), rows)
     results.print("MB: malleolus over base. TB: tuberosity over base. TM: tuberosity over malleolus.")
     stated, why = judged(table)
     if stated:
         show_findings(stated, table.origin)
     else:
         results.print(f"The statements of the thesis are not tested: {why}.")
+
+
+def _some(curves: "Sequence[Curves]") -> list[float]:
+    """At most nine of all frequencies [Hz]."""
+    every = sorted({float(f) for c in curves for f in c.frequency_hz})
+    return every[:: max(1, round(len(every) / 9))]
+
+
+def _at(c: "Curves", f: float) -> str:
+    """Mean transmissibility and phase at a frequency [Hz]."""
+    at = c.frequency_hz.searchsorted(f)
+    if at >= c.frequency_hz.size or c.frequency_hz[at] != f:
+        return "–"
+    return f"{c.mean[at]:.2f} ({c.mean_phase_deg[at]:.0f})"
+
+
+def _people(c: "Curves") -> str:
+    """How many subjects, and how many of them were tested for a resonance."""
+    tested, count = c.resonance.subjects, len(c.subjects)
+    partly = f", {tested} tested" if c.resonance.tested and tested < count else ""
+    return f" (n = {count}{partly})"
 
 
 def show_findings(stated: list["Finding"], origin: str) -> None:
@@ -218,7 +232,11 @@ def _single_mass(table: "Table"):  # type: ignore[no-untyped-def]
     drawn = [f for f in (10.0, 20.0, 30.0, 40.0) if f in c.frequency_hz] or [float(c.frequency_hz[0])]
     place = [int(np.flatnonzero(c.frequency_hz == f)[0]) for f in drawn]
     measured = {f: (float(c.mean[i]), float(std[i])) for f, i in zip(drawn, place, strict=True)}
-    return figures.single_mass(drawn, sdof.MASS_KG + condition[1], measured, f"{table.origin} mean MB, {c.condition}")
+    count = len(c.subjects)
+    what = f"mean MB of {count} subjects (95 % interval)" if count > 1 else "MB of one subject (95 % by its noise)"
+    load = f" and the load of {condition[1]:g} kg" if condition[1] else ""
+    origin = f"{table.origin} {what}, {c.condition}; mass: foot and shank of the thesis{load}"
+    return figures.single_mass(drawn, sdof.MASS_KG + condition[1], measured, origin)
 
 
 if __name__ == "__main__":

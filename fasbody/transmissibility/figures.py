@@ -187,6 +187,7 @@ def single_mass(
             value, std = measured[f]
             inside = np.abs(T - value) <= Z95 * std
             axis.contourf(k / 1e3, c, inside, levels=(0.5, 1.5), colors=[COLOURS[1]], alpha=0.35)
+            axis.contour(k / 1e3, c, T, levels=[value], colors=[COLOURS[1]], linewidths=1.8)
             title += f": T = {value:.2f} ± {Z95 * std:.2f}"
         axis.set_title(title)
         axis.grid(False)
@@ -196,8 +197,9 @@ def single_mass(
         axis.set_xlabel("stiffness k [kN/m]")
     for row in axes:
         row[0].set_ylabel("damping c [N s/m]")
-    text = f"transmissibility of one mass of {m:g} kg"
-    figure.supxlabel(text + (f"; shaded: agrees with the {origin} (95 %)" if measured else ""))
+    text = f"contours: transmissibility of a single mass of {m:g} kg"
+    text += f"; orange: agrees with the {origin}" if measured else ""
+    figure.supxlabel("\n".join(wrap(text, int(17 * figure.get_figwidth()))))
     return figure
 
 

@@ -54,7 +54,7 @@ class Options:
 
     model: Annotated[str, Option(help="two-mass model, or its file")] = "two_dof"
     body_mass: Annotated[
-        float | None, Option(help="body mass in kg (72.57 unless a recording gives it)")
+        float | None, Option(help="body mass in kg (default: that of the recordings, or 72.57)")
     ] = None
     ask: Annotated[
         list[str] | None,
@@ -68,7 +68,7 @@ class Options:
     minutes: Annotated[float, Option(help="largest time of shaking in minutes", callback=_finite)] = 4.5
     recordings: Annotated[int, Option(help="largest number of recordings", min=1)] = 9
     frequencies: Annotated[str, Option(help="START:STOP:STEP in Hz")] = "10:50:2"
-    loads: Annotated[str, Option(help="masses for the knee in kg, separated by commas")] = (
+    loads: Annotated[str, Option(help="masses on the knee in kg, separated by commas")] = (
         "0,2.3,4.5"
     )
     amplitude: Annotated[
@@ -83,15 +83,15 @@ class Options:
     noise: Annotated[
         float | None,
         Option(
-            help="noise of a sensor, rms of a sample in m/s^2 (default about 0.5, or as in earlier recordings)"
+            help="noise of a sensor, rms of a sample in m/s^2 (default: that of the earlier recordings, or about 0.5)"
         ),
     ] = None
     repeatability: Annotated[
         float | None,
         Option(
             metavar="SHARE",
-            help="relative scatter of a harmonic between recordings (default about 0.03, or what "
-            "recordings say)",
+            help="relative scatter of a harmonic between recordings (default: about 0.03, or as estimated from "
+            "earlier recordings)",
         ),
     ] = None
     exclude: Annotated[
@@ -104,8 +104,8 @@ class Options:
     mass_std: MassStd = None
     gain_std: GainStd = None
     delay_std: DelayStd = None
-    draws: Annotated[int, Option(help="feet to average over; 0 means 32, or 12 after recordings")] = 0
-    seed: Annotated[int, Option(min=0, help="seed of the drawn feet")] = 0
+    draws: Annotated[int, Option(help="number of simulated feet; 0 means 32, or 12 if there are recordings")] = 0
+    seed: Annotated[int, Option(min=0, help="seed of the simulated feet")] = 0
     json_: Annotated[bool, Option("--json", help="print one JSON document on stdout")] = False
 
     def shaker(self, **more: Any) -> "Shaker":
@@ -216,11 +216,11 @@ def propose(
     ] = None,
     kinds: Annotated[str, Option(help="sine, multisine; separated by commas")] = "sine",
     sensors: Annotated[
-        str, Option(help="accelerometers that are worn, e.g. malleolus,foot")
+        str, Option(help="accelerometers to use, e.g. malleolus,foot")
     ] = "malleolus",
     protocol: Annotated[
         Path | None,
-        Option(help="write the steps to this file, which fasbody record --plan runs"),
+        Option(help="file for the steps, for fasbody record --plan"),
     ] = None,
     out: Annotated[
         Path | None,

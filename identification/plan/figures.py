@@ -1,5 +1,7 @@
-"""The printed figures of a plan: information by frequency and load, and the session beside the thesis'."""
+"""The printed figure of a plan: information by frequency and load, and the session beside the thesis'."""
 
+from collections import defaultdict
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -9,7 +11,7 @@ from matplotlib.ticker import LogLocator, NullLocator
 
 from fasbody.presentation import COLOURS, MARKS, counted, panels, printed
 from identification.branches import EXCHANGED
-from identification.plan.candidates import PLANNED, THESIS, UNLOADED
+from identification.plan.candidates import PLANNED, THESIS, UNLOADED, Step
 from identification.plan.shaker import SINE
 from identification.plan.words import minutes
 
@@ -27,33 +29,18 @@ _LABELS = {"k_T": "$k_T$", "k_F": "$k_F$", "c_11": "$c_{11}$", "c_21": "$c_{21}$
 
 
 @printed
-def information(result: "Planned") -> Figure:
-    """What one recording adds by frequency and load: as the first one, and as one more after the plan.
-
-    Curves are of sines at the largest amplitude; marks are the planned steps, larger where they last longer.
-    """
-    figure, axes = panels(1, 2, 7.4, 3.0, sharex=True)
-    _curves(result, axes[0, 0], after=False)
-    _curves(result, axes[0, 1], after=True)
-    axes[0, 0].set_title("the first recording")
-    axes[0, 1].set_title("one more recording after the plan")
-    axes[0, 0].set_ylabel("information [nat]")
-    for axis in axes[0]:
-        axis.set_xlabel("frequency [Hz]")
-    handles, labels = axes[0, 0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside lower center", ncols=len(labels))
-    return figure
-
-
-@printed
 def session(result: "Planned") -> Figure:
-    """Information by frequency and load, the recordings of both protocols, and the intervals that they leave."""
+    """a, b: information of one recording at the largest amplitude; open marks are the planned steps. c: recordings.
+
+    The area of marks in a to c is the time. d: expected 95 % intervals, median and range of 80 % of the simulated feet.
+    """
     figure, axes = panels(2, 2, 7.4, 5.4)
     _curves(result, axes[0, 0], after=False)
     _curves(result, axes[0, 1], after=True)
     for axis in axes[0]:
         axis.set_xlabel("frequency [Hz]")
         axis.set_ylabel("information [nat]")
+    axes[0, 0].scatter([], [], 60, facecolor="none", edgecolor="#2b2b2b", label="planned")
     axes[0, 0].legend()
     _times(result, axes[1, 0])
     _widths(result, axes[1, 1])
@@ -76,14 +63,21 @@ def _curves(result: "Planned", axis: Axes, after: bool) -> None:
         f = np.array(sorted(best))
         values = np.array([best[x] for x in f])
         axis.plot(f, values, color=colour, lw=1.2, marker=mark, ms=2.5, label=f"{load:g} kg")
-        mine = [s for s in result.steps if s.added_mass_kg == load and s.kind == SINE]
-        x = np.array([s.frequency_hz for s in mine])
-        size = np.array([3.0 * s.seconds for s in mine])
+        mine = _together([s for s in result.steps if s.added_mass_kg == load and s.kind == SINE])
+        x = np.array([frequency for frequency, _ in mine])
         axis.scatter(
-            x, np.interp(x, f, values), size, facecolor="none", edgecolor=colour, lw=1.2, marker=mark, zorder=3,
-            clip_on=False,
+            x, np.interp(x, f, values), [3.0 * time for time in mine.values()], facecolor="none",
+            edgecolor=colour, lw=1.2, marker=mark, zorder=3, clip_on=False,
         )  # fmt: skip
     axis.set_ylim(0, _ROOM * axis.get_ylim()[1])
+
+
+def _together(steps: Sequence[Step]) -> dict[tuple[float, float], float]:
+    """Time of shaking [s] by frequency [Hz] and load [kg]."""
+    times: dict[tuple[float, float], float] = defaultdict(float)
+    for step in steps:
+        times[step.frequency_hz, step.added_mass_kg] += step.seconds
+    return times
 
 
 def _times(result: "Planned", axis: Axes) -> None:
@@ -92,11 +86,11 @@ def _times(result: "Planned", axis: Axes) -> None:
     for name, lower in ((THESIS, 0.16), (PLANNED, -0.16)):
         label, colour = _LOOKS[name]
         steps = result.expected[name].steps
-        x = [s.frequency_hz for s in steps]
-        y = [loads.index(s.added_mass_kg) + lower for s in steps]
         seconds = sum(s.seconds for s in steps)
+        together = _together(steps)
+        x, y = [f for f, _ in together], [loads.index(load) + lower for _, load in together]
         text = f"{label}: {counted(len(steps), 'recording')}, {minutes(seconds)}"
-        axis.scatter(x, y, [3.0 * s.seconds for s in steps], color=colour, label=text, alpha=0.9)
+        axis.scatter(x, y, [3.0 * time for time in together.values()], color=colour, label=text, alpha=0.9)
     axis.set_yticks(range(len(loads)), [f"{load:g} kg" for load in loads])
     axis.set_ylim(-0.5, len(loads) + 0.35)
     axis.set_xlabel("frequency [Hz]")

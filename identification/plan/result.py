@@ -35,7 +35,9 @@ from identification.plan.words import (
     span,
 )
 
-_TITLES = {PLANNED: "planned", THESIS: "the thesis, three loads", UNLOADED: "the thesis, unloaded"}
+_TITLES = {
+    PLANNED: "This plan", THESIS: "Protocol of the thesis, three loads", UNLOADED: "Protocol of the thesis, unloaded"
+}  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,27 +69,28 @@ class Expected:
 
 #: What a group of what is uncertain is, and what a laboratory does about it, in words that the fit takes.
 _RELIEF = {
-    "masses": ("the masses of the segments", "Measure them, and state their accuracy (--mass-std)."),
+    "masses": ("the segment masses", "Measure them, and state their accuracy (--mass-std)."),
     "gain": ("the gain between the channels", "Compare the sensors side by side on the table (--gain-std)."),
     "delay": ("the delay between the channels", "Measure it (--delay-std)."),
-    "mount": ("a sensor on soft tissue", "If a tap shows that the sensor does not ring, use --exclude mount."),
-    "relaxation": ("springs that relax", "If you know that they do not, use --exclude relaxation."),
+    "mount": ("the sensor on soft tissue", "If a tap shows that it does not resonate, use --exclude mount."),
+    "relaxation": ("relaxation of the springs", "If you know that they do not relax, use --exclude relaxation."),
     "load": (
-        "constants that change with the load",
-        "If a slow push under each load shows that they do not, use --exclude load.",
+        "a change of the constants with the load",
+        "If a slow push under each load shows no change, use --exclude load.",
     ),
     "share": (
         "the share of the load that the thigh carries",
-        "If a force plate shows that the leg carries all of it, use --exclude share.",
+        "If a force plate shows that the leg carries all of the load, use --exclude share.",
     ),
-    "rocking": ("a leg that rocks", "If a sensor across the leg shows that it does not, use --exclude rocking."),
-    "seating": ("differences between seatings", "If the person does not stand up in between, use --exclude seating."),
-    "drift": ("a gain that drifts", "If the sensors agree before and after the session, use --exclude drift."),
+    "rocking": ("rocking of the leg", "If a sensor across the leg shows none, use --exclude rocking."),
+    "seating": ("the difference between seatings", "If the person does not stand up between, use --exclude seating."),
+    "drift": ("drift of the gain", "If the sensors agree before and after the session, use --exclude drift."),
 }
 #: What the last columns of the table are.
 _LEGEND = (
-    "Gain: information that a recording adds to all others, for the constants of the goal together, for the one with "
-    "the widest interval, and for the branch. Intervals: median of the simulated feet (range of 80 % of them)."
+    "Gain: information in nats that a recording adds to all others: about the constants of the goal (all), about the "
+    "one with the widest interval (widest), and about the branch. Intervals: median of the simulated feet, with the "
+    "range of 80 % of them in brackets."
 )
 #: What measures a cause that the vibration does not show, by the kinds of nuisance.
 _MEASURED = {
@@ -202,7 +205,7 @@ class Planned(Presented):
     """
 
     figures: ClassVar[str] = "identification.plan.figures"
-    plots: ClassVar[tuple[str, ...]] = ("session", "information")
+    plots: ClassVar[tuple[str, ...]] = ("session",)
 
     model: str
     subject: str
@@ -275,10 +278,17 @@ class Planned(Presented):
 
     @property
     def warning(self) -> str:
-        """That recording will refuse the plan, and what would do; empty where it will not."""
+        """What of the daily exposure recording would refuse, and what would do; empty where it would not."""
         dose, most = exposure(self.steps), (Safety.daily_a8, Safety.daily_vdv)
-        beyond = dose.beyond(*most)
-        if not beyond:
+        over = [
+            f"{name} would be {value:.3g} {unit}, above the {what} of {limit:g} ({option})"
+            for name, unit, value, limit, what, option in (
+                ("A(8)", "m/s^2", dose.a8, most[0], "action value", "--max-exposure"),
+                ("VDV", "m/s^1.75", dose.vdv, most[1], "limit", "--max-vdv"),
+            )
+            if value > limit
+        ]
+        if not over:
             return ""
         # finding the levels takes its time however short the recordings are
         share = min((most[0] / dose.a8) ** 2, (most[1] / dose.vdv) ** 4)
@@ -290,8 +300,7 @@ class Planned(Presented):
         if len(loads) > 1 and not any(part.beyond(*most) for part in parts):
             ways.append("one day for each load (fasbody record --added-mass)")
         use = f" Use {' or '.join(ways)}." if ways else " Plan for less."
-        text = "Recording will refuse this plan, as it exceeds the daily limit: {quantity} {value:.3g}, valid: {valid}."
-        return f"{text.format(**beyond)}{use} "
+        return f"fasbody record would refuse this plan: {', and '.join(over)}.{use} "
 
     @property
     def protocol(self) -> dict[str, Any]:
@@ -312,10 +321,8 @@ class Planned(Presented):
         if not self.steps:
             return [f"Nothing more needs to be recorded: {existing} so far {verb} {likely}."]
         more = "more " if self.earlier else ""
-        shaking = minutes(shaking_s(self.steps))
-        text = self.warning + f"{counted(len(self.steps), f'{more}recording')} and {shaking} of shaking"
-        text += f" after {existing} so far" if self.earlier else ""
-        text += f" reach {likely}."
+        steps = counted(len(self.steps), f"{more}recording")
+        text = f"{self.warning}{steps} ({minutes(shaking_s(self.steps))} of shaking) will reach {likely}."
         parts = [f"{self.expected[PLANNED].width(name)}, goal ±{percent(self.asked[name])}" for name in self.missed]
         text += f" Expected 95 % intervals: {'; '.join(parts)}." if parts else ""
         if self.mine.decided < SHARE:
@@ -329,7 +336,7 @@ class Planned(Presented):
             return ""
         e = offer.expected
         return (
-            f"First add a sensor {offer.sensor!r}: then the branch is decided with a probability of "
+            f"Add a sensor {offer.sensor!r} first. Then the branch is decided with a probability of "
             f"{chance(e.outlook.decided)}, and the intervals are {e.widths()}."
         )
 
@@ -368,20 +375,20 @@ class Planned(Presented):
             return ""
         what, how = _RELIEF[most]
         widths = _widths(self.excluding[most], self.missed)
-        return f"The largest avoidable uncertainty is {what}. Without it the intervals would be {widths}. {how}"
+        return f"The largest avoidable uncertainty is {what}. Without it, the intervals would be {widths}. {how}"
 
     def sheet(self) -> Sheet:
         """The session, step by step."""
         rows = [
             (
                 str(i), step.kind, f"{step.frequency_hz:g}", f"{step.added_mass_kg:g}", f"{step.amplitude_m_s2:.3g}",
-                f"{step.seconds:g}", f"{score.information:.2f}", f"{score.widest:.2f}", f"{score.branch:.2f}",
+                f"{step.seconds:g}", _gain(score.information), _gain(score.widest), _gain(score.branch),
             )
             for i, (step, score) in enumerate(zip(self.steps, self.adds, strict=True), start=1)
         ]  # fmt: skip
         columns = (
-            "step", "kind", "frequency [Hz]", "load [kg]", "amplitude [m/s^2]", "time [s]", "gain [nat]: all", "widest",
-            "branch",
+            "step", "kind", "frequency [Hz]", "load [kg]", "amplitude [m/s^2]", "time [s]", "gain: all",
+            "gain: widest", "gain: branch",
         )  # fmt: skip
         notes = [*self._sentences(), goal(self.asked), _LEGEND if rows else "", self.limited]
         for name, e in self.expected.items():
@@ -391,10 +398,10 @@ class Planned(Presented):
             if name != PLANNED and len(self.shaker["sensors"]) > 1:
                 title += f", with {listed(self.shaker['sensors'])}"
             if self.earlier:
-                title += f", {'with' if name == PLANNED else 'without'} earlier recordings"
+                title += f", {'with' if name == PLANNED else 'without'} the earlier recordings"
             notes.append(
-                f"{title}: {counted(len(e.steps), 'recording')}, {minutes(shaking_s(e.steps))}, {e.widths()}; "
-                f"probability of a decided branch {chance(e.outlook.decided)}, of the whole goal "
+                f"{title}: {counted(len(e.steps), 'recording')}, {minutes(shaking_s(e.steps))}, {e.widths()}. "
+                f"Probability of a decided branch: {chance(e.outlook.decided)}; of the whole goal: "
                 f"{chance(e.outlook.goal())}."
             )
         for offer in self.offers:
@@ -403,13 +410,13 @@ class Planned(Presented):
                 f"{n} ±{percent(e.outlook.half_width[n])} ({percent(self.mine.half_width[n])})" for n in EXCHANGED
             )
             notes.append(
-                f"With a second sensor {offer.sensor!r} (in brackets: without): {widths}; probability of a decided "
-                f"branch {chance(e.outlook.decided)} ({chance(self.mine.decided)})."
+                f"With a second sensor {offer.sensor!r} (in brackets: without it): {widths}. Probability of a decided "
+                f"branch: {chance(e.outlook.decided)} ({chance(self.mine.decided)})."
             )
-        also = f"Also uncertain: {listed(self.uncertain) or 'nothing'}"
+        also = f"Nuisance parameters: {listed(self.uncertain) or 'none'}"
         notes += [
-            f"Predicted from {counted(self.feet, 'simulated foot', 'simulated feet')} of persons of "
-            f"{self.body_mass_kg:g} kg, seed {self.seed}. {also}. {repeating(self.repeatability).capitalize()}.",
+            f"Predicted from {counted(self.feet, 'simulated foot', 'simulated feet')} at a body mass of "
+            f"{self.body_mass_kg:g} kg (seed {self.seed}). {also}. {repeating(self.repeatability).capitalize()}.",
             exposure(self.steps).sentence(),
             self.findings,
         ]
@@ -549,11 +556,15 @@ def goal(asked: Mapping[str, float]) -> str:
     widths = _widths(asked, list(asked))
     rest = ", ".join(name for name in EXCHANGED if name not in asked)
     usual = (
-        " This is the default, narrower than recordings usually reach, so that a plan uses all of its time; --ask "
-        "states another."
+        " This is the default. It is narrower than recordings usually reach, so that a plan uses all of its time. Set "
+        "another with --ask."
     )
     text = f"Goal: {widths}, and the branch decided."
     return f"{text}{usual if asked == GOAL else ''}{f' No goal for {rest}.' if rest else ''}"
+
+
+def _gain(nats: float) -> str:
+    return f"{round(nats, 2) + 0.0:.2f}"  # no minus before zero
 
 
 def _texts(causes: Sequence[Cause]) -> str:
@@ -588,7 +599,7 @@ def nothing_brings(
             f"{name} ±{percent(reached.half_width[name])} (goal ±{percent(asked[name])})"
         )
     what = [
-        listed(texts) + (f" (shares of the remaining variance: {cause})" if cause else "")
+        listed(texts) + (f" (remaining variance: {cause})" if cause else "")
         for cause, texts in together.items()
     ]
     parts = [f"these intervals stay at {'; '.join(what)}"] if what else []

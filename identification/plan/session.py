@@ -245,18 +245,18 @@ class Session:
                 if step is None:
                     return self._end(FAILING, "Every remaining step has failed.")
                 count = len(self._recordings)
-                why = f"adds most to what {count} recordings say" if count != 1 else "adds most to one recording"
+                why = f"adds the most information to {counted(count, 'recording')}"
                 why = "again, as the board stalled" if self._again else why
                 chosen = self._offering.step(step, why)
                 if chosen is None:
-                    return self._end(STOPPED, "Nobody took the next step.")
+                    return self._end(STOPPED, "The next step was not taken.")
                 self._take(chosen)
         except KeyboardInterrupt:
             return self._end(INTERRUPTED, "Interrupted.")
         except FasError as error:
             if not self._taken:  # nothing is lost
                 raise
-            return self._end(BROKEN, f"It cannot go on: {error}")
+            return self._end(BROKEN, f"Recording cannot continue: {error}")
 
     def _direct(self) -> Director:
         director = Director(

@@ -1,4 +1,4 @@
-"""`fasbody rivals`: the same recordings against a ladder of rival models."""
+"""`fasbody rivals`: rival models compared on the same recordings."""
 
 import sys
 from pathlib import Path
@@ -16,11 +16,13 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 @app.command()
 def main(
     data: Data = None,
-    model: Annotated[str, typer.Option(help="two-mass model to compare with the others, or its file")] = "two_dof",
-    rival: Annotated[list[Path] | None, typer.Option(help="edited MJCF file to compare, too; repeat for more")] = None,
-    rungs: Annotated[
+    model: Annotated[str, typer.Option(help="two-mass model, or its file")] = "two_dof",
+    rival: Annotated[list[Path] | None, typer.Option(help="your own MJCF file to compare; repeat for several")] = None,
+    compare: Annotated[
         str | None,
-        typer.Option(help="exponential, polynomial, relaxing, mount, third, load, separated by commas (default: all)"),
+        typer.Option(
+            help="models to compare it with: exponential, polynomial, relaxing, mount, third, load (default: all)"
+        ),
     ] = None,
     body_mass: BodyMass = None,
     added_mass: AddedMass = None,
@@ -28,7 +30,7 @@ def main(
     mass_std: MassStd = None,
     gain_std: GainStd = None,
     delay_std: DelayStd = None,
-    write_model: Annotated[Path | None, typer.Option(help="folder for every fitted model, as MJCF")] = None,
+    write_model: Annotated[Path | None, typer.Option(help="folder for each fitted model as an MJCF file")] = None,
     json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
     out: Annotated[
         Path | None, typer.Option(help="folder for report.html, rivals.csv, rivals.json and figures")
@@ -41,7 +43,7 @@ def main(
 
       fasbody rivals my_study --rival my_foot.xml --out results
 
-      fasbody rivals my_study --rungs relaxing,mount --write-model models
+      fasbody rivals my_study --compare relaxing,mount --write-model models
 
       fasbody rivals bare.csv loaded.csv --body-mass 72.5 --added-mass 0 --added-mass 2.3
     """
@@ -60,7 +62,7 @@ def main(
             make_folder(folder)
     with stages() as advance:
         result = compare_rivals(
-            recordings, foot, rungs=names(rungs), files=rival or (), mass_std=mass_std, gain_std=gain_std,
+            recordings, foot, models=names(compare), files=rival or (), mass_std=mass_std, gain_std=gain_std,
             delay_std_s=delay_std, source=source, advance=advance,
         )  # fmt: skip
     if json_:

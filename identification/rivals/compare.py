@@ -1,4 +1,4 @@
-"""The same recordings against a ladder of rival models, ranked by BIC and by what they predict."""
+"""Rival models on the same recordings, ranked by BIC and by what they predict."""
 
 import time
 from collections.abc import Iterable, Sequence
@@ -36,7 +36,7 @@ def compare_rivals(
     study: Study | Recording | Iterable[Recording],
     foot: Foot | None = None,
     *,
-    rungs: Sequence[str] | None = None,
+    models: Sequence[str] | None = None,
     files: Sequence[Path | str] = (),
     mass_std: float | None = None,
     gain_std: float | None = None,
@@ -52,32 +52,32 @@ def compare_rivals(
         study: a study, or one or more recordings of one person, at one or more frequencies and
             loads.
         foot: the two-mass model, default the shipped one; its bounds hold for all rivals.
-        rungs: names of rivals to compare beside the linear foot and the model, default all
+        models: names of rivals to compare beside the linear foot and the model, default all
             (`ladder.LADDER`).
-        files: edited MJCF models to compare, too.
+        files: edited MJCF models to compare as well.
         mass_std, gain_std, delay_std_s: what masses, gain and delay may be off, as in `fit_foot`.
         source: name of the data, if not that of the study.
         advance: called with the stage, the number done and the total.
 
     Raises:
         RecordingError: a recording is not steady, or they are of several persons. ModelError: the model is not the
-            two-mass foot. SettingError: an unknown rung.
+            two-mass foot. SettingError: an unknown model.
     """
     began = time.perf_counter()
     foot = foot or load("two_dof")
-    chosen = _rungs(rungs)
+    chosen = _rungs(models)
     if not twin_applies(foot):
         raise ModelError(
             file=foot.name,
-            problem="the ladder of rivals is known for the two-mass foot only",
+            problem="rival models exist for the two-mass foot only",
             remedy=Sentence("leave --model out and give this file as --rival", on_page="choose two_dof"),
         )
-    models = [load(file) for file in files]
+    edits = [load(file) for file in files]
     recordings = [study] if isinstance(study, Recording) else list(study)
     data = _checked(recordings)
     stated = Known.of_all([r.known for r in data])
     known = stated.overruled_by(mass_std=mass_std, gain_std=gain_std, delay_std_s=delay_std_s)
-    ladder, others = rungs_of(foot, data, known, chosen), [edited(model, data, known) for model in models]
+    ladder, others = rungs_of(foot, data, known, chosen), [edited(model, data, known) for model in edits]
     contenders = climb([*ladder, *others], advance)
     best = min((c.solutions[0] for c in contenders), key=lambda end: end.optimum.objective)
     lines = [Line.of(r) for r in data]
@@ -100,7 +100,7 @@ def _rungs(names: Sequence[str] | None) -> list[Rung]:
     known = [rung.name for rung in LADDER]
     for name in names or ():
         if name not in known:
-            raise SettingError(f"{unknown('rung', name, known)}.")
+            raise SettingError(f"{unknown('rival model', name, known)}.")
     return [rung for rung in LADDER if names is None or rung.name in (LINEAR, MODEL, *names)]
 
 
@@ -116,11 +116,11 @@ def _checked(recordings: Sequence[Recording]) -> list[Recording]:
     data = [checked(recording) for recording in recordings]
     for r in data:
         if r.condition.frequency_hz is None:
-            raise RecordingError(f"{r.file}: is not periodic; rivals are compared on steady vibration, one sine each.")
+            raise RecordingError(f"{r.file}: is not periodic; rival models need steady recordings of one sine each.")
     if not is_steady(data):
         raise RecordingError(
-            f"{data[0].file} or one beside it is not steady (its amplitude drifts or beats); rivals are compared on "
-            "steady vibration."
+            f"{data[0].file} or another recording is not steady (its amplitude drifts or beats); rival models need "
+            "steady recordings."
         )
     people = {(r.condition.subject, r.condition.body_mass_kg) for r in data}
     if len(people) > 1:
@@ -128,7 +128,7 @@ def _checked(recordings: Sequence[Recording]) -> list[Recording]:
         raise RecordingError(f"the recordings are of several persons ({named}); compare rivals for one at a time.")
     if len({r.condition.frequency_hz and round(r.condition.frequency_hz, 1) for r in data}) < 3:
         raise RecordingError(
-            f"{data[0].file}: rivals are told apart by how they depend on frequency; give recordings of at least three "
+            f"{data[0].file}: rival models differ in how they depend on frequency; give recordings at three or more "
             "frequencies."
         )
     return data

@@ -1,13 +1,13 @@
 """The printed figures of a comparison: predictions over frequency, and stiffness of the springs."""
 
 from itertools import product
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator
 
-from fasbody.presentation import COLOURS, MARKS, PAGE, panels, printed
+from fasbody.presentation import COLOURS, LINES, MARKS, PAGE, panels, printed
 
 if TYPE_CHECKING:
     from identification.rivals.naming import Naming
@@ -30,10 +30,10 @@ def _colours(result: "Rivals") -> dict[str, tuple[str, str]]:
 
 @printed
 def predictions(result: "Rivals") -> Figure:
-    """Transmissibility and phase lag as measured, and what the best rivals, the model among them, leave of them.
+    """Measured transmissibility and phase lag, with the curves of the best models. One column per load.
 
-    One column a load. The lowest panel has the distance of each rival's fundamental from the measured one as a share
-    of it, beside the standard error of the measurement (grey).
+    The lowest panels show how far each model's fundamental is from the measured one. The standard error of the
+    measurement is grey.
     """
     loads = sorted({p.load_kg for p in result.points})
     figure, axes = panels(3, len(loads), 3.0 * len(loads) + 0.6, 6.4, sharex=True, sharey="row")
@@ -51,11 +51,13 @@ def predictions(result: "Rivals") -> Figure:
         size.plot(f, np.abs(Y / U), "o", ms=5, mfc="white", mec="#2b2b2b", label="measured", zorder=3)
         lag.plot(f, _lag(Y / U), "o", ms=5, mfc="white", mec="#2b2b2b", zorder=3)
         gap.fill_between(f, 1e-7, 100 * noise, color="#d9d9d9", lw=0, label="standard error")
-        for r in drawn:
+        for number, r in enumerate(drawn):
             colour, mark = look[r.name]
             y = np.array([r.predicted[i][0] for i in places])
-            size.plot(f, np.abs(y / U), color=colour, lw=1.1, label=r.title)
-            lag.plot(f, _lag(y / U), color=colour, lw=1.1)
+            # the first is wide, so that it is seen behind the others
+            line: Any = {"color": colour, "lw": 1.2 if number else 3.5, "ls": LINES[number % len(LINES)]}
+            size.plot(f, np.abs(y / U), alpha=1 if number else 0.4, label=r.title, **line)
+            lag.plot(f, _lag(y / U), alpha=1 if number else 0.4, **line)
             gap.semilogy(f, 100 * np.abs(y - Y) / np.abs(Y), color=colour, marker=mark, ms=3.5, lw=0.9)
         size.set_title(f"{load:g} kg on the knee")
         gap.set_xlabel("frequency [Hz]")
@@ -63,7 +65,7 @@ def predictions(result: "Rivals") -> Figure:
     axes[2, 0].set_ylim(min(1e-3, 0.5 * float(np.quantile(worst, 0.02))), 2 * max(worst))
     axes[0, 0].set_ylabel("transmissibility")
     axes[1, 0].set_ylabel("phase lag [deg]")
-    axes[2, 0].set_ylabel("distance [%]")
+    axes[2, 0].set_ylabel("difference [%]")
     handles, labels = axes[0, 0].get_legend_handles_labels()
     more, more_labels = axes[2, 0].get_legend_handles_labels()
     figure.legend(
@@ -78,9 +80,9 @@ def _lag(H: np.ndarray) -> np.ndarray:
 
 @printed
 def constants(result: "Rivals") -> Figure:
-    """k_T and k_F by rival with 95 % intervals, the first at the top; those that are not adequate are pale.
+    """k_T and k_F with 95 % intervals for each model, the best at the top. Models that are not adequate are pale.
 
-    Beside them stand the differences of BIC and of held-out prediction from the best.
+    The right panel shows BIC and the held-out prediction error, minus those of the best model.
     """
     rivals = [r for r in result.rivals if r.k_T and r.k_F][::-1]
     figure, axes = panels(1, 3, 7.6, 0.34 * len(rivals) + 1.6, sharey=True)
@@ -92,7 +94,7 @@ def constants(result: "Rivals") -> Figure:
             estimates = [(r.k_T if name == "k_T" else r.k_F, 0.0, "#0072B2", "#0072B2", "likelier branch")]
             if r.other and not r.decided:
                 estimates.append(
-                    (r.other[name == "k_F"], 0.24, "#D55E00", "white", "other branch, where it stays open")
+                    (r.other[name == "k_F"], 0.24, "#D55E00", "white", "other branch, if undecided")
                 )
             for e, lower, colour, face, label in estimates:
                 assert e is not None

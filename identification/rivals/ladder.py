@@ -22,7 +22,7 @@ from identification.nuisances import OF_SENSOR, OF_SPRINGS, Nuisance, nuisances
 from identification.parameters import MASSES, space_of
 from identification.residual import Problem
 from identification.rivals.motion import AT, EXTRA, HARMONICS, LOAD_KG, RivalMotion
-from identification.rivals.result import MODEL
+from identification.rivals.result import LOAD, MODEL
 from identification.sensors import MALLEOLUS
 from identification.steady import problem_of
 from identification.variables import Variables
@@ -88,7 +88,7 @@ LADDER = (
     Rung("relaxing", "springs that relax", _RELAX),
     Rung("mount", "sensor on soft tissue", _MOUNT),
     Rung("third", "a third mass", _THIRD),
-    Rung("load", "constants that change with the load", _FOLLOW, loads=2),
+    Rung(LOAD, "constants that change with the load", _FOLLOW, loads=2),
 )
 #: Rungs that say the same of the foot, by what they say.
 KINDS = {"exponential": "stiffening", "polynomial": "stiffening"}

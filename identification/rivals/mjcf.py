@@ -24,7 +24,7 @@ from fasbody.exceptions import InputFileError, ModelError
 from fasbody.foot.model import load
 from fasbody.foot.steady_state import Balance
 from identification.rivals.motion import LOAD_KG, felt
-from identification.rivals.result import Rivals
+from identification.rivals.result import LOAD, Rivals
 
 #: Mass of the sensor's body [kg], too small to act on the shank, and its inertia [kg m^2].
 _SENSOR_KG, _TINY = 1e-6, "1e-9 1e-9 1e-9"
@@ -60,7 +60,7 @@ def write_models(result: Rivals, file: Path, folder: Path) -> dict[Path, float]:
     for rival in result.rivals:
         if not rival.values:
             continue
-        by_load = loads if rival.name == "load" else [0.0]
+        by_load = loads if rival.name == LOAD else [0.0]
         for load_kg in by_load:
             name = f"{rival.name}_{load_kg:g}kg.xml" if len(by_load) > 1 else f"{rival.name}.xml"
             text = edited_text(file, rival.name, rival.title, rival.values, load_kg)

@@ -15,8 +15,12 @@ from identification.steady import FOLLOWS
 
 #: Difference of BIC that odds of 1000 to 1 make.
 DECISIVE = 2 * float(np.log(DECISIVE_TOGETHER))
-#: Name of the rung that is the model itself.
-MODEL = "model"
+#: Names of the rungs that are the model itself, and whose constants change with the load.
+MODEL, LOAD = "model", "load"
+_CONSTANT = (
+    "The branch is decided if no constant changes with the load, as the adequate models assume. fasbody fit allows a "
+    "change, so it may leave the branch undecided."
+)
 
 
 @dataclass(frozen=True)
@@ -206,15 +210,22 @@ class Rivals(Presented):
         shared = [c.text for c in self.conclusions if c.shared]
         changing = [c.text for c in self.conclusions if not c.shared]
         also, more = [r.title for r in self.adequate if r is not self.first], [r.title for r in self.not_needed]
-        parts = [f"Best model: {self.first.title}"]
-        parts += [f"{listed(also)} cannot be ruled out"] * bool(also)
-        parts += [f"{listed(more)} fits as well with more constants, which are not needed"] * bool(more)
-        if rest := len(self.rivals) - 1 - len(also) - len(more):
-            many = f"the other {rest} are" if rest > 1 else "the other is"
-            parts.append(f"{many if also or more else 'every other model is'} ruled out")
-        text = f"{'; '.join(parts)}."
-        text += f" All adequate models agree that {'; '.join(shared)}." if shared else " They agree on no conclusion."
-        return text + (f" Open, as the models disagree: {'; '.join(changing)}." if changing else "")
+        rest = len(self.rivals) - 1 - len(also) - len(more)
+        texts = [f"Best model: {self.first.title}."]
+        texts += [f"Also adequate: {'; '.join(also)}."] * bool(also)
+        texts += [f"These fit as well, but need more constants: {'; '.join(more)}."] * bool(more)
+        texts += [f"{'The other models' if also or more else 'All other models'} are ruled out."] * bool(rest)
+        agree = "All adequate models agree" if also else "This model says"
+        texts.append(f"{agree} that {listed(shared)}." if shared else "The adequate models agree on no conclusion.")
+        texts += [f"Undecided: {listed(changing)}."] * bool(changing)
+        return " ".join([*texts, *([_CONSTANT] if self._by_load else [])])
+
+    @property
+    def _by_load(self) -> bool:
+        """Whether the branch rests on the loads, and on constants that do not change with them."""
+        decided = any(c.what == "branch" and c.shared for c in self.conclusions)
+        loads = {point.load_kg for point in self.points}
+        return decided and len(loads) > 1 and not any(r.name == LOAD for r in self.adequate)
 
     def sheet(self) -> Sheet:
         """The rivals side by side."""
@@ -242,12 +253,12 @@ class Rivals(Presented):
         notes = [self.sentence(), self._repeating()]
         if self.first.own and self.first.follows:
             notes.append(f"{self.first.title}: {'; '.join(map(str, self.first.own))}.")
-        return Sheet(f"{self.source}, rivals of {self.model}", columns, rows, [*notes, *self.warnings])
+        return Sheet(f"{self.source}: rivals of {self.model}", columns, rows, [*notes, *self.warnings])
 
     def _repeating(self) -> str:
         least = min(self.rivals, key=lambda r: r.repeatability)
-        scatter = f"{100 * self.repeatability:.2g} %" if self.repeatability else "the sensors' noise"
-        return f"Recordings repeat to {scatter}, estimated with {least.title} and used for all models."
+        scatter = f"{100 * self.repeatability:.2g} %" if self.repeatability else "within the sensors' noise"
+        return f"The scatter between recordings is {scatter}. It is estimated with {least.title!r} and used for all."
 
     def records(self) -> list[dict[str, Any]]:
         """One row a rival."""
@@ -314,7 +325,7 @@ def conclusions(adequate: tuple[Rival, ...]) -> tuple[Conclusion, ...]:
         first, low, high = estimates[0], min(e.lower for e in estimates), max(e.upper for e in estimates)
         shared = all(e.lower <= first.value <= e.upper for e in estimates)
         union = replace(first, value=0.5 * (low + high), lower=low, upper=high)
-        text = f"{name} is {union.text(low)} to {union.text(high)} N/m"
+        text = f"{name} {'is ' * shared}{union.text(low)} to {union.text(high)} N/m"
         items.append(Conclusion(name, shared, text, low, high))
     compared = [r for r in rivals if r.log_odds is not None]
     if compared:

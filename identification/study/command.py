@@ -26,10 +26,12 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 def main(
     study: Annotated[Path, typer.Argument(help="study folder")],
     out: Annotated[Path | None, typer.Option(help="folder for results (default results/NAME_study)")] = None,
-    mode: Annotated[str, typer.Option(help=f"{', '.join(MODES)}: what one fit takes together")] = MODES[0],
+    mode: Annotated[str, typer.Option(help=f"{' or '.join(MODES)}: the recordings in one fit")] = MODES[0],
     scheduler: Annotated[str | None, typer.Option(help="address of a Dask scheduler, tcp://HOST:PORT")] = None,
     workers: Annotated[int, typer.Option(min=0, help="local processes; 0 for one per core, 1 for this one")] = 0,
-    starts: Annotated[int, typer.Option(help="starts of each branch in a round of each fit")] = 12,
+    starts: Annotated[
+        int, typer.Option(help="random starts per branch and round; rounds end when the minimum was found twice")
+    ] = 12,
     seed: Annotated[int, typer.Option(min=0, help="seed of the random starts")] = 0,
     model: Annotated[str, typer.Option(help="shipped model or MJCF file")] = "two_dof",
     domain: Annotated[str, typer.Option(help="auto, periodic (steady state) or time")] = "auto",
@@ -38,13 +40,13 @@ def main(
     prior: Annotated[list[str] | None, typer.Option(help="prior of every fit, k_T>k_F or k_F=5e4:2e5; repeat")] = None,
     profile: Annotated[str | None, typer.Option(help="parameters to profile, e.g. k_T,k_F")] = None,
     validate: Annotated[
-        bool, typer.Option("--validate", help="leave one frequency out; linear against nonlinear damping")
+        bool, typer.Option("--validate", help="predict each frequency from the others; compare linear damping")
     ] = False,
     agreement: Annotated[
-        bool, typer.Option("--agreement", help="steady state against time domain (slow: fits every sample)")
+        bool, typer.Option("--agreement", help="compare fits in steady state and in the time domain (slow)")
     ] = False,
     replay: Annotated[
-        int, typer.Option(min=0, help="recordings of each fit that MuJoCo replays in full (0: one in twenty)")
+        int, typer.Option(min=0, help="recordings of each fit to simulate in full in MuJoCo (0: one in twenty)")
     ] = 0,
     subject: Annotated[list[str] | None, typer.Option(help="only this subject; repeat for several")] = None,
     posture: Annotated[list[str] | None, typer.Option(help="only this posture; repeat")] = None,
@@ -52,12 +54,12 @@ def main(
     frequency: Annotated[list[float] | None, typer.Option(help="only this frequency in Hz; repeat")] = None,
     persons: Annotated[
         list[Path] | None,
-        typer.Option("--with", help="results of another study, whose pooled fits join the population; repeat"),
+        typer.Option("--with", help="results of another study, to add its pooled fits to the population; repeat"),
     ] = None,
     page: Annotated[bool, typer.Option("--report/--no-report", help="write summary, figures and report.html")] = True,
     json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
 ) -> None:
-    """Fit every recording of a study and check the fits, computing only what is missing.
+    """Fit every recording of a study and check the fits. Existing results are reused.
 
     You can stop it at any time and start it again with the same command. Exit code 1 if no fit succeeded.
 

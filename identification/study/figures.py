@@ -110,8 +110,9 @@ def curves(table: pd.DataFrame, origin: str) -> Figure:
         ends: list[float] = []
         for i, (load, (colour, mark)) in enumerate(loads.items()):
             at = estimates[estimates["added_mass_kg"] == load]
-            shift = 0.7 * (i - (len(loads) - 1) / 2)  # so that loads do not hide each other
-            ends += _load_curves(axis, at, scale, name, shift, {"color": colour}, mark)
+            shift = 1.2 * (i - (len(loads) - 1) / 2)  # so that loads do not hide each other,
+            truth = _TRUTH | ({"ls": (3 * i, (3, 3 * len(loads) - 3))} if len(loads) > 1 else {})  # nor equal truths
+            ends += _load_curves(axis, at, scale, name, shift, {"color": colour}, mark, truth)
         _limit(axis, np.array(ends, float), name)
     for axis in axes[-1]:
         axis.set_xlabel("frequency [Hz]")
@@ -130,7 +131,7 @@ def curves(table: pd.DataFrame, origin: str) -> Figure:
     handles = _load_keys(loads, ls="-", lw=0.6)
     handles += [_key(label, **style) for label, (drawn_at_all, style) in keys.items() if drawn_at_all]
     truth = "; truth: the mean over these subjects" if known else ""
-    means = f"No mean is drawn of fewer than three decided subjects{truth}."
+    means = f"A mean is drawn where three or more subjects are decided{truth}."
     if drawn:
         means = f"Means where {FEWEST} subjects or more are decided (geometric, of c_12 and c_22 "
         means += f"arithmetic); bands: 95 % of the mean, jackknife over {BAND} or more{truth}."
@@ -149,13 +150,13 @@ def curves(table: pd.DataFrame, origin: str) -> Figure:
 
 
 def _load_curves(
-    axis: Axes, rows: pd.DataFrame, scale: float, name: str, shift: float, colour: Any, mark: str
+    axis: Axes, rows: pd.DataFrame, scale: float, name: str, shift: float, colour: Any, mark: str, truth: Any
 ) -> list[float]:
     """Draw one constant under one load; returns the ordinates that the frame must hold."""
     true = rows[rows["truth"] > 0] if name in POSITIVE else rows.dropna(subset=["truth"])
     of = true.groupby("frequency_hz")["truth"]
     mean = of.agg(lambda v: np.exp(np.log(v).mean())) if name in POSITIVE else of.mean()
-    axis.plot(mean.index, scale * mean, label="truth", **_TRUTH, **colour)
+    axis.plot(mean.index, scale * mean, label="truth", **truth, **colour)
     bare = rows[rows["value"].notna() & rows["std_error"].isna() & ~rows["at_bound"] & follows(rows["fit_percent"])]
     axis.plot(bare["frequency_hz"] + shift, scale * bare["value"], mark, label="no interval", **_BARE, **colour)
     dots = rows[~rows["outlier"] & measured(rows)]
