@@ -400,6 +400,19 @@ def test_no_remedy_is_one_that_is_there(
     assert ("the branch is decided" in said) == open_
 
 
+def test_a_plan_is_as_long_as_the_daily_exposure_allows(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Unless its minutes were asked for; with room for no recording it stays, and says so."""
+    who = Director(person(), SHAKER, draws=2)
+    usual = planned(who, 3, 60.0)
+    assert not usual.warning and planned(who, 3, 60.0, shorten=True).steps == usual.steps
+    monkeypatch.setattr(Safety, "daily_a8", 0.8 * exposure(usual.steps).a8)
+    assert planned(who, 3, 60.0).warning
+    shorter = planned(who, 3, 60.0, shorten=True)
+    assert not shorter.warning and 0.3 * shaking_s(usual.steps) < shaking_s(shorter.steps) < shaking_s(usual.steps)
+    monkeypatch.setattr(Safety, "daily_a8", 1e-3)
+    assert planned(who, 3, 60.0, shorten=True).warning
+
+
 def test_a_plan_that_recording_refuses_says_so_first(plan: Planned) -> None:
     """The minutes that it names are within the limits of a day, with the same recordings."""
     assert not plan.warning

@@ -37,13 +37,15 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 #: --ask with this word asks for what the thesis' three loads would leave.
 _AS_THESIS = "thesis"
+#: Minutes of shaking, as long as the thesis shook.
+_MINUTES = 4.5
 #: The body mass where nobody says one: that of the laboratory's subject 16 [kg].
 BODY_MASS_KG = 72.57
 
 
-def _finite(minutes: float) -> float:
+def _finite(minutes: float | None) -> float | None:
     """Minutes that end."""
-    if not minutes < 1e4:
+    if minutes is not None and not minutes < 1e4:
         raise SettingError(f"--minutes is {minutes:g}; give a number above 0 and below 10000.")
     return minutes
 
@@ -64,8 +66,14 @@ class Options:
             show_default="k_T=0.03, k_F=0.03, c_11=0.06, c_21=0.06",
         ),
     ] = None
-    # a third of the thesis' recordings, and as long as it shook
-    minutes: Annotated[float, Option(help="largest time of shaking in minutes", callback=_finite)] = 4.5
+    minutes: Annotated[
+        float | None,
+        Option(
+            help="largest time of shaking in minutes (default: 4.5, or what the daily exposure allows)",
+            callback=_finite,
+        ),
+    ] = None
+    # a third of the thesis' recordings
     recordings: Annotated[int, Option(help="largest number of recordings", min=1)] = 9
     frequencies: Annotated[str, Option(help="START:STOP:STEP in Hz")] = "10:50:2"
     loads: Annotated[str, Option(help="masses on the knee in kg, separated by commas")] = (
@@ -107,6 +115,11 @@ class Options:
     draws: Annotated[int, Option(help="number of simulated feet; 0 means 32, or 12 if there are recordings")] = 0
     seed: Annotated[int, Option(min=0, help="seed of the simulated feet")] = 0
     json_: Annotated[bool, Option("--json", help="print one JSON document on stdout")] = False
+
+    @property
+    def shaking_s(self) -> float:
+        """Largest time of shaking [s]."""
+        return 60 * (_MINUTES if self.minutes is None else self.minutes)
 
     def shaker(self, **more: Any) -> "Shaker":
         """The shaker's limits."""
@@ -254,9 +267,9 @@ def propose(
         kinds=names(kinds) or (),
         sensors=names(sensors) or (),
     )
-    if not 60 * options.minutes >= options.seconds:
+    if not options.shaking_s >= options.seconds:
         raise SettingError(
-            f"--minutes {options.minutes:g} leaves no room for a recording of {options.seconds:g} s; "
+            f"--minutes {options.shaking_s / 60:g} leaves no room for a recording of {options.seconds:g} s; "
             "give more."
         )
     if (subject or posture) and not data:
@@ -268,7 +281,7 @@ def propose(
     if out is not None:
         make_folder(out)
     spent = time.perf_counter() - began
-    result = planned(director, options.recordings, 60 * options.minutes, spent)
+    result = planned(director, options.recordings, options.shaking_s, spent, options.minutes is None)
     if protocol is not None:
         write_whole(protocol, to_json(result.protocol) + "\n")
     if options.json_:
@@ -384,7 +397,7 @@ def run(
         stack.enter_context(terminated())
         laboratory = stack.enter_context(Laboratory(out, person, safety, equipment))
         session = Session(
-            person, shaker, asked, options.recordings, 60 * options.minutes, options.seed,
+            person, shaker, asked, options.recordings, options.shaking_s, options.seed,
             options.draws, laboratory.record, Offer(auto), earlier, load_change
         )  # fmt: skip
         result = session.run()

@@ -290,10 +290,7 @@ class Planned(Presented):
         ]
         if not over:
             return ""
-        # finding the levels takes its time however short the recordings are
-        share = min((most[0] / dose.a8) ** 2, (most[1] / dose.vdv) ** 4)
-        shaking = shaking_s(self.steps)
-        shorter = int((share * dose.seconds - (dose.seconds - shaking)) / 6) / 10
+        shorter = int(allowed_s(self.steps) / 6) / 10
         ways = [f"--minutes {shorter:g}"] if 60 * shorter >= self.shaker["seconds"] else []
         loads = {s.added_mass_kg for s in self.steps}
         parts = [exposure([s for s in self.steps if s.added_mass_kg == kg]) for kg in loads]
@@ -471,7 +468,14 @@ class Planned(Presented):
         ]
 
 
-def planned(director: Director, most: int, seconds: float, took_s: float = 0.0) -> Planned:
+def allowed_s(steps: Sequence[Step]) -> float:
+    """Time [s] that steps may shake in one day, shortened alike: finding the levels takes its time all the same."""
+    dose = exposure(steps)
+    share = min((Safety.daily_a8 / dose.a8) ** 2, (Safety.daily_vdv / dose.vdv) ** 4)
+    return share * dose.seconds - (dose.seconds - shaking_s(steps))
+
+
+def planned(director: Director, most: int, seconds: float, took_s: float = 0.0, shorten: bool = False) -> Planned:
     """A whole session of a director, and what is expected of it.
 
     Args:
@@ -479,10 +483,16 @@ def planned(director: Director, most: int, seconds: float, took_s: float = 0.0) 
         most: recordings.
         seconds: of shaking.
         took_s: that making the director took.
+        shorten: to what the daily exposure allows, if a recording fits in.
     """
     began = time.perf_counter()
     known = bool(director.done) and director.met(director.outlook(()))
     steps = () if known else director.session(most, seconds)
+    while shorten and steps and exposure(steps).beyond(Safety.daily_a8, Safety.daily_vdv):
+        seconds = min(0.95 * shaking_s(steps), allowed_s(steps))
+        if seconds < director.shaker.seconds:
+            break
+        steps = director.session(most, seconds)
     protocols = {PLANNED: steps, THESIS: director.thesis(), UNLOADED: director.thesis((0.0,))}
     outlooks = {name: director.outlook(x, fresh=name != PLANNED) for name, x in protocols.items()}
     mine = outlooks[PLANNED].utility

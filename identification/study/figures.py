@@ -130,11 +130,11 @@ def curves(table: pd.DataFrame, origin: str) -> Figure:
     }
     handles = _load_keys(loads, ls="-", lw=0.6)
     handles += [_key(label, **style) for label, (drawn_at_all, style) in keys.items() if drawn_at_all]
-    truth = "; truth: the mean over these subjects" if known else ""
-    means = f"A mean is drawn where three or more subjects are decided{truth}."
+    mean_truth = "; truth: the mean over these subjects" if known else ""
+    means = f"A mean is drawn where three or more subjects are decided{mean_truth}."
     if drawn:
         means = f"Means where {FEWEST} subjects or more are decided (geometric, of c_12 and c_22 "
-        means += f"arithmetic); bands: 95 % of the mean, jackknife over {BAND} or more{truth}."
+        means += f"arithmetic); bands: 95 % of the mean, jackknife over {BAND} or more{mean_truth}."
     bars = "No estimate has an interval: one frequency has fewer numbers than there are constants."
     if with_interval:
         bars = "Bars: 95 % of each estimate, cut at the frame; in the titles how many estimates have "
