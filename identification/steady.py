@@ -17,6 +17,7 @@ from fasbody.foot.model import Foot
 from fasbody.progress import Advance, silent
 from fasbody.recording.known import Known
 from fasbody.recording.recording import Recording
+from fasbody.sentences import Sentence, called
 from identification import branches, optimiser
 from identification.branches import STIFF_ANKLE, STIFF_PAD, Recorded, Verdict
 from identification.criteria import fit_percent
@@ -173,7 +174,10 @@ def fit(
         except SimulationError:
             left_out.append(solution.branch)
     if not kept:
-        raise SimulationError(f"{foot.name}: the best parameter sets are all unstable over the recordings.")
+        raise SimulationError(Sentence(
+            f"{foot.name}: the best parameter sets are all unstable over the recordings. Fit in the time domain (",
+            called("domain", "time"), "), or narrow the bounds (", called("bounds"), ").",
+        ))  # fmt: skip
     advance("the model assumed exact", 0, 1)
     alone = _held_ends(search.problem.with_held(held).with_scatter(Scatter()), kept) if allow else {}
     return Fitted(tuple(kept), alone, replays, tuple(left_out))

@@ -111,8 +111,8 @@ def curves(table: pd.DataFrame, origin: str) -> Figure:
         for i, (load, (colour, mark)) in enumerate(loads.items()):
             at = estimates[estimates["added_mass_kg"] == load]
             shift = 1.2 * (i - (len(loads) - 1) / 2)  # so that loads do not hide each other,
-            truth = _TRUTH | ({"ls": (3 * i, (3, 3 * len(loads) - 3))} if len(loads) > 1 else {})  # nor equal truths
-            ends += _load_curves(axis, at, scale, name, shift, {"color": colour}, mark, truth)
+            dashes = _TRUTH | ({"ls": (3 * i, (3, 3 * len(loads) - 3))} if len(loads) > 1 else {})  # nor equal truths
+            ends += _load_curves(axis, at, scale, name, shift, {"color": colour}, mark, dashes)
         _limit(axis, np.array(ends, float), name)
     for axis in axes[-1]:
         axis.set_xlabel("frequency [Hz]")
