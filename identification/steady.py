@@ -164,7 +164,7 @@ def fit(
     )  # fmt: skip
     solutions = [Solution(SIDES[o.sign], search.problem, o) for o in search.optima]
     solutions = [_with_enough_harmonics(solution) for solution in solutions]
-    replays, kept, left_out, reason = {}, [], [], ""
+    replays, kept, left_out, reasons = {}, [], [], []
     for number, solution in enumerate(solutions):
         advance("replaying in MuJoCo", number, len(solutions))
         try:
@@ -172,9 +172,9 @@ def fit(
             kept.append(solution)
         except SimulationError as error:
             left_out.append(solution.branch)
-            reason = reason or str(error)
+            reasons.append(error)
     if not kept:
-        raise SimulationError(reason)
+        raise reasons[0]
     advance("the model assumed exact", 0, 1)
     alone = _held_ends(search.problem.with_held(held).with_scatter(Scatter()), kept) if allow else {}
     return Fitted(tuple(kept), alone, replays, tuple(left_out))

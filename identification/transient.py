@@ -10,6 +10,7 @@ import numpy as np
 
 from fasbody.exceptions import SimulationError
 from fasbody.progress import Advance
+from fasbody.sentences import Sentence, called
 from identification import branches, multistart, steady
 from identification.branches import STIFF_ANKLE, STIFF_PAD
 from identification.certification import Certified, certify_first, standard_errors
@@ -100,9 +101,8 @@ def fit(
             warnings.append((_PASSED_OVER if best else branches.LEFT_OUT).format(name=name))
     if not certified:
         values = stated(setup.foot, space.values(descents[0].theta))
-        raise SimulationError(
-            f"{setup.foot.name}: the best parameter sets are all unstable over the recordings (the best: {values})."
-        )
+        text = f"{setup.foot.name}: the best parameter sets are all unstable over the recordings (the best: {values})"
+        raise SimulationError(Sentence(f"{text}. Narrow the bounds (", called("bounds"), ")."))
     rows = tuple(_row(descent, space, ratio) for descent in descents)
     certified.sort(key=lambda c: c.deviance)
     return Fitted(tuple(certified), tuple(left_out), rows, tuple(warnings))

@@ -26,7 +26,9 @@ def main(
     mode: Annotated[int, typer.Option(help="mode that is shown first")] = 1,
     export: Annotated[Path | None, typer.Option(help="write a .html, .png, .gif or .mp4 file, and quit")] = None,
     port: Annotated[int, typer.Option(help="port of the server; 0 takes a free one")] = 0,
-    browser: Annotated[bool, typer.Option(help="open the browser")] = True,
+    browser: Annotated[
+        bool, typer.Option("--browser/--no-browser", "--open/--no-open", help="open the browser")
+    ] = True,
     json: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
 ) -> None:
     """Watch the mode shapes of a cell, a bone or any body in slow motion.

@@ -268,7 +268,7 @@ def _complete(file: Path, columns: Columns, layout: Layout, chosen: Mapping[str,
                 Sentence(column, " can name it, or give ", called("sampling_rate_hz"))
                 if name in clock
                 else Sentence(
-                    "units may also be g or ms, and ", column, " can name the column",
+                    "its unit may also be g, as in base_g, and ", column, " can name the column",
                     Sentence(" (fasbody study init FOLDER writes study.toml)", on_page=""),
                 )
             )

@@ -134,7 +134,7 @@ class Recording(Tabled):
         """A recording of arrays, numpy's, pandas' or xarray's; time may also be datetimes or time differences.
 
         Of a pandas Series the values count, sample by sample. Its index is not looked at, so give it as the time if it
-        is that: ``Recording.from_arrays(base.index, base, malleolus)``.
+        is that: ``Recording.from_arrays(base.index, base, malleolus, body_mass_kg=72.5, added_mass_kg=2.3)``.
 
         Args:
             time_s: (n,) sample times [s].
@@ -142,9 +142,9 @@ class Recording(Tabled):
             malleolus: (n,) that of the malleolus [m/s^2].
             tuberosity: (n,) that of the tuberosity [m/s^2].
             others: (n,) accelerations of further sensors by name [m/s^2].
-            body_mass_kg: of the subject.
-            added_mass_kg: on the knee.
-            frequency_hz: of a sine, None where the checks are to find it.
+            body_mass_kg: body mass of the subject [kg].
+            added_mass_kg: mass of the load on the knee [kg].
+            frequency_hz: of a sine [Hz]; None lets the checks find it.
             subject: name or number of the subject.
             posture: of the foot.
             name: of the recording in messages.
@@ -179,10 +179,13 @@ class Recording(Tabled):
         ``attrs["units"]``, of a DataFrame by column. An index that has a name, or a coordinate, is a column, too, and
         an index of datetimes or time differences is the time. Any other index is not looked at.
 
+            Recording.from_table(frame, body_mass_kg=72.5, added_mass_kg=2.3)
+
         Args:
             table: the table.
             layout: the channels of its columns, where their names do not state them.
-            **about: as `from_arrays`.
+            **about: keywords of `from_arrays`: body_mass_kg, added_mass_kg, frequency_hz, subject, posture,
+                name, origin.
 
         Raises:
             InputFileError: a channel or its unit is missing.
@@ -211,7 +214,10 @@ class Recording(Tabled):
             if not error.code.startswith("no "):
                 raise
             column = error.code.removeprefix("no ")
-            remedy = f"rename the column, frame.rename(columns={{'...': {column!r}}}), or name it in layout"
+            remedy = (
+                f"rename the column, frame.rename(columns={{'...': {column!r}}}), or name it in layout; body_mass_kg "
+                "and added_mass_kg are keywords of from_table"
+            )
             raise InputFileError(name, error.problem, remedy, code=error.code) from None
         rows = {
             key: _seconds(arrays[use.index], name)

@@ -111,8 +111,8 @@ def curves(table: pd.DataFrame, origin: str) -> Figure:
         for i, (load, (colour, mark)) in enumerate(loads.items()):
             at = estimates[estimates["added_mass_kg"] == load]
             shift = 1.2 * (i - (len(loads) - 1) / 2)  # so that loads do not hide each other,
-            truth = _TRUTH | ({"ls": (3 * i, (3, 3 * len(loads) - 3))} if len(loads) > 1 else {})  # nor equal truths
-            ends += _load_curves(axis, at, scale, name, shift, {"color": colour}, mark, truth)
+            dashes = _TRUTH | ({"ls": (3 * i, (3, 3 * len(loads) - 3))} if len(loads) > 1 else {})  # nor equal truths
+            ends += _load_curves(axis, at, scale, name, shift, {"color": colour}, mark, dashes)
         _limit(axis, np.array(ends, float), name)
     for axis in axes[-1]:
         axis.set_xlabel("frequency [Hz]")
@@ -130,11 +130,11 @@ def curves(table: pd.DataFrame, origin: str) -> Figure:
     }
     handles = _load_keys(loads, ls="-", lw=0.6)
     handles += [_key(label, **style) for label, (drawn_at_all, style) in keys.items() if drawn_at_all]
-    mean_truth = "; truth: the mean over these subjects" if known else ""
-    means = f"A mean is drawn where three or more subjects are decided{mean_truth}."
+    truth = "; truth: the mean over these subjects" if known else ""
+    means = f"A mean is drawn where three or more subjects are decided{truth}."
     if drawn:
         means = f"Means where {FEWEST} subjects or more are decided (geometric, of c_12 and c_22 "
-        means += f"arithmetic); bands: 95 % of the mean, jackknife over {BAND} or more{mean_truth}."
+        means += f"arithmetic); bands: 95 % of the mean, jackknife over {BAND} or more{truth}."
     bars = "No estimate has an interval: one frequency has fewer numbers than there are constants."
     if with_interval:
         bars = "Bars: 95 % of each estimate, cut at the frame; in the titles how many estimates have "
