@@ -186,10 +186,11 @@ def captions(result: FitResult) -> dict[str, str]:
         )
     texts["traces"] = f"Acceleration of the malleolus over three periods, data and model ({best.name}); {n}."
     texts["residuals"] = f"Amplitude spectrum of the residuals, beside that of the data; {n}."
-    texts["correlation"] = (
-        f"Correlation of the {len(result.parameters)} estimates, {basis}. Near ±1 only a combination of two is "
-        "determined."
-    )
+    if result.offered:
+        texts["correlation"] = (
+            f"Correlation of the {len(result.parameters)} estimates, {basis}. Near ±1 only a combination of two is "
+            "determined."
+        )
     if result.starts and result.domain != "periodic":
         texts["waterfall"] = (
             f"Final sum of squares of the {len(result.starts)} starts. A flat beginning means that several of them "

@@ -1,6 +1,5 @@
 """`fasbody transmissibility STUDY`: the table, the statistics and the figures of Chapter 2."""
 
-from collections.abc import Sequence
 from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -108,7 +107,9 @@ def show(table: "Table") -> None:
     results.print(str(table))
     for (pair, posture), group in groupby(table.each(), lambda c: (c.pair, c.posture)):
         curves = list(group)
-        rows = [(f"{f:g} Hz", *(_at(c, f) for c in curves)) for f in _some(curves)]
+        every = sorted({float(f) for c in curves for f in c.frequency_hz})
+        drawn = every[:: max(1, round(len(every) / 9))]
+        rows = [(f"{f:g} Hz", *(_at(c, f) for c in curves)) for f in drawn]
         if any(c.resonance.tested for c in curves):
             rows.append(("resonance, rule of the thesis", *(str(c.resonance) for c in curves)))
             rows.append(("resonance, controlled error rates", *(str(c.resonance_by_tests) for c in curves)))
@@ -121,12 +122,6 @@ def show(table: "Table") -> None:
         show_findings(stated, table.origin)
     else:
         results.print(f"The statements of the thesis are not tested: {why}.")
-
-
-def _some(curves: "Sequence[Curves]") -> list[float]:
-    """At most nine of all frequencies [Hz]."""
-    every = sorted({float(f) for c in curves for f in c.frequency_hz})
-    return every[:: max(1, round(len(every) / 9))]
 
 
 def _at(c: "Curves", f: float) -> str:

@@ -379,7 +379,7 @@ class Planned(Presented):
         rows = [
             (
                 str(i), step.kind, f"{step.frequency_hz:g}", f"{step.added_mass_kg:g}", f"{step.amplitude_m_s2:.3g}",
-                f"{step.seconds:g}", _gain(score.information), _gain(score.widest), _gain(score.branch),
+                f"{step.seconds:g}", f"{score.information:z.2f}", f"{score.widest:z.2f}", f"{score.branch:z.2f}",
             )
             for i, (step, score) in enumerate(zip(self.steps, self.adds, strict=True), start=1)
         ]  # fmt: skip
@@ -571,10 +571,6 @@ def goal(asked: Mapping[str, float]) -> str:
     )
     text = f"Goal: {widths}, and the branch decided."
     return f"{text}{usual if asked == GOAL else ''}{f' No goal for {rest}.' if rest else ''}"
-
-
-def _gain(nats: float) -> str:
-    return f"{round(nats, 2) + 0.0:.2f}"  # no minus before zero
 
 
 def _texts(causes: Sequence[Cause]) -> str:
