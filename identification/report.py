@@ -296,7 +296,7 @@ def _reduction(result: FitResult) -> str:
         )
     numbers = f": {2 * len(rows)} numbers in all" if rows else ""
     return (
-        "Each recording was reduced to the complex amplitudes of its harmonics (up to six, below 100 Hz) by least "
+        "Each recording was reduced to the complex amplitudes of its harmonics (up to six, at most 100 Hz) by least "
         f"squares{numbers}. The residual was weighted by the noise of the harmonics of both channels, so that its sum "
         f"of squares follows the chi-square distribution with {best.dof} degrees of freedom where the model is exact."
     )

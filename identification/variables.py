@@ -324,7 +324,8 @@ class Variables:
         C, k = len(Q), len(of)
         low, high = self.bounds
         steps = _STEP * np.eye(self.size)[of][:, None]
-        above, below = np.minimum(Q + steps, high), np.maximum(Q - steps, low)  # (k, C, n)
+        above = np.minimum(Q + steps, np.maximum(Q, high))  # (k, C, n)
+        below = np.maximum(Q - steps, np.minimum(Q, low))
         length = np.take_along_axis(above - below, np.broadcast_to(of[:, None, None], (k, C, 1)), 2)[..., 0]
         values = function(np.concatenate([above, below]).reshape(2 * k * C, -1))
         values = values.reshape(2, k, C, *values.shape[1:])

@@ -381,7 +381,7 @@ def test_the_thesis_is_compared_with_the_same_sensors() -> None:
 @pytest.mark.parametrize(
     ("causes", "open_", "sensors", "remedy"),
     [
-        ((Cause("foot mass", "foot mass of A", 0.5),), False, ("malleolus",), "Weigh the segments."),
+        ((Cause("foot mass", "foot mass of A", 0.5),), False, ("malleolus",), "Determine the segment masses, from volumes for example."),
         ((Cause("gain", "gain of malleolus", 0.6),), False, ("malleolus",), "Calibrate the channels."),
         ((), True, ("malleolus",), "Wear a sensor on the foot."),
         ((), True, ("malleolus", "foot"), "Vibration alone cannot narrow them."),

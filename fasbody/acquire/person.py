@@ -114,16 +114,15 @@ class Dose:
     def sentence(self) -> str:
         """With what the directive has, and for whom it was made."""
         which = {
-            (True, True): "both are",
-            (True, False): "that of A(8) is",
-            (False, True): "that of the VDV is",
-            (False, False): "none is",
+            (True, True): "Both exceed the action values",
+            (True, False): "A(8) exceeds its action value, the VDV does not",
+            (False, True): "The VDV exceeds its action value, A(8) does not",
+            (False, False): "Neither exceeds its action value",
         }[self.a8 > ACTION, self.vdv > VDV_ACTION]
         return (
             f"Vibration exposure, weighted by W_k: {self}. These are {100 * self.a8 / LIMIT:.0f} % and "
             f"{100 * self.vdv / VDV_LIMIT:.0f} % of the daily limits of the European directive on vibration at work "
-            f"({LIMIT:g} and {VDV_LIMIT:g}). Of its action values ({ACTION:g} and {VDV_ACTION:g}) {which} "
-            "exceeded. The directive is made for people who sit or stand on what vibrates, not for one foot."
+            f"({LIMIT:g} and {VDV_LIMIT:g}). {which} ({ACTION:g} and {VDV_ACTION:g}). The directive is made for people who sit or stand on what vibrates, not for one foot."
         )
 
     def beyond(self, a8: float, vdv: float) -> dict[str, Any]:

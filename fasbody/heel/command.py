@@ -30,7 +30,7 @@ def main(
     mjcf: Annotated[Path | None, typer.Option(help="write two_dof.xml with the population's law as its pad")] = None,
     load_n: Annotated[float, typer.Option(min=1.0, help="static force on the pad [N]")] = 43.0,
     sample: Annotated[bool, typer.Option("--sample", help="also sample the posterior of the population")] = False,
-    workers: Annotated[int, typer.Option(min=0, help="processes; 0 for one per core, 1 for this one")] = 0,
+    workers: Annotated[int, typer.Option(min=0, help="number of processes; 0: one per core; 1: no extra process")] = 0,
     json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
 ) -> None:
     """Compare laws of the heel pad with measured heel strikes of people.

@@ -202,7 +202,7 @@ def _channel(name: str, values: np.ndarray) -> Iterator[str]:
         )
     peak, mean = float(np.abs(values).max()), float(values.mean())
     if peak > _UNLIKELY:
-        reach = f"{name} reaches {peak:.3g} m/s^2, more than a foot on a shaker does; "
+        reach = f"{name} reaches {peak:.3g} m/s^2, more than is plausible for a foot on a shaker; "
         yield Sentence(reach, _CHECK_UNIT, code=UNIT_IN_DOUBT)
     if abs(mean) > 0.5:
         kind = "gravity" if abs(abs(mean) - 9.81) < 1 else "an offset"

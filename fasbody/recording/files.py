@@ -261,7 +261,7 @@ class _SeriesTable:
     def open(cls, file: Path, layout: Layout) -> "_SeriesTable":
         """The series of a file, those of one take where study.toml names it."""
         if ending(file) not in READ:
-            listed = f"valid: {', '.join((*TEXTS, *READ))}, and .gz behind any"
+            listed = f"valid: {', '.join((*TEXTS, *READ))}, each also with .gz"
             if ending(file) in _SHEETS:
                 listed = "save the sheet as .xlsx or as .csv, with time_s, base_m_s2, malleolus_m_s2 above its columns"
             raise InputFileError(file, f"no format has the ending {ending(file)!r}", listed)

@@ -54,7 +54,7 @@ class Harmonics(Tabled):
 
 
 def harmonic_count(frequency_hz: float, rate_hz: float) -> int:
-    """Harmonics compared at an excitation frequency: six, or those below 100 Hz and 0.4 of the sampling rate."""
+    """Harmonics compared at an excitation frequency: six, or those up to 100 Hz and 0.4 of the sampling rate."""
     highest = 1.001 * min(HIGHEST_HZ, 0.4 * rate_hz)  # a frequency found a little high must not lose its 100 Hz line
     return max(1, min(HARMONICS, int(highest // frequency_hz)))
 

@@ -79,7 +79,7 @@ def propose(folder: Path, pattern: str | None = None) -> Proposal:
     )
     if not files:
         listed = ", ".join((*TEXTS, *READ))
-        raise InputFileError(folder, "holds no recording", f"valid endings: {listed}, and .gz behind any")
+        raise InputFileError(folder, "holds no recording", f"valid endings: {listed}, each also with .gz")
     stems = {p: (p.relative_to(folder).parent / ending_removed(p)).as_posix() for p in files}
     patterns = [pattern] if pattern else patterns_of(list(stems.values()))
     rows = {p: row for p, stem in stems.items() if (row := stated(patterns, stem)) is not None}

@@ -87,7 +87,7 @@ class Options:
     )
     force: Annotated[float | None, Option(help="largest force of the shaker in N")] = None
     table_mass: Annotated[float, Option(help="moving mass of the shaker in kg, for --force")] = 5.0
-    seconds: Annotated[float, Option(help="length of a recording in s")] = 10.0
+    seconds: Annotated[float, Option(help="length of the pieces that recordings are made of, in s")] = 10.0
     noise: Annotated[
         float | None,
         Option(

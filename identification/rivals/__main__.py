@@ -24,6 +24,7 @@ def main(
             help="models to compare it with: exponential, polynomial, relaxing, mount, third, load (default: all)"
         ),
     ] = None,
+    rungs: Annotated[str | None, typer.Option(hidden=True, help="earlier name of --compare")] = None,
     body_mass: BodyMass = None,
     added_mass: AddedMass = None,
     study: Mapping = None,
@@ -62,7 +63,7 @@ def main(
             make_folder(folder)
     with stages() as advance:
         result = compare_rivals(
-            recordings, foot, models=names(compare), files=rival or (), mass_std=mass_std, gain_std=gain_std,
+            recordings, foot, models=names(compare or rungs), files=rival or (), mass_std=mass_std, gain_std=gain_std,
             delay_std_s=delay_std, source=source, advance=advance,
         )  # fmt: skip
     if json_:
