@@ -69,7 +69,7 @@ FAULTS = (
     ),
     Fault(
         "odds of ten decide", "identification/branches.py",
-        "DECISIVE_ODDS = 100.0", "DECISIVE_ODDS = 30.0", ("test_branches.py",),
+        "DECISIVE_ODDS = 1000.0", "DECISIVE_ODDS = 300.0", ("test_branches.py",),
     ),
     Fault(
         "branches are tied up to odds of e", "identification/branches.py",

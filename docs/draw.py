@@ -37,7 +37,7 @@ FOOT = TwoDof(
 F = np.arange(10.0, 51.0, 5.0)  # Hz
 NOISE = 0.003  # of the table's acceleration
 LOAD = 2.3  # kg
-ODDS = 2 * np.log(100)  # difference of chi-square that makes odds of 100 to 1
+ODDS = 2 * np.log(1000)  # difference of chi-square that makes odds of 1000 to 1
 
 
 def chain(ax: Axes, x: float, names: tuple[str, ...], widths: tuple[float, float] = (1.6, 1.6)) -> None:
@@ -208,7 +208,7 @@ def likelihood() -> Figure:
             ax.text(stiffness / 1e3, 5e5, f" {name}", va="top")
         ax.set(yscale="log", ylim=(0.08, 8e5), xlabel="$k_T$ [kN/m]", title=title)
     figure.axes[0].set_ylabel("$\\chi^2$ above its lowest")
-    figure.axes[0].text(150, ODDS * 1.3, "100 to 1", color=GREY, fontsize=8)
+    figure.axes[0].text(150, ODDS * 1.3, "1000 to 1", color=GREY, fontsize=8)
     return figure
 
 

@@ -69,9 +69,9 @@ def test_a_bound_asks_for_a_second_load_only_where_there_is_one() -> None:
     assert ["second load" in text for text in asked] == [True, False]
 
 
-@pytest.mark.parametrize(("difference", "decided"), [(0.1, False), (9.1, False), (9.3, True), (400.0, True)])
-def test_odds_of_a_hundred_decide(difference: float, decided: bool) -> None:
-    """-2 log likelihood differs by 2 log(100) = 9.21."""
+@pytest.mark.parametrize(("difference", "decided"), [(0.1, False), (13.7, False), (13.9, True), (400.0, True)])
+def test_odds_of_a_thousand_decide(difference: float, decided: bool) -> None:
+    """-2 log likelihood differs by 2 log(1000) = 13.8."""
     verdict = judge([STIFF_ANKLE, STIFF_PAD], [100.0, 100.0 + difference], 40.0, 50)
     assert str(verdict) == ("decided" if decided else "undecided")
     assert verdict.log_likelihood_ratio == pytest.approx(difference / 2)

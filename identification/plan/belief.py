@@ -90,7 +90,7 @@ class Belief:
 
     @property
     def decided(self) -> bool:
-        """Beyond 100 to 1, by recordings that such a foot can make."""
+        """Beyond 1000 to 1, by recordings that such a foot can make."""
         return self.follows and self.log_odds > np.log(DECISIVE_ODDS)
 
     @property

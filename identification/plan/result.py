@@ -94,7 +94,7 @@ _LEGEND = (
 )
 #: What measures a cause that the vibration does not show, by the kinds of nuisance.
 _MEASURED = {
-    "determine the segment masses, from volumes for example": ("shank mass", "foot mass"),
+    "determine the segment masses from their volumes": ("shank mass", "foot mass"),
     "calibrate the channels": ("gain", "delay"),
     "measure the foot's force with and without the load": ("load share",),
 }

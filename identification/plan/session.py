@@ -69,7 +69,7 @@ class Taken:
         bands: of the constants after it.
         log_odds: of the likelier branch after it.
         branch: its name.
-        decided: whether that is beyond 100 to 1.
+        decided: whether that is beyond 1000 to 1.
         stalled: it was the board that failed, not the step.
     """
 

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from identification.branches import DECISIVE_TOGETHER
+from identification.branches import DECISIVE_ODDS
 from identification.rivals import pad_balance
 from identification.rivals.mechanisms import BODY_KG, MASSES, MECHANISMS, Mechanism, pressed
 from identification.rivals.motion import hung
@@ -28,7 +28,7 @@ DEPARTURE = 0.08
 #: Richer mechanisms that contain one: it is named before them unless they fit better.
 RICHER = {"constant": ("stiffening",), "second mode": ("both",)}
 #: Difference of the criterion that decides: odds of 1000 to 1.
-DECIDED = 2 * np.log(DECISIVE_TOGETHER)
+DECIDED = 2 * np.log(DECISIVE_ODDS)
 #: Sum of squares per degree of freedom above which no mechanism fits.
 FITS = 1.5
 #: Damping ratio that is taken for a sensor's seat, and the softest seat that is allowed [Hz].

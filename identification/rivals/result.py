@@ -9,12 +9,12 @@ import numpy as np
 from fasbody.constants import Z95
 from fasbody.exceptions import SettingError, unknown
 from fasbody.presentation import Presented, Sheet, Tabled, listed
-from identification.branches import DECISIVE_ODDS, DECISIVE_TOGETHER
+from identification.branches import DECISIVE_ODDS
 from identification.estimates import Estimate
 from identification.steady import FOLLOWS
 
 #: Difference of BIC that odds of 1000 to 1 make.
-DECISIVE = 2 * float(np.log(DECISIVE_TOGETHER))
+DECISIVE = 2 * float(np.log(DECISIVE_ODDS))
 #: Names of the rungs that are the model itself, and whose constants change with the load.
 MODEL, LOAD = "model", "load"
 _CONSTANT = (
@@ -106,7 +106,7 @@ class Rival(Tabled):
 
     @property
     def decided(self) -> bool:
-        """One branch is likelier by 100 to 1, and the rival follows the recordings."""
+        """One branch is likelier by 1000 to 1, and the rival follows the recordings."""
         return self.follows and self.log_odds is not None and self.log_odds > np.log(DECISIVE_ODDS)
 
     @property

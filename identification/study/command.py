@@ -28,7 +28,9 @@ def main(
     out: Annotated[Path | None, typer.Option(help="folder for results (default results/NAME_study)")] = None,
     mode: Annotated[str, typer.Option(help=f"{' or '.join(MODES)}: the recordings in one fit")] = MODES[0],
     scheduler: Annotated[str | None, typer.Option(help="address of a Dask scheduler, tcp://HOST:PORT")] = None,
-    workers: Annotated[int, typer.Option(min=0, help="number of local processes; 0: one per core; 1: no extra process")] = 0,
+    workers: Annotated[
+        int, typer.Option(min=0, help="number of local processes; 0: one per core; 1: no extra process")
+    ] = 0,
     starts: Annotated[
         int, typer.Option(help="random starts per branch and round; rounds end when the minimum was found twice")
     ] = 12,

@@ -27,7 +27,7 @@ from fasbody.exceptions import RecordingError
 from fasbody.foot.parameters import symbol_and_unit
 from fasbody.heel.population import FEWEST, Observed, estimate
 from fasbody.presentation import Tabled, readable
-from identification.branches import DECISIVE_TOGETHER, EXCHANGED, STIFF_ANKLE, STIFF_PAD
+from identification.branches import DECISIVE_ODDS, EXCHANGED, STIFF_ANKLE, STIFF_PAD
 from identification.study.posterior import Posterior
 from identification.study.summary import misfit
 from identification.study.tracking import deviances
@@ -258,7 +258,7 @@ def _of_group(posture: str, load: float, fits: Sequence[Document], unfit: Sequen
     branches = [STIFF_ANKLE, STIFF_PAD] if alone >= 0 else [STIFF_PAD, STIFF_ANKLE]
     without_one = [_odds([fit for fit in fits if fit is not one]) for one in fits]
     odds = np.sign(alone) * np.array([(alone, common), *without_one])
-    decided = bool(odds.min() > np.log(DECISIVE_TOGETHER))
+    decided = bool(odds.min() > np.log(DECISIVE_ODDS))
     made = []
     for name in branches[:1] if decided else branches:
         constants, left_out = _constants(fits, name)

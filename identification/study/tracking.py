@@ -22,7 +22,7 @@ from scipy.special import logsumexp
 
 from fasbody.exceptions import SettingError, unknown
 from fasbody.presentation import readable
-from identification.branches import DECISIVE_TOGETHER, EXCHANGED, pinned
+from identification.branches import DECISIVE_ODDS, EXCHANGED, pinned
 from identification.parameters import limits
 
 #: Curves whose continuity counts.
@@ -293,7 +293,7 @@ def _choice(fit: Fit, p: np.ndarray) -> Choice:
     odds = min(float(p[best]) / others, LARGEST_ODDS) if others else LARGEST_ODDS
     odds = odds if p.size > 1 else float("inf")
     name = fit.branches[best].name
-    chosen = name if odds > DECISIVE_TOGETHER else "undecided"
+    chosen = name if odds > DECISIVE_ODDS else "undecided"
     return Choice(fit.key, fit.frequency_hz, fit.added_mass_kg, chosen, name, odds)
 
 
@@ -321,7 +321,7 @@ def _sentence(choices: Sequence[Choice], overall: Mapping[str, float]) -> str:
     text = f"Of {len(choices)} fits together {count.total()} are decided ({parts})."
     if overall:
         name, odds = max(overall.items(), key=lambda item: item[1])
-        if odds <= DECISIVE_TOGETHER:
+        if odds <= DECISIVE_ODDS:
             even = "the odds are even" if odds < 1.05 else f"odds {readable(odds)} to 1 for the {name}"
             text += f" If all fits are on one branch, {even}, which is undecided: "
             text += "a second load, a prior or a sensor on the foot bones is needed."
