@@ -169,7 +169,7 @@ class Batch:
         Args:
             controls: (nsim or 1, n, 5) shaker controls of each step (`BaseMotion.controls`).
             steps: time step [s], one or (nsim,).
-            qpos: initial positions, (nsim, nq) or (nq,); default the rest position.
+            qpos: initial positions, (nsim, nq) or (nq,); default the pose of the file.
             qvel: likewise, default zero.
             act: initial activations, (nsim, na), default zero.
 
@@ -439,7 +439,8 @@ def simulate(
             a half, a quarter ... of it (`Simulation.step_s`) until the error is accepted.
         values: what a fit returns, or parameters by name (`Foot.with_values`), one value or (nsim,)
             of each.
-        qpos: initial positions (nq,) or (nsim, nq);
+        qpos: initial positions (nq,) or (nsim, nq), default the pose of the file, from which a foot
+            falls that does not stand in it (`fasbody.foot.rest.standing` is where it stands);
         qvel: initial velocities.
         threads: 0 for all cores.
         accept: error of the time step (`Simulation.step_error`) above which it is halved; None for
