@@ -17,6 +17,7 @@ from fasbody.foot.model import Foot, Sensor, can_change, held_to_world
 from fasbody.foot.parameters import Fitted
 from fasbody.foot.rest import check_dampers
 from fasbody.foot.shaker import BaseMotion
+from fasbody.foot.steady_state import Balance
 from fasbody.presentation import Presented, Sheet
 
 #: Share of a damper that is taken at the end of a step, and of one on a hinge.
@@ -149,12 +150,14 @@ class Batch:
         self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
         self._act, self._time = self._batch.bind("act"), self._batch.bind("time")
         self._rest = foot.model.qpos0.copy()
+        self._values: dict[str, np.ndarray] = {}
         self.nsim = nsim
 
     def set(self, values: Mapping[str, np.ndarray | float]) -> None:
         """Set parameters: name -> one value, or (nsim,) one for each simulation."""
         for name, value in values.items():
             self.foot.parameters[name].write(self._fields, value)
+            self._values[name] = np.broadcast_to(np.asarray(value, float).reshape(-1), (self.nsim,))
 
     def run(
         self,
@@ -226,7 +229,7 @@ class Batch:
         qvel: np.ndarray | None = None,
         accept: float | None = ACCEPTED,
     ) -> Simulation:
-        """Run all simulations from rest, with a step so short that half of it changes little.
+        """Run all simulations, from where the feet stand, with a step so short that half of it changes little.
 
         Args:
             motions: of the base, one or one a simulation; all of the first one's duration.
@@ -244,12 +247,13 @@ class Batch:
 
         def tried(halved: int, most: float = np.inf) -> Simulation | SimulationError:
             h, n = step / 2**halved, int(min(count * 2**halved, most))
+            q, act = self.standing(h) if qpos is None else (qpos, None)
             try:
-                return self.run(np.stack([motion.controls(h, n) for motion in motions]), h, qpos, qvel)
-            except SimulationError as error:
+                state = *self.initial_state(motions, q, qvel), act
+                return self.run(np.stack([motion.controls(h, n) for motion in motions]), h, *state)
+            except UnstableError as error:
                 return error
 
-        qpos, qvel = self.initial_state(motions, qpos, qvel)
         laws = self.foot.model.jnt_user[None]
         laws = np.reshape(self._fields.get("jnt_user", laws), (-1, *laws.shape[1:])) if laws.size else laws
         room = np.log2(MOST_STEPS / (2 * count * self.nsim))
@@ -275,6 +279,25 @@ class Batch:
                 problem = next(tried for tried in (run, finer) if isinstance(tried, SimulationError))
             run = finer
         raise problem
+
+    def standing(self, step: float) -> tuple[np.ndarray, np.ndarray]:
+        """Positions (nsim, nq) and activations (nsim, na) of feet that stand; the file's where one stands nowhere.
+
+        Args:
+            step: [s], as stiffly as which loops are closed.
+        """
+        balance, model = Balance(self.foot), self.foot.model
+        balance.model.eq_solref[self._tied] = -0.25 / step**2, -1 / step
+        states = np.tile(np.append(model.qpos0, np.zeros(model.na)), (self.nsim, 1))
+        rests: dict[tuple[float, ...], np.ndarray | None] = {}
+        for i, state in enumerate(states):
+            values = {name: float(value[i]) for name, value in self._values.items()}
+            key = tuple(values.values())
+            if key not in rests:
+                rests[key] = balance.rest(values)
+            if rests[key] is not None:
+                state[balance.free] += rests[key]
+        return states[:, : model.nq], states[:, model.nq :]
 
     def initial_state(
         self, motions: Sequence[BaseMotion], qpos: np.ndarray | None = None, qvel: np.ndarray | None = None
@@ -439,8 +462,7 @@ def simulate(
             a half, a quarter ... of it (`Simulation.step_s`) until the error is accepted.
         values: what a fit returns, or parameters by name (`Foot.with_values`), one value or (nsim,)
             of each.
-        qpos: initial positions (nq,) or (nsim, nq), default the pose of the file, from which a foot
-            falls that does not stand in it (`fasbody.foot.rest.standing` is where it stands);
+        qpos: initial positions (nq,) or (nsim, nq), default where the foot stands;
         qvel: initial velocities.
         threads: 0 for all cores.
         accept: error of the time step (`Simulation.step_error`) above which it is halved; None for
