@@ -19,7 +19,7 @@ from fasbody.foot.engine import callbacks
 from fasbody.foot.model import Foot, load
 from fasbody.foot.rest import standing
 from fasbody.foot.shaker import harmonics
-from fasbody.foot.simulate import Batch
+from fasbody.foot.simulate import Batch, simulate
 from fasbody.foot.steady_state import Balance, Orbit
 from fasbody.foot.two_dof import TwoDof
 
@@ -405,6 +405,8 @@ def test_a_foot_that_does_not_stand_in_the_pose_of_its_file(name: str, old: str,
     M = np.zeros((foot.model.nv, foot.model.nv))
     mujoco.mj_fullM(foot.model, data, M)
     assert np.abs(np.delete(M @ data.qacc, foot.base)).max() < 1e-5 * weight
+    still = simulate(foot, harmonics(20.0, [1e-3], 0.05), accept=None)
+    assert np.abs(still.malleolus).max() < 9e-3  # it does not fall
     orbit = Balance(foot).orbit(20.0, [0.02])
     batch = Batch(foot, 1, 1)
     step = 1 / 20.0 / round(1 / 20.0 / 1e-4)
