@@ -74,8 +74,8 @@ def test_the_thesis_protocol_stands_near_the_limit_and_the_sentence_tells() -> N
     """Three loads of 10:50:5, ten seconds and the finding of the level each."""
     steps = [Dose.of_sine(float(hz), 8.95, 10.0 + person.LEVEL_S) for hz in 3 * list(range(10, 51, 5))]
     text = sum(steps, Dose()).sentence()
-    assert "These are 35 % and 97 % of the daily limits" in text and "that of the VDV is exceeded" in text
-    assert "none is exceeded" in Dose.of_sine(20.0, 1.0, 10.0).sentence()
+    assert "These are 35 % and 97 % of the daily limits" in text and "The VDV exceeds its action value" in text
+    assert "Neither exceeds" in Dose.of_sine(20.0, 1.0, 10.0).sentence()
 
 
 def test_days_and_subjects_stay_beside_what_else_a_session_says(tmp_path: Path) -> None:

@@ -28,6 +28,8 @@ CLOSING = 1e6
 #: steps of all simulations together that fit into memory.
 ACCEPTED, HALVINGS, MOST_STEPS = 1e-3, 7, 2**20
 _EXPLICIT = (mujoco.mjtIntegrator.mjINT_RK4, mujoco.mjtIntegrator.mjINT_EULER)
+#: Signal [m/s^2] below which an error is a share of this: a hundred-thousandth of g, less than sensors resolve.
+_NOTHING = 1e-4
 #: Steps in which most of what is unstable shows.
 PROBE = 500
 
