@@ -348,7 +348,7 @@ class Batch:
         for name, values in run.outputs.items():
             fine = finer.outputs[name][:, ::2]
             off, size = (np.sqrt(np.mean(x**2, axis=1)) for x in (values - fine, fine))
-            errors[name] = float(np.max(off / np.maximum(size, np.finfo(float).tiny)))
+            errors[name] = float(np.max(off / np.maximum(size, _NOTHING)))
         worst = max(errors, key=lambda name: errors[name])
         return errors[worst] / (1 - 0.5**self.order), worst
 
