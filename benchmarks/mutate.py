@@ -57,14 +57,14 @@ FAULTS = (
          "test_rivals.py::test_nothing_is_said_where_no_rival_follows"),
     ),
     Fault(
-        "repeatability beyond 3 % is cut off", "identification/optimiser.py",
-        "low, high = 0.0, 1.0",
-        "low, high = 0.0, 0.03",
+        "repeatability beyond 3 % is cut off", "identification/repeatability.py",
+        "_MOST, _STARTS = 1.0,",
+        "_MOST, _STARTS = 0.03,",
         ("test_repeatability.py::test_harmonics_that_scatter_are_measured_as_such",),
     ),
     Fault(
-        "noise alone counts as scatter", "identification/optimiser.py",
-        "if excess(0.0) <= float(chdtri(dof, _BY_CHANCE)) - dof:", "if excess(0.0) <= -dof:",
+        "noise alone counts as scatter", "identification/repeatability.py",
+        "if chi_square <= float(chdtri(dof, _BY_CHANCE)):", "if chi_square <= 0:",
         ("test_repeatability.py::test_where_noise_suffices_there_is_none",),
     ),
     Fault(
@@ -82,7 +82,7 @@ FAULTS = (
     ),
     Fault(
         "intervals are always the curvature's", "identification/profile.py",
-        "_FITS, _STEPS, _NEAR = 10, 20, 0.1", "_FITS, _STEPS, _NEAR = 0, 20, 0.1",
+        "_STEPS = 60", "_STEPS = 0",
         ("test_intervals.py::test_where_a_parabola_does_not_hold_intervals_end_where_the_profile_does",),
     ),
     Fault(
