@@ -230,9 +230,9 @@ class Solution:
         J = self.slopes(of)
         std = self.spread(J)
         varies = np.flatnonzero(std)  # masses may be exact, and with them the scale
-        coordinates = Coordinates(lambda Q: of(Q)[..., varies], of(self.q)[varies], J[varies], std[varies])
+        coordinates = Coordinates(lambda Q: of(Q)[..., varies], of(self.q)[varies], std[varies])
         rise = self.quantile**2 * self.excess
-        reaches = ends(self.problem, self.q, self.optimum.sign, self.covariance, coordinates, rise, self.quantile)
+        reaches = ends(self.problem, self.q, self.optimum.sign, coordinates, rise, self.quantile)
         every = [*names, SCALE, *(item.name for _, item in masses)]
         return {every[i]: reach for i, reach in zip(varies, reaches, strict=True)}
 

@@ -37,7 +37,9 @@ _SETTLED, _LEVELS = 0.05, 16
 #: Steps of the last descent over those of others, and the decrease that is worth no further step there.
 _LONGER, _EXACTLY = 5.0, 1e-5
 #: Least and largest damping of a step.
-_LEAST_DAMPING, _MOST_DAMPING = 1e-7, 1e12
+LEAST_DAMPING, MOST_DAMPING = 1e-7, 1e12
+#: Least element of a diagonal: of a candidate that does not move, all others are zero.
+_SOLVABLE = 1e-200
 #: Passes to the active set of a step's bounds at most; in the second half none is left again.
 _PASSES = 12
 #: Cosine between a step and the change of the slope below which a secant says nothing.
@@ -114,13 +116,12 @@ def descend(
     damping, factor, promise = np.full(len(Q), 1e-2), np.full(len(Q), 2.0), np.full(len(Q), np.inf)
     bend = np.zeros((len(Q), Q.shape[1], Q.shape[1]))
     for _ in range(steps):
-        A = np.swapaxes(now.jacobian, 1, 2) @ now.jacobian
-        g = np.einsum("cmn,cm->cn", now.jacobian, now.residual)
-        left = bounded_step(A, g, Q[at], low[at], high[at], np.full(len(at), _LEAST_DAMPING))[1]
+        A, g = now.normal
+        left = bounded_step(A, g, Q[at], low[at], high[at], np.full(len(at), LEAST_DAMPING))[1]
         # a step cut by several bounds at once may promise a loss
         promise[at] = np.where(now.moves, np.abs(left), np.inf)
         rests[at] = promise[at] < promised
-        go = ~rests[at] & (damping < _MOST_DAMPING)
+        go = ~rests[at] & (damping < MOST_DAMPING)
         if not go.any():
             break
         at, damping, factor, now, A, g = at[go], damping[go], factor[go], now.rows(go), A[go], g[go]
@@ -130,10 +131,7 @@ def descend(
         better = gain > 0
         bend[at[better]] = bent(bend[at], trial - Q[at], now.jacobian, after)[better]
         good = np.clip(gain / np.maximum(foretold, 1e-9), 0.0, 1.5)
-        # Nielsen (1999): by how well the quadratic foretold the gain
-        damping = damping * np.where(better, np.maximum(0.1, 1 - (2 * good - 1) ** 3), factor)
-        factor = np.where(better, 2.0, 2 * factor)
-        damping = np.maximum(_LEAST_DAMPING, damping)
+        damping, factor = damped(damping, factor, better, good)
         Q[at] = np.where(better[:, None], trial, Q[at])
         now = now.replaced(after, better)
         objective[at] = now.objective
@@ -168,7 +166,7 @@ def bounded_step(
     """
     n = Q.shape[1]
     diagonal = np.einsum("cnn->cn", A)
-    extra = damping[:, None] * diagonal + 1e-12 * np.maximum(diagonal.max(1, keepdims=True), 1e-300)
+    extra = damping[:, None] * diagonal + np.maximum(1e-12 * diagonal.max(1, keepdims=True), _SOLVABLE)
     B = A.copy()
     B[:, np.arange(n), np.arange(n)] += extra
     least, most, fixed = low - Q, high - Q, high <= low
@@ -202,6 +200,21 @@ def bounded_step(
 def _falls(A: np.ndarray, g: np.ndarray, p: np.ndarray) -> np.ndarray:
     """(C,) by how much the quadratic falls with a step p (C, n)."""
     return np.asarray(-(2 * np.einsum("cn,cn->c", g, p) + np.einsum("cn,cnm,cm->c", p, A, p)))
+
+
+def damped(
+    damping: np.ndarray, factor: np.ndarray, taken: np.ndarray, good: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Damping (C,) of the next step, and its factor (C,) should that fail, as Nielsen (1999) has them.
+
+    Args:
+        damping: (C,) of the last step.
+        factor: (C,) by which it grows after a failure.
+        taken: (C,) whether that step was good enough to be taken.
+        good: (C,) how well the quadratic foretold it, 1 where exactly.
+    """
+    damping = damping * np.where(taken, np.maximum(0.1, 1 - (2 * good - 1) ** 3), factor)
+    return np.maximum(LEAST_DAMPING, damping), np.where(taken, 2.0, 2 * factor)
 
 
 def bent(bend: np.ndarray, step: np.ndarray, jacobian: np.ndarray, after: Evaluation) -> np.ndarray:

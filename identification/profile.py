@@ -10,15 +10,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from identification.optimiser import bent, bounded_step
+from identification.optimiser import LEAST_DAMPING, MOST_DAMPING, bent, bounded_step, damped
 from identification.residual import Problem
 
 #: Steps towards an end at most.
 _STEPS = 60
 #: Share of the way to an end, and of the rise of the sum of squares, that is worth no further step.
 _NEAR, _CLOSE = 0.01, 0.05
-#: First, least and largest damping of a step, as in every other descent.
-_DAMPING, _LEAST_DAMPING, _MOST_DAMPING = 1e-4, 1e-7, 1e12
+#: First damping of a step.
+_DAMPING = 1e-4
 #: How far the sum of squares may be from what the quadratic foretold, as a share of its change or of its rise.
 _WRONG = 0.75
 
@@ -30,13 +30,11 @@ class Coordinates:
     Attributes:
         of: (C, n) search variables -> (C, k) values.
         values: (k,) at the optimum.
-        slopes: (k, n) derivatives there.
         std: (k,) standard errors.
     """
 
     of: Callable[[np.ndarray], np.ndarray]
     values: np.ndarray
-    slopes: np.ndarray
     std: np.ndarray
 
 
@@ -44,7 +42,6 @@ def ends(
     problem: Problem,
     q: np.ndarray,
     sign: int,
-    covariance: np.ndarray,
     coordinates: Coordinates,
     rise: float,
     quantile: float,
@@ -55,7 +52,6 @@ def ends(
         problem: with its weights.
         q: (n,) the optimum.
         sign: side of the mirror.
-        covariance: (n, n) of the search variable.
         coordinates: k of them.
         rise: of the sum of squares at an end.
         quantile: standard errors to an end by the curvature. Where no end is reached it is returned, or how far the
@@ -71,8 +67,8 @@ def ends(
     at, damping, factor = np.arange(pins.size), np.full(pins.size, _DAMPING), np.full(pins.size, 2.0)
     bend = np.zeros((pins.size, n, n))
     for _ in range(_STEPS):
-        A = np.swapaxes(now.jacobian, 1, 2) @ now.jacobian + bend[at]
-        g = np.einsum("cmn,cm->cn", now.jacobian, now.residual)
+        A, g = now.normal
+        A = A + bend[at]
         rows = np.arange(at.size), pins[at]
         along = ways[at, None] * problem.variables.slopes(c.of, Q[at], np.arange(n))[rows]
         along[:, problem.held] = 0.0
@@ -80,14 +76,14 @@ def ends(
         way = ways[at] * (c.of(Q[at])[rows] - c.values[pins[at]])
         reach[at] = np.where(room > 0, np.maximum(reach[at], way), reach[at])
         place = A, g, Q[at], low[at], high[at]
-        further = bounded_step(*place, np.full(at.size, _LEAST_DAMPING), along, room)[0] - Q[at]
+        further = bounded_step(*place, np.full(at.size, LEAST_DAMPING), along, room)[0] - Q[at]
         end = way + np.einsum("cn,cn->c", along, further)
         rests = (np.abs(end - way) < _NEAR * way) & (np.abs(room) < _CLOSE * rise)
         again = rests & (np.abs(end - before[at]) > 2 * _NEAR * way)
         before[at[again]], bend[at[again]] = end[again], 0.0  # what the secant holds back would rest too early
         arrived = rests & ~again
         reach[at[arrived]] = end[arrived]
-        go = ~arrived & (damping < _MOST_DAMPING)
+        go = ~arrived & (damping < MOST_DAMPING)
         if not go.any():
             break
         at, damping, factor, now = at[go], damping[go], factor[go], now.rows(go)
@@ -96,9 +92,7 @@ def ends(
         after = problem.evaluate(trial, now)
         wrong = np.abs(now.objective - falls - after.objective) / np.maximum(rise, np.abs(falls))
         good = after.moves & (wrong < _WRONG)
-        # Nielsen (1999): by how well the quadratic foretold the sum of squares
-        damping = np.where(good, damping * np.maximum(0.1, 1 - (1 - 2 * wrong) ** 3), damping * factor)
-        damping, factor = np.maximum(_LEAST_DAMPING, damping), np.where(good, 2.0, 2 * factor)
+        damping, factor = damped(damping, factor, good, 1 - wrong)
         bend[at[good]] = bent(bend[at], trial - Q[at], now.jacobian, after)[good]
         Q[at[good]] = trial[good]
         now = now.replaced(after, good)

@@ -36,6 +36,12 @@ class Evaluation:
         """(C,) sum of squares."""
         return np.einsum("cm,cm->c", self.residual, self.residual)
 
+    @property
+    def normal(self) -> tuple[np.ndarray, np.ndarray]:
+        """J^T J (C, n, n) and J^T r (C, n)."""
+        J = self.jacobian
+        return np.swapaxes(J, 1, 2) @ J, np.einsum("cmn,cm->cn", J, self.residual)
+
     def rows(self, which: np.ndarray) -> "Evaluation":
         """Some of the candidates."""
         memory = None if self.memory is None else self.memory.rows(which)
@@ -184,8 +190,6 @@ class Problem:
             misses (C, R, 2 S H), their derivatives (C, R, 2 S H, n), which candidates move (C,), and their motions.
         """
         variables = self.variables
-        sound = np.isfinite(Q).all(1)  # where no candidate moves, a step is not a number
-        Q = np.nan_to_num(Q)
         theta = variables.theta(Q)
         Y, D, moves, memory = self.motion.response(theta, None if near is None else near.memory)
         by_theta = variables.slopes(variables.theta, Q, variables.of_motion)  # (C, R, P, k)
@@ -196,7 +200,7 @@ class Problem:
         e, J = read - self.measured.output, dread
         n = Q.shape[1]
         e, J = e.reshape(C, R, -1), J.reshape(C, R, -1, n)
-        return np.concatenate([e.real, e.imag], 2), np.concatenate([J.real, J.imag], 2), moves & sound, memory
+        return np.concatenate([e.real, e.imag], 2), np.concatenate([J.real, J.imag], 2), moves, memory
 
     def evaluate(self, Q: np.ndarray, near: Evaluation | None = None) -> Evaluation:
         """Residuals and derivatives of candidates Q (C, n)."""

@@ -354,7 +354,7 @@ def rest(system: System, x: Array) -> tuple[Array, bool]:
         system: what rests.
         x: (n,) from where Newton's method begins.
     """
-    solution, solved = _solved(system, Solution(Fourier.of(0), x[:, None]), 0.0, STILL)
+    solution, solved = _solved(system, Solution(Fourier(0, 1), x[:, None]), 0.0, STILL)
     return solution.x[:, 0], solved
 
 

@@ -18,9 +18,7 @@ def standing(foot: Foot) -> np.ndarray:
     x = balance.rest({})
     if x is None:
         raise SimulationError(f"{foot.name}: nothing carries it: no pose was found in which it rests.")
-    q = foot.model.qpos0.copy()
-    dofs = balance.free[balance.free < foot.model.nv]
-    q[dofs] += x[: dofs.size]
+    q, _ = balance.state(x)
     check_dampers(foot, q[None], foot.model.jnt_user[None])
     return q
 

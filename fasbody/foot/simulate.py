@@ -152,14 +152,14 @@ class Batch:
         self._qpos, self._qvel = self._batch.bind("qpos"), self._batch.bind("qvel")
         self._act, self._time = self._batch.bind("act"), self._batch.bind("time")
         self._rest = foot.model.qpos0.copy()
-        self._values: dict[str, np.ndarray] = {}
+        self._values: dict[str, np.ndarray | float] = {}
         self.nsim = nsim
 
     def set(self, values: Mapping[str, np.ndarray | float]) -> None:
         """Set parameters: name -> one value, or (nsim,) one for each simulation."""
         for name, value in values.items():
             self.foot.parameters[name].write(self._fields, value)
-            self._values[name] = np.broadcast_to(np.asarray(value, float).reshape(-1), (self.nsim,))
+            self._values[name] = value
 
     def run(
         self,
@@ -288,18 +288,13 @@ class Batch:
         Args:
             step: [s], as stiffly as which loops are closed.
         """
-        balance, model = Balance(self.foot), self.foot.model
+        balance = Balance(self.foot)
         balance.model.eq_solref[self._tied] = -0.25 / step**2, -1 / step
-        states = np.tile(np.append(model.qpos0, np.zeros(model.na)), (self.nsim, 1))
-        rests: dict[tuple[float, ...], np.ndarray | None] = {}
-        for i, state in enumerate(states):
-            values = {name: float(value[i]) for name, value in self._values.items()}
-            key = tuple(values.values())
-            if key not in rests:
-                rests[key] = balance.rest(values)
-            if rests[key] is not None:
-                state[balance.free] += rests[key]
-        return states[:, : model.nq], states[:, model.nq :]
+        values = {name: np.broadcast_to(value, (self.nsim,)).tolist() for name, value in self._values.items()}
+        rows = [tuple(column[i] for column in values.values()) for i in range(self.nsim)]
+        known = {row: balance.state(balance.rest(dict(zip(values, row, strict=True)))) for row in dict.fromkeys(rows)}
+        qpos, act = zip(*(known[row] for row in rows), strict=True)
+        return np.array(qpos), np.array(act)
 
     def initial_state(
         self, motions: Sequence[BaseMotion], qpos: np.ndarray | None = None, qvel: np.ndarray | None = None

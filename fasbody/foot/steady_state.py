@@ -358,6 +358,11 @@ class Balance:
                 x, stands = rest(still, self._fallen(values))
         return x if stands else None
 
+    def state(self, x: Array | None) -> tuple[Array, Array]:
+        """qpos (nq,) and act (na,) of what `rest` returns, the base at zero; of the file's pose for None."""
+        whole = np.zeros(self.engine.size) if x is None else np.insert(x, self.base, 0.0)
+        return self.model.qpos0 + whole[: self.model.nv], whole[self.model.nv :]
+
     def _fallen(self, values: Mapping[str, float]) -> Array:
         """Where `rest` may be: after `_FALL` in the time domain."""
         self.set(values)
