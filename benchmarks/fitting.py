@@ -51,7 +51,7 @@ class Timed:
 def timed(problem: TimeProblem, q0: np.ndarray, label: str) -> Timed:
     """One descent, as `identification.fit` explores."""
     began = time.process_time()
-    descent = descend(problem, q0, label)
+    descent = descend(problem, label, problem.start(q0))
     return Timed(descent, time.process_time() - began)
 
 
@@ -145,7 +145,7 @@ def time_domain(steady_seconds: float, seconds: float = 10.0, repeats: int = 5, 
     q0 = space.to_q(space.theta(foot.values()))
     with progress_bar() as progress:
         progress.add_task("time domain", total=None)
-        descend(problem, q0, "compiles")
+        descend(problem, "compiles", problem.start(q0))
         ours = [timed(problem, q0, "twin") for _ in range(repeats)]
         descent, median = ours[0].descent, float(np.median([run.seconds for run in ours]))
         limit = min(scipy_limit, descent.evaluations)

@@ -84,7 +84,7 @@ def by_scipy(study: StudyFolder, count: int, evaluations: int) -> tuple[float, f
     for trial in spread(study.trials, count):
         problem = TimeDomain(foot, [checked(study.read(trial))], space, twin=True, threads=1).problem()
         q0 = space.to_q(space.theta(foot.values()))
-        ours = descend(problem, q0, "model").evaluations
+        ours = descend(problem, "model", problem.start(q0)).evaluations
         began = time.process_time()
         plain_scipy.fit(problem, problem.start(q0), evaluations)
         seconds.append((time.process_time() - began) / evaluations * ours)

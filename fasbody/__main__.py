@@ -70,9 +70,9 @@ def _makefile() -> str:
     return file.read_text(encoding="utf-8") if file.is_file() else ""
 
 
-def _installed() -> bool:
-    """Whether it was started as `fasbody`, not as `python -m fasbody`."""
-    return Path(sys.argv[0]).stem == "fasbody"
+def _typed() -> str:
+    """How it was started: as an installed command, or in a clone."""
+    return "fasbody" if Path(sys.argv[0]).stem == "fasbody" else "python -m fasbody"
 
 
 def page() -> None:
@@ -117,7 +117,7 @@ def run() -> None:
     elif words and not words[0].startswith("-"):
         command, rest = resolve(words)
         sys.argv[1:] = [command.name, *rest] if command.name else rest
-        console.started = console.Started(f"fasbody {command.words}", command.name) if _installed() else None
+        console.started = console.Started(f"{_typed()} {command.words}", command.name)
         try:
             runpy.run_module(command.module, run_name="__main__", alter_sys=True)
         finally:

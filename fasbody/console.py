@@ -116,13 +116,13 @@ results = Console(highlight=False, width=None if sys.stdout.isatty() else 120)
 
 @dataclass(frozen=True)
 class Started:
-    """How an installed `fasbody` started a command: as `fasbody plan`, the sub-command `propose` of its module."""
+    """How `fasbody` started a command: as `fasbody plan`, the sub-command `propose` of its module."""
 
     called: str
     name: str
 
 
-#: None for `python -m`.
+#: None where a command's module was started.
 started: Started | None = None
 
 

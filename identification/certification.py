@@ -13,21 +13,17 @@ from fasbody.exceptions import SimulationError
 from fasbody.foot.model import Foot
 from fasbody.foot.simulate import Batch
 from fasbody.recording.recording import Recording
-from identification.bounded_least_squares import Minimum, minimise
 from identification.criteria import fit_percent
 from identification.engines.certified import CertifiedRollouts
 from identification.engines.engine import Whole
 from identification.engines.mujoco import Coordinates
 from identification.engines.twin import Twin
 from identification.multistart import Descent, descend
-from identification.parameters import DELAY, Space, delay_of
+from identification.parameters import DELAY, delay_of
 from identification.sensors import MALLEOLUS, SensorFit
 from identification.time_domain import TimeDomain
-from identification.time_problem import Samples, TimeProblem
+from identification.time_problem import TimeProblem
 
-#: Decrease of the sum of squares in MuJoCo that is worth no further step, a tenth of a standard error; evaluations at
-#: most.
-_PROMISED, _MOST = 0.01, 50
 #: So many ends of a branch are tried in MuJoCo before it is given up.
 _CANDIDATES = 3
 
@@ -105,7 +101,7 @@ def _certify(domain: TimeDomain, name: str, descent: Descent) -> Certified:
     domain, problem, descent = _refined(domain, descent)
     final = problem if domain.by_twin else problem.certified(domain.foot)
     if not domain.by_twin:
-        descent = _converged(final, descent)
+        descent = _on(final, descent, descent.z)
     if isinstance(final.engine, CertifiedRollouts):
         run = _ran(final, descent.z)
     else:
@@ -116,11 +112,10 @@ def _certify(domain: TimeDomain, name: str, descent: Descent) -> Certified:
     return Certified(name, final, descent, descent.cost + final.log_determinant, run)
 
 
-def _converged(final: TimeProblem, descent: Descent) -> Descent:
-    """The end of a descent on MuJoCo's motion, from where the twin's ended."""
-    if isinstance(final.engine, CertifiedRollouts):
-        return _converged_in_time(final, descent, descent.z)
-    return descend(final, final.space.to_q(descent.theta), descent.label, z0=descent.z, tight=True)
+def _on(problem: TimeProblem, descent: Descent, z: np.ndarray) -> Descent:
+    """A descent that goes on from z; its evaluations are counted together."""
+    end = descend(problem, descent.label, z, tight=True)
+    return replace(end, theta0=descent.theta0, evaluations=descent.evaluations + end.evaluations)
 
 
 def _refined(domain: TimeDomain, descent: Descent) -> tuple[TimeDomain, TimeProblem, Descent]:
@@ -129,29 +124,11 @@ def _refined(domain: TimeDomain, descent: Descent) -> tuple[TimeDomain, TimeProb
     while True:
         domain = finer
         problem = domain.problem()
-        if domain.twin:
-            descent = _converged_in_time(problem, descent, z)
-        else:
-            descent = descend(problem, domain.space.to_q(descent.theta), descent.label, z0=z, tight=True)
+        descent = _on(problem, descent, z)
         z = descent.z
         finer = domain.refined(z)
         if finer is domain:
             return domain, problem, descent
-
-
-def _ended(descent: Descent, space: Space, end: Minimum) -> Descent:
-    """A descent that went on to an end; its evaluations are counted together."""
-    theta = space.to_theta(end.q[: descent.theta.size])
-    count = descent.evaluations + end.evaluations
-    return replace(descent, theta=theta, z=end.q, cost=end.objective, converged=end.converged, evaluations=count)
-
-
-def _converged_in_time(problem: TimeProblem, descent: Descent, z: np.ndarray) -> Descent:
-    """A descent that goes on from z, as near as the errors are uncertain: a misfit makes them larger by its root."""
-    samples = Samples(problem)
-    r = samples.values(z)
-    promised = _PROMISED * max(1.0, float(r @ r) / problem.size)
-    return _ended(descent, problem.space, minimise(samples, z, *problem.bounds, _MOST, promised))
 
 
 def _ran(problem: TimeProblem, z: np.ndarray) -> Replay:

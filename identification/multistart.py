@@ -52,20 +52,18 @@ class Descent:
 
 
 def descend(
-    problem: TimeProblem, q0: np.ndarray, label: str, *, z0: np.ndarray | None = None, tight: bool = False
+    problem: TimeProblem, label: str, z: np.ndarray, tight: bool = False
 ) -> Descent:
     """Minimise the cost, Eqs. (4.35) to (4.41), from one start.
 
     Args:
         problem: residual and Jacobian.
-        q0: start (p,).
-        label: its name.
-        z0: full search variable to start from instead.
+        label: name of the start.
+        z: (n,) full search variable there.
         tight: converge well below the standard errors, for a result to report.
     """
     p = problem.space.lower.size
     low, high = problem.bounds
-    z = problem.start(q0) if z0 is None else z0
     inside = np.clip(z, low + 1e-9 * (high - low), high - 1e-9 * (high - low))  # the method starts inside its bounds
     tolerance = 1e-7 if problem.size > _LONG else 1e-10 if tight else 1e-8  # of the cost: far below a standard error
     from scipy.optimize import least_squares  # a quarter of a second that models with a twin need not wait
@@ -126,7 +124,7 @@ def explore(
     interrupted = False
     try:
         for label, q0 in starts:
-            done.append(descend(problem, q0, label))
+            done.append(descend(problem, label, problem.start(q0)))
             advance()
     except KeyboardInterrupt:
         if not done:

@@ -115,25 +115,6 @@ class TimeProblem:
         outs, residuals, jacobians = zip(*outputs, strict=True)
         return np.concatenate(outs), np.concatenate(residuals), np.concatenate(jacobians)
 
-    def misses(self, z: np.ndarray, number: int) -> np.ndarray:
-        """The residual (k n,) of one recording over its noise alone.
-
-        Raises:
-            SimulationError: the motion is unstable.
-        """
-        values, recording = self.space.values(self.space.to_theta(z[: self.space.lower.size])), self.recordings[number]
-        y, _ = self.engine.run(number, values, (), self.states(z, number))
-        if not np.isfinite(y).all():
-            raise SimulationError(f"{recording.file}: the model became unstable.")
-        n, residuals = recording.time_s.size, []
-        for name, sigma in zip(self.sensors[number], self.sigma[number], strict=True):
-            place = self.engine.sensors.index(name)
-            out = y[place * n : (place + 1) * n]
-            if self.space.has_delay:
-                out = delayed(out, recording.rate_hz * values.get(delay_of(name).name, 0.0))
-            residuals.append((out - recording.sensors[name]) / sigma)
-        return np.concatenate(residuals)
-
     def _late(
         self, recording: Recording, values: Mapping[str, float], delay: str, y: np.ndarray, D: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
@@ -205,47 +186,6 @@ class TimeProblem:
                 r[:], J[:] = UNSTABLE, 0.0
             self._cache = (key, r, J)
         return self._cache[1], self._cache[2]
-
-
-class Samples:
-    """The residual of every sample, whose value costs a tenth of its derivatives: for `bounded_least_squares.minimise`.
-
-    Args:
-        problem: what is minimised.
-    """
-
-    def __init__(self, problem: TimeProblem) -> None:
-        self.problem = problem
-        self._J: list[np.ndarray] = []
-
-    def values(self, q: np.ndarray) -> np.ndarray:
-        """See `SumOfSquares`; a motion without bound has residuals as large."""
-        self.problem.evaluations += 1
-        try:
-            return np.concatenate([self.problem.misses(q, i) for i in range(len(self.problem.recordings))])
-        except SimulationError:
-            return np.full(self.problem.size, UNSTABLE)
-
-    def derivatives(self, q: np.ndarray) -> None:
-        """See `SumOfSquares`."""
-        self._J = [self.problem.rows(q, i)[2] for i in range(len(self.problem.recordings))]
-        self._size = q.size
-
-    def gram(self) -> np.ndarray:
-        """See `SumOfSquares`."""
-        A = np.zeros((self._size, self._size))
-        for i, J in enumerate(self._J):
-            at = self.problem.columns(i)
-            A[np.ix_(at, at)] += J.T @ J
-        return A
-
-    def back(self, r: np.ndarray) -> np.ndarray:
-        """See `SumOfSquares`."""
-        g, row = np.zeros(self._size), 0
-        for i, J in enumerate(self._J):
-            g[self.problem.columns(i)] += J.T @ r[row : row + len(J)]
-            row += len(J)
-        return g
 
 
 def noise_floor(recording: Recording, sensor: str = "malleolus") -> float:

@@ -178,7 +178,8 @@ def _of_each_branch(
     for name, other in ((STIFF_ANKLE, STIFF_PAD), (STIFF_PAD, STIFF_ANKLE)):
         for end in _distinct(ends.get(other, [])):
             image = branches.mirrored(space.values(end.theta), ratio)
-            image_descent = multistart.descend(problem, space.to_q(space.theta(image)), f"mirror of {other}")
+            at = problem.start(space.to_q(space.theta(image)))
+            image_descent = multistart.descend(problem, f"mirror of {other}", at)
             if _side(space, ratio, image_descent.theta) == name:
                 entered.setdefault(name, []).append(image_descent)
     names = [*ends, *(name for name in entered if name not in ends)]

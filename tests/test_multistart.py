@@ -41,7 +41,7 @@ class Quadratic:
 @pytest.mark.parametrize("b", [2.0, 90.0])  # inside, and beyond the bounds
 def test_descent_ends_at_the_bounded_minimum(foot: Foot, b: float) -> None:
     problem = Quadratic(foot, b)
-    found = descend(problem, np.zeros(2), "here", tight=True)
+    found = descend(problem, "here", np.zeros(2), tight=True)
     want = lsq_linear(problem.M, problem.b, problem.bounds)
     np.testing.assert_allclose(found.z, want.x, atol=1e-4)
     assert found.cost == pytest.approx(2 * want.cost, rel=1e-4)
