@@ -2,14 +2,16 @@
 
 Many starts go down together by damped Gauss-Newton steps between bounds (Levenberg and Marquardt), which costs little
 more than one. What is half normal rests at its bound in most worlds; there a method that keeps inside its bounds, such
-as SciPy's trust region, crawls. The search of a side goes on with new starts until its best end was found twice, or
-says that it is not exhausted.
+as SciPy's trust region, crawls. Then other starts begin beside the ends, of which they keep what is nearly linear, for
+as long as they lead to better ones. The search of a side goes on until its best end was found twice, or says that it
+is not exhausted.
 """
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.special import ndtri
 
 from identification.repeatability import repeatability
 from identification.residual import Evaluation, Problem, Scatter
@@ -28,6 +30,11 @@ _ONE = 0.3
 _OUT_AFTER, _OUT = 24, 30.0
 #: Distances of a start: from the axis of the mirror (rho), of stiffness and damping (logarithm), and bends [1/m].
 _APART, _SPREAD, _BENDS = (0.05, 1.5), 0.5, (10.0, 200.0)
+#: What is not linear: the dampers' bends, and these groups of nuisances; and the odds that one is drawn anew.
+_BENT, _NONLINEAR = ("c_12", "c_13", "c_22", "c_23"), ("mount", "rocking", "relaxation")
+_REDRAWN = 0.6
+#: Starts beside ends over random ones, and batches of them at most.
+_BESIDE, _BATCHES = 2, 6
 #: Scatters of harmonics where starts begin.
 SMOOTH = (0.5, 0.1, 0.02)
 #: Scatter below which there is none, and ends of a side that are kept.
@@ -56,7 +63,7 @@ class Optimum:
         objective: sum of squares of the residual and of the priors' rows.
         converged: a step more promises next to nothing.
         hits: how many descents came to it.
-        starts: how many were tried.
+        starts: how many random ones were tried.
         behind: how far it is above the best end of all.
     """
 
@@ -253,9 +260,9 @@ def random_starts(problem: Problem, sign: int, count: int, rng: np.random.Genera
     Q = np.tile(v.start(v.model_values), (count, 1))
     for name, i in v.index.items():
         item = v.space.free[v._item[name]]
-        if v.two_mass and name in ("c_12", "c_22"):
+        if v.two_mass and name in _BENT[::2]:
             Q[:, i] = rng.choice([-1, 1], count) * rng.uniform(*_BENDS, count) / v.scale[i]
-        elif v.two_mass and name in ("c_13", "c_23"):
+        elif v.two_mass and name in _BENT[1::2]:
             Q[:, i] = rng.uniform(*_BENDS, count) ** 2 / v.scale[i]
         elif item.logarithmic:
             Q[:, i] += rng.normal(0, _SPREAD, count)
@@ -367,20 +374,19 @@ def search(
         fresh = [_fresh(problem, open_, count, rng) for count in _shares(starts, smooth)]
         if first is not None and number == 0:
             fresh[-1] = fresh[-1].joined(_everywhere(first, signs))
-        if population is not None:
-            fresh[-1] = fresh[-1].joined(_bent_anew(problem, population, open_, starts, rng))
         for sign in open_:
             tried[sign] += sum(int(np.sum(group.sign == sign)) for group in fresh)
         last = None if estimate and population is None else problem.scatter
         problem, ends = _annealed(problem, dict(zip(smooth, fresh, strict=True)), last, fall, steps)
         population = ends if population is None else population.joined(ends).distinct(most=_KEPT)
         population = _with_images(problem, population, signs, images, steps)
+        population, restless = _improved(problem, population, open_, starts, rng, steps)
         if estimate:
             problem, population = _settled(problem, population, steps)
         open_ = [
             sign
             for sign in signs
-            if population.hits[population.best(sign)] < 2
+            if (sign in restless or population.hits[population.best(sign)] < 2)
             and not out_of_the_question(tried[sign], population.behind(sign))
         ]
         if not open_:
@@ -401,20 +407,36 @@ def _fresh(problem: Problem, signs: list[int], starts: int, rng: np.random.Gener
     return _starting(np.concatenate(Q), np.repeat(signs, starts))
 
 
-def _bent_anew(
-    problem: Problem, population: Population, signs: list[int], starts: int, rng: np.random.Generator
+def _redrawn(
+    problem: Problem, population: Population, signs: list[int], count: int, rng: np.random.Generator
 ) -> Population:
-    """Ends of each side with other bends, in which they differ most; not the best one, unless there is no other."""
-    v = problem.variables
-    bends = [i for name, i in v.index.items() if v.two_mass and name in ("c_12", "c_13", "c_22", "c_23")]
-    groups = []
+    """Ends of each side, the best one half of the time, of which something that is not linear is drawn anew.
+
+    Ends differ most in the dampers' bends, a resonance and the time in which a spring relaxes.
+    """
+    kinds, groups = _kinds(problem), []
     for sign in signs:
         ends = np.flatnonzero(population.sign == sign)
-        others = ends[ends != population.best(sign)]
-        Q = population.Q[rng.choice(others if others.size else ends, starts)]
-        Q[:, bends] = random_starts(problem, sign, starts, rng)[:, bends]
-        groups.append(Q)
-    return _starting(np.concatenate(groups), np.repeat(signs, starts))
+        Q = population.Q[np.where(rng.random(count) < 0.5, population.best(sign), rng.choice(ends, count))]
+        anew = (rng.random((count, len(kinds))) < _REDRAWN) @ np.stack(kinds)
+        groups.append(np.where(anew & ~problem.held, _drawn(problem, sign, count, rng), Q))
+    return _starting(np.concatenate(groups), np.repeat(signs, count))
+
+
+def _kinds(problem: Problem) -> list[np.ndarray]:
+    """Masks (n,) of variables that are drawn together."""
+    v = problem.variables
+    names = [*v.constants, *(item.group for item in v.nuisances)]
+    return [np.isin(names, kind) for kind in (_BENT if v.two_mass else (), *_NONLINEAR)]
+
+
+def _drawn(problem: Problem, sign: int, count: int, rng: np.random.Generator) -> np.ndarray:
+    """(count, n) random starts whose nuisances are drawn from their priors, each spread evenly over its own."""
+    Q, first = random_starts(problem, sign, count, rng), len(problem.variables.constants)
+    mean, std = problem.variables.prior
+    rank = rng.permuted(np.tile(np.arange(count)[:, None], mean.size - first), axis=0)
+    Q[:, first:] = mean[first:] + std[first:] * ndtri((rank + rng.random(rank.shape)) / count)
+    return np.clip(Q, *problem.bounds(sign))
 
 
 def _everywhere(places: np.ndarray, signs: tuple[int, ...]) -> Population:
@@ -494,6 +516,20 @@ def _with_images(
     images = replace(images, hits=0 * images.hits)  # of an end that is there already, its own image is no second find
     joined = population.joined(_down(problem, images, steps)).distinct(most=_KEPT)
     return replace(joined, hits=np.maximum(joined.hits, 1))
+
+
+def _improved(
+    problem: Problem, population: Population, signs: list[int], starts: int, rng: np.random.Generator, steps: int
+) -> tuple[Population, list[int]]:
+    """Ends, with better ones that lie near them, and the sides whose best end may not be the last."""
+    for _ in range(_BATCHES if starts else 0):
+        before = {sign: population.objective[population.best(sign)] for sign in signs}
+        near = _down(problem, _redrawn(problem, population, signs, _BESIDE * starts, rng), steps)
+        population = population.joined(near).distinct(most=_KEPT)
+        signs = [sign for sign in signs if population.objective[population.best(sign)] < before[sign] - SAME]
+        if not signs:
+            break
+    return population, signs
 
 
 def _optimum(problem: Problem, population: Population, sign: int, tried: int, steps: int) -> Optimum:
