@@ -11,7 +11,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import mjcf
-from fasbody.exceptions import ModelError, NotSmoothError
+from fasbody.exceptions import ModelError, NotSmoothError, SimulationError
 from fasbody.foot.linear import Linear
 from fasbody.foot.model import Foot, load
 from fasbody.foot.shaker import harmonics
@@ -147,6 +147,22 @@ def test_friction_that_does_not_slip_is_linear() -> None:
     expected = truth(of, 0.02)
     assert abs(Linear(of.foot()).transmissibility(np.array([HZ]))[0] / expected - 1) < 1e-4
     assert abs(Balance(of.foot()).orbit(HZ, [0.02]).harmonics()[0] / 0.02 / expected - 1) < 1e-4
+
+
+@pytest.mark.parametrize(
+    ("gap", "linear"), [(1e-9, True), (1e-11, False), (0.0, False), (-1e-11, False), (-1e-9, True)]
+)
+def test_what_is_about_to_touch_has_no_small_motion(gap: float, linear: bool) -> None:
+    """A stop that is open by `gap` [m] leaves the foot free; one that is pressed is a spring and a damper."""
+    of = Constraint("", PAD, INVERSE[0, 0], f'range="{-gap!r} 1"', gap=gap)
+    if not linear:
+        with pytest.raises(SimulationError, match="joint 'fat_pad' touches, stops or slips as soon as the foot moves"):
+            Linear(of.foot())
+        return
+    d, rate = 0.9, 2 / (0.95 * 0.02)
+    stop = 0.0 if gap > 0 else (d * 1 / (0.95 * 0.02) ** 2 + 1j * W * rate - W**2) / ((1 - d) / d * INVERSE[0, 0])
+    z = np.linalg.solve(np.diag(K + 1j * W * C) - W**2 * M + stop * np.outer(PAD, PAD), -PUSH)
+    assert abs(Linear(of.foot()).transmissibility(np.array([HZ]))[0] / (1 - W**2 * z.sum()) - 1) < 1e-4
 
 
 @pytest.mark.parametrize("name", ["a joint equality", "a tendon equality", "a connect"])
