@@ -37,6 +37,7 @@ class Constraint:
         mjcf: what is put before the actuators. joint: what is put into the joint of the pad.
         J: (2,) its Jacobian. weight: MuJoCo's estimate of J M^-1 J'. gap: at rest [m], None where it holds both ways.
         rigid: by how much it does not give. loss: force [N] at which dry friction slips, None for others.
+        solref: time [s] and ratio.
     """
 
     mjcf: str
@@ -46,19 +47,21 @@ class Constraint:
     gap: float | None = None
     rigid: bool = False
     loss: float | None = None
+    solref: tuple[float, float] = (0.02, 1.0)
 
     def foot(self) -> Foot:
         text = LINEAR.replace("  <actuator>", self.mjcf + "  <actuator>", 1)
         return load(text.replace('name="fat_pad"', f'name="fat_pad" {self.joint}', 1))
 
     def force(self, z: np.ndarray, v: np.ndarray, free: np.ndarray) -> float:
-        """By the defaults solref="0.02 1" solimp="0.9 0.95 0.001 0.5 2"."""
+        """By the default solimp="0.9 0.95 0.001 0.5 2"."""
+        time, ratio = self.solref
         r = self.J @ z + (self.gap or 0.0) if self.loss is None else 0.0  # friction holds no place
         if self.gap is not None and r >= 0:
             return 0.0
         x = min(1.0, abs(r) / 1e-3)
         d = 0.9 + 0.05 * (2 * x**2 if x < 0.5 else 1 - 2 * (1 - x) ** 2)
-        k, b = 1 / (0.95 * 0.02) ** 2, 2 / (0.95 * 0.02)
+        k, b = 1 / (0.95 * time * ratio) ** 2, 2 / (0.95 * time)
         f = (-b * (self.J @ v) - k * d * r - self.J @ free) / (self.J @ INVERSE @ self.J + (1 - d) / d * self.weight)
         if self.loss is not None:
             return float(np.clip(f, -self.loss, self.loss))
@@ -147,6 +150,26 @@ def test_friction_that_does_not_slip_is_linear() -> None:
     expected = truth(of, 0.02)
     assert abs(Linear(of.foot()).transmissibility(np.array([HZ]))[0] / expected - 1) < 1e-4
     assert abs(Balance(of.foot()).orbit(HZ, [0.02]).harmonics()[0] / 0.02 / expected - 1) < 1e-4
+
+
+HARD_STOP = Constraint("", PAD, INVERSE[0, 0], 'range="-1e-4 1" solreflimit="0.002 0.3"', gap=1e-4, solref=(0.002, 0.3))
+
+
+def test_a_hard_stop_is_judged_by_its_motion_and_not_by_the_peaks_of_impacts() -> None:
+    """The foot's accelerometer reads impacts, whose peaks no step settles; the harmonics of the malleolus are right."""
+    peak = 2.0
+    run = simulate(HARD_STOP.foot(), harmonics(HZ, [peak], PERIODS / HZ), step=5e-4)
+    n = round(2 / HZ / 5e-4)
+    T = run.malleolus[0, -n:] @ np.exp(-1j * W * run.time[0, -n:]) * 2 / n / peak
+    assert abs(T / truth(HARD_STOP, peak) - 1) < 1e-3
+    assert run.step_error < 1e-3 < run.sample_error
+    assert f"{run.sample_error:.1e} with impacts" in str(run)
+
+
+def test_a_motion_that_is_wrong_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("fasbody.foot.simulate.HALVINGS", 0)
+    with pytest.raises(SimulationError, match="put sensor 'foot' off by"):
+        simulate(HARD_STOP.foot(), harmonics(HZ, [2.0], PERIODS / HZ), step=5e-4)
 
 
 @pytest.mark.parametrize(

@@ -29,7 +29,7 @@ class Linear:
     """
 
     def __init__(self, foot: Foot) -> None:
-        self._balance, self._rest = Balance(foot), standing(foot)
+        self.foot, self._balance, self._rest = foot, Balance(foot), standing(foot)
         engine = self._balance.engine
         motion = np.zeros((3, 1, engine.size))
         motion[0, 0, : foot.model.nv] = self._rest - foot.model.qpos0
