@@ -564,6 +564,12 @@ def _glue() -> complex:
     return (S**2 + 100 / 0.5 * S + 2e4 / 0.5) / share
 
 
+def _geared() -> complex:
+    """Impedance of a tendon twice the pad and once the ankle that is tied fast, at solimp="0.9 0.9 0.001"."""
+    weight = 1 / FOOT.mass + 1 / SHANK.mass  # J M^-1 J' of J = (2, 1)
+    return (S**2 + 3e3 / 0.9 * S + 2e6 / 0.9) * 9 / weight
+
+
 def _rubbing() -> complex:
     """Impedance of a heel on a wall that does not slip: friction by the defaults, at solimp="0.9 0.9 0.001"."""
     share = (1 / FOOT.mass + 1 / (FOOT.mass + SHANK.mass)) / 27  # a mean of three axes, one of which is held
@@ -654,6 +660,11 @@ FRESH = (
           truth=chain(*LEG, Link(0.3, 4, 2e4, 1), at=1)),
     _edit("leg", "a hard stop of the thigh", ('name="thigh" stiffness', 'name="thigh" range="-5e-4 5e-4" solreflimit="0.002 1" stiffness'),
           truth=chain(*LEG, at=1), leg="joint 'thigh' has a limit"),
+    _edit("two_dof", "a tendon tied fast, stiffer than the step allows", (TENDONS, '<tendon><fixed name="geared"><joint joint="fat_pad" coef="2"/>'
+          '<joint joint="talocrural" coef="1"/></fixed></tendon><equality><tendon name="tie" tendon1="geared" solref="-2e6 -3e3" '
+          'solimp="0.9 0.9 0.001"/></equality>' + TENDONS),
+          truth=replace(chain(FOOT, SHANK, at=1, more=((1, -1, 2 * _geared()), (0, -1, 2 * _geared()), (1, 0, -_geared()))), singular=None),
+          leg="tendon 'geared'"),
     _edit("two_dof", "a heel lightly pressed against a wall", ('<site name="base"/>', '<site name="base"/>' + WALL), ('<site name="foot" ', HEEL),
           ('<joint name="fat_pad"', '<joint name="press" axis="1 0 0" stiffness="2e3" damping="20" springref="-1e-4"/><joint name="fat_pad"'),
           (TENDONS, '<contact><pair geom1="heel" geom2="wall" friction="0.8 0.8" solimp="0.9 0.9 0.001"/></contact>' + TENDONS),

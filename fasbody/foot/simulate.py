@@ -150,7 +150,7 @@ class Batch:
         self._steps = self._batch.expand("opt.timestep")
         fields = foot.parameters.fields
         self._fields = {field: self._batch.expand(field).reshape(nsim, -1) for field in fields}
-        #: Stiffly tied tendons close a loop, as stiffly as the step allows; what is tied softly is as the file says.
+        #: Stiffly tied tendons close a loop: as the file says, or as stiffly as the step allows.
         stiff = foot.model.eq_solref[:, 0] <= -CLOSING
         self._tied = np.flatnonzero((foot.model.eq_type == mujoco.mjtEq.mjEQ_TENDON) & stiff)
         self._solref = self._batch.expand("eq_solref") if self._tied.size else None
@@ -196,7 +196,7 @@ class Batch:
         h = np.broadcast_to(np.asarray(steps, float).reshape(-1), (self.nsim,))
         self._steps[...] = h.reshape(-1, *([1] * (self._steps.ndim - 1)))
         if self._solref is not None:
-            self._solref[:, self._tied] = np.stack([-0.25 / h**2, -1 / h], axis=1)[:, None]
+            self._solref[:, self._tied] = self._closing(h)
         for share in self._shares:
             share.write()
         self._batch.warning[...] = 0
@@ -295,15 +295,20 @@ class Batch:
         """Positions (nsim, nq) and activations (nsim, na) of feet that stand; the file's where one stands nowhere.
 
         Args:
-            step: [s], as stiffly as which loops are closed.
+            step: [s], which may let no loop be closed as stiffly as the file says.
         """
         balance = Balance(self.foot)
-        balance.model.eq_solref[self._tied] = -0.25 / step**2, -1 / step
+        balance.model.eq_solref[self._tied] = self._closing(np.array([step]))[0]
         values = {name: np.broadcast_to(value, (self.nsim,)).tolist() for name, value in self._values.items()}
         rows = [tuple(column[i] for column in values.values()) for i in range(self.nsim)]
         known = {row: balance.state(balance.rest(dict(zip(values, row, strict=True)))) for row in dict.fromkeys(rows)}
         qpos, act = zip(*(known[row] for row in rows), strict=True)
         return np.array(qpos), np.array(act)
+
+    def _closing(self, h: np.ndarray) -> np.ndarray:
+        """`solref` (nsim, ties, 2) of what closes a loop, for steps (nsim,) [s]."""
+        allowed = np.stack([-0.25 / h**2, -1 / h], axis=1)[:, None]
+        return np.maximum(self.foot.model.eq_solref[self._tied], allowed)
 
     def initial_state(
         self, motions: Sequence[BaseMotion], qpos: np.ndarray | None = None, qvel: np.ndarray | None = None
