@@ -754,7 +754,12 @@ REFUSED = (
     ),
     (
         "a soft weld without a name",
-        (("  <tendon>", '  <equality><weld body1="tibia" body2="navicular" solref="-1e3 -10"/></equality>\n  <tendon>'),),
+        (
+            (
+                "  <tendon>",
+                '  <equality><weld body1="tibia" body2="navicular" solref="-1e3 -10"/></equality>\n  <tendon>',
+            ),
+        ),
         "equality number [12] is none of the arch's",
     ),
     ("toes, fixed", ((HEADS, HEADS + '<body name="toes">' + TOES),), "body 'toes' has a mass or joint of its own"),

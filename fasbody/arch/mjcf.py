@@ -265,9 +265,7 @@ def _check_closure(model: mujoco.MjModel, index: Index, name: str) -> None:
         if np.abs(model.eq_data[e, :5] - (0, 1, 0, 0, 0)).max() > TOLERANCE:
             raise ModelError(f"{name}: {equality} must keep both pads equally long; remove its polycoef.")
         if model.eq_solimp[e, :2].min() < STIFF:
-            raise ModelError(
-                f"{name}: {equality} gives way (solimp); the equations keep both pads equally long."
-            )
+            raise ModelError(f"{name}: {equality} gives way (solimp); the equations keep both pads equally long.")
         closed = True
     if not closed:
         raise ModelError(
