@@ -554,10 +554,26 @@ SENSED = '<framelinacc name="malleolus" objtype="site" objname="malleolus"/>'
 LEVEL = '<accelerometer name="malleolus" site="malleolus"/>'
 
 
+WALL = '<geom name="wall" type="box" size="0.01 0.3 0.1" pos="-0.11 0 0"/>'
+HEEL = '<geom name="heel" type="sphere" size="0.04" pos="-0.06 0.02 0"/><site name="foot" '
+
+
 def _glue() -> complex:
     """Impedance of a soft weld of the foot to the table: MuJoCo's inertia of a body is a mean of three axes."""
     share = 1 / (3 * FOOT.mass)  # times (1 - d)/d at d = 0.5
     return (S**2 + 100 / 0.5 * S + 2e4 / 0.5) / share
+
+
+def _geared() -> complex:
+    """Impedance of a tendon twice the pad and once the ankle that is tied fast, at solimp="0.9 0.9 0.001"."""
+    weight = 1 / FOOT.mass + 1 / SHANK.mass  # J M^-1 J' of J = (2, 1)
+    return (S**2 + 3e3 / 0.9 * S + 2e6 / 0.9) * 9 / weight
+
+
+def _rubbing() -> complex:
+    """Impedance of a heel on a wall that does not slip: friction by the defaults, at solimp="0.9 0.9 0.001"."""
+    share = (1 / FOOT.mass + 1 / (FOOT.mass + SHANK.mass)) / 27  # a mean of three axes, one of which is held
+    return (S**2 + 2 / (0.9 * 0.02) * S) / share
 
 
 def _without(*parameters: str) -> tuple[tuple[str, str], ...]:
@@ -644,6 +660,20 @@ FRESH = (
           truth=chain(*LEG, Link(0.3, 4, 2e4, 1), at=1)),
     _edit("leg", "a hard stop of the thigh", ('name="thigh" stiffness', 'name="thigh" range="-5e-4 5e-4" solreflimit="0.002 1" stiffness'),
           truth=chain(*LEG, at=1), leg="joint 'thigh' has a limit"),
+    _edit("two_dof", "a tendon tied fast, stiffer than the step allows", (TENDONS, '<tendon><fixed name="geared"><joint joint="fat_pad" coef="2"/>'
+          '<joint joint="talocrural" coef="1"/></fixed></tendon><equality><tendon name="tie" tendon1="geared" solref="-2e6 -3e3" '
+          'solimp="0.9 0.9 0.001"/></equality>' + TENDONS),
+          truth=replace(chain(FOOT, SHANK, at=1, more=((1, -1, 2 * _geared()), (0, -1, 2 * _geared()), (1, 0, -_geared()))), singular=None),
+          leg="tendon 'geared'"),
+    _edit("two_dof", "a heel lightly pressed against a wall", ('<site name="base"/>', '<site name="base"/>' + WALL), ('<site name="foot" ', HEEL),
+          ('<joint name="fat_pad"', '<joint name="press" axis="1 0 0" stiffness="2e3" damping="20" springref="-1e-4"/><joint name="fat_pad"'),
+          (TENDONS, '<contact><pair geom1="heel" geom2="wall" friction="0.8 0.8" solimp="0.9 0.9 0.001"/></contact>' + TENDONS),
+          ('integrator="RK4"', 'integrator="RK4" cone="elliptic"'),
+          truth=replace(chain(FOOT, SHANK, at=1, more=((0, -1, _rubbing()),)), pad=None, dissipated=None), leg="geoms can touch"),
+    _edit("two_dof", "a heel that just touches a wall", ('<site name="base"/>', '<site name="base"/>' + WALL), ('<site name="foot" ', HEEL),
+          ('<joint name="fat_pad"', '<joint name="press" axis="1 0 0" stiffness="2e3" damping="20"/><joint name="fat_pad"'),
+          (TENDONS, '<contact><pair geom1="heel" geom2="wall" friction="0.8 0.8"/></contact>' + TENDONS),
+          **dict.fromkeys(("curve", "viewer"), "the contact of geom 'heel' and geom 'wall' touches, stops or slips as soon")),
     _edit("foot_arch", "a step of 1 ms", ('timestep="1e-4"', 'timestep="1e-3"'), truth=arch()),
 )  # fmt: skip
 
@@ -721,6 +751,16 @@ REFUSED = (
             ('<tendon name="tied"', '<joint name="tied"'),
         ),
         "equality 'tied' is none of the arch's",
+    ),
+    (
+        "a soft weld without a name",
+        (
+            (
+                "  <tendon>",
+                '  <equality><weld body1="tibia" body2="navicular" solref="-1e3 -10"/></equality>\n  <tendon>',
+            ),
+        ),
+        "equality number [12] is none of the arch's",
     ),
     ("toes, fixed", ((HEADS, HEADS + '<body name="toes">' + TOES),), "body 'toes' has a mass or joint of its own"),
     (
@@ -1063,7 +1103,7 @@ def section() -> str:
         kinds = {
             "Followed by all": _list(edit for edit, refused in own if not refused),
             f"Left to MuJoCo, refused by `fasbody.{equations}`": _list(
-                edit for edit, refused in own if refused and "load" not in refused and "viewer" not in refused
+                edit for edit, refused in own if refused and not {"load", "viewer"} & {*refused}
             ),
             "Refused by all": _list(edit for edit, refused in own if "load" in refused),
         }
@@ -1071,7 +1111,10 @@ def section() -> str:
         last = {
             "Followed, but not drawn": _list(edit for edit, refused in own if "viewer" in refused and edit.truth),
             "Refused by `simulate` and viewer": _list(
-                edit for edit, refused in own if "viewer" in refused and not edit.truth
+                edit for edit, refused in own if "simulate" in refused and not edit.truth
+            ),
+            "Followed by `simulate`, but not drawn": _list(
+                edit for edit, refused in own if "viewer" in refused and "simulate" not in refused and not edit.truth
             ),
         }
         lines += [*(f"- {kind}: {edits}." for kind, edits in last.items() if edits), ""]

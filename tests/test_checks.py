@@ -7,7 +7,11 @@ import numpy as np
 import oracle
 import pytest
 
+import mjcf
 from fasbody.exceptions import RecordingError
+from fasbody.foot.model import load
+from fasbody.foot.shaker import harmonics
+from fasbody.foot.simulate import simulate
 from fasbody.foot.two_dof import TwoDof
 from fasbody.recording.checks import apart, checked, gathered, understood
 from fasbody.recording.harmonics import fit_harmonics
@@ -283,6 +287,21 @@ def test_a_sensor_that_saturates_softly_is_found() -> None:
     assert "slightly flattened tops at 20 Hz" in barely.warnings[0]
     both = 30.0 * np.tanh(r.base_m_s2 / 12.0) / 2.5  # a shaker that distorts moves base and foot alike
     checked(replace(r, base_m_s2=both, malleolus_m_s2=0.8 * np.roll(both, 2)))
+
+
+@pytest.mark.parametrize(("loss", "frequency", "peak"), [(2.0, 20.0, 3.0), (5.0, 30.0, 8.95)])
+def test_dry_friction_is_no_sensor_that_saturates(loss: float, frequency: float, peak: float) -> None:
+    """Its third harmonic is in phase with the tops, and its fifth is on the same side."""
+    ankle = 'name="talocrural"'
+    foot = load(mjcf.text("two_dof").replace(ankle, f'{ankle} frictionloss="{loss}"'))
+    run = simulate(foot, harmonics(frequency, [peak], 3.0), step=1e-3)
+    base, malleolus = (x + np.random.default_rng(1).normal(0, 0.02, x.shape) for x in (run.base, run.malleolus))
+    recording = Recording(run.time[0, 1000:], base[0, 1000:], malleolus[0, 1000:], file="x.csv")
+    text = " ".join(checked(recording).warnings)
+    assert "malleolus_m_s2 has flattened tops" in text and "dry friction in the foot makes them" in text
+    most = np.abs(recording.malleolus_m_s2).max() / 2
+    with pytest.raises(RecordingError, match="its sensor saturates"):
+        checked(replace(recording, malleolus_m_s2=most * np.tanh(recording.malleolus_m_s2 / most)))
 
 
 @pytest.mark.parametrize("name", [BASE, MALLEOLUS])

@@ -11,7 +11,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import mjcf
-from fasbody.exceptions import ModelError, NotSmoothError
+from fasbody.exceptions import ModelError, NotSmoothError, SimulationError
 from fasbody.foot.linear import Linear
 from fasbody.foot.model import Foot, load
 from fasbody.foot.shaker import harmonics
@@ -37,6 +37,7 @@ class Constraint:
         mjcf: what is put before the actuators. joint: what is put into the joint of the pad.
         J: (2,) its Jacobian. weight: MuJoCo's estimate of J M^-1 J'. gap: at rest [m], None where it holds both ways.
         rigid: by how much it does not give. loss: force [N] at which dry friction slips, None for others.
+        solref: time [s] and ratio.
     """
 
     mjcf: str
@@ -46,19 +47,21 @@ class Constraint:
     gap: float | None = None
     rigid: bool = False
     loss: float | None = None
+    solref: tuple[float, float] = (0.02, 1.0)
 
     def foot(self) -> Foot:
         text = LINEAR.replace("  <actuator>", self.mjcf + "  <actuator>", 1)
         return load(text.replace('name="fat_pad"', f'name="fat_pad" {self.joint}', 1))
 
     def force(self, z: np.ndarray, v: np.ndarray, free: np.ndarray) -> float:
-        """By the defaults solref="0.02 1" solimp="0.9 0.95 0.001 0.5 2"."""
+        """By the default solimp="0.9 0.95 0.001 0.5 2"."""
+        time, ratio = self.solref
         r = self.J @ z + (self.gap or 0.0) if self.loss is None else 0.0  # friction holds no place
         if self.gap is not None and r >= 0:
             return 0.0
         x = min(1.0, abs(r) / 1e-3)
         d = 0.9 + 0.05 * (2 * x**2 if x < 0.5 else 1 - 2 * (1 - x) ** 2)
-        k, b = 1 / (0.95 * 0.02) ** 2, 2 / (0.95 * 0.02)
+        k, b = 1 / (0.95 * time * ratio) ** 2, 2 / (0.95 * time)
         f = (-b * (self.J @ v) - k * d * r - self.J @ free) / (self.J @ INVERSE @ self.J + (1 - d) / d * self.weight)
         if self.loss is not None:
             return float(np.clip(f, -self.loss, self.loss))
@@ -147,6 +150,42 @@ def test_friction_that_does_not_slip_is_linear() -> None:
     expected = truth(of, 0.02)
     assert abs(Linear(of.foot()).transmissibility(np.array([HZ]))[0] / expected - 1) < 1e-4
     assert abs(Balance(of.foot()).orbit(HZ, [0.02]).harmonics()[0] / 0.02 / expected - 1) < 1e-4
+
+
+HARD_STOP = Constraint("", PAD, INVERSE[0, 0], 'range="-1e-4 1" solreflimit="0.002 0.3"', gap=1e-4, solref=(0.002, 0.3))
+
+
+def test_a_hard_stop_is_judged_by_its_motion_and_not_by_the_peaks_of_impacts() -> None:
+    """The foot's accelerometer reads impacts, whose peaks no step settles; the harmonics of the malleolus are right."""
+    peak = 2.0
+    run = simulate(HARD_STOP.foot(), harmonics(HZ, [peak], PERIODS / HZ), step=5e-4)
+    n = round(2 / HZ / 5e-4)
+    T = run.malleolus[0, -n:] @ np.exp(-1j * W * run.time[0, -n:]) * 2 / n / peak
+    assert abs(T / truth(HARD_STOP, peak) - 1) < 1e-3
+    assert run.step_error < 1e-3 < run.sample_error
+    assert f"{run.sample_error:.1e} with impacts" in str(run)
+
+
+def test_a_motion_that_is_wrong_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("fasbody.foot.simulate.HALVINGS", 0)
+    with pytest.raises(SimulationError, match="put sensor 'foot' off by"):
+        simulate(HARD_STOP.foot(), harmonics(HZ, [2.0], PERIODS / HZ), step=5e-4)
+
+
+@pytest.mark.parametrize(
+    ("gap", "linear"), [(1e-9, True), (1e-11, False), (0.0, False), (-1e-11, False), (-1e-9, True)]
+)
+def test_what_is_about_to_touch_has_no_small_motion(gap: float, linear: bool) -> None:
+    """A stop that is open by `gap` [m] leaves the foot free; one that is pressed is a spring and a damper."""
+    of = Constraint("", PAD, INVERSE[0, 0], f'range="{-gap!r} 1"', gap=gap)
+    if not linear:
+        with pytest.raises(SimulationError, match="joint 'fat_pad' touches, stops or slips as soon as the foot moves"):
+            Linear(of.foot())
+        return
+    d, rate = 0.9, 2 / (0.95 * 0.02)
+    stop = 0.0 if gap > 0 else (d * 1 / (0.95 * 0.02) ** 2 + 1j * W * rate - W**2) / ((1 - d) / d * INVERSE[0, 0])
+    z = np.linalg.solve(np.diag(K + 1j * W * C) - W**2 * M + stop * np.outer(PAD, PAD), -PUSH)
+    assert abs(Linear(of.foot()).transmissibility(np.array([HZ]))[0] / (1 - W**2 * z.sum()) - 1) < 1e-4
 
 
 @pytest.mark.parametrize("name", ["a joint equality", "a tendon equality", "a connect"])

@@ -265,6 +265,15 @@ def test_a_step_that_no_halving_mends_is_refused() -> None:
         simulate(foot, motion, accept=1e-6)
 
 
+@pytest.mark.parametrize(("name", "searched"), [("two_dof", 1), ("foot_arch", 2)])
+def test_the_pose_of_rest_is_found_once(monkeypatch: pytest.MonkeyPatch, name: str, searched: int) -> None:
+    """The closure of foot_arch is as stiff as each of two steps allows, so its poses differ."""
+    calls, standing = [], Batch.standing
+    monkeypatch.setattr(Batch, "standing", lambda self, step: calls.append(step) or standing(self, step))
+    simulate(load(name), shaker.sine(20.0, 0.01), accept=None)
+    assert len(calls) == searched
+
+
 def test_the_step_of_runge_kutta_is_fine(foot: Foot) -> None:
     run = simulate(foot, shaker.sine(45.0, 0.2))
     assert run.step_error < 1e-3

@@ -139,6 +139,15 @@ def test_transient_keeps_the_peaks_of_fifty_hertz() -> None:
     assert late.max() > 0.96 * PEAK_TO_PEAK / 2
 
 
+@pytest.mark.parametrize("weight", ["-9.81", "-1e-3"])
+def test_a_transient_of_a_foot_that_nothing_carries_is_refused(weight: str) -> None:
+    text = mjcf.text("two_dof").replace('name="fat_pad" stiffness="1.0e5"', 'name="fat_pad"')
+    text = text.replace('gravity="0 0 0"', f'gravity="0 {weight} 0"')
+    lines = [line for line in text.splitlines() if '"k_F"' not in line]
+    with pytest.raises(SimulationError, match="nothing carries it"):
+        transient_motion(load("\n".join(lines)), Settings(), sweep(5, 40, 0.2))
+
+
 def test_table_at_rest_has_no_ratio() -> None:
     motion = periodic_motion(load("two_dof"), Settings(20.0, 0.0))
     assert motion.periodic

@@ -21,7 +21,6 @@ from fasbody.foot.harmonic_balance import Fourier
 from fasbody.foot.linear import Linear
 from fasbody.foot.model import Foot
 from fasbody.foot.parameters import names
-from fasbody.foot.rest import standing
 from fasbody.foot.shaker import BaseMotion, harmonics
 from fasbody.foot.simulate import ACCEPTED, Batch, Simulation
 from fasbody.foot.steady_state import Balance, Orbit
@@ -129,7 +128,7 @@ def _balanced(foot: Foot, orbit: Orbit) -> Motion:
     n, f = foot.model.nv, shaken.frequency_hz
     harmonics = orbit.harmonics()
     motion = _posed(
-        foot, States(foot.model.qpos0 + position[:, :n], velocity[:, :n], position[:, n:]),
+        Linear(foot), States(foot.model.qpos0 + position[:, :n], velocity[:, :n], position[:, n:]),
         np.arange(FRAMES) / (f * FRAMES), 1 / f, acceleration[:, foot.base], series.at(series.real(harmonics))[0],
     )  # fmt: skip
     return _repeats(motion, harmonics[0], shaken.base[0])
@@ -166,7 +165,8 @@ def _settled(foot: Foot, f: float, amplitudes: Array) -> Motion:
         UnstableError: at any step. SimulationError: it does not settle, or every step is too long.
     """
     began, batch = time.process_time(), Batch(foot, 1, threads=1)
-    first = start = Linear(foot).start(f, amplitudes)
+    linear = Linear(foot)
+    first = start = linear.start(f, amplitudes)
     count, coarse = FRAMES * int(np.ceil(1 / (f * foot.step * FRAMES))), None
     reason: SimulationError = UnstableError(foot.name)
     for halving in range(HALVINGS + 1):
@@ -183,9 +183,9 @@ def _settled(foot: Foot, f: float, amplitudes: Array) -> Motion:
         except (SimulationError, np.linalg.LinAlgError):
             coarse, start = None, first
             continue
-        off, sensor = batch.step_error(coarse, run) if coarse else (np.inf, "")
+        off, sensor, _ = batch.step_error(coarse, run) if coarse else (np.inf, "", np.inf)
         if off <= ACCEPTED:
-            return _period(foot, run, f, gap, moves=bool(np.any(amplitudes)))
+            return _period(linear, run, f, gap, moves=bool(np.any(amplitudes)))
         if coarse:
             reason = SimulationError(
                 f"{foot.name}: at {f:g} Hz steps of {2 / (f * count):.2g} s put sensor {sensor!r} off by "
@@ -239,10 +239,10 @@ def _begins(foot: Foot, out: Simulation) -> tuple[Array, Array, Array]:
     return q, v, out.act[0, -1].copy()
 
 
-def _period(foot: Foot, out: Simulation, f: float, gap: float, moves: bool) -> Motion:
+def _period(linear: Linear, out: Simulation, f: float, gap: float, moves: bool) -> Motion:
     """What is shown of a period that repeats."""
     count = out.time.shape[1]
-    motion = _stepped(foot, out, np.arange(0, count, count // FRAMES), 1 / f)
+    motion = _stepped(linear, out, np.arange(0, count, count // FRAMES), 1 / f)
     w = 2 / count * np.exp(-2j * np.pi * np.arange(count) / count)
     return _repeats(motion, complex(out.malleolus[0] @ w), complex(out.base[0] @ w) if moves else 0.0, gap)
 
@@ -261,19 +261,20 @@ def transient_motion(
     changed = settings.apply(foot)
     count = round(base.duration / changed.step)
     changed = changed.with_values({}, step=base.duration / count)
+    linear = Linear(changed)
     try:
-        out = Batch(changed, 1, threads=1).run_checked([base], changed.step, standing(changed))
+        out = Batch(changed, 1, threads=1).run_checked([base], changed.step)
     except UnstableError:
         raise _too_stiff(foot, changed) from None
-    return _from_rest(changed, base, window, out)
+    return _from_rest(linear, base, window, out)
 
 
-def _from_rest(changed: Foot, base: BaseMotion, window: tuple[float, float], out: Simulation) -> Motion:
+def _from_rest(linear: Linear, base: BaseMotion, window: tuple[float, float], out: Simulation) -> Motion:
     """What is shown of a transient. Slow motion is taken out of the table and of what moves on it alike."""
-    count = out.time.shape[1]
+    changed, count = linear.foot, out.time.shape[1]
     stride = max(1, int(1 / (RATE * changed.step)))
     pick = np.arange(0, count, stride)
-    whole = _stepped(changed, out, pick, base.duration)
+    whole = _stepped(linear, out, pick, base.duration)
     step = base.duration / len(pick)
     up = np.array(changed.up)
     relative = whole.bodies.copy()
@@ -355,16 +356,16 @@ class States(NamedTuple):
     act: Array
 
 
-def _stepped(foot: Foot, out: Simulation, pick: Array, duration: float) -> Motion:
+def _stepped(linear: Linear, out: Simulation, pick: Array, duration: float) -> Motion:
     """What is shown of the picked steps."""
     states = States(out.qpos[0, pick], out.qvel[0, pick], out.act[0, pick])
     time = out.time[0, pick] - out.time[0, 0]
-    return _posed(foot, states, time, duration, out.base[0, pick], out.malleolus[0, pick])
+    return _posed(linear, states, time, duration, out.base[0, pick], out.malleolus[0, pick])
 
 
-def _posed(foot: Foot, states: States, time: Array, duration: float, base: Array, malleolus: Array) -> Motion:
+def _posed(linear: Linear, states: States, time: Array, duration: float, base: Array, malleolus: Array) -> Motion:
     """Poses and forces of states at times (n,), as a transient; beside them the curve of small motion."""
-    model, data = foot.model, mujoco.MjData(foot.model)
+    model, data = linear.foot.model, mujoco.MjData(linear.foot.model)
     rest = rest_frames(model)
     bodies = list(rest)[1:]  # without the world
     index = np.arange(1, model.nbody)
@@ -385,6 +386,6 @@ def _posed(foot: Foot, states: States, time: Array, duration: float, base: Array
     shift = position - np.array([rest[name].position for name in bodies])
     return Motion(
         time=time, duration=duration, bodies=np.concatenate([shift, turn], -1), names=bodies, base=base,
-        malleolus=malleolus, loops=loops, transmissibility=Linear(foot).transmissibility(CURVE),
+        malleolus=malleolus, loops=loops, transmissibility=linear.transmissibility(CURVE),
         ratio=None, phase=None, gap=0.0, periodic=False,
     )  # fmt: skip

@@ -258,16 +258,14 @@ def _check_closure(model: mujoco.MjModel, index: Index, name: str) -> None:
     pads = {index["tendon", pad] for pad in PADS}
     closed = False
     for e in np.flatnonzero(model.eq_active0):
-        equality = model.equality(e).name
+        equality = element_name(model, "equality", int(e))
         is_tendons = model.eq_type[e] == mujoco.mjtEq.mjEQ_TENDON
         if not is_tendons or {int(model.eq_obj1id[e]), int(model.eq_obj2id[e])} != pads:
-            raise ModelError(f"{name}: equality {equality!r} is none of the arch's; remove it.")
+            raise ModelError(f"{name}: {equality} is none of the arch's; remove it.")
         if np.abs(model.eq_data[e, :5] - (0, 1, 0, 0, 0)).max() > TOLERANCE:
-            raise ModelError(f"{name}: equality {equality!r} must keep both pads equally long; remove its polycoef.")
+            raise ModelError(f"{name}: {equality} must keep both pads equally long; remove its polycoef.")
         if model.eq_solimp[e, :2].min() < STIFF:
-            raise ModelError(
-                f"{name}: equality {equality!r} gives way (solimp); the equations keep both pads equally long."
-            )
+            raise ModelError(f"{name}: {equality} gives way (solimp); the equations keep both pads equally long.")
         closed = True
     if not closed:
         raise ModelError(

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from fasbody.exceptions import SimulationError
 from fasbody.foot.engine import callbacks
 from fasbody.foot.model import Foot
 from fasbody.foot.rest import standing
@@ -24,16 +25,22 @@ class Linear:
         foot: the model.
 
     Raises:
-        SimulationError: it rests in no pose.
+        SimulationError: it rests in no pose, or in one where something is about to touch or slip.
     """
 
     def __init__(self, foot: Foot) -> None:
-        self._balance, self._rest = Balance(foot), standing(foot)
+        self.foot, self._balance, self._rest = foot, Balance(foot), standing(foot)
         engine = self._balance.engine
         motion = np.zeros((3, 1, engine.size))
         motion[0, 0, : foot.model.nv] = self._rest - foot.model.qpos0
         with callbacks():
             self._slopes = engine.exact_slopes(motion)[:, 0]
+            kinks = engine.kinks(motion)
+        if kinks:
+            raise SimulationError(
+                f"{foot.name}: {' and '.join(kinks)} touches, stops or slips as soon as the foot moves at all, so that "
+                "small motion about its pose of rest is not linear; press it, or leave a gap."
+            )
 
     def transmissibility(self, frequency_hz: Array, sensor: str = "malleolus") -> Array:
         """Complex (n,) reading of a sensor over the acceleration of the base."""

@@ -161,6 +161,20 @@ def _check_numbers(model: mujoco.MjModel, name: str) -> None:
             raise ModelError(f"{name}: <option> has a {option} that is no number; write a number.")
 
 
+def constraint_name(data: mujoco.MjData, row: int) -> str:
+    """What a row of the constraints stands for, by kind and name."""
+    model, kinds = data.model, mujoco.mjtConstraint
+    kind, number = int(data.efc_type[row]), int(data.efc_id[row])
+    elements = {
+        int(kinds.mjCNSTR_EQUALITY): "equality", int(kinds.mjCNSTR_FRICTION_DOF): "dof",
+        int(kinds.mjCNSTR_FRICTION_TENDON): "tendon", int(kinds.mjCNSTR_LIMIT_JOINT): "joint",
+        int(kinds.mjCNSTR_LIMIT_TENDON): "tendon",
+    }  # fmt: skip
+    if kind in elements:
+        return element_name(model, elements[kind], number)
+    return "the contact of " + " and ".join(element_name(model, "geom", int(g)) for g in data.contact[number].geom)
+
+
 def element_name(model: mujoco.MjModel, kind: str, number: int) -> str:
     """An element by kind and name, or by number where it has none."""
     if kind == "dof":

@@ -1,5 +1,6 @@
 """The only stepping code: one foot or many, in parallel, each with its own parameters, time step and base motion."""
 
+import functools
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -50,6 +51,9 @@ class Simulation(Presented):
             of its peak.
         step_error: by how much the time step falsifies the accelerometer that it falsifies most, as
             a share of its root mean square; from a second run with half the step, NaN without one.
+            Of a foot that can touch, stop or slip: at the frequencies at which the base moves.
+        sample_error: the same of the samples as they are. How high the peak of an impact is hangs
+            on its instant, and the motion hardly does.
         step_s: the time step that was computed with [s], the samples' own or a half, a quarter ... of
             it; NaN where none was looked for.
         sensors: name -> (nsim, n) of every accelerometer but the base's, the malleolus among them
@@ -66,6 +70,7 @@ class Simulation(Presented):
     sensors: Mapping[str, np.ndarray] = field(default_factory=dict)
     step_error: float = np.nan
     step_s: float = np.nan
+    sample_error: float = np.nan
 
     figures: ClassVar[str] = "fasbody.foot.figures"
     plots: ClassVar[tuple[str, ...]] = ("motion",)
@@ -90,7 +95,9 @@ class Simulation(Presented):
         peak = np.abs(self.malleolus).max()
         return (
             f"{nsim} x {n} steps, malleolus peak {peak:.3g} m/s^2, base error {self.base_error:.1e}, "
-            f"step error {self.step_error:.1e}" + ("" if np.isnan(self.step_s) else f" at {self.step_s:.3g} s")
+            f"step error {self.step_error:.1e}"
+            + ("" if np.isnan(self.step_s) else f" at {self.step_s:.3g} s")
+            + (f", {self.sample_error:.1e} with impacts" if self.sample_error > self.step_error else "")
         )
 
     def sheet(self) -> Sheet:
@@ -143,7 +150,7 @@ class Batch:
         self._steps = self._batch.expand("opt.timestep")
         fields = foot.parameters.fields
         self._fields = {field: self._batch.expand(field).reshape(nsim, -1) for field in fields}
-        #: Stiffly tied tendons close a loop, as stiffly as the step allows; what is tied softly is as the file says.
+        #: Stiffly tied tendons close a loop: as the file says, or as stiffly as the step allows.
         stiff = foot.model.eq_solref[:, 0] <= -CLOSING
         self._tied = np.flatnonzero((foot.model.eq_type == mujoco.mjtEq.mjEQ_TENDON) & stiff)
         self._solref = self._batch.expand("eq_solref") if self._tied.size else None
@@ -189,7 +196,7 @@ class Batch:
         h = np.broadcast_to(np.asarray(steps, float).reshape(-1), (self.nsim,))
         self._steps[...] = h.reshape(-1, *([1] * (self._steps.ndim - 1)))
         if self._solref is not None:
-            self._solref[:, self._tied] = np.stack([-0.25 / h**2, -1 / h], axis=1)[:, None]
+            self._solref[:, self._tied] = self._closing(h)
         for share in self._shares:
             share.write()
         self._batch.warning[...] = 0
@@ -247,9 +254,11 @@ class Batch:
         if count < 1:
             raise SettingError(f"a motion of {motions[0].duration:g} s is shorter than one step of {step:g} s.")
 
+        stands = functools.cache(self.standing)
+
         def tried(halved: int, most: float = np.inf) -> Simulation | SimulationError:
             h, n = step / 2**halved, int(min(count * 2**halved, most))
-            q, act = self.standing(h) if qpos is None else (qpos, None)
+            q, act = stands(h if self._tied.size else step) if qpos is None else (qpos, None)
             try:
                 state = *self.initial_state(motions, q, qvel), act
                 return self.run(np.stack([motion.controls(h, n) for motion in motions]), h, *state)
@@ -270,10 +279,10 @@ class Batch:
         for halved in range(least, most + 1):
             finer = tried(halved + 1)
             if isinstance(run, Simulation) and isinstance(finer, Simulation):
-                error, sensor = self.step_error(run, finer)
+                error, sensor, of_samples = self.step_error(run, finer)
                 check_dampers(self.foot, run.qpos[:, run.qpos.shape[1] // 2 :].mean(axis=1), laws)
                 if accept is None or error <= accept:
-                    return run.every(2**halved, step_error=error, step_s=step / 2**halved)
+                    return run.every(2**halved, step_error=error, step_s=step / 2**halved, sample_error=of_samples)
                 problem = self._too_long(step / 2**halved, error, sensor, accept)
                 if self._smooth and error / 2 ** (self.order * (most - halved)) > accept:
                     break
@@ -286,15 +295,20 @@ class Batch:
         """Positions (nsim, nq) and activations (nsim, na) of feet that stand; the file's where one stands nowhere.
 
         Args:
-            step: [s], as stiffly as which loops are closed.
+            step: [s], which may let no loop be closed as stiffly as the file says.
         """
         balance = Balance(self.foot)
-        balance.model.eq_solref[self._tied] = -0.25 / step**2, -1 / step
+        balance.model.eq_solref[self._tied] = self._closing(np.array([step]))[0]
         values = {name: np.broadcast_to(value, (self.nsim,)).tolist() for name, value in self._values.items()}
         rows = [tuple(column[i] for column in values.values()) for i in range(self.nsim)]
         known = {row: balance.state(balance.rest(dict(zip(values, row, strict=True)))) for row in dict.fromkeys(rows)}
         qpos, act = zip(*(known[row] for row in rows), strict=True)
         return np.array(qpos), np.array(act)
+
+    def _closing(self, h: np.ndarray) -> np.ndarray:
+        """`solref` (nsim, ties, 2) of what closes a loop, for steps (nsim,) [s]."""
+        allowed = np.stack([-0.25 / h**2, -1 / h], axis=1)[:, None]
+        return np.maximum(self.foot.model.eq_solref[self._tied], allowed)
 
     def initial_state(
         self, motions: Sequence[BaseMotion], qpos: np.ndarray | None = None, qvel: np.ndarray | None = None
@@ -337,15 +351,22 @@ class Batch:
     def _smooth(self) -> bool:
         return not can_change(self.foot.model)
 
-    def step_error(self, run: Simulation, finer: Simulation) -> tuple[float, str]:
-        """Error of a run's step, by one that is as long and has half of it, and the sensor that it falsifies most."""
-        errors = {}
+    def step_error(self, run: Simulation, finer: Simulation) -> tuple[float, str, float]:
+        """Error of a run's step, by one that is as long and has half of it.
+
+        Returns:
+            `Simulation.step_error`, the sensor that it falsifies most, and `Simulation.sample_error`.
+        """
+        judged, whole = {}, []
+        weights = np.abs(np.fft.rfft(run.base, axis=1)) ** 2
         for name, values in run.outputs.items():
             fine = finer.outputs[name][:, ::2]
-            off, size = (np.sqrt(np.mean(x**2, axis=1)) for x in (values - fine, fine))
-            errors[name] = float(np.max(off / np.maximum(size, _NOTHING)))
-        worst = max(errors, key=lambda name: errors[name])
-        return errors[worst] / (1 - 0.5**self.order), worst
+            signals = values - fine, fine
+            whole.append(_share(*(np.mean(x**2, axis=1) for x in signals)))
+            judged[name] = whole[-1] if self._smooth else _share(*(_power(x, weights) for x in signals))
+        worst = max(judged, key=lambda name: judged[name])
+        rate = 1 - 0.5**self.order
+        return judged[worst] / rate, worst, max(whole) / rate
 
     def _check_finite(self, sensordata: np.ndarray, qvel: np.ndarray) -> None:
         bad = ~np.isfinite(sensordata).all(axis=(1, 2)) | ~np.isfinite(qvel).all(axis=(1, 2))
@@ -403,6 +424,19 @@ class _Shares:
                 of = of.reshape(batch.nsim, *laws.shape)
                 shares.append(cls(to, of, address[at], at, share[at]))
         return shares
+
+
+def _share(off: np.ndarray, size: np.ndarray) -> float:
+    """Root of the largest mean square (n,) over that of a signal, both [m^2/s^4]."""
+    return float(np.max(np.sqrt(off) / np.maximum(np.sqrt(size), _NOTHING)))
+
+
+def _power(x: np.ndarray, weights: np.ndarray) -> np.ndarray:
+    """Mean square (m,) of one line of the spectra of signals (m, n), by weights (m, n // 2 + 1); all alike if zero."""
+    weights = np.where(weights.any(axis=1, keepdims=True), weights, 1.0)
+    lines = 2 * np.abs(np.fft.rfft(x, axis=1) / x.shape[1]) ** 2
+    power: np.ndarray = (weights * lines).sum(axis=1) / weights.sum(axis=1)
+    return power
 
 
 def _velocity_sensors(foot: Foot) -> dict[str, Sensor]:

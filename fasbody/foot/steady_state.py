@@ -26,6 +26,7 @@ from fasbody.exceptions import PeriodicMotionError, SettingError, unknown
 from fasbody.foot.engine import callbacks
 from fasbody.foot.harmonic_balance import MOST_HARMONICS, Fourier, Solution, multipliers, periodic, rest
 from fasbody.foot.model import Foot, can_change
+from fasbody.foot.model_fields import constraint_name
 from fasbody.foot.parameters import Fitted
 
 Array = np.ndarray
@@ -35,6 +36,9 @@ STEP = 1e-9
 POSITION, RATE = 1e-6, 1e-4
 #: In accelerations [m/s^2 or rad/s^2]: forces are linear in them, unless something lifts or slips from some on.
 ACCELERATION, WITH_CHANGES = 1.0, 1e-4
+#: Shares of a difference that are tried where something can lift or slip, until nothing does within it. A stiff contact
+#: that is pressed lightly slips at 1e-4 m/s.
+SHARES = (1.0, 1e-1, 1e-2, 1e-3, 1e-4)
 #: Time after which what falls has come to rest [s].
 _FALL = 2.0
 #: Difference in a parameter as a share of its size, and in harmonics of the base [m/s^2].
@@ -54,7 +58,9 @@ class Engine:
         self._state = d.qpos, d.qvel, d.qacc, d.act
         self._outputs = d.qfrc_inverse, d.qfrc_actuator, d.act_dot, d.sensordata
         *self._ends, self._raw = np.cumsum([part.size for part in self._outputs]).tolist()
-        self._acceleration = WITH_CHANGES if can_change(model) else ACCELERATION
+        changes = can_change(model)
+        self._acceleration = WITH_CHANGES if changes else ACCELERATION
+        self._shares = SHARES if changes else SHARES[:1]
 
     def rows(self, motion: Array) -> Array:
         """Rows (N, r) at N instants of a motion (3, N, c)."""
@@ -82,6 +88,27 @@ class Engine:
             self._read(state, row)
             out.append(self.data.efc_state.tobytes())
         return out
+
+    def kinks(self, motion: Array) -> list[str]:
+        """What touches, stops or slips as soon as one instant (3, 1, c) changes at all, by kind and name."""
+        nv, differences = self.model.nv, (POSITION, RATE, self._acceleration)
+        beside = np.zeros((3, 3, nv, self.size))
+        for order, size in enumerate(differences):
+            beside[order, order, :, :nv] = SHARES[-1] * size * np.eye(nv)
+        beside = beside.reshape(3, 3 * nv, self.size)
+        still, *moved = self._acting(np.concatenate([motion, motion + beside, motion - beside], axis=1))
+        return sorted({name for acting in moved for name, _ in acting.items() ^ still.items()})
+
+    def _acting(self, motion: Array) -> Iterator[dict[str, tuple[int, ...]]]:
+        """The constraints that push or hold at each instant, by kind and name, and on which side each of their rows."""
+        row, idle = np.empty(self._raw), mujoco.mjtConstraintState.mjCNSTRSTATE_SATISFIED
+        for state in self._states(motion):
+            self._read(state, row)
+            acting: dict[str, tuple[int, ...]] = {}
+            for i in np.flatnonzero(self.data.efc_state != idle).tolist():
+                name = constraint_name(self.data, i)
+                acting[name] = (*acting.get(name, ()), int(self.data.efc_state[i]))
+            yield acting
 
     def _states(self, motion: Array) -> Iterator[tuple[Array, ...]]:
         """qpos, qvel, qacc and act of each instant."""
@@ -127,23 +154,31 @@ class Engine:
         self._central(qvel, share * RATE, 1, out[1, :nv])
 
     def _linear(self, values: Array, size: float, centre: Array, out: Array) -> None:
-        for value, row, j in zip(values.tolist(), out, range(values.size), strict=True):
-            values[j] = value + size
-            self._compute(2, row)
-            values[j] = value
+        state = self.data.efc_state.tobytes()
+        for j, row in enumerate(out):
+            for share in self._shares:
+                if self._beside(values, j, share * size, 2, row) == state:
+                    break
             row -= centre
-        out /= size
+            row /= share * size
 
     def _central(self, values: Array, size: float, done: int, out: Array) -> None:
-        other = np.empty(self._raw)
-        for value, row, j in zip(values.tolist(), out, range(values.size), strict=True):
-            values[j] = value + size
-            self._compute(done, row)
-            values[j] = value - size
-            self._compute(done, other)
-            values[j] = value
+        state, other = self.data.efc_state.tobytes(), np.empty(self._raw)
+        for j, row in enumerate(out):
+            for share in self._shares:
+                ends = ((share * size, row), (-share * size, other))
+                if {self._beside(values, j, by, done, end) for by, end in ends} == {state}:
+                    break
             row -= other
-        out /= 2 * size
+            row /= 2 * share * size
+
+    def _beside(self, values: Array, j: int, by: float, done: int, row: Array) -> bytes:
+        """What the engine gives beside the state, and which constraints act there."""
+        value = values[j]
+        values[j] = value + by
+        self._compute(done, row)
+        values[j] = value
+        return self.data.efc_state.tobytes()
 
 
 @dataclass(frozen=True, eq=False)

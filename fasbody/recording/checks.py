@@ -468,11 +468,11 @@ def _quality(recording: Recording, measures: Quality, frequency: float | None) -
 
 
 def _tops(name: str, channel: ChannelQuality, base: ChannelQuality, at: str) -> Iterator[str]:
-    """Refuse a sensor that saturates; a remark on tops that are a little flat, or on one side."""
+    """Refuse a sensor that saturates; a remark on tops that are a little flat, on one side, or of friction."""
     flat, one_sided = channel.flat_tops, channel.flat_tops < _TWO_SIDED * channel.distortion
     share = f"a third harmonic of {100 * flat:.1f} % in phase with them"
     least = _MORE_THAN_BASE * base.distortion
-    if flat > max(_FLAT_TOPS, least) and not one_sided:
+    if flat > max(_FLAT_TOPS, least) and not one_sided and channel.alternates:
         raise RecordingError(
             f"{name}_m_s2 has flattened tops {at} ({share}, base {100 * base.distortion:.1f} %): "
             "its sensor saturates; record with a larger range."
@@ -482,6 +482,9 @@ def _tops(name: str, channel: ChannelQuality, base: ChannelQuality, at: str) -> 
             f"{name}_m_s2 has flattened tops on one side {at} ({share}); a foot that leaves the "
             "plate makes them, and so does a sensor that saturates on one side."
             if one_sided and flat > _FLAT_TOPS
+            else f"{name}_m_s2 has flattened tops {at} ({share}); dry friction in the foot makes them, and so "
+            "does a sensor that saturates: of friction they are less at a larger amplitude."
+            if flat > _FLAT_TOPS
             else f"{name}_m_s2 has slightly flattened tops {at} ({share}); a sensor that begins to "
             "saturate reads too little."
         )

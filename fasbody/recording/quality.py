@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from fasbody.recording.harmonics import fit_harmonics
+from fasbody.recording.harmonics import Harmonics, fit_harmonics
 
 #: Segments whose levels are compared, and the periods that one needs.
 _SEGMENTS = 10
@@ -24,12 +24,15 @@ class ChannelQuality:
         drift: range of the segments' means over the channel's amplitude (broadband: standard deviation).
         distortion: root of the harmonics' power over the fundamental, nan for broadband.
         flat_tops: the third harmonic over the fundamental, as far as it flattens the tops; nan for broadband.
+        alternates: whether the fifth raises them again, as of a sensor that saturates softly, or is none. Dry friction
+            is a square wave of force, all of whose harmonics push one way.
     """
 
     level_m_s2: np.ndarray
     drift: float
     distortion: float
     flat_tops: float
+    alternates: bool = True
 
     @property
     def unsteady(self) -> float:
@@ -95,13 +98,12 @@ def quality(time_s: np.ndarray, channels: dict[str, np.ndarray], frequency_hz: f
         amplitudes[name] = parts[:, 1]
         first = abs(whole.amplitudes[0])
         beyond = whole.amplitudes[1:]
-        third = 0.0
-        if count >= 3 and abs(whole.amplitudes[2]) > 5 * whole.std[2]:
-            turned = whole.amplitudes[2] / (whole.amplitudes[0] / first) ** 3  # of a cosine with its top at zero
-            third = max(0.0, -turned.real) if abs(turned.imag) < -0.5 * turned.real else 0.0
+        third, fifth = _turned(whole, 3), _turned(whole, 5)
+        flat = max(0.0, -third.real) if abs(third.imag) < -0.5 * third.real else 0.0
         by_channel[name] = ChannelQuality(
             np.abs(parts[:, 1]), float(np.ptp(parts[:, 0].real) / first),
-            float(np.sqrt(np.sum(np.abs(beyond) ** 2)) / first), float(third / first),
+            float(np.sqrt(np.sum(np.abs(beyond) ** 2)) / first), float(flat / first),
+            alternates=fifth == 0 or fifth.real > abs(fifth.imag),
         )  # fmt: skip
     base, malleolus = fits["base"], fits["malleolus"]
     ratio = malleolus.amplitudes[0] / base.amplitudes[0]
@@ -110,6 +112,13 @@ def quality(time_s: np.ndarray, channels: dict[str, np.ndarray], frequency_hz: f
         _coherence(amplitudes["base"], amplitudes["malleolus"]), float(np.degrees(np.angle(ratio))),
         float(np.degrees(spread)), by_channel, float(abs(ratio)),
     )  # fmt: skip
+
+
+def _turned(fit: Harmonics, order: int) -> complex:
+    """A harmonic of a motion whose fundamental is a cosine with its top at zero; zero if noise may be all of it."""
+    if len(fit.amplitudes) < order or abs(fit.amplitudes[order - 1]) <= 5 * fit.std[order - 1]:
+        return 0j
+    return complex(fit.amplitudes[order - 1] / (fit.amplitudes[0] / abs(fit.amplitudes[0])) ** order)
 
 
 def _segments(time_s: np.ndarray, values: list[np.ndarray], frequency_hz: float, edges: np.ndarray) -> np.ndarray:
