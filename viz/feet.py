@@ -16,8 +16,7 @@ from identification.engines.twin import twin_applies
 from viz import live as sliders
 from viz import scene
 from viz.anatomy import assets
-from viz.anatomy.bones import SEGMENTS
-from viz.anatomy.rest import Carried, ExtraGeoms, Frame, carried, extra_geoms, frames, name_of, reach
+from viz.anatomy.rest import SEGMENTS, Carried, ExtraGeoms, Frame, carried, extra_geoms, frames, name_of, reach
 from viz.excitation import Excitation
 from viz.load import files_of, load_foot
 from viz.motion import CURVE, FRAMES, Motion, periodic_motion, transient_motion, watched, without_drift

@@ -27,8 +27,7 @@ except ImportError:
     raise MissingPackageError("meshcat", "view") from None
 
 from viz.anatomy.assets import Part, colour
-from viz.anatomy.bones import SEGMENTS, TABLE
-from viz.anatomy.rest import Frame
+from viz.anatomy.rest import SEGMENTS, TABLE, Frame
 
 Array = np.ndarray
 
