@@ -313,7 +313,6 @@ def add_geoms(visualizer: meshcat.Visualizer, name: str, model: mujoco.MjModel, 
 
 
 def _mesh_of(model: mujoco.MjModel, number: int) -> "Surface":
-    """A mesh of the model, in the frame of its geom."""
     first, count = model.mesh_vertadr[number], model.mesh_vertnum[number]
     start, faces = model.mesh_faceadr[number], model.mesh_facenum[number]
     return _with_normals(SCALE * model.mesh_vert[first : first + count], model.mesh_face[start : start + faces])

@@ -283,7 +283,6 @@ def _common_band(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def _stated(layout: Layout) -> dict[str, Channel]:
-    """The channels of a study, of all its layouts."""
     return {name: c for one in (layout, *(other for _, other in layout.apart)) for name, c in one.channels.items()}
 
 

@@ -115,7 +115,6 @@ def main(
 
 
 def _names(text: str) -> list[str]:
-    """The names in an option, between commas."""
     return [name.strip() for name in text.split(",") if name.strip()]
 
 
@@ -123,7 +122,6 @@ def _several(
     series: "Series", structures: tuple[str, ...], orders: dict[str, tuple[int, ...]],
     split: float, detrend: int, json: bool, out: Path | None,
 ) -> None:  # fmt: skip
-    """Models of several inputs or outputs."""
     from identification.blackbox import condition, keep, mimo
 
     report = mimo.identify(condition.detrend(series, detrend), structures, orders, split)

@@ -302,7 +302,6 @@ def _judge(chosen: Selection, chooser: _Chooser, seen: Excitation) -> ChosenMode
 
 
 def _log_loss(model: Single, recordings: Sequence[Series]) -> float:
-    """N times the logarithm of the mean squared one-step error."""
     errors = np.concatenate([model.residuals(series) for series in recordings])
     return float(len(errors) * np.log(max(float(np.mean(errors**2)), 1e-300)))
 
@@ -336,7 +335,6 @@ def _no_intervals(model: Single, test: ResidualTest, chooser: _Chooser) -> str:
 
 
 def _without_intervals(model: Any) -> Any:
-    """The model with NaN for every standard error of its plant."""
     if isinstance(model, PolynomialModel):
         return model.without_intervals()
     for part in ("transfer", "linear"):

@@ -68,7 +68,6 @@ def recording(report: Report) -> dict[str, Any]:
 
 
 def _pairs(values: np.ndarray) -> list[list[float]]:
-    """Complex numbers as JSON has them."""
     return [[v.real, v.imag] for v in np.asarray(values, dtype=complex)]
 
 

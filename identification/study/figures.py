@@ -71,7 +71,6 @@ def distinct(values: Iterable[float]) -> list[float]:
 
 
 def _key(label: str, **style: Any) -> Line2D:
-    """An entry of a legend."""
     return Line2D([], [], **{"color": GREY, "ls": "", **style}, label=label)
 
 
@@ -206,7 +205,6 @@ def titled(axis: Axes, rows: pd.DataFrame, name: str) -> float:
 
 
 def _by_load(cycles: Sequence[Mapping[str, Any]], load: float) -> list[Mapping[str, Any]]:
-    """Cycles under one load, by frequency."""
     under = (c for c in cycles if c["added_mass_kg"] == load)
     return sorted(under, key=lambda c: c["frequency_hz"])
 
@@ -268,7 +266,6 @@ def _whose(cycles: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _shades(colour: str) -> LinearSegmentedColormap:
-    """From a light tint of a colour to a dark shade."""
     middle = np.array(to_rgb(colour))
     return LinearSegmentedColormap.from_list("shades", [0.35 * middle + 0.65, middle, 0.4 * middle])
 

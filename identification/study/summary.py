@@ -296,10 +296,7 @@ def counts(documents: Sequence[Document], tracked: Mapping[str, str] | None = No
 
 
 def _met_again(starts: Sequence[Document]) -> bool:
-    """Whether a second start ended where the best did: on its branch, at its cost.
-
-    Of steady recordings each side has one row, which counts how many starts came to its end.
-    """
+    """Whether a second start ended where the best did; `hits` counts those of a steady side."""
     best, *others = sorted(starts, key=lambda s: s["cost"])
     if "hits" in best:
         return bool(best["hits"] > 1)
