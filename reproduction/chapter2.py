@@ -199,12 +199,20 @@ ROWS.add(
 ROWS.add("Fig. 2.8", "the same in three postures", partial(mean_curves, POSTURES), STUDY_COMMAND, STUDY)
 
 
+def damping_for(T: float, omega: float, m: float, k: np.ndarray) -> np.ndarray:
+    """Damping c [N s/m] that gives transmissibility T at stiffness k (n,) [N/m], by Eq. 2.5; NaN where none does."""
+    above = k**2 - T**2 * (k - m * omega**2) ** 2
+    with np.errstate(divide="ignore", invalid="ignore"):
+        squared = above / (omega**2 * (T**2 - 1))
+        return np.where(squared >= 0, np.sqrt(np.maximum(squared, 0)), np.nan)
+
+
 @ROWS("Fig. 2.10", "lines of equal transmissibility of the single mass over stiffness and damping")
 def contour_lines() -> Outcome:
     omega, worst, points = 2 * np.pi * 20, 0.0, 0
     k = np.geomspace(1e3, 4e5, 400)
     for T in (0.6, 0.8, 1.2, 1.5, 2.0):
-        c = sdof.damping_for(T, omega, sdof.MASS_KG, k)
+        c = damping_for(T, omega, sdof.MASS_KG, k)
         there = np.isfinite(c) & (c > 0)
         again = sdof.transmissibility(omega, sdof.MASS_KG, c[there], k[there])
         worst, points = max(worst, float(np.abs(again / T - 1).max())), points + int(there.sum())
