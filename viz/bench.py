@@ -179,14 +179,6 @@ class Bench:
                 return []
         return uploads.keep(self.folder, name, content)
 
-    def open(self, names: list[str]) -> list[Document]:
-        """Read dropped files, or the study among them, and show the first that can be shown."""
-        return self._begin_reading(uploads.sources(self.folder, names)) + self._read_all()
-
-    def bundled(self) -> list[Document]:
-        """The study that ships with the package."""
-        return self._begin_reading(_bundled()) + self._read_all()
-
     def _begin_reading(self, fresh: list[Source]) -> list[Document]:
         """Read recordings as far as the first that can be shown; the others are `unread`."""
         if not fresh:
@@ -207,9 +199,6 @@ class Bench:
         if self.unread:
             self.recordings.add(self.unread.pop(0))
         return [] if self.unread else [self.document()]
-
-    def _read_all(self) -> list[Document]:
-        return [document for _ in list(self.unread) for document in self.read_next()]
 
     def correct(self, changes: Mapping[int, Mapping[str, Any]]) -> list[Document]:
         """Read recordings again with the page's corrections; where one correction is invalid, none is applied."""
