@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, StrMethodFormatter
 
-from fasbody.presentation import PAGE, counted, panels, picture, printed
+from fasbody.presentation import PAGE, counted, panels, printed
 from identification.branches import EXCHANGED
 from identification.figures import label_of, of_loads
 from identification.recommendations import LEAST_FIT, follows
@@ -45,14 +45,6 @@ _SOLID, _DOTTED = "-", ":"
 _BARE: dict[str, Any] = {"ms": 2.6, "mew": 0.6, "mfc": "none", "alpha": _OPEN}
 _TRUTH: dict[str, Any] = {"lw": 1.3, "ls": (0, (4, 2))}
 _SCALE = {"N/m": (1e-3, "kN/m"), "s": (1e3, "ms")}
-
-
-def save(figure: Figure, ending: str) -> bytes:
-    """The figure as the content of an .svg or .png file, the same bytes whenever it is drawn."""
-    if figure.get_layout_engine() is not None:  # laid out once, however often it is saved
-        printed(figure.draw_without_rendering)()
-        figure.set_layout_engine("none")
-    return picture(figure, ending)
 
 
 def noted(figure: Figure, text: str, handles: Sequence[Any] = (), columns: int = 0) -> Figure:
