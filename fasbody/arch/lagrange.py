@@ -104,21 +104,23 @@ def mass_and_bias(arch: Arch, q: Array, q_dot: Array, gravity: float = 0.0) -> t
 
 
 def strains(arch: Arch, q: Array) -> dict[str, tuple[Array, Array]]:
-    """What each of the 13 constants resists, zero at rest: the deformation (...) and its gradient (..., 6), by name."""
+    """What each of the 13 constants resists, zero at rest: deformation (...), gradient (..., 6)."""
     d, g, unit = deformations(arch, q), gradients(arch, q), np.eye(6)
     joints = {
         "2": (d.d_2, g.d_2), "3": (d.d_3, g.d_3), "4": (d.d_4, g.d_4),
         "T": (q[..., Z_T], unit[Z_T]), "F": (q[..., Z_F], unit[Z_F]),
     }  # fmt: skip
     table = {f"{kind}_{i}": strain for kind in "kc" for i, strain in joints.items()}
-    table |= {"k_11": (d.e, g.e), "k_12": (d.e - q[..., X], g.e - unit[X]), "c_1": (q[..., X], unit[X])}
+    table |= {"k_11": (d.e, g.e), "k_12": (d.e - q[..., X], g.e - unit[X])}
+    table |= {"c_1": (q[..., X], unit[X])}
     return {name: table[name] for name in PARAMETERS}
 
 
 def potential(arch: Arch, q: Array) -> Array:
     """U(q) [J] of the consistent model, shape (...)."""
     of = strains(arch, q)
-    return 0.5 * sum(getattr(arch, name) * of[name][0] ** 2 for name in SPRINGS)  # Eq. (4.9), the sum running to k_4
+    # Eq. (4.9), the sum running to k_4
+    return 0.5 * sum(getattr(arch, name) * of[name][0] ** 2 for name in SPRINGS)
 
 
 def kinetic(arch: Arch, q: Array, q_dot: Array, v_B: float | Array = 0.0) -> Array:
@@ -147,7 +149,8 @@ def force_per_parameter(arch: Arch, q: Array, q_dot: Array) -> dict[str, Array]:
 
 def spring_damper_forces(arch: Arch, q: Array, q_dot: Array) -> Array:
     """Generalized forces of all springs and dampers, shape (..., 6): -dU/dq - dD/dq' of Eq. (4.10)."""
-    return sum(getattr(arch, name) * force for name, force in force_per_parameter(arch, q, q_dot).items())
+    of_unit = force_per_parameter(arch, q, q_dot)
+    return sum(getattr(arch, name) * force for name, force in of_unit.items())
 
 
 def right_hand_side(arch: Arch, q: Array, q_dot: Array, base_acceleration: float | Array) -> Array:

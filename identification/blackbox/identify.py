@@ -100,12 +100,13 @@ class Report(Tabled):
     def sheet(self) -> Sheet:
         """The models in one table, and the best of them in one sentence."""
         best = max((m.best for m in self.models.values()), key=lambda c: c.fit_percent)
-        answer = f"{best.model.label} simulates {best.fit_percent:.1f} % of the held-out output freely."
+        label, percent = best.model.label, best.fit_percent
+        answer = f"{label} simulates {percent:.1f} % of the held-out output freely."
         if not np.isfinite(best.fit_percent):
             best = max((m.best for m in self.models.values()), key=lambda c: c.one_step_percent)
             answer = (
-                f"{best.model.label} predicts {best.one_step_percent:.1f} % one step ahead; none can be "
-                "simulated freely."
+                f"{best.model.label} predicts {best.one_step_percent:.1f} % one step ahead; none "
+                "can be simulated freely."
             )
         columns = (
             "model", "free simulation [%]", "one step [%]", "AIC", "BIC", "coefficients",

@@ -215,7 +215,7 @@ def unfollowed_sentence(documents: Sequence[Document], tracked: Mapping[str, str
 
 
 def one_set(documents: Iterable[Document]) -> tuple[bool, str]:
-    """Whether one set of constants serves all frequencies of all pooled fits, and a sentence; empty without any."""
+    """Whether one set of constants serves all frequencies of all pooled fits, and a sentence."""
     done = [d for d in documents if d["mode"] == "pooled" and d["status"] == "done"]
     worlds = list(filter(None, (d["result"]["branches"][0].get("world") for d in done)))
     serves, count = sum(bool(world["follows"]) for world in worlds), len(worlds)
