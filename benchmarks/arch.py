@@ -14,12 +14,13 @@ from benchmarks.callbacks import thread_gain
 from benchmarks.table import JsonOption, judged_if_idle, report
 from fasbody.arch import ode as arch_ode
 from fasbody.arch.bones import Arch
-from fasbody.arch.motion import move, with_constants
+from fasbody.arch.motion import move
 from fasbody.console import command_line, progress_bar
 from fasbody.exceptions import SimulationError
 from fasbody.foot.model import load
 from fasbody.foot.shaker import BaseMotion, sine
 from reproduction.check import Check, at_least, at_most
+from simulator.arch import with_constants
 
 FREQUENCIES_HZ = (10.0, 20.0, 30.0, 40.0, 50.0)
 _SECONDS = 0.2

@@ -30,7 +30,7 @@ def main(studies: Annotated[int, typer.Argument(help="Studies, with seeds from 0
             table = study(seed)
             made = findings(table)
             for c in table.each():
-                by_thesis, by_equivalence = rules.setdefault(c.title, (Counter(), Counter()))
+                by_thesis, by_equivalence = rules.setdefault(f"{c.pair}, {c.condition}", (Counter(), Counter()))
                 by_thesis[str(c.resonance.kind)] += 1
                 by_equivalence[str(c.resonance_by_tests.kind)] += 1
             held.update({f.says: int(f.holds is True) for f in made})

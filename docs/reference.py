@@ -21,7 +21,6 @@ TASKS: dict[str, dict[str, tuple[str, ...]]] = {
         "Motion": ("fasbody/foot shaker simulate two_dof damper figures",),
         "The five-body arch": (
             "fasbody/arch bones kinematics lagrange linear ode sensitivity reduction load motion",
-            "fasbody/arch mounted tissue",
         ),
         "The leg": ("fasbody/leg chain peaks statements crosscheck figures",),
     },

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from fasbody.recording.condition import ADDED_MASSES_KG
-from identification.study import figures
+from identification.figures import save
 from identification.study import figures as motion
 from reproduction.chapter4_results import F, true_means
 from reproduction.check import at_least, at_most, exactly
@@ -64,7 +64,7 @@ def loops(load: float) -> Outcome:
     """Loops of the drawn subject under one load: does the fat pad dissipate more, and does that survive the mirror?"""
     mine = [d for d in documents()[0] if d["subject"] == DRAWN and d["added_mass_kg"] == load]
     stored = [c for d in mine for c in d["cycles"] if c["chosen"]]
-    picture = figures.save(motion.loops(stored, "synthetic"), "svg")
+    picture = save(motion.loops(stored, "synthetic"), "svg")
     return Outcome(
         printed=[
             exactly("loops drawn of each part of virtual subject 16", len(stored), F.size),

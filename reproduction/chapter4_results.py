@@ -10,7 +10,7 @@ from scipy.stats import f_oneway, spearmanr
 from fasbody.laboratory.study import FREQUENCIES_HZ
 from fasbody.recording.condition import ADDED_MASSES_KG
 from fasbody.transmissibility.statistics import ALPHA
-from identification.study import figures
+from identification.figures import save
 from identification.study.summary import measured
 from reproduction.boxes import boxes
 from reproduction.check import Check, at_least, at_most, exactly, within
@@ -180,7 +180,7 @@ def distributions(load: float) -> Outcome:
     """Figures D.1 to D.3: distributions of the eight constants and outliers beyond 1.5 interquartile ranges."""
     rows = table()
     rows = rows[rows["chosen"] & (rows["added_mass_kg"] == load) & (rows["parameter"] != "delay")]
-    picture, counted = figures.save(boxes(rows, "synthetic"), "svg"), rows[measured(rows)]
+    picture, counted = save(boxes(rows, "synthetic"), "svg"), rows[measured(rows)]
     name = "share of the estimates with a standard error that are outliers"
     return Outcome(
         printed=[

@@ -15,10 +15,8 @@ import numpy as np
 from arch_copies import reshaped
 
 import mjcf
-from fasbody.arch import mount
 from fasbody.arch.bones import Arch
 from fasbody.arch.linear import transmissibility
-from fasbody.arch.mounted import SHANK_KG, SHIPPED
 from fasbody.foot.hysteresis import cycle
 from fasbody.foot.linear import Linear
 from fasbody.foot.model import load
@@ -30,6 +28,8 @@ from fasbody.leg.chain import Leg
 from identification.derived_quantities import linearised
 from identification.engines.twin import SHANK as ON_SHANK
 from identification.engines.twin import carriers
+from simulator import mount
+from simulator.mounted import SHANK_KG, SHIPPED
 from viz.load import load_foot
 from viz.motion import periodic_motion
 from viz.settings import Settings

@@ -8,6 +8,7 @@ from typing import Any
 import tornado.httpclient
 import tornado.websocket
 
+from viz.bench import Bench
 from viz.feet import Show
 from viz.server import Server
 
@@ -77,3 +78,9 @@ async def ask(url: str, requests: int) -> tornado.websocket.WebSocketClientConne
         asked = {"type": "simulate", "frequency": 5, "peak_to_peak": 17.9, "added_mass": 0, "request": number}
         await socket.write_message(json.dumps(asked))
     return socket
+
+
+def dropped(bench: Bench, names: list[str] | None = None) -> list[dict[str, Any]]:
+    """Answers of a bench to dropped files, or to a request for the shipped study, until all are read."""
+    answers = bench.act({"type": "bundled"} if names is None else {"type": "open", "names": names})
+    return answers + [answer for _ in list(bench.unread) for answer in bench.read_next()]

@@ -8,14 +8,16 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import mjcf
-from fasbody.arch import bends, linear
+from fasbody.arch import linear
 from fasbody.arch import ode as arch_ode
 from fasbody.arch.bones import PARAMETERS, Arch
 from fasbody.arch.kinematics import deformations
-from fasbody.arch.motion import move, with_constants
+from fasbody.arch.motion import move
 from fasbody.exceptions import SimulationError
 from fasbody.foot.model import load
 from fasbody.foot.shaker import harmonics
+from simulator import bends
+from simulator.arch import with_constants
 
 FOOT = load("foot_arch")
 DURATION = 0.1

@@ -141,7 +141,7 @@ def test_automatic_orders_on_a_short_record() -> None:
         assert np.abs(found.models[name].best.model.response(frequency).value / exact - 1).max() < 0.02
     assert found.models["oe"].best.model.parameters <= 4
     text = str(found)
-    assert "lag: rank" in text
+    assert text.startswith("lag\n") and "Input: rank" in text
     assert report.csv_text([found]).count("\n") == 6
 
 

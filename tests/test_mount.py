@@ -7,15 +7,15 @@ import numpy as np
 import pytest
 
 import mjcf
-from fasbody.arch import mount
 from fasbody.arch.bones import Arch
 from fasbody.arch.crosscheck import build_pinocchio, import_pinocchio
-from fasbody.arch.mounted import SEATED_N, SHIPPED, STANDING_N, stance
 from fasbody.arch.tree import tree_jacobian, tree_position
 from fasbody.exceptions import ModelError, SettingError
 from fasbody.foot.engine import callbacks
 from fasbody.foot.linear import Linear
 from fasbody.foot.model import Foot, load
+from simulator import mount
+from simulator.mounted import SEATED_N, SHIPPED, STANDING_N, stance
 
 ARCH = Arch.nominal()
 HZ = np.array([10.0, 20.0, 24.0, 35.0, 50.0])

@@ -9,7 +9,9 @@ from fasbody.arch.bones import Arch
 from fasbody.arch.kinematics import arms
 from fasbody.arch.lagrange import mass_matrix
 from fasbody.arch.load import equilibrium, tangent
-from fasbody.arch.mounted import (
+from fasbody.foot.model import load
+from fasbody.leg.chain import Leg
+from simulator.mounted import (
     FOOT_KG,
     PAD_N,
     SHANK_KG,
@@ -19,8 +21,6 @@ from fasbody.arch.mounted import (
     Stance,
     stance,
 )
-from fasbody.foot.model import load
-from fasbody.leg.chain import Leg
 
 ARCH = Arch.nominal()
 LEG = Mounted(

@@ -11,9 +11,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import mjcf
-from fasbody.arch import linear, mount
+from fasbody.arch import linear
 from fasbody.arch.bones import Arch
-from fasbody.arch.mounted import SHIPPED
 from fasbody.exceptions import NotSmoothError, PeriodicMotionError, SettingError, SimulationError
 from fasbody.foot.engine import callbacks
 from fasbody.foot.model import Foot, load
@@ -22,6 +21,8 @@ from fasbody.foot.shaker import harmonics
 from fasbody.foot.simulate import Batch, simulate
 from fasbody.foot.steady_state import Balance, Orbit
 from fasbody.foot.two_dof import TwoDof
+from simulator import mount
+from simulator.mounted import SHIPPED
 
 Array = np.ndarray
 #: A base with harmonics of its own, and a foot whose dampers bend strongly.

@@ -11,6 +11,7 @@ import pytest
 from made_fits import failed, plain
 
 from identification.estimates import RULE
+from identification.figures import save
 from identification.study import figures, report, summary, tables
 from identification.study.findings import Findings
 from identification.study.tracking import Prior
@@ -116,7 +117,7 @@ def test_figures_are_whole_and_the_same_each_time(written: Path, tmp_path: Path)
         assert (written / "figures" / f"{name}.png").read_bytes()[:4] == b"\x89PNG"
     again = report.pictures(Findings(study(), truth=TRUTH), "synthetic")
     for name in ("loops_per-recording", "energies_per-recording"):
-        assert figures.save(again[name][0](), "svg") == (written / "figures" / f"{name}.svg").read_bytes()
+        assert save(again[name][0](), "svg") == (written / "figures" / f"{name}.svg").read_bytes()
 
 
 def test_loops_motion_and_energies_are_drawn_in_their_units() -> None:

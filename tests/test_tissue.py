@@ -7,9 +7,10 @@ from scipy.optimize import minimize
 
 from fasbody.arch.bones import Arch
 from fasbody.arch.kinematics import deformations, rest
-from fasbody.arch.load import equilibrium, load_study, poses
-from fasbody.arch.tissue import Linear, Tissue
+from fasbody.arch.load import equilibrium, load_study
 from fasbody.exceptions import ModelError, SettingError, SimulationError
+from simulator.mounted import poses
+from simulator.tissue import Tissue
 
 ARCH = Arch.nominal()
 TISSUE = Tissue(arm=0.038, slack=2.5e-3)
@@ -61,7 +62,7 @@ def test_the_apex_obeys_the_lever_of_a_truss() -> None:
 
 
 def test_linear_springs_are_the_arch_as_it_was() -> None:
-    plain, given = equilibrium(ARCH, 300.0), equilibrium(ARCH, 300.0, springs=Linear(ARCH))
+    plain, given = equilibrium(ARCH, 300.0), equilibrium(ARCH, 300.0, springs=ARCH)
     np.testing.assert_array_equal(plain.q, given.q)
 
 
@@ -72,7 +73,7 @@ def test_many_at_once_are_one_by_one_and_the_collapsed_are_told() -> None:
     for row, load in zip(q, loads, strict=True):
         np.testing.assert_allclose(row[2:5], equilibrium(ARCH, load, springs=TISSUE).q[2:5], atol=1e-11)
     low = ARCH.with_height(0.02)
-    _, stands = poses(low, np.array([500.0, 3000.0]), Linear(low))
+    _, stands = poses(low, np.array([500.0, 3000.0]), low)
     assert stands.tolist() == [True, False]
     with pytest.raises(SimulationError):
         equilibrium(low, 3000.0)

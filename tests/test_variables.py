@@ -11,11 +11,11 @@ from arch_copies import edited as edited_arch
 
 import mjcf
 from fasbody.arch.bones import Arch
-from fasbody.arch.motion import with_constants
 from fasbody.exceptions import ModelError, SettingError
 from fasbody.foot.model import Foot, load
 from fasbody.foot.shaker import sine
 from fasbody.foot.simulate import simulate
+from simulator.arch import with_constants
 
 KEYS = (
     "k_T_n_per_m", "k_F_n_per_m", "c_11_n_s_per_m", "c_12_per_m", "c_13_per_m", "c_21_n_s_per_m", "c_22_per_m",

@@ -8,9 +8,8 @@ from scipy.spatial.transform import Rotation
 import mjcf
 from fasbody.arch.bones import Arch
 from fasbody.foot.model import load
-from viz.anatomy import assets, bones
-from viz.anatomy.field import ellipsoid, mesh, round_cone, union
-from viz.anatomy.rest import SEGMENT_BODIES, carried, extra_geoms, reach, segment_bodies
+from viz.anatomy import assets
+from viz.anatomy.rest import SEGMENT_BODIES, TABLE, carried, extra_geoms, reach, segment_bodies
 from viz.load import load_foot
 
 trimesh = pytest.importorskip("trimesh", reason="needs the extra: pip install 'fasbody[view]'")
@@ -25,21 +24,6 @@ def solid(part: assets.Part):  # type: ignore[no-untyped-def]
     return trimesh.Trimesh(part.vertices, part.faces, process=False)
 
 
-def test_mesher_on_an_ellipsoid() -> None:
-    made = mesh(ellipsoid((3, -2, 5), (20, 12, 8), 25), 1.0)
-    closed = trimesh.Trimesh(made.vertices, made.faces, process=False)
-    assert closed.is_watertight
-    assert closed.volume == pytest.approx(4 / 3 * np.pi * 20 * 12 * 8, rel=0.005)
-    assert np.quantile(np.einsum("ij,ij->i", closed.vertex_normals, made.normals), 0.01) > 0.98
-
-
-def test_union_is_smooth_and_larger_than_its_parts() -> None:
-    a, b = round_cone((0, 0, 0), (20, 0, 0), 5, 5), round_cone((10, 0, 0), (10, 20, 0), 4, 4)
-    both = mesh(union(a, b, blend=5), 1.0)
-    volumes = [trimesh.Trimesh(m.vertices, m.faces).volume for m in (both, mesh(a, 1.0), mesh(b, 1.0))]
-    assert max(volumes[1:]) < volumes[0] < 1.1 * sum(volumes[1:])
-
-
 def test_every_stored_part_is_closed_and_in_one_piece(parts: dict[str, assets.Part]) -> None:
     assert len(parts) == 34
     for part in parts.values():
@@ -49,13 +33,6 @@ def test_every_stored_part_is_closed_and_in_one_piece(parts: dict[str, assets.Pa
         assert body.volume > 0, part.name
         assert body.body_count == 1, part.name
         assert np.allclose(part.weights.sum(1), 1)
-
-
-def test_stored_parts_are_what_the_shapes_give(parts: dict[str, assets.Part]) -> None:
-    """The assets are not older than the script."""
-    for name, shape in (("talus", bones.talus()), ("navicular", bones.navicular())):
-        p = 1e3 * parts[name].vertices[:, [0, 2, 1]] * (1, -1, 1)
-        assert np.abs(shape.distance(p)).max() < 0.12, name
 
 
 def test_anatomy_is_where_it_belongs(parts: dict[str, assets.Part]) -> None:
@@ -74,18 +51,7 @@ def test_anatomy_is_where_it_belongs(parts: dict[str, assets.Part]) -> None:
     assert parts["metatarsal_1"].vertices[:, x].max() == pytest.approx(heads_at, abs=0.015)
     # pads stand on the table and reach the bone
     for pad in ("heel_pad", "forefoot_pad"):
-        assert parts[pad].vertices[:, y].min() == pytest.approx(1e-3 * bones.TABLE, abs=0.0012)
-
-
-def test_skin_holds_every_bone(parts: dict[str, assets.Part]) -> None:
-    from viz.anatomy import tissue
-
-    skin = tissue.skin()
-    for part in parts.values():
-        if part.segment is not None:
-            p = 1e3 * part.vertices[:, [0, 2, 1]] * (1, -1, 1)
-            below_the_cut = p[:, 2] < bones.KNEE - 4
-            assert skin.distance(p[below_the_cut]).max() < 0, part.name
+        assert parts[pad].vertices[:, y].min() == pytest.approx(1e-3 * TABLE, abs=0.0012)
 
 
 @pytest.mark.parametrize("name", list(SEGMENT_BODIES))

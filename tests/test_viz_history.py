@@ -8,6 +8,7 @@ import pytest
 
 pytest.importorskip("meshcat", reason="needs the extra: pip install 'fasbody[view]'")
 
+from page_client import dropped
 from viewer import Watched, served
 
 from fasbody.exceptions import SettingError
@@ -45,9 +46,9 @@ def test_interval_of_a_difference_covers_as_often_as_it_says() -> None:
 
 def test_two_fits_side_by_side(bench: Bench) -> None:
     """The same recording in both leaves no interval of the difference, whatever its file is called."""
-    bench.bundled()
+    dropped(bench)
     bench.keep("copy.csv", (BUNDLED / "recordings" / "20hz_0kg.csv").read_bytes())
-    bench.open(["copy.csv"])
+    dropped(bench, ["copy.csv"])
     copy = next(n for n, source in bench.recordings.sources.items() if source.file == "copy.csv")
     twin = next(n for n, source in bench.recordings.sources.items() if source.file.endswith("20hz_0kg.csv"))
     for numbers in ([twin], [copy], [twin + 1]):
@@ -72,7 +73,7 @@ def test_two_fits_side_by_side(bench: Bench) -> None:
 
 
 def test_corrections_are_taken_back_and_made_again(bench: Bench) -> None:
-    bench.bundled()
+    dropped(bench)
     first, masses = bench.recordings.rows[0]["body_mass_kg"], []
     for change in ({0: {"body_mass_kg": 60}}, {0: {"body_mass_kg": 61}, 1: {"unit": "g"}}):
         bench.correct(change)

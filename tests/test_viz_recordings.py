@@ -10,6 +10,7 @@ import pytest
 
 pytest.importorskip("meshcat", reason="needs the extra: pip install 'fasbody[view]'")
 
+from page_client import dropped
 from viewer import Watched, served
 
 from fasbody.exceptions import FasError
@@ -216,7 +217,7 @@ def test_bar_is_in_sight_and_nothing_is_small(opened: Any, tmp_path: Path) -> No
 def test_masses_that_a_name_states(bench: Bench, name: str, body: float | None, load: float | None) -> None:
     assert (body_mass_in_name(name), load_in_name(name)) == (body, load)
     bench.keep(name, FILES["20hz_0kg.csv"].encode())
-    bench.open([name])
+    dropped(bench, [name])
     source = bench.recordings.sources[0]
     assert (source.body_mass_kg, source.added_mass_kg) == (body, load)
 
@@ -224,7 +225,7 @@ def test_masses_that_a_name_states(bench: Bench, name: str, body: float | None, 
 def test_a_correction_that_cannot_be_meant_changes_none(bench: Bench) -> None:
     for name, text in FILES.items():
         bench.keep(name, text.encode())
-    bench.open(list(FILES))
+    dropped(bench, list(FILES))
     before = bench.document()["rows"]
     with pytest.raises(FasError, match="body mass is 7000 kg"):
         bench.correct({0: {"body_mass_kg": 60}, 1: {"body_mass_kg": 7000}})
@@ -237,7 +238,7 @@ def test_a_correction_that_cannot_be_meant_changes_none(bench: Bench) -> None:
 
 
 def test_unit_of_a_study_is_corrected_and_its_masses_stay(bench: Bench) -> None:
-    bench.bundled()
+    dropped(bench)
     row = bench.recordings.rows[0]
     bench.correct({0: {"unit": "mm/s^2"}})
     assert bench.recordings.rows[0]["body_mass_kg"] == row["body_mass_kg"] == 72.57
@@ -247,7 +248,7 @@ def test_unit_of_a_study_is_corrected_and_its_masses_stay(bench: Bench) -> None:
 
 
 def test_kept_study_holds_what_is_known_of_its_channels(bench: Bench, tmp_path: Path) -> None:
-    bench.bundled()
+    dropped(bench)
     bench.correct({0: {"body_mass_kg": 60}})
     assert bench.keep_study(list(range(12)))[0]["type"] == "kept"
     zipfile.ZipFile(bench.folder / ".study.zip").extractall(tmp_path)
@@ -262,7 +263,7 @@ def test_kept_study_holds_what_is_known_of_its_channels(bench: Bench, tmp_path: 
 def test_zip_files_are_opened_within_limits(bench: Bench, monkeypatch: pytest.MonkeyPatch) -> None:
     good = {"a/20hz_0kg.csv": FILES["20hz_0kg.csv"].encode(), "a/notes.pdf": b"x", "a/.hidden.csv": b"x"}
     assert bench.keep("some.zip", packed(good)) == ["some/a/20hz_0kg.csv"]
-    (listed, *_) = bench.open(["some/a/20hz_0kg.csv"])
+    (listed, *_) = dropped(bench, ["some/a/20hz_0kg.csv"])
     assert listed["rows"][0]["frequency_hz"] == pytest.approx(20, abs=1e-3)
     for name in ("../../evil.csv", "b/../../../evil.csv", "b/c/d/e/f.csv", "b\\..\\evil.csv"):
         with pytest.raises(FasError, match="is no name for a file"):

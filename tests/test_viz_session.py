@@ -11,6 +11,7 @@ import pytest
 
 pytest.importorskip("meshcat", reason="needs the extra: pip install 'fasbody[view]'")
 
+from page_client import dropped
 from viewer import Watched, served
 
 import mjcf
@@ -50,8 +51,8 @@ def test_a_session_comes_back_as_it_was(bench: Bench) -> None:
     for name, file in FILES.items():
         bench.keep(f"mine/{name}", file.read_bytes())
     bench.keep("mine/odd.csv", FILES["20hz_0kg.csv"].read_bytes().replace(b"time_s,base_m_s2", b"time_s,left"))
-    bench.open([f"mine/{name}" for name in (*FILES, "odd.csv")])
-    bench.bundled()
+    dropped(bench, [f"mine/{name}" for name in (*FILES, "odd.csv")])
+    dropped(bench)
     bench.correct({k: {"body_mass_kg": 70 + k} for k in range(3)})
     bench.correct({3: {"channels": {"base": {"column": "left", "unit": "m/s^2"}}}})
     bench.use(1)
@@ -99,7 +100,7 @@ def test_a_model_of_ones_own_goes_along_with_what_it_includes(tmp_path: Path) ->
     own.write_text(f'{text[:start]}<include file="parts/body.xml"/>{text[end:]}')
     bench = made(str(own))
     try:
-        bench.bundled()
+        dropped(bench)
         bench.history.add(bench._job([0], {}), {"fit": {"branches": []}})
         content, stiffness = saved(bench), bench.show.feet["a"].values()["k_F"]
         bench.check(own.read_text() + "<!-- more -->")
@@ -141,7 +142,7 @@ def changed(content: bytes, change: Any) -> bytes:
 )
 def test_a_session_that_is_none_is_refused(bench: Bench, change: Any, sentence: str) -> None:
     bench.keep("20hz.csv", FILES["20hz_0kg.csv"].read_bytes())
-    bench.open(["20hz.csv"])
+    dropped(bench, ["20hz.csv"])
     with pytest.raises(FasError, match=sentence):
         bench.keep("kept.zip", changed(saved(bench), change))
     with pytest.raises(FasError, match="this is no saved session"):
@@ -156,7 +157,7 @@ def test_a_session_of_one_fit_opens(bench: Bench) -> None:
         del document["fits"], document["chosen"]
         document.update(fasbody_session=1, fit={"job": JOB, "document": FIT})
 
-    bench.bundled()
+    dropped(bench)
     other, answers = opened_with(changed(saved(bench), before))
     try:
         assert [a["fit"]["sentence"] for a in answers if a["type"] == "fitted"] == ["It is so."]
@@ -166,7 +167,7 @@ def test_a_session_of_one_fit_opens(bench: Bench) -> None:
 
 
 def test_no_file_of_a_session_lands_elsewhere(bench: Bench) -> None:
-    bench.bundled()
+    dropped(bench)
     with zipfile.ZipFile(BytesIO(saved(bench))) as archive:
         kept = archive.read(NAME)
     evil = {NAME: kept, "files/../../evil.csv": b"x", "files//etc/evil.csv": b"x", "files/.evil": b"x"}

@@ -8,6 +8,7 @@ import pytest
 
 pytest.importorskip("meshcat", reason="needs the extra: pip install 'fasbody[view]'")
 
+from page_client import dropped
 from viewer import Watched, served
 
 import fasbody as fb
@@ -63,7 +64,7 @@ def test_traces_keep_what_sticks_out_and_spectra_have_the_amplitude_of_sines(tmp
 
 def test_the_seconds_are_fitted_reported_and_in_the_lines_of_python(bench: Bench, tmp_path: Path) -> None:
     bench.keep("20hz.csv", ONE.read_bytes())
-    bench.open(["20hz.csv"])
+    dropped(bench, ["20hz.csv"])
     before = bench.recordings.rows[0]["seconds"]
     with pytest.raises(RecordingError, match="0 samples lie between 5 and 4 s"):
         bench.correct({0: {"start_s": 5, "end_s": 4}})

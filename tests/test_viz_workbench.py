@@ -14,7 +14,7 @@ import pytest
 pytest.importorskip("meshcat", reason="needs the extra: pip install 'fasbody[view]'")
 
 import tornado.httpclient
-from page_client import WAIT, at, documents, leave, status, upgrade
+from page_client import WAIT, at, documents, dropped, leave, status, upgrade
 
 import mjcf
 from fasbody.exceptions import FasError
@@ -53,7 +53,7 @@ class Told:
 
 def test_dropped_file_shakes_the_foot(bench: Bench) -> None:
     bench.keep("mine/20hz.csv", ONE.read_bytes())
-    listed, shown = bench.open(["mine/20hz.csv"])
+    listed, shown = dropped(bench, ["mine/20hz.csv"])
     assert [row["file"] for row in listed["rows"]] == ["mine/20hz.csv"]
     assert listed["rows"][0]["frequency_hz"] == pytest.approx(20, abs=1e-3)
     assert listed["rows"][0]["body_mass_kg"] is None
@@ -75,7 +75,7 @@ def test_the_solver_loads_while_recordings_are_read(bench: Bench, monkeypatch: p
     monkeypatch.setattr(bench.fits, "prepare", lambda: order.append("solver"))
     monkeypatch.setattr(Source, "read", lambda source: order.append("read") or read(source))
     bench.keep("20hz.csv", ONE.read_bytes())
-    bench.open(["20hz.csv"])
+    dropped(bench, ["20hz.csv"])
     assert order == ["solver", "read"]
 
 
@@ -84,7 +84,7 @@ def test_study_is_read_as_a_whole(bench: Bench) -> None:
     for file in (*BUNDLED.glob("*.*"), *sorted(BUNDLED.glob("recordings/*.csv"))[:4]):
         names.append(f"study/{file.relative_to(BUNDLED)}")
         bench.keep(names[-1], file.read_bytes())
-    *first, listed = bench.open(names)
+    *first, listed = dropped(bench, names)
     assert [document["type"] for document in first] == ["data", "model"]  # the foot moves while the rest is read
     assert first[0]["unread"] == len(first[0]["rows"]) * 11 == 11 and listed["unread"] == 0
     rows = listed["rows"]
@@ -101,7 +101,7 @@ def test_columns_and_units_are_corrected_in_the_form(bench: Bench) -> None:
     rows = [line.split(",") for line in lines]
     text = "\n".join(["t,left,right", *(f"{float(t) * 1e3:.3f},{-float(a) / 9.80665:.9f},{b}" for t, a, b, *_ in rows)])
     bench.keep("odd.csv", text.encode())
-    (listed,) = bench.open(["odd.csv"])
+    (listed,) = dropped(bench, ["odd.csv"])
     assert "odd.csv" in listed["rows"][0]["unread"]
     (form,) = bench.columns(0)
     assert [column["name"] for column in form["columns"]] == ["t", "left", "right"]
@@ -136,7 +136,7 @@ def test_names_that_cannot_be_are_refused(bench: Bench, name: str, sentence: str
         bench.keep(name, b"x")
     assert not list(bench.folder.rglob("*.*"))
     with pytest.raises(FasError, match="none of these files is a recording"):
-        bench.open([str(ONE), f"../{ONE}", name])
+        dropped(bench, [str(ONE), f"../{ONE}", name])
 
 
 def test_hostile_files_of_every_format_are_a_sentence_each(bench: Bench) -> None:
@@ -145,7 +145,7 @@ def test_hostile_files_of_every_format_are_a_sentence_each(bench: Bench) -> None
         bench.keep(name, bytes((7 * k * k + number) % 256 for k in range(3000)))
     with pytest.raises(FasError, match=r"broken\.zip: is no zip file"):  # an archive is unpacked as it comes
         bench.keep("broken.zip", bytes(3000))
-    (listed,) = bench.open(names)
+    (listed,) = dropped(bench, names)
     assert len(listed["rows"]) == len(names)
     assert all(row["unread"].startswith("broken") for row in listed["rows"])  # without the session's folder
     assert bench.current == -1
@@ -156,11 +156,11 @@ def test_rows_keep_their_ids_and_what_was_said_of_them(bench: Bench) -> None:
     names = ["Proband 3 – 20 Hz [1].csv", "a#b&c.csv", "c.csv"]
     assert [bench.keep(name, ONE.read_bytes()) for name in names] == [[name] for name in names]
     assert bench.keep('d<1>?".csv', ONE.read_bytes()) == ["d_1___.csv"]
-    *_, listed = bench.open(names)
+    *_, listed = dropped(bench, names)
     assert [(row["id"], row["file"]) for row in listed["rows"]] == list(enumerate(names))
     bench.correct({1: {"body_mass_kg": 60}})
     bench.keep(names[1], ONE.read_bytes())
-    listed, _ = bench.open([names[1]])
+    listed, _ = dropped(bench, [names[1]])
     assert [row["id"] for row in listed["rows"]] == [0, 1, 2]
     assert listed["rows"][1]["body_mass_kg"] == 60
     listed, model = bench.remove([1])
@@ -170,7 +170,7 @@ def test_rows_keep_their_ids_and_what_was_said_of_them(bench: Bench) -> None:
         bench.use(1)
     (listed,) = bench.remove([0, 2])
     assert listed["rows"] == []
-    listed, _ = bench.open(["d_1___.csv"])
+    listed, _ = dropped(bench, ["d_1___.csv"])
     assert listed["rows"][0]["id"] == 3  # an id is given once
 
 
@@ -178,13 +178,13 @@ def test_dead_channel_is_a_sentence_and_no_motion(bench: Bench) -> None:
     rows = [line.split(",") for line in ONE.read_text().splitlines()]
     still = "\n".join([",".join(rows[0]), *(f"{t},{a},0" for t, a, _ in rows[1:])])
     bench.keep("still.csv", still.encode())
-    (listed,) = bench.open(["still.csv"])
+    (listed,) = dropped(bench, ["still.csv"])
     assert listed["rows"][0]["problem"] and listed["shown"] == -1
     with pytest.raises(FasError, match="channel malleolus does not move"):
         bench.use(0)
     mm = "\n".join([",".join(rows[0]), *(f"{t},{float(a) * 1e3},{float(b) * 1e3}" for t, a, b, *_ in rows[1:])])
     bench.keep("mm.csv", mm.encode())
-    bench.open(["mm.csv"])
+    dropped(bench, ["mm.csv"])
     with pytest.raises(FasError, match=r"^mm\.csv: the base amplitude is 8\.95e\+03.*; check its unit\.$"):
         bench.show.answer(bench.show.settings)
     told: list[dict[str, Any]] = []
@@ -199,7 +199,7 @@ def test_dead_channel_is_a_sentence_and_no_motion(bench: Bench) -> None:
 def test_fit_belongs_to_its_model_and_recordings(bench: Bench) -> None:
     """It goes with another model and comes back with its own; it is marked where what it is of is another by now."""
     bench.keep("20hz.csv", ONE.read_bytes())
-    bench.open(["20hz.csv"])
+    dropped(bench, ["20hz.csv"])
     question = bench._job([0], {})
     assert (question.model, question.script.count("20hz.csv")) == ("two_dof", 1)
     document = bench.history.add(question, {"fit": {"branches": []}})
@@ -227,7 +227,7 @@ def test_fit_is_out_of_date_when_an_included_file_changes(tmp_path: Path) -> Non
     bench.fits.prepare = lambda: None  # type: ignore[method-assign]
     try:
         bench.keep("20hz.csv", ONE.read_bytes())
-        bench.open(["20hz.csv"])
+        dropped(bench, ["20hz.csv"])
         bench.history.add(bench._job([0], {}), {"fit": {"branches": []}})
         assert bench.document()["stale"] == ""
         (tmp_path / "body.xml").write_text(f"<mujoco>{text[start:end]}<!-- another --></mujoco>")
@@ -262,7 +262,7 @@ def test_tables_that_cannot_be_read_are_told_what_the_page_can_do(bench: Bench) 
         bench.keep(f"{name}.csv", (head + rows).encode())
     turned = "\n".join(f"{t},{a},{-float(b)}" for t, a, b, *_ in numbers)
     bench.keep("turned.csv", f"time_s,base_m_s2,malleolus_m_s2\n{turned}".encode())
-    (listed, *_) = bench.open([f"{name}.csv" for name in (*heads, "turned")])
+    (listed, *_) = dropped(bench, [f"{name}.csv" for name in (*heads, "turned")])
     for row in listed["rows"]:
         sentences = [row["unread"], row["problem"], *row["warnings"]]
         assert any(sentences), row["file"]
@@ -280,7 +280,7 @@ def test_progress_says_how_long_a_fit_has_run(bench: Bench, monkeypatch: pytest.
     asked: list[Any] = []
     monkeypatch.setattr(bench.fits, "_ask", asked.append)
     bench.keep("20hz.csv", ONE.read_bytes())
-    bench.open(["20hz.csv"])
+    dropped(bench, ["20hz.csv"])
     (progress,) = bench.fit([0], {"starts": 1})
     bench.fits._began -= 100
     assert progress["seconds"] < 50 and 100 <= bench.documents()[2]["seconds"] < 150
@@ -314,7 +314,7 @@ def test_fit_is_what_a_script_finds() -> None:
     bench = Bench(Show(["two_dof"]), told)
     try:
         bench.keep("20hz.csv", ONE.read_bytes())
-        bench.open(["20hz.csv"])
+        dropped(bench, ["20hz.csv"])
         bench.correct({0: {"body_mass_kg": 72.57}})
         said = {
             "starts": 2,
@@ -383,7 +383,7 @@ def test_rivals_are_what_a_script_compares(bench: Bench, monkeypatch: pytest.Mon
 
     for file in ("10hz_0kg.csv", "20hz_0kg.csv", "40hz_0kg.csv"):
         bench.keep(file, (BUNDLED / "recordings" / file).read_bytes())
-    bench.open(["10hz_0kg.csv", "20hz_0kg.csv", "40hz_0kg.csv"])
+    dropped(bench, ["10hz_0kg.csv", "20hz_0kg.csv", "40hz_0kg.csv"])
     for number in range(3):
         bench.correct({number: {"body_mass_kg": 72.57}})
     asked: list[Any] = []
@@ -421,7 +421,7 @@ def test_fits_that_cannot_be_meant(bench: Bench, said: dict[str, Any], sentence:
     with pytest.raises(FasError, match="choose at least one"):
         bench.fit([], {})
     bench.keep("20hz.csv", ONE.read_bytes())
-    bench.open(["20hz.csv"])
+    dropped(bench, ["20hz.csv"])
     with pytest.raises(FasError, match=sentence):
         bench.fit([0], said)
 
@@ -445,7 +445,7 @@ def test_typed_model_moves_and_is_saved_when_it_is_said(
     assert bench.show.answer(bench.show.settings)["feet"]["a"]["ratio"] != pytest.approx(before, rel=1e-3)
     assert not list(tmp_path.iterdir())  # typed is not saved
     bench.keep("20hz.csv", ONE.read_bytes())
-    bench.open(["20hz.csv"])
+    dropped(bench, ["20hz.csv"])
     with pytest.raises(FasError, match="is not saved yet"):
         bench.fit([0], {})
     bench.sine()

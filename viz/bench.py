@@ -119,7 +119,6 @@ class Bench:
         return {"type": "data", **about, "rows": rows}
 
     def _results_of_model(self) -> list[Document]:
-        """Fit and rivals of the model that is shown."""
         name = self.model.name
         answers = (self.history.of_model(name), self._rivals)
         return [answer[1] for answer in answers if answer and answer[0].model == name]
@@ -180,14 +179,6 @@ class Bench:
                 return []
         return uploads.keep(self.folder, name, content)
 
-    def open(self, names: list[str]) -> list[Document]:
-        """Read dropped files, or the study among them, and show the first that can be shown."""
-        return self._begin_reading(uploads.sources(self.folder, names)) + self._read_all()
-
-    def bundled(self) -> list[Document]:
-        """The study that ships with the package."""
-        return self._begin_reading(_bundled()) + self._read_all()
-
     def _begin_reading(self, fresh: list[Source]) -> list[Document]:
         """Read recordings as far as the first that can be shown; the others are `unread`."""
         if not fresh:
@@ -208,9 +199,6 @@ class Bench:
         if self.unread:
             self.recordings.add(self.unread.pop(0))
         return [] if self.unread else [self.document()]
-
-    def _read_all(self) -> list[Document]:
-        return [document for _ in list(self.unread) for document in self.read_next()]
 
     def correct(self, changes: Mapping[int, Mapping[str, Any]]) -> list[Document]:
         """Read recordings again with the page's corrections; where one correction is invalid, none is applied."""
@@ -299,7 +287,6 @@ class Bench:
         return [self.fits.progress()]
 
     def _job(self, numbers: list[int], asked: Mapping[str, Any]) -> Job:
-        """What is to be fitted."""
         if self.fits.running:
             raise SettingError("a fit is already running; stop it first.")
         sources = {number: self.recordings.source(number) for number in numbers}
@@ -380,7 +367,6 @@ class Bench:
         return [{"type": "taken"}]
 
     def _doubt(self, job: Job) -> str:
-        """The checks' doubt about the units of the recordings of a job."""
         return self.recordings.doubt(job.sources)
 
     def _answered(self, job: Job, document: Document) -> None:
@@ -522,16 +508,10 @@ class Bench:
 
 
 def _bundled() -> list[Source]:
-    """The study that ships with the package."""
     return [Source(file, str(BUNDLED)) for file in study_files(BUNDLED)]
 
 
 def _changes(asked: Any) -> dict[int, Mapping[str, Any]]:
-    """Corrections of recordings from a page's message, by their ids.
-
-    Raises:
-        SettingError: it is no list of pairs of an id and a table.
-    """
     pairs = asked if isinstance(asked, list) else []
     good = [isinstance(pair, list) and list(map(type, pair)) == [int, dict] for pair in pairs]
     if not good or not all(good):
@@ -540,11 +520,6 @@ def _changes(asked: Any) -> dict[int, Mapping[str, Any]]:
 
 
 def _settings(asked: Mapping[str, Any], foot: Foot) -> dict[str, Any]:
-    """Settings of a fit from a page's message, as `fit_foot` takes them.
-
-    Raises:
-        SettingError: a setting is invalid.
-    """
     low, high = _STARTS
     starts = asked.get("starts", 4)
     if not isinstance(starts, int) or not low <= starts <= high:

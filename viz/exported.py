@@ -219,13 +219,7 @@ def chromium() -> str | None:
 
 @contextmanager
 def _browser(show: Display, documents: Mapping[str, Any], size: float = 1.0) -> Iterator[Any]:
-    """A headless browser with the exported page, which shows the canvas alone and draws on request only.
-
-    Args:
-        show: what is drawn.
-        documents: the exported ones.
-        size: pixels of the canvas over those of the window.
-    """
+    """A headless browser with the exported page: the canvas alone, `size` times as large."""
     path = chromium()
     if path is None:
         raise SettingError("pictures and films need Chromium: apt-get install chromium, or export a .html.")

@@ -16,8 +16,7 @@ from identification.engines.twin import twin_applies
 from viz import live as sliders
 from viz import scene
 from viz.anatomy import assets
-from viz.anatomy.bones import SEGMENTS
-from viz.anatomy.rest import Carried, ExtraGeoms, Frame, carried, extra_geoms, frames, name_of, reach
+from viz.anatomy.rest import SEGMENTS, Carried, ExtraGeoms, Frame, carried, extra_geoms, frames, name_of, reach
 from viz.excitation import Excitation
 from viz.load import files_of, load_foot
 from viz.motion import CURVE, FRAMES, Motion, periodic_motion, transient_motion, watched, without_drift
@@ -147,7 +146,6 @@ class Show:
 
     @staticmethod
     def _shank(foot: Foot) -> str:
-        """The body that carries the accelerometer."""
         return name_of(foot.model, int(foot.model.site("malleolus").bodyid[0]))
 
     def _soft(self, name: str) -> list[str]:
@@ -222,7 +220,6 @@ class Show:
         }  # fmt: skip
 
     def _about(self) -> str:
-        """How a recording is shown."""
         excitation = self.excitation
         if excitation.recording is None:
             return ""
@@ -302,11 +299,7 @@ class Show:
         return motions
 
     def _settings_of(self, name: str, settings: Settings) -> Settings:
-        """The settings of one foot.
-
-        Parameters of the compared foot change by the same factors as those of the model, within its bounds, so that it
-        does not jump to the model's values.
-        """
+        """Parameters of the compared foot change by the model's factors, within its bounds."""
         if name == MODEL:
             return settings
         mine, other = self.feet[MODEL].values(), self.feet[name].values()

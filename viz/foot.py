@@ -111,11 +111,6 @@ def main(
 
 
 def _copy_arch(file: Path) -> None:
-    """Write the arch, for its user to edit.
-
-    Raises:
-        InputFileError: the folder cannot be written.
-    """
     import mjcf
     from fasbody.console import write_whole
 

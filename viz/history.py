@@ -103,7 +103,6 @@ class History:
 
 
 def _summary(number: int, job: Job, document: Mapping[str, Any]) -> Document:
-    """What the list says of a fit."""
     fit, settings = document["fit"], job.settings
     rows = _branch(fit)["rows"]
     main = sorted(rows, key=lambda row: row["unit"] != "N/m")[:_MAIN]
@@ -129,13 +128,11 @@ def _branch(fit: Mapping[str, Any], name: str = "") -> Mapping[str, Any]:
 
 
 def _contents(job: Job) -> set[str]:
-    """Digests of the files that a job is of."""
     paths = [source.path for source in job.sources.values()]
     return {hashlib.sha256(path.read_bytes()).hexdigest() if path.is_file() else str(path) for path in paths}
 
 
 def _interval(row: Mapping[str, Any] | None) -> str:
-    """Value and 95 % interval of a constant."""
     return "–" if row is None else str(row.get("interval") or readable(row["value"], 4))
 
 

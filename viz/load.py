@@ -57,11 +57,6 @@ def files_of(name: str) -> set[Path]:
 
 
 def _upright(foot: Foot) -> Foot:
-    """The foot, if it stands as the stage shows it.
-
-    Raises:
-        ModelError: up is another way than y.
-    """
     if np.abs(np.subtract(foot.up, _UP)).max() > 1e-6:
         x, y, z = foot.up
         raise ModelError(

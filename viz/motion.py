@@ -122,7 +122,6 @@ def periodic_motion(foot: Foot, settings: Settings, amplitudes: Array | None = N
 
 
 def _balanced(foot: Foot, orbit: Orbit) -> Motion:
-    """What is shown of an orbit."""
     shaken, series = orbit.shaken, Fourier(orbit.series.harmonics, FRAMES)
     position, velocity, acceleration = shaken.motion(series, orbit.solution.x)
     n, f = foot.model.nv, shaken.frequency_hz
@@ -159,11 +158,7 @@ def _advice(foot: Foot, changed: Foot) -> str:
 
 
 def _settled(foot: Foot, f: float, amplitudes: Array) -> Motion:
-    """The periodic motion at `f` [Hz] under (H,) harmonics, with a step so short that half of it changes little.
-
-    Raises:
-        UnstableError: at any step. SimulationError: it does not settle, or every step is too long.
-    """
+    """The periodic motion at f [Hz], with a step so short that half of it changes little."""
     began, batch = time.process_time(), Batch(foot, 1, threads=1)
     linear = Linear(foot)
     first = start = linear.start(f, amplitudes)
@@ -202,19 +197,7 @@ class _UnsettledError(SimulationError):
 def _repeated(
     batch: Batch, f: float, amplitudes: Array, count: int, start: tuple[Array, Array, Array], began: float
 ) -> tuple[Simulation, float]:
-    """The first period that repeats with `count` steps, and the change that is still to come.
-
-    Args:
-        batch: of the foot.
-        f: [Hz].
-        amplitudes: (H,) of the base.
-        count: steps a period, a multiple of `FRAMES`.
-        start: qpos, qvel and act to begin with.
-        began: processor's time at which patience began [s].
-
-    Raises:
-        _UnsettledError: there is none. SimulationError: unstable.
-    """
+    """The first period of `count` steps that repeats, and the change that is still to come."""
     foot, h, before = batch.foot, 1 / (f * count), np.inf
     controls = harmonics(f, amplitudes, 1 / f).controls(h, count)[None]
     for _ in range(PERIODS):
@@ -240,7 +223,6 @@ def _begins(foot: Foot, out: Simulation) -> tuple[Array, Array, Array]:
 
 
 def _period(linear: Linear, out: Simulation, f: float, gap: float, moves: bool) -> Motion:
-    """What is shown of a period that repeats."""
     count = out.time.shape[1]
     motion = _stepped(linear, out, np.arange(0, count, count // FRAMES), 1 / f)
     w = 2 / count * np.exp(-2j * np.pi * np.arange(count) / count)
@@ -357,7 +339,6 @@ class States(NamedTuple):
 
 
 def _stepped(linear: Linear, out: Simulation, pick: Array, duration: float) -> Motion:
-    """What is shown of the picked steps."""
     states = States(out.qpos[0, pick], out.qvel[0, pick], out.act[0, pick])
     time = out.time[0, pick] - out.time[0, 0]
     return _posed(linear, states, time, duration, out.base[0, pick], out.malleolus[0, pick])

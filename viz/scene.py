@@ -27,8 +27,7 @@ except ImportError:
     raise MissingPackageError("meshcat", "view") from None
 
 from viz.anatomy.assets import Part, colour
-from viz.anatomy.bones import SEGMENTS, TABLE
-from viz.anatomy.rest import Frame
+from viz.anatomy.rest import SEGMENTS, TABLE, Frame
 
 Array = np.ndarray
 
@@ -314,7 +313,6 @@ def add_geoms(visualizer: meshcat.Visualizer, name: str, model: mujoco.MjModel, 
 
 
 def _mesh_of(model: mujoco.MjModel, number: int) -> "Surface":
-    """A mesh of the model, in the frame of its geom."""
     first, count = model.mesh_vertadr[number], model.mesh_vertnum[number]
     start, faces = model.mesh_faceadr[number], model.mesh_facenum[number]
     return _with_normals(SCALE * model.mesh_vert[first : first + count], model.mesh_face[start : start + faces])

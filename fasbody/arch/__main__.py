@@ -218,14 +218,12 @@ def _show(result: Presented, name: str = "") -> None:
 
 
 def _draw(folder: Path, pictures: "dict[str, Figure]") -> None:
-    """Write figures as SVG and PNG."""
     for name, picture in pictures.items():
         for written in write_figure(picture, folder / f"{name}.svg", folder / f"{name}.png"):
             console.print(f"written: {written}")
 
 
 def _called(model: str) -> str:
-    """What tables and figures call a model."""
     return "nominal" if model == "foot_arch" else Path(model).name
 
 

@@ -9,9 +9,10 @@ from dataclasses import dataclass, fields, replace
 from functools import cache
 from math import acos, cos, degrees, sin
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, Self
+from typing import TYPE_CHECKING, Any, Literal, Self
 
 import numpy as np
+from numpy.typing import NDArray
 
 from fasbody.exceptions import ModelError
 from fasbody.presentation import Tabled
@@ -185,6 +186,14 @@ class Arch(Tabled):
     def links(self) -> tuple[tuple[float, float], ...]:
         """Mass [kg] and length [m] of the four bones of the foot."""
         return tuple((getattr(self, f"m_{i}"), getattr(self, f"L_{i}")) for i in range(1, 5))
+
+    def tension(self, e: NDArray[Any]) -> NDArray[Any]:
+        """Of the relaxed aponeurosis [N] at its elongation e [m], any shape, real or complex."""
+        return self.k_11 * e
+
+    def moment(self, joint: int, d: NDArray[Any]) -> NDArray[Any]:
+        """Of the ligaments [N m] at the turn d [rad] of joint 2, 3 or 4, any shape, real or complex."""
+        return getattr(self, f"k_{joint}") * d
 
     def middle(self) -> Self:
         """The same bones with the constants of `thesis`."""

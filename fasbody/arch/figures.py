@@ -165,7 +165,6 @@ def arch_sag(result: "SagStudy", measured: dict[float, tuple[float, float]] | No
 
 
 def _panel(ax: Axes, letter: str) -> None:
-    """The panel's letter above its left corner."""
     ax.set_title(f"({letter})", loc="left")
 
 

@@ -9,7 +9,7 @@ All functions work on arrays of poses, shape (..., 6), in the order (z_F, z_T, t
 
 import numpy as np
 
-from fasbody.arch.bones import PARAMETERS, Arch
+from fasbody.arch.bones import DAMPERS, PARAMETERS, SPRINGS, Arch
 from fasbody.arch.kinematics import THETA_2, THETA_3, THETA_4, Z_F, Z_T, Array, X, arms, deformations, gradients
 
 _LOWER = np.tril_indices(6, -1)
@@ -103,18 +103,24 @@ def mass_and_bias(arch: Arch, q: Array, q_dot: Array, gravity: float = 0.0) -> t
     return A, -velocity_terms(arch, q, q_dot) + A[..., 0] * gravity
 
 
+def strains(arch: Arch, q: Array) -> dict[str, tuple[Array, Array]]:
+    """What each of the 13 constants resists, zero at rest: deformation (...), gradient (..., 6)."""
+    d, g, unit = deformations(arch, q), gradients(arch, q), np.eye(6)
+    joints = {
+        "2": (d.d_2, g.d_2), "3": (d.d_3, g.d_3), "4": (d.d_4, g.d_4),
+        "T": (q[..., Z_T], unit[Z_T]), "F": (q[..., Z_F], unit[Z_F]),
+    }  # fmt: skip
+    table = {f"{kind}_{i}": strain for kind in "kc" for i, strain in joints.items()}
+    table |= {"k_11": (d.e, g.e), "k_12": (d.e - q[..., X], g.e - unit[X])}
+    table |= {"c_1": (q[..., X], unit[X])}
+    return {name: table[name] for name in PARAMETERS}
+
+
 def potential(arch: Arch, q: Array) -> Array:
     """U(q) [J] of the consistent model, shape (...)."""
-    d = deformations(arch, q)
-    return 0.5 * (  # Eq. (4.9), the sum over k_i running to 4
-        arch.k_11 * d.e**2
-        + arch.k_12 * (d.e - q[..., X]) ** 2
-        + arch.k_2 * d.d_2**2
-        + arch.k_3 * d.d_3**2
-        + arch.k_4 * d.d_4**2
-        + arch.k_F * q[..., Z_F] ** 2
-        + arch.k_T * q[..., Z_T] ** 2
-    )
+    of = strains(arch, q)
+    # Eq. (4.9), the sum running to k_4
+    return 0.5 * sum(getattr(arch, name) * of[name][0] ** 2 for name in SPRINGS)
 
 
 def kinetic(arch: Arch, q: Array, q_dot: Array, v_B: float | Array = 0.0) -> Array:
@@ -126,15 +132,8 @@ def kinetic(arch: Arch, q: Array, q_dot: Array, v_B: float | Array = 0.0) -> Arr
 
 def dissipated_power(arch: Arch, q: Array, q_dot: Array) -> Array:
     """2 D [W], the power lost in all six dampers, shape (...); D is the dissipation of Eq. (4.9)."""
-    g = gradients(arch, q)
-    rates = (np.einsum("...i,...i->...", d, q_dot) for d in (g.d_2, g.d_3, g.d_4))
-    constants = (arch.c_2, arch.c_3, arch.c_4)
-    return (
-        sum(c * rate**2 for c, rate in zip(constants, rates, strict=True))
-        + arch.c_1 * q_dot[..., X] ** 2
-        + arch.c_F * q_dot[..., Z_F] ** 2
-        + arch.c_T * q_dot[..., Z_T] ** 2
-    )
+    of = strains(arch, q)
+    return sum(getattr(arch, name) * (of[name][1] * q_dot).sum(axis=-1) ** 2 for name in DAMPERS)
 
 
 def force_per_parameter(arch: Arch, q: Array, q_dot: Array) -> dict[str, Array]:
@@ -142,46 +141,16 @@ def force_per_parameter(arch: Arch, q: Array, q_dot: Array) -> dict[str, Array]:
 
     Forces are linear in the 13 constants, so the same table gives the forces and their sensitivities.
     """
-    d, g = deformations(arch, q), gradients(arch, q)
-    unit = np.eye(6)
-
-    def spring(stretch: Array, direction: Array) -> Array:
-        return -stretch[..., None] * direction
-
-    def damper(direction: Array) -> Array:
-        return -np.einsum("...i,...i->...", direction, q_dot)[..., None] * direction
-
-    force = {
-        "k_11": spring(d.e, g.e),
-        "k_12": spring(d.e - q[..., X], g.e - unit[X]),
-        "k_2": spring(d.d_2, g.d_2),
-        "k_3": spring(d.d_3, g.d_3),
-        "k_4": spring(d.d_4, g.d_4),
-        "k_T": spring(q[..., Z_T], unit[Z_T]),
-        "k_F": spring(q[..., Z_F], unit[Z_F]),
-        "c_1": damper(unit[X]),
-        "c_2": damper(g.d_2),
-        "c_3": damper(g.d_3),
-        "c_4": damper(g.d_4),
-        "c_T": damper(unit[Z_T]),
-        "c_F": damper(unit[Z_F]),
+    return {
+        name: -(stretch if name in SPRINGS else (slope * q_dot).sum(axis=-1))[..., None] * slope
+        for name, (stretch, slope) in strains(arch, q).items()
     }
-    return {name: force[name] for name in PARAMETERS}
 
 
 def spring_damper_forces(arch: Arch, q: Array, q_dot: Array) -> Array:
     """Generalized forces of all springs and dampers, shape (..., 6): -dU/dq - dD/dq' of Eq. (4.10)."""
-    d, g = deformations(arch, q), gradients(arch, q)
-    branch = arch.k_12 * (d.e - q[..., X])
-    Q = -(arch.k_11 * d.e + branch)[..., None] * g.e
-    for k, c, turn, slope in (
-        (arch.k_2, arch.c_2, d.d_2, g.d_2), (arch.k_3, arch.c_3, d.d_3, g.d_3), (arch.k_4, arch.c_4, d.d_4, g.d_4),
-    ):  # fmt: skip
-        Q = Q - (k * turn + c * (slope * q_dot).sum(axis=-1))[..., None] * slope
-    Q[..., Z_F] -= arch.k_F * q[..., Z_F] + arch.c_F * q_dot[..., Z_F]
-    Q[..., Z_T] -= arch.k_T * q[..., Z_T] + arch.c_T * q_dot[..., Z_T]
-    Q[..., X] += branch - arch.c_1 * q_dot[..., X]
-    return Q
+    of_unit = force_per_parameter(arch, q, q_dot)
+    return sum(getattr(arch, name) * force for name, force in of_unit.items())
 
 
 def right_hand_side(arch: Arch, q: Array, q_dot: Array, base_acceleration: float | Array) -> Array:

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fasbody.arch.bones import PARAMETERS, SPRINGS, Arch
-from fasbody.arch.kinematics import Z_F, Z_T, Array, X, arms, gradients, rest
-from fasbody.arch.lagrange import mass_matrix, right_hand_side
+from fasbody.arch.bones import SPRINGS, Arch
+from fasbody.arch.kinematics import Array, X, arms, rest
+from fasbody.arch.lagrange import mass_matrix, right_hand_side, strains
 
 
 @dataclass(frozen=True)
@@ -23,15 +23,6 @@ class Linear:
     out: Array
 
 
-def directions(arch: Arch, q: Array) -> dict[str, Array]:
-    """Gradient of the deformation that each of the 13 constants resists at pose q; name -> shape (6,)."""
-    g, unit = gradients(arch, q), np.eye(6)
-    joints = {"2": g.d_2, "3": g.d_3, "4": g.d_4, "T": unit[Z_T], "F": unit[Z_F]}
-    table = {f"{kind}_{i}": direction for kind in "kc" for i, direction in joints.items()}
-    table |= {"k_11": g.e, "k_12": g.e - unit[X], "c_1": unit[X]}
-    return {name: table[name] for name in PARAMETERS}
-
-
 def linearise(arch: Arch, q: Array | None = None, gravity: float = 0.0) -> Linear:
     """The matrices of Eq. (4.12), consistent model.
 
@@ -42,7 +33,7 @@ def linearise(arch: Arch, q: Array | None = None, gravity: float = 0.0) -> Linea
     """
     pose = rest(arch) if q is None else q
     K, C = np.zeros((6, 6)), np.zeros((6, 6))
-    for name, g in directions(arch, pose).items():
+    for name, (_, g) in strains(arch, pose).items():
         matrix = K if name in SPRINGS else C
         matrix += getattr(arch, name) * np.outer(g, g)
     if q is not None:  # stretched springs and weight turn with the pose

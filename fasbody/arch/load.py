@@ -6,7 +6,7 @@ and z_T = -W / k_T apart from the angles, so that the arch itself is three equat
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Protocol
 
 import numpy as np
 
@@ -14,8 +14,6 @@ from fasbody.arch.bones import SPRINGS, Arch
 from fasbody.arch.kinematics import Array, X, arms, deformations, gradients, rest
 from fasbody.arch.lagrange import right_hand_side
 from fasbody.arch.linear import Linear, linearise, response, state_space
-from fasbody.arch.tissue import Linear as LinearSprings
-from fasbody.arch.tissue import Springs
 from fasbody.constants import MODEL_GRAVITY
 from fasbody.exceptions import SettingError, SimulationError
 from fasbody.presentation import Presented, Sheet
@@ -31,6 +29,16 @@ HEEL = 0.63
 MEASURED_HZ = {0.0: (15.0, 25.0), 2.3: (30.0, 35.0), 4.5: (35.0, 40.0)}
 
 _STEP = 1e-30
+
+
+class Springs(Protocol):
+    """What holds an arch up: one tension and three moments."""
+
+    def tension(self, e: Array) -> Array:
+        """Of the aponeurosis [N] at its elongation e [m], any shape, real or complex."""
+
+    def moment(self, joint: int, d: Array) -> Array:
+        """Of the ligaments [N m] at the turn d [rad] of joint 2, 3 or 4, any shape, real or complex."""
 
 
 @dataclass(frozen=True)
@@ -62,7 +70,7 @@ def equilibrium(arch: Arch, load: float, steps: int = 20, springs: Springs | Non
         arch: the constants.
         load: downward [N], zero or more.
         steps: in which the load is raised.
-        springs: aponeurosis and ligaments; None for the arch's own linear ones.
+        springs: aponeurosis and ligaments; None for the linear ones of the arch.
 
     Raises:
         SettingError: the load is below zero or no number.
@@ -70,7 +78,7 @@ def equilibrium(arch: Arch, load: float, steps: int = 20, springs: Springs | Non
     """
     if not 0 <= load < np.inf:
         raise SettingError(f"the load on the arch is {load:g} N, but must be zero or more.", "load")
-    q, springs = rest(arch), springs or LinearSprings(arch)
+    q, springs = rest(arch), springs or arch
     for force in np.linspace(load / steps, load, steps):
         q = _newton(arch, q, force, load, springs)
     a, e = arms(arch, q), deformations(arch, q).e
@@ -131,30 +139,6 @@ def tangent(arch: Arch, q: Array, load: Array | float, springs: Springs) -> Arra
     """Slope of `moments` over theta_2, theta_3, theta_4 [N m/rad] at poses (..., 6), shape (..., 3, 3)."""
     columns = [moments(arch, q + 1j * _STEP * e, load, springs).imag / _STEP for e in np.eye(6)[2:5]]
     return np.stack(columns, axis=-1)
-
-
-def poses(arch: Arch, load: Array, springs: Springs) -> tuple[Array, Array]:
-    """Many arches under load at once: poses (..., 6), and which of them hold, shape (...); the others are at rest.
-
-    Args:
-        arch: the bones.
-        load: on the apex [N], shape (...).
-        springs: aponeurosis and ligaments, numbers or of shape (...).
-    """
-    q = np.broadcast_to(rest(arch), (*np.shape(load), 6)).copy()
-    stands = np.ones(np.shape(load), bool)
-    for _ in range(200):
-        step = np.linalg.solve(tangent(arch, q, load, springs), moments(arch, q, load, springs)[..., None])[..., 0]
-        largest = np.where(stands, np.abs(step).max(axis=-1), 0)
-        q[..., 2:5] -= step * np.minimum(1, 0.05 / np.maximum(largest, 1e-300))[..., None]
-        height = np.cos(q[..., 2:5]) @ [arch.L_2, arch.L_3, arch.L_4]
-        stands &= (height > 0) & (height < arch.L_1)
-        q[~stands] = rest(arch)
-        if largest.max(initial=0) < 1e-12:
-            break
-    slope = tangent(arch, q, load, springs)
-    stands &= (np.linalg.eigvalsh(-(slope + np.swapaxes(slope, -1, -2)) / 2)[..., 0] > 0) & (largest < 1e-9)
-    return q, stands
 
 
 def loaded(arch: Arch, gravity: float = MODEL_GRAVITY) -> Linear:

@@ -82,7 +82,6 @@ def carried_mass(model: mujoco.MjModel, body: int) -> float:
 
 
 def _index(model: mujoco.MjModel, name: str) -> Index:
-    """(kind, element) -> number, of every element that the arch needs."""
     counts = {"joint": model.njnt, "site": model.nsite, "tendon": model.ntendon, "actuator": model.nactuator}
     numbers = {}
     for kind, elements in _KINDS.items():

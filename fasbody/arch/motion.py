@@ -5,17 +5,12 @@ the step and extrapolates, which is of second order. When a run diverges or alte
 dampers are first made all native, then the step is halved. The result notes both.
 """
 
-import copy
 from dataclasses import dataclass, replace
 
-import mujoco
 import numpy as np
 
-from fasbody.arch.bones import Arch
 from fasbody.arch.kinematics import Array
-from fasbody.arch.mjcf import BRANCH, FASCIA, PADS, SPRUNG
 from fasbody.exceptions import SimulationError
-from fasbody.foot.damper import DAMPER
 from fasbody.foot.model import Foot
 from fasbody.foot.shaker import BaseMotion
 from fasbody.foot.simulate import HINGE_SHARE, Batch
@@ -93,30 +88,3 @@ def _run(foot: Foot, motion: BaseMotion, step: float, hinge_share: float) -> Arc
     if np.abs(np.diff(malleolus, 2)).mean() > 4 * RINGING * np.abs(malleolus).mean():
         raise SimulationError(f"{foot.name}: the output rings at the step's own frequency.")
     return ArchMotion(step * np.arange(len(malleolus)), malleolus, result.qpos[0][:-1], step, hinge_share, "")
-
-
-def _dof(model: mujoco.MjModel, joint: str) -> int:
-    return int(model.jnt_dofadr[model.joint(joint).id])
-
-
-def with_constants(foot: Foot, arch: Arch) -> Foot:
-    """A copy of the foot with the 13 spring and damper constants of `arch`, its geometry and masses kept.
-
-    Args:
-        foot: foot_arch or an edited copy.
-        arch: whose constants it gets.
-    """
-    model = copy.copy(foot.model)
-    for symbol, joint in SPRUNG.items():
-        j, c = model.joint(joint).id, getattr(arch, f"c_{symbol}")
-        model.jnt_stiffness[j] = getattr(arch, f"k_{symbol}")
-        model.dof_damping[_dof(model, joint)] = c
-        model.jnt_user[j, :4] = (DAMPER, c, 0, 0)
-    for pad in PADS:
-        t = model.tendon(pad).id
-        model.tendon_stiffness[t], model.tendon_damping[t] = arch.k_F / 2, arch.c_F / 2
-        model.tendon_user[t, :4] = (DAMPER, arch.c_F / 2, 0, 0)
-    model.tendon_stiffness[model.tendon(FASCIA).id] = arch.k_11
-    branch = model.actuator(BRANCH).id
-    model.actuator_gainprm[branch, 0], model.actuator_dynprm[branch, 0] = 1 / arch.c_1, arch.c_1 / arch.k_12
-    return replace(foot, model=model)

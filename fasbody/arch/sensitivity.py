@@ -14,8 +14,8 @@ import numpy as np
 
 from fasbody.arch.bones import PARAMETERS, SPRINGS, Arch
 from fasbody.arch.kinematics import Array, X, arms, rest
-from fasbody.arch.lagrange import force_per_parameter, mass_matrix
-from fasbody.arch.linear import directions, linearise
+from fasbody.arch.lagrange import force_per_parameter, mass_matrix, strains
+from fasbody.arch.linear import linearise
 from fasbody.arch.ode import STATES, initial_state, jacobian, malleolus_acceleration, solve, split
 from fasbody.presentation import Presented, Sheet
 
@@ -163,7 +163,7 @@ def linear_sensitivity(arch: Arch, frequency_hz: Array = FREQUENCIES_HZ) -> Arra
     Returns:
         Shape (n, 12, 13), outputs in the order of `OUTPUTS`, constants in that of `PARAMETERS`.
     """
-    model, g = linearise(arch), np.array(list(directions(arch, rest(arch)).values()))
+    model, g = linearise(arch), np.array([slope for _, slope in strains(arch, rest(arch)).values()])
     s = 2j * np.pi * np.asarray(frequency_hz)[:, None, None]
     inverse = np.linalg.inv(s**2 * model.M + s * model.C + model.K)
     q = -inverse @ model.M[:, 0]

@@ -161,6 +161,7 @@ def write(table: "Table", folder: Path, figure_format: str) -> None:
 
     import pandas as pd
 
+    from fasbody.presentation import picture
     from fasbody.transmissibility import comparisons, figures
     from fasbody.transmissibility.findings import judged
 
@@ -191,8 +192,8 @@ def write(table: "Table", folder: Path, figure_format: str) -> None:
         if not fine:
             drawn |= {f"{name}_{pair}": figures.subjects(table, pair, conditions) for pair in table.pairs}
         for stem, figure in drawn.items():
-            write_whole(folder / f"{stem}.{figure_format}", figures.save(figure, figure_format))
-    write_whole(folder / f"single_mass.{figure_format}", figures.save(_single_mass(table), figure_format))
+            write_whole(folder / f"{stem}.{figure_format}", picture(figure, figure_format))
+    write_whole(folder / f"single_mass.{figure_format}", picture(_single_mass(table), figure_format))
 
 
 def comparable(table: "Table") -> dict[str, list["Condition"]]:

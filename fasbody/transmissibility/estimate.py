@@ -1,8 +1,7 @@
 """Transmissibility and phase of one recording, with their uncertainty: of a sine, of several, or over a band."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from typing import Any
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -43,10 +42,6 @@ class Row:
     method: str = ""
     distortion_std: float = float("nan")
     resolution_bias: float = float("nan")
-
-    def document(self) -> dict[str, Any]:
-        """As JSON has it."""
-        return asdict(self)
 
 
 def rows(recording: Recording, resolution_hz: float = 1.0, estimate: str = "best") -> list[Row]:

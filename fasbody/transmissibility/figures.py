@@ -9,14 +9,9 @@ from matplotlib.figure import Figure
 from scipy.interpolate import Akima1DInterpolator
 
 from fasbody.constants import Z95
-from fasbody.presentation import COLOURS, MARKS, panels, picture, printed
+from fasbody.presentation import COLOURS, MARKS, panels, printed
 from fasbody.transmissibility import sdof
 from fasbody.transmissibility.table import Condition, Table
-
-
-def save(figure: Figure, ending: str) -> bytes:
-    """The figure as the content of an .svg, .png or .pdf file."""
-    return picture(figure, ending)
 
 
 def _smooth(f: np.ndarray, values: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -207,7 +207,6 @@ def _whole(r: Resonance) -> bool:
 
 
 def _unity(curves: Curves) -> list[tuple[float, str]]:
-    """Frequency and verdict against unity."""
     verdicts = []
     for f, values in zip(curves.frequency_hz, curves.T.T, strict=True):
         try:

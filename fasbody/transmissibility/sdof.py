@@ -24,14 +24,3 @@ def transmissibility(
 ) -> np.ndarray:
     """T (n,), with the square on omega [rad/s] that the print omits (docs/errata.md); arguments as `response`."""
     return np.sqrt((k**2 + (omega * c) ** 2) / ((k - m * omega**2) ** 2 + (omega * c) ** 2))  # Eq. (2.5)
-
-
-def damping_for(T: float, omega: float, m: float, k: np.ndarray) -> np.ndarray:
-    """Damping c [N s/m] that gives transmissibility T at stiffness k (n,) [N/m]; NaN where none does.
-
-    The closed form of the contour lines in Figure 2.10: Eq. (2.5) solved for c.
-    """
-    above = k**2 - T**2 * (k - m * omega**2) ** 2
-    with np.errstate(divide="ignore", invalid="ignore"):
-        squared = above / (omega**2 * (T**2 - 1))
-        return np.where(squared >= 0, np.sqrt(np.maximum(squared, 0)), np.nan)

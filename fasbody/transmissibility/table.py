@@ -2,7 +2,7 @@
 
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, ClassVar
@@ -80,11 +80,6 @@ class Curves(Tabled):
         return replace(self, frequency_hz=np.asarray(frequency_hz, float), T=T, phase_deg=phase)
 
     @property
-    def title(self) -> str:
-        """Pair and condition."""
-        return f"{self.pair}, {self.condition}"
-
-    @property
     def condition(self) -> str:
         """Posture and added mass [kg]."""
         return f"{self.posture}, {self.added_mass_kg:g} kg"
@@ -132,7 +127,7 @@ class Table(Presented):
     @classmethod
     def _made_of(cls, parts: Sequence[list[Row] | str], origin: str, channels: Mapping[str, Channel]) -> "Table":
         """Of the rows of each recording, or the sentence on why it has none."""
-        lines = [row.document() for part in parts if not isinstance(part, str) for row in part]
+        lines = [asdict(row) for part in parts if not isinstance(part, str) for row in part]
         problems = tuple(part for part in parts if isinstance(part, str))
         if not lines:
             raise RecordingError(problems[0])
@@ -283,7 +278,6 @@ def _common_band(frame: pd.DataFrame) -> pd.DataFrame:
 
 
 def _stated(layout: Layout) -> dict[str, Channel]:
-    """The channels of a study, of all its layouts."""
     return {name: c for one in (layout, *(other for _, other in layout.apart)) for name, c in one.channels.items()}
 
 

@@ -60,15 +60,16 @@ def main(
     """Identify, report, draw."""
     from identification.blackbox import data, report
     from identification.blackbox.identify import identify
+    from identification.parameters import names
 
     several = "," in input + output
-    chosen = tuple(_names(structures.lower()))
+    chosen = names(structures.lower()) or ()
     if several:
         from identification.blackbox import mimo
 
         if pool or robust:
             raise SettingError("--pool and --robust are for one input and one output.")
-        if not (_names(input) and _names(output)):
+        if not (names(input) and names(output)):
             raise SettingError("several inputs or outputs need both --input and --output.")
         if len(files) != 1:
             raise SettingError("several inputs or outputs are fitted from one file at a time.")
@@ -114,16 +115,10 @@ def main(
         _write(out, reports, document)
 
 
-def _names(text: str) -> list[str]:
-    """The names in an option, between commas."""
-    return [name.strip() for name in text.split(",") if name.strip()]
-
-
 def _several(
     series: "Series", structures: tuple[str, ...], orders: dict[str, tuple[int, ...]],
     split: float, detrend: int, json: bool, out: Path | None,
 ) -> None:  # fmt: skip
-    """Models of several inputs or outputs."""
     from identification.blackbox import condition, keep, mimo
 
     report = mimo.identify(condition.detrend(series, detrend), structures, orders, split)

@@ -189,10 +189,7 @@ def _feedback(series: Series, errors: np.ndarray, lags: int) -> tuple[float, flo
 
 
 def _at_once(phi: np.ndarray, y: np.ndarray, lags: int) -> bool:
-    """Whether u(t) explains a little of y(t) beyond the past.
-
-    A feedthrough and a controller that responds within the sample look alike, unless most of the output's news is u(t).
-    """
+    """Whether u(t) explains a little of y(t) beyond the past: a feedthrough or a fast controller."""
     share, p = _gain(y, np.delete(phi, lags, axis=1), phi[:, lags : lags + 1])
     return p < SUSPECT and share < MOSTLY
 

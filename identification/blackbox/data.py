@@ -199,7 +199,6 @@ def _tuple(names: Names) -> tuple[str, ...]:
 
 
 def _columns(signals: np.ndarray) -> Sequence[np.ndarray]:
-    """The single signals (N,) of one or of several."""
     return [signals] if signals.ndim == 1 else list(signals.T)
 
 
@@ -340,7 +339,6 @@ def _chosen(
 
 
 def _numbers(table: TextTable, name: Names) -> np.ndarray:
-    """One column (N,), or several (N, n)."""
     chosen = _tuple(name)
     columns = table.numbers({one: table.names.index(one) for one in chosen})
     return columns[name] if isinstance(name, str) else np.column_stack([columns[n] for n in chosen])

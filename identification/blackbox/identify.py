@@ -98,17 +98,35 @@ class Report(Tabled):
     failures: tuple[str, ...]
 
     def sheet(self) -> Sheet:
-        """One row per structure, with its fit to data that were held out."""
-        rows = [(name, str(m.best.model.label), f"{m.best.fit_percent:.2f}") for name, m in self.models.items()]
-        notes = [str(self.excitation), *self.notes]
-        notes += [f"{name}: {text}" for name, m in self.models.items() for text in m.warnings]
-        return Sheet(self.name, ("structure", "model", "fit to held-out data [%]"), rows, [*notes, *self.failures])
+        """The models in one table, and the best of them in one sentence."""
+        best = max((m.best for m in self.models.values()), key=lambda c: c.fit_percent)
+        label, percent = best.model.label, best.fit_percent
+        answer = f"{label} simulates {percent:.1f} % of the held-out output freely."
+        if not np.isfinite(best.fit_percent):
+            best = max((m.best for m in self.models.values()), key=lambda c: c.one_step_percent)
+            answer = (
+                f"{best.model.label} predicts {best.one_step_percent:.1f} % one step ahead; none "
+                "can be simulated freely."
+            )
+        columns = (
+            "model", "free simulation [%]", "one step [%]", "AIC", "BIC", "coefficients",
+            "slowest mode", "alike",
+        )  # fmt: skip
+        rows, notes = [], [f"{answer} Input: {self.excitation}."]
+        notes += ["Fits are of the held-out part, which no choice has seen.", *self.notes]
+        notes += self.failures
+        for chosen in self.models.values():
+            c = chosen.best
+            fits = (finite(fit, ".2f", "diverges") for fit in (c.fit_percent, c.one_step_percent))
+            mode = _slowest(c.model, self.estimation[0].sample_time)
+            counts = str(c.model.parameters), mode, str(len(chosen.selection.alike))
+            rows.append((c.model.label, *fits, f"{c.aic:.4f}", f"{c.bic:.4f}", *counts))
+            notes += [f"{c.model.label}: {text}" for text in chosen.warnings]
+        notes += [str(extra) for extra in (self.rational, self.left_out) if extra]
+        return Sheet(self.name, columns, rows, notes)
 
     def __str__(self) -> str:
-        rows = [f"{self.name}: {self.excitation}", *(f"  {text}" for text in self.notes)]
-        for m in self.models.values():
-            rows += [f"  {m.best}", *(f"    {text}" for text in m.warnings)]
-        return "\n".join([*rows, *(str(extra) for extra in (self.rational, self.left_out) if extra), *self.failures])
+        return str(self.sheet())
 
 
 def identify(
@@ -302,7 +320,6 @@ def _judge(chosen: Selection, chooser: _Chooser, seen: Excitation) -> ChosenMode
 
 
 def _log_loss(model: Single, recordings: Sequence[Series]) -> float:
-    """N times the logarithm of the mean squared one-step error."""
     errors = np.concatenate([model.residuals(series) for series in recordings])
     return float(len(errors) * np.log(max(float(np.mean(errors**2)), 1e-300)))
 
@@ -336,7 +353,6 @@ def _no_intervals(model: Single, test: ResidualTest, chooser: _Chooser) -> str:
 
 
 def _without_intervals(model: Any) -> Any:
-    """The model with NaN for every standard error of its plant."""
     if isinstance(model, PolynomialModel):
         return model.without_intervals()
     for part in ("transfer", "linear"):
@@ -380,3 +396,19 @@ def _through_points(pooled: Sequence[Series]) -> tuple[Rational | None, frequenc
     if len(data) < 5:
         return None, None
     return frequency.rational(data), frequency.leave_one_out(data)
+
+
+def finite(value: float, form: str, otherwise: str) -> str:
+    """A number as a format has it, or what stands for one that is not finite."""
+    return format(value, form) if np.isfinite(value) else otherwise
+
+
+def _slowest(model: Single, sample_time: float) -> str:
+    """Frequency and damping of the mode nearest to the unit circle."""
+    poles = model.poles()
+    if not len(poles) or not np.abs(poles).max() > 0:
+        return "–"
+    s = np.log(complex(poles[np.argmax(np.abs(poles))])) / sample_time
+    if abs(s.imag) * sample_time < 1e-9:
+        return f"{1 / max(-s.real, 1e-300):.3g} s"
+    return f"{abs(s) / 2 / np.pi:.4g} Hz, damping {100 * -s.real / abs(s):.2g} %"

@@ -30,18 +30,12 @@ ROWS = 12  # block rows of the subspace method; more than the largest order over
 
 @dataclass(frozen=True, eq=False)
 class MimoModel(StateSpace):
-    """A model with m inputs and p outputs.
+    """A model with m inputs and p outputs, besides its matrices.
 
     Attributes:
-        A: (n, n).
-        B: (n, m).
-        C: (p, n).
-        D: (p, m).
-        K: (n, p).
         noise: covariance of e, shape (p, p).
         loss: mean squared one-step error over the outputs, each over its variance.
         samples: rows behind it.
-        sample_time: seconds.
         structure: ss or arx.
         numbers: order of ss; n_a, n_b, n_k of arx.
         theta: ARX coefficients, one column an output: n_a p of past outputs (with a minus), then
@@ -52,15 +46,10 @@ class MimoModel(StateSpace):
             empty where there are no intervals.
     """
 
-    A: np.ndarray
-    B: np.ndarray
-    C: np.ndarray
     D: np.ndarray
-    K: np.ndarray
     noise: np.ndarray
     loss: float
     samples: int
-    sample_time: float
     structure: str
     numbers: tuple[int, ...]
     theta: np.ndarray
@@ -145,8 +134,8 @@ def arx(recording: Series, na: int, nb: int, nk: int) -> MimoModel:
     A[:, :p] -= a.reshape(size * p, p)
     B, K = (b[1:] - a @ b[0]).reshape(size * p, m), -a.reshape(size * p, p)
     return MimoModel(
-        A, B, np.eye(p, size * p), b[0], K, noise, _loss(errors, recording.y), len(phi),
-        recording.sample_time, "arx", (na, nb, nk), theta, std_error, spread=root,
+        A, B, np.eye(p, size * p), b[0], K, recording.sample_time, noise,
+        _loss(errors, recording.y), len(phi), "arx", (na, nb, nk), theta, std_error, spread=root,
     )  # fmt: skip
 
 
@@ -159,7 +148,7 @@ def space(factors: subspace.Subspace, order: int) -> MimoModel:
 
     def model(noise: np.ndarray, loss: float) -> MimoModel:
         return MimoModel(
-            A, B, C, D, K, noise, loss, len(recording), recording.sample_time, "ss", (order,),
+            A, B, C, D, K, recording.sample_time, noise, loss, len(recording), "ss", (order,),
             blank, blank, tuple(warnings),
         )  # fmt: skip
 

@@ -107,10 +107,7 @@ def _race(
     problem: Residuals, families: list[list[np.ndarray]], nested: Sequence[list[np.ndarray]] = (),
     quick: bool = False,
 ) -> Start:  # fmt: skip
-    """The end from the best admissible member of the first family; from others, while they lead.
-
-    Those of `nested` may start wherever their loss is the least: their end is never above it.
-    """
+    """The end from the best admissible start of the first family, of others while they lead."""
     best: Start | None = None
     for family in [*families, *nested]:
         losses = [problem.at(t).loss if problem.admissible(t) else np.inf for t in family]
@@ -252,10 +249,7 @@ def grid(recordings: Series | Sequence[Series], na_max: int = 15, nb_max: int = 
 def _families(
     structure: str, recordings: Sequence[Series], orders: Orders
 ) -> list[list[np.ndarray]]:
-    """Coefficients (d,) of ARMAX or OE models to start from, in families with different minima.
-
-    The caller takes the member with the least loss from each and lets them race.
-    """
+    """Coefficients (d,) of ARMAX or OE models to start from, in families with different minima."""
     o = orders
     if structure == "oe":
         plants = _plants(recordings, o)

@@ -9,8 +9,8 @@ from rich.table import Table
 
 from fasbody.constants import Z95
 from fasbody.presentation import Sheet, inline, picture
-from identification.blackbox.identify import ChosenModel, Report
-from identification.blackbox.keep import Single, named
+from identification.blackbox.identify import ChosenModel, Report, finite
+from identification.blackbox.keep import named
 from identification.blackbox.polynomial import STRUCTURES
 
 
@@ -68,7 +68,6 @@ def recording(report: Report) -> dict[str, Any]:
 
 
 def _pairs(values: np.ndarray) -> list[list[float]]:
-    """Complex numbers as JSON has them."""
     return [[v.real, v.imag] for v in np.asarray(values, dtype=complex)]
 
 
@@ -239,51 +238,9 @@ def page(reports: Sequence[Report]) -> str:
         details = []
         for m in report.models.values():
             rows = [
-                (name, f"{e['value']:.6g}", _finite(e["std_error"], ".2g", "–"))
+                (name, f"{e['value']:.6g}", finite(e["std_error"], ".2g", "–"))
                 for name, e in named(m.best.model).items()
             ]
             details.append(Sheet(m.best.model.label, ("name", "value", "standard error"), rows))
-        sections.append(Section(_sheet(report), origin, pictures, details))
+        sections.append(Section(report.sheet(), origin, pictures, details))
     return html(sections)
-
-
-def _sheet(report: Report) -> Sheet:
-    """The models in one table, and the best of them in one sentence."""
-    best = max((m.best for m in report.models.values()), key=lambda c: c.fit_percent)
-    answer = f"{best.model.label} simulates {best.fit_percent:.1f} % of the held-out output freely."
-    if not np.isfinite(best.fit_percent):
-        best = max((m.best for m in report.models.values()), key=lambda c: c.one_step_percent)
-        answer = (
-            f"{best.model.label} predicts {best.one_step_percent:.1f} % one step ahead; none can be "
-            "simulated freely."
-        )
-    columns = (
-        "model", "free simulation [%]", "one step [%]", "AIC", "BIC", "coefficients",
-        "slowest mode", "alike",
-    )  # fmt: skip
-    rows, notes = [], [f"{answer} Input: {report.excitation}."]
-    notes += ["Fits are of the held-out part, which no choice has seen.", *report.notes]
-    notes += report.failures
-    for chosen in report.models.values():
-        c = chosen.best
-        fits = (_finite(fit, ".2f", "diverges") for fit in (c.fit_percent, c.one_step_percent))
-        mode = _slowest(c.model, report.estimation[0].sample_time)
-        counts = str(c.model.parameters), mode, str(len(chosen.selection.alike))
-        rows.append((c.model.label, *fits, f"{c.aic:.4f}", f"{c.bic:.4f}", *counts))
-        notes += [f"{c.model.label}: {text}" for text in chosen.warnings]
-    return Sheet(report.name, columns, rows, notes)
-
-
-def _finite(value: float, form: str, otherwise: str) -> str:
-    return format(value, form) if np.isfinite(value) else otherwise
-
-
-def _slowest(model: Single, sample_time: float) -> str:
-    """Frequency and damping of the mode nearest to the unit circle."""
-    poles = model.poles()
-    if not len(poles) or not np.abs(poles).max() > 0:
-        return "–"
-    s = np.log(complex(poles[np.argmax(np.abs(poles))])) / sample_time
-    if abs(s.imag) * sample_time < 1e-9:
-        return f"{1 / max(-s.real, 1e-300):.3g} s"
-    return f"{abs(s) / 2 / np.pi:.4g} Hz, damping {100 * -s.real / abs(s):.2g} %"

@@ -153,10 +153,7 @@ def select_oe(referee: Referee, delays: Sequence[int], largest: int = LARGEST) -
 
 
 def _on_the_whole(chosen: Selection, referee: Referee, first_row: int) -> Selection:
-    """Output-error orders once more, from the preferred ones, on all data that orders may be chosen on.
-
-    Models that simulated as well are compared by their scores: what a third of the data was kept for is known now.
-    """
+    """Output-error orders once more, from the preferred ones, on all data for the choice."""
     errors = [chosen.best.model.residuals(series) for series in referee.fitted]
     coloured = criteria.whitened_variance(errors) * SLIGHTLY < np.mean(np.concatenate(errors) ** 2)
     if not referee.simulates or coloured:  # output errors follow such noise, and only simulation keeps them from it
@@ -222,7 +219,6 @@ def select_arx(referee: Referee, delays: Sequence[int] = (1,), largest: int = 15
 
 
 def _numbers(flat: int, shape: tuple[int, ...]) -> tuple[int, ...]:
-    """Orders n_a, n_b, n_k of a place in the ARX grid."""
     return tuple(int(k) + 1 for k in np.unravel_index(flat, shape))
 
 

@@ -17,6 +17,7 @@ from identification.blackbox.polynomial import PolynomialModel, control_package,
 DEFECTIVE = 1e8  # condition of the eigenvectors from which the recursion replaces them
 
 
+@dataclass(frozen=True, eq=False)
 class StateSpace(Tabled):
     """x(t+1) = A x + B u + K e, Eq. (3.9), y = C x + D u + e, Eq. (3.10), of any number of signals.
 
@@ -99,32 +100,21 @@ class StateSpace(Tabled):
 
 @dataclass(frozen=True, eq=False)
 class StateSpaceModel(StateSpace):
-    """State-space model of one input and one output.
+    """State-space model of one input and one output, besides its matrices.
 
     Attributes:
-        A: (n, n).
-        B: (n,).
-        C: (n,).
-        D: scalar.
-        K: (n,).
         x0: state at the first sample of the (first) estimation recording, shape (n,), Eq. (3.11).
         loss: mean squared one-step prediction error [output unit squared].
         samples: number of residuals.
-        sample_time: seconds.
         singular_values: of the weighted data matrix, from which the order is chosen.
         transfer: the same plant as an output-error polynomial with its coefficients' covariance.
         warnings: sentences for the user.
     """
 
-    A: np.ndarray
-    B: np.ndarray
-    C: np.ndarray
     D: float
-    K: np.ndarray
     x0: np.ndarray
     loss: float
     samples: int
-    sample_time: float
     singular_values: np.ndarray
     transfer: PolynomialModel
     warnings: tuple[str, ...] = field(default=())
@@ -202,7 +192,7 @@ def innovations(model: PolynomialModel | StateSpaceModel) -> StateSpaceModel:
     B, C, K = num[1:] - den[1:] * num[0], np.eye(size - 1)[0], noise[1:] - den[1:]
     x0, unknown = np.zeros(size - 1), np.zeros(0)
     return StateSpaceModel(
-        A, B, C, float(num[0]), K, x0, model.loss, model.samples, model.sample_time, unknown, model
+        A, B, C, float(num[0]), K, model.sample_time, x0, model.loss, model.samples, unknown, model
     )
 
 

@@ -133,7 +133,7 @@ class Subspace:
         rest = y - driven(A, B, C, u) - u @ D.T
         x0 = project_states(rest.ravel(), free_responses(A, C, len(first)))[0][:order]
         model = StateSpaceModel(
-            A, B[:, 0], C[0], float(D[0, 0]), K[:, 0], x0, np.nan, 0, first.sample_time,
+            A, B[:, 0], C[0], float(D[0, 0]), K[:, 0], first.sample_time, x0, np.nan, 0,
             self.singular_values, shadow, tuple(warnings),
         )  # fmt: skip
         errors = np.concatenate([model.residuals(series) for series in self.recordings])

@@ -44,7 +44,6 @@ BODY_MASS_KG = 72.57
 
 
 def _finite(minutes: float | None) -> float | None:
-    """Minutes that end."""
     if minutes is not None and not minutes < 1e4:
         raise SettingError(f"--minutes is {minutes:g}; give a number above 0 and below 10000.")
     return minutes
@@ -425,7 +424,6 @@ def _numbers(text: str | None, option: str) -> tuple[float, ...]:
 
 
 def _earlier(data: Sequence[Path] | None, body_mass: float | None) -> "list[Recording]":
-    """Earlier recordings that can serve: settled sines."""
     if not data:
         return []
     from fasbody.recording.checks import checked
@@ -439,11 +437,6 @@ def _earlier(data: Sequence[Path] | None, body_mass: float | None) -> "list[Reco
 
 
 def _of(earlier: "list[Recording]", subject: str | None, posture: str | None) -> "list[Recording]":
-    """Those of one person in one posture.
-
-    Raises:
-        SettingError: nobody is called so, or they are of several people or postures.
-    """
     for name, several, chosen in (("subject", "people", subject), ("posture", "postures", posture)):
         recorded = list(dict.fromkeys(str(getattr(r.condition, name)) for r in earlier))
         if chosen is not None and chosen not in recorded:

@@ -203,7 +203,6 @@ class Director:
         return np.array([self.noise_m_s2, self.repeatability]) * factors
 
     def _draw(self, number: int) -> np.ndarray:
-        """One foot (n,)."""
         seed, variables = stream(self._stream, str(number)), self._sight.variables
         if self.belief is None:
             return variables.draw(seed, 1 if number % 2 else -1)
@@ -222,7 +221,6 @@ class Director:
     # what is expected
 
     def _unit(self, step: Step) -> Step:
-        """A step of the usual length."""
         return replace(step, seconds=self.shaker.seconds)
 
     def _sums(self, steps: Sequence[Step], fresh: bool = False) -> Sums:
@@ -292,7 +290,6 @@ class Director:
 
     @property
     def _longest(self) -> float:
-        """How often every candidate is recorded then."""
         noise, repeatability = self._feet.seen.scatter.max(axis=0)
         return max(_FOR_EVER, float(noise / _SILENT) ** 2, float(repeatability / _STILL) ** 2)
 
@@ -418,11 +415,7 @@ class Director:
     def _gains(
         self, plan: tuple[_Planned, ...], pieces: int, most: int, feet: int
     ) -> dict[_Planned, float]:
-        """What so many pieces add to a plan, in nats, as a longer recording or as one more (place, 0).
-
-        Where the plan has all its recordings, only these may become longer. Scores are kept: exchanges
-        come back to the same plans.
-        """
+        """What pieces add to a plan [nat], as a longer recording or as one more (place, 0)."""
         more = range(len(self.candidates)) if len(plan) < most else ()
         options = [*dict.fromkeys(plan), *((place, 0) for place in more)]
         key = plan, pieces, bool(more), feet
@@ -432,7 +425,6 @@ class Director:
         return self._scored[key]
 
     def _met(self, plan: tuple[_Planned, ...]) -> bool:
-        """What is asked is likely to be met, by all feet."""
         return self.met(self.outlook(self._steps(plan)))
 
     def _rank(self, plan: tuple[_Planned, ...]) -> tuple[bool, int, float]:
@@ -442,7 +434,6 @@ class Director:
         return met, -sum(n for _, n in plan) if met else 0, float(outlook.utility.sum())
 
     def _steps(self, plan: tuple[_Planned, ...]) -> list[Step]:
-        """The recordings of a plan."""
         return [replace(self.candidates[i], seconds=n * self.shaker.seconds) for i, n in plan]
 
 
@@ -455,14 +446,12 @@ def _best(gains: Mapping[_Planned, float]) -> _Planned:
 def _without(
     plan: tuple[_Planned, ...], recording: _Planned, pieces: int
 ) -> tuple[_Planned, ...]:
-    """A plan without some pieces of one recording."""
     rest, (place, whole) = list(plan), recording
     rest.remove(recording)
     return tuple(sorted([*rest, (place, whole - pieces)] if whole > pieces else rest))
 
 
 def _with(plan: tuple[_Planned, ...], option: _Planned, pieces: int) -> tuple[_Planned, ...]:
-    """A plan with a recording that is longer by so many pieces, or with one more."""
     rest, (place, whole) = list(plan), option
     if whole:
         rest.remove(option)
@@ -470,7 +459,6 @@ def _with(plan: tuple[_Planned, ...], option: _Planned, pieces: int) -> tuple[_P
 
 
 def _refuse(person: Person, shaker: Shaker, ask: Mapping[str, float], earlier: Sequence[Recording], draws: int) -> None:
-    """Raise SettingError where something cannot be meant."""
     _refuse_ask(ask)
     available = [name for name in person.foot.sensors if name != "base"]
     for name in shaker.sensors:
@@ -492,7 +480,6 @@ def _refuse(person: Person, shaker: Shaker, ask: Mapping[str, float], earlier: S
 
 
 def _refuse_ask(ask: Mapping[str, float]) -> None:
-    """Raise SettingError if a constant or a half-width cannot be meant."""
     for name, share in ask.items():
         if name not in EXCHANGED:
             raise SettingError(f"{unknown('constant to ask for', name, EXCHANGED)}.")

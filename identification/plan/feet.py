@@ -250,7 +250,6 @@ class Feet:
         return self._judge(known, missed)[2] - self._judge(now.known[:, None], now.missed[:, None])[2]
 
     def _after(self, sums: Sums) -> "_After":
-        """What is known after recordings, by the feet that they are summed of."""
         D = len(sums.A)
         C = np.linalg.inv(sums.A + np.diag(self._P[self._felt]))
         rows = self._rows[:D, 0]

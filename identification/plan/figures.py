@@ -73,7 +73,6 @@ def _curves(result: "Planned", axis: Axes, after: bool) -> None:
 
 
 def _together(steps: Sequence[Step]) -> dict[tuple[float, float], float]:
-    """Time of shaking [s] by frequency [Hz] and load [kg]."""
     times: dict[tuple[float, float], float] = defaultdict(float)
     for step in steps:
         times[step.frequency_hz, step.added_mass_kg] += step.seconds
@@ -81,7 +80,6 @@ def _together(steps: Sequence[Step]) -> dict[tuple[float, float], float]:
 
 
 def _times(result: "Planned", axis: Axes) -> None:
-    """Where and how long both protocols shake."""
     loads = sorted({s.added_mass_kg for e in result.expected.values() for s in e.steps})
     for name, lower in ((THESIS, 0.16), (PLANNED, -0.16)):
         label, colour = _LOOKS[name]

@@ -327,7 +327,6 @@ class Planned(Presented):
         return [text, *filter(None, (self._first(), self._more(), self._never(), self.relief()))]
 
     def _first(self) -> str:
-        """The sensor that decides."""
         offer = self.begins_with
         if offer is None:
             return ""
@@ -338,7 +337,6 @@ class Planned(Presented):
         )
 
     def _more(self) -> str:
-        """What noise and scatter are in the way of, and what that would take."""
         names = [name for name in self.missed if name not in self.never]
         if self.mine.decided < SHARE and self.reached.decided >= 0.5:
             names.append("the branch")
@@ -351,7 +349,6 @@ class Planned(Presented):
         return f"{what[:1].upper()}{what[1:]} {of}. {self.longer or ever}"
 
     def _never(self) -> str:
-        """What no minutes bring."""
         loads, sensors = self.shaker["loads_kg"], self.shaker["sensors"]
         open_ = self.reached.decided < 0.5
         return nothing_brings(
@@ -557,7 +554,6 @@ def believed(director: Director) -> str:
 
 
 def _widths(half: Mapping[str, float], names: Sequence[str]) -> str:
-    """Half-widths of some constants."""
     return ", ".join(f"{name} ±{percent(half[name])}" for name in names)
 
 

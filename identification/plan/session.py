@@ -273,7 +273,6 @@ class Session:
         return director
 
     def _over(self, director: Director) -> tuple[str, str] | None:
-        """Why the session ends here, if it does."""
         belief = director.belief
         count, spent = len(self._recordings) - self._before, shaking_s([t.step for t in self._taken if t.observed])
         if belief is not None:
@@ -362,7 +361,6 @@ class Session:
         return text.strip()
 
     def _missed(self, director: Director) -> list[str]:
-        """Constants whose intervals are wider than asked."""
         assert director.belief is not None
         bands = director.belief.open_bands(EXCHANGED)
         return [name for name, share in director.asked.items() if bands[name].half_width > share]

@@ -105,11 +105,6 @@ def _rungs(names: Sequence[str] | None) -> list[Rung]:
 
 
 def _checked(recordings: Sequence[Recording]) -> list[Recording]:
-    """Steady recordings of one person.
-
-    Raises:
-        RecordingError: see `compare_rivals`.
-    """
     if not recordings:
         raise RecordingError("there is no recording to compare rivals on.")
     apart(recordings)
@@ -135,12 +130,6 @@ def _checked(recordings: Sequence[Recording]) -> list[Recording]:
 
 
 def _rival(contender: Contender, best: Solution) -> Rival:
-    """A rival with its intervals, and what it predicts.
-
-    Args:
-        contender: at its ends.
-        best: the best end of all rivals.
-    """
     candidate, (end, *others) = contender.candidate, contender.solutions
     rung, problem, v = candidate.rung, end.problem, end.problem.variables
     deviances = [best.deviance(e.optimum.objective) for e in contender.solutions]
@@ -161,15 +150,12 @@ def _rival(contender: Contender, best: Solution) -> Rival:
 
 
 def _springs(end: Solution) -> tuple[Estimate | None, Estimate | None]:
-    """k_T and k_F as far as the model frees them."""
     estimates, _ = end.estimates()
     key = {item.name: item.key for item in end.problem.variables.space.free}
     return estimates.get(key.get("k_T", "")), estimates.get(key.get("k_F", ""))
 
 
 def _log_ratio(end: Solution) -> tuple[float, float]:
-    """Logarithm of k_T over k_F, and its standard error."""
-
     def value(q: np.ndarray) -> np.ndarray:
         springs = end.problem.variables.dynamic(q)
         return np.log([springs["k_T"] / springs["k_F"]])

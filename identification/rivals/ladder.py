@@ -57,7 +57,6 @@ class Rung:
 def _of_joints(
     kind: str, letter: str, unit: str, std: float, bound: float, does: str
 ) -> dict[str, Nuisance]:  # fmt: skip
-    """The same of ankle and pad, about zero."""
     item = Nuisance(kind, "rival", unit, 0.0, std, -bound, bound, _FORCE, does)
     return {
         f"{letter}_{j}": replace(item, does=does.format(j), constant=f"k_{j}") for j in "TF"

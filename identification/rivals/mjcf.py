@@ -150,7 +150,6 @@ def difference(
 
 
 def _body_of(root: ET.Element, joint: str, file: Path) -> ET.Element:
-    """The body that a joint moves."""
     for body in root.iter("body"):
         if any(element.get("name") == joint for element in body.findall("joint")):
             return body
@@ -192,7 +191,6 @@ def _declare(root: ET.Element, name: str, data: str) -> None:
 
 
 def _declared(root: ET.Element, name: str) -> list[str]:
-    """The five parts of a declaration."""
     for element in root.iter("text"):
         if element.get("name") == name:
             return [part.strip() for part in element.get("data", "").split("|")]

@@ -168,11 +168,6 @@ def _merged(rows: Sequence[_Row]) -> list[_Row]:
 
 
 def _sines(recording: Recording) -> Iterator[_Row]:
-    """What one recording gives at each of its sines.
-
-    Raises:
-        RecordingError: it cannot serve, or it is no sine.
-    """
     good = checked(recording)
     f = good.condition.frequency_hz
     parts = [(slice(None), f)] if f is not None else steps_of(good.time_s, good.base_m_s2)

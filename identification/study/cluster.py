@@ -99,7 +99,6 @@ def remote(address: str) -> Iterator[Crew]:
 
 @contextlib.contextmanager
 def _silent(logger: str) -> Iterator[None]:
-    """Silence a logger, which prints a traceback when the scheduler is gone."""
     log = logging.getLogger(logger)
     level = log.level
     log.setLevel(logging.CRITICAL)
@@ -110,7 +109,6 @@ def _silent(logger: str) -> Iterator[None]:
 
 
 def _ensure(address: str) -> None:
-    """Refuse what is no address."""
     try:
         parts = urlsplit(address)
         meant = parts.scheme in ("tcp", "tls") and parts.hostname and parts.port
@@ -137,11 +135,7 @@ def _run_on_worker(work: Work, program: str) -> Document:
 
 
 def _on(client: Any, works: Iterable[Work]) -> Iterator[Document]:
-    """Documents in the order in which they are ready; at most a few jobs a thread are with the cluster at a time.
-
-    Raises:
-        FasError: the scheduler is gone, whether a job is sent or awaited, or workers are counted.
-    """
+    """Documents in the order in which they are ready; a lost scheduler is a FasError."""
     from distributed.client import CancelledError, ClosedClientError
 
     try:

@@ -18,7 +18,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter, StrMethodFormatter
 
-from fasbody.presentation import PAGE, counted, panels, picture, printed
+from fasbody.presentation import PAGE, counted, panels, printed
 from identification.branches import EXCHANGED
 from identification.figures import label_of, of_loads
 from identification.recommendations import LEAST_FIT, follows
@@ -47,14 +47,6 @@ _TRUTH: dict[str, Any] = {"lw": 1.3, "ls": (0, (4, 2))}
 _SCALE = {"N/m": (1e-3, "kN/m"), "s": (1e3, "ms")}
 
 
-def save(figure: Figure, ending: str) -> bytes:
-    """The figure as the content of an .svg or .png file, the same bytes whenever it is drawn."""
-    if figure.get_layout_engine() is not None:  # laid out once, however often it is saved
-        printed(figure.draw_without_rendering)()
-        figure.set_layout_engine("none")
-    return picture(figure, ending)
-
-
 def noted(figure: Figure, text: str, handles: Sequence[Any] = (), columns: int = 0) -> Figure:
     """Write a remark below a figure, wrapped to its width, and a legend above it."""
     if handles:
@@ -71,7 +63,6 @@ def distinct(values: Iterable[float]) -> list[float]:
 
 
 def _key(label: str, **style: Any) -> Line2D:
-    """An entry of a legend."""
     return Line2D([], [], **{"color": GREY, "ls": "", **style}, label=label)
 
 
@@ -206,7 +197,6 @@ def titled(axis: Axes, rows: pd.DataFrame, name: str) -> float:
 
 
 def _by_load(cycles: Sequence[Mapping[str, Any]], load: float) -> list[Mapping[str, Any]]:
-    """Cycles under one load, by frequency."""
     under = (c for c in cycles if c["added_mass_kg"] == load)
     return sorted(under, key=lambda c: c["frequency_hz"])
 
@@ -268,7 +258,6 @@ def _whose(cycles: Sequence[Mapping[str, Any]]) -> str:
 
 
 def _shades(colour: str) -> LinearSegmentedColormap:
-    """From a light tint of a colour to a dark shade."""
     middle = np.array(to_rgb(colour))
     return LinearSegmentedColormap.from_list("shades", [0.35 * middle + 0.65, middle, 0.4 * middle])
 

@@ -70,10 +70,7 @@ class Findings:
         return [self._tracked(*who, fits) for who, fits in groups.items()]
 
     def _tracked(self, mode: str, subject: str, posture: str, fits: Sequence[Document]) -> Subject:
-        """Fits with one branch say nothing about the choice, and sweeps have no place in frequency.
-
-        No odds are given of fits that do not follow their recordings.
-        """
+        """Of fits that follow their recordings, have two branches and a frequency or many."""
         usable = [fit for fit in fits if not summary.misfit(fit)]
         two = [fit for fit in usable if len(fit["result"]["branches"]) > 1]
         two = [fit for fit in two if mode == "pooled" or fit["frequency_hz"] is not None]

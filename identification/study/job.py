@@ -160,7 +160,6 @@ def cycles(result: Document, foot: Foot, recordings: Sequence[Recording | Line])
 
 
 def _loop(loop: Loop) -> Document:
-    """A loop as plain data, with `POINTS` points."""
     curves = {"displacement_m": loop.displacement_m, "force_n": loop.force_n}
     points = {name: _short(resample(curve, POINTS)) for name, curve in curves.items()}
     return points | {"dissipated_j": loop.dissipated_j}
@@ -182,7 +181,6 @@ def values_of(branch: Document, foot: Foot) -> dict[str, float]:
 
 
 def _usable(recordings: Sequence[Recording], left_out: list[str]) -> tuple[Recording, ...]:
-    """Those that can serve."""
     usable = []
     for recording in recordings:
         try:
@@ -196,7 +194,6 @@ def _usable(recordings: Sequence[Recording], left_out: list[str]) -> tuple[Recor
 
 
 def _check(work: Work, recordings: Sequence[Recording], foot: Foot) -> Document:
-    """What a check of usable recordings gives, as plain data."""
     settings, mode = work.settings, work.job.mode
     if work.job.kind == "profile":
         return _profile(work, recordings, foot)

@@ -168,7 +168,6 @@ class Population(Tabled):
 
 
 def _listed(left_out: Sequence[LeftOut]) -> str:
-    """Who is left out, by the reason why."""
     reasons: dict[str, list[str]] = {}
     for one in left_out:
         reasons.setdefault(one.why, []).append(one.subject)
@@ -176,7 +175,6 @@ def _listed(left_out: Sequence[LeftOut]) -> str:
 
 
 def _to_one(odds_log: float) -> str:
-    """Odds in words."""
     if abs(odds_log) < _EVEN:
         return "even odds"
     if abs(odds_log) >= np.log(1e6):
@@ -282,10 +280,7 @@ def _unfit(fit: Document) -> str:
 
 
 def _odds(fits: Sequence[Document]) -> tuple[float, float]:
-    """Log odds of the stiff ankle for all persons, from those whose fits have both branches.
-
-    First with each person's allowances paid, then with them paid once by all.
-    """
+    """Log odds of the stiff ankle: allowances paid by every person, and paid once by all."""
     misfit, paid = [0.0], [0.0]
     for fit in fits:
         worlds = {branch["name"]: branch["world"] for branch in fit["result"]["branches"]}

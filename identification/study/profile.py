@@ -209,13 +209,7 @@ def _profile(problem: Likelihood, place: Place, q: np.ndarray, std: float, exces
 
 @dataclass(frozen=True)
 class _Side:
-    """One side of a profile.
-
-    Attributes:
-        rises: rise of the deviance at each place.
-        limit: of 95 %.
-        open: there is no limit before the bound.
-    """
+    """Rise at each place on one side of a profile, the limit, and whether there is none."""
 
     rises: dict[float, float]
     limit: float

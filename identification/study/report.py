@@ -47,12 +47,12 @@ def write(out: Path, findings: Findings, title: str, origin: str) -> list[Path]:
         The files written, the report first, each there whole or not at all.
     """
     drawn = pictures(findings, origin)
-    from identification.study import figures  # late: matplotlib takes a second
+    from identification.figures import save  # late: matplotlib takes a second
 
     files, inlined = dict[str, bytes](), dict[str, Any]()
     for name, (draw, caption) in drawn.items():
         figure = draw()
-        files |= {f"figures/{name}.{ending}": figures.save(figure, ending) for ending in ("svg", "png")}
+        files |= {f"figures/{name}.{ending}": save(figure, ending) for ending in ("svg", "png")}
         inlined[name] = {"svg": Markup(inline(files[f"figures/{name}.svg"])), "caption": caption}
     frames = {"summary.csv": findings.table, "energy.csv": findings.energy, "recovery.csv": findings.recovered}
     files |= {name: summary.csv(frame).encode() for name, frame in frames.items() if len(frame.columns)}

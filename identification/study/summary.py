@@ -214,21 +214,16 @@ def unfollowed_sentence(documents: Sequence[Document], tracked: Mapping[str, str
     )
 
 
-def _serving(documents: Iterable[Document]) -> tuple[int, int]:
-    """In how many pooled fits one set of constants serves all frequencies, and of how many."""
+def one_set(documents: Iterable[Document]) -> tuple[bool, str]:
+    """Whether one set of constants serves all frequencies of all pooled fits, and a sentence."""
     done = [d for d in documents if d["mode"] == "pooled" and d["status"] == "done"]
-    worlds = [d["result"]["branches"][0].get("world") for d in done]
-    return sum(bool(world and world["follows"]) for world in worlds), sum(map(bool, worlds))
-
-
-def one_set(documents: Iterable[Document]) -> str:
-    """Whether one set of constants serves all frequencies, by the pooled fits; empty without any."""
-    serves, count = _serving(documents)
+    worlds = list(filter(None, (d["result"]["branches"][0].get("world") for d in done)))
+    serves, count = sum(bool(world["follows"]) for world in worlds), len(worlds)
     text = f"One set of constants serves all frequencies in {serves} of {count} pooled fits"
     if serves == count:
-        return f"{text}." if count else ""
+        return True, f"{text}." if count else ""
     others = "in the others " if serves else ""
-    return (
+    return False, (
         f"{text}: {others}the constants change with frequency, or the model is another one, and such a fit says "
         "nothing of the foot but that."
     )
@@ -239,8 +234,8 @@ def first(documents: Sequence[Document], tracked: Mapping[str, str] | None = Non
 
     A fit of constants that change follows its recordings from no start, so only the first is stated.
     """
-    serves, count = _serving(documents)
-    return (serves == count and unfollowed_sentence(documents, tracked)) or one_set(documents)
+    serves, sentence = one_set(documents)
+    return (serves and unfollowed_sentence(documents, tracked)) or sentence
 
 
 def cycle_table(documents: Sequence[Document], tracked: Mapping[str, str] | None = None) -> pd.DataFrame:
@@ -296,10 +291,7 @@ def counts(documents: Sequence[Document], tracked: Mapping[str, str] | None = No
 
 
 def _met_again(starts: Sequence[Document]) -> bool:
-    """Whether a second start ended where the best did: on its branch, at its cost.
-
-    Of steady recordings each side has one row, which counts how many starts came to its end.
-    """
+    """Whether a second start ended where the best did; `hits` counts those of a steady side."""
     best, *others = sorted(starts, key=lambda s: s["cost"])
     if "hits" in best:
         return bool(best["hits"] > 1)

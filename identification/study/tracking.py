@@ -208,10 +208,7 @@ def track(fits: Sequence[Fit], *, prior: Prior | None = None) -> Tracking:
 
 
 def _links(fits: Sequence[Fit]) -> Links:
-    """Log weights of neighbours: under the next load, or the same one at the next frequency.
-
-    Of several trials under one load the first goes with the first, and so on.
-    """
+    """Log weights of neighbours: under the next load, or the same one at the next frequency."""
     columns: dict[float | None, list[int]] = {}
     for i, fit in enumerate(fits):
         columns.setdefault(fit.frequency_hz, []).append(i)
@@ -298,10 +295,7 @@ def _choice(fit: Fit, p: np.ndarray) -> Choice:
 
 
 def _overall(fits: Sequence[Fit], alone: Sequence[np.ndarray], links: Links) -> dict[str, float]:
-    """Odds of one branch throughout, for each that every fit has, over another one throughout.
-
-    Assignments that mix branches, which may be likelier than both, are not in it.
-    """
+    """Odds of one branch throughout over another one throughout, without mixed assignments."""
     names = [[branch.name for branch in fit.branches] for fit in fits]
     log = {}
     for name in (n for n in names[0] if all(n in of_fit for of_fit in names)):

@@ -6,7 +6,7 @@ lowest and the highest frequency are extrapolations, and marked so.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -32,29 +32,6 @@ from identification.study import MODES
 NONLINEAR = ("c_12", "c_13", "c_22", "c_23")
 
 
-@dataclass(frozen=True)
-class HeldOut:
-    """The error of one prediction.
-
-    Attributes:
-        file: of the recording.
-        frequency_hz: its excitation.
-        added_mass_kg: its load.
-        edge: its frequency was outside those used.
-        chi_square: squared error over the noise of the measurement alone.
-        numbers: harmonics count as two each.
-        percent: norm of the error over that of the harmonics.
-    """
-
-    file: str
-    frequency_hz: float
-    added_mass_kg: float
-    edge: bool
-    chi_square: float
-    numbers: int
-    percent: float
-
-
 def predicted(line: Line, foot: Foot, values: Mapping[str, float], two_mass: bool) -> np.ndarray:
     """Malleolus harmonics (H,) on the measured base, delayed like the measurement [m/s^2].
 
@@ -72,22 +49,32 @@ def predicted(line: Line, foot: Foot, values: Mapping[str, float], two_mass: boo
     return np.asarray(Y[: line.count] * np.exp(-2j * np.pi * f * delay * np.arange(1, line.count + 1)))
 
 
-def compare(line: Line, Y: np.ndarray, edge: bool = False) -> HeldOut:
-    """Predicted harmonics (H,) against those measured, and the noise of malleolus and base."""
+def compare(line: Line, Y: np.ndarray, edge: bool = False) -> dict[str, Any]:
+    """Predicted harmonics (H,) against those measured, and the noise of malleolus and base.
+
+    Args:
+        line: the recording.
+        Y: predicted.
+        edge: its frequency was outside those used.
+
+    Returns:
+        `chi_square`, the squared error over the noise of the measurement alone, of `numbers`, as
+        harmonics count as two each; the norm of the error in `percent` of that of the harmonics.
+    """
     measured = line.malleolus.amplitudes
     gain = abs(measured[0] / line.base.amplitudes[0])
     std = np.hypot(line.malleolus.std, gain * line.base.std)
     error = Y - measured
     condition = line.recording.condition
-    return HeldOut(
-        file=line.recording.file,
-        frequency_hz=float(condition.frequency_hz or np.nan),
-        added_mass_kg=condition.added_mass_kg,
-        edge=edge,
-        chi_square=float(np.sum(np.abs(error / std) ** 2)),
-        numbers=2 * error.size,
-        percent=float(100 * np.linalg.norm(error) / np.linalg.norm(measured)),
-    )
+    return {
+        "file": line.recording.file,
+        "frequency_hz": float(condition.frequency_hz or np.nan),
+        "added_mass_kg": condition.added_mass_kg,
+        "edge": edge,
+        "chi_square": float(np.sum(np.abs(error / std) ** 2)),
+        "numbers": 2 * error.size,
+        "percent": float(100 * np.linalg.norm(error) / np.linalg.norm(measured)),
+    }
 
 
 def interpolated(at: float, frequencies_hz: np.ndarray, q: np.ndarray) -> np.ndarray:
@@ -164,7 +151,7 @@ def leave_one_frequency_out(
     if min(len(set(f[loads == m])) for m in set(loads)) < 3:
         raise SettingError("leaving a frequency out needs three or more frequencies under each load.")
     lines, two_mass = [Line.of(recording) for recording in data], twin_applies(foot)
-    rows: list[HeldOut] = []
+    rows: list[dict[str, Any]] = []
     failed: list[str] = []
     space = space_of(foot, settings.free, settings.bounds, delay=True)
     q = np.empty((0, 0))
@@ -189,12 +176,12 @@ def leave_one_frequency_out(
                 failed.append(data[i].file)
     if not rows:
         raise SimulationError(f"none of the {len(failed)} recordings left out had a stable prediction.")
-    inner = [row for row in rows if not row.edge] or rows
+    inner = [row for row in rows if not row["edge"]] or rows
     return {
         "mode": mode,
-        "percent": float(np.median([row.percent for row in inner])),
-        "chi_square_per_number": float(np.median([row.chi_square / row.numbers for row in inner])),
-        "rows": [asdict(row) for row in rows],
+        "percent": float(np.median([row["percent"] for row in inner])),
+        "chi_square_per_number": float(np.median([row["chi_square"] / row["numbers"] for row in inner])),
+        "rows": rows,
         "failed": failed,
     }
 

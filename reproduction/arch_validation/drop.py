@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 
 from fasbody.arch.kinematics import Array
-from fasbody.arch.mounted import PAD_N, PAD_POWER
 from fasbody.constants import MODEL_GRAVITY
+from simulator.mounted import PAD_N, PAD_POWER
 
 #: Kinoshita 1993: mass [kg], speed at touch [m/s]; what was measured, lowest, mean and highest.
 MASS_KG, SPEED_M_S = 5.0, 0.93

@@ -9,12 +9,12 @@ import numpy as np
 
 from fasbody.arch.bones import Arch
 from fasbody.arch.kinematics import Array, arms, deformations, gradients
-from fasbody.arch.load import ARANGIO_CUT, ARANGIO_LOAD, ARANGIO_SAG, MEASURED_HZ, poses, tangent
-from fasbody.arch.mounted import PAD_POWER, SEATED_N, STANDING_N, Mounted, Stance, pad, stance
-from fasbody.arch.tissue import Tissue
+from fasbody.arch.load import ARANGIO_CUT, ARANGIO_LOAD, ARANGIO_SAG, MEASURED_HZ, tangent
 from fasbody.constants import MODEL_GRAVITY
 from identification.rivals.mechanisms import Constant
 from reproduction.arch_validation.drop import LOW, LOW_M_S, MEASURED, SPEED_M_S, falls
+from simulator.mounted import PAD_POWER, SEATED_N, STANDING_N, Mounted, Stance, pad, poses, stance
+from simulator.tissue import Tissue
 
 
 def _stiffness_at(tension: float) -> float:

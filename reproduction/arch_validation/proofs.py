@@ -11,9 +11,9 @@ import numpy as np
 from fasbody.arch.bones import Arch
 from fasbody.arch.kinematics import Array
 from fasbody.arch.load import ARANGIO_LOAD, ARANGIO_SAG
-from fasbody.arch.mounted import pad
 from reproduction.arch_validation.drop import MASS_KG, MEASURED, RANGE, SPEED_M_S, fall
 from reproduction.arch_validation.evidence import ARANGIO_ELONGATION, HEEL_N, HEEL_SLOPES, KER_CUT, KER_ELONGATION
+from simulator.mounted import pad
 
 #: How well Ker's curves can be read off the figure [N].
 READING_N = 20.0

@@ -12,15 +12,6 @@ from scipy.optimize import minimize
 from fasbody.arch.bones import Arch
 from fasbody.arch.kinematics import deformations
 from fasbody.arch.load import equilibrium
-from fasbody.arch.mounted import (
-    PAD_N,
-    PAD_POWER,
-    SHIPPED,
-    STANDING_N,
-    Mounted,
-    stance,
-)
-from fasbody.arch.tissue import Tissue
 from fasbody.heel.study import HeelStudy
 from reproduction.arch_validation.drop import MEASURED, RANGE, fall, falls
 from reproduction.arch_validation.evidence import (
@@ -40,6 +31,15 @@ from reproduction.arch_validation.evidence import (
 from reproduction.arch_validation.proofs import Proof, drop, linear_drop, proofs, resting_drop, turned
 from reproduction.arch_validation.validate import Prediction, fit, ship, validate
 from reproduction.load_effect.drop import drop as stepped
+from simulator.mounted import (
+    PAD_N,
+    PAD_POWER,
+    SHIPPED,
+    STANDING_N,
+    Mounted,
+    stance,
+)
+from simulator.tissue import Tissue
 
 ARCH = Arch.nominal()
 LEG = Mounted(

@@ -14,9 +14,9 @@ import numpy as np
 
 from fasbody.arch.bones import Arch
 from fasbody.arch.kinematics import Array
-from fasbody.arch.mounted import SHIPPED
 from fasbody.presentation import Presented, Sheet
 from reproduction.arch_validation.evidence import BOUNDS, NUMBERS, Feet, Number, Statics, of
+from simulator.mounted import SHIPPED
 
 #: Legs of each fit, their moves, and the draws within the bounds from which they start.
 WALKERS, STEPS, DRAWS = 64, 2400, 20000

@@ -1,1 +1,1 @@
-"""The shapes of bones and soft parts, and the meshes made of them; `fasbody anatomy`."""
+"""The meshes of bones and soft parts, and the bodies of a model that carry them."""

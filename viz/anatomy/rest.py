@@ -10,11 +10,25 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 import mjcf
-from viz.anatomy.bones import METATARSALS
 
 if TYPE_CHECKING:
     import mujoco
     from scipy.spatial.transform import Rotation
+
+#: Height of the table under heel and heads; foot_arch.xml and two_dof.xml have it there too.
+TABLE = -20.0
+#: Segments of the drawn foot, in the order of the skinning weights; the table comes last. The arch has no joint for
+#: toes, which move with its metatarsals but stay level where an edited arch turns those.
+SEGMENTS = ("calcaneus_talus", "navicular", "cuneiforms", "metatarsals", "toes", "tibia", "base")
+
+#: Bases and heads of the five metatarsals, great toe first, with the radius of base, shaft and head.
+METATARSALS = (
+    ((39, -22, 23), (97, -27, 4.5), 12.0, 6.6, 10.3),
+    ((35, -7, 30), (103, -9, 3.5), 8.8, 4.4, 7.3),
+    ((37, 7, 26), (99, 7, 2.5), 8.2, 4.1, 6.9),
+    ((30, 19, 19), (92, 22, 1.5), 7.8, 3.9, 6.6),
+    ((25, 31, 11), (83, 35, 1.0), 8.0, 4.1, 6.3),
+)
 
 #: Segment of the foot -> body, for the shipped models; edited copies keep the names.
 SEGMENT_BODIES: dict[str, dict[str, str]] = {

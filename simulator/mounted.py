@@ -11,10 +11,10 @@ from typing import Any, NamedTuple, Self
 import numpy as np
 
 from fasbody.arch.bones import Arch
-from fasbody.arch.kinematics import Array, arms
+from fasbody.arch.kinematics import Array, arms, rest
 from fasbody.arch.lagrange import mass_matrix
-from fasbody.arch.load import poses, tangent
-from fasbody.arch.tissue import Springs, Tissue
+from fasbody.arch.load import Springs, moments, tangent
+from simulator.tissue import Tissue
 
 #: What the foot carries of a seated leg [N]: foot and shank of mjcf/leg.xml, the seat has the thigh. Nominal.
 SEATED_N = 42.0
@@ -29,6 +29,30 @@ FOOT_KG, SHANK_KG, THIGH_KG, TISSUE_KG = 1.05, 3.4, 2.06, 0.2
 def pad(k_F: Any, load: Any) -> Any:
     """Stiffness of the fat pad [N/m] under a load [N], from that under `PAD_N`."""
     return k_F * (load / PAD_N) ** PAD_POWER
+
+
+def poses(arch: Arch, load: Array, springs: Springs) -> tuple[Array, Array]:
+    """Many arches under load at once: poses (..., 6), and which of them hold, shape (...); the others are at rest.
+
+    Args:
+        arch: the bones.
+        load: on the apex [N], shape (...).
+        springs: aponeurosis and ligaments, numbers or of shape (...).
+    """
+    q = np.broadcast_to(rest(arch), (*np.shape(load), 6)).copy()
+    stands = np.ones(np.shape(load), bool)
+    for _ in range(200):
+        step = np.linalg.solve(tangent(arch, q, load, springs), moments(arch, q, load, springs)[..., None])[..., 0]
+        largest = np.where(stands, np.abs(step).max(axis=-1), 0)
+        q[..., 2:5] -= step * np.minimum(1, 0.05 / np.maximum(largest, 1e-300))[..., None]
+        height = np.cos(q[..., 2:5]) @ [arch.L_2, arch.L_3, arch.L_4]
+        stands &= (height > 0) & (height < arch.L_1)
+        q[~stands] = rest(arch)
+        if largest.max(initial=0) < 1e-12:
+            break
+    slope = tangent(arch, q, load, springs)
+    stands &= (np.linalg.eigvalsh(-(slope + np.swapaxes(slope, -1, -2)) / 2)[..., 0] > 0) & (largest < 1e-9)
+    return q, stands
 
 
 class Stance(NamedTuple):

@@ -11,7 +11,7 @@ PADS, ANKLE, HINGES = (-50.0, 100.0), (50.0, 100.0), (2.0, 4.0)
 _PADS, _HINGES = ("heel_pad", "forefoot_pad"), ("spring_ligament", "short_plantar_ligament", "long_plantar_ligament")
 _ABOUT = """
        This is foot_arch.xml with bends c_2 and c_3 of pads, ankle and hinges, which are nominal: made by
-       fasbody.arch.bends, and equal to it for small motion."""
+       simulator.bends, and equal to it for small motion."""
 
 
 def mjcf() -> str:

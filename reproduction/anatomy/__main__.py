@@ -1,6 +1,6 @@
 """The foot's meshes, made from the shapes and written as assets: `fasbody anatomy`.
 
-Bones carry baked colours, soft parts the weights by which they follow the segments. `viz.anatomy.assets` has the files.
+Bones carry baked colours, soft parts the weights by which they follow the segments. `files.py` writes them.
 """
 
 from pathlib import Path
@@ -12,9 +12,11 @@ import typer
 import mjcf
 from fasbody.console import command_line, console, print_json, progress_bar
 from fasbody.exceptions import FasError, MissingPackageError
-from viz.anatomy import bones, tissue
-from viz.anatomy.assets import Part, colour, write
-from viz.anatomy.field import Array, Mesh, Shape, mesh
+from reproduction.anatomy import bones, tissue
+from reproduction.anatomy.field import Array, Mesh, Shape, mesh
+from reproduction.anatomy.files import write
+from viz.anatomy.assets import Part, colour
+from viz.anatomy.rest import SEGMENTS, TABLE
 
 #: Edge length of each mesh [mm]; bones not named here have `FINE`.
 SPACING = {"tibia": 3.2, "fibula": 2.6, "heel_pad": 2.8, "forefoot_pad": 2.8, "aponeurosis": 2.4, "skin": 4.2}
@@ -41,15 +43,15 @@ def build() -> list[Part]:
         "heel_pad": tissue.heel_pad(shapes["calcaneus"]), "forefoot_pad": tissue.forefoot_pad(),
         "aponeurosis": tissue.aponeurosis(), "skin": tissue.skin(),
     }  # fmt: skip
-    groups = [[shape for segment, shape in hard.values() if segment == name] for name in bones.SEGMENTS[:-1]]
+    groups = [[shape for segment, shape in hard.values() if segment == name] for name in SEGMENTS[:-1]]
     parts = []
     with progress_bar() as progress:
         task = progress.add_task("meshing", total=len(hard) + len(soft))
         for name, (segment, shape) in hard.items():
             small = "phalanx" in name or "sesamoid" in name
             made = closed_mesh(shape, SPACING.get(name, SMALL if small else FINE), name)
-            index = bones.SEGMENTS.index(segment)
-            weights = np.tile(np.eye(len(bones.SEGMENTS))[index], (len(made.vertices), 1))
+            index = SEGMENTS.index(segment)
+            weights = np.tile(np.eye(len(SEGMENTS))[index], (len(made.vertices), 1))
             others = [other for other_name, other in shapes.items() if other_name != name]
             parts.append(_part(name, made, _shade(made, others, BONE[index]), weights))
             progress.advance(task)
@@ -114,9 +116,9 @@ def _shade(made: Mesh, others: list[Shape], tint: str) -> Array:
 def _weights(name: str, p: Array, groups: list[list[Shape]]) -> Array:
     """How much each segment and the table move the vertices of a soft part."""
     distance = np.stack([np.min([shape.distance(p) for shape in group], 0) for group in groups], 1)
-    height = p[:, 2] - bones.TABLE
-    share = np.zeros((len(p), len(bones.SEGMENTS)))
-    hind, heads = bones.SEGMENTS.index("calcaneus_talus"), bones.SEGMENTS.index("metatarsals")
+    height = p[:, 2] - TABLE
+    share = np.zeros((len(p), len(SEGMENTS)))
+    hind, heads = SEGMENTS.index("calcaneus_talus"), SEGMENTS.index("metatarsals")
     if name in ("heel_pad", "forefoot_pad"):  # uniform strain between the bone and the table
         bone = hind if name == "heel_pad" else heads
         depth = np.clip(distance[:, bone], 0, None)
@@ -149,7 +151,7 @@ def main(
     try:
         import trimesh
     except ImportError:
-        raise MissingPackageError("trimesh", "view") from None
+        raise MissingPackageError("trimesh", "cell") from None
     parts = build()
     table = Table(title="Meshes of the foot")
     for heading in ("part", "segment", "triangles", "volume [cm3]"):

@@ -14,11 +14,11 @@ import numpy as np
 from fasbody.arch.bones import Arch
 from fasbody.arch.kinematics import Array, arms, closing_angle, deformations, gradients
 from fasbody.arch.lagrange import mass_matrix
-from fasbody.arch.load import poses, tangent
-from fasbody.arch.mounted import FOOT_KG, SEATED_N, SHANK_KG, SHIPPED, THIGH_KG, TISSUE_KG, Mounted, pad
+from fasbody.arch.load import tangent
 from fasbody.constants import MODEL_GRAVITY
 from fasbody.exceptions import SimulationError
 from mjcf import path
+from simulator.mounted import FOOT_KG, SEATED_N, SHANK_KG, SHIPPED, THIGH_KG, TISSUE_KG, Mounted, pad, poses
 
 #: Coordinates of `matrices`, in order.
 COORDINATES = ("z_F", "z_T", "theta_2", "theta_3", "theta_4", "z_H", "z_A")

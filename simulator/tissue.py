@@ -1,16 +1,15 @@
 """Aponeurosis and plantar ligaments as tissue: laws with a toe region, from samples in a testing machine.
 
-The springs of the linear arch have a constant stiffness. Here a spring's stiffness follows from its stretch under the
-load, so that the arch is linear only about the pose in which it stands. No number of a whole foot is in
-these laws but the two that are called free.
+The springs of `Arch` have a constant stiffness. Here it follows from the stretch under the load, so that the arch is
+linear only about the pose in which it stands. No number of a whole foot is in these laws but the two that are called
+free.
 """
 
 from dataclasses import dataclass, replace
-from typing import Any, Protocol, Self
+from typing import Any, Self
 
 import numpy as np
 
-from fasbody.arch.bones import Arch
 from fasbody.arch.kinematics import Array
 from fasbody.exceptions import ModelError
 
@@ -19,31 +18,6 @@ NATALI_MU, NATALI_K, NATALI_A = 14.449e6, 254.02e6, 10.397
 #: Ligaments of the foot, Gefen 2002 as fitted by D'Hondt 2024 (10.1371/journal.pcbi.1012219): stress [Pa] and exponent
 #: [1]. Their offset of 0.18 % of stretch is left out, so that a ligament is at rest where its joint is.
 LIGAMENT_STRESS, LIGAMENT_EXPONENT = 7.9884e6, 8.2061
-
-
-class Springs(Protocol):
-    """What holds an arch up: one tension and three moments."""
-
-    def tension(self, e: Array) -> Array:
-        """Of the aponeurosis [N] at its elongation e [m], any shape, real or complex."""
-
-    def moment(self, joint: int, d: Array) -> Array:
-        """Of the ligaments [N m] at the turn d [rad] of joint 2, 3 or 4, any shape, real or complex."""
-
-
-@dataclass(frozen=True)
-class Linear:
-    """The relaxed springs of the thesis' arch."""
-
-    arch: Arch
-
-    def tension(self, e: Array) -> Array:
-        """k_11 e [N], any shape."""
-        return self.arch.k_11 * e
-
-    def moment(self, joint: int, d: Array) -> Array:
-        """k_i d [N m], any shape."""
-        return getattr(self.arch, f"k_{joint}") * d
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -2,8 +2,9 @@
 
 import numpy as np
 
-from viz.anatomy.bones import KNEE, METATARSALS, TABLE, sawn, toe_line
-from viz.anatomy.field import Shape, above, below, cut, ellipsoid, inflated, round_cone, union
+from reproduction.anatomy.bones import KNEE, sawn, toe_line
+from reproduction.anatomy.field import Shape, above, below, cut, ellipsoid, inflated, round_cone, union
+from viz.anatomy.rest import METATARSALS, TABLE
 
 #: The aponeurosis is made this much thicker than it is and flattened afterwards, so that the mesher sees a body.
 FLATNESS = 3.5
