@@ -632,7 +632,7 @@ FRESH = (
           truth=chain(FOOT, SHANK, at=1)),
     _edit("two_dof", "a servo of the shank's height, which stands too far", (ACTUATORS, '<general name="servo" site="malleolus" refsite="base" '
           'gear="0 1 0 0 0 0" gainprm="0" biastype="affine" biasprm="0 -5e4 -30"/>' + ACTUATORS),
-          **dict.fromkeys(("simulate", "curve", "viewer"), "joint '(fat_pad|talocrural)' stands .* damper is negative")),
+          **dict.fromkeys(("simulate", "balance", "curve", "viewer"), "joint '(fat_pad|talocrural)' stands .* damper is negative")),
     _edit("two_dof", "a servo in the parent of its joint", (ACTUATORS, '<general name="servo" jointinparent="talocrural" gainprm="0" '
           'biastype="affine" biasprm="0 -5e4 -30"/>' + ACTUATORS), truth=chain(FOOT, SHANK, at=1, more=((1, 0, 5e4 + 30 * S),)),
           leg="actuator 'servo'"),

@@ -221,7 +221,7 @@ def made(name: str, bic: float, held: float, free: int = 8, repeats: float = 0.0
     values: dict[str, object] = {
         "name": name, "title": name, "free": free, "chi_square": 100.0, "dof": 100, "bic": bic,
         "held_out": {"frequency": held}, "error": 0.01, "branch": "stiff pad", "log_odds": 20.0, "k_T": e, "k_F": f,
-        "log_ratio": (np.log(k_T / 2e5), 0.02), "other": None, "own": (), "values": {}, "predicted": (),
+        "log_ratio": (np.log(k_T / 2e5), 0.02), "other": None, "constants": (), "values": {}, "predicted": (),
         "converged": True, "extra": free > 8, "repeatability": repeats,
     }  # fmt: skip
     return Rival(**{**values, **more})  # type: ignore[arg-type]
@@ -302,7 +302,7 @@ def test_springs_that_relax_are_named_and_the_model_is_not_believed(relaxing: Ri
     x = (2 * np.pi * hz * 5e-3) ** 2
     assert first.k_T and first.k_T.lower < LEG.k_T * (1 + 0.4 * x / (1 + x)) < first.k_T.upper  # in the mid of the band
     assert first.k_T.at_rest and first.k_T.at_rest.lower < LEG.k_T < first.k_T.at_rest.upper
-    own = {each.name: each for each in first.own}
+    own = {each.name: each for each in first.constants}
     assert own["r_T"].lower < 0.4 < own["r_T"].upper and own["tau"].lower < 5e-3 < own["tau"].upper
     assert relaxing.sentence().startswith("Best model: springs that relax. All other models are ruled out.")
 
@@ -311,7 +311,7 @@ def test_springs_that_relax_are_named_and_the_model_is_not_believed(relaxing: Ri
 def test_a_sensor_on_soft_tissue_is_named_with_its_frequency() -> None:
     result = compare_rivals(recorded(Mount(100.0)), models=RUNGS)
     assert result.first.name == "mount"
-    (frequency, _) = result.first.own
+    (frequency, _) = result.first.constants
     assert frequency.name == "f_u" and frequency.lower < 100 < frequency.upper
 
 

@@ -12,13 +12,12 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fasbody.exceptions import SettingError, SimulationError, UnstableError
-from fasbody.foot.damper import DAMPER
+from fasbody.foot.damper import DAMPER, check_dampers
 from fasbody.foot.engine import SHAKER_CONTROLS, callbacks
 from fasbody.foot.model import Foot, Sensor, can_change, held_to_world
 from fasbody.foot.parameters import Fitted
-from fasbody.foot.rest import check_dampers
 from fasbody.foot.shaker import BaseMotion
-from fasbody.foot.steady_state import Balance
+from fasbody.foot.steady_state import Balance, check_dampers
 from fasbody.presentation import Presented, Sheet
 
 #: Share of a damper that is taken at the end of a step, and of one on a hinge.

@@ -22,7 +22,8 @@ from functools import cached_property
 import mujoco
 import numpy as np
 
-from fasbody.exceptions import PeriodicMotionError, SettingError, unknown
+from fasbody.exceptions import PeriodicMotionError, SettingError, SimulationError, unknown
+from fasbody.foot.damper import DAMPER
 from fasbody.foot.engine import callbacks
 from fasbody.foot.harmonic_balance import MOST_HARMONICS, Fourier, Solution, multipliers, periodic, rest
 from fasbody.foot.model import Foot, can_change
@@ -450,6 +451,7 @@ class Balance:
             SettingError: an unknown parameter or value, or an invalid base.
             PeriodicMotionError: there is no such motion.
             NotSmoothError: a contact, a stop or dry friction acts in it.
+            SimulationError: a damper is negative about its mean pose.
         """
         base = np.atleast_1d(np.asarray(base_harmonics, complex))
         _check(frequency_hz, base)
@@ -459,7 +461,10 @@ class Balance:
         shaken = Shaken(self, float(frequency_hz), base, named)
         with callbacks():
             solution = periodic(shaken, start.start if start else None, base.size)
-            return Orbit(shaken, solution, shaken.rows(solution.series, solution.x))
+            orbit = Orbit(shaken, solution, shaken.rows(solution.series, solution.x))
+        moved = shaken.motion(solution.series, solution.x)[0, :, : self.model.nv].mean(0)
+        check_dampers(self.foot, (self.model.qpos0 + moved)[None], self.model.jnt_user[None])
+        return orbit
 
     def derivatives(self, orbit: Orbit, names: Sequence[str]) -> dict[str, Array]:
         """Derivatives of the sensors' harmonics to parameters: sensor -> complex (H, p).
@@ -516,3 +521,27 @@ def _check(frequency_hz: float, base: Array) -> None:
         raise SettingError(f"harmonics of the base are {amplitudes}; give finite m/s^2, one not zero.")
     if base.size > MOST_HARMONICS:
         raise SettingError(f"a base of {base.size} harmonics has more than {MOST_HARMONICS}.")
+
+
+def check_dampers(foot: Foot, qpos: Array, laws: Array) -> None:
+    """Refuse poses about which a damper of the law 4.25 drives what it damps: its cosine is below zero there.
+
+    Args:
+        foot: the model.
+        qpos: (n, nq) of rest, or about which motions go on.
+        laws: (n or 1, njnt, 8) of the joints.
+
+    Raises:
+        SimulationError: by the joint's name.
+    """
+    model = foot.model
+    for j in np.flatnonzero(model.jnt_user[:, :1] == DAMPER):
+        q = model.jnt_qposadr[j]
+        stretch, c_3 = np.broadcast_arrays(np.abs(qpos[:, q] - model.qpos_spring[q]), laws[:, j, 3])
+        worst = int(np.argmax(c_3 * stretch))
+        if c_3[worst] * stretch[worst] > np.pi / 2:
+            raise SimulationError(
+                f"{foot.name}: joint {model.joint(j).name!r} stands {1e3 * stretch[worst]:.3g} mm from its spring's "
+                f"rest, where its damper is negative: c_3 = {c_3[worst]:g} of its law 4.25 allows "
+                f"{500 * np.pi / c_3[worst]:.3g} mm. Lower c_3, or what pulls the foot."
+            )

@@ -142,7 +142,7 @@ def _rival(contender: Contender, best: Solution) -> Rival:
         bic=deviances[0] + penalty, held_out=scores, error=error,
         branch=end.branch, log_odds=0.5 * (deviances[1] - deviances[0]) if others else None,
         k_T=k_T, k_F=k_F, log_ratio=_log_ratio(end) if k_T and k_F else None,
-        other=(across[0], across[1]) if across[0] and across[1] else None, own=_constants(candidate, end),
+        other=(across[0], across[1]) if across[0] and across[1] else None, constants=_constants(candidate, end),
         values=v.named(end.q) if isinstance(v, RungVariables) else {},
         predicted=tuple(y[ok] for y, ok in zip(Y, valid, strict=True)), converged=end.optimum.converged,
         extra=candidate.extra, repeatability=contender.repeatability, penalty=penalty,

@@ -58,7 +58,7 @@ class Rival(Tabled):
             model has none.
         log_ratio: of k_T over k_F with its standard error.
         other: k_T and k_F of the other branch where it stays open.
-        own: the constants that only this rival has.
+        constants: those that only this rival has.
         values: all constants.
         predicted: harmonics of each recording [m/s^2].
         converged: the descent came to rest.
@@ -81,7 +81,7 @@ class Rival(Tabled):
     k_F: Estimate | None
     log_ratio: tuple[float, float] | None
     other: tuple[Estimate, Estimate] | None
-    own: tuple[RivalConstant, ...]
+    constants: tuple[RivalConstant, ...]
     values: Mapping[str, float]
     predicted: tuple[np.ndarray, ...]
     converged: bool
@@ -251,8 +251,8 @@ class Rivals(Presented):
             "k_T [N/m]", "k_F [N/m]", "adequate",
         )  # fmt: skip
         notes = [self.sentence(), self._repeating()]
-        if self.first.own and self.first.follows:
-            notes.append(f"{self.first.title}: {'; '.join(map(str, self.first.own))}.")
+        if self.first.constants and self.first.follows:
+            notes.append(f"{self.first.title}: {'; '.join(map(str, self.first.constants))}.")
         return Sheet(f"{self.source}: rivals of {self.model}", columns, rows, [*notes, *self.warnings])
 
     def _repeating(self) -> str:
@@ -277,7 +277,7 @@ class Rivals(Presented):
         """The comparison as plain data."""
         rivals = []
         for r, row in zip(self.rivals, self.records(), strict=True):
-            more = {"title": r.title, "converged": r.converged, "own": [*map(asdict, r.own)]}
+            more = {"title": r.title, "converged": r.converged, "own": [*map(asdict, r.constants)]}
             rivals.append(row | more | {"values": dict(r.values)})
         return {
             "source": self.source, "model": self.model, "first": self.first.name, "sentence": self.sentence(),
