@@ -14,6 +14,8 @@ from itertools import pairwise
 
 import numpy as np
 
+from fasbody.recording.harmonics import columns
+
 _NAMES = ("base", "malleolus")
 SENSORS = _BASE, _MALLEOLUS = 0, 1
 #: Length of a window [s], and fewest periods of the drive in it: from 5 Hz on, the length.
@@ -444,9 +446,7 @@ class Steps:
 def _harmonics(turns: float, size: int, most: int = _HARMONICS) -> np.ndarray:
     """Columns of a constant, and of cosine and sine of each harmonic of so many turns a sample."""
     count = max(1, min(most, int(0.4 / turns), size // _SAMPLES_PER_TERM // 2))
-    wt = 2 * np.pi * turns * np.arange(size)
-    columns = [f(h * wt) for h in range(1, count + 1) for f in (np.cos, np.sin)]
-    return np.column_stack([np.ones(size), *columns])
+    return columns(2 * np.pi * turns * np.arange(size), count)
 
 
 def _longest_run(values: np.ndarray) -> np.ndarray:

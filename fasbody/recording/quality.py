@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from fasbody.recording.harmonics import fit_harmonics
+from fasbody.recording.harmonics import columns, fit_harmonics
 
 #: Segments whose levels are compared, and the periods that one needs.
 _SEGMENTS = 10
@@ -116,8 +116,7 @@ def _segments(time_s: np.ndarray, values: list[np.ndarray], frequency_hz: float,
     """Offset and complex amplitude (segments, 2, channels) of values (n,) of each channel between edges."""
     segments = []
     for a, b in pairwise(edges):
-        turn = 2 * np.pi * frequency_hz * time_s[a:b]
-        basis = np.column_stack([np.ones_like(turn), np.cos(turn), np.sin(turn)])
+        basis = columns(2 * np.pi * frequency_hz * time_s[a:b], 1)
         offset, real, imaginary = np.linalg.lstsq(basis, np.column_stack([x[a:b] for x in values]), rcond=None)[0]
         segments.append(np.stack([offset + 0j, real - 1j * imaginary]))
     return np.array(segments)
