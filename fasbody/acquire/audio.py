@@ -12,15 +12,17 @@ import math
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, ClassVar, Self
+from typing import Annotated, Any, Self
 
 import numpy as np
+from pydantic import Field, NonNegativeFloat
 
 from fasbody.acquire.calibrate import FULL, STRAY, within
-from fasbody.acquire.frames import SAMPLES, Frames, SettingsFile, is_number
+from fasbody.acquire.documents import SettingsFile
+from fasbody.acquire.frames import SAMPLES, Frames
 from fasbody.acquire.generator import Refused
 from fasbody.acquire.port import WAIT_S, Unplugged
 from fasbody.acquire.wire import over_range
@@ -69,8 +71,9 @@ _ALIKE = 0.05
 _IN_STEP_S = 2e-6
 
 
-def _pair(value: Any, least: float = -math.inf) -> bool:
-    return isinstance(value, list) and len(value) == 2 and all(is_number(v, least=least) for v in value)
+_Number = Annotated[float, Field(description="a number")]
+_Positive = Annotated[float, Field(gt=0, description="a number, positive")]
+_Pair = Annotated[tuple[float, float], Field(description="two numbers")]
 
 
 @dataclass(frozen=True)
@@ -90,32 +93,21 @@ class Calibration(SettingsFile):
         output: that plays, 1 or 2; the other one stays silent.
     """
 
-    device: str
-    scale_m_s2: tuple[float, float] = (0.0, 0.0)
-    corner_hz: tuple[float, float] = (0.0, 0.0)
-    output_corner_hz: float = 0.0
-    loop_gain: tuple[float, float] = (0.0, 0.0)
-    delay_s: float = 0.5
-    skew_s: float = 0.0
-    full_scale_v: float = 2.0
-    latency_s: float = 0.5
-    output: int = 1
+    device: Annotated[str, Field(pattern=r"\S", description="the card's name")]
+    scale_m_s2: _Pair = (0.0, 0.0)
+    corner_hz: Annotated[
+        tuple[NonNegativeFloat, NonNegativeFloat], Field(description="two numbers, not negative")
+    ] = (0.0, 0.0)
+    output_corner_hz: Annotated[float, Field(ge=0, description="a number, not negative")] = 0.0
+    loop_gain: _Pair = (0.0, 0.0)
+    delay_s: _Number = 0.5
+    skew_s: _Number = 0.0
+    full_scale_v: _Positive = 2.0
+    latency_s: _Positive = 0.5
+    output: Annotated[int, Field(ge=1, le=2, description="1 or 2")] = 1
 
     TITLE = "calibration of a sound card"
     VALID = "fasbody calibrate writes it"
-    NAMED = True
-    VALUES: ClassVar[Mapping[str, tuple[Callable[[Any], bool], str]]] = {
-        "device": (lambda value: isinstance(value, str) and bool(value.strip()), "the card's name"),
-        "scale_m_s2": (_pair, "two numbers"),
-        "corner_hz": (lambda value: _pair(value, least=0), "two numbers, not negative"),
-        "output_corner_hz": (lambda value: is_number(value, least=0), "a number, not negative"),
-        "loop_gain": (_pair, "two numbers"),
-        "delay_s": (is_number, "a number"),
-        "skew_s": (is_number, "a number"),
-        "full_scale_v": (lambda value: is_number(value, above=0), "a number, positive"),
-        "latency_s": (lambda value: is_number(value, above=0), "a number, positive"),
-        "output": (lambda value: isinstance(value, int) and value in (1, 2), "1 or 2"),
-    }
 
     def at_corner(self, channel: int) -> float:
         """Of an input's high-pass [Hz]."""

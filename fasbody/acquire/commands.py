@@ -20,7 +20,7 @@ from fasbody.acquire.display import Display
 from fasbody.acquire.folder import Converted, convert
 from fasbody.acquire.level import Safety
 from fasbody.acquire.person import ACTION, VDV_LIMIT, Dose
-from fasbody.acquire.plan import Plan, PlannedStep, steps_in, within
+from fasbody.acquire.plan import Plan, PlannedSession, PlannedStep, within
 from fasbody.acquire.port import ports, probe
 from fasbody.acquire.session import Session, terminated
 from fasbody.acquire.wire import ROLES
@@ -166,10 +166,11 @@ def record(
     if plan_ is not None:
         if sweep or frequency is not None:
             raise SettingError("--plan has its own frequencies: leave out --frequency and --sweep.")
-        document, steps = _planned(plan_, added_mass, simulate, first)
-        planned_kg = float(document["body_mass_kg"])
+        session = PlannedSession.read(plan_)
+        steps = _steps(plan_, session, added_mass, simulate, first)
+        planned_kg = session.body_mass_kg
         if not simulate:
-            subject = subject or str(document.get("subject", "1"))
+            subject = subject or session.subject
             body_mass = planned_kg if body_mass is None else body_mass
     truth: dict[str, Any] | None = None
     if simulate:
@@ -378,11 +379,11 @@ def recover(
         raise AcquisitionError(" ".join(bad))
 
 
-def _planned(
-    file: Path, added_mass: float | None, simulate: bool, first: int
-) -> tuple[dict[str, Any], Mapping[int, PlannedStep]]:
-    """A planned session and its steps by number from 1, or its part under one load, from one step on."""
-    document, all_ = steps_in(file)
+def _steps(
+    file: Path, session: PlannedSession, added_mass: float | None, simulate: bool, first: int
+) -> Mapping[int, PlannedStep]:
+    """The steps of a planned session by number from 1, or its part under one load, from one step on."""
+    all_ = session.protocol
     if first > len(all_):
         raise SettingError(f"--first is {first}, and {file} has {counted(len(all_), 'step')}.")
     steps = {number: step for number, step in enumerate(all_, start=1) if number >= first}
@@ -401,7 +402,7 @@ def _planned(
             f"{file} has loads of {listed} kg, and nobody is at the terminal to lay them "
             "on the knee: give --added-mass, one after the other."
         )
-    return document, steps
+    return steps
 
 
 def _look(port: str | None, probing: bool, json_: bool, board: str) -> None:

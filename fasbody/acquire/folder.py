@@ -12,14 +12,14 @@ import shlex
 import tempfile
 import tomllib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import TypeAdapter, ValidationError
 
 from fasbody.acquire import capture
-from fasbody.acquire.frames import is_number
 from fasbody.acquire.monitor import Drive, faults, named
 from fasbody.acquire.timeline import Limits, Quality, Timeline
 from fasbody.acquire.wire import Decoder, Hello
@@ -33,8 +33,6 @@ from fasbody.recording.recording import Condition, Recording
 CAPTURES, RECORDINGS, TRUTH = "captures", "recordings", "truth.json"
 #: Excitation begins here [Hz]; slower motion is drift and leaning.
 _SLOWEST_HZ = 3.0
-#: What of a capture's plan makes the recording.
-_PLANNED = {"seconds", "subject", "posture", "frequency_hz", "body_mass_kg", "added_mass_kg"}
 #: A sine that is set by hand has the stated frequency within this share.
 _AS_STATED = 0.05
 #: A base that moves by less [m/s^2 rms] is at rest: simple sensors have 0.03 to 0.1 of noise, the thesis shakes at 6.3.
@@ -97,18 +95,17 @@ def convert(
     """
     limits = limits or Limits()
     about, timeline, events = replay(files)
-    _check_plan(files[0], about)
+    known = _planned(files[0], about)
     origin = str(about.get("origin", "measured"))
     if about:
         _check_origin(study, origin)
     hello = timeline.hello
-    planned = round(float(about["seconds"]) * hello.rate_hz) if about.get("seconds") else None
+    planned = round(known.seconds * hello.rate_hz) if known.seconds else None
     index, values = timeline.samples()
     quality = timeline.quality(planned)
     kept = index < planned if planned else np.ones(index.size, bool)
     index, values = index[kept], values[kept]
-    known = about.get("condition", {})
-    condition = Condition(**{key: known[key] for key in asdict(Condition()) if key in known})
+    condition = known.condition
     pair, drive = [hello.roles.index(role) for role in ("base", "malleolus")], drive_of(about, index, values, hello)
     all_faults = faults(index, values[:, pair], hello.rate_hz, drive)
     broken = np.zeros(index.size, bool)
@@ -223,17 +220,22 @@ def drive_of(about: Mapping[str, Any], index: np.ndarray, values: np.ndarray, he
     return Drive(one_mass=one_mass)
 
 
-def _check_plan(file: Path, about: dict[str, Any]) -> None:
+@dataclass(frozen=True)
+class _Planned:
+    """What of a capture's plan makes the recording."""
+
+    condition: Condition = field(default_factory=Condition)
+    seconds: float | None = None
+
+
+def _planned(file: Path, about: Mapping[str, Any]) -> _Planned:
     """Refuse a plan of senseless content, which acquisition never writes."""
-    condition = about.get("condition", {})
-    if not isinstance(condition, dict):
-        raise InputFileError(file, f"its plan has the condition {condition!r}", "a table is needed")
-    for name, value in ({"seconds": about.get("seconds")} | condition).items():
-        text = name in ("subject", "posture")
-        suits = isinstance(value, str) if text else value is None or is_number(value, least=0)
-        if name in _PLANNED and not suits:
-            needed = f"a {'text' if text else 'number'} is needed"
-            raise InputFileError(file, f"its plan has {name} {value!r}", needed)
+    try:
+        return TypeAdapter(_Planned).validate_json(json.dumps(about), strict=True)
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = " ".join(map(str, first["loc"]))
+        raise InputFileError(file, f"its plan has {place} {first['input']!r}", first["msg"].lower()) from None
 
 
 def _longest(index: np.ndarray, broken: np.ndarray) -> np.ndarray:
