@@ -19,6 +19,7 @@ from typing import Annotated, Any, Self
 
 import numpy as np
 from pydantic import Field, NonNegativeFloat
+from scipy.signal import lfilter  # here: on a busy computer it takes seconds, and later the card plays and records
 
 from fasbody.acquire.calibrate import FULL, STRAY, within
 from fasbody.acquire.documents import SettingsFile
@@ -52,8 +53,6 @@ _LATE_S = 1.0
 _GONE_S = 3.0
 #: And so much longer at the start [s].
 _STARTS_S = 7.0
-#: So many samples are filtered at once; their fading stays near one.
-_AT_ONCE = 2048
 #: The input's buffer is no longer [s].
 _INPUT_S = 0.25
 #: What a card gives in so long after its start counts for nothing [s].
@@ -491,23 +490,14 @@ class Uncoupler:
     def __init__(self, corner_hz: float, rate_hz: float = RATE_HZ) -> None:
         low = _COMMON_HZ if corner_hz > 0 else 0.0
         zero, pole = (math.pi * f / rate_hz for f in (corner_hz, low))
-        self._now, self._before = (1 + zero) / (1 + pole), (zero - 1) / (1 + pole)
-        self._keep = (1 - pole) / (1 + pole)
-        self._x = self._y = 0.0
+        self._b = np.array([1 + zero, zero - 1]) / (1 + pole)
+        self._a = np.array([1, (pole - 1) / (1 + pole)])
+        self._state = np.zeros(1)
 
     def feed(self, values: np.ndarray) -> np.ndarray:
-        """The next samples (n,).
-
-        By numpy alone: scipy.signal takes seconds to import on a busy computer, while the card plays and records.
-        """
-        out = np.empty(values.size)
-        for start in range(0, values.size, _AT_ONCE):
-            x = values[start : start + _AT_ONCE]
-            u = self._now * x + self._before * np.concatenate([[self._x], x[:-1]])
-            fades = self._keep ** np.arange(x.size)
-            out[start : start + x.size] = fades * (self._keep * self._y + np.cumsum(u / fades))
-            self._x, self._y = float(x[-1]), float(out[start + x.size - 1])
-        return out
+        """The next samples (n,)."""
+        out, self._state = lfilter(self._b, self._a, values, zi=self._state)
+        return np.asarray(out)
 
 
 def loop_signal() -> np.ndarray:

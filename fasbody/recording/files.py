@@ -64,9 +64,9 @@ def reading(file: Path, layout: Layout | None = None) -> Reading:
         source = TextTable.open(file, layout)
     else:
         source = _SeriesTable.open(file, layout)
-    assignment = assign(file, source.columns, layout)
-    numbers = _numbers(source, assignment.uses, layout)
-    uses = {key: use for key, use in assignment.uses.items() if key in numbers}
+    uses, decided = assign(file, source.columns, layout)
+    numbers = _numbers(source, uses, layout)
+    uses = {key: use for key, use in uses.items() if key in numbers}
     rate = source.rate_hz(uses, layout)
     numbers, places = _without_gaps(source, uses, numbers)
     channels = {key: numbers.pop(key) for key in uses}
@@ -97,7 +97,7 @@ def reading(file: Path, layout: Layout | None = None) -> Reading:
     if not {"time", "time_s"} & uses.keys() and (rate or layout.rate_hz):
         counted = f"time: counted at {rate or layout.rate_hz:.6g} Hz, as {'the file' if rate else 'study.toml'} says"
         used = (*((counted,) if "base_m_s2" not in clocks else ()), *used)
-    return Reading(channels, used, unused, (*assignment.remarks, *others, *filter(None, [unlike])))
+    return Reading(channels, used, unused, (*decided, *others, *filter(None, [unlike])))
 
 
 def _numbers(source: "TextTable | _SeriesTable", uses: Mapping[str, Use], layout: Layout) -> Channels:
