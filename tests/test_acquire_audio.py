@@ -21,7 +21,7 @@ from fasbody.acquire.board import Board
 from fasbody.acquire.commands import app
 from fasbody.acquire.plan import Plan
 from fasbody.acquire.session import Session
-from fasbody.acquire.timeline import Limits, Timeline
+from fasbody.acquire.timeline import Timeline
 from fasbody.acquire.wire import Block, Decoder
 from fasbody.exceptions import AcquisitionError, InputFileError, SettingError
 from fasbody.foot.shaker import sine
@@ -198,7 +198,7 @@ def test_every_overrun_is_a_gap_named_with_its_time(monkeypatch: pytest.MonkeyPa
     assert [gap.cause for gap in gaps] == [f"lost frames, {cause}" for cause in causes]
     # 384 samples fill the filter once, which is 5 frames of 4 ms; each gap is one frame
     np.testing.assert_allclose([gap.after_s for gap in gaps], [0.6, 1.204, 1.808], atol=0.025)
-    (problem,) = timeline.quality().problems(Limits())
+    (problem,) = timeline.quality().problems()
     assert all(f"after {gap.after_s:.6g} s, {gap.cause}" in problem for gap in gaps)
     _, values = timeline.samples()
     np.testing.assert_allclose(values[-100:], [[10.0, 8.0]] * 100, rtol=1e-6)

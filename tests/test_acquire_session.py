@@ -73,7 +73,7 @@ def test_one_percent_damaged_bytes_are_all_found(tmp_path: Path) -> None:
     between = set(range(min(came), max(came)))
     assert between - came == between & feeder.damaged and quality.lost_frames == len(between - came)
     assert 0.5 < quality.lost_frames / len(between) < 0.85  # 1 - 0.99^112 of the frames are hit
-    assert quality.problems(Plan(tmp_path, (), CONDITION).limits)
+    assert quality.problems()
 
 
 def test_unplugged_and_back(tmp_path: Path, feeder: Feeder, board: Board) -> None:

@@ -21,7 +21,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from fasbody.acquire import capture
 from fasbody.acquire.monitor import Drive, faults, named
-from fasbody.acquire.timeline import Limits, Quality, Timeline
+from fasbody.acquire.timeline import LIMITS, Quality, Timeline
 from fasbody.acquire.wire import Decoder, Hello
 from fasbody.console import to_json, write_whole
 from fasbody.exceptions import AcquisitionError, InputFileError, RecordingError
@@ -73,7 +73,7 @@ class Converted:
 
 
 def convert(
-    files: Sequence[Path], study: Path, limits: Limits | None = None, longest: bool = False, stopped: str = ""
+    files: Sequence[Path], study: Path, longest: bool = False, stopped: str = ""
 ) -> Converted:
     """Write the recording of a capture into a study: CSV, JSON beside it, and a row in recordings.csv if it is usable.
 
@@ -85,7 +85,6 @@ def convert(
     Args:
         files: the capture file, and the one that took over when a disk was full.
         study: folder, made if needed.
-        limits: what is acceptable.
         longest: keep only the longest stretch without a gap, however short it is.
         stopped: why the recording ended early, if it did.
 
@@ -93,7 +92,6 @@ def convert(
         InputFileError: a file cannot be read or written.
         AcquisitionError: too few samples to make a file of.
     """
-    limits = limits or Limits()
     about, timeline, events = replay(files)
     known = _planned(files[0], about)
     origin = str(about.get("origin", "measured"))
@@ -129,10 +127,11 @@ def convert(
         condition=condition,
         origin=origin,
     )
-    problems, remarks = quality.problems(limits), quality.remarks(limits)
+    problems, remarks = quality.problems(), quality.remarks()
     length_s = recording.time_s[-1]
-    if condition.frequency_hz and length_s * condition.frequency_hz < limits.periods:
-        problems.append(f"{length_s:.3g} s hold fewer than {limits.periods:g} periods of {condition.frequency_hz:g} Hz")
+    if condition.frequency_hz and length_s * condition.frequency_hz < LIMITS["periods"]:
+        few = f"fewer than {LIMITS['periods']:g} periods of {condition.frequency_hz:g} Hz"
+        problems.append(f"{length_s:.3g} s hold {few}")
     if not about:
         problems.append("the record of what was to be recorded is damaged: condition, origin and length are unknown")
     mass = body_mass(study, condition.subject)
@@ -147,7 +146,7 @@ def convert(
         (remarks if longest else problems).append(f"{length_s:.3g} s are there of {about['seconds']:g} s")
         remarks += [f"ended early: {stopped.rstrip('.')}"] if stopped else []
     if problems and not longest:
-        remarks += _usable(index, broken, hello.rate_hz, condition.frequency_hz, limits)
+        remarks += _usable(index, broken, hello.rate_hz, condition.frequency_hz)
     if longest:
         remarks.append("the longest stretch without a gap")
     file = _table_of(study, stem_of(study, files[0], about.get("started_utc")))
@@ -157,7 +156,7 @@ def convert(
         **{key: value for key, value in about.items() if key != "preamble"},
         "board": asdict(hello), "first_sample": int(index[0]), "events": events,
         "captures": [str(f.relative_to(study)) if f.is_relative_to(study) else str(f) for f in files],
-        "limits": asdict(limits), **made.document(),
+        "limits": LIMITS, **made.document(),
         "warnings": [f"{file.name}: {text}." for text in remarks],
     }  # fmt: skip
     write_whole(file.with_suffix(".json"), to_json(details) + "\n")
@@ -247,12 +246,12 @@ def _longest(index: np.ndarray, broken: np.ndarray) -> np.ndarray:
 
 
 def _usable(
-    index: np.ndarray, broken: np.ndarray, rate_hz: float, frequency_hz: float | None, limits: Limits
+    index: np.ndarray, broken: np.ndarray, rate_hz: float, frequency_hz: float | None
 ) -> list[str]:
     """How much of a recording with gaps or breaks, or of one that ended early, `recover --longest` would keep."""
     run = index[_longest(index, broken)]
     seconds = (run[-1] - run[0]) / rate_hz
-    if frequency_hz and seconds * frequency_hz < limits.periods:
+    if frequency_hz and seconds * frequency_hz < LIMITS["periods"]:
         return [f"usable: nothing, its longest stretch without a gap has {seconds:.3g} s"]
     return [f"usable: {seconds:.3g} s without a gap from {run[0] / rate_hz:.3g} s on; recover --longest keeps them"]
 

@@ -12,7 +12,7 @@ from fasbody.acquire import folder
 from fasbody.acquire.documents import read_json
 from fasbody.acquire.level import Safety
 from fasbody.acquire.person import LEVEL_S, Dose, dose_of
-from fasbody.acquire.timeline import Limits
+from fasbody.acquire.timeline import LIMITS
 from fasbody.exceptions import SettingError
 from fasbody.foot.shaker import PEAK_TO_PEAK
 from fasbody.recording.recording import Condition
@@ -32,7 +32,6 @@ class Plan:
         retries: how often a recording with missing samples, or whose board stalled, is repeated.
         origin: "measured" or "synthetic".
         safety: limits of the excitation.
-        limits: of the recordings.
         truth: of a synthetic study, written with its first recording.
         one_mass: both sensors are on one mass.
         again: options with which the command begins at this recording; empty if its frequencies state them.
@@ -47,7 +46,6 @@ class Plan:
     retries: int = 2
     origin: str = "measured"
     safety: Safety = field(default_factory=Safety)
-    limits: Limits = field(default_factory=Limits)
     truth: Mapping[str, Any] | None = None
     one_mass: bool = False
     again: str = ""
@@ -83,7 +81,7 @@ class Plan:
                 continue
             if not 3 <= frequency <= 500:
                 raise SettingError(f"{frequency:g} Hz is no excitation for a foot (valid: 3 to 500).")
-            if self.seconds * frequency < self.limits.periods:
+            if self.seconds * frequency < LIMITS["periods"]:
                 raise SettingError(f"{self.seconds:g} s hold fewer than 3 periods of {frequency:g} Hz; record longer.")
             if generator:
                 self.safety.check(frequency, self.peak_to_peak)

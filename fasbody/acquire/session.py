@@ -158,7 +158,7 @@ class Session:
             raise
         capture.close()
         try:
-            one = convert(capture.files, self.plan.study, self.plan.limits)
+            one = convert(capture.files, self.plan.study)
         except BaseException:
             console.print(f"to try again: {folder.recovery(capture.files)}", soft_wrap=True, markup=False)
             raise
@@ -229,7 +229,7 @@ class Session:
         """Write what a broken-off recording has; its capture file stays in any case."""
         again = folder.recovery(capture.files)
         try:
-            one = convert(capture.files, self.plan.study, self.plan.limits, stopped=why)
+            one = convert(capture.files, self.plan.study, stopped=why)
         except FasError as error:
             console.print(f"{error} To try again: {again}", soft_wrap=True, markup=False)
             return

@@ -55,21 +55,9 @@ _STILL_S = 1.0
 _NAMED = 5
 
 
-@dataclass(frozen=True)
-class Limits:
-    """What a recording may have.
-
-    Attributes:
-        clock_ppm: a sampling rate or a device clock that is off by more is mentioned [parts per million].
-        clock_refused_ppm: and by more than this, the recording is refused.
-        periods: fewest excitation periods without a gap.
-        jitter: time stamps that jitter by more are mentioned [samples, rms].
-    """
-
-    clock_ppm: float = 200.0
-    clock_refused_ppm: float = 5000.0
-    periods: float = 3.0
-    jitter: float = 0.25
+#: A sampling rate or a device clock that is off by more is mentioned, or refused [parts per million]; fewest excitation
+#: periods without a gap; and time stamps that jitter by more are mentioned [samples, rms].
+LIMITS = {"clock_ppm": 200.0, "clock_refused_ppm": 5000.0, "periods": 3.0, "jitter": 0.25}
 
 
 @dataclass(frozen=True)
@@ -127,7 +115,7 @@ class Quality:
         """Missing samples a channel."""
         return sum(gap.lost_samples for gap in self.gaps)
 
-    def problems(self, limits: Limits) -> list[str]:
+    def problems(self) -> list[str]:
         """Why this is no recording to identify from; empty if it is."""
         texts = []
         if self.frames == 0:
@@ -146,20 +134,21 @@ class Quality:
             texts.append("the board changed its description in the middle")
         if not self.stamps_advance:
             texts.append("the board's time stamps do not advance, so that samples which it skipped stay unseen")
-        texts += [text for off, text in self._clocks() if off > limits.clock_refused_ppm]
+        texts += [text for off, text in self._clocks() if off > LIMITS["clock_refused_ppm"]]
         return texts
 
-    def remarks(self, limits: Limits) -> list[str]:
+    def remarks(self) -> list[str]:
         """What does not forbid using it, but should be known."""
         texts = []
         if self.damaged:
             texts.append(f"{counted(self.damaged, 'damaged piece')} on the line")
-        if self.jitter > limits.jitter:
+        if self.jitter > LIMITS["jitter"]:
             texts.append(
                 f"the board's time stamps jitter by {self.jitter:.2g} samples rms, so that a single sample which it "
                 "skipped may stay unseen"
             )
-        return texts + [text for off, text in self._clocks() if limits.clock_ppm < off <= limits.clock_refused_ppm]
+        least, most = LIMITS["clock_ppm"], LIMITS["clock_refused_ppm"]
+        return texts + [text for off, text in self._clocks() if least < off <= most]
 
     def _clocks(self) -> list[tuple[float, str]]:
         """By how much the two clocks are off for certain [ppm], and the sentence."""
@@ -179,7 +168,7 @@ class Quality:
 
     def __str__(self) -> str:
         clock = ""
-        if self.stamps_advance and _SURE * self.drift_std_ppm <= Limits.clock_ppm:  # else it says nothing
+        if self.stamps_advance and _SURE * self.drift_std_ppm <= LIMITS["clock_ppm"]:  # else it says nothing
             clock = f", clock {self.drift_ppm:+.0f} +- {_SURE * self.drift_std_ppm:.0f} ppm"
         lines = f"{counted(self.frames, 'frame')}, {self.lost_frames} lost, {self.damaged} damaged"
         faults = f", {counted(len(self.faults), 'fault')}" if self.faults else ""
