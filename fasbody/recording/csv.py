@@ -130,7 +130,7 @@ class TextTable:
                 parts[name].append(values)
             for name, index in times.items():
                 parts[name].append(_seconds(self.file, body, self.headings.separator, index, after))
-        columns = {name: _joined(pieces) for name, pieces in parts.items()}
+        columns = {name: np.concatenate(parts.pop(name) or [np.empty(0)]) for name in indices}  # the pieces go
         for name, index in rest.items():
             _no_thousands(self, name, index, columns[name])
         for name in times:  # it passes midnight where the time of the day falls
@@ -246,15 +246,6 @@ def _table(passage: text.Passage, layout: Layout, strict: bool) -> TextTable:
     units = layout.units or ("",) * len(layout.columns)
     skipped = tuple(f"a line above the numbers ({shown(row)})" for row in others)
     return TextTable(passage, head, Headings(separator, layout.columns, units, 0, line - 1, skipped, rate))
-
-
-def _joined(parts: list[np.ndarray]) -> np.ndarray:
-    """One array of several, which are let go of."""
-    if len(parts) == 1:
-        return parts.pop()
-    joined = np.concatenate(parts) if parts else np.empty(0)
-    parts.clear()
-    return joined
 
 
 def _no_narrower(table: TextTable, indices: Mapping[str, int]) -> None:

@@ -112,7 +112,9 @@ def _refined(time_s: np.ndarray, signal: np.ndarray, peak: float) -> float:
     for _ in range(20):  # Gauss-Newton on amplitude, phase and frequency
         N, right = np.zeros((5, 5)), np.zeros(5)
         for part in _blocks(time_s.size, _LONG):
-            P = _with_slopes(time_s[part] - middle, f, half)
+            passed = time_s[part] - middle
+            waves = columns(2 * np.pi * f * passed, 1)
+            P = np.column_stack([waves, passed[:, None] / half * waves[:, 1:]])
             N, right = N + P.T @ P, right + P.T @ signal[part]
         c = _solved(P[:, :3], N[:3, :3], right[:3], signal)
         size = np.hypot(c[1], c[2]) or 1.0
@@ -125,13 +127,6 @@ def _refined(time_s: np.ndarray, signal: np.ndarray, peak: float) -> float:
         if abs(step) < 1e-9 * peak:
             break
     return float(f)
-
-
-def _with_slopes(passed: np.ndarray, f: float, half: float) -> np.ndarray:
-    """1, cos, sin, and the latter two times the time (n,) over its half length."""
-    turn = 2 * np.pi * f * passed
-    cos, sin = np.cos(turn), np.sin(turn)
-    return np.column_stack([np.ones_like(turn), cos, sin, passed / half * cos, passed / half * sin])
 
 
 #: Means of a long signal are not slower than this: feet are shaken at less than a quarter of it.

@@ -224,15 +224,11 @@ def allow(seconds: int) -> None:
     resource.setrlimit(resource.RLIMIT_CPU, (end, resource.getrlimit(resource.RLIMIT_CPU)[1]))
 
 
-def _limit() -> None:
+if __name__ == "__main__":
     import resource
 
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-
-
-if __name__ == "__main__":
-    _limit()
     with os.fdopen(os.dup(1), "wb") as private:  # so that nothing that a library prints gets into the replies
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         serve(sys.stdin.buffer, private)

@@ -74,9 +74,7 @@ def _columns(sheet: str, rows: list[tuple[Any, ...]]) -> list[Series]:
 
 
 def _numeric(cell: Any) -> bool:
-    return (isinstance(cell, int | float) and not isinstance(cell, bool)) or isinstance(
-        cell, datetime | time | timedelta
-    )
+    return isinstance(cell, int | float | datetime | time | timedelta) and not isinstance(cell, bool)
 
 
 def _number_in_words(cell: Any) -> bool:
