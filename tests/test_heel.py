@@ -185,10 +185,10 @@ def test_hunt_crossley_adds_the_rate_and_never_pulls() -> None:
 def test_a_model_takes_a_measured_law(tmp_path: Path, key: str) -> None:
     """The joint's force about rest, from the engine's own function, is the law's; its slope is the tangent."""
     theta, F_0 = np.array(THETA[key]), 66.0
-    made = pad(LAWS[key], theta, F_0)
+    numbers = pad(LAWS[key], theta, F_0)
     user = np.zeros(damper.USER_SIZE)
-    user[: len(made.user)] = made.user
-    rest = made.user[-1] * THICKNESS_M
+    user[: len(numbers)] = numbers
+    rest = numbers[-1] * THICKNESS_M
     for x, v in ((0.0, 0.0), (1e-3, 0.2), (-1e-3, -0.1)):
         wanted = LAWS[key].force(np.zeros(1), np.array([rest - x]), np.array([-v]), theta)[0] - F_0
         assert damper.algebraic_force.py_func(user, x, v, 0.0) == pytest.approx(wanted, rel=1e-9, abs=1e-8)

@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from fasbody.heel.laws import LAWS
-from fasbody.presentation import COLOURS, COLUMN, MARKS, PAGE, printed
+from fasbody.presentation import COLOURS, COLUMN, MARKS, PAGE, panels, printed
 
 if TYPE_CHECKING:
     from fasbody.heel.analysis import Analysis
@@ -51,8 +51,8 @@ def persons(result: "Analysis") -> Figure:
     rows = -(-len(subjects) // columns)
     documents = (d for d in result.laws if (d["law"], d["window"]) == (result.law, result.window))
     fits = next(documents, {"persons": ()})["persons"]
-    figure = Figure(figsize=(PAGE, 0.5 + 1.5 * rows), layout="constrained")
-    axes = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
+    figure, axes = panels(rows, columns, PAGE, 0.5 + 1.5 * rows, sharex=True, sharey=True)
+    axes = axes.ravel()
     for ax, subject in zip(axes, subjects, strict=False):
         for colour, speed in zip(COLOURS, speeds, strict=False):
             for strike in groups.get((subject, speed), ()):
@@ -89,8 +89,7 @@ def errors(result: "Analysis") -> Figure:
     windows = list(dict.fromkeys(d["window"] for d in result.laws))
     laws = {window: [d for d in result.laws if d["window"] == window] for window in windows}
     height = 0.9 + 0.32 * max(map(len, laws.values()))
-    figure = Figure(figsize=(PAGE, height), layout="constrained")
-    axes = figure.subplots(1, len(windows), squeeze=False, sharey=True)[0]
+    figure, (axes,) = panels(1, len(windows), PAGE, height, sharey=True)
     for letter, ax, window in zip("ab", axes, windows, strict=False):
         for k, d in enumerate(laws[window]):
             _errors(ax, k, d)
@@ -135,9 +134,7 @@ def population(result: "Analysis") -> Figure:
     people, law = result.population, LAWS[result.law]
     assert people is not None
     groups = result.study.groups()
-    width = min(PAGE, 3.4 * len(people.speeds) + 0.3)
-    figure = Figure(figsize=(width, 2.9), layout="constrained")
-    axes = figure.subplots(1, len(people.speeds), squeeze=False, sharey=True)[0]
+    figure, (axes,) = panels(1, len(people.speeds), 3.4 * len(people.speeds) + 0.3, 2.9, sharey=True)
     for ax, speed, mu, colour in zip(axes, people.speeds, people.mu, COLOURS, strict=False):
         strikes = [s for (_, which), group in groups.items() if which == speed for s in group]
         curves = [_curve(strike, result.window) for strike in strikes]
@@ -167,8 +164,7 @@ def stiffness(result: "Analysis") -> Figure:
     from fasbody.heel.stiffness import of_model, slopes
 
     loads = [float(p.names[0].removesuffix(" N")) for p in result.slopes]
-    figure = Figure(figsize=(COLUMN, 2.9), layout="constrained")
-    ax = figure.subplots()
+    figure, ((ax,),) = panels(1, 1, COLUMN, 2.9)
     speeds = result.slopes[0].speeds
     for i, (speed, colour, mark) in enumerate(zip(speeds, COLOURS, MARKS, strict=False)):
         places = np.add(loads, 3.0 * (i - 0.5 * (len(speeds) - 1)))
