@@ -208,7 +208,7 @@ def written(folder: Path, bench: Bench, values: np.ndarray) -> tuple[list[str], 
     capture.add("M", 0.0, json.loads(json.dumps(about)))
     capture.add("B", 1.0, data)
     capture.close()
-    made = convert([capture.file], folder)
+    made = convert(capture.file, folder)
     listed = folder / "recordings.csv"
     return list(made.problems), listed.read_text() if listed.is_file() else ""
 

@@ -14,7 +14,6 @@ import typer
 
 from fasbody.acquire import firmware, folder
 from fasbody.acquire.calibrate import calibrator, flip
-from fasbody.acquire.capture import grouped
 from fasbody.acquire.devices import SERIAL, Equipment, file_of, kind
 from fasbody.acquire.display import Display
 from fasbody.acquire.folder import Converted, convert
@@ -25,7 +24,7 @@ from fasbody.acquire.port import ports, probe
 from fasbody.acquire.session import Session, terminated
 from fasbody.acquire.wire import ROLES
 from fasbody.console import console, print_json, results, run_app
-from fasbody.exceptions import AcquisitionError, FasError, SettingError
+from fasbody.exceptions import AcquisitionError, FasError, InputFileError, SettingError
 from fasbody.foot.shaker import PEAK_TO_PEAK
 from fasbody.presentation import counted
 from fasbody.recording.recording import Condition
@@ -334,9 +333,7 @@ def check(
 
 @app.command()
 def recover(
-    captures: Annotated[
-        list[Path], typer.Argument(help="capture files; also the rest of a file whose disk became full")
-    ],
+    captures: Annotated[list[Path], typer.Argument(help="capture files")],
     out: Annotated[Path | None, typer.Option(help="study folder (default: the one around captures/)")] = None,
     longest: Annotated[
         bool, typer.Option("--longest", help="keep only the longest stretch without a gap, however short")
@@ -353,14 +350,15 @@ def recover(
     made: list[Converted] = []
     bad: list[str] = []
     hint = "" if longest else "; --longest keeps and lists the longest stretch without a gap"
-    groups = grouped(captures)
-    single = len(groups) == 1
-    for files in groups:
-        around = files[0].resolve().parent
+    single = len(captures) == 1
+    for number, file in enumerate(captures):
+        if file.resolve() in (other.resolve() for other in captures[:number]):
+            raise InputFileError(file, "is given twice", "name each capture file once")
+        around = file.resolve().parent
         try:
             if out is None and around.name != folder.CAPTURES:
-                raise SettingError(f"{files[0]} is not in the captures of a study; give --out STUDY.")
-            one = convert(files, out or around.parent, longest=longest)
+                raise SettingError(f"{file} is not in the captures of a study; give --out STUDY.")
+            one = convert(file, out or around.parent, longest=longest)
         except FasError as error:
             if single:
                 raise

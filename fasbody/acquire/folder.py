@@ -73,7 +73,7 @@ class Converted:
 
 
 def convert(
-    files: Sequence[Path], study: Path, longest: bool = False, stopped: str = ""
+    file: Path, study: Path, longest: bool = False, stopped: str = ""
 ) -> Converted:
     """Write the recording of a capture into a study: CSV, JSON beside it, and a row in recordings.csv if it is usable.
 
@@ -83,7 +83,7 @@ def convert(
     A recording of the same name that another capture gave stays: this one gets a number.
 
     Args:
-        files: the capture file, and the one that took over when a disk was full.
+        file: the capture.
         study: folder, made if needed.
         longest: keep only the longest stretch without a gap, however short it is.
         stopped: why the recording ended early, if it did.
@@ -92,8 +92,8 @@ def convert(
         InputFileError: a file cannot be read or written.
         AcquisitionError: too few samples to make a file of.
     """
-    about, timeline, events = replay(files)
-    known = _planned(files[0], about)
+    about, timeline, events = replay(file)
+    known = _planned(file, about)
     origin = str(about.get("origin", "measured"))
     if about:
         _check_origin(study, origin)
@@ -117,7 +117,7 @@ def convert(
     quality = replace(quality, faults=named(all_faults))
     if index.size < 2:
         many = "one sample" if index.size else "no samples"
-        raise AcquisitionError(f"{files[0]}: the board's description is there, but {many}; no recording can be made.")
+        raise AcquisitionError(f"{file}: the board's description is there, but {many}; no recording can be made.")
     column = {role: values[:, i] for i, role in reversed(list(enumerate(hello.roles)))}
     recording = Recording(
         time_s=(index - index[0]) / hello.rate_hz,
@@ -138,7 +138,7 @@ def convert(
     if _differ(mass, condition.body_mass_kg):
         problems.append(f"its body mass is {condition.body_mass_kg:g} kg and subjects.csv says {mass:g} kg")
     if not problems:
-        problems += _refused(recording, f"{files[0].name.removesuffix(capture.SUFFIX)}.csv")
+        problems += _refused(recording, f"{file.name.removesuffix(capture.SUFFIX)}.csv")
     unread = sum(event["bytes"] for event in events if event.get("event") == "unreadable")
     if unread:
         remarks.append(f"{counted(unread, 'unreadable byte')} in the capture")
@@ -149,59 +149,55 @@ def convert(
         remarks += _usable(index, broken, hello.rate_hz, condition.frequency_hz)
     if longest:
         remarks.append("the longest stretch without a gap")
-    file = _table_of(study, stem_of(study, files[0], about.get("started_utc")))
-    recording.write(file)
-    made = Converted(file, recording, quality, tuple(problems), tuple(remarks))
+    table = _table_of(study, stem_of(study, file, about.get("started_utc")))
+    recording.write(table)
+    made = Converted(table, recording, quality, tuple(problems), tuple(remarks))
     details = {
         **{key: value for key, value in about.items() if key != "preamble"},
         "board": asdict(hello), "first_sample": int(index[0]), "events": events,
-        "captures": [str(f.relative_to(study)) if f.is_relative_to(study) else str(f) for f in files],
+        "captures": [str(file.relative_to(study) if file.is_relative_to(study) else file)],
         "limits": LIMITS, **made.document(),
-        "warnings": [f"{file.name}: {text}." for text in remarks],
+        "warnings": [f"{table.name}: {text}." for text in remarks],
     }  # fmt: skip
-    write_whole(file.with_suffix(".json"), to_json(details) + "\n")
+    write_whole(table.with_suffix(".json"), to_json(details) + "\n")
     if about:
-        _enter(study, f"{RECORDINGS}/{file.name}", condition, origin, usable=not problems)
+        _enter(study, f"{RECORDINGS}/{table.name}", condition, origin, usable=not problems)
     return made
 
 
-def replay(files: Sequence[Path]) -> tuple[dict[str, Any], Timeline, list[dict[str, Any]]]:
+def replay(file: Path) -> tuple[dict[str, Any], Timeline, list[dict[str, Any]]]:
     """What a capture holds: its plan, its samples on a timeline, and its events."""
     about: dict[str, Any] = {}
     events: list[dict[str, Any]] = []
     decoder, timeline = Decoder(), None
-    for number, file in enumerate(files):
-        records = list(capture.read(file))
-        if number and any(record.kind == "M" for record in records):
-            raise InputFileError(file, f"is a recording of its own, not the rest of {files[0]}", "convert it by itself")
-        whole = sum(len(record.content) + capture.AROUND for record in records)
-        unread = file.stat().st_size - len(capture.MAGIC) - whole
-        if unread:
-            events.append({"event": "unreadable", "file": file.name, "bytes": unread})
-        for record in records:
-            if record.kind == "M" and not about:
-                about = record.json()
-                try:
-                    decoder = Decoder(bytes.fromhex(str(about.get("preamble", ""))))
-                except ValueError:
-                    raise InputFileError(file, "its first record has no readable hello of the board") from None
-            elif record.kind == "E":
-                event = record.json()
-                events.append({"host_s": record.host, **event})
-                decoder.fresh()
-                if timeline is not None:
-                    events[-1]["after_s"] = timeline.length / timeline.hello.rate_hz
-                    timeline.note(str(event.get("event")))
-            elif record.kind == "B":
-                messages = decoder.feed(record.content)
-                if timeline is None and decoder.hello is not None:
-                    timeline = Timeline(decoder.hello)
-                if timeline is not None:
-                    timeline.add(messages, record.host)
+    records = list(capture.read(file))
+    whole = sum(len(record.content) + capture.AROUND for record in records)
+    if unread := file.stat().st_size - len(capture.MAGIC) - whole:
+        events.append({"event": "unreadable", "file": file.name, "bytes": unread})
+    for record in records:
+        if record.kind == "M" and not about:
+            about = record.json()
+            try:
+                decoder = Decoder(bytes.fromhex(str(about.get("preamble", ""))))
+            except ValueError:
+                raise InputFileError(file, "its first record has no readable hello of the board") from None
+        elif record.kind == "E":
+            event = record.json()
+            events.append({"host_s": record.host, **event})
+            decoder.fresh()
+            if timeline is not None:
+                events[-1]["after_s"] = timeline.length / timeline.hello.rate_hz
+                timeline.note(str(event.get("event")))
+        elif record.kind == "B":
+            messages = decoder.feed(record.content)
+            if timeline is None and decoder.hello is not None:
+                timeline = Timeline(decoder.hello)
+            if timeline is not None:
+                timeline.add(messages, record.host)
     if timeline is None and decoder.hello is not None:
         timeline = Timeline(decoder.hello)
     if timeline is None:
-        raise InputFileError(files[0], "holds no hello of a board", "nothing in it can be read as samples")
+        raise InputFileError(file, "holds no hello of a board", "nothing in it can be read as samples")
     return about, timeline, events
 
 
