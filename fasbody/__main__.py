@@ -65,13 +65,11 @@ def main(
 
 
 def _makefile() -> str:
-    """The text of the Makefile; empty where the package is installed without its checkout."""
     file = Path(fasbody.__file__).parent.parent / "Makefile"
     return file.read_text(encoding="utf-8") if file.is_file() else ""
 
 
 def _installed() -> bool:
-    """Whether it was started as `fasbody`, not as `python -m fasbody`."""
     return Path(sys.argv[0]).stem == "fasbody"
 
 

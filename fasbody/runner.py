@@ -214,7 +214,6 @@ def _imported(file: Path) -> tuple[Path, ...]:
 
 
 def _files(module: str) -> list[Path]:
-    """The file of a module of ours; none for any other name."""
     place = ROOT.joinpath(*module.split("."))
     files = (place.with_suffix(".py"), place / "__init__.py") if module.split(".")[0] in OURS else ()
     return [file for file in files if file.is_file()]

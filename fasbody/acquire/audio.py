@@ -420,7 +420,6 @@ class SoundCard:
         return out
 
     def _whole(self) -> bytes:
-        """Whole frames of what waits."""
         whole = len(self._rest) // SAMPLES * SAMPLES
         ready, self._rest = self._rest[:whole], self._rest[whole:]
         full, self._full = self._full[:whole], self._full[whole:]
@@ -448,7 +447,6 @@ class SoundCard:
         self._stream.close(ignore_errors=True)
 
     def _lives(self) -> bool:
-        """Whether the stream is running."""
         try:
             return bool(self._stream.active) and time.monotonic() - self._last < _LATE_S
         except sounddevice.PortAudioError:  # closed already

@@ -236,7 +236,6 @@ def record(
 
 
 def _body_mass(study: Path, subject: str, stated_kg: float | None) -> float:
-    """Body mass [kg] as stated, or as the study has it."""
     mass = stated_kg if stated_kg is not None else folder.body_mass(study, subject)
     if mass is None:
         raise SettingError(f"the body mass of subject {subject!r} is needed once: --body-mass, 20 to 300 kg.")
@@ -404,7 +403,6 @@ def _steps(
 
 
 def _look(port: str | None, probing: bool, json_: bool, board: str) -> None:
-    """--list and --probe."""
     devices: list[object]
     if board != SERIAL:
         if probing:
@@ -521,7 +519,6 @@ def _frequencies(sweep: str | None, frequency: float | None) -> tuple[float | No
 
 
 def _result(document: Any, text: str, json_: bool) -> None:
-    """Print a result on stdout: as JSON, or for a person."""
     if json_:
         print_json(document)
     elif text:

@@ -217,8 +217,6 @@ def drive_of(about: Mapping[str, Any], index: np.ndarray, values: np.ndarray, he
 
 @dataclass(frozen=True)
 class _Planned:
-    """What of a capture's plan makes the recording."""
-
     condition: Condition = field(default_factory=Condition)
     seconds: float | None = None
 
@@ -418,7 +416,6 @@ def begin(study: Path, origin: str) -> None:
 
 
 def _enter(study: Path, name: str, condition: Condition, origin: str, usable: bool) -> None:
-    """Enter a recording into study.toml, subjects.csv and, if it is usable, recordings.csv."""
     begin(study, origin)
     subject = {"subject": condition.subject, "mass_kg": _text(condition.body_mass_kg)}
     _put(study / "subjects.csv", subject, keep=True)

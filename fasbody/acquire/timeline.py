@@ -395,7 +395,6 @@ def judge(x: np.ndarray, y: np.ndarray) -> Stamps:
 
 
 def _median_slope(x: np.ndarray, y: np.ndarray, lag: int) -> float:
-    """The clock's rate by the median over pairs of stamps."""
     return float(np.median((y[lag:] - y[:-lag]) / (x[lag:] - x[:-lag])))
 
 
@@ -489,7 +488,6 @@ def _drift(pairs: list[tuple[float, float]]) -> tuple[float, float]:
 
 
 def _line(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
-    """Slope of a line and its standard error."""
     x, y = x - x.mean(), y - y.mean()
     spread = float(x @ x)
     slope = float(x @ y) / spread

@@ -288,7 +288,6 @@ def check_together(context: typer.Context, mesh: Path | None) -> None:
 
 
 def _write(out: Path, name: str, document: dict[str, Any], figures: "dict[str, Figure]") -> None:
-    """The JSON document and the figures of a result."""
     from fasbody.presentation import write_figure
 
     write_whole(out / f"{name}.json", to_json(document))

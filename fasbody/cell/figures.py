@@ -217,7 +217,6 @@ def _scale_bar(figure: Figure, length: float, name: str, um: float, scale: float
 
 
 def _screen(view: tuple[float, float]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Unit vectors to the right, up, and towards the eye."""
     turn, tilt = np.radians(view)
     right = np.array([np.cos(turn), 0, np.sin(turn)])
     toward = np.array([-np.sin(turn) * np.cos(tilt), np.sin(tilt), np.cos(turn) * np.cos(tilt)])

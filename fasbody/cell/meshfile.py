@@ -292,12 +292,10 @@ def write_browser(file: Path, analysis: "ModalAnalysis", inner: int | None = NUC
 
 
 def _parts(mesh: TetMesh, tags: np.ndarray) -> dict[Any, float]:
-    """Volume [um^3] of the tetrahedra under each tag."""
     return {tag.item(): float(mesh.volumes[tags == tag].sum()) for tag in np.unique(tags)}
 
 
 def _listed(parts: dict[Any, float]) -> str:
-    """Parts with their volumes [um^3] and shares."""
     whole = sum(parts.values())
     return ", ".join(f"{part} ({v:.4g} um^3, {100 * v / whole:.2g} %)" for part, v in parts.items())
 

@@ -190,7 +190,6 @@ def _documents(
 
 
 def _kept(store: runner.Store, key: str) -> Document | None:
-    """The document of a key; None if it is not there or is broken."""
     document, _ = store.load(f"{key}.json", json.loads)
     whole = isinstance(document, dict) and document.keys() >= _NEEDED and document["key"] == key
     return document if whole else None

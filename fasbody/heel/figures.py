@@ -25,7 +25,6 @@ def everything(result: "Analysis") -> Mapping[str, Figure]:
 
 
 def _curve(strike: "Strike", window: str) -> tuple[np.ndarray, np.ndarray]:
-    """Compression [mm] and force [N] of a strike."""
     part = getattr(strike, window)
     return 1e3 * strike.compression_m[part], strike.force_n[part]
 
@@ -111,7 +110,6 @@ def errors(result: "Analysis") -> Figure:
 
 
 def _errors(ax: Any, k: int, document: Mapping[str, Any]) -> None:
-    """The errors of one law at the height k."""
     sets = {
         "own strikes, fitted": [item["misfit"] for item in document["persons"]],
         "the same person, faster": [item["error"] for item in document["other_speed"]],

@@ -15,6 +15,7 @@ import numpy as np
 from fasbody.constants import GRAVITY
 from fasbody.exceptions import InputFileError, shown, unknown
 from fasbody.presentation import Tabled
+from fasbody.recording.clock import rate_of
 from fasbody.recording.known import Known
 from fasbody.recording.study_toml import SENSITIVITIES, ChannelTable, StudyTable, validated
 from fasbody.sentences import Sentence, called
@@ -262,7 +263,7 @@ class Layout(Tabled):
                 file, f"lasts {t[-1] - t[0]:.4g} s, too short for {starts}delay_s of study.toml ({late})",
                 f"valid: delays that leave {100 - 100 * _LONGEST_DELAY:.0f} % of a recording",
             )  # fmt: skip
-        rates = {name: _rate(taken.get(name, t)) for name in channels if name != "time_s"}
+        rates = {name: rate_of(taken.get(name, t)) for name in channels if name != "time_s"}
         fast = max(rates, key=lambda name: rates[name])
         slow = {name: rate for name, rate in rates.items() if rate < (1 - _SAME_CLOCK) * rates[fast]}
         listed = ", ".join(f"{name.removesuffix('_m_s2')} at {rate:.6g} Hz" for name, rate in rates.items())
@@ -289,10 +290,6 @@ class Layout(Tabled):
 
 
 _Take = TypeVar("_Take")
-
-
-def _rate(time_s: np.ndarray) -> float:
-    return float((time_s.size - 1) / (time_s[-1] - time_s[0]))
 
 
 def _brought(time_s: np.ndarray, values: np.ndarray, to_s: np.ndarray) -> np.ndarray:

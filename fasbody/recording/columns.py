@@ -340,7 +340,6 @@ def _words(name: str) -> set[str]:
 
 
 def _factor(file: Path, columns: Columns, layout: Layout, key: str, unit: str) -> float:
-    """What turns a column's numbers into SI."""
     if key == "time":
         return 1.0
     if key == "time_s":

@@ -148,17 +148,6 @@ class TextTable:
                 piece, self.footer[:] = headings.without_footer(piece, self.headings.separator)
             yield max(at, above), piece
 
-    def rising(self, time_s: np.ndarray) -> list[int]:
-        """Columns whose first rows rise as a time does, without a name of one."""
-        first = self.sample()
-        steps = float(np.median(np.diff(time_s[: max(2, first.shape[1])])))
-        times = []
-        for index, values in enumerate(first):
-            rise = np.diff(values)
-            even = rise.size > 8 and bool(rise.min() > 0) and np.ptp(rise) < 0.1 * np.median(rise)
-            times += [index] if even and any(abs(np.median(rise) / steps / u - 1) < 1e-2 for u in (1, 1e3, 1e6)) else []
-        return times
-
     def sample(self, most: int = 500) -> np.ndarray:
         """The first rows of numbers, (columns, rows); NaN where a cell is none."""
         kept: list[list[float]] = []

@@ -211,7 +211,8 @@ def _other_clocks(source: "TextTable | _SeriesTable", uses: Mapping[str, Use], t
     """Columns of times that are in no use, stand with no other column, and differ from those in use."""
     columns, remarks = source.columns, []
     taken = {use.index for use in uses.values()} | {use.clock for use in uses.values()}
-    for index in sorted({*columns.times, *source.rising(time_s)}):
+    rising = {index for index, values in enumerate(source.sample()) if _like_a_time(values, time_s)}
+    for index in sorted({*columns.times, *rising}):
         next_one = index + 1
         of_another = next_one < len(columns.names) and not columns.groups and next_one not in {*taken, *columns.times}
         groups = {columns.groups[i] for i in taken if i is not None} if columns.groups else {""}
@@ -295,10 +296,9 @@ class _SeriesTable:
     def numbers(self, indices: Mapping[str, int]) -> Channels:
         return {key: self.series[index].values for key, index in indices.items()}
 
-    def rising(self, time_s: np.ndarray) -> list[int]:
-        """Columns that rise as a time does, without a name of one."""
-        return [index for index, s in enumerate(self.series) if s.values.size == time_s.size and
-                _as_time(s.values, time_s)]  # fmt: skip
+    def sample(self) -> list[np.ndarray]:
+        """The first numbers of each column."""
+        return [s.values[:_FIRST] for s in self.series]
 
     def remarks(self, time_s: np.ndarray) -> list[str]:
         """What the file states that its numbers deny."""
@@ -335,15 +335,15 @@ class _SeriesTable:
         return {key: self.series[use.index] for key, use in uses.items() if not key.startswith("time")}
 
 
-#: A column is a time if it rises by the same span within this share.
-_AS_FAST = 1e-3
+#: So many numbers show whether a column rises as a time does.
+_FIRST = 500
 
 
-def _as_time(values: np.ndarray, time_s: np.ndarray) -> bool:
-    """Whether values (n,) rise as a time in seconds or milliseconds does."""
-    span, rise = float(time_s[-1] - time_s[0]), float(values[-1] - values[0])
-    alike = span > 0 and any(abs(rise / span / scale - 1) < _AS_FAST for scale in (1.0, 1e3, 1e6))
-    return alike and values.size > 8 and bool(np.diff(values).min() > 0)
+def _like_a_time(values: np.ndarray, time_s: np.ndarray) -> bool:
+    """Whether the first values (n,) of a column rise as evenly as a time in s, ms or us does."""
+    rise, step = np.diff(values), float(np.median(np.diff(time_s[: max(2, values.size)])))
+    even = rise.size > 8 and bool(rise.min() > 0) and np.ptp(rise) < 0.1 * np.median(rise)
+    return even and any(abs(np.median(rise) / step / unit - 1) < 1e-2 for unit in (1, 1e3, 1e6))
 
 
 def read_one(file: Path, channel: str, layout: Layout | None = None, named: str = "") -> tuple[np.ndarray, np.ndarray]:

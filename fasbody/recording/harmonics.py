@@ -13,6 +13,7 @@ import numpy as np
 
 from fasbody.exceptions import RecordingError
 from fasbody.presentation import Tabled
+from fasbody.recording.clock import rate_of
 
 #: Harmonics fitted so that the residual is noise; those above HIGHEST_HZ only serve that.
 _FITTED = 20
@@ -70,7 +71,7 @@ def fit_harmonics(time_s: np.ndarray, signal: np.ndarray, frequency_hz: float, c
         frequency_hz: fundamental.
         count: how many harmonics to return.
     """
-    rate = (time_s.size - 1) / (time_s[-1] - time_s[0])
+    rate = rate_of(time_s)
     fitted = max(count, min(_FITTED, int(0.45 * rate // frequency_hz)))
     coefficients, residual = _fitted(time_s, signal, frequency_hz, fitted)
     sigma = float(np.sqrt(residual @ residual / max(1, signal.size - coefficients.size)))
@@ -99,7 +100,7 @@ def find_frequency(time_s: np.ndarray, signal: np.ndarray) -> float:
 
 def _highest(time_s: np.ndarray, signal: np.ndarray) -> float:
     """Where the spectrum is highest [Hz]."""
-    rate = (time_s.size - 1) / (time_s[-1] - time_s[0])
+    rate = rate_of(time_s)
     spectrum = np.abs(np.fft.rfft(signal * np.hanning(signal.size), 4 * signal.size))
     lowest = int(np.ceil(4 * signal.size * 0.5 / rate))
     return float((lowest + int(np.argmax(spectrum[lowest:]))) * rate / (4 * signal.size))
@@ -135,7 +136,7 @@ _SLOW_HZ = 500.0
 
 def sine_share(time_s: np.ndarray, signal: np.ndarray, frequency_hz: float) -> float:
     """Share of the power of a signal (n,) that a frequency [Hz] and its harmonics explain; 1 if periodic."""
-    rate = (time_s.size - 1) / (time_s[-1] - time_s[0])
+    rate = rate_of(time_s)
     count = max(1, min(_FITTED, int(0.45 * rate // frequency_hz)))
     centred = signal - signal.mean()
     _, residual = _fitted(time_s, signal, frequency_hz, count)
@@ -152,8 +153,7 @@ def narrow_share(time_s: np.ndarray, signal: np.ndarray, frequency_hz: float) ->
         signal: (n,), offset removed.
         frequency_hz: fundamental.
     """
-    n = signal.size
-    rate = (n - 1) / (time_s[-1] - time_s[0])
+    n, rate = signal.size, rate_of(time_s)
     power = np.abs(np.fft.rfft((signal - signal.mean()) * np.hanning(n))) ** 2
     f = np.arange(power.size) * rate / n
     white = _white(power)

@@ -62,13 +62,7 @@ _STATED_NAMES = dict.fromkeys(
 
 
 class Header(NamedTuple):
-    """The row with the names of the columns.
-
-    Attributes:
-        line: its number in the text, from 1.
-        separator: between the names.
-        names: of the columns.
-    """
+    """The row with the names of the columns: its line in the text, from 1, what separates them, and they."""
 
     line: int
     separator: str
@@ -325,7 +319,6 @@ def first_samples(text: str, line: int, separator: str) -> list[str]:
 
 
 def _fitted(cells: Sequence[str], width: int) -> list[str]:
-    """A row of so many cells."""
     return [*cells, *[""] * width][:width]
 
 

@@ -155,12 +155,10 @@ def _recordings(folder: Path, rows: Mapping[Path, Mapping[str, str]], pattern: s
 
 
 def _line(names: Sequence[str], cells: Mapping[str, str]) -> str:
-    """One line of a table with these columns."""
     return ",".join(f'"{cell}"' if "," in (cell := cells.get(name, "")) else cell for name in names)
 
 
 def _heads(file: Path) -> tuple[str, ...]:
-    """The columns of a table, separated by commas."""
     _, separator, names = find_header(read_text(file), lambda cells: len({*cells} & {"file", "subject"}))
     if separator != ",":
         raise InputFileError(file, "is not separated by commas", "save it so, and its new lines are added")
@@ -264,7 +262,6 @@ def _of_one(file: Path, layout: str, missing: list[str]) -> list[str]:
 
 
 def _columns(file: Path) -> tuple[list[str], list[str], float | None]:
-    """Names, units and rate of a file's columns."""
     if ending(file) in TEXTS:
         layout = beside(file, Layout())
         columns = columns_of(file, layout)

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from fasbody.recording.clock import rate_of
 from fasbody.recording.harmonics import columns, fit_harmonics
 
 #: Segments whose levels are compared, and the periods that one needs.
@@ -85,7 +86,7 @@ def quality(time_s: np.ndarray, channels: dict[str, np.ndarray], frequency_hz: f
     periods = (time_s[-1] - time_s[0]) * frequency_hz
     segments = max(1, min(_SEGMENTS, int(periods / _PERIODS)))
     edges = np.linspace(0, time_s.size, segments + 1).astype(int)
-    rate = (time_s.size - 1) / (time_s[-1] - time_s[0])
+    rate = rate_of(time_s)
     count = max(1, min(_DISTORTING, int(0.45 * rate // frequency_hz)))
     by_channel, amplitudes, fits = {}, {}, {}
     all_parts = _segments(time_s, list(channels.values()), frequency_hz, edges)
@@ -141,7 +142,7 @@ def _broadband(time_s: np.ndarray, channels: dict[str, np.ndarray]) -> Quality:
         by_channel[name] = ChannelQuality(
             levels, float(np.ptp(means) / max(1e-300, values.std())), float("nan"), float("nan")
         )
-    rate = (time_s.size - 1) / (time_s[-1] - time_s[0])
+    rate = rate_of(time_s)
     length = max(16, time_s.size // 8)
     base, malleolus = channels["base"], channels["malleolus"]
     f, cross = csd(base, malleolus, rate, nperseg=length)
@@ -169,7 +170,7 @@ def still(
         channels: (n,) each.
         frequency_hz: of a signal that is mostly one sine, else None.
     """
-    rate = (time_s.size - 1) / (time_s[-1] - time_s[0])
+    rate = rate_of(time_s)
     window = max(16, time_s.size // 50, round(rate / frequency_hz) if frequency_hz else 0)
     count = time_s.size // window
     if count < 4:

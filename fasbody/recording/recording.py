@@ -343,7 +343,6 @@ class Recording(Tabled):
 
 
 def _row(values: ArrayLike, channel: str, name: str) -> np.ndarray:
-    """A copy (n,) of an array of numbers."""
     try:
         row = np.array(values, float)
     except (TypeError, ValueError):

@@ -153,7 +153,6 @@ def posture_remarks(trials: Sequence[Trial]) -> list[str]:
 
 
 def _masses(file: Path) -> dict[str, float]:
-    """Body mass [kg] of each subject."""
     table = read_table(file, ("subject", "mass_kg"))
     lines: dict[str, int] = {}
     for line, row in table.items():

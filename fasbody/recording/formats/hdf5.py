@@ -59,7 +59,7 @@ def decode(file: Path) -> list[Series]:
                 for s in series.columns_of(name, values, unit, rate)
             ]
         columns = _named(source, columns)
-    return series.short(series.with_rate(columns))
+    return series.with_rate(columns)
 
 
 #: What Rattlesnake, a controller of shakers, calls the matrices of its streams.
@@ -114,7 +114,6 @@ def _scaled(item: Any) -> tuple[np.ndarray, str, str]:
 
 
 def _number(value: Any) -> float | None:
-    """A numeric attribute, also if it is an array of one."""
     if isinstance(value, np.ndarray) and value.size == 1:
         value = value.reshape(-1)[0]
     good = isinstance(value, int | float | np.number) and np.isfinite(value)

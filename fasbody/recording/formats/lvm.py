@@ -92,7 +92,6 @@ def _segment(
 
 
 def _seconds(clock: str, decimal: str) -> float:
-    """A time of the day [s]."""
     try:
         hours, minutes, seconds = (float(part.replace(decimal, ".")) for part in clock.split(":"))
     except ValueError:

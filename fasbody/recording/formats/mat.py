@@ -7,7 +7,7 @@ from typing import Any
 
 from fasbody.recording.channels import Channels
 from fasbody.recording.formats import hdf5
-from fasbody.recording.formats.series import FormatError, Series, check_size, columns_of, passed_over, short, with_rate
+from fasbody.recording.formats.series import FormatError, Series, check_size, columns_of, passed_over, with_rate
 
 LIBRARY = "scipy"
 _NUMERIC = {
@@ -54,7 +54,7 @@ def decode(file: Path) -> list[Series]:
     for name in chosen:
         series += _fields(name, loaded.get(name))
     check_size(sum(s.values.size for s in series), len(series))
-    return short(with_rate(series))
+    return with_rate(series)
 
 
 def _fields(name: str, values: Any, depth: int = 0) -> list[Series]:

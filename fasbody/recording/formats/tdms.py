@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from fasbody.recording.channels import Channels
-from fasbody.recording.formats.series import FormatError, Series, check_size, step_of, told_apart
+from fasbody.recording.formats.series import FormatError, Series, check_size, step_of
 
 LIBRARY = "nptdms"
 
 
 def decode(file: Path) -> list[Series]:
-    """Numeric channels, named as in the file; with their group in front where two groups have the same name."""
+    """Numeric channels, named as in the file."""
     from nptdms import TdmsFile
 
     with file.open("rb") as start:
@@ -41,7 +41,7 @@ def decode(file: Path) -> list[Series]:
             offsets.append(_number(channel.properties.get("wf_start_offset")))
             series.append(Series(channel.name, str(unit), values.astype(float), rate, group=channel.group_name))
     starts = _starts(stamps, offsets)
-    return told_apart([replace(s, start_s=start) for s, start in zip(series, starts, strict=True)])
+    return [replace(s, start_s=start) for s, start in zip(series, starts, strict=True)]
 
 
 def _starts(stamps: list[Any], offsets: list[float | None]) -> list[float | None]:
