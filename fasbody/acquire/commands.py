@@ -12,7 +12,7 @@ from typing import Annotated, Any
 
 import typer
 
-from fasbody.acquire import firmware, folder
+from fasbody.acquire import capture, firmware, folder
 from fasbody.acquire.calibrate import calibrator, flip
 from fasbody.acquire.devices import SERIAL, Equipment, file_of, kind
 from fasbody.acquire.display import Display
@@ -355,6 +355,7 @@ def recover(
             raise InputFileError(file, "is given twice", "name each capture file once")
         around = file.resolve().parent
         try:
+            next(capture.read(file), None)  # refuses what is none, whatever lies around it
             if out is None and around.name != folder.CAPTURES:
                 raise SettingError(f"{file} is not in the captures of a study; give --out STUDY.")
             one = convert(file, out or around.parent, longest=longest)

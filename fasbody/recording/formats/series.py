@@ -141,10 +141,8 @@ def stated_rate(statements: Iterable[tuple[str, float | None]]) -> float | None:
 def with_rate(series: list[Series]) -> list[Series]:
     """Without the scalars: one that is named like a rate, interval or start is that of the series below its folder.
 
-    Of names that are paths, the folders become groups.
-
     Simcenter writes them into ``x_values`` beside the ``y_values``. Where no scalar is above a series, those of folders
-    that hold nothing else count.
+    that hold nothing else count. Of names that are paths, the folders become groups.
     """
     scalars = [s for s in series if s.values.size == 1 and not s.what]
     kept = [s for s in series if s.values.size > 1 or s.what]
