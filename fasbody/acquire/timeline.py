@@ -212,7 +212,7 @@ class Timeline:
         self._causes: list[str] = []
         self._note = ""  # events of the port since the last blocks
         self._noted: dict[int, str] = {}  # and those before a block
-        self._gaps = 0
+        self.gaps = 0
         self._stamps: list[int] = []  # device time of each block since the last restart's, without its turns [us]
         self._clock: list[tuple[float, float]] = []
         self._next = 0  # index of the next sample
@@ -229,13 +229,8 @@ class Timeline:
         """Samples so far; missing ones included, but for those that the board skipped."""
         return self._next
 
-    @property
-    def has_gaps(self) -> bool:
-        """Whether samples are missing so far."""
-        return self._gaps > 0
-
     def __str__(self) -> str:
-        frames, gaps = counted(len(self._jumps), "frame"), counted(self._gaps, "gap")
+        frames, gaps = counted(len(self._jumps), "frame"), counted(self.gaps, "gap")
         return f"{frames}, {self._missed} lost, {self._damaged} damaged, {gaps}"
 
     def blocks(self, first: int) -> list[tuple[int, np.ndarray]]:
@@ -296,7 +291,7 @@ class Timeline:
                     jump, cause = self._damaged_lines, "damaged lines"
         self._restarted, self._damaged_lines = False, 0
         self._jumps.append(jump)
-        self._gaps += jump > 0
+        self.gaps += jump > 0
         if jump and self._note:
             self._noted[len(self._jumps) - 1] = self._note
         self._causes.append(cause)

@@ -75,18 +75,14 @@ class Assembly:
         K_ij = lambda G_ij + mu G_ij^T + delta_ij mu tr(G): isotropic linear elasticity.
         """
         lam, mu = nu / ((1 + nu) * (1 - 2 * nu)), 1 / (2 * (1 + nu))
-        G = self.both_ways(self.regions[region].G)
+        G = {ij: self._free(matrix) for ij, matrix in self.regions[region].G.items()}
+        G |= {(j, i): matrix.T for (i, j), matrix in G.items() if i != j}
         trace = G[0, 0] + G[1, 1] + G[2, 2]
         return interleaved(lambda i, j: lam * G[i, j] + mu * G[j, i] + (mu if i == j else 0.0) * trace)
 
     def mass(self, region: int) -> sp.csr_array:
         """M_r for a density of 1 kg/m^3 on the free unknowns [um^3]."""
         return sp.kron(self._free(self.regions[region].m), sp.eye_array(3), format="csr")
-
-    def both_ways(self, scalars: dict[tuple[int, int], sp.csr_array]) -> dict[tuple[int, int], sp.csr_array]:
-        """Scalar matrices of all nine pairs over the free nodes, from those of `PAIRS`."""
-        G = {ij: self._free(matrix) for ij, matrix in scalars.items()}
-        return {(j, i): matrix.T for (i, j), matrix in G.items()} | G
 
     def expand(self, vectors: NDArray[Any]) -> NDArray[Any]:
         """Free unknowns (3 k, c) as displacements (c, n, 3) of all nodes; held ones stand still."""

@@ -32,11 +32,6 @@ class ChannelQuality:
     distortion: float
     flat_tops: float
 
-    @property
-    def unsteady(self) -> float:
-        """Range of the levels over their mean."""
-        return float(np.ptp(self.level_m_s2) / max(1e-300, self.level_m_s2.mean()))
-
 
 @dataclass(frozen=True, eq=False)
 class Quality:
