@@ -72,9 +72,7 @@ class Converted:
         }  # fmt: skip
 
 
-def convert(
-    file: Path, study: Path, longest: bool = False, stopped: str = ""
-) -> Converted:
+def convert(file: Path, study: Path, longest: bool = False, stopped: str = "") -> Converted:
     """Write the recording of a capture into a study: CSV, JSON beside it, and a row in recordings.csv if it is usable.
 
     Missing samples have no row in the CSV: its time column jumps there, the JSON lists the gaps, and identification

@@ -16,7 +16,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from fasbody.cell.mesh import QUADRATURE, REGIONS, TetMesh
-from fasbody.exceptions import MeshError, MissingPackageError
+from fasbody.exceptions import MeshError, required
 
 #: Held faces of a body that is free to fly.
 FREE: NDArray[np.int64] = np.empty((0, 3), dtype=np.int64)
@@ -122,10 +122,8 @@ def assemble(mesh: TetMesh, *, held: NDArray[np.int64] | None = None) -> Assembl
         MeshError: nothing flat stands on the ground, or a held face is none of the mesh.
         MissingPackageError: scikit-fem is not installed.
     """
-    try:
+    with required("scikit-fem", "cell"):
         from skfem import Basis, BilinearForm, ElementTetP2
-    except ImportError as error:
-        raise MissingPackageError("scikit-fem", "cell") from error
     forms = {(i, j): BilinearForm(lambda u, v, w, i=i, j=j: v.grad[i] * u.grad[j]) for i, j in PAIRS}
     mass = BilinearForm(lambda u, v, w: u * v)
     regions = []

@@ -39,13 +39,7 @@ from fasbody.cell.viscoelastic import (
     damped_modes,
     force_response,
 )
-from fasbody.exceptions import (
-    InputFileError,
-    MeshError,
-    MissingPackageError,
-    SettingError,
-    unknown,
-)
+from fasbody.exceptions import InputFileError, MeshError, SettingError, required, unknown
 from fasbody.presentation import Tabled, readable
 from fasbody.progress import Advance, silent
 
@@ -238,10 +232,8 @@ def read_body(source: str | Path, *, unit: str = "mm", up: str = "y", size: floa
 
 
 def _bone(name: str) -> Any:
-    try:
+    with required("trimesh", "cell"):
         import trimesh
-    except ImportError as error:
-        raise MissingPackageError("trimesh", "cell") from error
     with np.load(mjcf.asset("anatomy.npz"), allow_pickle=False) as stored:
         vertices, faces = stored[f"{name}.vertices"], stored[f"{name}.faces"]
     return trimesh.Trimesh(GRAIN_UM * vertices.astype(np.float64), faces.astype(np.int64))

@@ -335,9 +335,7 @@ def _clipping(recording: Recording, name: str, frequency: float | None, interval
             )
 
 
-def _odd(
-    recording: Recording, name: str, frequency: float | None, offset: float
-) -> Iterator[str]:
+def _odd(recording: Recording, name: str, frequency: float | None, offset: float) -> Iterator[str]:
     """Refuse marks that stand for missing samples; what spikes and jumps do."""
     t, values = recording.time_s, recording.accelerations[name]
     odd = samples.odd(values, None if frequency is None else (t[-1] - t[0]) * frequency)
