@@ -10,7 +10,6 @@ import json
 import math
 import shlex
 import tempfile
-import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
@@ -29,6 +28,7 @@ from fasbody.presentation import counted
 from fasbody.recording.checks import checked
 from fasbody.recording.harmonics import find_frequency
 from fasbody.recording.recording import Condition, Recording
+from fasbody.recording.study_toml import read_toml
 
 CAPTURES, RECORDINGS, TRUTH = "captures", "recordings", "truth.json"
 #: Excitation begins here [Hz]; slower motion is drift and leaning.
@@ -362,10 +362,7 @@ def _check_origin(study: Path, origin: str) -> None:
     file = study / "study.toml"
     if not file.is_file():
         return
-    try:
-        stated = tomllib.loads(file.read_text()).get("study", {}).get("origin", "measured")
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputFileError(file, f"is not TOML ({error})") from None
+    stated = read_toml(file).get("study", {}).get("origin", "measured")
     if stated != origin:
         raise InputFileError(file, f"is not {origin} data", f"name another folder for {origin} recordings")
 

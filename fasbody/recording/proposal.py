@@ -2,6 +2,7 @@
 
 import json
 import re
+import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -299,7 +300,7 @@ def _column(channel: str, names: Sequence[str]) -> int | None:
 def _unread(folder: Path, file: Path, toml: str) -> list[str]:
     """Why a file cannot be read as proposed, if so."""
     try:
-        Recording.read(file, layout=parsed(folder / "study.toml", toml)[1])
+        Recording.read(file, layout=parsed(folder / "study.toml", tomllib.loads(toml))[1])
     except FasError as error:
         return [f"study.toml: {error}".rstrip(".")]
     return []

@@ -3,14 +3,13 @@
 What a study folder lists: one trial a row of recordings.csv, with its conditions.
 """
 
-import tomllib
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from pathlib import Path
 from shlex import quote
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,7 +20,7 @@ from fasbody.recording.condition import POSTURES, Condition, plausible
 from fasbody.recording.csv import column, read_table
 from fasbody.recording.files import TEXTS
 from fasbody.recording.formats import READ, ending
-from fasbody.recording.study_toml import Document, FileTable, LayoutTable, StudyTable, validated
+from fasbody.recording.study_toml import Document, FileTable, LayoutTable, StudyTable, read_toml, validated
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,10 +31,7 @@ def describe(file: Path) -> tuple[dict[str, str], Layout]:
     if not file.is_file():
         needs = "a study folder needs study.toml, subjects.csv and recordings.csv"
         raise InputFileError(file, "no such file", needs + _way_out(file))
-    try:
-        return parsed(file, file.read_text("utf-8"))
-    except UnicodeDecodeError as error:
-        raise InputFileError(file, f"is not TOML ({error})") from None
+    return parsed(file, read_toml(file))
 
 
 def _way_out(file: Path) -> str:
@@ -50,12 +46,9 @@ def _way_out(file: Path) -> str:
     return f" (fasbody study init {quote(str(folder))} makes them); or name the files, {named}"
 
 
-def parsed(file: Path, text: str) -> tuple[dict[str, str], Layout]:
-    """The same of a study.toml's text, whether it is written yet or not."""
-    try:
-        document = validated(Document, file, tomllib.loads(text))
-    except tomllib.TOMLDecodeError as error:
-        raise InputFileError(file, f"is not TOML ({error})") from None
+def parsed(file: Path, content: Mapping[str, Any]) -> tuple[dict[str, str], Layout]:
+    """The same of a study.toml's content, whether it is written yet or not."""
+    document = validated(Document, file, content)
     study = validated(StudyTable, file, document.study, "study")
     about = {
         "name": study.name or file.parent.resolve().name,
