@@ -46,11 +46,6 @@ class Reading:
     warnings: tuple[str, ...] = ()
 
 
-def read(file: Path, layout: Layout | None = None) -> Channels:
-    """The channels of a recording in any format, as `reading` gives them."""
-    return reading(file, layout).channels
-
-
 def reading(file: Path, layout: Layout | None = None) -> Reading:
     """A recording in any format, by the file's ending, with what became of each of its columns.
 
@@ -362,7 +357,7 @@ def read_one(file: Path, channel: str, layout: Layout | None = None, named: str 
         column = next((name for name in names if name_and_unit(name)[0] == channel), channel)
     pair = {name: replace(stated, column=column) for name in ("base", "malleolus")}
     time = {"time": layout.channels["time"]} if "time" in layout.channels else {}
-    channels = read(file, replace(layout, channels=pair | time))
+    channels = reading(file, replace(layout, channels=pair | time)).channels
     return channels["time_s"], channels[f"{channel}_m_s2"]
 
 
@@ -453,7 +448,7 @@ def write(file: Path, channels: Channels, matlab: str = "5") -> None:
 
     Args:
         file: to write.
-        channels: as `read` gives them.
+        channels: as `reading` gives them.
         matlab: version of a .mat file, "5" or "7.3".
     """
     end = file.suffix.lower()
