@@ -17,7 +17,7 @@ from fasbody.exceptions import InputFileError, shown, unknown
 from fasbody.presentation import Tabled
 from fasbody.recording.clock import rate_of
 from fasbody.recording.known import Known
-from fasbody.recording.study_toml import SENSITIVITIES, ChannelTable, StudyTable, validated
+from fasbody.recording.study_toml import SENSITIVITIES, ChannelTable, FileTable, validated
 from fasbody.sentences import Sentence, called
 
 #: Units that a CSV header or a board may carry behind a channel's name, and what they are in SI.
@@ -158,11 +158,18 @@ class Layout(Tabled):
         file: Path,
         tables: Mapping[str, Any],
         rate_hz: object = None,
-        columns: object = (),
+        settings: FileTable | None = None,
         known: Mapping[str, Any] | None = None,
-        take: object = None,
     ) -> "Layout":
-        """From the [channels.*] tables of study.toml, and its [known]."""
+        """From tables of study.toml.
+
+        Args:
+            file: of the study, for messages.
+            tables: its [channels.*].
+            rate_hz: sampling rate, where there are no settings.
+            settings: those of [study] that are also those of [layouts.NAME].
+            known: its [known].
+        """
         channels = {}
         for name, table in tables.items():
             near = get_close_matches(name, (*NAMES, "time"), cutoff=0.75)
@@ -171,17 +178,14 @@ class Layout(Tabled):
                 listed = f"valid: {', '.join(NAMES)}, time, or a sensor of the model, in small letters"
                 raise InputFileError(file, f"describes the channel {name!r}", listed)
             channels[name] = _channel(file, name, table)
-        names = list(columns) if isinstance(columns, tuple) else columns
-        settings = {"sampling_rate_hz": rate_hz, "columns": names, "take": take}
-        study = validated(StudyTable, file, settings, "study")
+        settings = settings or validated(FileTable, file, {"sampling_rate_hz": rate_hz}, "study")
         for key in ("gain_std", "delay_std_s"):
             twice = [f"[channels.{name}]" for name, table in tables.items() if key in table]
             if key in (known or {}) and twice:
                 problem = f"states {key} in [known] and in {', '.join(twice)}"
                 raise InputFileError(file, problem, "keep one of them")
-        beyond = Known.from_toml(file, known or {})
-        columns = tuple(study.columns)
-        return cls(channels, study.sampling_rate_hz, columns, beyond=beyond, take=study.take)
+        beyond, columns = Known.from_toml(file, known or {}), tuple(settings.columns)
+        return cls(channels, settings.sampling_rate_hz, columns, beyond=beyond, take=settings.take)
 
     def known(self, names: Sequence[str]) -> int:
         """How many of a line's cells are channels by their names, or begin the name of one."""

@@ -55,16 +55,14 @@ def parsed(file: Path, content: Mapping[str, Any]) -> tuple[dict[str, str], Layo
         "origin": study.origin,
         "description": study.description,
     }
-    settings = FileTable.model_fields
     apart = list[tuple[str, Layout]]()
     for name, stated in document.layouts.items():
         table = validated(LayoutTable, file, stated, f"layouts.{name}")
-        rate, columns, take = (getattr(table, key) or getattr(study, key) for key in settings)
+        settings = FileTable(**{key: getattr(table, key) or getattr(study, key) for key in FileTable.model_fields})
         channels = document.channels | table.channels
-        layout = Layout.from_toml(file, channels, rate, columns, document.known, take)
+        layout = Layout.from_toml(file, channels, settings=settings, known=document.known)
         apart += [(pattern, layout) for pattern in table.files]
-    rate, columns, take = (getattr(study, key) for key in settings)
-    layout = Layout.from_toml(file, document.channels, rate, columns, document.known, take)
+    layout = Layout.from_toml(file, document.channels, settings=study, known=document.known)
     return about, replace(layout, apart=tuple(apart))
 
 
