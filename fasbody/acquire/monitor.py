@@ -194,14 +194,10 @@ class Judged:
     drift: float = 0.0
     known: bool = False
 
-    @property
-    def expected(self) -> float:
-        """Amplitude of the base [m/s^2]."""
-        return max(self.drive.amplitude_m_s2 or self.first.size, _TINY)
-
     def excesses(self, sensor: int) -> dict[str, float]:
         """Features of a sensor over their limits: a fault from 1 on."""
         now, first = self.now, self.first
+        expected = max(self.drive.amplitude_m_s2 or first.size, _TINY)  # amplitude of the base [m/s^2]
         level, line, rest = now.size, abs(now.line[sensor]), now.rest[sensor]
         other, unsure, moved = abs(now.line[1 - sensor]), _SURE * now.std[_BASE], level >= _MOVES
         spikes = now.crest[sensor] / SPIKE
@@ -211,10 +207,10 @@ class Judged:
             spikes = 0.0
         features = {
             "flat": now.flat[sensor] / FLAT_S,
-            "lost": LEAST_SHARE * self.expected / max(level + unsure, _TINY),
+            "lost": LEAST_SHARE * expected / max(level + unsure, _TINY),
             "silent": SILENT * other / max(line, _TINY) if other > _MOVES else 0.0,
             "waveform": rest / (WAVEFORM * level + _NOISE),
-            "level": (abs(level - self.expected) - unsure) / (LEVEL * self.expected),
+            "level": (abs(level - expected) - unsure) / (LEVEL * expected),
             "breaks": self._breaks(),
             "equal": EQUAL / max(now.unlike, _TINY) if moved and not self.drive.one_mass else 0.0,
             "follows": rest / max(FOLLOWS * line, _TINY),
