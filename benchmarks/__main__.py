@@ -17,8 +17,8 @@ import typer
 from benchmarks.table import Topic, cells, markdown, read, refreshed, table
 from fasbody.console import command_line, console, print_json, write_whole
 from fasbody.exceptions import SettingError
-from fasbody.runner import ROOT, machine
-from reproduction.check import Check
+from fasbody.runner import ROOT
+from reproduction.check import Check, machine
 
 #: The page that the documentation rests on, and the folder of the pages of readers' machines.
 RESULTS, PAGES = Path(__file__).with_name("RESULTS.md"), ROOT / "results" / "benchmarks"

@@ -163,7 +163,7 @@ def plug(times: int) -> list[Check]:
         board.stop()
         board.close()
         capture.close()
-        quality = replay([capture.file])[1].quality()
+        quality = replay(capture.file)[1].quality()
     text = f"{len(quality.gaps)} gaps for {board.unplugs} pulls"
     wrong = max(abs(count - times) for count in (len(quality.gaps), board.unplugs))
     return [Check("unplugged and replugged", wrong, 0, 0, said=text, beside="one each")]
@@ -186,7 +186,7 @@ def killed(times: int) -> list[Check]:
             victim.wait()
             worst = max(worst, at - max(record.host for record in read(file)))
             with contextlib.suppress(Exception):
-                usable += not convert([file], study, longest=True).problems
+                usable += not convert(file, study, longest=True).problems
     return [
         at_most(f"kill -9 of {times} sessions: longest missing end", 1e3 * worst, 100, "ms"),
         Check("recordings recovered from them, usable", usable, times, times, "", f"{usable} of {times}", "all"),

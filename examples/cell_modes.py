@@ -7,11 +7,11 @@ Needs `pip install 'fasbody[cell]'`. The mesh is coarse; the printed errors say 
 import sys
 from pathlib import Path
 
-from fasbody.cell import figures
 from fasbody.cell.analysis import Analysis, analyse, assemblies
 from fasbody.cell.dome import Dome
 from fasbody.cell.materials import preset
 from fasbody.cell.mesh import MeshSize
+from fasbody.presentation import write_figure
 
 
 def main(picture: Path = Path("cell_modes.png"), size_um: float = 6.0) -> Analysis:
@@ -19,7 +19,7 @@ def main(picture: Path = Path("cell_modes.png"), size_um: float = 6.0) -> Analys
     si = preset("si")
     dome = Dome(height=si.height_um)
     analysis = analyse(*assemblies(dome, MeshSize.of(size_um)), si, count=5, dome=dome)
-    figures.save(figures.mode_shapes(analysis), picture)
+    write_figure(analysis.plot("mode_shapes"), picture)
     return analysis
 
 

@@ -65,14 +65,18 @@ def main(
 
 
 def _makefile() -> str:
-    """The text of the Makefile; empty where the package is installed without its checkout."""
     file = Path(fasbody.__file__).parent.parent / "Makefile"
     return file.read_text(encoding="utf-8") if file.is_file() else ""
 
 
+<<<<<<< HEAD
 def _typed() -> str:
     """How it was started: as an installed command, or in a clone."""
     return "fasbody" if Path(sys.argv[0]).stem == "fasbody" else "python -m fasbody"
+=======
+def _installed() -> bool:
+    return Path(sys.argv[0]).stem == "fasbody"
+>>>>>>> room/sizeA
 
 
 def page() -> None:

@@ -22,6 +22,7 @@ from types import FrameType
 from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
+from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from fasbody.exceptions import FasError, InputFileError, SettingError, Stopped
@@ -185,7 +186,7 @@ def command_line(app: "Typer | Callable[[], object]") -> None:
         except FasError as error:
             option = option_of(error, sys.argv[1:])
             text = f"{option}: {error}" if option else str(error)
-            console.print(f"[bold red]error:[/] {_escape(text)}", soft_wrap=True)
+            console.print(f"[bold red]error:[/] {escape(text)}", soft_wrap=True)
             sys.exit(2)
         except Stopped as stop:
             _leave_in_peace()
@@ -303,7 +304,3 @@ def stages() -> Iterator[Advance]:
             progress.update(task, description=what, completed=done, total=total)
 
         yield advance
-
-
-def _escape(text: str) -> str:
-    return text.replace("[", r"\[")

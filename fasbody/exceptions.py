@@ -153,6 +153,19 @@ class MissingPackageError(FasError):
         super().__init__(f"{problem}: {remedy}.", problem=problem, remedy=remedy)
 
 
+@contextmanager
+def required(package: str, extra: str) -> Iterator[None]:
+    """The imports of the block need a package of an optional extra.
+
+    Raises:
+        MissingPackageError: it is not installed.
+    """
+    try:
+        yield
+    except ImportError as error:
+        raise MissingPackageError(package, extra) from error
+
+
 def pip_install(extra: str) -> str:
     """The command that brings an extra to an installed fasbody, and the one to type in a clone."""
     return f"pip install 'fasbody[{extra}]' (in a clone: pip install -e '.[{extra}]')"

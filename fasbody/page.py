@@ -133,7 +133,8 @@ def write(result: Presented, folder: Path, command: str) -> list[Path]:
     files, pictures = result.write(folder), []
     for kind in result.plots:
         figure = result.plot(kind)
-        pictures.append((Markup(inline(picture(figure, "svg"))), _caption(result, kind)))
+        caption = cleandoc(getattr(import_module(result.figures), kind).__doc__ or "").replace("\n", " ")
+        pictures.append((Markup(inline(picture(figure, "svg"))), caption))
         files += write_figure(figure, folder / f"{kind}.svg", folder / f"{kind}.png")
     text = html([Section(result.sheet(), Markup("<code>{}</code>").format(command), pictures)])
     beside = ", ".join(path.name for path in files if path.suffix in (".json", ".csv"))
@@ -141,8 +142,3 @@ def write(result: Presented, folder: Path, command: str) -> list[Path]:
         f"report: [bold]{folder}/report.html[/], with {beside} and figures beside it", soft_wrap=True
     )
     return [*files, write_whole(folder / "report.html", text)]
-
-
-def _caption(result: Presented, kind: str) -> str:
-    """What the function says that draws the figure."""
-    return cleandoc(getattr(import_module(result.figures), kind).__doc__ or "").replace("\n", " ")

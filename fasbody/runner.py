@@ -8,7 +8,6 @@ import ast
 import hashlib
 import multiprocessing
 import os
-import platform
 import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
@@ -38,8 +37,6 @@ OURS = ("fasbody", "identification", "mjcf", "reproduction")
 ROOT = Path(fasbody.__file__).parent.parent
 #: Print, spread and keep, and change no result.
 _ASIDE = {ROOT / "fasbody" / name for name in ("console.py", "presentation.py", "runner.py")}
-#: What a result may read of our packages besides their sources.
-_DATA = {".xml", ".csv", ".toml", ".json"}
 #: Age from which an unfinished file is left over from a process that ended [s].
 _STALE_S = 3600.0
 
@@ -176,13 +173,6 @@ def program(module: str) -> str:
     return key(*(part for file in sources(module) for part in (_place(file), file.read_bytes())))
 
 
-@cache
-def data() -> str:
-    """Digest of the models, tables and settings beside our sources, which a result may read."""
-    files = (file for package in OURS[:3] for file in sorted((ROOT / package).rglob("*")) if file.suffix in _DATA)
-    return key(*(part for file in files for part in (_place(file), file.read_bytes())))
-
-
 def sources(module: str) -> list[Path]:
     """The files that compute a result: a module of ours, what it imports of ours, and what that imports in turn."""
     files: set[Path] = set()
@@ -214,7 +204,6 @@ def _imported(file: Path) -> tuple[Path, ...]:
 
 
 def _files(module: str) -> list[Path]:
-    """The file of a module of ours; none for any other name."""
     place = ROOT.joinpath(*module.split("."))
     files = (place.with_suffix(".py"), place / "__init__.py") if module.split(".")[0] in OURS else ()
     return [file for file in files if file.is_file()]
@@ -228,14 +217,3 @@ def _place(file: Path) -> str:
 def versions(*libraries: str) -> str:
     """Name and version of each library."""
     return ", ".join(f"{name} {version(name)}" for name in libraries)
-
-
-def machine(*libraries: str) -> str:
-    """Processor, cores, system and versions in one line."""
-    cpu = Path("/proc/cpuinfo")
-    lines = cpu.read_text().splitlines() if cpu.is_file() else []
-    models = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
-    return (
-        f"{models[0] if models else platform.machine()}, {os.cpu_count()} cores; {platform.system()}, "
-        f"Python {platform.python_version()}, {versions(*libraries)}"
-    )

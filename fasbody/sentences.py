@@ -4,6 +4,7 @@ A module says which setting it means, and nobody searches a sentence for an opti
 """
 
 from collections.abc import Mapping
+from functools import partial
 from typing import Any
 
 #: A setting, a channel's without the channel -> what a terminal's reader calls it, and what the page does.
@@ -69,11 +70,7 @@ class Sentence(str):
         return sentence
 
     def __reduce__(self) -> tuple[Any, ...]:
-        return _restored, (str(self), vars(self))
-
-
-def _restored(text: str, facts: Mapping[str, str]) -> Sentence:
-    return Sentence(text, **facts)
+        return partial(Sentence, **vars(self)), (str(self),)
 
 
 def for_page(text: str) -> str:

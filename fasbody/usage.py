@@ -61,7 +61,6 @@ def _option(name: str, message: str, command: Any) -> str:
 
 
 def _value(error: Any, message: str) -> str:
-    """What follows the name of an option whose value does not fit."""
     cause = error.__cause__
     if not hasattr(cause, "errors"):  # a sentence of ours, or of a Typer that checks values itself
         return message

@@ -1,8 +1,13 @@
 """A number that came out and what is asked of it: in the rows of docs/reproduction.md and of the benchmarks."""
 
 import math
+import os
+import platform
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
+
+from fasbody.runner import versions
 
 
 @dataclass(frozen=True)
@@ -124,3 +129,14 @@ def told(what: str, said: str, beside: str = "", ratio: float | None = None) -> 
 
 def _number(value: float, unit: str = "") -> str:
     return f"{value:.3g} {unit}".strip()
+
+
+def machine(*libraries: str) -> str:
+    """Processor, cores, system and versions in one line."""
+    cpu = Path("/proc/cpuinfo")
+    lines = cpu.read_text().splitlines() if cpu.is_file() else []
+    models = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
+    return (
+        f"{models[0] if models else platform.machine()}, {os.cpu_count()} cores; {platform.system()}, "
+        f"Python {platform.python_version()}, {versions(*libraries)}"
+    )

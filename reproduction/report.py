@@ -9,8 +9,8 @@ from typing import Any
 from jinja2 import Environment, FileSystemLoader
 
 from fasbody.laboratory.study import Plan
-from fasbody.runner import machine
 from reproduction.book import CHAPTERS, OUTSIDE
+from reproduction.check import machine
 from reproduction.row import GROUPS, Row, Verdict
 from reproduction.run import LIBRARIES
 from reproduction.virtual import LARGE, OTHER_SEEDS, USUALLY

@@ -4,6 +4,7 @@ import json
 import platform
 import time
 from collections.abc import Iterator, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -13,15 +14,25 @@ from fasbody.runner import Store
 from reproduction.book import ROWS
 from reproduction.row import Outcome, Row, Verdict
 
+#: What a result may read of our packages besides their sources.
+_DATA = {".xml", ".csv", ".toml", ".json"}
 #: Libraries whose version may move a number.
 LIBRARIES = ("mujoco", "numba", "numpy", "scipy", "pandas")
+
+
+@cache
+def _data() -> str:
+    """Digest of the models, tables and settings beside our sources, which a result may read."""
+    ours = (runner.ROOT / package for package in runner.OURS[:3])
+    files = (file for folder in ours for file in sorted(folder.rglob("*")) if file.suffix in _DATA)
+    return runner.key(*(part for file in files for part in (file.relative_to(runner.ROOT), file.read_bytes())))
 
 
 def key(row: Row) -> str:
     """What a kept result of `row` must carry to count: its texts, its code with all that it imports, data, versions."""
     module = getattr(row.run, "func", row.run).__module__  # a partial's own module is functools
     versions = platform.python_version(), runner.versions(*LIBRARIES)
-    return runner.key(row.id, row.what, row.command, runner.program(module), runner.data(), *versions)
+    return runner.key(row.id, row.what, row.command, runner.program(module), _data(), *versions)
 
 
 def execute(row: Row) -> dict[str, Any]:

@@ -206,7 +206,7 @@ def heel_strikes() -> Outcome:
     nominal, checks, limits = of_model()["nominal_n_per_m"], [], []
     for slope in measured(groups):
         (load,) = slope.names
-        low, high = slope.predictive("normal", load)
+        low, high = slope.interval("normal", load, new_person=True)[1:]
         limits.append((low, high))
         checks.append(
             within(

@@ -4,6 +4,7 @@ The base moves at 20 Hz and the malleolus 1.3 times as much, 25 degrees behind; 
 which overlooks one of its columns would read wrongly.
 """
 
+import tomllib
 from pathlib import Path
 
 import numpy as np
@@ -35,7 +36,7 @@ def text(file: Path, head: str, columns: list[np.ndarray], separator: str = ",")
 
 
 def read(file: Path, toml: str = "") -> Recording:
-    return Recording.read(file, layout=parsed(file.with_name("study.toml"), toml)[1] if toml else None)
+    return Recording.read(file, layout=parsed(file.with_name("study.toml"), tomllib.loads(toml))[1] if toml else None)
 
 
 def right(recording: Recording, apart_deg: float = 0.2) -> None:

@@ -154,7 +154,7 @@ def test_a_value_of_a_wiring_that_cannot_be_meant_is_named(tmp_path: Path, facts
 
 
 @pytest.mark.parametrize(("text", "problem"), [
-    ("{", "is no JSON document"), ("[]", "names no device"), ('{"sensitivity": [0.1, 1, 2]}', "sensitivity for each"),
+    ("{", "is no JSON document"), ("[]", "is no table"), ('{"sensitivity": [0.1, 1, 2]}', "sensitivity for each"),
     ('{"sensitivity": ["100 m/g", 1]}', "sensitivity"),
 ])  # fmt: skip
 def test_wiring_that_cannot_be_meant_is_refused(tmp_path: Path, text: str, problem: str) -> None:

@@ -9,7 +9,7 @@ import pytest
 from feeder import CONDITION, capture_of, hello, refusal, sine_frames
 
 from fasbody.acquire import folder
-from fasbody.acquire.capture import Capture, grouped
+from fasbody.acquire.capture import Capture
 from fasbody.acquire.commands import app
 from fasbody.acquire.folder import at_rest, convert
 from fasbody.acquire.plan import Plan
@@ -22,7 +22,7 @@ from fasbody.recording.study import Study
 
 def test_gap_is_marked_never_filled_and_refused_by_identification(tmp_path: Path) -> None:
     study = tmp_path / "study"
-    made = convert([capture_of(study, "gap", sine_frames(120, missing=(40, 41, 90)))], study)
+    made = convert(capture_of(study, "gap", sine_frames(120, missing=(40, 41, 90))), study)
     assert made.quality.lost_samples == 48 and len(made.quality.gaps) == 2 and made.problems
     table = np.loadtxt(made.file, delimiter=",", skiprows=1)
     assert len(table) == 117 * 16
@@ -35,7 +35,7 @@ def test_gap_is_marked_never_filled_and_refused_by_identification(tmp_path: Path
         checked(Recording.read(made.file))
     with pytest.raises(InputFileError, match="lists no recording"):
         Study.read(study)
-    again = convert([study / "captures" / "gap.fascap"], study, longest=True)
+    again = convert(study / "captures" / "gap.fascap", study, longest=True)
     assert again.problems == () and again.recording.time_s.size == 48 * 16
     (listed,) = Study.read(study).recordings
     assert checked(listed).condition.frequency_hz == pytest.approx(20, abs=0.01)
@@ -44,7 +44,7 @@ def test_gap_is_marked_never_filled_and_refused_by_identification(tmp_path: Path
 
 def test_conversion_is_cut_to_length_and_repeatable_and_times_are_exact_at_4_khz(tmp_path: Path) -> None:
     file = capture_of(tmp_path, "one", sine_frames(400, rate=4000.0), seconds=1.5, rate=4000.0)
-    first, second = convert([file], tmp_path), convert([file], tmp_path)
+    first, second = convert(file, tmp_path), convert(file, tmp_path)
     assert first.recording.time_s.size == 6000 and first.document() == second.document()
     read = Study.read(tmp_path).recordings
     assert len(read) == 1
@@ -53,7 +53,7 @@ def test_conversion_is_cut_to_length_and_repeatable_and_times_are_exact_at_4_khz
 
 
 def test_measured_and_synthetic_are_not_mixed_and_names_do_not_collide(tmp_path: Path) -> None:
-    convert([capture_of(tmp_path, "20hz_0kg", sine_frames(60))], tmp_path)
+    convert(capture_of(tmp_path, "20hz_0kg", sine_frames(60)), tmp_path)
     with pytest.raises(InputFileError, match="is not synthetic data"):
         Plan(tmp_path, (20.0,), CONDITION, origin="synthetic").check(True)
     assert folder.free_stem(tmp_path, "20hz_0kg") == "20hz_0kg_2"
@@ -65,25 +65,25 @@ def test_capture_without_its_plan_is_not_listed(tmp_path: Path) -> None:
     raw = bytearray(file.read_bytes())
     raw[40] ^= 1
     file.write_bytes(raw)
-    made = convert([file], tmp_path)
+    made = convert(file, tmp_path)
     assert any("what was to be recorded is damaged" in text for text in made.problems)
     assert any("unreadable bytes in the capture" in text for text in made.remarks)
     assert not (tmp_path / "recordings.csv").exists() and not (tmp_path / "study.toml").exists()
 
 
 def test_contradicting_body_mass_is_refused(tmp_path: Path) -> None:
-    convert([capture_of(tmp_path, "one", sine_frames(60))], tmp_path)
+    convert(capture_of(tmp_path, "one", sine_frames(60)), tmp_path)
     other = replace(CONDITION, body_mass_kg=80.0)
     with pytest.raises(InputFileError, match=r"subjects\.csv: subject '16' has 72\.57 kg, and 80 kg are given"):
         Plan(tmp_path, (20.0,), other).check(False)
-    made = convert([capture_of(tmp_path, "two", sine_frames(60), condition=other)], tmp_path)
+    made = convert(capture_of(tmp_path, "two", sine_frames(60), condition=other), tmp_path)
     assert made.problems == ("its body mass is 80 kg and subjects.csv says 72.57 kg",)
 
 
 @pytest.mark.parametrize(("nominal", "match"), [(20.0, None), (35.0, "vibrates at 20 Hz")])
 def test_excitation_set_by_hand_is_judged(tmp_path: Path, nominal: float, match: str | None) -> None:
     condition = replace(CONDITION, frequency_hz=nominal)
-    made = convert([capture_of(tmp_path, "hand", sine_frames(100), condition=condition)], tmp_path)
+    made = convert(capture_of(tmp_path, "hand", sine_frames(100), condition=condition), tmp_path)
     assert (made.problems == ()) if match is None else (match in made.problems[0])
     assert (tmp_path / "recordings.csv").read_text().count("hand.csv") == (match is None)
 
@@ -98,15 +98,7 @@ def test_senseless_plan_is_one_sentence(tmp_path: Path, wrong: dict[str, object]
     capture.add("B", 0.0, encode_hello(hello()) + sine_frames(60))
     capture.close()
     with pytest.raises(InputFileError, match=r"odd\.fascap: its plan has"):
-        convert([capture.file], tmp_path)
-
-
-def rest_of(file: Path, host: float, wire: bytes) -> Path:
-    """What goes on when the disk of a capture became full."""
-    capture = Capture(file.with_name(f"{file.stem}_rest_x.fascap"))
-    capture.add("B", host, wire)
-    capture.close()
-    return capture.file
+        convert(capture.file, tmp_path)
 
 
 def test_each_capture_becomes_its_own_recording(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -117,8 +109,6 @@ def test_each_capture_becomes_its_own_recording(tmp_path: Path, capsys: pytest.C
     documents = json.loads(capsys.readouterr().out)
     assert [one["samples"] for one in documents] == [960, 1440]
     assert sorted(one.time_s.size for one in Study.read(tmp_path).recordings) == [960, 1440]
-    with pytest.raises(InputFileError, match=r"20hz_0kg_2\.fascap: is a recording of its own, not the rest of"):
-        convert([first, second], tmp_path)
 
 
 def test_bad_capture_among_good_ones_costs_only_itself(tmp_path: Path) -> None:
@@ -132,20 +122,6 @@ def test_bad_capture_among_good_ones_costs_only_itself(tmp_path: Path) -> None:
     assert [Path(one.file).name for one in Study.read(tmp_path).recordings] == ["a.csv", "d.csv"]
 
 
-def test_rest_of_a_full_disk_joins_the_capture_that_it_continues(tmp_path: Path) -> None:
-    frames = sine_frames(120)
-    half = len(frames) // 2
-    file = capture_of(tmp_path, "20hz_0kg", frames[:half])
-    rest = rest_of(file, 0.97, frames[half:])
-    other = capture_of(tmp_path, "later", sine_frames(300))
-    assert grouped([rest, file]) == [(file, rest)]
-    app(["recover", str(rest), str(file)], standalone_mode=False)
-    assert Recording.read(tmp_path / "recordings" / "20hz_0kg.csv").time_s.size == 1920
-    strange = rest_of(other, 4000.0, frames[half:])
-    with pytest.raises(InputFileError, match="continues none of the other files"):
-        grouped([file, strange])
-
-
 def test_same_file_twice_is_refused(tmp_path: Path) -> None:
     file = capture_of(tmp_path, "20hz_0kg", sine_frames(60))
     link = tmp_path / "captures" / "link.fascap"
@@ -155,21 +131,21 @@ def test_same_file_twice_is_refused(tmp_path: Path) -> None:
 
 def test_recovering_into_another_study_overwrites_and_mixes_nothing(tmp_path: Path) -> None:
     here, there = tmp_path / "here", tmp_path / "there"
-    own = convert([capture_of(there, "20hz_0kg", sine_frames(60))], there).file
+    own = convert(capture_of(there, "20hz_0kg", sine_frames(60)), there).file
     before = own.read_bytes()
     foreign = capture_of(here, "20hz_0kg", sine_frames(90))
     for _ in range(2):  # the second time it is known again
-        made = convert([foreign], there)
+        made = convert(foreign, there)
         assert made.file.name == "20hz_0kg_2.csv" and made.recording.time_s.size == 1440
     assert own.read_bytes() == before and len(Study.read(there).recordings) == 2
     assert folder.stem_of(there, there / "captures" / "20hz_0kg.fascap", None) == "20hz_0kg"
     waiting = capture_of(there, "25hz_0kg", sine_frames(60))  # not converted yet: its name is taken
-    assert convert([capture_of(here, "25hz_0kg", sine_frames(60))], there).file.name == "25hz_0kg_2.csv"
-    assert convert([waiting], there).file.name == "25hz_0kg.csv"
+    assert convert(capture_of(here, "25hz_0kg", sine_frames(60)), there).file.name == "25hz_0kg_2.csv"
+    assert convert(waiting, there).file.name == "25hz_0kg.csv"
     toml = there / "study.toml"
     toml.write_text(toml.read_text().replace("measured", "synthetic"))
     with pytest.raises(InputFileError, match="is not measured data"):
-        convert([capture_of(here, "30hz_0kg", sine_frames(60))], there)
+        convert(capture_of(here, "30hz_0kg", sine_frames(60)), there)
     assert not list(there.glob("recordings/30hz*"))
 
 
@@ -192,7 +168,7 @@ def test_truth_of_another_study_stays(tmp_path: Path) -> None:
 def test_recover_names_the_captures_there_are(tmp_path: Path) -> None:
     study = tmp_path / "study"
     good = capture_of(study, "20hz_0kg", sine_frames(60))
-    table = convert([good], study).file
+    table = convert(good, study).file
     for wrong, problem in (
         (study / "captures" / "21hz_0kg.fascap", "cannot be read (No such file or directory)"),
         (table, "is not a capture file"), (study, "cannot be read (Is a directory)"),
@@ -218,15 +194,15 @@ def test_rest_is_no_excitation_whatever_the_offset_and_a_slow_drift(rms: float, 
 def test_short_of_what_was_planned_is_not_listed_until_asked_for(tmp_path: Path) -> None:
     """A session of 3 s whose last second never came, and one that was told to begin with a hello only."""
     file = capture_of(tmp_path, "20hz", sine_frames(125), seconds=3.0)
-    made = convert([file], tmp_path, stopped="the board is silent for 3 s; check its supply.")
+    made = convert(file, tmp_path, stopped="the board is silent for 3 s; check its supply.")
     assert made.problems == ("2 s are there of 3 s",)
     usable = "usable: 2 s without a gap from 0 s on; recover --longest keeps them"
     assert made.remarks == ("ended early: the board is silent for 3 s; check its supply", usable)
     assert (tmp_path / "recordings.csv").read_text().count("20hz") == 0 and file.is_file()
-    assert convert([file], tmp_path, longest=True).problems == ()
+    assert convert(file, tmp_path, longest=True).problems == ()
     assert (tmp_path / "recordings.csv").read_text().count("20hz") == 1
     with pytest.raises(AcquisitionError, match="but no samples; no recording can be made"):
-        convert([capture_of(tmp_path, "none", encode_hello(hello()), condition=CONDITION)], tmp_path)
+        convert(capture_of(tmp_path, "none", encode_hello(hello()), condition=CONDITION), tmp_path)
 
 
 def test_a_broken_sine_is_refused_and_its_longest_part_kept(tmp_path: Path) -> None:
@@ -244,9 +220,9 @@ def test_a_broken_sine_is_refused_and_its_longest_part_kept(tmp_path: Path) -> N
     written.add("M", 0.0, {"seconds": 10.0, "condition": condition, "origin": "synthetic"})
     written.add("B", 1.0, data)
     written.close()
-    whole = convert([written.file], study)
+    whole = convert(written.file, study)
     assert all(3.05 < after < 3.55 for after, _ in whole.quality.faults)
     assert any(text.startswith("base breaks at 3.") for text in whole.problems)
     assert any(text.startswith("usable: 6.") for text in whole.remarks)
-    part = convert([written.file], study, longest=True)
+    part = convert(written.file, study, longest=True)
     assert part.problems == () and 6.0 < part.recording.time_s[-1] < 7.0

@@ -565,6 +565,6 @@ def test_interrupted_sweep_keeps_what_it_has(tmp_path: Path, bench: Bench) -> No
     assert "30hz_0kg.fascap --longest" in told and "go on with --frequency 30" in told
     with pytest.raises(FasError, match="lists no recording"):
         Study.read(study)
-    convert([file], study, longest=True)
+    convert(file, study, longest=True)
     (kept,) = Study.read(study).recordings
     assert checked(kept).condition.frequency_hz == pytest.approx(30, abs=0.05)

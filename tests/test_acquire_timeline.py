@@ -8,7 +8,7 @@ from feeder import COUNTS, counts_of, hello
 from hypothesis import given
 from hypothesis import strategies as st
 
-from fasbody.acquire.timeline import Gap, Lateness, Limits, Quality, Timeline
+from fasbody.acquire.timeline import Gap, Lateness, Quality, Timeline
 from fasbody.acquire.wire import Block, Damage, Hello
 
 N = 16
@@ -33,7 +33,7 @@ def test_every_received_sample_is_at_its_place_and_every_lost_one_counted(lost: 
     runs = len([f for f in lost if f - 1 not in lost])
     assert len(quality.gaps) == runs and quality.frames == 62 - len(lost)
     assert timeline.length == 62 * N
-    assert bool(quality.problems(Limits())) == bool(lost)
+    assert bool(quality.problems()) == bool(lost)
 
 
 def test_gap_says_where() -> None:
@@ -95,12 +95,12 @@ def test_stamps_that_jitter_by_two_samples_make_no_gap(kind: str, blocks: int, n
     }[kind]
     timeline = jittered(blocks, n, jitter, {}, rate)
     quality = timeline.quality()
-    assert quality.gaps == () and quality.problems(Limits()) == []
+    assert quality.gaps == () and quality.problems() == []
     np.testing.assert_array_equal(timeline.samples()[0], np.arange(blocks * n))
     assert abs(quality.rate_ppm + 300) < max(20.0, 4 * quality.rate_std_ppm)
     if kind == "uniform":
         assert quality.jitter == pytest.approx(2 / np.sqrt(3), rel=0.2)
-        assert any("jitter" in text for text in quality.remarks(Limits()))
+        assert any("jitter" in text for text in quality.remarks())
 
 
 @pytest.mark.parametrize(
@@ -151,8 +151,8 @@ def test_stamps_that_do_not_advance_are_a_problem(n: int) -> None:
         timeline.add([Block(i, 0, np.zeros((n, 2)), np.zeros(2, int))], 0.001 * n * i)
     quality = timeline.quality()
     assert quality.gaps == () and timeline.samples()[0].size == 400 * n
-    (text,) = quality.problems(Limits())
-    assert "time stamps do not advance" in text and quality.remarks(Limits()) == [] and "clock" not in str(quality)
+    (text,) = quality.problems()
+    assert "time stamps do not advance" in text and quality.remarks() == [] and "clock" not in str(quality)
 
 
 def test_damaged_text_lines_are_gaps_of_their_own_however_the_stamps_jitter() -> None:
@@ -199,8 +199,8 @@ def test_changed_description_and_damage() -> None:
     timeline.add([block(0), Damage("CRC", 30), Hello("feeder", 2000.0, hello().channels, 16, N)], 0.0)
     quality = timeline.quality()
     assert quality.changed and quality.damaged == 1
-    assert any("description" in text for text in quality.problems(Limits()))
-    assert quality.remarks(Limits()) == ["1 damaged piece on the line"]
+    assert any("description" in text for text in quality.problems())
+    assert quality.remarks() == ["1 damaged piece on the line"]
 
 
 def test_a_block_of_another_width_is_no_part_of_the_recording() -> None:
@@ -223,8 +223,8 @@ def test_drift_of_the_device_clock_is_measured_through_jitter(ppm: float) -> Non
     quality = timeline.quality()
     assert abs(quality.drift_ppm - ppm) < 4 * quality.drift_std_ppm
     assert quality.drift_std_ppm < 60
-    assert any("clock" in text for text in quality.remarks(Limits())) == (ppm != 0.0)
-    assert quality.problems(Limits()) == []
+    assert any("clock" in text for text in quality.remarks()) == (ppm != 0.0)
+    assert quality.problems() == []
 
 
 @pytest.mark.parametrize("begins", [-0.01, 0.7])
@@ -235,7 +235,7 @@ def test_what_is_made_up_for_says_nothing_of_the_clock(begins: float) -> None:
         due = (frame + 1) * N / 1000 + rng.uniform(0, 1e-3)
         held = begins + 0.8 + (due - begins) / 8 if due > begins else due
         timeline.add([block(frame)], 100.0 + max(due, held))
-    assert timeline.quality().problems(Limits()) == []
+    assert timeline.quality().problems() == []
 
 
 @pytest.mark.parametrize(("ppm", "refused"), [(100, False), (600, False), (8000, True)])
@@ -244,8 +244,8 @@ def test_rate_by_the_device_clock_against_the_declared_one(ppm: float, refused: 
     timeline.add([block(f, time_us=round(f * N / 1000 * 1e6 / (1 + ppm * 1e-6))) for f in range(300)], 0.0)
     quality = timeline.quality()
     assert quality.rate_ppm == pytest.approx(ppm, abs=1)
-    assert bool(quality.problems(Limits())) == refused
-    assert bool(quality.remarks(Limits())) == (ppm == 600)
+    assert bool(quality.problems()) == refused
+    assert bool(quality.remarks()) == (ppm == 600)
 
 
 def test_over_range_is_a_problem() -> None:
@@ -253,7 +253,7 @@ def test_over_range_is_a_problem() -> None:
     one = block(0)
     timeline.add([Block(one.sequence, one.time_us, one.samples, np.array([0, 3]))], 0.0)
     assert timeline.over_range == {"base": 0, "malleolus": 3}
-    assert timeline.quality().problems(Limits()) == ["over range: malleolus 3 samples"]
+    assert timeline.quality().problems() == ["over range: malleolus 3 samples"]
 
 
 FRAME_S = 0.016
@@ -306,11 +306,11 @@ def test_restarted_board_is_not_late_for_ever() -> None:
 def test_one_is_singular_and_a_clock_without_an_uncertainty_is_not_printed() -> None:
     one = Quality(frames=1, lost_frames=1, damaged=1, gaps=(Gap(0.1, 1, "skipped"),), over_range={"base": 1})
     assert str(one) == "1 frame, 1 lost, 1 damaged, 1 gap"
-    assert one.problems(Limits())[0].startswith("1 sample is missing in 1 gap (")
-    assert one.problems(Limits())[1] == "over range: base 1 sample"
-    assert one.remarks(Limits()) == ["1 damaged piece on the line"]
+    assert one.problems()[0].startswith("1 sample is missing in 1 gap (")
+    assert one.problems()[1] == "over range: base 1 sample"
+    assert one.remarks() == ["1 damaged piece on the line"]
     noise = Quality(frames=62, drift_ppm=2900.0, drift_std_ppm=1100.0, rate_ppm=900.0, rate_std_ppm=400.0)
-    assert "clock" not in str(noise) and noise.remarks(Limits()) == noise.problems(Limits()) == []
+    assert "clock" not in str(noise) and noise.remarks() == noise.problems() == []
     known = Quality(frames=6200, drift_ppm=900.0, drift_std_ppm=10.0)
     assert str(known).endswith("clock +900 +- 30 ppm")
-    assert known.remarks(Limits()) == ["the board's clock runs +900 +- 30 ppm off the computer's"]
+    assert known.remarks() == ["the board's clock runs +900 +- 30 ppm off the computer's"]

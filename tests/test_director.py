@@ -14,7 +14,7 @@ from typer.testing import CliRunner
 from fasbody.acquire.board import Stalled
 from fasbody.acquire.commands import app as acquire
 from fasbody.acquire.level import COMMANDED, Safety
-from fasbody.acquire.plan import PROTOCOL, steps_in
+from fasbody.acquire.plan import PROTOCOL, PlannedSession
 from fasbody.exceptions import FasError, InputFileError, SettingError
 from fasbody.foot.model import load
 from fasbody.foot.two_dof import TwoDof
@@ -612,10 +612,11 @@ def test_command_writes_what_it_says(tmp_path: Path) -> None:
 
 def test_protocol_comes_back_and_broken_ones_are_refused(tmp_path: Path, plan: Planned) -> None:
     file = next(path for path in plan.write(tmp_path) if path.name == "protocol.json")
-    document, steps = steps_in(file)
+    session, document = PlannedSession.read(file), json.loads(file.read_text())
     names = ("kind", "frequency_hz", "added_mass_kg", "amplitude_m_s2", "seconds")
-    assert [[getattr(s, n) for n in names] for s in steps] == [[getattr(s, n) for n in names] for s in plan.steps]
-    assert (document["subject"], document["body_mass_kg"]) == (plan.subject, plan.body_mass_kg)
+    ours, back = ([[getattr(s, n) for n in names] for s in steps] for steps in (plan.steps, session.protocol))
+    assert back == ours
+    assert (session.subject, session.body_mass_kg) == (plan.subject, plan.body_mass_kg)
     step = document["protocol"][0]
     for broken in (
         {**document, "format": "x"}, {**document, "protocol": []}, {**document, "body_mass_kg": None},
@@ -625,7 +626,7 @@ def test_protocol_comes_back_and_broken_ones_are_refused(tmp_path: Path, plan: P
     ):  # fmt: skip
         file.write_text(json.dumps(broken))
         with pytest.raises(InputFileError, match=r"protocol\.json"):
-            steps_in(file)
+            PlannedSession.read(file)
 
 
 @pytest.mark.long

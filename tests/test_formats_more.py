@@ -80,13 +80,13 @@ def test_broken_files_and_missing_libraries_end_in_a_sentence(
     ):
         file.write_bytes(content)
         with pytest.raises((InputFileError, SettingError)) as caught:
-            files.read(file)
+            files.reading(file)
         assert str(caught.value).count("\n") == 0
     monkeypatch.setattr(importlib.util, "find_spec", lambda name: None)
     if ending == "xlsx":
         with pytest.raises(MissingPackageError, match=r"^openpyxl is not installed: .*, or save the sheet as CSV\.$"):
-            files.read(file)
+            files.reading(file)
         with pytest.raises(InputFileError, match=r"no format has the ending '\.xls'; save the sheet as \.xlsx or as"):
-            files.read(tmp_path / "r.xls")
+            files.reading(tmp_path / "r.xls")
     with pytest.raises(MissingPackageError, match=r"pip install 'fasbody\[formats\]' \(in a clone: pip"):
-        files.read(file)
+        files.reading(file)

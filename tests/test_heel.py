@@ -19,7 +19,7 @@ from fasbody.heel.laws import LAWS, TAU_S, THICKNESS_M, law
 from fasbody.heel.pad import CARRIED, pad, write_model
 from fasbody.heel.plate import Plate
 from fasbody.heel.stiffness import slopes
-from fasbody.heel.strike import STEPS, contact_and_peak
+from fasbody.heel.strike import contact_and_peak
 from fasbody.heel.study import BUNDLED, HeelStudy, Person, is_heel_study, read_csv
 
 #: Means of the normal strikes by a second program: the authors' scripts, translated line by line and run on their own
@@ -130,7 +130,7 @@ def test_contact_and_peak_of_a_drawn_force() -> None:
 def test_steps_are_all_there() -> None:
     person = Person.bundled("05")
     steps = person.steps(*person.names()[0])
-    assert list(STEPS)[:3] == ["offset", "gain", "contact"] and len(STEPS) == 8
+
     before = slice(0, steps.contact)
     assert np.abs(steps.force_n[before].mean()) < 1.0 < np.abs(steps.raw_n[before].mean())
     assert steps.frames[0] < steps.frames[1] < steps.frames[2]
@@ -185,10 +185,10 @@ def test_hunt_crossley_adds_the_rate_and_never_pulls() -> None:
 def test_a_model_takes_a_measured_law(tmp_path: Path, key: str) -> None:
     """The joint's force about rest, from the engine's own function, is the law's; its slope is the tangent."""
     theta, F_0 = np.array(THETA[key]), 66.0
-    made = pad(LAWS[key], theta, F_0)
+    numbers = pad(LAWS[key], theta, F_0)
     user = np.zeros(damper.USER_SIZE)
-    user[: len(made.user)] = made.user
-    rest = made.user[-1] * THICKNESS_M
+    user[: len(numbers)] = numbers
+    rest = numbers[-1] * THICKNESS_M
     for x, v in ((0.0, 0.0), (1e-3, 0.2), (-1e-3, -0.1)):
         wanted = LAWS[key].force(np.zeros(1), np.array([rest - x]), np.array([-v]), theta)[0] - F_0
         assert damper.algebraic_force.py_func(user, x, v, 0.0) == pytest.approx(wanted, rel=1e-9, abs=1e-8)

@@ -6,11 +6,16 @@ import numpy as np
 import pytest
 
 from fasbody.exceptions import InputFileError
-from fasbody.recording.channels import Layout
+from fasbody.recording.channels import Channels, Layout
 from fasbody.recording.csv import column, read_table
-from fasbody.recording.files import read as read_csv
+from fasbody.recording.files import reading
 
 ROWS = np.array([[0.0, 1.5, -2.25], [0.001, 2.5, -3.25], [0.002, -1e-3, 4.0]])
+
+
+
+def read_csv(file: Path, layout: Layout | None = None) -> Channels:
+    return reading(file, layout).channels
 
 
 def write(tmp_path: Path, text: str | bytes) -> Path:

@@ -12,15 +12,18 @@ import math
 import threading
 import time
 from collections import deque
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, ClassVar, Self
+from typing import Annotated, Any, Self
 
 import numpy as np
+from pydantic import Field, NonNegativeFloat
+from scipy.signal import lfilter  # here: on a busy computer it takes seconds, and later the card plays and records
 
 from fasbody.acquire.calibrate import FULL, STRAY, within
-from fasbody.acquire.frames import SAMPLES, Frames, SettingsFile, is_number
+from fasbody.acquire.documents import SettingsFile
+from fasbody.acquire.frames import SAMPLES, Frames
 from fasbody.acquire.generator import Refused
 from fasbody.acquire.port import WAIT_S, Unplugged
 from fasbody.acquire.wire import over_range
@@ -50,8 +53,6 @@ _LATE_S = 1.0
 _GONE_S = 3.0
 #: And so much longer at the start [s].
 _STARTS_S = 7.0
-#: So many samples are filtered at once; their fading stays near one.
-_AT_ONCE = 2048
 #: The input's buffer is no longer [s].
 _INPUT_S = 0.25
 #: What a card gives in so long after its start counts for nothing [s].
@@ -69,8 +70,9 @@ _ALIKE = 0.05
 _IN_STEP_S = 2e-6
 
 
-def _pair(value: Any, least: float = -math.inf) -> bool:
-    return isinstance(value, list) and len(value) == 2 and all(is_number(v, least=least) for v in value)
+_Number = Annotated[float, Field(description="a number")]
+_Positive = Annotated[float, Field(gt=0, description="a number, positive")]
+_Pair = Annotated[tuple[float, float], Field(description="two numbers")]
 
 
 @dataclass(frozen=True)
@@ -90,32 +92,21 @@ class Calibration(SettingsFile):
         output: that plays, 1 or 2; the other one stays silent.
     """
 
-    device: str
-    scale_m_s2: tuple[float, float] = (0.0, 0.0)
-    corner_hz: tuple[float, float] = (0.0, 0.0)
-    output_corner_hz: float = 0.0
-    loop_gain: tuple[float, float] = (0.0, 0.0)
-    delay_s: float = 0.5
-    skew_s: float = 0.0
-    full_scale_v: float = 2.0
-    latency_s: float = 0.5
-    output: int = 1
+    device: Annotated[str, Field(pattern=r"\S", description="the card's name")]
+    scale_m_s2: _Pair = (0.0, 0.0)
+    corner_hz: Annotated[
+        tuple[NonNegativeFloat, NonNegativeFloat], Field(description="two numbers, not negative")
+    ] = (0.0, 0.0)
+    output_corner_hz: Annotated[float, Field(ge=0, description="a number, not negative")] = 0.0
+    loop_gain: _Pair = (0.0, 0.0)
+    delay_s: _Number = 0.5
+    skew_s: _Number = 0.0
+    full_scale_v: _Positive = 2.0
+    latency_s: _Positive = 0.5
+    output: Annotated[int, Field(ge=1, le=2, description="1 or 2")] = 1
 
     TITLE = "calibration of a sound card"
     VALID = "fasbody calibrate writes it"
-    NAMED = True
-    VALUES: ClassVar[Mapping[str, tuple[Callable[[Any], bool], str]]] = {
-        "device": (lambda value: isinstance(value, str) and bool(value.strip()), "the card's name"),
-        "scale_m_s2": (_pair, "two numbers"),
-        "corner_hz": (lambda value: _pair(value, least=0), "two numbers, not negative"),
-        "output_corner_hz": (lambda value: is_number(value, least=0), "a number, not negative"),
-        "loop_gain": (_pair, "two numbers"),
-        "delay_s": (is_number, "a number"),
-        "skew_s": (is_number, "a number"),
-        "full_scale_v": (lambda value: is_number(value, above=0), "a number, positive"),
-        "latency_s": (lambda value: is_number(value, above=0), "a number, positive"),
-        "output": (lambda value: isinstance(value, int) and value in (1, 2), "1 or 2"),
-    }
 
     def at_corner(self, channel: int) -> float:
         """Of an input's high-pass [Hz]."""
@@ -429,7 +420,6 @@ class SoundCard:
         return out
 
     def _whole(self) -> bytes:
-        """Whole frames of what waits."""
         whole = len(self._rest) // SAMPLES * SAMPLES
         ready, self._rest = self._rest[:whole], self._rest[whole:]
         full, self._full = self._full[:whole], self._full[whole:]
@@ -457,7 +447,6 @@ class SoundCard:
         self._stream.close(ignore_errors=True)
 
     def _lives(self) -> bool:
-        """Whether the stream is running."""
         try:
             return bool(self._stream.active) and time.monotonic() - self._last < _LATE_S
         except sounddevice.PortAudioError:  # closed already
@@ -499,23 +488,14 @@ class Uncoupler:
     def __init__(self, corner_hz: float, rate_hz: float = RATE_HZ) -> None:
         low = _COMMON_HZ if corner_hz > 0 else 0.0
         zero, pole = (math.pi * f / rate_hz for f in (corner_hz, low))
-        self._now, self._before = (1 + zero) / (1 + pole), (zero - 1) / (1 + pole)
-        self._keep = (1 - pole) / (1 + pole)
-        self._x = self._y = 0.0
+        self._b = np.array([1 + zero, zero - 1]) / (1 + pole)
+        self._a = np.array([1, (pole - 1) / (1 + pole)])
+        self._state = np.zeros(1)
 
     def feed(self, values: np.ndarray) -> np.ndarray:
-        """The next samples (n,).
-
-        By numpy alone: scipy.signal takes seconds to import on a busy computer, while the card plays and records.
-        """
-        out = np.empty(values.size)
-        for start in range(0, values.size, _AT_ONCE):
-            x = values[start : start + _AT_ONCE]
-            u = self._now * x + self._before * np.concatenate([[self._x], x[:-1]])
-            fades = self._keep ** np.arange(x.size)
-            out[start : start + x.size] = fades * (self._keep * self._y + np.cumsum(u / fades))
-            self._x, self._y = float(x[-1]), float(out[start + x.size - 1])
-        return out
+        """The next samples (n,)."""
+        out, self._state = lfilter(self._b, self._a, values, zi=self._state)
+        return np.asarray(out)
 
 
 def loop_signal() -> np.ndarray:

@@ -6,6 +6,7 @@ import numpy as np
 
 from fasbody.constants import GRAVITY
 from fasbody.exceptions import AcquisitionError
+from fasbody.recording.harmonics import columns
 
 #: So much of full scale is clipping; so many samples of it are a click and no signal that is cut off.
 FULL, STRAY = 0.999, 1
@@ -44,10 +45,9 @@ def calibrator(
 
     def fit(hz: float, part: slice) -> tuple[float, float]:
         """Amplitude of a sine in a part, and the rms of what it leaves."""
-        wt = 2 * np.pi * hz * t[part]
-        basis = np.column_stack([np.cos(wt), np.sin(wt), np.ones(wt.size)])
+        basis = columns(2 * np.pi * hz * t[part], 1)
         c, *_ = np.linalg.lstsq(basis, values[part], rcond=None)
-        return float(np.hypot(c[0], c[1])), float(np.std(values[part] - basis @ c))
+        return float(np.hypot(c[1], c[2])), float(np.std(values[part] - basis @ c))
 
     spectrum, hz = np.abs(np.fft.rfft(values * np.hanning(values.size))), np.fft.rfftfreq(values.size, 1 / rate_hz)
     near = np.abs(hz / frequency_hz - 1) < 0.03

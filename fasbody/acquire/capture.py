@@ -7,18 +7,18 @@ All little-endian. Kinds: M (JSON, what was to be recorded), B (bytes from the b
 is one `write` to the operating system, so a killed process loses only what it had not read yet.
 """
 
+import contextlib
 import json
 import os
 import struct
-import tempfile
 import threading
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from fasbody.exceptions import AcquisitionError, InputFileError
+from fasbody.exceptions import InputFileError
 
 MAGIC = b"FASCAP1\n"
 _MARK = b"\xfaR"
@@ -28,8 +28,6 @@ AROUND = len(_MARK) + _HEAD.size + 4
 #: A record is never longer than this [bytes].
 _LONGEST_RECORD = 1 << 20
 SUFFIX = ".fascap"
-#: The rest of a recording begins so soon after what the full disk took [s]: a replug may lie between.
-_SOON_S = 60.0
 
 
 @dataclass(frozen=True)
@@ -64,14 +62,13 @@ def pack(kind: str, host: float, content: bytes) -> bytes:
 class Capture:
     """A capture file being written; safe to use from two threads.
 
-    If its disk becomes full, the rest goes to a second file in the system's temporary folder; `trouble` states it.
+    If its disk becomes full, it ends with the last whole record; `trouble` states it.
 
     Args:
         file: to create; it must not exist.
 
     Attributes:
-        rescue: the second file, if there is one.
-        trouble: why.
+        trouble: why nothing more is written; "" while it is.
 
     Raises:
         InputFileError: it cannot be created.
@@ -80,7 +77,6 @@ class Capture:
     def __init__(self, file: Path) -> None:
         self.file = file
         self.trouble = ""
-        self.rescue: Path | None = None
         self._lock = threading.Lock()
         try:
             file.parent.mkdir(parents=True, exist_ok=True)
@@ -88,11 +84,6 @@ class Capture:
         except OSError as error:
             raise InputFileError(file, f"cannot be created ({error.strerror})", "name a writable folder") from None
         self._write(MAGIC)
-
-    @property
-    def files(self) -> tuple[Path, ...]:
-        """The file, and the second one if the disk became full."""
-        return (self.file, self.rescue) if self.rescue else (self.file,)
 
     def add(self, kind: str, host: float, content: bytes | Mapping[str, Any]) -> None:
         """Append one record."""
@@ -113,34 +104,19 @@ class Capture:
                 self._fd = -1
 
     def _write(self, data: bytes) -> None:
-        if self._fd < 0:
+        if self._fd < 0 or self.trouble:
             return
         size = os.fstat(self._fd).st_size
         try:
             done = os.write(self._fd, data)
-            if done == len(data):
-                return
-            done += os.write(self._fd, data[done:])
-            if done == len(data):
+            if done == len(data) or done + os.write(self._fd, data[done:]) == len(data):
                 return
             problem = "short write"
         except OSError as error:
             problem = error.strerror or str(error)
-        try:
+        self.trouble = f"{self.file}: cannot be written ({problem}); free some space"
+        with contextlib.suppress(OSError):
             os.ftruncate(self._fd, size)  # no half record stays behind
-            self._move_on(data, problem)
-        except OSError as error:
-            raise AcquisitionError(f"{self.file}: cannot be written ({problem}), nor can the rest ({error}).") from None
-
-    def _move_on(self, data: bytes, problem: str) -> None:
-        if self.rescue is not None:
-            raise AcquisitionError(f"{self.file} and {self.rescue}: cannot be written ({problem}); free some space.")
-        handle, name = tempfile.mkstemp(prefix=f"{self.file.stem}_rest_", suffix=SUFFIX)
-        os.close(self._fd)
-        self._fd, self.rescue = handle, Path(name)
-        self.trouble = f"{self.file}: cannot be written ({problem}); the rest is in {name}"
-        self._write(MAGIC)
-        self._write(data)
 
 
 def read(file: Path) -> Iterator[Record]:
@@ -176,35 +152,3 @@ def _valid(file: Path) -> str:
             more = f" and {len(names) - 5} more" if len(names) > 5 else ""
             return f"valid: {', '.join(names[:5])}{more}"
     return f"acquisition writes them as STUDY/captures/NAME{SUFFIX}"
-
-
-def grouped(files: Sequence[Path]) -> list[tuple[Path, ...]]:
-    """The files of each recording.
-
-    A file that begins with a plan is a recording. One without is the rest of the one that it continues in time; alone,
-    it is a capture whose plan is damaged.
-    """
-    seen: set[Path] = set()
-    plans: dict[Path, float] = {}  # when the last record came [s]
-    rests: dict[Path, tuple[float, float]] = {}
-    for file in files:
-        records = list(read(file))
-        if file.resolve() in seen:
-            raise InputFileError(file, "is given twice", "name each capture file once")
-        seen.add(file.resolve())
-        times = [record.host for record in records] or [float("nan")]
-        if any(record.kind == "M" for record in records) or len(files) == 1:
-            plans[file] = times[-1]
-        else:
-            rests[file] = times[0], times[-1]
-    groups = {file: [file] for file in plans}
-    for rest, (first, last) in sorted(rests.items(), key=lambda item: item[1]):
-        before = [file for file, end in plans.items() if 0 <= first - end < _SOON_S]
-        if len(before) != 1:
-            raise InputFileError(
-                rest, "has no plan of its own and continues none of the other files",
-                "give a rest together with the capture that it continues, and any other file by itself",
-            )  # fmt: skip
-        groups[before[0]].append(rest)
-        plans[before[0]] = last
-    return [tuple(group) for group in groups.values()]

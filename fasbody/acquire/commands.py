@@ -12,20 +12,19 @@ from typing import Annotated, Any
 
 import typer
 
-from fasbody.acquire import firmware, folder
+from fasbody.acquire import capture, firmware, folder
 from fasbody.acquire.calibrate import calibrator, flip
-from fasbody.acquire.capture import grouped
 from fasbody.acquire.devices import SERIAL, Equipment, file_of, kind
 from fasbody.acquire.display import Display
 from fasbody.acquire.folder import Converted, convert
 from fasbody.acquire.level import Safety
 from fasbody.acquire.person import ACTION, VDV_LIMIT, Dose
-from fasbody.acquire.plan import Plan, PlannedStep, steps_in, within
+from fasbody.acquire.plan import Plan, PlannedSession, PlannedStep, within
 from fasbody.acquire.port import ports, probe
 from fasbody.acquire.session import Session, terminated
 from fasbody.acquire.wire import ROLES
 from fasbody.console import console, print_json, results, run_app
-from fasbody.exceptions import AcquisitionError, FasError, SettingError
+from fasbody.exceptions import AcquisitionError, FasError, InputFileError, SettingError
 from fasbody.foot.shaker import PEAK_TO_PEAK
 from fasbody.presentation import counted
 from fasbody.recording.recording import Condition
@@ -166,10 +165,11 @@ def record(
     if plan_ is not None:
         if sweep or frequency is not None:
             raise SettingError("--plan has its own frequencies: leave out --frequency and --sweep.")
-        document, steps = _planned(plan_, added_mass, simulate, first)
-        planned_kg = float(document["body_mass_kg"])
+        session = PlannedSession.read(plan_)
+        steps = _steps(plan_, session, added_mass, simulate, first)
+        planned_kg = session.body_mass_kg
         if not simulate:
-            subject = subject or str(document.get("subject", "1"))
+            subject = subject or session.subject
             body_mass = planned_kg if body_mass is None else body_mass
     truth: dict[str, Any] | None = None
     if simulate:
@@ -236,7 +236,6 @@ def record(
 
 
 def _body_mass(study: Path, subject: str, stated_kg: float | None) -> float:
-    """Body mass [kg] as stated, or as the study has it."""
     mass = stated_kg if stated_kg is not None else folder.body_mass(study, subject)
     if mass is None:
         raise SettingError(f"the body mass of subject {subject!r} is needed once: --body-mass, 20 to 300 kg.")
@@ -333,9 +332,7 @@ def check(
 
 @app.command()
 def recover(
-    captures: Annotated[
-        list[Path], typer.Argument(help="capture files; also the rest of a file whose disk became full")
-    ],
+    captures: Annotated[list[Path], typer.Argument(help="capture files")],
     out: Annotated[Path | None, typer.Option(help="study folder (default: the one around captures/)")] = None,
     longest: Annotated[
         bool, typer.Option("--longest", help="keep only the longest stretch without a gap, however short")
@@ -352,14 +349,16 @@ def recover(
     made: list[Converted] = []
     bad: list[str] = []
     hint = "" if longest else "; --longest keeps and lists the longest stretch without a gap"
-    groups = grouped(captures)
-    single = len(groups) == 1
-    for files in groups:
-        around = files[0].resolve().parent
+    single = len(captures) == 1
+    for number, file in enumerate(captures):
+        if file.resolve() in (other.resolve() for other in captures[:number]):
+            raise InputFileError(file, "is given twice", "name each capture file once")
+        around = file.resolve().parent
         try:
+            next(capture.read(file), None)  # refuses what is none, whatever lies around it
             if out is None and around.name != folder.CAPTURES:
-                raise SettingError(f"{files[0]} is not in the captures of a study; give --out STUDY.")
-            one = convert(files, out or around.parent, longest=longest)
+                raise SettingError(f"{file} is not in the captures of a study; give --out STUDY.")
+            one = convert(file, out or around.parent, longest=longest)
         except FasError as error:
             if single:
                 raise
@@ -378,11 +377,11 @@ def recover(
         raise AcquisitionError(" ".join(bad))
 
 
-def _planned(
-    file: Path, added_mass: float | None, simulate: bool, first: int
-) -> tuple[dict[str, Any], Mapping[int, PlannedStep]]:
-    """A planned session and its steps by number from 1, or its part under one load, from one step on."""
-    document, all_ = steps_in(file)
+def _steps(
+    file: Path, session: PlannedSession, added_mass: float | None, simulate: bool, first: int
+) -> Mapping[int, PlannedStep]:
+    """The steps of a planned session by number from 1, or its part under one load, from one step on."""
+    all_ = session.protocol
     if first > len(all_):
         raise SettingError(f"--first is {first}, and {file} has {counted(len(all_), 'step')}.")
     steps = {number: step for number, step in enumerate(all_, start=1) if number >= first}
@@ -401,11 +400,10 @@ def _planned(
             f"{file} has loads of {listed} kg, and nobody is at the terminal to lay them "
             "on the knee: give --added-mass, one after the other."
         )
-    return document, steps
+    return steps
 
 
 def _look(port: str | None, probing: bool, json_: bool, board: str) -> None:
-    """--list and --probe."""
     devices: list[object]
     if board != SERIAL:
         if probing:
@@ -522,7 +520,6 @@ def _frequencies(sweep: str | None, frequency: float | None) -> tuple[float | No
 
 
 def _result(document: Any, text: str, json_: bool) -> None:
-    """Print a result on stdout: as JSON, or for a person."""
     if json_:
         print_json(document)
     elif text:

@@ -75,7 +75,7 @@ def render(board: Board) -> Group:
     lines.append(Text(f"base, 0 to {top:g} Hz, 60 dB  |{spectrum}|"))
     if board.timeline is not None:
         done = board.timeline.length / hello.rate_hz
-        lines.append(Text(f"{done:.1f} s   {board.timeline}", style="red" if board.timeline.has_gaps else ""))
+        lines.append(Text(f"{done:.1f} s   {board.timeline}", style="red" if board.timeline.gaps else ""))
     if board.unplugs:
         lines.append(Text(f"unplugged {board.unplugs} times", style="red"))
     return Group(*lines)

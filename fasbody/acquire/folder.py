@@ -10,18 +10,17 @@ import json
 import math
 import shlex
 import tempfile
-import tomllib
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from pydantic import TypeAdapter, ValidationError
 
 from fasbody.acquire import capture
-from fasbody.acquire.frames import is_number
 from fasbody.acquire.monitor import Drive, faults, named
-from fasbody.acquire.timeline import Limits, Quality, Timeline
+from fasbody.acquire.timeline import LIMITS, Quality, Timeline
 from fasbody.acquire.wire import Decoder, Hello
 from fasbody.console import to_json, write_whole
 from fasbody.exceptions import AcquisitionError, InputFileError, RecordingError
@@ -29,12 +28,11 @@ from fasbody.presentation import counted
 from fasbody.recording.checks import checked
 from fasbody.recording.harmonics import find_frequency
 from fasbody.recording.recording import Condition, Recording
+from fasbody.recording.study_toml import read_toml
 
 CAPTURES, RECORDINGS, TRUTH = "captures", "recordings", "truth.json"
 #: Excitation begins here [Hz]; slower motion is drift and leaning.
 _SLOWEST_HZ = 3.0
-#: What of a capture's plan makes the recording.
-_PLANNED = {"seconds", "subject", "posture", "frequency_hz", "body_mass_kg", "added_mass_kg"}
 #: A sine that is set by hand has the stated frequency within this share.
 _AS_STATED = 0.05
 #: A base that moves by less [m/s^2 rms] is at rest: simple sensors have 0.03 to 0.1 of noise, the thesis shakes at 6.3.
@@ -74,9 +72,7 @@ class Converted:
         }  # fmt: skip
 
 
-def convert(
-    files: Sequence[Path], study: Path, limits: Limits | None = None, longest: bool = False, stopped: str = ""
-) -> Converted:
+def convert(file: Path, study: Path, longest: bool = False, stopped: str = "") -> Converted:
     """Write the recording of a capture into a study: CSV, JSON beside it, and a row in recordings.csv if it is usable.
 
     Missing samples have no row in the CSV: its time column jumps there, the JSON lists the gaps, and identification
@@ -85,9 +81,8 @@ def convert(
     A recording of the same name that another capture gave stays: this one gets a number.
 
     Args:
-        files: the capture file, and the one that took over when a disk was full.
+        file: the capture.
         study: folder, made if needed.
-        limits: what is acceptable.
         longest: keep only the longest stretch without a gap, however short it is.
         stopped: why the recording ended early, if it did.
 
@@ -95,20 +90,18 @@ def convert(
         InputFileError: a file cannot be read or written.
         AcquisitionError: too few samples to make a file of.
     """
-    limits = limits or Limits()
-    about, timeline, events = replay(files)
-    _check_plan(files[0], about)
+    about, timeline, events = replay(file)
+    known = _planned(file, about)
     origin = str(about.get("origin", "measured"))
     if about:
         _check_origin(study, origin)
     hello = timeline.hello
-    planned = round(float(about["seconds"]) * hello.rate_hz) if about.get("seconds") else None
+    planned = round(known.seconds * hello.rate_hz) if known.seconds else None
     index, values = timeline.samples()
     quality = timeline.quality(planned)
     kept = index < planned if planned else np.ones(index.size, bool)
     index, values = index[kept], values[kept]
-    known = about.get("condition", {})
-    condition = Condition(**{key: known[key] for key in asdict(Condition()) if key in known})
+    condition = known.condition
     pair, drive = [hello.roles.index(role) for role in ("base", "malleolus")], drive_of(about, index, values, hello)
     all_faults = faults(index, values[:, pair], hello.rate_hz, drive)
     broken = np.zeros(index.size, bool)
@@ -122,7 +115,7 @@ def convert(
     quality = replace(quality, faults=named(all_faults))
     if index.size < 2:
         many = "one sample" if index.size else "no samples"
-        raise AcquisitionError(f"{files[0]}: the board's description is there, but {many}; no recording can be made.")
+        raise AcquisitionError(f"{file}: the board's description is there, but {many}; no recording can be made.")
     column = {role: values[:, i] for i, role in reversed(list(enumerate(hello.roles)))}
     recording = Recording(
         time_s=(index - index[0]) / hello.rate_hz,
@@ -132,17 +125,18 @@ def convert(
         condition=condition,
         origin=origin,
     )
-    problems, remarks = quality.problems(limits), quality.remarks(limits)
+    problems, remarks = quality.problems(), quality.remarks()
     length_s = recording.time_s[-1]
-    if condition.frequency_hz and length_s * condition.frequency_hz < limits.periods:
-        problems.append(f"{length_s:.3g} s hold fewer than {limits.periods:g} periods of {condition.frequency_hz:g} Hz")
+    if condition.frequency_hz and length_s * condition.frequency_hz < LIMITS["periods"]:
+        few = f"fewer than {LIMITS['periods']:g} periods of {condition.frequency_hz:g} Hz"
+        problems.append(f"{length_s:.3g} s hold {few}")
     if not about:
         problems.append("the record of what was to be recorded is damaged: condition, origin and length are unknown")
     mass = body_mass(study, condition.subject)
     if _differ(mass, condition.body_mass_kg):
         problems.append(f"its body mass is {condition.body_mass_kg:g} kg and subjects.csv says {mass:g} kg")
     if not problems:
-        problems += _refused(recording, f"{files[0].name.removesuffix(capture.SUFFIX)}.csv")
+        problems += _refused(recording, f"{file.name.removesuffix(capture.SUFFIX)}.csv")
     unread = sum(event["bytes"] for event in events if event.get("event") == "unreadable")
     if unread:
         remarks.append(f"{counted(unread, 'unreadable byte')} in the capture")
@@ -150,62 +144,58 @@ def convert(
         (remarks if longest else problems).append(f"{length_s:.3g} s are there of {about['seconds']:g} s")
         remarks += [f"ended early: {stopped.rstrip('.')}"] if stopped else []
     if problems and not longest:
-        remarks += _usable(index, broken, hello.rate_hz, condition.frequency_hz, limits)
+        remarks += _usable(index, broken, hello.rate_hz, condition.frequency_hz)
     if longest:
         remarks.append("the longest stretch without a gap")
-    file = _table_of(study, stem_of(study, files[0], about.get("started_utc")))
-    recording.write(file)
-    made = Converted(file, recording, quality, tuple(problems), tuple(remarks))
+    table = _table_of(study, stem_of(study, file, about.get("started_utc")))
+    recording.write(table)
+    made = Converted(table, recording, quality, tuple(problems), tuple(remarks))
     details = {
         **{key: value for key, value in about.items() if key != "preamble"},
         "board": asdict(hello), "first_sample": int(index[0]), "events": events,
-        "captures": [str(f.relative_to(study)) if f.is_relative_to(study) else str(f) for f in files],
-        "limits": asdict(limits), **made.document(),
-        "warnings": [f"{file.name}: {text}." for text in remarks],
+        "captures": [str(file.relative_to(study) if file.is_relative_to(study) else file)],
+        "limits": LIMITS, **made.document(),
+        "warnings": [f"{table.name}: {text}." for text in remarks],
     }  # fmt: skip
-    write_whole(file.with_suffix(".json"), to_json(details) + "\n")
+    write_whole(table.with_suffix(".json"), to_json(details) + "\n")
     if about:
-        _enter(study, f"{RECORDINGS}/{file.name}", condition, origin, usable=not problems)
+        _enter(study, f"{RECORDINGS}/{table.name}", condition, origin, usable=not problems)
     return made
 
 
-def replay(files: Sequence[Path]) -> tuple[dict[str, Any], Timeline, list[dict[str, Any]]]:
+def replay(file: Path) -> tuple[dict[str, Any], Timeline, list[dict[str, Any]]]:
     """What a capture holds: its plan, its samples on a timeline, and its events."""
     about: dict[str, Any] = {}
     events: list[dict[str, Any]] = []
     decoder, timeline = Decoder(), None
-    for number, file in enumerate(files):
-        records = list(capture.read(file))
-        if number and any(record.kind == "M" for record in records):
-            raise InputFileError(file, f"is a recording of its own, not the rest of {files[0]}", "convert it by itself")
-        whole = sum(len(record.content) + capture.AROUND for record in records)
-        unread = file.stat().st_size - len(capture.MAGIC) - whole
-        if unread:
-            events.append({"event": "unreadable", "file": file.name, "bytes": unread})
-        for record in records:
-            if record.kind == "M" and not about:
-                about = record.json()
-                try:
-                    decoder = Decoder(bytes.fromhex(str(about.get("preamble", ""))))
-                except ValueError:
-                    raise InputFileError(file, "its first record has no readable hello of the board") from None
-            elif record.kind == "E":
-                event = record.json()
-                events.append({"host_s": record.host, **event})
-                decoder.fresh()
-                if timeline is not None:
-                    events[-1]["after_s"] = timeline.length / timeline.hello.rate_hz
-                    timeline.note(str(event.get("event")))
-            elif record.kind == "B":
-                messages = decoder.feed(record.content)
-                if timeline is None and decoder.hello is not None:
-                    timeline = Timeline(decoder.hello)
-                if timeline is not None:
-                    timeline.add(messages, record.host)
+    records = list(capture.read(file))
+    whole = sum(len(record.content) + capture.AROUND for record in records)
+    if unread := file.stat().st_size - len(capture.MAGIC) - whole:
+        events.append({"event": "unreadable", "file": file.name, "bytes": unread})
+    for record in records:
+        if record.kind == "M" and not about:
+            about = record.json()
+            try:
+                decoder = Decoder(bytes.fromhex(str(about.get("preamble", ""))))
+            except ValueError:
+                raise InputFileError(file, "its first record has no readable hello of the board") from None
+        elif record.kind == "E":
+            event = record.json()
+            events.append({"host_s": record.host, **event})
+            decoder.fresh()
+            if timeline is not None:
+                events[-1]["after_s"] = timeline.length / timeline.hello.rate_hz
+                timeline.note(str(event.get("event")))
+        elif record.kind == "B":
+            messages = decoder.feed(record.content)
+            if timeline is None and decoder.hello is not None:
+                timeline = Timeline(decoder.hello)
+            if timeline is not None:
+                timeline.add(messages, record.host)
     if timeline is None and decoder.hello is not None:
         timeline = Timeline(decoder.hello)
     if timeline is None:
-        raise InputFileError(files[0], "holds no hello of a board", "nothing in it can be read as samples")
+        raise InputFileError(file, "holds no hello of a board", "nothing in it can be read as samples")
     return about, timeline, events
 
 
@@ -223,17 +213,20 @@ def drive_of(about: Mapping[str, Any], index: np.ndarray, values: np.ndarray, he
     return Drive(one_mass=one_mass)
 
 
-def _check_plan(file: Path, about: dict[str, Any]) -> None:
+@dataclass(frozen=True)
+class _Planned:
+    condition: Condition = field(default_factory=Condition)
+    seconds: float | None = None
+
+
+def _planned(file: Path, about: Mapping[str, Any]) -> _Planned:
     """Refuse a plan of senseless content, which acquisition never writes."""
-    condition = about.get("condition", {})
-    if not isinstance(condition, dict):
-        raise InputFileError(file, f"its plan has the condition {condition!r}", "a table is needed")
-    for name, value in ({"seconds": about.get("seconds")} | condition).items():
-        text = name in ("subject", "posture")
-        suits = isinstance(value, str) if text else value is None or is_number(value, least=0)
-        if name in _PLANNED and not suits:
-            needed = f"a {'text' if text else 'number'} is needed"
-            raise InputFileError(file, f"its plan has {name} {value!r}", needed)
+    try:
+        return TypeAdapter(_Planned).validate_json(json.dumps(about), strict=True)
+    except ValidationError as error:
+        first = error.errors()[0]
+        place = " ".join(map(str, first["loc"]))
+        raise InputFileError(file, f"its plan has {place} {first['input']!r}", first["msg"].lower()) from None
 
 
 def _longest(index: np.ndarray, broken: np.ndarray) -> np.ndarray:
@@ -245,12 +238,12 @@ def _longest(index: np.ndarray, broken: np.ndarray) -> np.ndarray:
 
 
 def _usable(
-    index: np.ndarray, broken: np.ndarray, rate_hz: float, frequency_hz: float | None, limits: Limits
+    index: np.ndarray, broken: np.ndarray, rate_hz: float, frequency_hz: float | None
 ) -> list[str]:
     """How much of a recording with gaps or breaks, or of one that ended early, `recover --longest` would keep."""
     run = index[_longest(index, broken)]
     seconds = (run[-1] - run[0]) / rate_hz
-    if frequency_hz and seconds * frequency_hz < limits.periods:
+    if frequency_hz and seconds * frequency_hz < LIMITS["periods"]:
         return [f"usable: nothing, its longest stretch without a gap has {seconds:.3g} s"]
     return [f"usable: {seconds:.3g} s without a gap from {run[0] / rate_hz:.3g} s on; recover --longest keeps them"]
 
@@ -369,10 +362,7 @@ def _check_origin(study: Path, origin: str) -> None:
     file = study / "study.toml"
     if not file.is_file():
         return
-    try:
-        stated = tomllib.loads(file.read_text()).get("study", {}).get("origin", "measured")
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-        raise InputFileError(file, f"is not TOML ({error})") from None
+    stated = read_toml(file).get("study", {}).get("origin", "measured")
     if stated != origin:
         raise InputFileError(file, f"is not {origin} data", f"name another folder for {origin} recordings")
 
@@ -421,7 +411,6 @@ def begin(study: Path, origin: str) -> None:
 
 
 def _enter(study: Path, name: str, condition: Condition, origin: str, usable: bool) -> None:
-    """Enter a recording into study.toml, subjects.csv and, if it is usable, recordings.csv."""
     begin(study, origin)
     subject = {"subject": condition.subject, "mass_kg": _text(condition.body_mass_kg)}
     _put(study / "subjects.csv", subject, keep=True)

@@ -1,18 +1,11 @@
-"""What devices without a firmware of ours have in common: frames made here, and a JSON file of what is connected."""
+"""What devices without a firmware of ours send: frames that are made here."""
 
-import json
-import math
 import time
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict
-from pathlib import Path
-from typing import Any, ClassVar, Self, TypeGuard
+from collections.abc import Sequence
 
 import numpy as np
 
 from fasbody.acquire.wire import ROLES, Channel, Hello, encode_data, encode_hello
-from fasbody.console import to_json, write_whole
-from fasbody.exceptions import InputFileError
 
 #: Samples of a frame.
 SAMPLES = 16
@@ -80,52 +73,3 @@ class Frames:
         """What was skipped since the last call."""
         events, self._events = self._events, []
         return events
-
-
-def is_number(value: Any, above: float = -math.inf, least: float = -math.inf) -> TypeGuard[float]:
-    """Whether a value of a file is a finite number, beyond one limit and not below another."""
-    plain = isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
-    return plain and value > above and value >= least
-
-
-class SettingsFile:
-    """A frozen dataclass that is kept as a JSON file.
-
-    Attributes:
-        TITLE: what the file is.
-        VALID: what to do about one that is none.
-        NAMED: it must name the device.
-        VALUES: of each field, a test of its value, and what is valid in words.
-    """
-
-    TITLE: ClassVar[str]
-    VALID: ClassVar[str]
-    NAMED: ClassVar[bool] = False
-    VALUES: ClassVar[Mapping[str, tuple[Callable[[Any], bool], str]]]
-
-    @classmethod
-    def read(cls, file: Path) -> Self:
-        """From a file that `write`, or a person, wrote."""
-        try:
-            document = json.loads(file.read_text(encoding="utf-8"))
-        except OSError as error:
-            raise InputFileError(file, f"cannot be read ({error.strerror})", cls.VALID) from None
-        except ValueError:
-            raise InputFileError(file, f"is no {cls.TITLE}: it is no JSON document", cls.VALID) from None
-        if not isinstance(document, dict) or (cls.NAMED and "device" not in document):
-            raise InputFileError(file, f"is no {cls.TITLE}: it names no device", cls.VALID)
-        for key, value in document.items():
-            if key not in cls.VALUES:
-                problem, valid = f"it knows no {key}", ", ".join(cls.VALUES)
-            else:
-                suits, valid = cls.VALUES[key]
-                problem = "" if suits(value) else f"{key} is {json.dumps(value)}"
-            if problem:
-                facts = {"quantity": key, "value": value, "valid": valid}
-                problem = f"is no {cls.TITLE}: {problem}"
-                raise InputFileError(file, problem, f"valid: {valid}", **facts)
-        return cls(**{k: tuple(v) if isinstance(v, list) else v for k, v in document.items()})
-
-    def write(self, file: Path) -> None:
-        """As JSON."""
-        write_whole(file, to_json(asdict(self)) + "\n")  # type: ignore[call-overload]

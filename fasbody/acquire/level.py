@@ -8,6 +8,7 @@ from fasbody.acquire.board import Board, Stalled, Watch
 from fasbody.acquire.generator import Excitation
 from fasbody.acquire.person import ACTION, VDV_LIMIT
 from fasbody.exceptions import AcquisitionError, SettingError
+from fasbody.recording.harmonics import columns
 
 
 @dataclass(frozen=True)
@@ -120,13 +121,8 @@ def peak_to_peak(values: np.ndarray, rate_hz: float, frequency_hz: float) -> flo
     """
     wt = 2 * np.pi * frequency_hz / rate_hz * np.arange(values.size)
     count = max(1, min(_HARMONICS, int(0.45 * rate_hz // frequency_hz)))
-
-    def basis(phase: np.ndarray) -> np.ndarray:
-        columns = [f(h * phase) for h in range(1, count + 1) for f in (np.cos, np.sin)]
-        return np.column_stack([np.ones_like(phase), *columns])
-
-    c, *_ = np.linalg.lstsq(basis(wt), values, rcond=None)
-    return float(np.ptp(basis(np.linspace(0, 2 * np.pi, 400)) @ c))
+    c, *_ = np.linalg.lstsq(columns(wt, count), values, rcond=None)
+    return float(np.ptp(columns(np.linspace(0, 2 * np.pi, 400), count) @ c))
 
 
 def _rest(board: Board, wait: bool) -> tuple[float, float]:

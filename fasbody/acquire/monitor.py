@@ -8,11 +8,13 @@ whole recording again, so that recovered captures are checked in the same way.
 """
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
+
+from fasbody.recording.harmonics import columns
 
 _NAMES = ("base", "malleolus")
 SENSORS = _BASE, _MALLEOLUS = 0, 1
@@ -31,7 +33,7 @@ TURN = 0.05
 #: And by more within a window, from one sample to the next [rad]: 0.2 ms of a sine of 20 Hz. It is
 #: looked for at so many places of a window, beside what leans and drifts.
 STEP, _PLACES = 0.03, 12
-#: A clock is off by this share at most (`timeline.Limits` refuses more).
+#: A clock is off by this share at most (`timeline.LIMITS` refuse more).
 CLOCK = 5e-3
 #: The malleolus' line over the base's changes by this share, and by this one from a window to the next.
 RATIO, RATIO_STEP = 0.6, 0.3
@@ -134,7 +136,7 @@ class Rule:
     Attributes:
         name: of what is wrong.
         sensor: 0 base, 1 malleolus.
-        excess: a feature of the sensor over its limit, a fault from 1 on.
+        feature: of the sensor, one of `Judged.excesses`.
         text: what to do.
         steady: applied with a stated frequency (True), without (False), or in both cases (None).
         final: the base is no longer measured, so that the recording is not repeated.
@@ -143,7 +145,7 @@ class Rule:
 
     name: str
     sensor: int
-    excess: "Callable[[Judged, int], float]"
+    feature: str
     text: str
     steady: bool | None = True
     final: bool = False
@@ -192,25 +194,36 @@ class Judged:
     drift: float = 0.0
     known: bool = False
 
-    @property
-    def expected(self) -> float:
-        """Amplitude of the base [m/s^2]."""
-        return max(self.drive.amplitude_m_s2 or self.first.size, _TINY)
+    def excesses(self, sensor: int) -> dict[str, float]:
+        """Features of a sensor over their limits: a fault from 1 on."""
+        now, first = self.now, self.first
+        expected = max(self.drive.amplitude_m_s2 or first.size, _TINY)  # amplitude of the base [m/s^2]
+        level, line, rest = now.size, abs(now.line[sensor]), now.rest[sensor]
+        other, unsure, moved = abs(now.line[1 - sensor]), _SURE * now.std[_BASE], level >= _MOVES
+        spikes = now.crest[sensor] / SPIKE
+        if self.drive.frequency_hz is not None:
+            spikes = min(spikes, now.peak[sensor] / max(_SPIKE_SIZE * level, _TINY))
+        elif not sensor or now.crest[_BASE] >= _BLOW * SPIKE:  # what the base does too (a hammer's blow) is no spike
+            spikes = 0.0
+        features = {
+            "flat": now.flat[sensor] / FLAT_S,
+            "lost": LEAST_SHARE * expected / max(level + unsure, _TINY),
+            "silent": SILENT * other / max(line, _TINY) if other > _MOVES else 0.0,
+            "waveform": rest / (WAVEFORM * level + _NOISE),
+            "level": (abs(level - expected) - unsure) / (LEVEL * expected),
+            "breaks": self._breaks(),
+            "equal": EQUAL / max(now.unlike, _TINY) if moved and not self.drive.one_mass else 0.0,
+            "follows": rest / max(FOLLOWS * line, _TINY),
+            "changed": _ratio(now, first, RATIO),
+            "jumps": _ratio(now, self.before, RATIO_STEP) if self.before else 0.0,
+            "hums": min(now.hum[sensor] / HUM, rest / max(_HUM_SIZE * level, _TINY)),
+            "mean": abs(now.mean[sensor] - first.mean[sensor]) / OFFSET,
+            "spikes": spikes,
+            "noisy": rest / (GROWS * first.rest[sensor] + _GROWS_BY * level + _TINY),
+        }
+        return {name: float(excess) for name, excess in features.items()}
 
-    def _flat(self, sensor: int) -> float:
-        return float(self.now.flat[sensor] / FLAT_S)
-
-    def _lost(self, sensor: int) -> float:
-        """Beyond 1 where the base has less than LEAST_SHARE of the expected amplitude."""
-        return LEAST_SHARE * self.expected / max(self.now.size + _SURE * self.now.std[_BASE], _TINY)
-
-    def _off_level(self, sensor: int) -> float:
-        return float(abs(self.now.size - self.expected) - _SURE * self.now.std[_BASE]) / (LEVEL * self.expected)
-
-    def _waveform(self, sensor: int) -> float:
-        return float(self.now.rest[_BASE] / (WAVEFORM * self.now.size + _NOISE))
-
-    def _breaks(self, sensor: int) -> float:
+    def _breaks(self) -> float:
         """Of the phase; until the clocks' drift is known, it may be any that a recording may have."""
         if self.before is None:
             return self.now.step / STEP
@@ -219,41 +232,6 @@ class Judged:
         noise = _SURE * std / max(min(self.now.size, self.before.size), _TINY)
         turned = abs(self.turn) / (TURN + noise + (0.0 if self.known else clock))
         return max(turned, self.now.step / STEP, (abs(self.drift) - noise) / max(clock, _TINY))
-
-    def _equal(self, sensor: int) -> float:
-        if self.drive.one_mass or self.now.size < _MOVES:
-            return 0.0
-        return EQUAL / max(self.now.unlike, _TINY)
-
-    def _silent(self, sensor: int) -> float:
-        """Whether a sensor is still while the other one moves."""
-        other = abs(self.now.line[1 - sensor])
-        return float(SILENT * other / max(abs(self.now.line[sensor]), _TINY)) if other > _MOVES else 0.0
-
-    def _follows(self, sensor: int) -> float:
-        return float(self.now.rest[_MALLEOLUS] / max(FOLLOWS * abs(self.now.line[_MALLEOLUS]), _TINY))
-
-    def _changed(self, sensor: int) -> float:
-        return _ratio(self.now, self.first, RATIO)
-
-    def _jumps(self, sensor: int) -> float:
-        return _ratio(self.now, self.before, RATIO_STEP) if self.before else 0.0
-
-    def _grows(self, sensor: int) -> float:
-        return float(self.now.rest[sensor] / (GROWS * self.first.rest[sensor] + _GROWS_BY * self.now.size + _TINY))
-
-    def _hums(self, sensor: int) -> float:
-        return float(min(self.now.hum[sensor] / HUM, self.now.rest[sensor] / max(_HUM_SIZE * self.now.size, _TINY)))
-
-    def _spikes(self, sensor: int) -> float:
-        """Without a sine, what the base does too (a hammer's blow) is no spike."""
-        over = float(self.now.crest[sensor] / SPIKE)
-        if self.drive.frequency_hz is None:
-            return over if sensor and self.now.crest[_BASE] < _BLOW * SPIKE else 0.0
-        return min(over, float(self.now.peak[sensor]) / max(_SPIKE_SIZE * self.now.size, _TINY))
-
-    def _off_mean(self, sensor: int) -> float:
-        return float(abs(self.now.mean[sensor] - self.first.mean[sensor]) / OFFSET)
 
 
 def _ratio(now: Window, then: Window, share: float) -> float:
@@ -264,30 +242,25 @@ def _ratio(now: Window, then: Window, share: float) -> float:
 
 #: All of them; a loss of the base, after which nobody watches it, comes first.
 RULES = (
-    Rule("flat", _BASE, Judged._flat, "check its cable and supply", None, final=True),
-    Rule("lost", _BASE, Judged._lost, "it shows less than half of what drives it; check its cable and the amplifier",
+    Rule("flat", _BASE, "flat", "check its cable and supply", None, final=True),
+    Rule("lost", _BASE, "lost", "it shows less than half of what drives it; check its cable and the amplifier",
          final=True),
-    Rule("lost", _BASE, Judged._silent, "the malleolus moves and it does not; check its cable", False, final=True),
-    Rule("not as driven", _BASE, Judged._waveform, "it is not the drive's sine; is it connected, does it float?",
-         final=True),
-    Rule("off its level", _BASE, Judged._off_level, "did its gain, or the shaker's, change?", vague=True),
-    Rule("breaks", _BASE, Judged._breaks,
+    Rule("lost", _BASE, "silent", "the malleolus moves and it does not; check its cable", False, final=True),
+    Rule("not as driven", _BASE, "waveform", "it is not the drive's sine; is it connected, does it float?", final=True),
+    Rule("off its level", _BASE, "level", "did its gain, or the shaker's, change?", vague=True),
+    Rule("breaks", _BASE, "breaks",
          "the excitation jumped or has another frequency, or samples are missing that nobody counted"),
-    Rule("flat", _MALLEOLUS, Judged._flat, "check its cable and supply", None),
-    Rule("equal to the base", _MALLEOLUS, Judged._equal,
-         "both inputs see one sensor, or both sensors are on one mass", None),
-    Rule("does not follow", _MALLEOLUS, Judged._follows, "its sensor is loose, floats or is not connected"),
-    Rule("does not follow", _MALLEOLUS, Judged._silent, "it hardly moves while the base does; is it connected?", False),
-    Rule("changed", _MALLEOLUS, Judged._changed, "did its sensor loosen, or the foot move?", vague=True),
-    Rule("jumps", _MALLEOLUS, Judged._jumps, "is its sensor loose, or did its channel lose samples?",
-         vague=True),
-    *(Rule("hums", i, Judged._hums, "a tone at the mains' frequency; check grounding and shield") for i in SENSORS),
-    *(Rule("off its mean", i, Judged._off_mean, "did its sensor turn, or its connection open?", vague=True)
+    Rule("flat", _MALLEOLUS, "flat", "check its cable and supply", None),
+    Rule("equal to the base", _MALLEOLUS, "equal", "both inputs see one sensor, or both sensors are on one mass", None),
+    Rule("does not follow", _MALLEOLUS, "follows", "its sensor is loose, floats or is not connected"),
+    Rule("does not follow", _MALLEOLUS, "silent", "it hardly moves while the base does; is it connected?", False),
+    Rule("changed", _MALLEOLUS, "changed", "did its sensor loosen, or the foot move?", vague=True),
+    Rule("jumps", _MALLEOLUS, "jumps", "is its sensor loose, or did its channel lose samples?", vague=True),
+    *(Rule("hums", i, "hums", "a tone at the mains' frequency; check grounding and shield") for i in SENSORS),
+    *(Rule("off its mean", i, "mean", "did its sensor turn, or its connection open?", vague=True) for i in SENSORS),
+    *(Rule("spikes", i, "spikes", "check cable and connector, and whether the foot lifts", None, vague=True)
       for i in SENSORS),
-    *(Rule("spikes", i, Judged._spikes, "check cable and connector, and whether the foot lifts", None, vague=True)
-      for i in SENSORS),
-    *(Rule("noisy", i, Judged._grows, "noise or a tone has come up; check cable and mounting", vague=True)
-      for i in SENSORS),
+    *(Rule("noisy", i, "noisy", "noise or a tone has come up; check cable and mounting", vague=True) for i in SENSORS),
 )  # fmt: skip
 
 
@@ -364,7 +337,9 @@ class Monitor:
         drift = float(np.angle(usual))
         turn = float(np.angle(raw * np.exp(-1j * drift)))
         judged = Judged(now, before, self._first or now, self.drive, turn, drift, known)
-        broken = [rule for rule in RULES if rule.steady in (None, steady) and rule.excess(judged, rule.sensor) >= 1]
+        excesses = [judged.excesses(sensor) for sensor in SENSORS]
+        rules = [rule for rule in RULES if rule.steady in (None, steady)]
+        broken = [rule for rule in rules if excesses[rule.sensor][rule.feature] >= 1]
         if abs(raw) > 0 and not broken:
             self._turns.append(complex(raw / abs(raw)))
         if not broken:
@@ -444,9 +419,7 @@ class Steps:
 def _harmonics(turns: float, size: int, most: int = _HARMONICS) -> np.ndarray:
     """Columns of a constant, and of cosine and sine of each harmonic of so many turns a sample."""
     count = max(1, min(most, int(0.4 / turns), size // _SAMPLES_PER_TERM // 2))
-    wt = 2 * np.pi * turns * np.arange(size)
-    columns = [f(h * wt) for h in range(1, count + 1) for f in (np.cos, np.sin)]
-    return np.column_stack([np.ones(size), *columns])
+    return columns(2 * np.pi * turns * np.arange(size), count)
 
 
 def _longest_run(values: np.ndarray) -> np.ndarray:

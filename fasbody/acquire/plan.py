@@ -1,18 +1,19 @@
 """What is to be recorded, and whether it is valid; a session that was planned in a file."""
 
-import json
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Field
 
 from fasbody.acquire import folder
-from fasbody.acquire.frames import is_number
+from fasbody.acquire.documents import read_json
 from fasbody.acquire.level import Safety
 from fasbody.acquire.person import LEVEL_S, Dose, dose_of
-from fasbody.acquire.timeline import Limits
-from fasbody.exceptions import InputFileError, SettingError
+from fasbody.acquire.timeline import LIMITS
+from fasbody.exceptions import SettingError
 from fasbody.foot.shaker import PEAK_TO_PEAK
 from fasbody.recording.recording import Condition
 
@@ -31,7 +32,6 @@ class Plan:
         retries: how often a recording with missing samples, or whose board stalled, is repeated.
         origin: "measured" or "synthetic".
         safety: limits of the excitation.
-        limits: of the recordings.
         truth: of a synthetic study, written with its first recording.
         one_mass: both sensors are on one mass.
         again: options with which the command begins at this recording; empty if its frequencies state them.
@@ -46,7 +46,6 @@ class Plan:
     retries: int = 2
     origin: str = "measured"
     safety: Safety = field(default_factory=Safety)
-    limits: Limits = field(default_factory=Limits)
     truth: Mapping[str, Any] | None = None
     one_mass: bool = False
     again: str = ""
@@ -82,7 +81,7 @@ class Plan:
                 continue
             if not 3 <= frequency <= 500:
                 raise SettingError(f"{frequency:g} Hz is no excitation for a foot (valid: 3 to 500).")
-            if self.seconds * frequency < self.limits.periods:
+            if self.seconds * frequency < LIMITS["periods"]:
                 raise SettingError(f"{self.seconds:g} s hold fewer than 3 periods of {frequency:g} Hz; record longer.")
             if generator:
                 self.safety.check(frequency, self.peak_to_peak)
@@ -103,22 +102,17 @@ def within(study: Path, subject: str, dose: Dose, safety: Safety) -> None:
 
 #: Format of a file of planned steps.
 PROTOCOL = "fasbody protocol 1"
-#: Numbers of a step: what each is, and between what it may lie.
-_NUMBERS = {
-    "frequency_hz": (3.0, 500.0), "added_mass_kg": (0.0, 100.0), "amplitude_m_s2": (0.01, 100.0),
-    "seconds": (0.1, 3600.0),
-}  # fmt: skip
 
 
 @dataclass(frozen=True)
 class PlannedStep:
     """One recording of a planned session: `amplitude_m_s2` is half of peak to peak; `kind` as in the plan."""
 
-    kind: str
-    frequency_hz: float
-    added_mass_kg: float
-    amplitude_m_s2: float
-    seconds: float
+    frequency_hz: Annotated[float, Field(ge=3, le=500)]
+    added_mass_kg: Annotated[float, Field(ge=0, le=100)]
+    amplitude_m_s2: Annotated[float, Field(ge=0.01, le=100)]
+    seconds: Annotated[float, Field(ge=0.1, le=3600)]
+    kind: str = "sine"
 
     def of(self, plan: Plan) -> Plan:
         """The plan of this recording, in all else as another."""
@@ -128,28 +122,27 @@ class PlannedStep:
         )  # fmt: skip
 
 
-def steps_in(path: Path) -> tuple[dict[str, Any], Sequence[PlannedStep]]:
-    """A file of planned steps, as `fasbody plan` writes it: the document, and its steps in order."""
-    try:
-        document = json.loads(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise InputFileError(path, f"cannot be read ({error.strerror})") from None
-    except ValueError as error:
-        raise InputFileError(path, f"is no JSON ({error})") from None
-    if not isinstance(document, dict) or document.get("format") != PROTOCOL:
-        raise InputFileError(path, f"is no planned session: its format is not {PROTOCOL!r}")
-    rows, mass = document.get("protocol"), document.get("body_mass_kg")
-    if not (is_number(mass, least=20) and mass <= 300):
-        raise InputFileError(path, f"body_mass_kg = {mass!r}", "valid: 20 to 300 kg")
-    if not isinstance(rows, list) or not rows:
-        raise InputFileError(path, "holds no steps", "valid: a list of them as protocol")
-    steps = []
-    for number, row in enumerate(rows, start=1):
-        values: dict[str, float] = {}
-        for name, (low, high) in _NUMBERS.items():
-            value = row.get(name) if isinstance(row, dict) else None
-            if not (is_number(value, least=low) and value <= high):
-                raise InputFileError(path, f"step {number}: {name} = {value!r}", f"valid: {low:g} to {high:g}")
-            values[name] = float(value)
-        steps.append(PlannedStep(kind=str(row.get("kind", "sine")), **values))
-    return document, steps
+@dataclass(frozen=True)
+class PlannedSession:
+    """A file of planned steps, as `fasbody plan` writes it.
+
+    Attributes:
+        format: `PROTOCOL`.
+        body_mass_kg: of the subject.
+        protocol: its steps in order.
+        subject: whose.
+    """
+
+    format: Literal["fasbody protocol 1"]
+    body_mass_kg: Annotated[float, Field(ge=20, le=300, description="20 to 300 kg")]
+    protocol: Annotated[tuple[PlannedStep, ...], Field(min_length=1)]
+    subject: str = "1"
+
+    @classmethod
+    def read(cls, file: Path) -> Self:
+        """From a file.
+
+        Raises:
+            InputFileError: it is no such session, or a value is none of a step.
+        """
+        return read_json(cls, file, "planned session")

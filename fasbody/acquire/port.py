@@ -19,7 +19,7 @@ from typing import Any, Protocol
 
 from fasbody.acquire.capture import Capture
 from fasbody.acquire.wire import Decoder
-from fasbody.exceptions import AcquisitionError, MissingPackageError
+from fasbody.exceptions import AcquisitionError, required
 
 #: Longest wait for bytes [s]: what a kill can cost at most, and how soon the live view shows silence.
 WAIT_S = 0.02
@@ -40,11 +40,9 @@ _GONE = (OSError, termios.error)
 
 def pyserial() -> Any:
     """The package with its list of ports, imported when a port is opened: a plan needs none."""
-    try:
+    with required("pyserial", "acquire"):
         import serial
         import serial.tools.list_ports
-    except ImportError:
-        raise MissingPackageError("pyserial", "acquire") from None
     return serial
 
 

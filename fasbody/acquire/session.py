@@ -158,9 +158,9 @@ class Session:
             raise
         capture.close()
         try:
-            one = convert(capture.files, self.plan.study, self.plan.limits)
+            one = convert(capture.file, self.plan.study)
         except BaseException:
-            console.print(f"to try again: {folder.recovery(capture.files)}", soft_wrap=True, markup=False)
+            console.print(f"to try again: {folder.recovery([capture.file])}", soft_wrap=True, markup=False)
             raise
         self._tell(one)
         return one
@@ -227,9 +227,9 @@ class Session:
 
     def _keep(self, capture: Capture, why: str) -> None:
         """Write what a broken-off recording has; its capture file stays in any case."""
-        again = folder.recovery(capture.files)
+        again = folder.recovery([capture.file])
         try:
-            one = convert(capture.files, self.plan.study, self.plan.limits, stopped=why)
+            one = convert(capture.file, self.plan.study, stopped=why)
         except FasError as error:
             console.print(f"{error} To try again: {again}", soft_wrap=True, markup=False)
             return

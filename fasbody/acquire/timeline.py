@@ -55,21 +55,9 @@ _STILL_S = 1.0
 _NAMED = 5
 
 
-@dataclass(frozen=True)
-class Limits:
-    """What a recording may have.
-
-    Attributes:
-        clock_ppm: a sampling rate or a device clock that is off by more is mentioned [parts per million].
-        clock_refused_ppm: and by more than this, the recording is refused.
-        periods: fewest excitation periods without a gap.
-        jitter: time stamps that jitter by more are mentioned [samples, rms].
-    """
-
-    clock_ppm: float = 200.0
-    clock_refused_ppm: float = 5000.0
-    periods: float = 3.0
-    jitter: float = 0.25
+#: A sampling rate or a device clock that is off by more is mentioned, or refused [parts per million]; fewest excitation
+#: periods without a gap; and time stamps that jitter by more are mentioned [samples, rms].
+LIMITS = {"clock_ppm": 200.0, "clock_refused_ppm": 5000.0, "periods": 3.0, "jitter": 0.25}
 
 
 @dataclass(frozen=True)
@@ -127,7 +115,7 @@ class Quality:
         """Missing samples a channel."""
         return sum(gap.lost_samples for gap in self.gaps)
 
-    def problems(self, limits: Limits) -> list[str]:
+    def problems(self) -> list[str]:
         """Why this is no recording to identify from; empty if it is."""
         texts = []
         if self.frames == 0:
@@ -146,20 +134,21 @@ class Quality:
             texts.append("the board changed its description in the middle")
         if not self.stamps_advance:
             texts.append("the board's time stamps do not advance, so that samples which it skipped stay unseen")
-        texts += [text for off, text in self._clocks() if off > limits.clock_refused_ppm]
+        texts += [text for off, text in self._clocks() if off > LIMITS["clock_refused_ppm"]]
         return texts
 
-    def remarks(self, limits: Limits) -> list[str]:
+    def remarks(self) -> list[str]:
         """What does not forbid using it, but should be known."""
         texts = []
         if self.damaged:
             texts.append(f"{counted(self.damaged, 'damaged piece')} on the line")
-        if self.jitter > limits.jitter:
+        if self.jitter > LIMITS["jitter"]:
             texts.append(
                 f"the board's time stamps jitter by {self.jitter:.2g} samples rms, so that a single sample which it "
                 "skipped may stay unseen"
             )
-        return texts + [text for off, text in self._clocks() if limits.clock_ppm < off <= limits.clock_refused_ppm]
+        least, most = LIMITS["clock_ppm"], LIMITS["clock_refused_ppm"]
+        return texts + [text for off, text in self._clocks() if least < off <= most]
 
     def _clocks(self) -> list[tuple[float, str]]:
         """By how much the two clocks are off for certain [ppm], and the sentence."""
@@ -179,7 +168,7 @@ class Quality:
 
     def __str__(self) -> str:
         clock = ""
-        if self.stamps_advance and _SURE * self.drift_std_ppm <= Limits.clock_ppm:  # else it says nothing
+        if self.stamps_advance and _SURE * self.drift_std_ppm <= LIMITS["clock_ppm"]:  # else it says nothing
             clock = f", clock {self.drift_ppm:+.0f} +- {_SURE * self.drift_std_ppm:.0f} ppm"
         lines = f"{counted(self.frames, 'frame')}, {self.lost_frames} lost, {self.damaged} damaged"
         faults = f", {counted(len(self.faults), 'fault')}" if self.faults else ""
@@ -223,7 +212,7 @@ class Timeline:
         self._causes: list[str] = []
         self._note = ""  # events of the port since the last blocks
         self._noted: dict[int, str] = {}  # and those before a block
-        self._gaps = 0
+        self.gaps = 0
         self._stamps: list[int] = []  # device time of each block since the last restart's, without its turns [us]
         self._clock: list[tuple[float, float]] = []
         self._next = 0  # index of the next sample
@@ -240,13 +229,8 @@ class Timeline:
         """Samples so far; missing ones included, but for those that the board skipped."""
         return self._next
 
-    @property
-    def has_gaps(self) -> bool:
-        """Whether samples are missing so far."""
-        return self._gaps > 0
-
     def __str__(self) -> str:
-        frames, gaps = counted(len(self._jumps), "frame"), counted(self._gaps, "gap")
+        frames, gaps = counted(len(self._jumps), "frame"), counted(self.gaps, "gap")
         return f"{frames}, {self._missed} lost, {self._damaged} damaged, {gaps}"
 
     def blocks(self, first: int) -> list[tuple[int, np.ndarray]]:
@@ -307,7 +291,7 @@ class Timeline:
                     jump, cause = self._damaged_lines, "damaged lines"
         self._restarted, self._damaged_lines = False, 0
         self._jumps.append(jump)
-        self._gaps += jump > 0
+        self.gaps += jump > 0
         if jump and self._note:
             self._noted[len(self._jumps) - 1] = self._note
         self._causes.append(cause)
@@ -406,7 +390,6 @@ def judge(x: np.ndarray, y: np.ndarray) -> Stamps:
 
 
 def _median_slope(x: np.ndarray, y: np.ndarray, lag: int) -> float:
-    """The clock's rate by the median over pairs of stamps."""
     return float(np.median((y[lag:] - y[:-lag]) / (x[lag:] - x[:-lag])))
 
 
@@ -500,7 +483,6 @@ def _drift(pairs: list[tuple[float, float]]) -> tuple[float, float]:
 
 
 def _line(x: np.ndarray, y: np.ndarray) -> tuple[float, float]:
-    """Slope of a line and its standard error."""
     x, y = x - x.mean(), y - y.mean()
     spread = float(x @ x)
     slope = float(x @ y) / spread

@@ -8,7 +8,7 @@ import contextlib
 from typing import Any
 
 from fasbody.acquire.port import Port, Unplugged
-from fasbody.exceptions import MissingPackageError
+from fasbody.exceptions import required
 
 _OPENS_MS, _CHUNK = 3000, 4096
 
@@ -25,10 +25,8 @@ class VisaPort:
     """
 
     def __init__(self, name: str, baud: int) -> None:
-        try:
+        with required("pyvisa", "visa"):
             import pyvisa
-        except ImportError:  # the extra is not installed
-            raise MissingPackageError("pyvisa", "visa") from None
         self.name, self.baud = name, baud
         # PyVISA's own errors, those of its libraries, and those of a socket or a USB device below them
         self._errors = (pyvisa.errors.Error, OSError, ValueError)

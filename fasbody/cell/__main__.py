@@ -6,30 +6,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from fasbody.cell import options
 from fasbody.cell.dome import Dome, Nucleus, shape
 from fasbody.cell.materials import Material, Preset, preset
-from fasbody.cell.options import (
-    BasisOption,
-    BodyArgument,
-    BodySizeOption,
-    HeldOption,
-    JsonOption,
-    MaterialOption,
-    ModesOption,
-    ModulusOption,
-    OutOption,
-    PresetOption,
-    RelaxationOption,
-    ShapeOption,
-    SizeOption,
-    SolverOption,
-    SupportOption,
-    UnitOption,
-    UpOption,
-    by_region,
-    named,
-    report,
-)
+from fasbody.cell.options import by_region, named, report
 from fasbody.console import command_line, console, stages, to_json, write_whole
 from fasbody.exceptions import SettingError
 from fasbody.lazy import command
@@ -48,11 +28,11 @@ app = typer.Typer(pretty_exceptions_enable=False, add_completion=False)
 @app.callback(invoke_without_command=True)
 def analyse_cell(
     context: typer.Context,
-    preset_name: PresetOption = "as-reproduced",
-    shape_text: ShapeOption = "100x40",
-    modulus: ModulusOption = None,
-    modes: ModesOption = 10,
-    size: SizeOption = 3.5,
+    preset_name: options.PresetOption = "as-reproduced",
+    shape_text: options.ShapeOption = "100x40",
+    modulus: options.ModulusOption = None,
+    modes: options.ModesOption = 10,
+    size: options.SizeOption = 3.5,
     height: Annotated[float | None, typer.Option(help=r"height of the dome \[um]")] = None,
     profile: Annotated[str, typer.Option(help="ellipsoid or cap")] = "ellipsoid",
     nucleus_centre: Annotated[float, typer.Option(help=r"height of the nucleus' centre \[um]")] = 4.5,
@@ -69,9 +49,9 @@ def analyse_cell(
         typer.Option(help="region number of the nucleus in --mesh", show_default="1, if there are several"),
     ] = None,
     nucleus_surface: Annotated[Path | None, typer.Option(help="closed .stl of the nucleus, for an .stl cell")] = None,
-    solver: SolverOption = None,
-    as_json: JsonOption = False,
-    out: OutOption = None,
+    solver: options.SolverOption = None,
+    as_json: options.JsonOption = False,
+    out: options.OutOption = None,
 ) -> None:
     """Natural frequencies and mode shapes of an adherent cell (Chapter 5 of the thesis).
 
@@ -108,10 +88,10 @@ def analyse_cell(
     from fasbody.cell.mesh import MeshSize
     from fasbody.cell.meshfile import read_mesh, write_browser, write_vtu
 
-    options: dict[str, Any] = {"count": modes, "way": solver}
-    options["membrane"] = Membrane() if membrane else None
+    settings: dict[str, Any] = {"count": modes, "way": solver}
+    settings["membrane"] = Membrane() if membrane else None
     with named("filaments"):
-        options["cytoskeleton"] = Tensegrity(bundle=filaments) if filaments else None
+        settings["cytoskeleton"] = Tensegrity(bundle=filaments) if filaments else None
     sizes = MeshSize.of(size)
     with console.status("meshing and solving"):
         if mesh is not None:
@@ -122,9 +102,9 @@ def analyse_cell(
         else:
             tall = chosen.height_um if height is None else height
             core = None if no_nucleus else Nucleus(centre=nucleus_centre)
-            options["dome"] = Dome(*shape(shape_text), tall, profile, core)
-            fine, coarse = assemblies(options["dome"], sizes)
-        analysis = analyse(fine, coarse, chosen, **options)
+            settings["dome"] = Dome(*shape(shape_text), tall, profile, core)
+            fine, coarse = assemblies(settings["dome"], sizes)
+        analysis = analyse(fine, coarse, chosen, **settings)
     if out is not None:
         from fasbody.cell.figures import mesh_views, mode_shapes
 
@@ -137,17 +117,17 @@ def analyse_cell(
 
 @app.command("modes")
 def modes_of_a_body(
-    body: BodyArgument,
-    material: MaterialOption,
-    support: SupportOption = "free",
-    held: HeldOption = None,
-    unit: UnitOption = "mm",
-    up: UpOption = "y",
-    size: BodySizeOption = None,
-    modes: ModesOption = 10,
-    solver: SolverOption = None,
-    as_json: JsonOption = False,
-    out: OutOption = None,
+    body: options.BodyArgument,
+    material: options.MaterialOption,
+    support: options.SupportOption = "free",
+    held: options.HeldOption = None,
+    unit: options.UnitOption = "mm",
+    up: options.UpOption = "y",
+    size: options.BodySizeOption = None,
+    modes: options.ModesOption = 10,
+    solver: options.SolverOption = None,
+    as_json: options.JsonOption = False,
+    out: options.OutOption = None,
 ) -> None:
     """Modes of any elastic body, free or fixed: a bone, an insole block, a shoe sole.
 
@@ -181,17 +161,17 @@ def modes_of_a_body(
 
 @app.command("response")
 def shake_a_body(
-    body: BodyArgument,
-    material: MaterialOption,
-    relaxation: RelaxationOption,
-    support: SupportOption = "base",
-    held: HeldOption = None,
-    unit: UnitOption = "mm",
-    up: UpOption = "y",
-    size: BodySizeOption = None,
-    modes: BasisOption = 20,
-    as_json: JsonOption = False,
-    out: OutOption = None,
+    body: options.BodyArgument,
+    material: options.MaterialOption,
+    relaxation: options.RelaxationOption,
+    support: options.SupportOption = "base",
+    held: options.HeldOption = None,
+    unit: options.UnitOption = "mm",
+    up: options.UpOption = "y",
+    size: options.BodySizeOption = None,
+    modes: options.BasisOption = 20,
+    as_json: options.JsonOption = False,
+    out: options.OutOption = None,
 ) -> None:
     """Damped modes of any viscoelastic body, and its response to a shaken support or a force.
 
@@ -223,17 +203,17 @@ app.command("verify")(command("reproduction.cell.command:verify"))
 
 @app.command("shake")
 def shake(
-    preset_name: PresetOption = "si",
-    shape_text: ShapeOption = "100x40",
-    modulus: ModulusOption = None,
-    modes: BasisOption = 40,
-    size: SizeOption = 3.5,
+    preset_name: options.PresetOption = "si",
+    shape_text: options.ShapeOption = "100x40",
+    modulus: options.ModulusOption = None,
+    modes: options.BasisOption = 40,
+    size: options.SizeOption = 3.5,
     g: Annotated[float, typer.Option(help="relaxing share of stiffness: instantaneous / rest - 1")] = 0.5,
     tau: Annotated[float, typer.Option(help=r"relaxation time \[s]")] = 2e-5,
     nucleus_g: Annotated[float | None, typer.Option(help="the same for the nucleus")] = None,
     nucleus_tau: Annotated[float | None, typer.Option(help=r"the same for the nucleus \[s]")] = None,
-    as_json: JsonOption = False,
-    out: OutOption = None,
+    as_json: options.JsonOption = False,
+    out: options.OutOption = None,
 ) -> None:
     """Damped modes and response of a viscoelastic cell on a shaken base.
 
@@ -308,12 +288,11 @@ def check_together(context: typer.Context, mesh: Path | None) -> None:
 
 
 def _write(out: Path, name: str, document: dict[str, Any], figures: "dict[str, Figure]") -> None:
-    """The JSON document and the figures of a result."""
-    from fasbody.cell.figures import save
+    from fasbody.presentation import write_figure
 
     write_whole(out / f"{name}.json", to_json(document))
     for figure, drawn in figures.items():
-        save(drawn, out / f"{figure}.png")
+        write_figure(drawn, out / f"{figure}.png")
     console.print(f"written: {out}")
 
 

@@ -30,33 +30,24 @@ class ModalAnalysis(Presented):
         modes: frequencies and shapes.
         descriptions: one for each mode.
         errors: estimated relative error (c,) of each frequency, None without a second mesh.
+        title: the body.
+        remark: what is to be said of all modes, empty where that is nothing.
+        unit: the length unit of figures, and its micrometres.
     """
 
     model: CellModel
     modes: Modes
     descriptions: tuple[Any, ...]
     errors: NDArray[np.float64] | None
+    title: str
+    remark: str
+    unit: tuple[str, float]
 
     figures: ClassVar[str] = "fasbody.cell.figures"
     plots: ClassVar[tuple[str, ...]] = ("mode_shapes",)
     #: Headings of the columns beside frequency and error, and digits of a frequency.
     columns: ClassVar[tuple[str, ...]] = ("shape", "kinetic energy in the nucleus")
     digits: ClassVar[int] = 4
-
-    @property
-    @abstractmethod
-    def title(self) -> str:
-        """The body."""
-
-    @property
-    @abstractmethod
-    def remark(self) -> str:
-        """What is to be said of all modes, empty where that is nothing."""
-
-    @property
-    @abstractmethod
-    def unit(self) -> tuple[str, float]:
-        """The length unit of figures, and its micrometres."""
 
     @property
     def frequencies_hz(self) -> NDArray[np.float64]:
@@ -120,21 +111,6 @@ class Analysis(ModalAnalysis):
     plots: ClassVar[tuple[str, ...]] = ("mode_shapes", "mesh_views")
 
     @property
-    def title(self) -> str:
-        """The cell and its modulus."""
-        return f"{self.dome or 'own mesh'}, {self.model.materials[0].E:g} Pa"
-
-    @property
-    def remark(self) -> str:
-        """The preset and what it means."""
-        return f"preset {self.preset.name}: {self.preset.meaning}"
-
-    @property
-    def unit(self) -> tuple[str, float]:
-        """The length unit of figures, and its micrometres."""
-        return "um", 1.0
-
-    @property
     def volume_m3(self) -> float:
         """Volume at real size [m^3]: of the mesh's micrometres, whatever the preset's slip."""
         return self.model.assembly.volume_um3 * 1e-18
@@ -193,4 +169,6 @@ def analyse(
     if coarse is not None:
         rough = solve(replace(model, assembly=coarse), count)
         errors = richardson(rough.frequencies_hz, modes.frequencies_hz, coarse.dof, fine.dof)
-    return Analysis(model, modes, describe(model, modes), errors, preset, dome)
+    title, remark = f"{dome or 'own mesh'}, {model.materials[0].E:g} Pa", f"preset {preset.name}: {preset.meaning}"
+    described = describe(model, modes)
+    return Analysis(model, modes, described, errors, title, remark, ("um", 1.0), preset, dome)

@@ -16,7 +16,7 @@ import scipy.sparse as sp
 from numpy.typing import NDArray
 
 from fasbody.cell.mesh import QUADRATURE, REGIONS, TetMesh
-from fasbody.exceptions import MeshError, MissingPackageError
+from fasbody.exceptions import MeshError, required
 
 #: Held faces of a body that is free to fly.
 FREE: NDArray[np.int64] = np.empty((0, 3), dtype=np.int64)
@@ -75,18 +75,14 @@ class Assembly:
         K_ij = lambda G_ij + mu G_ij^T + delta_ij mu tr(G): isotropic linear elasticity.
         """
         lam, mu = nu / ((1 + nu) * (1 - 2 * nu)), 1 / (2 * (1 + nu))
-        G = self.both_ways(self.regions[region].G)
+        G = {ij: self._free(matrix) for ij, matrix in self.regions[region].G.items()}
+        G |= {(j, i): matrix.T for (i, j), matrix in G.items() if i != j}
         trace = G[0, 0] + G[1, 1] + G[2, 2]
         return interleaved(lambda i, j: lam * G[i, j] + mu * G[j, i] + (mu if i == j else 0.0) * trace)
 
     def mass(self, region: int) -> sp.csr_array:
         """M_r for a density of 1 kg/m^3 on the free unknowns [um^3]."""
         return sp.kron(self._free(self.regions[region].m), sp.eye_array(3), format="csr")
-
-    def both_ways(self, scalars: dict[tuple[int, int], sp.csr_array]) -> dict[tuple[int, int], sp.csr_array]:
-        """Scalar matrices of all nine pairs over the free nodes, from those of `PAIRS`."""
-        G = {ij: self._free(matrix) for ij, matrix in scalars.items()}
-        return {(j, i): matrix.T for (i, j), matrix in G.items()} | G
 
     def expand(self, vectors: NDArray[Any]) -> NDArray[Any]:
         """Free unknowns (3 k, c) as displacements (c, n, 3) of all nodes; held ones stand still."""
@@ -126,10 +122,8 @@ def assemble(mesh: TetMesh, *, held: NDArray[np.int64] | None = None) -> Assembl
         MeshError: nothing flat stands on the ground, or a held face is none of the mesh.
         MissingPackageError: scikit-fem is not installed.
     """
-    try:
+    with required("scikit-fem", "cell"):
         from skfem import Basis, BilinearForm, ElementTetP2
-    except ImportError as error:
-        raise MissingPackageError("scikit-fem", "cell") from error
     forms = {(i, j): BilinearForm(lambda u, v, w, i=i, j=j: v.grad[i] * u.grad[j]) for i, j in PAIRS}
     mass = BilinearForm(lambda u, v, w: u * v)
     regions = []

@@ -39,13 +39,7 @@ from fasbody.cell.viscoelastic import (
     damped_modes,
     force_response,
 )
-from fasbody.exceptions import (
-    InputFileError,
-    MeshError,
-    MissingPackageError,
-    SettingError,
-    unknown,
-)
+from fasbody.exceptions import InputFileError, MeshError, SettingError, required, unknown
 from fasbody.presentation import Tabled, readable
 from fasbody.progress import Advance, silent
 
@@ -238,10 +232,8 @@ def read_body(source: str | Path, *, unit: str = "mm", up: str = "y", size: floa
 
 
 def _bone(name: str) -> Any:
-    try:
+    with required("trimesh", "cell"):
         import trimesh
-    except ImportError as error:
-        raise MissingPackageError("trimesh", "cell") from error
     with np.load(mjcf.asset("anatomy.npz"), allow_pickle=False) as stored:
         vertices, faces = stored[f"{name}.vertices"], stored[f"{name}.faces"]
     return trimesh.Trimesh(GRAIN_UM * vertices.astype(np.float64), faces.astype(np.int64))
@@ -293,27 +285,6 @@ class BodyModes(ModalAnalysis):
 
     columns: ClassVar[tuple[str, ...]] = ("moves along", "kinetic energy of region")
     digits: ClassVar[int] = 5
-
-    @property
-    def title(self) -> str:
-        """Name, size and support."""
-        name, um = self.unit
-        size = " x ".join(f"{side / um:.4g}" for side in np.ptp(self.model.assembly.nodes_um, axis=0))
-        held = {"free": "free", "base": "held at its base"}.get(self.support, f"held at {self.held}")
-        return f"{Path(self.body.name).name}, {size} {name}, {held}"
-
-    @property
-    def unit(self) -> tuple[str, float]:
-        """The length unit of the file, and its micrometres."""
-        return self.body.unit, UNITS[self.body.unit]
-
-    @property
-    def remark(self) -> str:
-        """The sentence on rigid motions; empty for a held body."""
-        if not len(self.modes.rigid_hz):
-            return ""
-        highest = f"at most {self.modes.rigid_hz.max():.1g} Hz"
-        return f"the six rigid motions of the free body ({highest}) are not listed"
 
     def heading(self) -> tuple[str, list[str]]:
         """Body, support and size, with what is to be said of all modes."""
@@ -408,7 +379,13 @@ def body_modes(
         BodyMode(tuple(energy.tolist()), dict(zip(body.tags, shares.tolist(), strict=True)))
         for energy, shares in zip(np.array(along).T, np.array(parts).T, strict=True)
     )
-    return BodyModes(model, modes, descriptions, errors, body, support, held)
+    unit, rigid = (body.unit, UNITS[body.unit]), modes.rigid_hz
+    size = " x ".join(f"{side / unit[1]:.4g}" for side in np.ptp(model.assembly.nodes_um, axis=0))
+    where = {"free": "free", "base": "held at its base"}.get(support, f"held at {held}")
+    title = f"{Path(body.name).name}, {size} {body.unit}, {where}"
+    motions = f"the six rigid motions of the free body (at most {rigid.max(initial=0.0):.1g} Hz) are not listed"
+    remark = motions if len(rigid) else ""
+    return BodyModes(model, modes, descriptions, errors, title, remark, unit, body, support, held)
 
 
 @dataclass(frozen=True)

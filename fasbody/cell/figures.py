@@ -1,6 +1,5 @@
 """Modes, meshes and responses of a cell or another body, as Figures 5.4 to 5.8."""
 
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -13,7 +12,7 @@ from matplotlib.lines import Line2D
 
 from fasbody.cell.mesh import NUCLEUS, TetMesh
 from fasbody.cell.meshfile import displacements, upright
-from fasbody.presentation import COLOURS, COLUMN, LINES, PAGE, printed, write_figure
+from fasbody.presentation import COLOURS, COLUMN, LINES, PAGE, panels, printed
 
 if TYPE_CHECKING:
     from fasbody.cell.analysis import Analysis
@@ -53,8 +52,8 @@ def mode_shapes(analysis: "Analysis | BodyModes", count: int | None = None) -> F
     per_row = 1 if len(u) <= 5 else 2
     rows = -(-len(u) // per_row)
     figure = Figure()
-    panels = np.atleast_2d(figure.subplots(rows, 2 * per_row))
-    for axes in panels.flat:
+    grid = np.atleast_2d(figure.subplots(rows, 2 * per_row))
+    for axes in grid.flat:
         axes.set_axis_off()
     hertz = _hertz(analysis.frequencies_hz[: len(u)])
     for i, mode in enumerate(u):
@@ -62,17 +61,17 @@ def mode_shapes(analysis: "Analysis | BodyModes", count: int | None = None) -> F
         main = int(np.argmax(d.energy))
         along = drawn[i][:, main]
         value = 0.5 + 0.5 * np.sign(along[np.abs(along).argmax()]) * along[faces].mean(axis=1)
-        place = panels[i % rows, 2 * (i // rows) :][:2]
+        place = grid[i % rows, 2 * (i // rows) :][:2]
         for axes, view in zip(place, (OBLIQUE, ABOVE), strict=True):
             _draw(axes, points + SWELL * length * mode, faces, value, view, colours=PHASES)
             _outline(axes, points, faces, view)
         text = f"mode {i + 1}: {hertz[i]}, {d.label} ({'xyz'[main]})"
         place[0].set_title(text, fontsize=7, loc="left", pad=3)
-    seen = [place.flat[: len(u)] for place in (panels[:, 0::2].T, panels[:, 1::2].T)]  # both views of every mode
+    seen = [place.flat[: len(u)] for place in (grid[:, 0::2].T, grid[:, 1::2].T)]  # both views of every mode
     ends = np.array([[(*axes.get_xlim(), *axes.get_ylim()) for axes in side] for side in seen])
     low, high = ends[:, :, 0::2].min(axis=1), ends[:, :, 1::2].max(axis=1)
     half_width, half_height = (high - low).max(axis=0) / 2  # one scale for all
-    for side, (x, y) in zip((panels[:, 0::2], panels[:, 1::2]), (low + high) / 2, strict=True):
+    for side, (x, y) in zip((grid[:, 0::2], grid[:, 1::2]), (low + high) / 2, strict=True):
         for axes in side.flat:
             axes.set(xlim=(x - half_width, x + half_width), ylim=(y - half_height, y + half_height))
     name, um = analysis.unit
@@ -87,7 +86,7 @@ def mode_shapes(analysis: "Analysis | BodyModes", count: int | None = None) -> F
     top = HEAD + HEAD_LINE * len(lines)
     high = top + rows * (TITLE + row) + FOOT
     figure.set_size_inches(PAGE, high)
-    for k, axes in np.ndenumerate(panels):
+    for k, axes in np.ndenumerate(grid):
         low_edge = high - top - (k[0] + 1) * (TITLE + row)
         axes.set_position(((MARGIN + k[1] * width) / PAGE, low_edge / high, width / PAGE, row / high))
     figure.suptitle("\n".join(lines).replace(" x ", " × "), y=1 - 0.5 * HEAD / high, va="top")
@@ -104,8 +103,7 @@ def mode_shapes(analysis: "Analysis | BodyModes", count: int | None = None) -> F
 def mesh_views(analysis: "Analysis") -> Figure:
     """Figure 5.4: the surface mesh, and the elements behind the plane z = 0 with the nucleus in another colour."""
     mesh = analysis.model.assembly.mesh
-    figure = Figure(figsize=(PAGE, 4.2), layout="constrained")
-    upper, lower = figure.subplots(2, 1, height_ratios=(3, 2))
+    figure, ((upper,), (lower,)) = panels(2, 1, PAGE, 4.2, height_ratios=(3, 2))
     _draw(upper, mesh.points_um, np.asarray(mesh.surface.faces), None, OBLIQUE, line=0.3)
     name = str(analysis.dome).replace("um", "µm") if analysis.dome else "own mesh"
     upper.set_title(f"{name}: {len(mesh.tets)} tetrahedra, quadratic displacements")
@@ -127,7 +125,7 @@ def response(response: "BaseResponse | ForceResponse") -> Figure:
 @printed
 def force_response(response: "ForceResponse") -> Figure:
     """Acceleration of the highest point per force over the frequency, per direction."""
-    figure, axes = single()
+    figure, ((axes,),) = panels(1, 1, 1.3 * COLUMN, 3.2)
     for i, axis in enumerate("xyz"):
         size = np.abs(response.accelerance[i])
         axes.loglog(response.frequencies_hz, size, color=COLOURS[i], ls=LINES[i], label=f"along {axis}")
@@ -139,8 +137,7 @@ def force_response(response: "ForceResponse") -> Figure:
 @printed
 def base_response(response: "BaseResponse") -> Figure:
     """Transmissibility from base to top and nucleus over the frequency of the shaking, per direction."""
-    figure = Figure(figsize=(1.4 * COLUMN, 4.4), layout="constrained")
-    upper, lower = figure.subplots(2, 1, sharex=True)
+    figure, ((upper,), (lower,)) = panels(2, 1, 1.4 * COLUMN, 4.4, sharex=True)
     for i, axis in enumerate("xyz"):
         look: dict[str, Any] = {"color": COLOURS[i], "ls": LINES[i]}
         upper.loglog(
@@ -157,17 +154,6 @@ def base_response(response: "BaseResponse") -> Figure:
     upper.set(ylabel="motion / motion of the base")
     lower.set(ylabel="top against base [nm] at 1 m/s²", xlabel="frequency [Hz]; grey: 10 to 100 Hz")
     return figure
-
-
-def save(figure: Figure, file: Path) -> Path:
-    """Write a figure, whole or not at all."""
-    return write_figure(figure, file)[0]
-
-
-def single() -> tuple[Figure, Any]:
-    """A figure of one panel."""
-    figure = Figure(figsize=(1.3 * COLUMN, 3.2), layout="constrained")
-    return figure, figure.subplots()
 
 
 def _draw(
@@ -231,7 +217,6 @@ def _scale_bar(figure: Figure, length: float, name: str, um: float, scale: float
 
 
 def _screen(view: tuple[float, float]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Unit vectors to the right, up, and towards the eye."""
     turn, tilt = np.radians(view)
     right = np.array([np.cos(turn), 0, np.sin(turn)])
     toward = np.array([-np.sin(turn) * np.cos(tilt), np.sin(tilt), np.cos(turn) * np.cos(tilt)])

@@ -265,7 +265,6 @@ def _fill(surfaces: "list[trimesh.Trimesh]", size: MeshSize, angle: float) -> Te
 
 
 def _on(gmsh: Any, patch: int, surface: "trimesh.Trimesh") -> bool:
-    """Whether a patch is one of this surface."""
     _, xyz, _ = gmsh.model.mesh.getNodes(2, patch, includeBoundary=True)
     away = cKDTree(surface.vertices).query(np.asarray(xyz).reshape(-1, 3))[0]
     return bool(away.max() < SAME_PLACE * float(surface.extents.max()))

@@ -13,7 +13,7 @@ import numpy as np
 from fasbody.cell.mesh import NUCLEUS, MeshSize, TetMesh
 from fasbody.cell.mesher import sized_mesh
 from fasbody.console import console, to_json, write_whole
-from fasbody.exceptions import InputFileError, MeshError, MissingPackageError, SettingError
+from fasbody.exceptions import InputFileError, MeshError, SettingError, required
 
 if TYPE_CHECKING:
     from fasbody.cell.analysis import ModalAnalysis
@@ -205,10 +205,8 @@ def read_surface(file: Path, um_per_unit: float) -> Any:
     Raises:
         InputFileError: it cannot be read, or holds no triangles.
     """
-    try:
+    with required("trimesh", "cell"):
         import trimesh
-    except ImportError as error:
-        raise MissingPackageError("trimesh", "cell") from error
     try:
         surface = trimesh.load_mesh(file, process=False)
         faces = len(surface.faces)
@@ -292,12 +290,10 @@ def write_browser(file: Path, analysis: "ModalAnalysis", inner: int | None = NUC
 
 
 def _parts(mesh: TetMesh, tags: np.ndarray) -> dict[Any, float]:
-    """Volume [um^3] of the tetrahedra under each tag."""
     return {tag.item(): float(mesh.volumes[tags == tag].sum()) for tag in np.unique(tags)}
 
 
 def _listed(parts: dict[Any, float]) -> str:
-    """Parts with their volumes [um^3] and shares."""
     whole = sum(parts.values())
     return ", ".join(f"{part} ({v:.4g} um^3, {100 * v / whole:.2g} %)" for part, v in parts.items())
 
@@ -372,8 +368,6 @@ def _say(text: str) -> None:
 
 
 def _meshio() -> Any:
-    try:
+    with required("meshio", "cell"):
         import meshio
-    except ImportError as error:
-        raise MissingPackageError("meshio", "cell") from error
     return meshio

@@ -21,7 +21,7 @@ from fasbody.cell.assembly import Assembly
 from fasbody.cell.cytoskeleton import Tensegrity, cytoskeleton_stiffness
 from fasbody.cell.materials import Material
 from fasbody.cell.membrane import Membrane, membrane_stiffness
-from fasbody.exceptions import MissingPackageError, SettingError, SimulationError, unknown
+from fasbody.exceptions import SettingError, SimulationError, required, unknown
 from fasbody.presentation import Tabled
 
 Solve = Callable[[NDArray[np.float64]], NDArray[np.float64]]
@@ -292,10 +292,8 @@ def inverse(K: sp.csr_array, way: str) -> Solve:
     """
     if way not in WAYS:
         raise SettingError(unknown("solver", way, (*WAYS, "multigrid")) + ".", "solver")
-    try:
+    with required("pypardiso", "pardiso"):
         return WAYS[way](K)
-    except ImportError as error:
-        raise MissingPackageError("pypardiso", "pardiso") from error
 
 
 def lowest_by_multigrid(

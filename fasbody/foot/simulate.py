@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fasbody.exceptions import SettingError, SimulationError, UnstableError
-from fasbody.foot.damper import DAMPER, check_dampers
+from fasbody.foot.damper import DAMPER
 from fasbody.foot.engine import SHAKER_CONTROLS, callbacks
 from fasbody.foot.model import Foot, Sensor, can_change, held_to_world
 from fasbody.foot.parameters import Fitted

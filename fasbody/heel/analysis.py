@@ -26,8 +26,6 @@ TESTS = ("other_speed", "other_person")
 INCLUDES = "everything between the skin of the heel and the shank: fat pad, bones, arch and ankle"
 #: Law and window of the population: the best of those that the strikes decide for everybody.
 POPULATION_LAW, POPULATION_WINDOW = "power", "loading"
-#: What a kept document must hold to count.
-_NEEDED = {"key", "law", "window", "persons", "misfit", *TESTS}
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,7 +170,7 @@ def _documents(
     tasks: Sequence[Task], store: runner.Store | None, processes: int
 ) -> tuple[list[Document], int]:
     """The document of each task, kept or computed, and how many were computed."""
-    kept = {task.key: old for task in tasks if store and (old := _kept(store, task.key))}
+    kept = {task.key: old for task in tasks if store and (old := store.load(f"{task.key}.json", json.loads)[0])}
     missing = [task for task in tasks if task.key not in kept]
     count = processes or min(runner.cores(), max(1, len(missing)))
     try:
@@ -187,10 +185,3 @@ def _documents(
             f"stopped with {len(kept)} of {len(tasks)} laws in {store.folder}; the same command goes on from there."
         ) from None
     return [kept[task.key] for task in tasks], len(missing)
-
-
-def _kept(store: runner.Store, key: str) -> Document | None:
-    """The document of a key; None if it is not there or is broken."""
-    document, _ = store.load(f"{key}.json", json.loads)
-    whole = isinstance(document, dict) and document.keys() >= _NEEDED and document["key"] == key
-    return document if whole else None

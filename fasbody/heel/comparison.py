@@ -71,7 +71,6 @@ def _error(law: HeelLaw, window: str, theta: np.ndarray, strikes: Sequence[Strik
 
 
 def _other_speed(law: HeelLaw, task: Task, fits: Mapping[tuple[str, str], LawFit]) -> list[Document]:
-    """Errors on a person's normal strikes of the law fitted to the slow ones."""
     return [
         {"subject": subject, "from": speed, "to": "normal",
          "error": _error(law, task.window, of.theta, task.groups[subject, "normal"], of.offset_m)}
@@ -81,7 +80,6 @@ def _other_speed(law: HeelLaw, task: Task, fits: Mapping[tuple[str, str], LawFit
 
 
 def _other_person(law: HeelLaw, task: Task) -> list[Document]:
-    """Errors on a person's strikes of the law fitted to all other people's, speeds together."""
     strikes: dict[str, list[Strike]] = {}
     for (subject, _), some in sorted(task.groups.items(), key=lambda item: item[0][0]):
         strikes.setdefault(subject, []).extend(some)

@@ -1,4 +1,4 @@
-"""Figures of heel strikes: the corrections of one trial, strikes with laws, errors, population."""
+"""Figures of heel strikes: strikes with laws, errors, population."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
@@ -7,11 +7,11 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from fasbody.heel.laws import LAWS
-from fasbody.presentation import COLOURS, COLUMN, MARKS, PAGE, printed
+from fasbody.presentation import COLOURS, COLUMN, MARKS, PAGE, panels, printed
 
 if TYPE_CHECKING:
     from fasbody.heel.analysis import Analysis
-    from fasbody.heel.strike import Steps, Strike
+    from fasbody.heel.strike import Strike
 
 
 def everything(result: "Analysis") -> Mapping[str, Figure]:
@@ -25,7 +25,6 @@ def everything(result: "Analysis") -> Mapping[str, Figure]:
 
 
 def _curve(strike: "Strike", window: str) -> tuple[np.ndarray, np.ndarray]:
-    """Compression [mm] and force [N] of a strike."""
     part = getattr(strike, window)
     return 1e3 * strike.compression_m[part], strike.force_n[part]
 
@@ -51,8 +50,8 @@ def persons(result: "Analysis") -> Figure:
     rows = -(-len(subjects) // columns)
     documents = (d for d in result.laws if (d["law"], d["window"]) == (result.law, result.window))
     fits = next(documents, {"persons": ()})["persons"]
-    figure = Figure(figsize=(PAGE, 0.5 + 1.5 * rows), layout="constrained")
-    axes = figure.subplots(rows, columns, squeeze=False, sharex=True, sharey=True).ravel()
+    figure, axes = panels(rows, columns, PAGE, 0.5 + 1.5 * rows, sharex=True, sharey=True)
+    axes = axes.ravel()
     for ax, subject in zip(axes, subjects, strict=False):
         for colour, speed in zip(COLOURS, speeds, strict=False):
             for strike in groups.get((subject, speed), ()):
@@ -89,8 +88,7 @@ def errors(result: "Analysis") -> Figure:
     windows = list(dict.fromkeys(d["window"] for d in result.laws))
     laws = {window: [d for d in result.laws if d["window"] == window] for window in windows}
     height = 0.9 + 0.32 * max(map(len, laws.values()))
-    figure = Figure(figsize=(PAGE, height), layout="constrained")
-    axes = figure.subplots(1, len(windows), squeeze=False, sharey=True)[0]
+    figure, (axes,) = panels(1, len(windows), PAGE, height, sharey=True)
     for letter, ax, window in zip("ab", axes, windows, strict=False):
         for k, d in enumerate(laws[window]):
             _errors(ax, k, d)
@@ -112,7 +110,6 @@ def errors(result: "Analysis") -> Figure:
 
 
 def _errors(ax: Any, k: int, document: Mapping[str, Any]) -> None:
-    """The errors of one law at the height k."""
     sets = {
         "own strikes, fitted": [item["misfit"] for item in document["persons"]],
         "the same person, faster": [item["error"] for item in document["other_speed"]],
@@ -135,9 +132,7 @@ def population(result: "Analysis") -> Figure:
     people, law = result.population, LAWS[result.law]
     assert people is not None
     groups = result.study.groups()
-    width = min(PAGE, 3.4 * len(people.speeds) + 0.3)
-    figure = Figure(figsize=(width, 2.9), layout="constrained")
-    axes = figure.subplots(1, len(people.speeds), squeeze=False, sharey=True)[0]
+    figure, (axes,) = panels(1, len(people.speeds), 3.4 * len(people.speeds) + 0.3, 2.9, sharey=True)
     for ax, speed, mu, colour in zip(axes, people.speeds, people.mu, COLOURS, strict=False):
         strikes = [s for (_, which), group in groups.items() if which == speed for s in group]
         curves = [_curve(strike, result.window) for strike in strikes]
@@ -167,8 +162,7 @@ def stiffness(result: "Analysis") -> Figure:
     from fasbody.heel.stiffness import of_model, slopes
 
     loads = [float(p.names[0].removesuffix(" N")) for p in result.slopes]
-    figure = Figure(figsize=(COLUMN, 2.9), layout="constrained")
-    ax = figure.subplots()
+    figure, ((ax,),) = panels(1, 1, COLUMN, 2.9)
     speeds = result.slopes[0].speeds
     for i, (speed, colour, mark) in enumerate(zip(speeds, COLOURS, MARKS, strict=False)):
         places = np.add(loads, 3.0 * (i - 0.5 * (len(speeds) - 1)))
@@ -193,76 +187,3 @@ def stiffness(result: "Analysis") -> Figure:
     handles, labels = ax.get_legend_handles_labels()
     figure.legend(handles[::-1], labels[::-1], loc="outside upper center", ncols=1)
     return figure
-
-
-@printed
-def corrections(steps: "Steps", strike: "Strike") -> Figure:
-    """The steps of one strike: force, point of application, heel point, force over compression."""
-    figure = Figure(figsize=(PAGE, 5.0), layout="constrained")
-    (force, place), (path, loop) = figure.subplots(2, 2)
-    _force(force, steps)
-    _place(place, steps)
-    _path(path, steps)
-    _loop(loop, strike)
-    for ax in figure.axes:
-        ax.set_title(ax.get_title(), loc="left")
-        ax.set_title("")
-    return figure
-
-
-def _force(ax: Any, steps: "Steps") -> None:
-    """Force before and after the plate's offset is taken off."""
-    t = 1e3 * (steps.time_s - steps.time_s[steps.contact])
-    part = (t > -15) & (t < 70)
-    ax.plot(t[part], steps.raw_n[part], color="0.7", label="volts × gain")
-    ax.plot(t[part], steps.force_n[part], color=COLOURS[0], label="less the empty plate")
-    _mark(ax, t, steps.force_n, {"contact": (steps.contact, (-36, 7)), "first peak": (steps.peak, (5, 5))})
-    ax.set(title="a  offset, gain, contact, peak", xlabel="time from contact [ms]", ylabel="vertical force [N]")
-    ax.legend(loc="lower right")
-
-
-def _mark(ax: Any, x: np.ndarray, y: np.ndarray, places: Mapping[str, tuple[int, tuple[int, int]]]) -> None:
-    """Name samples of a curve, each with a shift of its name [points]."""
-    for name, (i, shift) in places.items():
-        ax.plot(x[i], y[i], "o", color=COLOURS[1], ms=4)
-        ax.annotate(name, (x[i], y[i]), shift, textcoords="offset points")
-
-
-def _place(ax: Any, steps: "Steps") -> None:
-    """Points of application in the shank's frame, and their mean."""
-    points = 1e3 * (steps.application_m - steps.heel_point_m)
-    ax.plot(points[:, 1], points[:, 2], ".", color="0.6", ms=4, label="point of application")
-    ax.plot(0, 0, "o", color=COLOURS[1], ms=5, label="heel point: their mean")
-    reach = 1.15 * max(3.0, float(np.abs(points[:, 1:]).max()))
-    ax.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal")
-    ax.set(title="b  heel point, in the shank's frame")
-    ax.set(xlabel="forward [mm]", ylabel="along the shank [mm]")
-    ax.legend(loc="upper right", fontsize=7)
-
-
-def _path(ax: Any, steps: "Steps") -> None:
-    """Height of the heel point before and after the filter."""
-    t = 1e3 * (steps.frame_time_s - steps.time_s[steps.contact])
-    part = (t > -15) & (t < 70)
-    raw, path = (1e3 * (y - steps.path_m[steps.frames[0]]) for y in (steps.raw_path_m, steps.path_m))
-    ax.plot(t[part], raw[part], ".", color="0.6", ms=3, label="markers")
-    ax.plot(t[part], path[part], color=COLOURS[0], label="filtered")
-    ax.axhline(0.0, color="0.8", lw=0.6, zorder=0)
-    names = {"contact": (5, 4), "first peak": (5, 4), "standstill": (-20, -13)}
-    _mark(ax, t, path, dict(zip(names, zip(steps.frames, names.values(), strict=True), strict=True)))
-    ax.margins(y=0.15)
-    ax.set(title="c  filter, standstill", xlabel="time from contact [ms]", ylabel="height of the heel point [mm]")
-    ax.legend(loc="upper right")
-
-
-def _loop(ax: Any, strike: "Strike") -> None:
-    """Force over compression, the work to the peak shaded."""
-    x, F = 1e3 * strike.compression_m, strike.force_n
-    ends = [strike.peak, strike.standstill]
-    ax.fill_between(x[strike.loading], F[strike.loading], color=COLOURS[5], alpha=0.35, lw=0)
-    ax.plot(x[strike.whole], F[strike.whole], color=COLOURS[0])
-    ax.plot(x[ends], F[ends], "o", color=COLOURS[1], ms=4)
-    work = strike.published.work_to_peak_j
-    ax.text(0.97, 0.06, f"work to peak {work:.2f} J", transform=ax.transAxes, ha="right")
-    ax.set(title="d  force over compression", xlim=(0, None), ylim=(0, None))
-    ax.set(xlabel="compression, skin to shank [mm]", ylabel="vertical force [N]")

@@ -1,6 +1,5 @@
 """A law of the heel as the fat pad of a model: the numbers of its `user` field, and the model that has them."""
 
-from dataclasses import dataclass
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -9,25 +8,15 @@ import numpy as np
 import mjcf
 from fasbody.exceptions import SettingError
 from fasbody.heel.laws import REFERENCE_M, THICKNESS_M, HeelLaw
-from fasbody.presentation import Tabled
 
 #: Laws that a joint can carry; the law 4.22 has a memory and needs an actuator, the others are no sum of powers.
 CARRIED = ("nonlinear", "strain_damper", "power", "hunt_crossley")
 
 
-@dataclass(frozen=True)
-class Pad(Tabled):
-    """A law as a joint carries it: `user` (8,) numbers, and the strain e0 at which it rests under its load."""
+def pad(law: HeelLaw, theta: np.ndarray, load_n: float) -> tuple[float, ...]:
+    """The `user` (8,) numbers of the joint `fat_pad` of a model: a law of the heel resting under a load [N].
 
-    user: tuple[float, ...]
-    load_n: float
-
-    def __str__(self) -> str:
-        return " ".join(f"{value:.6g}" for value in self.user).rstrip()
-
-
-def pad(law: HeelLaw, theta: np.ndarray, load_n: float) -> Pad:
-    """A law of the heel resting under a load [N], for the joint `fat_pad` of a model.
+    The last is the strain at which it rests.
 
     Args:
         law: one of `CARRIED`.
@@ -45,13 +34,13 @@ def pad(law: HeelLaw, theta: np.ndarray, load_n: float) -> Pad:
     force = lambda x: float(law.static_force(np.array([x]), theta)[0]) - load_n  # noqa: E731
     e0 = brentq(force, 0.0, 10.0 * h, xtol=1e-14) / h
     if law.key == "strain_damper":
-        return Pad((4.24, *values, h, e0), load_n)
+        return (4.24, *values, h, e0)
     if law.key == "nonlinear":
-        return Pad((4.23, *values, h, e0), load_n)
+        return (4.23, *values, h, e0)
     F_5, n = values[:2]
     j = F_5 * (h / REFERENCE_M) ** n
     c = values[2] if law.key == "hunt_crossley" else 0.0
-    return Pad((4.23, j, n, j * c * h, n, 1.0, h, e0), load_n)
+    return (4.23, j, n, j * c * h, n, 1.0, h, e0)
 
 
 def write_model(file: Path, law: HeelLaw, theta: np.ndarray, load_n: float) -> Path:
@@ -62,12 +51,12 @@ def write_model(file: Path, law: HeelLaw, theta: np.ndarray, load_n: float) -> P
     """
     from fasbody.console import write_whole
 
-    made = pad(law, theta, load_n)
+    user = " ".join(f"{value:.6g}" for value in pad(law, theta, load_n))
     root = ElementTree.fromstring(mjcf.text("two_dof"))
     root.set("model", "two_dof_measured_pad")
     (joint,) = (item for item in root.iter("joint") if item.get("name") == "fat_pad")
     joint.set("stiffness", "0")
-    joint.set("user", str(made))
+    joint.set("user", user)
     (custom,) = root.iter("custom")
     for text in list(custom):
         if text.get("name") in ("k_F", "c_21", "c_22", "c_23"):

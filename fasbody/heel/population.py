@@ -16,13 +16,12 @@ from typing import Any
 import numpy as np
 
 from fasbody.exceptions import RecordingError
+from fasbody.heel.estimate import LEVEL
 from fasbody.presentation import Tabled
 
 Array = np.ndarray
 #: Fewest persons that make a population.
 FEWEST = 4
-#: Level of the intervals.
-LEVEL = 0.95
 #: Smallest and largest standard deviation of a logarithm, in parts of its scatter.
 _RANGE = (1e-3, 5.0)
 #: Variance of a correlation's slope under the prior, nearly flat; with few people a correlation of one is avoided.
@@ -69,22 +68,29 @@ class Population(Tabled):
     converged: bool
     inside: float | None
 
-    def interval(self, speed: str, name: str) -> tuple[float, float, float]:
-        """Median of the population and its 95 % interval, in the parameter's unit."""
-        mean, variance, _ = self._moments(speed, name)
-        return _interval(mean, variance, self.persons)
+    def interval(self, speed: str, name: str, new_person: bool = False) -> tuple[float, float, float]:
+        """Median of the population and its 95 % interval, in the parameter's unit.
 
-    def predictive(self, speed: str, name: str) -> tuple[float, float]:
-        """Where a new person's parameter lies with 95 %, in its unit."""
-        mean, variance, scatter = self._moments(speed, name)
-        return _interval(mean, variance + scatter, self.persons)[1:]
+        Args:
+            speed: of `speeds`.
+            name: of `names`.
+            new_person: the interval is that in which a new person's parameter lies.
+        """
+        from scipy.stats import t as student
+
+        s, i = self.speeds.index(speed), self.names.index(name)
+        k = s * len(self.names) + i
+        variance = self.covariance[k, k] + new_person * (self.between[i, i] + self.within[i, i])
+        width = student.ppf(0.5 + 0.5 * LEVEL, self.persons - 1) * np.sqrt(variance)
+        low, high = (float(np.exp(self.mu[s, i] + side * width)) for side in (-1, 1))
+        return float(np.exp(self.mu[s, i])), low, high
 
     def rows(self) -> list[dict[str, Any]]:
         """One a speed and parameter: median, its interval, and where a new person lies."""
         keys = ("median", "lower", "upper", "new_person_lower", "new_person_upper")
         return [
             {"speed": speed, "parameter": name}
-            | dict(zip(keys, (*self.interval(speed, name), *self.predictive(speed, name)), strict=True))
+            | dict(zip(keys, (*self.interval(speed, name), *self.interval(speed, name, True)[1:]), strict=True))
             for speed in self.speeds
             for name in self.names
         ]
@@ -98,20 +104,6 @@ class Population(Tabled):
         root = np.linalg.cholesky(variance + 1e-12 * np.eye(p))
         heavy = np.sqrt((self.persons - 1) / rng.chisquare(self.persons - 1, (count, 1)))
         return np.exp(self.mu[s] + heavy * rng.standard_normal((count, p)) @ root.T)
-
-    def _moments(self, speed: str, name: str) -> tuple[float, float, float]:
-        """Mean logarithm, its variance, and that of a person at one speed about it."""
-        s, i = self.speeds.index(speed), self.names.index(name)
-        k = s * len(self.names) + i
-        scatter = self.between[i, i] + self.within[i, i]
-        return float(self.mu[s, i]), float(self.covariance[k, k]), float(scatter)
-
-
-def _interval(mean: float, variance: float, persons: int) -> tuple[float, float, float]:
-    from scipy.stats import t as student
-
-    width = float(student.ppf(0.5 + 0.5 * LEVEL, persons - 1)) * np.sqrt(variance)
-    return float(np.exp(mean)), float(np.exp(mean - width)), float(np.exp(mean + width))
 
 
 @dataclass(frozen=True, eq=False)

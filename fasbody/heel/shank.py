@@ -14,18 +14,14 @@ def frames(lower: np.ndarray, upper: np.ndarray) -> np.ndarray:
     Args:
         lower, upper: (n, 3) positions [m], z up.
     """
+    from scipy.spatial.transform import Rotation
+
     along = upper - lower
     with np.errstate(invalid="ignore", divide="ignore"):
         along = along / np.linalg.norm(along, axis=1, keepdims=True)
         psi = np.arcsin(along[:, 0])  # about y
         phi = np.arctan2(-along[:, 1], along[:, 2])  # about x
-    zero = np.zeros_like(psi)
-    rows = [
-        [np.cos(psi), zero, np.sin(psi)],
-        [np.sin(phi) * np.sin(psi), np.cos(phi), -np.sin(phi) * np.cos(psi)],
-        [-np.cos(phi) * np.sin(psi), np.sin(phi), np.cos(phi) * np.cos(psi)],
-    ]
-    return np.moveaxis(np.array(rows), 2, 0)
+    return Rotation.from_euler("XY", np.column_stack([phi, psi])).as_matrix()
 
 
 def into(point: np.ndarray, lower: np.ndarray, rotations: np.ndarray) -> np.ndarray:

@@ -14,17 +14,6 @@ from fasbody.heel import shank
 from fasbody.heel.plate import Plate
 from fasbody.presentation import Tabled
 
-#: The corrections, in their order, with what each does.
-STEPS = {
-    "offset": "the empty plate's volts before the trial are subtracted",
-    "gain": "volts become newtons by the mass that stood on the plate",
-    "contact": "the last sample below zero before the force passes its threshold",
-    "peak": "the last sample before the force first falls after that",
-    "heel point": "the mean point of application in the shank's frame, from a quarter of the peak to as long after it",
-    "filter": "the heel point's path, Butterworth of order 2 forwards and backwards, over the stretch without gaps",
-    "standstill": "where the heel point's vertical velocity turns positive",
-    "travel": "for the laws only: the path smoothed gently, as the filter above rounds a strike of 15 ms",
-}
 #: Cut-off of the filter over the Nyquist frequency, and its order.
 CUTOFF, ORDER = 0.15, 2
 #: Frames and order of the gentle smoothing (Savitzky-Golay) of the path that the laws see.
@@ -261,7 +250,10 @@ def heel_strike(trial: Trial, plate: Plate, gain: float, distance_m: float, rate
 
 
 def corrected(trial: Trial, plate: Plate, gain: float, distance_m: float, rate_hz: float) -> Steps:
-    """The corrections of `STEPS`, in their order; arguments and errors as in `heel_strike`."""
+    """What each correction makes, in the published order; arguments and errors as in `heel_strike`.
+
+    The heel point is the mean point of application in the shank's frame, from a quarter of the peak to as long after.
+    """
     if trial.markers_m.shape[0] == 0:
         raise RecordingError("no markers were recorded, so there is a force but no compression.")
     if not np.isfinite(trial.force_volts).all():

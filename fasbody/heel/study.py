@@ -33,7 +33,7 @@ from fasbody.heel.strike import (
 )
 from fasbody.presentation import Tabled
 from fasbody.recording.csv import column, read_table
-from fasbody.recording.study_toml import Table, validated
+from fasbody.recording.study_toml import Table, read_toml, validated
 from fasbody.runner import key
 
 #: What study.toml calls such a study.
@@ -172,10 +172,7 @@ class _About:
         say = f'say kind = "{KIND}" under [study]'
         if not file.is_file():
             raise InputFileError(file, "no such file", f"a study of heel strikes needs one: {say}")
-        try:
-            content = tomllib.loads(file.read_text("utf-8"))
-        except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
-            raise InputFileError(file, f"is not TOML ({error})") from None
+        content = read_toml(file)
         if not is_heel_study(file.parent):
             raise InputFileError(file, "is no study of heel strikes", say)
         tables = validated(_Document, file, content)

@@ -64,7 +64,6 @@ def _intervals(
     title: str, first: str, second: str, populations: Sequence[Population], scale: float,
     names: dict[str, str],
 ) -> Sheet:  # fmt: skip
-    """Medians of populations, their intervals, and where a new person lies."""
     rows = []
     for row in (row for people in populations for row in people.rows()):
         name = names.get(row["parameter"], row["parameter"])

@@ -114,7 +114,6 @@ def check(
 
 
 def _of_file(file: Path, layout: "Layout | None", drawn: bool) -> dict[str, Any]:
-    """What was understood of a file, or why it cannot be read."""
     from fasbody.recording.checks import understood
     from fasbody.recording.report import excerpt
     from fasbody.recording.study import read_bare

@@ -15,8 +15,9 @@ import numpy as np
 from fasbody.constants import GRAVITY
 from fasbody.exceptions import InputFileError, shown, unknown
 from fasbody.presentation import Tabled
+from fasbody.recording.clock import rate_of
 from fasbody.recording.known import Known
-from fasbody.recording.study_toml import SENSITIVITIES, ChannelTable, StudyTable, validated
+from fasbody.recording.study_toml import SENSITIVITIES, ChannelTable, FileTable, validated
 from fasbody.sentences import Sentence, called
 
 #: Units that a CSV header or a board may carry behind a channel's name, and what they are in SI.
@@ -157,11 +158,18 @@ class Layout(Tabled):
         file: Path,
         tables: Mapping[str, Any],
         rate_hz: object = None,
-        columns: object = (),
+        settings: FileTable | None = None,
         known: Mapping[str, Any] | None = None,
-        take: object = None,
     ) -> "Layout":
-        """From the [channels.*] tables of study.toml, and its [known]."""
+        """From tables of study.toml.
+
+        Args:
+            file: of the study, for messages.
+            tables: its [channels.*].
+            rate_hz: sampling rate, where there are no settings.
+            settings: those of [study] that are also those of [layouts.NAME].
+            known: its [known].
+        """
         channels = {}
         for name, table in tables.items():
             near = get_close_matches(name, (*NAMES, "time"), cutoff=0.75)
@@ -170,17 +178,14 @@ class Layout(Tabled):
                 listed = f"valid: {', '.join(NAMES)}, time, or a sensor of the model, in small letters"
                 raise InputFileError(file, f"describes the channel {name!r}", listed)
             channels[name] = _channel(file, name, table)
-        names = list(columns) if isinstance(columns, tuple) else columns
-        settings = {"sampling_rate_hz": rate_hz, "columns": names, "take": take}
-        study = validated(StudyTable, file, settings, "study")
+        settings = settings or validated(FileTable, file, {"sampling_rate_hz": rate_hz}, "study")
         for key in ("gain_std", "delay_std_s"):
             twice = [f"[channels.{name}]" for name, table in tables.items() if key in table]
             if key in (known or {}) and twice:
                 problem = f"states {key} in [known] and in {', '.join(twice)}"
                 raise InputFileError(file, problem, "keep one of them")
-        beyond = Known.from_toml(file, known or {})
-        columns = tuple(study.columns)
-        return cls(channels, study.sampling_rate_hz, columns, beyond=beyond, take=study.take)
+        beyond, columns = Known.from_toml(file, known or {}), tuple(settings.columns)
+        return cls(channels, settings.sampling_rate_hz, columns, beyond=beyond, take=settings.take)
 
     def known(self, names: Sequence[str]) -> int:
         """How many of a line's cells are channels by their names, or begin the name of one."""
@@ -262,7 +267,7 @@ class Layout(Tabled):
                 file, f"lasts {t[-1] - t[0]:.4g} s, too short for {starts}delay_s of study.toml ({late})",
                 f"valid: delays that leave {100 - 100 * _LONGEST_DELAY:.0f} % of a recording",
             )  # fmt: skip
-        rates = {name: _rate(taken.get(name, t)) for name in channels if name != "time_s"}
+        rates = {name: rate_of(taken.get(name, t)) for name in channels if name != "time_s"}
         fast = max(rates, key=lambda name: rates[name])
         slow = {name: rate for name, rate in rates.items() if rate < (1 - _SAME_CLOCK) * rates[fast]}
         listed = ", ".join(f"{name.removesuffix('_m_s2')} at {rate:.6g} Hz" for name, rate in rates.items())
@@ -289,10 +294,6 @@ class Layout(Tabled):
 
 
 _Take = TypeVar("_Take")
-
-
-def _rate(time_s: np.ndarray) -> float:
-    return float((time_s.size - 1) / (time_s[-1] - time_s[0]))
 
 
 def _brought(time_s: np.ndarray, values: np.ndarray, to_s: np.ndarray) -> np.ndarray:

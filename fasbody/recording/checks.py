@@ -335,9 +335,7 @@ def _clipping(recording: Recording, name: str, frequency: float | None, interval
             )
 
 
-def _odd(
-    recording: Recording, name: str, frequency: float | None, offset: float
-) -> Iterator[str]:
+def _odd(recording: Recording, name: str, frequency: float | None, offset: float) -> Iterator[str]:
     """Refuse marks that stand for missing samples; what spikes and jumps do."""
     t, values = recording.time_s, recording.accelerations[name]
     odd = samples.odd(values, None if frequency is None else (t[-1] - t[0]) * frequency)
@@ -451,8 +449,8 @@ def _quality(recording: Recording, measures: Quality, frequency: float | None) -
             yield f"{name}_m_s2 has harmonics of {share:.0f} % of its fundamental."
         if channel.drift > (_DRIFTS if frequency else 1.0):
             yield f"{name}_m_s2 drifts by {100 * channel.drift:.0f} % of its amplitude."
-        if frequency and channel.unsteady > _UNSTEADY and channel.level_m_s2.size > 1:
-            low, high = channel.level_m_s2.min(), channel.level_m_s2.max()
+        low, high = channel.level_m_s2.min(), channel.level_m_s2.max()
+        if frequency and high - low > _UNSTEADY * channel.level_m_s2.mean():
             yield (
                 f"the level of {name}_m_s2 is not steady, {low:.3g} to {high:.3g} m/s^2 by segment."
             )

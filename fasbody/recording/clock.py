@@ -14,6 +14,11 @@ _SEEN = 8.0
 _GAP = 1.9
 
 
+def rate_of(time_s: np.ndarray) -> float:
+    """Sampling rate [Hz] of times (n,) [s]."""
+    return float((time_s.size - 1) / (time_s[-1] - time_s[0]))
+
+
 def rounded(time_s: np.ndarray) -> float | None:
     """What the stamps (n,) are rounded to [s], None if they are not those of a uniform clock.
 

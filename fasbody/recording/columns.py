@@ -7,20 +7,8 @@ from pathlib import Path
 
 from fasbody.exceptions import InputFileError, shown
 from fasbody.presentation import Tabled
-from fasbody.recording.channels import (
-    ACCELERATIONS,
-    KNOWN_UNITS,
-    NAMES,
-    SENSOR_NAME,
-    TIME_UNITS,
-    UNITS,
-    VOLTAGES,
-    Channel,
-    Layout,
-    factor,
-    heading,
-    name_and_unit,
-)
+from fasbody.recording import channels
+from fasbody.recording.channels import Channel, Layout
 from fasbody.sentences import Sentence, called, for_page
 
 #: So many letters as a first word are no unit: min_base is a minimum, second_foot a foot.
@@ -59,11 +47,12 @@ class Columns:
         """
         stated, plain = column.strip().lower(), [name.strip().lower() for name in self.names]
         repeated = f"{plain[index]} {plain[: index + 1].count(plain[index])}"
-        return stated in (plain[index], heading(self.names[index])[0], repeated, f"#{index + 1}")
+        return stated in (plain[index], channels.heading(self.names[index])[0], repeated, f"#{index + 1}")
 
     def claimed(self, index: int) -> str:
         """The unit of a column by itself, or by its heading."""
-        return self.units[index] or heading(self.names[index])[1] or name_and_unit(self.names[index])[1]
+        name = self.names[index]
+        return self.units[index] or channels.heading(name)[1] or channels.name_and_unit(name)[1]
 
     @property
     def listed(self) -> str:
@@ -78,10 +67,10 @@ class Columns:
 
     def _is_time(self, index: int) -> bool:
         name = self.names[index].strip().lower()
-        unit = self.units[index].lower() or (name_and_unit(name)[1] if name[-1:] in ")]" else "")
+        unit = self.units[index].lower() or (channels.name_and_unit(name)[1] if name[-1:] in ")]" else "")
         if unit:
-            return unit in TIME_UNITS
-        return name_and_unit(name)[1] not in UNITS and _TIMES.search(name) is not None
+            return unit in channels.TIME_UNITS
+        return channels.name_and_unit(name)[1] not in channels.UNITS and _TIMES.search(name) is not None
 
 
 @dataclass(frozen=True)
@@ -101,29 +90,20 @@ class Use(Tabled):
     clock: int | None = None
 
 
-@dataclass(frozen=True)
-class Assignment:
-    """Channels and columns.
-
-    Attributes:
-        uses: by the channel's name, ``time_s``, ``base_m_s2`` ...; ``time`` if that has no unit and a rate is known.
-        remarks: what was decided between the file and study.toml, in sentences without the file's name.
-    """
-
-    uses: dict[str, Use]
-    remarks: tuple[str, ...] = ()
-
-
-def assign(file: Path, columns: Columns, layout: Layout) -> Assignment:
+def assign(file: Path, columns: Columns, layout: Layout) -> tuple[dict[str, Use], tuple[str, ...]]:
     """Find the channels among a file's columns: those of section 2.2.2, and every other that is an acceleration.
 
     Args:
         columns: of the file.
         layout: of study.toml.
+
+    Returns:
+        Uses by the channel's name, ``time_s``, ``base_m_s2`` ..., ``time`` if that has no unit and a rate is known; and
+        what was decided between the file and study.toml, in sentences without the file's name.
     """
     remarks: list[str] = []
     chosen: dict[str, tuple[int, str]] = {}
-    for channel in ("time", *NAMES):
+    for channel in ("time", *channels.NAMES):
         column = _column_of(file, columns, layout, channel, remarks)
         if column is not None:
             index, unit = column
@@ -142,13 +122,11 @@ def assign(file: Path, columns: Columns, layout: Layout) -> Assignment:
     chosen |= _others(columns, layout, chosen)
     clocks = _clocks(file, columns, layout, chosen)
     _one_length(file, columns, chosen, clocks)
-    return Assignment(
-        {
-            key: Use(index, _factor(file, columns, layout, key, unit), unit, clocks.get(key))
-            for key, (index, unit) in chosen.items()
-        },
-        tuple(remarks),
-    )
+    uses = {
+        key: Use(index, _factor(file, columns, layout, key, unit), unit, clocks.get(key))
+        for key, (index, unit) in chosen.items()
+    }
+    return uses, tuple(remarks)
 
 
 def has_channels(columns: Columns, layout: Layout) -> bool:
@@ -167,14 +145,14 @@ def _column_of(
     stated = layout.channels.get(channel, Channel())
     candidates: list[tuple[int, str]] = []
     for index, name in enumerate(columns.names):
-        stem, behind = name_and_unit(name)
+        stem, behind = channels.name_and_unit(name)
         if stated.column:
-            behind = behind if stem == channel else heading(name)[1]
+            behind = behind if stem == channel else channels.heading(name)[1]
         mine = stem == channel and (channel == "time" or index not in columns.times)
         if not (columns.called(index, stated.column) if stated.column else mine):
             continue
         unit = _unit(file, channel, behind, columns.units[index], stated.unit, remarks)
-        if channel == "time" and unit and unit.lower() not in TIME_UNITS and not stated.column:
+        if channel == "time" and unit and unit.lower() not in channels.TIME_UNITS and not stated.column:
             continue
         candidates.append((index, unit))
     if (
@@ -211,15 +189,16 @@ def _unit(file: Path, channel: str, behind: str, beside: str, stated: str, remar
         stated: in study.toml.
         remarks: gets a sentence where study.toml overrules.
     """
-    valid = TIME_UNITS if channel == "time" else ACCELERATIONS | VOLTAGES
+    valid = channels.TIME_UNITS if channel == "time" else channels.ACCELERATIONS | channels.VOLTAGES
     known = [unit for unit in (beside, behind) if unit.lower() in valid]
     if not stated and len(known) == 2 and not _same(valid, *known):
         raise InputFileError(
             file, f"{channel} is in {beside} (a unit with the column), and its heading says {behind}",
             f"correct one of them, or say which in study.toml ([channels.{channel}] unit = ...)",
         )  # fmt: skip
-    claimed = beside or (behind if behind.lower() in KNOWN_UNITS else "")
-    plain = stated.lower() in VOLTAGES and claimed.lower() == "m_s2"  # the standard heading over numbers in volts
+    claimed = beside or (behind if behind.lower() in channels.KNOWN_UNITS else "")
+    # the standard heading may stand over numbers in volts
+    plain = stated.lower() in channels.VOLTAGES and claimed.lower() == "m_s2"
     if stated and claimed and not plain and not _same(valid, stated, claimed):
         by = Sentence(" as study.toml says", on_page=" as was said here")
         remarks.append(Sentence(f"{channel} is in {stated}", by, f", though the file says {shown(claimed)}"))
@@ -228,7 +207,7 @@ def _unit(file: Path, channel: str, behind: str, beside: str, stated: str, remar
 
 def _same(valid: Mapping[str, float], one: str, other: str) -> bool:
     one, other = one.lower(), other.lower()
-    return valid.get(one) == valid.get(other) and (one in VOLTAGES) == (other in VOLTAGES)
+    return valid.get(one) == valid.get(other) and (one in channels.VOLTAGES) == (other in channels.VOLTAGES)
 
 
 def _by_unit(columns: Columns) -> tuple[int, str] | None:
@@ -238,10 +217,10 @@ def _by_unit(columns: Columns) -> tuple[int, str] | None:
     is the first word (seconds_elapsed).
     """
     for index, name in enumerate(columns.names):
-        stem, behind = name_and_unit(name)
+        stem, behind = channels.name_and_unit(name)
         bracketed = behind if name.strip()[-1:] in ")]" else ""
         units = [columns.units[index] or bracketed, behind if index in columns.times else "", stem]
-        known = (u for u in units if u.lower() in TIME_UNITS and (u != stem or len(u) > _SHORT))
+        known = (u for u in units if u.lower() in channels.TIME_UNITS and (u != stem or len(u) > _SHORT))
         if unit := next(known, ""):
             return index, unit
     return None
@@ -284,13 +263,13 @@ def _others(
     size = columns.sizes[chosen["base_m_s2"][0]] if columns.sizes else 0
     others: dict[str, tuple[int, str]] = {}
     for index, (name, unit) in enumerate(zip(columns.names, columns.units, strict=True)):
-        plain, claimed = heading(name)
+        plain, claimed = channels.heading(name)
         stem = plain.removesuffix(f"_{claimed}") if claimed else plain
         named = (other for other, c in layout.channels.items() if c.column and columns.called(index, c.column))
         channel = next(named, stem)
         stated = layout.channels.get(channel)
-        acceleration = (unit or claimed).lower() in ACCELERATIONS and SENSOR_NAME.fullmatch(channel)
-        if index in taken or channel.partition("_")[0] in (*NAMES, "time") or not (stated or acceleration):
+        acceleration = (unit or claimed).lower() in channels.ACCELERATIONS and channels.SENSOR_NAME.fullmatch(channel)
+        if index in taken or channel.partition("_")[0] in (*channels.NAMES, "time") or not (stated or acceleration):
             continue
         if not columns.sizes or stated or columns.sizes[index] == size:
             others.setdefault(f"{channel}_m_s2", (index, (stated.unit if stated else "") or unit or claimed))
@@ -355,30 +334,30 @@ def _clock_of(columns: Columns, index: int, key: str, times: Sequence[int], main
 
 def _words(name: str) -> set[str]:
     """Words and numbers that distinguish a heading, without those of time and units."""
-    words = set(re.findall(r"[^\W\d_]+|\d+", name_and_unit(name)[0] if name.strip()[-1:] in ")]" else name.lower()))
+    stem = channels.name_and_unit(name)[0] if name.strip()[-1:] in ")]" else name.lower()
+    words = set(re.findall(r"[^\W\d_]+|\d+", stem))
     return {word for word in words if (word.isdigit() or len(word) > 2) and not _TIMES.fullmatch(word)}
 
 
 def _factor(file: Path, columns: Columns, layout: Layout, key: str, unit: str) -> float:
-    """What turns a column's numbers into SI."""
     if key == "time":
         return 1.0
     if key == "time_s":
-        return factor(file, "time", unit, TIME_UNITS, columns.line)
+        return channels.factor(file, "time", unit, channels.TIME_UNITS, columns.line)
     channel = key.removesuffix("_m_s2")
     stated = layout.channels.get(channel, Channel())
     if not unit:
         si_unit = called(f"channels.{channel}.unit", "m/s^2")
         hint = Sentence(f"name the column {channel}_m_s2 or {channel}_g, or give ", si_unit)
         raise InputFileError(file, f"{channel} has no unit", hint, line=columns.line)
-    if unit.lower() in VOLTAGES:
+    if unit.lower() in channels.VOLTAGES:
         if stated.sensitivity == 1.0 and not stated.volts:
             hint = Sentence("give ", called(f"channels.{channel}.sensitivity", "100 mV/g"))
             symbol = {"v": "V", "mv": "mV"}.get(unit.lower(), unit)  # of a heading in lower case
             raise InputFileError(file, f"{channel} is in {symbol}", hint)
-        scale = VOLTAGES[unit.lower()] if stated.volts else 1.0
+        scale = channels.VOLTAGES[unit.lower()] if stated.volts else 1.0
     else:
-        scale = factor(file, channel, unit, ACCELERATIONS, columns.line)
+        scale = channels.factor(file, channel, unit, channels.ACCELERATIONS, columns.line)
         if stated.volts:
             raise InputFileError(file, f"{channel} is in {unit}, and study.toml gives a sensitivity in volts")
     return stated.sign * scale / stated.sensitivity

@@ -15,33 +15,10 @@ from pathlib import Path
 import numpy as np
 
 from fasbody.exceptions import InputFileError, shown
+from fasbody.recording import headings, text
 from fasbody.recording.channels import Channels, Layout
 from fasbody.recording.columns import Columns, Use, has_channels
-from fasbody.recording.headings import (
-    STAMP,
-    Headings,
-    find_header,
-    first_number_row,
-    first_samples,
-    header_above_numbers,
-    is_sample,
-    read_headings,
-    read_statements,
-    without_footer,
-)
-from fasbody.recording.text import (
-    COMMENT,
-    PIECE,
-    Passage,
-    lines,
-    number,
-    numeric,
-    offset,
-    read_text,
-    rows,
-    rows_below,
-    split,
-)
+from fasbody.recording.headings import Headings
 from fasbody.sentences import Sentence
 
 #: Longer texts are parsed by pandas, several times as fast as numpy's parser; importing it costs what this long takes.
@@ -62,7 +39,7 @@ class TextTable:
         footer: lines of words behind the numbers, once these are read.
     """
 
-    passage: Passage
+    passage: text.Passage
     head: str
     headings: Headings
     passed: tuple[str, ...] = ()
@@ -133,14 +110,14 @@ class TextTable:
     @cached_property
     def first_row(self) -> list[str]:
         """The cells of the first row of numbers."""
-        below = rows_below(self.head, self.headings.first, self.headings.separator)
+        below = text.rows_below(self.head, self.headings.first, self.headings.separator)
         return next((cells for _, cells in below), [])
 
     @cached_property
     def stamped(self) -> frozenset[int]:
         """Columns of times of the day."""
         cells = self.first_row[: len(self.names)]
-        return frozenset(i for i, cell in enumerate(cells) if STAMP.fullmatch(cell))
+        return frozenset(i for i, cell in enumerate(cells) if headings.STAMP.fullmatch(cell))
 
     def numbers(self, indices: Mapping[str, int]) -> Channels:
         """Columns as floats (n,), NaN where a cell is empty, times of the day in seconds: by name, from their index."""
@@ -153,7 +130,7 @@ class TextTable:
                 parts[name].append(values)
             for name, index in times.items():
                 parts[name].append(_seconds(self.file, body, self.headings.separator, index, after))
-        columns = {name: _joined(pieces) for name, pieces in parts.items()}
+        columns = {name: np.concatenate(parts.pop(name) or [np.empty(0)]) for name in indices}  # the pieces go
         for name, index in rest.items():
             _no_thousands(self, name, index, columns[name])
         for name in times:  # it passes midnight where the time of the day falls
@@ -166,36 +143,25 @@ class TextTable:
         following = next(pieces, None)
         while following is not None:
             (at, piece), following = following, next(pieces, None)
-            piece = piece[offset(piece, above - at) :] if at < above else piece
+            piece = piece[text.offset(piece, above - at) :] if at < above else piece
             if following is None:
-                piece, self.footer[:] = without_footer(piece, self.headings.separator)
+                piece, self.footer[:] = headings.without_footer(piece, self.headings.separator)
             yield max(at, above), piece
-
-    def rising(self, time_s: np.ndarray) -> list[int]:
-        """Columns whose first rows rise as a time does, without a name of one."""
-        first = self.sample()
-        steps = float(np.median(np.diff(time_s[: max(2, first.shape[1])])))
-        times = []
-        for index, values in enumerate(first):
-            rise = np.diff(values)
-            even = rise.size > 8 and bool(rise.min() > 0) and np.ptp(rise) < 0.1 * np.median(rise)
-            times += [index] if even and any(abs(np.median(rise) / steps / u - 1) < 1e-2 for u in (1, 1e3, 1e6)) else []
-        return times
 
     def sample(self, most: int = 500) -> np.ndarray:
         """The first rows of numbers, (columns, rows); NaN where a cell is none."""
         kept: list[list[float]] = []
-        for _, cells in rows_below(self.head, self.headings.first, self.headings.separator):
+        for _, cells in text.rows_below(self.head, self.headings.first, self.headings.separator):
             if len(kept) == most:
                 break
-            if len(cells) == len(self.names) and any(map(numeric, cells)):
-                kept.append([number(cell) if numeric(cell) else np.nan for cell in cells])
+            if len(cells) == len(self.names) and any(map(text.numeric, cells)):
+                kept.append([text.number(cell) if text.numeric(cell) else np.nan for cell in cells])
         return np.array(kept, float).reshape(-1, len(self.names)).T
 
     def refuse_gap(self, name: str, index: int) -> InputFileError:
         """A sentence on the first empty cell of a column."""
         for after, body in self.bodies():
-            for line, cells in rows(self.file, body, self.headings.separator, after):
+            for line, cells in text.rows(self.file, body, self.headings.separator, after):
                 if not (cells[index] if index < len(cells) else ""):
                     return InputFileError(self.file, f"{name} is '', not a number", line=line)
         return InputFileError(self.file, f"{name} lacks a number")
@@ -212,12 +178,12 @@ def several_takes(file: Path, count: int, where: str) -> InputFileError:
 
 def _sections(file: Path, layout: Layout, strict: bool) -> Iterator[TextTable]:
     """The tables of a text, one below the other: each begins with its headings."""
-    passage: Passage | None = Passage(file)
+    passage: text.Passage | None = text.Passage(file)
     while passage is not None:
         table, passage = _table(passage, layout, strict), None
-        if len(table.head) < PIECE and (end := _end(table)) is not None:
-            passage = Passage(file, end)
-            table = _table(Passage(file, table.passage.first, end), layout, strict)
+        if len(table.head) < text.PIECE and (end := _end(table)) is not None:
+            passage = text.Passage(file, end)
+            table = _table(text.Passage(file, table.passage.first, end), layout, strict)
         yield table
 
 
@@ -227,31 +193,31 @@ _WORDED = re.compile(r"^[ \t\"',;|]*[^\W\d_][^\n]*$", re.MULTILINE)
 
 def _end(table: TextTable) -> int | None:
     """How many lines of the file stand above the next headings below the numbers, None where there are none."""
-    text, separator = table.head, table.headings.separator
-    start = offset(text, table.headings.first)
-    if _WORDED.match(text, start):
+    head, separator = table.head, table.headings.separator
+    start = text.offset(head, table.headings.first)
+    if _WORDED.match(head, start):
         return None  # each row begins with a word
-    for match in _WORDED.finditer(text, start):
-        if not any(map(is_sample, split(match[0], separator))):
-            if header_above_numbers(text[match.start() :]) is None:
+    for match in _WORDED.finditer(head, start):
+        if not any(map(headings.is_sample, text.split(match[0], separator))):
+            if headings.header_above_numbers(head[match.start() :]) is None:
                 return None
-            return table.passage.first + text.count("\n", 0, match.start())
+            return table.passage.first + head.count("\n", 0, match.start())
     return None
 
 
-def _table(passage: Passage, layout: Layout, strict: bool) -> TextTable:
+def _table(passage: text.Passage, layout: Layout, strict: bool) -> TextTable:
     """The headings of a passage, and where its numbers begin."""
     file, head = passage.file, next((piece for _, piece in passage.pieces()), "")
-    header = find_header(head, layout.known)
+    header = headings.find_header(head, layout.known)
     if not any(header.names):
         hint = "the first line must be time_s,base_m_s2,malleolus_m_s2"
         raise InputFileError(file, "is empty", hint)
     known = layout.known(header.names)
-    numbers = first_number_row(head, header, layout) if layout.columns or not known else None
+    numbers = headings.first_number_row(head, header, layout) if layout.columns or not known else None
     if numbers is None:
         if not known and any(channel.column[:1] == "#" for channel in layout.channels.values()):
-            header = header_above_numbers(head) or header
-        return TextTable(passage, head, read_headings(head, header))
+            header = headings.header_above_numbers(head) or header
+        return TextTable(passage, head, headings.read_headings(head, header))
     if strict and not layout.columns:
         columns = ", or --columns time_s,base_g,... (study.toml: columns) must name its columns"
         hint = Sentence(
@@ -265,25 +231,15 @@ def _table(passage: Passage, layout: Layout, strict: bool) -> TextTable:
         problem = f"has {width} columns, and {len(layout.columns)} are named ({listed})"
         hint = "name every column, with any word for those that are no channel"
         raise InputFileError(file, problem, hint, line)
-    rate, others = read_statements([row for row in islice(lines(head), line - 1) if row.strip()])
+    rate, others = headings.read_statements([row for row in islice(text.lines(head), line - 1) if row.strip()])
     units = layout.units or ("",) * len(layout.columns)
     skipped = tuple(f"a line above the numbers ({shown(row)})" for row in others)
-    headings = Headings(separator, layout.columns, units, 0, line - 1, skipped, rate)
-    return TextTable(passage, head, headings)
-
-
-def _joined(parts: list[np.ndarray]) -> np.ndarray:
-    """One array of several, which are let go of."""
-    if len(parts) == 1:
-        return parts.pop()
-    joined = np.concatenate(parts) if parts else np.empty(0)
-    parts.clear()
-    return joined
+    return TextTable(passage, head, Headings(separator, layout.columns, units, 0, line - 1, skipped, rate))
 
 
 def _no_narrower(table: TextTable, indices: Mapping[str, int]) -> None:
     """Refuse headings that are more than the cells below them, unless a time of its name shows which are which."""
-    body = first_samples(table.head, table.headings.first, table.headings.separator)
+    body = headings.first_samples(table.head, table.headings.first, table.headings.separator)
     surplus = len(table.names) - len(body)
     while surplus > 0 and not table.names[len(body) + surplus - 1]:
         surplus -= 1
@@ -307,7 +263,7 @@ def _no_thousands(table: TextTable, name: str, index: int, values: np.ndarray) -
         return
     marked = bare = ""
     for after, body in table.bodies():
-        for _, cells in rows(table.file, body, table.headings.separator, after):
+        for _, cells in text.rows(table.file, body, table.headings.separator, after):
             cell = cells[index] if index < len(cells) else ""
             if _THOUSANDS.fullmatch(cell):
                 marked = marked or cell
@@ -338,8 +294,8 @@ def _numbers(table: TextTable, body: str, after: int, indices: Mapping[str, int]
     decimal = "," if any("," in sample[i] for i in indices.values() if i < len(sample)) else "."
     marked = any(mark in body for mark in ("#", "%", "//"))  # a search by pattern takes as long as the parser
     plain = body
-    if marked and (COMMENT.match(body) or re.search(rf"\n{COMMENT.pattern}", body)):
-        plain = "\n".join(line for line in body.split("\n") if not COMMENT.match(line))
+    if marked and (text.COMMENT.match(body) or re.search(rf"\n{text.COMMENT.pattern}", body)):
+        plain = "\n".join(line for line in body.split("\n") if not text.COMMENT.match(line))
     data = plain.encode()
     _no_wider(table, body, data, after)
     order = list(indices.values())
@@ -349,7 +305,7 @@ def _numbers(table: TextTable, body: str, after: int, indices: Mapping[str, int]
     except (ValueError, TypeError):  # pandas' errors are ValueErrors, too
         pass
     kept: list[list[float]] = []
-    for line, cells in rows(table.file, body, separator, after):
+    for line, cells in text.rows(table.file, body, separator, after):
         kept.append([_cell(table.file, name, cells, index, line, empty=True) for name, index in indices.items()])
     return dict(zip(indices, np.array(kept, float).reshape(-1, len(indices)).T.copy(), strict=True))
 
@@ -385,9 +341,9 @@ def _parsed(data: bytes, separator: str, decimal: str, order: Sequence[int], wid
 def _seconds(file: Path, body: str, separator: str, index: int, after: int) -> np.ndarray:
     """A column of times of the day (n,) [s]."""
     seconds = []
-    for line, cells in rows(file, body, separator, after):
+    for line, cells in text.rows(file, body, separator, after):
         cell = cells[index] if index < len(cells) else ""
-        stamp = STAMP.fullmatch(cell)
+        stamp = headings.STAMP.fullmatch(cell)
         if stamp is None:
             raise InputFileError(file, f"time is {shown(cell)!r}, not a time of the day as above it", line=line)
         hour = int(stamp[1] or 0) if stamp[4] is None else int(stamp[1] or 0) % 12 + 12 * (stamp[4] in "Pp")
@@ -400,7 +356,7 @@ def _no_wider(table: TextTable, body: str, data: bytes, after: int) -> None:
     separator, width = table.headings.separator, len(table.names)
     if _widest(data, separator) <= width:
         return
-    for line, cells in rows(table.file, body, separator, after):
+    for line, cells in text.rows(table.file, body, separator, after):
         if any(cells[width:]):
             hint = "if its decimals have commas, separate the columns by ;" if separator == "," else ""
             raise InputFileError(table.file, f"has {len(cells)} cells, and the header {width}", hint, line)
@@ -420,7 +376,7 @@ def _cell(file: Path, name: str, cells: Sequence[str], index: int, line: int, em
     if empty and not cell:
         return np.nan
     try:
-        value = number(cell)
+        value = text.number(cell)
     except ValueError:
         hint = ""
         if re.fullmatch(r"[-+\d.,'’  \u202f]*\d[-+\d.,'’  \u202f]*", cell):
@@ -439,8 +395,8 @@ Rows = dict[int, dict[str, str | None]]
 
 def read_table(file: Path, needed: Sequence[str]) -> Rows:
     """Read a small table as text."""
-    text = read_text(file)
-    line, separator, names = find_header(text, lambda cells: len(set(cells) & set(needed)))
+    whole = text.read_text(file)
+    line, separator, names = headings.find_header(whole, lambda cells: len(set(cells) & set(needed)))
     if not any(names):
         raise InputFileError(file, "is empty", f"its header must name {', '.join(needed)}")
     for name in needed:
@@ -450,7 +406,7 @@ def read_table(file: Path, needed: Sequence[str]) -> Rows:
         twice = next(name for name in names if names.count(name) > 1)
         raise InputFileError(file, f"has two columns {shown(twice)!r}", "keep one of them", line=line)
     records: Rows = {}
-    for place, cells in rows(file, text[offset(text, line) :], separator, line):
+    for place, cells in text.rows(file, whole[text.offset(whole, line) :], separator, line):
         if any(cells[len(names) :]):
             raise InputFileError(file, f"has {len(cells)} cells, and the header {len(names)}", line=place)
         records[place] = {name: cell or None for name, cell in zip_longest(names, cells[: len(names)])}

@@ -46,11 +46,6 @@ class Reading:
     warnings: tuple[str, ...] = ()
 
 
-def read(file: Path, layout: Layout | None = None) -> Channels:
-    """The channels of a recording in any format, as `reading` gives them."""
-    return reading(file, layout).channels
-
-
 def reading(file: Path, layout: Layout | None = None) -> Reading:
     """A recording in any format, by the file's ending, with what became of each of its columns.
 
@@ -64,9 +59,9 @@ def reading(file: Path, layout: Layout | None = None) -> Reading:
         source = TextTable.open(file, layout)
     else:
         source = _SeriesTable.open(file, layout)
-    assignment = assign(file, source.columns, layout)
-    numbers = _numbers(source, assignment.uses, layout)
-    uses = {key: use for key, use in assignment.uses.items() if key in numbers}
+    uses, decided = assign(file, source.columns, layout)
+    numbers = _numbers(source, uses, layout)
+    uses = {key: use for key, use in uses.items() if key in numbers}
     rate = source.rate_hz(uses, layout)
     numbers, places = _without_gaps(source, uses, numbers)
     channels = {key: numbers.pop(key) for key in uses}
@@ -97,7 +92,7 @@ def reading(file: Path, layout: Layout | None = None) -> Reading:
     if not {"time", "time_s"} & uses.keys() and (rate or layout.rate_hz):
         counted = f"time: counted at {rate or layout.rate_hz:.6g} Hz, as {'the file' if rate else 'study.toml'} says"
         used = (*((counted,) if "base_m_s2" not in clocks else ()), *used)
-    return Reading(channels, used, unused, (*assignment.remarks, *others, *filter(None, [unlike])))
+    return Reading(channels, used, unused, (*decided, *others, *filter(None, [unlike])))
 
 
 def _numbers(source: "TextTable | _SeriesTable", uses: Mapping[str, Use], layout: Layout) -> Channels:
@@ -211,7 +206,8 @@ def _other_clocks(source: "TextTable | _SeriesTable", uses: Mapping[str, Use], t
     """Columns of times that are in no use, stand with no other column, and differ from those in use."""
     columns, remarks = source.columns, []
     taken = {use.index for use in uses.values()} | {use.clock for use in uses.values()}
-    for index in sorted({*columns.times, *source.rising(time_s)}):
+    rising = {index for index, values in enumerate(source.sample()) if _like_a_time(values, time_s)}
+    for index in sorted({*columns.times, *rising}):
         next_one = index + 1
         of_another = next_one < len(columns.names) and not columns.groups and next_one not in {*taken, *columns.times}
         groups = {columns.groups[i] for i in taken if i is not None} if columns.groups else {""}
@@ -295,10 +291,9 @@ class _SeriesTable:
     def numbers(self, indices: Mapping[str, int]) -> Channels:
         return {key: self.series[index].values for key, index in indices.items()}
 
-    def rising(self, time_s: np.ndarray) -> list[int]:
-        """Columns that rise as a time does, without a name of one."""
-        return [index for index, s in enumerate(self.series) if s.values.size == time_s.size and
-                _as_time(s.values, time_s)]  # fmt: skip
+    def sample(self) -> list[np.ndarray]:
+        """The first numbers of each column."""
+        return [s.values[:_FIRST] for s in self.series]
 
     def remarks(self, time_s: np.ndarray) -> list[str]:
         """What the file states that its numbers deny."""
@@ -335,15 +330,15 @@ class _SeriesTable:
         return {key: self.series[use.index] for key, use in uses.items() if not key.startswith("time")}
 
 
-#: A column is a time if it rises by the same span within this share.
-_AS_FAST = 1e-3
+#: So many numbers show whether a column rises as a time does.
+_FIRST = 500
 
 
-def _as_time(values: np.ndarray, time_s: np.ndarray) -> bool:
-    """Whether values (n,) rise as a time in seconds or milliseconds does."""
-    span, rise = float(time_s[-1] - time_s[0]), float(values[-1] - values[0])
-    alike = span > 0 and any(abs(rise / span / scale - 1) < _AS_FAST for scale in (1.0, 1e3, 1e6))
-    return alike and values.size > 8 and bool(np.diff(values).min() > 0)
+def _like_a_time(values: np.ndarray, time_s: np.ndarray) -> bool:
+    """Whether the first values (n,) of a column rise as evenly as a time in s, ms or us does."""
+    rise, step = np.diff(values), float(np.median(np.diff(time_s[: max(2, values.size)])))
+    even = rise.size > 8 and bool(rise.min() > 0) and np.ptp(rise) < 0.1 * np.median(rise)
+    return even and any(abs(np.median(rise) / step / unit - 1) < 1e-2 for unit in (1, 1e3, 1e6))
 
 
 def read_one(file: Path, channel: str, layout: Layout | None = None, named: str = "") -> tuple[np.ndarray, np.ndarray]:
@@ -362,7 +357,7 @@ def read_one(file: Path, channel: str, layout: Layout | None = None, named: str 
         column = next((name for name in names if name_and_unit(name)[0] == channel), channel)
     pair = {name: replace(stated, column=column) for name in ("base", "malleolus")}
     time = {"time": layout.channels["time"]} if "time" in layout.channels else {}
-    channels = read(file, replace(layout, channels=pair | time))
+    channels = reading(file, replace(layout, channels=pair | time)).channels
     return channels["time_s"], channels[f"{channel}_m_s2"]
 
 
@@ -453,7 +448,7 @@ def write(file: Path, channels: Channels, matlab: str = "5") -> None:
 
     Args:
         file: to write.
-        channels: as `read` gives them.
+        channels: as `reading` gives them.
         matlab: version of a .mat file, "5" or "7.3".
     """
     end = file.suffix.lower()

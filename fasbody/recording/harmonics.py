@@ -5,7 +5,6 @@ it is the discrete Fourier transform without leakage, for any number of samples 
 itself is refined from the base channel (four-parameter sine fit, IEEE Std 1057).
 """
 
-import functools
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
@@ -14,6 +13,7 @@ import numpy as np
 
 from fasbody.exceptions import RecordingError
 from fasbody.presentation import Tabled
+from fasbody.recording.clock import rate_of
 
 #: Harmonics fitted so that the residual is noise; those above HIGHEST_HZ only serve that.
 _FITTED = 20
@@ -71,18 +71,15 @@ def fit_harmonics(time_s: np.ndarray, signal: np.ndarray, frequency_hz: float, c
         frequency_hz: fundamental.
         count: how many harmonics to return.
     """
-    rate = (time_s.size - 1) / (time_s[-1] - time_s[0])
+    rate = rate_of(time_s)
     fitted = max(count, min(_FITTED, int(0.45 * rate // frequency_hz)))
-    basis = _basis(time_s, frequency_hz, fitted)
-    coefficients = basis.solve(signal)
-    residual = basis.residual(signal, coefficients)
-    dof = max(1, signal.size - coefficients.size)
-    sigma = float(np.sqrt(residual @ residual / dof))
+    coefficients, residual = _fitted(time_s, signal, frequency_hz, fitted)
+    sigma = float(np.sqrt(residual @ residual / max(1, signal.size - coefficients.size)))
     amplitudes = coefficients[1::2] - 1j * coefficients[2::2]
     power = np.abs(np.fft.rfft(residual)) ** 2
     std = np.full(count, sigma) * np.sqrt(2 / signal.size) * _colour(power, rate / signal.size, frequency_hz, count)
     floor = float(np.sqrt(2 * _white(power)) / signal.size)  # sidebands left out
-    std, scatter, onset = _with_scatter(basis, time_s, signal, frequency_hz, count, std, amplitudes[0], floor)
+    std, scatter, onset = _with_scatter(time_s, signal, frequency_hz, std, amplitudes[0], floor)
     return Harmonics(frequency_hz, amplitudes[:count], std, float(coefficients[0]), sigma, scatter, onset)
 
 
@@ -103,7 +100,7 @@ def find_frequency(time_s: np.ndarray, signal: np.ndarray) -> float:
 
 def _highest(time_s: np.ndarray, signal: np.ndarray) -> float:
     """Where the spectrum is highest [Hz]."""
-    rate = (time_s.size - 1) / (time_s[-1] - time_s[0])
+    rate = rate_of(time_s)
     spectrum = np.abs(np.fft.rfft(signal * np.hanning(signal.size), 4 * signal.size))
     lowest = int(np.ceil(4 * signal.size * 0.5 / rate))
     return float((lowest + int(np.argmax(spectrum[lowest:]))) * rate / (4 * signal.size))
@@ -113,11 +110,12 @@ def _refined(time_s: np.ndarray, signal: np.ndarray, peak: float) -> float:
     """A frequency near a peak [Hz] by least squares."""
     f, middle = peak, float(time_s.mean())  # from the middle, where phase and frequency hardly share an error
     half = 0.5 * (time_s[-1] - time_s[0])
-    blocks = [slice(a, a + _LONG) for a in range(0, time_s.size, _LONG)]
     for _ in range(20):  # Gauss-Newton on amplitude, phase and frequency
         N, right = np.zeros((5, 5)), np.zeros(5)
-        for part in blocks:
-            P = _with_slopes(time_s[part] - middle, f, half)
+        for part in _blocks(time_s.size, _LONG):
+            passed = time_s[part] - middle
+            waves = columns(2 * np.pi * f * passed, 1)
+            P = np.column_stack([waves, passed[:, None] / half * waves[:, 1:]])
             N, right = N + P.T @ P, right + P.T @ signal[part]
         c = _solved(P[:, :3], N[:3, :3], right[:3], signal)
         size = np.hypot(c[1], c[2]) or 1.0
@@ -132,23 +130,16 @@ def _refined(time_s: np.ndarray, signal: np.ndarray, peak: float) -> float:
     return float(f)
 
 
-def _with_slopes(passed: np.ndarray, f: float, half: float) -> np.ndarray:
-    """1, cos, sin, and the latter two times the time (n,) over its half length."""
-    turn = 2 * np.pi * f * passed
-    cos, sin = np.cos(turn), np.sin(turn)
-    return np.column_stack([np.ones_like(turn), cos, sin, passed / half * cos, passed / half * sin])
-
-
 #: Means of a long signal are not slower than this: feet are shaken at less than a quarter of it.
 _SLOW_HZ = 500.0
 
 
 def sine_share(time_s: np.ndarray, signal: np.ndarray, frequency_hz: float) -> float:
     """Share of the power of a signal (n,) that a frequency [Hz] and its harmonics explain; 1 if periodic."""
-    rate = (time_s.size - 1) / (time_s[-1] - time_s[0])
-    basis = _basis(time_s, frequency_hz, max(1, min(_FITTED, int(0.45 * rate // frequency_hz))))
+    rate = rate_of(time_s)
+    count = max(1, min(_FITTED, int(0.45 * rate // frequency_hz)))
     centred = signal - signal.mean()
-    residual = basis.residual(signal, basis.solve(signal))
+    _, residual = _fitted(time_s, signal, frequency_hz, count)
     return float(1 - residual @ residual / max(1e-300, centred @ centred))
 
 
@@ -162,8 +153,7 @@ def narrow_share(time_s: np.ndarray, signal: np.ndarray, frequency_hz: float) ->
         signal: (n,), offset removed.
         frequency_hz: fundamental.
     """
-    n = signal.size
-    rate = (n - 1) / (time_s[-1] - time_s[0])
+    n, rate = signal.size, rate_of(time_s)
     power = np.abs(np.fft.rfft((signal - signal.mean()) * np.hanning(n))) ** 2
     f = np.arange(power.size) * rate / n
     white = _white(power)
@@ -179,60 +169,44 @@ def narrow_share(time_s: np.ndarray, signal: np.ndarray, frequency_hz: float) ->
 _MOST_NOISE = 0.2
 
 
-#: Samples whose columns fit a processor's memory, and from which on columns are not kept.
+#: Samples whose columns fit a processor's memory, and of a signal that is looked through in means.
 _BLOCK, _LONG = 1 << 15, 1_500_000
 
 
-class _Basis:
-    """1 and the harmonics of a frequency, as columns P (n, 2 h + 1) of a least-squares fit.
+def columns(phase: np.ndarray, count: int) -> np.ndarray:
+    """1, then cosine and sine of each multiple of a phase (n,) [rad] up to so many: (n, 2 count + 1)."""
+    P = np.ones((2 * count + 1, phase.size))
+    first = np.exp(1j * phase)
+    turning = first.copy()
+    for h in range(1, count + 1):  # by multiplication: sines of each would cost most of the fit
+        P[2 * h - 1], P[2 * h] = turning.real, turning.imag
+        turning *= first
+    return P.T
 
-    Of very many samples they are made anew, block by block, for each use: 41 columns of 3e6 samples
-    take 1 GB.
+
+def _blocks(size: int, length: int) -> Iterator[slice]:
+    return (slice(start, start + length) for start in range(0, size, length))
+
+
+def _fitted(time_s: np.ndarray, signal: np.ndarray, frequency_hz: float, count: int) -> tuple[np.ndarray, np.ndarray]:
+    """Coefficients (2 count + 1,) of `columns`, and what they leave of a signal (n,).
+
+    The columns are made block by block: all those of an hour at 1 kHz would take 1 GB.
     """
-
-    def __init__(
-        self, time_s: np.ndarray, frequency_hz: float, count: int, keep: bool = True
-    ) -> None:
-        if time_s.size <= 2 * count + 1:
-            raise RecordingError(
-                f"{time_s.size} samples are too few for {count} harmonics; record at least one "
-                "period."
-            )
-        self.time_s, self.frequency_hz, self.count = time_s, frequency_hz, count
-        self._columns = _columns(time_s, frequency_hz, count) if keep else None
-        self._parts: dict[tuple[int, int], list[tuple[slice, _Basis]]] = {}
-
-    def blocks(self) -> Iterator[tuple[slice, np.ndarray, np.ndarray]]:
-        """The samples of each block, its columns P, and P^T P."""
-        if self._columns is not None:
-            yield slice(None), *self._columns
-            return
-        for start in range(0, self.time_s.size, _BLOCK):
-            part = slice(start, start + _BLOCK)
-            yield part, *_columns(self.time_s[part], self.frequency_hz, self.count)
-
-    def solve(self, signal: np.ndarray) -> np.ndarray:
-        """Coefficients (2 h + 1,) of a signal (n,)."""
-        size = 2 * self.count + 1
-        N, right, P = np.zeros((size, size)), np.zeros(size), np.empty((0, size))
-        for part, P, products in self.blocks():
-            N, right = N + products, right + P.T @ signal[part]
-        return _solved(P, N, right, signal)
-
-    def residual(self, signal: np.ndarray, coefficients: np.ndarray) -> np.ndarray:
-        """What the columns leave of a signal (n,)."""
-        return np.concatenate([signal[part] - P @ coefficients for part, P, _ in self.blocks()])
-
-    def parts(self, count: int, parts: int) -> "list[tuple[slice, _Basis]]":
-        """The first `count` harmonics on each of so many parts of the time."""
-        if (count, parts) not in self._parts:
-            edges = np.linspace(0, self.time_s.size, parts + 1).astype(int)
-            keep = self._columns is not None
-            self._parts[count, parts] = [
-                (slice(a, b), _Basis(self.time_s[a:b], self.frequency_hz, count, keep))
-                for a, b in pairwise(edges)
-            ]
-        return self._parts[count, parts]
+    size = 2 * count + 1
+    if time_s.size <= size:
+        raise RecordingError(
+            f"{time_s.size} samples are too few for {count} harmonics; record at least one period."
+        )
+    N, right, turns = np.zeros((size, size)), np.zeros(size), 2 * np.pi * frequency_hz * time_s
+    for part in _blocks(signal.size, _BLOCK):
+        P = columns(turns[part], count)
+        N, right = N + P.T @ P, right + P.T @ signal[part]
+    c = _solved(P, N, right, signal)
+    if signal.size <= _BLOCK:
+        return c, signal - P @ c
+    left = [signal[part] - columns(turns[part], count) @ c for part in _blocks(signal.size, _BLOCK)]
+    return c, np.concatenate(left)
 
 
 def _solved(P: np.ndarray, N: np.ndarray, right: np.ndarray, signal: np.ndarray) -> np.ndarray:
@@ -243,49 +217,6 @@ def _solved(P: np.ndarray, N: np.ndarray, right: np.ndarray, signal: np.ndarray)
     if len(P) < signal.size or np.linalg.cond(N) < 1e4:
         return np.linalg.solve(N, right)
     return np.linalg.lstsq(P, signal, rcond=None)[0]
-
-
-def _basis(time_s: np.ndarray, frequency_hz: float, count: int) -> _Basis:
-    if time_s.size > _LONG:
-        return _Basis(time_s, frequency_hz, count, keep=False)
-    return _shared_basis(time_s.tobytes(), frequency_hz, count)
-
-
-@functools.lru_cache(maxsize=4)  # the channels of a recording have one basis
-def _shared_basis(times: bytes, frequency_hz: float, count: int) -> _Basis:
-    return _Basis(np.frombuffer(times), frequency_hz, count)
-
-
-def _columns(
-    time_s: np.ndarray, frequency_hz: float, count: int
-) -> tuple[np.ndarray, np.ndarray]:
-    """Columns P (n, 2 h + 1), and P^T P."""
-    P = np.ones((2 * count + 1, time_s.size))
-    first = np.exp(2j * np.pi * frequency_hz * time_s)
-    turning, sums = first.copy(), [complex(time_s.size)]
-    for m in range(1, 2 * count + 1):  # by multiplication: sines of each would cost most of the fit
-        if m <= count:
-            P[2 * m - 1], P[2 * m] = turning.real, turning.imag
-        sums.append(turning.sum())
-        turning *= first
-    return P.T, _products(np.array(sums))
-
-
-def _products(sums: np.ndarray) -> np.ndarray:
-    """P^T P of 1, cos wt, sin wt, cos 2wt, ... from the sums of exp(i m w t), m = 0 to 2 H, over all samples.
-
-    2 cos h cos k = cos(h - k) + cos(h + k) and so on: 2 H sums in place of (2 H + 1)^2 products of long columns.
-    """
-    h = np.arange(len(sums) // 2 + 1)
-    less, more = h - h[:, None], h + h[:, None]
-    C, S = sums.real, sums.imag
-    near, far = C[abs(less)], C[more]
-    mixed = (S[more] + np.sign(less) * S[abs(less)]) / 2  # cos of the row, sin of the column
-    N = np.empty((2 * h.size, 2 * h.size))  # with sin 0, which goes
-    N[::2, ::2], N[1::2, 1::2] = (near + far) / 2, (near - far) / 2
-    N[::2, 1::2], N[1::2, ::2] = mixed, mixed.T
-    kept = np.arange(2 * h.size) != 1
-    return N[np.ix_(kept, kept)]
 
 
 def _white(power: np.ndarray) -> float:
@@ -301,23 +232,14 @@ def _colour(power: np.ndarray, bin_hz: float, frequency_hz: float, count: int) -
     for h in range(count):
         centre = round((h + 1) * frequency_hz / bin_hz)
         local = power[max(1, centre - half) : centre + half + 1].mean() / mean
-        if (
-            not 0.6 < local < 1.6
-        ):  # the mean of 33 or more white bins stays within, so white noise keeps its exact weight
+        if not 0.6 < local < 1.6:  # the mean of 33 white bins stays within: white noise keeps its exact weight
             out[h] = np.sqrt(local)
     return out
 
 
 def _with_scatter(
-    basis: _Basis,
-    time_s: np.ndarray,
-    signal: np.ndarray,
-    frequency_hz: float,
-    count: int,
-    std: np.ndarray,
-    fundamental: complex,
-    floor: float,
-) -> tuple[np.ndarray, float, float]:
+    time_s: np.ndarray, signal: np.ndarray, frequency_hz: float, std: np.ndarray, fundamental: complex, floor: float,
+) -> tuple[np.ndarray, float, float]:  # fmt: skip
     """Widen `std` to the scatter between parts of the recording where that is larger beyond chance.
 
     Noise alone is neither a drift nor a transient: a weak sine is as steady as a strong one. `floor` is the standard
@@ -328,8 +250,8 @@ def _with_scatter(
     if parts < 4:
         return std, 0.0, 0.0
     rows = []
-    for part, piece in basis.parts(count, parts):
-        c = piece.solve(signal[part])
+    for a, b in pairwise(np.linspace(0, time_s.size, parts + 1).astype(int)):
+        c, _ = _fitted(time_s[a:b], signal[a:b], frequency_hz, std.size)
         rows.append(c[1::2] - 1j * c[2::2])
     between = np.std(np.array(rows), axis=0, ddof=1) / np.sqrt(2 * parts)  # of a real part of the mean
     size = max(1e-300, abs(fundamental))

@@ -21,18 +21,9 @@ from typing import NamedTuple
 
 from fasbody.exceptions import shown
 from fasbody.presentation import counted
+from fasbody.recording import text as texts
 from fasbody.recording.channels import KNOWN_UNITS, TIME_UNITS, Layout
 from fasbody.recording.formats.series import FormatError, stated_rate
-from fasbody.recording.text import (
-    COMMENT,
-    SEPARATORS,
-    lines,
-    numeric,
-    offset,
-    rows_below,
-    separator_of,
-    split,
-)
 
 #: A line of measured numbers, which is no header.
 _SAMPLES = re.compile(r"[\s\d.,;|eE+-]*\.[\s\d.,;|eE+-]*")
@@ -71,13 +62,7 @@ _STATED_NAMES = dict.fromkeys(
 
 
 class Header(NamedTuple):
-    """The row with the names of the columns.
-
-    Attributes:
-        line: its number in the text, from 1.
-        separator: between the names.
-        names: of the columns.
-    """
+    """The row with the names of the columns: its line in the text, from 1, what separates them, and they."""
 
     line: int
     separator: str
@@ -117,19 +102,19 @@ def find_header(text: str, score: Callable[[Sequence[str]], int]) -> Header:
         score: how many of a line's cells are known names.
     """
     best, header = 0, Header(1, ",", [""])
-    for number, line in enumerate(islice(lines(text), _HEADER_LINES), 1):
+    for number, line in enumerate(islice(texts.lines(text), _HEADER_LINES), 1):
         if best and _SAMPLES.fullmatch(line):
             continue
         uncommented = re.sub(r"^\s*(#|%|//)\s*", "", line)  # some write the header as a comment
-        for separator in SEPARATORS:
+        for separator in texts.SEPARATORS:
             if separator not in uncommented:
                 continue
-            names = split(uncommented, separator)
+            names = texts.split(uncommented, separator)
             if score(names) > best:
                 best, header = score(names), Header(number, separator, names)
-        if not best and not header.names[0] and line.strip() and not COMMENT.match(line):
-            separator = separator_of(line)
-            header = Header(number, separator, split(line, separator))
+        if not best and not header.names[0] and line.strip() and not texts.COMMENT.match(line):
+            separator = texts.separator_of(line)
+            header = Header(number, separator, texts.split(line, separator))
     return header
 
 
@@ -158,11 +143,11 @@ def _rows_of_numbers(text: str, needed: Sequence[int] = ()) -> Iterator[tuple[in
 
     All columns are needed unless two or more are named.
     """
-    for number, line in enumerate(islice(lines(text), _HEADER_LINES), 1):
-        cells = split(line, separator_of(line))
+    for number, line in enumerate(islice(texts.lines(text), _HEADER_LINES), 1):
+        cells = texts.split(line, texts.separator_of(line))
         samples = [cells[i] for i in needed if i < len(cells)] if len(needed) > 1 else cells
-        if len(cells) > 1 and not COMMENT.match(line) and all(map(is_sample, samples)):
-            yield number, separator_of(line), len(cells)
+        if len(cells) > 1 and not texts.COMMENT.match(line) and all(map(is_sample, samples)):
+            yield number, texts.separator_of(line), len(cells)
 
 
 def header_above_numbers(text: str) -> Header | None:
@@ -174,9 +159,9 @@ def header_above_numbers(text: str) -> Header | None:
     if first is None:
         return None
     units, (line, separator, width) = None, first
-    for number, row in reversed(list(enumerate(islice(lines(text), line - 1), 1))):
-        names = split(row, separator)
-        if len(names) < width or any(map(numeric, names)):
+    for number, row in reversed(list(enumerate(islice(texts.lines(text), line - 1), 1))):
+        names = texts.split(row, separator)
+        if len(names) < width or any(map(texts.numeric, names)):
             continue
         if not any(without_brackets(name).lower() in KNOWN_UNITS for name in names):
             return Header(number, separator, names)
@@ -203,7 +188,7 @@ def read_headings(text: str, header: Header) -> Headings:
         names = [f"{group} {name}".strip() for group, name in zip(groups, names, strict=True)]
     units, first = [""] * len(names), line
     skipped, statements = list[str](), list[str]()
-    for number, row in rows_below(text, line, separator):
+    for number, row in texts.rows_below(text, line, separator):
         cells = _fitted(row, len(names))
         if number > line + _HEADING_ROWS:
             break
@@ -215,8 +200,8 @@ def read_headings(text: str, header: Header) -> Headings:
                      for again, name, cell in zip(repeated, names, cells, strict=True)]  # fmt: skip
         elif _are_units(cells):
             statements += [f"{name} = {cell}" for name, cell in zip(names, cells, strict=True)
-                           if numeric(cell)]  # fmt: skip
-            units = ["" if numeric(cell) else without_brackets(cell) for cell in cells]
+                           if texts.numeric(cell)]  # fmt: skip
+            units = ["" if texts.numeric(cell) else without_brackets(cell) for cell in cells]
             while len(units) > len(samples) and not units[-1]:
                 names, units = names[:-1], units[:-1]  # as Rigol: the increment behind the units
         elif _are_counts(cells, samples):
@@ -228,7 +213,7 @@ def read_headings(text: str, header: Header) -> Headings:
         else:
             break
         first = number
-    above = islice(lines(text), line - (2 if groups else 1))
+    above = islice(texts.lines(text), line - (2 if groups else 1))
     rate, others = read_statements([*(row for row in above if row.strip()), *statements])
     if others:
         count = counted(len(others), "line")
@@ -283,7 +268,7 @@ def _unequal_gains(statements: Sequence[str]) -> Iterator[str]:
     """A sentence on each row of gains that are not alike for all channels."""
     for row in statements:
         key, *cells = row.split()
-        if _GAIN.search(key) and len(set(filter(numeric, cells))) > 1:
+        if _GAIN.search(key) and len(set(filter(texts.numeric, cells))) > 1:
             yield (
                 f"the row {shown(row)!r} states factors that differ between the channels, and is "
                 "not applied; if the numbers do not contain them yet, give study.toml a "
@@ -297,7 +282,7 @@ def without_footer(text: str, separator: str) -> tuple[str, tuple[str, ...]]:
     while end > 0 and len(words) < _HEADING_ROWS:
         start = text.rfind("\n", 0, end - 1) + 1
         line = text[start:end].strip()
-        if COMMENT.match(line) or any(map(numeric, split(line, separator))):
+        if texts.COMMENT.match(line) or any(map(texts.numeric, texts.split(line, separator))):
             break
         words += [line] if line else []
         end = start
@@ -314,7 +299,7 @@ def without_brackets(cell: str) -> str:
 
 def is_sample(cell: str) -> bool:
     """Whether a cell is a number or a time of the day."""
-    return numeric(cell) or STAMP.fullmatch(cell) is not None
+    return texts.numeric(cell) or STAMP.fullmatch(cell) is not None
 
 
 def first_samples(text: str, line: int, separator: str) -> list[str]:
@@ -325,8 +310,8 @@ def first_samples(text: str, line: int, separator: str) -> list[str]:
         count = sum(map(is_sample, cells))
         return count, count - sum(map(bool, cells))
 
-    below = (row for row in islice(lines(text, offset(text, line)), _HEADING_ROWS))
-    rows = [split(row, separator) for row in below if not COMMENT.match(row)]
+    below = (row for row in islice(texts.lines(text, texts.offset(text, line)), _HEADING_ROWS))
+    rows = [texts.split(row, separator) for row in below if not texts.COMMENT.match(row)]
     fullest = max([[], *rows], key=fullness)
     while fullest and not fullest[-1]:
         fullest.pop()
@@ -334,7 +319,6 @@ def first_samples(text: str, line: int, separator: str) -> list[str]:
 
 
 def _fitted(cells: Sequence[str], width: int) -> list[str]:
-    """A row of so many cells."""
     return [*cells, *[""] * width][:width]
 
 
@@ -342,7 +326,7 @@ def _spread(names: Sequence[str], samples: Sequence[str]) -> list[str]:
     """Names with that of a merged cell over each of its columns, as far as these hold numbers."""
     filled: list[str] = []
     for index, name in enumerate(names):
-        merged = not name and any(filled) and index < len(samples) and numeric(samples[index])
+        merged = not name and any(filled) and index < len(samples) and texts.numeric(samples[index])
         filled.append(filled[-1] if merged else name)
     return filled
 
@@ -352,25 +336,25 @@ def _merged_cells_above(text: str, header: Header, names: Sequence[str]) -> list
     filled = [name for name in names if name]
     if header.line < 2 or len(set(filled)) == len(filled):
         return []
-    above = next(lines(text, offset(text, header.line - 2)))
-    cells = _fitted(split(above, header.separator), len(names))
-    return cells if any(cells) and "" in cells and not any(map(numeric, cells)) else []
+    above = next(texts.lines(text, texts.offset(text, header.line - 2)))
+    cells = _fitted(texts.split(above, header.separator), len(names))
+    return cells if any(cells) and "" in cells and not any(map(texts.numeric, cells)) else []
 
 
 def _are_parts(cells: Sequence[str], names: Sequence[str]) -> bool:
     """Whether words are parts of the names above: another for each column under a merged name."""
     pairs = zip(names, cells, strict=True)
     repeated = [(name, cell) for name, cell in pairs if name and names.count(name) > 1]
-    words = not any(map(numeric, cells)) and all(cell for _, cell in repeated)
+    words = not any(map(texts.numeric, cells)) and all(cell for _, cell in repeated)
     return bool(repeated) and words and len(set(repeated)) == len(repeated)
 
 
 def _are_units(cells: Sequence[str]) -> bool:
     """Whether most words of a row are units; one with numbers beside them begins with a word."""
     units = [without_brackets(cell).lower() for cell in cells]
-    words = [unit for unit in units if unit and not numeric(unit)]
+    words = [unit for unit in units if unit and not texts.numeric(unit)]
     known = sum(word in KNOWN_UNITS for word in words)
-    mixed = any(map(numeric, cells)) and is_sample(units[0])
+    mixed = any(map(texts.numeric, cells)) and is_sample(units[0])
     return known > 0 and 2 * known >= len(words) and not mixed
 
 

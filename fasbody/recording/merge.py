@@ -11,6 +11,7 @@ import numpy as np
 
 from fasbody.exceptions import RecordingError
 from fasbody.recording.channels import Channel
+from fasbody.recording.clock import rate_of
 from fasbody.recording.recording import Recording
 
 #: A knock stands out of what is fast by so many times its median size, and lasts so long [s].
@@ -95,10 +96,6 @@ def merge(
     return Merged(recording, way, delay, std, clock)
 
 
-def _rate(t: np.ndarray) -> float:
-    return float((t.size - 1) / (t[-1] - t[0]))
-
-
 def _fast(t: np.ndarray, x: np.ndarray) -> np.ndarray:
     """What is faster than the excitation of a foot: the signal above a quarter of the Nyquist frequency."""
     from scipy.signal import butter, sosfiltfilt
@@ -132,7 +129,7 @@ def _by_knocks(t: np.ndarray, x: np.ndarray, u: np.ndarray, y: np.ndarray) -> tu
     first, second = _knocks(t, x), _knocks(u, y)
     if not first or len(first) != len(second):
         return None
-    step = 1 / min(_rate(t), _rate(u))
+    step = 1 / min(rate_of(t), rate_of(u))
     late, spread = zip(*(_onset_lag(t, x, a, u, y, b, step) for a, b in zip(first, second, strict=True)), strict=True)
     if len(first) == 1:
         drift = _CRYSTALS * float(np.sqrt(np.mean((u - second[0]) ** 2)))  # one knock gives no ratio of clocks
@@ -170,7 +167,7 @@ def _by_correlation(
     from scipy.interpolate import CubicSpline
     from scipy.signal import correlate
 
-    step = 1 / min(_rate(t), _rate(u))
+    step = 1 / min(rate_of(t), rate_of(u))
     p = CubicSpline(t, x)(np.arange(0, t[-1], step))
     q = CubicSpline(u, y)(np.arange(0, u[-1], step))
     alike = correlate(p - p.mean(), q - q.mean(), "full", "fft")

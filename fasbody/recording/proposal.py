@@ -2,6 +2,7 @@
 
 import json
 import re
+import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -155,12 +156,10 @@ def _recordings(folder: Path, rows: Mapping[Path, Mapping[str, str]], pattern: s
 
 
 def _line(names: Sequence[str], cells: Mapping[str, str]) -> str:
-    """One line of a table with these columns."""
     return ",".join(f'"{cell}"' if "," in (cell := cells.get(name, "")) else cell for name in names)
 
 
 def _heads(file: Path) -> tuple[str, ...]:
-    """The columns of a table, separated by commas."""
     _, separator, names = find_header(read_text(file), lambda cells: len({*cells} & {"file", "subject"}))
     if separator != ",":
         raise InputFileError(file, "is not separated by commas", "save it so, and its new lines are added")
@@ -264,7 +263,6 @@ def _of_one(file: Path, layout: str, missing: list[str]) -> list[str]:
 
 
 def _columns(file: Path) -> tuple[list[str], list[str], float | None]:
-    """Names, units and rate of a file's columns."""
     if ending(file) in TEXTS:
         layout = beside(file, Layout())
         columns = columns_of(file, layout)
@@ -302,7 +300,7 @@ def _column(channel: str, names: Sequence[str]) -> int | None:
 def _unread(folder: Path, file: Path, toml: str) -> list[str]:
     """Why a file cannot be read as proposed, if so."""
     try:
-        Recording.read(file, layout=parsed(folder / "study.toml", toml)[1])
+        Recording.read(file, layout=parsed(folder / "study.toml", tomllib.loads(toml))[1])
     except FasError as error:
         return [f"study.toml: {error}".rstrip(".")]
     return []

@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from fasbody.recording.harmonics import Harmonics, fit_harmonics
+from fasbody.recording.clock import rate_of
+from fasbody.recording.harmonics import Harmonics, columns, fit_harmonics
 
 #: Segments whose levels are compared, and the periods that one needs.
 _SEGMENTS = 10
@@ -33,11 +34,6 @@ class ChannelQuality:
     distortion: float
     flat_tops: float
     alternates: bool = True
-
-    @property
-    def unsteady(self) -> float:
-        """Range of the levels over their mean."""
-        return float(np.ptp(self.level_m_s2) / max(1e-300, self.level_m_s2.mean()))
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +84,7 @@ def quality(time_s: np.ndarray, channels: dict[str, np.ndarray], frequency_hz: f
     periods = (time_s[-1] - time_s[0]) * frequency_hz
     segments = max(1, min(_SEGMENTS, int(periods / _PERIODS)))
     edges = np.linspace(0, time_s.size, segments + 1).astype(int)
-    rate = (time_s.size - 1) / (time_s[-1] - time_s[0])
+    rate = rate_of(time_s)
     count = max(1, min(_DISTORTING, int(0.45 * rate // frequency_hz)))
     by_channel, amplitudes, fits = {}, {}, {}
     all_parts = _segments(time_s, list(channels.values()), frequency_hz, edges)
@@ -125,8 +121,7 @@ def _segments(time_s: np.ndarray, values: list[np.ndarray], frequency_hz: float,
     """Offset and complex amplitude (segments, 2, channels) of values (n,) of each channel between edges."""
     segments = []
     for a, b in pairwise(edges):
-        turn = 2 * np.pi * frequency_hz * time_s[a:b]
-        basis = np.column_stack([np.ones_like(turn), np.cos(turn), np.sin(turn)])
+        basis = columns(2 * np.pi * frequency_hz * time_s[a:b], 1)
         offset, real, imaginary = np.linalg.lstsq(basis, np.column_stack([x[a:b] for x in values]), rcond=None)[0]
         segments.append(np.stack([offset + 0j, real - 1j * imaginary]))
     return np.array(segments)
@@ -151,7 +146,7 @@ def _broadband(time_s: np.ndarray, channels: dict[str, np.ndarray]) -> Quality:
         by_channel[name] = ChannelQuality(
             levels, float(np.ptp(means) / max(1e-300, values.std())), float("nan"), float("nan")
         )
-    rate = (time_s.size - 1) / (time_s[-1] - time_s[0])
+    rate = rate_of(time_s)
     length = max(16, time_s.size // 8)
     base, malleolus = channels["base"], channels["malleolus"]
     f, cross = csd(base, malleolus, rate, nperseg=length)
@@ -179,7 +174,7 @@ def still(
         channels: (n,) each.
         frequency_hz: of a signal that is mostly one sine, else None.
     """
-    rate = (time_s.size - 1) / (time_s[-1] - time_s[0])
+    rate = rate_of(time_s)
     window = max(16, time_s.size // 50, round(rate / frequency_hz) if frequency_hz else 0)
     count = time_s.size // window
     if count < 4:

@@ -209,7 +209,7 @@ class Recording(Tabled):
         layout, file = layout or Layout(), Path(name)
         sizes, clocked = [values.size for values in arrays], layout.rate_hz is not None
         try:
-            uses = assign(file, Columns(list(columns), units, sizes=sizes, clocked=clocked), layout).uses
+            uses, _ = assign(file, Columns(list(columns), units, sizes=sizes, clocked=clocked), layout)
         except InputFileError as error:
             if not error.code.startswith("no "):
                 raise
@@ -343,7 +343,6 @@ class Recording(Tabled):
 
 
 def _row(values: ArrayLike, channel: str, name: str) -> np.ndarray:
-    """A copy (n,) of an array of numbers."""
     try:
         row = np.array(values, float)
     except (TypeError, ValueError):

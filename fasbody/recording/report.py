@@ -61,7 +61,6 @@ def write(file: Path, title: str, rows: Sequence[Mapping[str, Any]]) -> None:
 
 
 def _numbers(row: Mapping[str, Any]) -> str:
-    """Length, rate, excitation, ratio and phase in a line."""
     parts = [f"{row['samples']} samples"] if "samples" in row else []
     parts += [f"{row['rate_hz']:.6g} Hz"] if "rate_hz" in row else []
     if "transmissibility" in row:

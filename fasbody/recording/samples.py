@@ -7,6 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fasbody.recording.harmonics import columns
+
 #: Share of the places that must lie a slow channel's interval apart.
 _REGULAR = 0.9
 #: Samples that repeat the one before while the channel moves, beyond this share.
@@ -160,8 +162,7 @@ def odd(values: np.ndarray, periods: float | None) -> Odd:
 
 def cost(time_s: np.ndarray, values: np.ndarray, frequency_hz: float, spikes: np.ndarray) -> complex:
     """What spikes do to the sine of a channel (n,): its amplitude with them over that without."""
-    turn = 2 * np.pi * frequency_hz * time_s
-    basis = np.column_stack([np.ones_like(turn), np.cos(turn), np.sin(turn)])
+    basis = columns(2 * np.pi * frequency_hz * time_s, 1)
     kept = np.delete(np.arange(values.size), spikes)
     fits = [np.linalg.lstsq(basis[use], values[use])[0] for use in (slice(None), kept)]
     with_spikes, clean = (c[1] - 1j * c[2] for c in fits)

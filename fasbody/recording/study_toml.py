@@ -1,5 +1,6 @@
 """The schema of study.toml: its tables, their keys, and which values are valid."""
 
+import tomllib
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Annotated, Any, Literal, TypeVar
@@ -128,6 +129,18 @@ class Document(Table):
     channels: dict[str, Any] = {}
     known: dict[str, Any] = {}
     layouts: dict[str, Any] = {}
+
+
+def read_toml(file: Path) -> dict[str, Any]:
+    """A file of TOML.
+
+    Raises:
+        InputFileError: it is none.
+    """
+    try:
+        return tomllib.loads(file.read_text("utf-8"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise InputFileError(file, f"is not TOML ({error})") from None
 
 
 _Kind = TypeVar("_Kind", bound=Table)

@@ -30,13 +30,8 @@ _QUOTE = "opens a quotation mark that nothing closes"
 
 
 def read_text(file: Path) -> str:
-    """The whole text of a file."""
-    return "".join(pieces(file))
-
-
-def pieces(file: Path) -> Iterator[str]:
-    """The text of a file in UTF-8, UTF-16 or the Latin alphabet of Windows: whole lines, ended by a line feed."""
-    return (piece for _, piece in Passage(file).pieces())
+    """The text of a file in UTF-8, UTF-16 or the Latin alphabet of Windows, its lines ended by a line feed."""
+    return "".join(piece for _, piece in Passage(file).pieces())
 
 
 @dataclass(frozen=True)

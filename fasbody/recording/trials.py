@@ -3,14 +3,13 @@
 What a study folder lists: one trial a row of recordings.csv, with its conditions.
 """
 
-import tomllib
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from pathlib import Path
 from shlex import quote
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -21,7 +20,7 @@ from fasbody.recording.condition import POSTURES, Condition, plausible
 from fasbody.recording.csv import column, read_table
 from fasbody.recording.files import TEXTS
 from fasbody.recording.formats import READ, ending
-from fasbody.recording.study_toml import Document, FileTable, LayoutTable, StudyTable, validated
+from fasbody.recording.study_toml import Document, FileTable, LayoutTable, StudyTable, read_toml, validated
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -32,10 +31,7 @@ def describe(file: Path) -> tuple[dict[str, str], Layout]:
     if not file.is_file():
         needs = "a study folder needs study.toml, subjects.csv and recordings.csv"
         raise InputFileError(file, "no such file", needs + _way_out(file))
-    try:
-        return parsed(file, file.read_text("utf-8"))
-    except UnicodeDecodeError as error:
-        raise InputFileError(file, f"is not TOML ({error})") from None
+    return parsed(file, read_toml(file))
 
 
 def _way_out(file: Path) -> str:
@@ -50,28 +46,23 @@ def _way_out(file: Path) -> str:
     return f" (fasbody study init {quote(str(folder))} makes them); or name the files, {named}"
 
 
-def parsed(file: Path, text: str) -> tuple[dict[str, str], Layout]:
-    """The same of a study.toml's text, whether it is written yet or not."""
-    try:
-        document = validated(Document, file, tomllib.loads(text))
-    except tomllib.TOMLDecodeError as error:
-        raise InputFileError(file, f"is not TOML ({error})") from None
+def parsed(file: Path, content: Mapping[str, Any]) -> tuple[dict[str, str], Layout]:
+    """The same of a study.toml's content, whether it is written yet or not."""
+    document = validated(Document, file, content)
     study = validated(StudyTable, file, document.study, "study")
     about = {
         "name": study.name or file.parent.resolve().name,
         "origin": study.origin,
         "description": study.description,
     }
-    settings = FileTable.model_fields
     apart = list[tuple[str, Layout]]()
     for name, stated in document.layouts.items():
         table = validated(LayoutTable, file, stated, f"layouts.{name}")
-        rate, columns, take = (getattr(table, key) or getattr(study, key) for key in settings)
+        settings = FileTable(**{key: getattr(table, key) or getattr(study, key) for key in FileTable.model_fields})
         channels = document.channels | table.channels
-        layout = Layout.from_toml(file, channels, rate, columns, document.known, take)
+        layout = Layout.from_toml(file, channels, settings=settings, known=document.known)
         apart += [(pattern, layout) for pattern in table.files]
-    rate, columns, take = (getattr(study, key) for key in settings)
-    layout = Layout.from_toml(file, document.channels, rate, columns, document.known, take)
+    layout = Layout.from_toml(file, document.channels, settings=study, known=document.known)
     return about, replace(layout, apart=tuple(apart))
 
 
@@ -153,7 +144,6 @@ def posture_remarks(trials: Sequence[Trial]) -> list[str]:
 
 
 def _masses(file: Path) -> dict[str, float]:
-    """Body mass [kg] of each subject."""
     table = read_table(file, ("subject", "mass_kg"))
     lines: dict[str, int] = {}
     for line, row in table.items():

@@ -50,7 +50,8 @@ def sweep(
         "moduli": by_modulus.document(),
     }
     if out is not None:
-        from fasbody.cell.figures import mode_shapes, save
+        from fasbody.cell.figures import mode_shapes
+        from fasbody.presentation import write_figure
         from reproduction.cell import figures
 
         write_whole(out / "sweep.json", to_json(document))
@@ -59,9 +60,9 @@ def sweep(
             ("figure_5_10", figures.moduli(printed)),
             ("figure_5_11", figures.power_law(printed, summary.laws, summary.direct_hz)),
         ):
-            save(figure, out / f"{name}.png")
+            write_figure(figure, out / f"{name}.png")
         for number, analysis in enumerate(by_shape.analyses, start=5):
-            save(mode_shapes(analysis, 5), out / f"figure_5_{number}.png")
+            write_figure(mode_shapes(analysis, 5), out / f"figure_5_{number}.png")
         console.print(f"written: {out}")
     report(document, f"{by_shape}\n{printed}\n{summary}, {direct.descriptions[0].label}", as_json)
 

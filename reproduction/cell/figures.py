@@ -5,8 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from fasbody.cell.figures import single
-from fasbody.presentation import COLOURS, printed
+from fasbody.presentation import COLOURS, COLUMN, panels, printed
 from reproduction.cell.sweep import YEAST_PA, PowerLaw, Sweep
 
 MARKERS = "osD^v<>pPX*hdH"
@@ -15,7 +14,7 @@ MARKERS = "osD^v<>pPX*hdH"
 @printed
 def shapes(sweep: Sweep) -> Figure:
     """Figure 5.9: frequencies over the mode number for each base shape."""
-    figure, axes = single()
+    figure, ((axes,),) = panels(1, 1, 1.3 * COLUMN, 3.2)
     numbers = np.arange(1, sweep.frequencies_hz.shape[1] + 1)
     for i, (a, f) in enumerate(zip(sweep.analyses, sweep.frequencies_hz, strict=True)):
         label = f"{a.dome.length:g} × {a.dome.width:g} µm" if a.dome else "own mesh"
@@ -28,7 +27,7 @@ def shapes(sweep: Sweep) -> Figure:
 @printed
 def moduli(sweep: Sweep) -> Figure:
     """Figure 5.10: frequencies over the mode number for each modulus of the cytoplasm."""
-    figure, axes = single()
+    figure, ((axes,),) = panels(1, 1, 1.3 * COLUMN, 3.2)
     numbers = np.arange(1, sweep.frequencies_hz.shape[1] + 1)
     for i, (a, f) in enumerate(zip(sweep.analyses, sweep.frequencies_hz, strict=True)):
         axes.semilogy(numbers, f, marker=MARKERS[i], label=f"{a.model.materials[0].E:g} Pa")
@@ -41,7 +40,7 @@ def moduli(sweep: Sweep) -> Figure:
 @printed
 def power_law(sweep: Sweep, laws: Sequence[PowerLaw], direct_hz: float) -> Figure:
     """Figure 5.11: first frequency over the modulus, both fits, and what the model itself gives at their far end."""
-    figure, axes = single()
+    figure, ((axes,),) = panels(1, 1, 1.3 * COLUMN, 3.2)
     E = np.array([a.model.materials[0].E for a in sweep.analyses])
     fine = np.geomspace(E.min(), YEAST_PA, 100)
     for law, style in zip(laws, ("-", "--"), strict=True):

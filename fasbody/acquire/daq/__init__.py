@@ -6,14 +6,15 @@ A driver is a child of `Daq` with four short methods; the file of its vendor is 
 import contextlib
 import time
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any, ClassVar, Self
+from typing import Annotated, ClassVar, Self
 
 import numpy as np
+from pydantic import BeforeValidator, Field
 
-from fasbody.acquire.frames import SAMPLES, Frames, SettingsFile, is_number
+from fasbody.acquire.documents import SettingsFile
+from fasbody.acquire.frames import SAMPLES, Frames
 from fasbody.acquire.port import Unplugged
 from fasbody.exceptions import AcquisitionError, InputFileError
 from fasbody.recording.channels import volts_per_m_s2
@@ -22,12 +23,8 @@ from fasbody.recording.channels import volts_per_m_s2
 _GONE_S = 3.0
 
 
-def _positive(value: Any) -> bool:
-    return is_number(value, above=0)
-
-
-def _several(value: Any) -> bool:
-    return isinstance(value, list) and 2 <= len(value) <= 3
+_Positive = Annotated[float, Field(gt=0, description="a positive number")]
+_Input = Annotated[str, BeforeValidator(str)]
 
 
 @dataclass(frozen=True)
@@ -43,29 +40,23 @@ class Wiring(SettingsFile):
         iepe: the device supplies the sensors with a constant current.
     """
 
-    device: str = ""
-    inputs: tuple[str, ...] = ("0", "1")
-    sensitivity: tuple[str | float, ...] = (0.1, 0.1)
-    rate_hz: float = 2000.0
-    range_v: float = 10.0
-    iepe: bool = False
+    device: Annotated[str, Field(description="its name, or its serial number as a text")] = ""
+    inputs: Annotated[
+        tuple[_Input, ...],
+        Field(min_length=2, max_length=3, description="two or three inputs: base, malleolus, tuberosity"),
+    ] = ("0", "1")
+    sensitivity: Annotated[
+        tuple[str | float, ...], Field(min_length=2, max_length=3, description="one for each input")
+    ] = (0.1, 0.1)
+    rate_hz: _Positive = 2000.0
+    range_v: _Positive = 10.0
+    iepe: Annotated[bool, Field(description="true or false")] = False
 
     TITLE = "wiring of a device"
     VALID = (
         'valid: {"device": "Dev1", "inputs": ["ai0", "ai1"], "sensitivity": ["100 mV/g", '
         '"100 mV/g"], "rate_hz": 2000, "range_v": 5, "iepe": true}'
     )
-    VALUES: ClassVar[Mapping[str, tuple[Callable[[Any], bool], str]]] = {
-        "device": (lambda value: isinstance(value, str), "its name, or its serial number as a text"),
-        "inputs": (
-            lambda value: _several(value) and all(map(str, value)),
-            "two or three inputs: base, malleolus, tuberosity",
-        ),
-        "sensitivity": (_several, "one for each input"),
-        "rate_hz": (_positive, "a positive number"),
-        "range_v": (_positive, "a positive number"),
-        "iepe": (lambda value: isinstance(value, bool), "true or false"),
-    }
 
     @classmethod
     def read(cls, file: Path) -> Self:

@@ -7,13 +7,13 @@ from pathlib import Path, PurePosixPath
 from fasbody.exceptions import InputFileError
 from fasbody.recording.channels import Layout
 from fasbody.recording.csv import TextTable
-from fasbody.recording.formats.series import FormatError, Series, check_size, passed_over, told_apart
+from fasbody.recording.formats.series import FormatError, Series, check_size, passed_over
 
 LIBRARY = "zipfile"
 
 
 def decode(file: Path) -> list[Series]:
-    """Columns by their headings, with the file's name in front where two files have the same column."""
+    """Columns by their headings."""
     if not zipfile.is_zipfile(file):
         raise FormatError("is no .zip file")
     series = list[Series]()
@@ -28,7 +28,7 @@ def decode(file: Path) -> list[Series]:
             plain = Path(folder) / f"{place}{path.suffix}"
             plain.write_bytes(packed.read(entry))
             series += _columns(plain, entry.filename, path.stem)
-    return told_apart(series)
+    return series
 
 
 def _columns(plain: Path, name: str, group: str) -> list[Series]:

@@ -9,22 +9,8 @@ from typing import Any
 import numpy as np
 
 from fasbody.recording.channels import Channels
-from fasbody.recording.formats.series import (
-    MOST_SERIES,
-    RATES,
-    STARTS,
-    STEPS,
-    FormatError,
-    Series,
-    check_size,
-    columns_of,
-    passed_over,
-    scaled_by_attributes,
-    short,
-    stated_rate,
-    text_of,
-    with_rate,
-)
+from fasbody.recording.formats import series
+from fasbody.recording.formats.series import FormatError, Series, check_size, passed_over
 
 LIBRARY = "h5py"
 MAGIC = b"\x89HDF\r\n\x1a\n"
@@ -34,7 +20,7 @@ def decode(file: Path) -> list[Series]:
     """Numeric datasets, named by their path. Links to other files are not followed, external data are refused."""
     import h5py
 
-    series: list[Series] = []
+    columns: list[Series] = []
     total = 0
     with h5py.File(file, "r", locking=False) as source:
         datasets: list[tuple[str, Any]] = []
@@ -42,7 +28,7 @@ def decode(file: Path) -> list[Series]:
         def visit(name: str, item: Any) -> bool | None:
             if isinstance(item, h5py.Dataset):
                 datasets.append((name, item))
-            return True if len(datasets) > MOST_SERIES else None
+            return True if len(datasets) > series.MOST_SERIES else None
 
         source.visititems(visit)  # visits hard links only
         check_size(0, len(datasets))
@@ -53,41 +39,44 @@ def decode(file: Path) -> list[Series]:
                 rows = item[()]
                 numeric = [field for field in item.dtype.names if item.dtype[field].kind in "fiub"]
                 rate = _rate(source, name)
-                series += [s for field in numeric for s in columns_of(f"{name}/{field}", rows[field], "", rate)]
+                columns += [s for field in numeric for s in series.columns_of(f"{name}/{field}", rows[field], "", rate)]
                 continue
             what = _no_numbers(item)
             if what or name.startswith("#"):
-                series += [] if name.startswith("#") else [passed_over(name, what)]
+                columns += [] if name.startswith("#") else [passed_over(name, what)]
                 continue
             if item.external or item.is_virtual:
                 raise FormatError(f"keeps the data of {name!r} in other files; save them in the file itself")
             total += int(np.prod([float(n) for n in item.shape]))
             check_size(total)
-            unit = text_of(item.attrs.get("units", item.attrs.get("unit", b"")))
+            unit = series.text_of(item.attrs.get("units", item.attrs.get("unit", b"")))
             values, scaled, unclear = _scaled(item)
-            columns = columns_of(name, values, unit, _rate(source, name))
-            starts = (_number(item.attrs.get(key)) for key in STARTS)
+            rate = _rate(source, name)
+            starts = (_number(item.attrs.get(key)) for key in series.STARTS)
             start = next((value for value in starts if value is not None), None)
-            series += [replace(s, scaled=scaled, unclear=unclear, start_s=start) for s in columns]
-        series = _named(source, series)
-    return short(with_rate(series))
+            columns += [
+                replace(s, scaled=scaled, unclear=unclear, start_s=start)
+                for s in series.columns_of(name, values, unit, rate)
+            ]
+        columns = _named(source, columns)
+    return series.with_rate(columns)
 
 
 #: What Rattlesnake, a controller of shakers, calls the matrices of its streams.
 _STREAM = re.compile(r"(time_data(?:_\d+)?)_(\d+)")
 
 
-def _named(source: Any, series: list[Series]) -> list[Series]:
+def _named(source: Any, columns: list[Series]) -> list[Series]:
     """Series under the names and units of Rattlesnake's table of channels, a group for each of its streams."""
     table = source.get("channels/node_number"), source.get("channels/node_direction"), source.get("channels/comment")
     if "time_data" not in source or None in table or "channels/unit" not in source:
-        return series
+        return columns
     nodes, ways, comments = ([str(x) for x in column.asstr()[()]] for column in table)
     units = [str(x) for x in source["channels/unit"].asstr()[()]]
     apart = all(comments) and len(set(comments)) == len(comments)
     names = comments if apart else [node + way for node, way in zip(nodes, ways, strict=True)]
     made = []
-    for one in series:
+    for one in columns:
         match = _STREAM.fullmatch(one.name)
         if match and match[1] in source and source[match[1]].ndim == 2 and int(match[2]) <= len(names):
             place = int(match[2]) - 1
@@ -119,13 +108,12 @@ def _scaled(item: Any) -> tuple[np.ndarray, str, str]:
             raise FormatError(f"the attribute {key} of {item.name!r} is no number; give one, or delete it")
     factor, offset = attributes["scale_factor"], attributes["add_offset"]
     empty = _number(item.attrs.get("_FillValue"))
-    values, scaled = scaled_by_attributes(values, factor, offset, empty)
+    values, scaled = series.scaled_by_attributes(values, factor, offset, empty)
     unclear = [f"{key} = {value:g}" for key, value in attributes.items() if key in _SCALES and value not in (None, 1.0)]
     return values, scaled, ", ".join(unclear)
 
 
 def _number(value: Any) -> float | None:
-    """A numeric attribute, also if it is an array of one."""
     if isinstance(value, np.ndarray) and value.size == 1:
         value = value.reshape(-1)[0]
     good = isinstance(value, int | float | np.number) and np.isfinite(value)
@@ -148,11 +136,11 @@ def _rate(source: Any, name: str) -> float | None:
     """The rate [Hz] that a dataset states, or a folder above it."""
     parts = name.split("/")
     above = [source, *(source["/".join(parts[:count])] for count in range(1, len(parts) + 1))]
-    return stated_rate(
+    return series.stated_rate(
         (f"{item.name.strip('/')}/{key}".strip("/"), _number(value))
         for item in above
         for key, value in item.attrs.items()
-        if key.lower() in RATES + STEPS
+        if key.lower() in series.RATES + series.STEPS
     )
 
 

@@ -20,7 +20,9 @@ def decode(file: Path) -> list[Series]:
     lines = text.split("\n")
     comma = any(line.split(",")[:2] == ["Separator", "Comma"] for line in lines[:40])
     table = [line.split("," if comma else "\t") for line in lines]
-    ends = _ends(table)
+    ends = [i for i, row in enumerate(table) if row[0].strip() == _END]
+    if not ends:
+        raise FormatError("is cut off: its header has no end")
     about = _statements(table[: ends[0]])
     heads = [i for i, row in enumerate(table) if i > ends[0] and row[0].strip() == "Channels"]
     if len(heads) != len(ends) - 1 or not heads:
@@ -90,16 +92,8 @@ def _segment(
 
 
 def _seconds(clock: str, decimal: str) -> float:
-    """A time of the day [s]."""
     try:
         hours, minutes, seconds = (float(part.replace(decimal, ".")) for part in clock.split(":"))
     except ValueError:
         raise FormatError(f"states the time {clock!r}, which is no time of the day") from None
     return 3600 * hours + 60 * minutes + seconds
-
-
-def _ends(table: list[list[str]]) -> list[int]:
-    ends = [i for i, row in enumerate(table) if row[0].strip() == _END]
-    if not ends:
-        raise FormatError("is cut off: its header has no end")
-    return ends

@@ -1,12 +1,13 @@
 """MATLAB files: version 5 (and 4, 6, 7) by scipy, version 7.3, which is HDF5, by h5py."""
 
+import math
 from io import BytesIO
 from pathlib import Path
 from typing import Any
 
 from fasbody.recording.channels import Channels
 from fasbody.recording.formats import hdf5
-from fasbody.recording.formats.series import FormatError, Series, check_size, columns_of, passed_over, short, with_rate
+from fasbody.recording.formats.series import FormatError, Series, check_size, columns_of, passed_over, with_rate
 
 LIBRARY = "scipy"
 _NUMERIC = {
@@ -37,26 +38,23 @@ def decode(file: Path) -> list[Series]:
     series: list[Series] = []
     total = 0.0
     for name, shape, kind in whosmat(str(file)):
-        size = 1.0
-        for n in shape:
-            size *= max(n, 0)
-        if kind in _NUMERIC and len(shape) == 2 and not name.startswith("__"):
+        if name.startswith("__"):
+            continue
+        size = math.prod(map(float, shape))
+        if (kind in _NUMERIC and len(shape) == 2) or (kind == "struct" and size == 1):
             total += size
             check_size(total)
             chosen.append(name)
-        elif kind == "struct" and size == 1 and not name.startswith("__"):
-            chosen.append(name)
-        elif not name.startswith("__"):
-            series.append(
-                passed_over(name, _KINDS.get(kind, f"of the class {kind}" if kind not in _NUMERIC else "no matrix"))
-            )
+        else:
+            what = "no matrix" if kind in _NUMERIC else f"of the class {kind}"
+            series.append(passed_over(name, _KINDS.get(kind, what)))
     if not chosen:
         return series
     loaded = loadmat(str(file), variable_names=chosen, chars_as_strings=False, struct_as_record=True)
     for name in chosen:
         series += _fields(name, loaded.get(name))
     check_size(sum(s.values.size for s in series), len(series))
-    return short(with_rate(series))
+    return with_rate(series)
 
 
 def _fields(name: str, values: Any, depth: int = 0) -> list[Series]:

@@ -45,6 +45,5 @@ def _series(field: Any, column: Any, rate_hz: float | None) -> Series:
 
 
 def _texts(metadata: Any) -> dict[str, str]:
-    """Metadata as text."""
     pairs = (metadata or {}).items()
     return {key.decode("utf-8", "replace"): value.decode("utf-8", "replace") for key, value in pairs}

@@ -27,7 +27,7 @@ import numpy as np
 
 from fasbody.exceptions import InputFileError, SettingError
 from fasbody.recording.formats import READ, ending
-from fasbody.recording.formats.series import FormatError, Series, check_size, need
+from fasbody.recording.formats.series import FormatError, Series, check_size, need, told_apart
 
 #: Address space of the child [bytes], and the time on the clock that it may take for one file [s]: only a library that
 #: waits for something takes so long, as its computing is limited too, and a busy machine takes a minute to start it.
@@ -88,7 +88,6 @@ def computing_s(file: Path) -> int:
 
 
 def _reader() -> "_Child":
-    """The living child of this process."""
     global _child
     if _child is None or not _child.usable():
         end_child()
@@ -130,8 +129,6 @@ def _unpacked(file: Path) -> Iterator[Path]:
 
 
 class _Child:
-    """The reading process."""
-
     def __init__(self) -> None:
         threads = {f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL")}
         paths = os.pathsep.join([str(Path(__file__).parents[3]), os.environ.get("PYTHONPATH", "")])
@@ -190,7 +187,7 @@ def serve(requests: BinaryIO, answers: BinaryIO) -> None:
         try:
             allow(computing_s(file))
             with _unpacked(file) as plain:
-                series = _format(file).decode(plain)
+                series = told_apart(_format(file).decode(plain))
             check_size(sum(s.values.size for s in series), len(series))
             if all(s.what for s in series):
                 others = ", ".join(f"{s.name!r} is {s.what}" for s in series[:5])
@@ -224,15 +221,11 @@ def allow(seconds: int) -> None:
     resource.setrlimit(resource.RLIMIT_CPU, (end, resource.getrlimit(resource.RLIMIT_CPU)[1]))
 
 
-def _limit() -> None:
+if __name__ == "__main__":
     import resource
 
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-
-
-if __name__ == "__main__":
-    _limit()
     with os.fdopen(os.dup(1), "wb") as private:  # so that nothing that a library prints gets into the replies
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         serve(sys.stdin.buffer, private)

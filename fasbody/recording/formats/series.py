@@ -105,19 +105,9 @@ def text_of(attribute: object) -> str:
 
 
 def told_apart(series: list[Series]) -> list[Series]:
-    """With the group in front of a name that several series have."""
-    again = Counter(s.name for s in series)
+    """With the group in front of a name that stands in several of them."""
+    again = Counter(name for name, _ in {(s.name, s.group) for s in series})
     return [replace(s, name=f"{s.group}/{s.name}" if again[s.name] > 1 and s.group else s.name) for s in series]
-
-
-def short(series: list[Series]) -> list[Series]:
-    """Named without their groups where that is unambiguous."""
-    parts = [s.name.rpartition("/") for s in series]
-    lasts = Counter(last for _, _, last in parts)
-    return [
-        replace(s, name=s.name if lasts[last] > 1 else last, group=group)
-        for s, (group, _, last) in zip(series, parts, strict=True)
-    ]
 
 
 #: Names, in small letters, under which programs store the sampling rate [Hz], and the sampling interval [s].
@@ -152,7 +142,7 @@ def with_rate(series: list[Series]) -> list[Series]:
     """Without the scalars: one that is named like a rate, interval or start is that of the series below its folder.
 
     Simcenter writes them into ``x_values`` beside the ``y_values``. Where no scalar is above a series, those of folders
-    that hold nothing else count.
+    that hold nothing else count. Of names that are paths, the folders become groups.
     """
     scalars = [s for s in series if s.values.size == 1 and not s.what]
     kept = [s for s in series if s.values.size > 1 or s.what]
@@ -167,7 +157,9 @@ def with_rate(series: list[Series]) -> list[Series]:
         stated = stated_above(s)
         starts = (value for name, value in stated if name.rpartition("/")[2].lower() in STARTS)
         start = next(starts, None) if s.start_s is None else s.start_s
-        rated.append(replace(s, rate_hz=s.rate_hz or stated_rate(stated), start_s=start))
+        folder, _, name = s.name.rpartition("/")
+        rate = s.rate_hz or stated_rate(stated)
+        rated.append(replace(s, name=name, group=s.group or folder, rate_hz=rate, start_s=start))
     return rated
 
 

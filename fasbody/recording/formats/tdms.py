@@ -9,13 +9,13 @@ from typing import Any
 import numpy as np
 
 from fasbody.recording.channels import Channels
-from fasbody.recording.formats.series import FormatError, Series, check_size, step_of, told_apart
+from fasbody.recording.formats.series import FormatError, Series, check_size, step_of
 
 LIBRARY = "nptdms"
 
 
 def decode(file: Path) -> list[Series]:
-    """Numeric channels, named as in the file; with their group in front where two groups have the same name."""
+    """Numeric channels, named as in the file."""
     from nptdms import TdmsFile
 
     with file.open("rb") as start:
@@ -35,37 +35,30 @@ def decode(file: Path) -> list[Series]:
             if values.dtype.kind not in "fiu":
                 continue
             unit = channel.properties.get("unit_string", "")
-            rate = _rate(channel.properties.get("wf_increment"))
+            step = _number(channel.properties.get("wf_increment"))
+            rate = 1 / step if step and step > 0 else None
             stamps.append(channel.properties.get("wf_start_time"))
-            offset = channel.properties.get("wf_start_offset")
-            offsets.append(float(offset) if isinstance(offset, int | float) and np.isfinite(offset) else None)
+            offsets.append(_number(channel.properties.get("wf_start_offset")))
             series.append(Series(channel.name, str(unit), values.astype(float), rate, group=channel.group_name))
     starts = _starts(stamps, offsets)
-    return told_apart([replace(s, start_s=start) for s, start in zip(series, starts, strict=True)])
+    return [replace(s, start_s=start) for s, start in zip(series, starts, strict=True)]
 
 
 def _starts(stamps: list[Any], offsets: list[float | None]) -> list[float | None]:
     """Start of each channel [s] after the first: its `wf_start_time` and the `wf_start_offset` after that."""
-    dated: list[Any] = [
-        np.datetime64(stamp) if isinstance(stamp, np.datetime64 | datetime) else None for stamp in stamps
-    ]
+    kinds = np.datetime64 | datetime
+    dated: list[Any] = [np.datetime64(stamp) if isinstance(stamp, kinds) else None for stamp in stamps]
     first = min((stamp for stamp in dated if stamp is not None), default=None)
     if first is None:  # no date at all: offsets alone, 0 where there is none
-        return (
-            [offset or 0.0 for offset in offsets]
-            if any(offset is not None for offset in offsets)
-            else [None] * len(stamps)
-        )
+        return [None if offsets.count(None) == len(offsets) else offset or 0.0 for offset in offsets]
     return [
         None if stamp is None else float((stamp - first) / np.timedelta64(1, "ns")) * 1e-9 + (offset or 0.0)
         for stamp, offset in zip(dated, offsets, strict=True)
     ]
 
 
-def _rate(increment: Any) -> float | None:
-    if isinstance(increment, int | float) and np.isfinite(increment) and increment > 0:
-        return 1.0 / float(increment)
-    return None
+def _number(value: Any) -> float | None:
+    return float(value) if isinstance(value, int | float) and np.isfinite(value) else None
 
 
 def encode(channels: Channels) -> bytes:

@@ -2,7 +2,6 @@
 
 import re
 import tempfile
-from collections import Counter
 from dataclasses import replace
 from pathlib import Path
 
@@ -55,15 +54,12 @@ def decode(file: Path) -> list[Series]:
         if kind_of and unit.lower() in ACCELERATIONS:
             raise FormatError(f"calls {name!r} a {kind_of} and gives its unit as {unit}; correct one of them")
         rate = 1 / step if step and np.isfinite(step) and step > 0 else None
-        series.append(
-            Series(
-                name, "" if unit in ("NONE", "*") else unit, values.astype(float), rate, start_s=start if rate else None
-            )
-        )
-    again = {name for name, count in Counter(s.name for s in series).items() if count > 1}
+        unit = "" if unit in ("NONE", "*") else unit
+        series.append(Series(name, unit, values.astype(float), rate, start_s=start if rate else None))
+    names = [s.name for s in series]
     if len({s.rate_hz is None for s in series}) > 1:
         raise FormatError("has channels with a sampling rate and channels with uneven times; resample them to one rate")
-    return [replace(s, name=f"{s.name}_{i + 1}" if s.name in again else s.name) for i, s in enumerate(series)]
+    return [replace(s, name=f"{s.name}_{i + 1}") if names.count(s.name) > 1 else s for i, s in enumerate(series)]
 
 
 def encode(channels: Channels) -> bytes:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from fasbody.recording.channels import KNOWN_UNITS
-from fasbody.recording.formats.series import FormatError, Series, check_size, passed_over, told_apart
+from fasbody.recording.formats.series import FormatError, Series, check_size, passed_over
 
 LIBRARY = "openpyxl"
 #: Rows above which a sheet has its header.
@@ -18,7 +18,7 @@ _HEADER_ROWS = 200
 
 
 def decode(file: Path) -> list[Series]:
-    """Numeric columns of all sheets, with the sheet's name in front where two sheets have the same column."""
+    """Numeric columns of all sheets."""
     from openpyxl import load_workbook
 
     book = load_workbook(file, read_only=True, data_only=True)
@@ -30,7 +30,7 @@ def decode(file: Path) -> list[Series]:
             check_size(total)
             rows.append(row)
         series += [replace(column, group=sheet.title) for column in _columns(sheet.title, rows)]
-    return told_apart(series) if len({s.group for s in series}) > 1 else series
+    return series
 
 
 def _columns(sheet: str, rows: list[tuple[Any, ...]]) -> list[Series]:
@@ -74,9 +74,7 @@ def _columns(sheet: str, rows: list[tuple[Any, ...]]) -> list[Series]:
 
 
 def _numeric(cell: Any) -> bool:
-    return (isinstance(cell, int | float) and not isinstance(cell, bool)) or isinstance(
-        cell, datetime | time | timedelta
-    )
+    return isinstance(cell, int | float | datetime | time | timedelta) and not isinstance(cell, bool)
 
 
 def _number_in_words(cell: Any) -> bool:
