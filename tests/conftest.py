@@ -1,7 +1,9 @@
 """Shared by all tests: the stock foot, edited copies of its MJCF, noisy synthetic recordings, commands."""
 
+import fcntl
 import gc
 import os
+import pickle
 import signal
 import subprocess
 import sys
@@ -60,10 +62,20 @@ def foot() -> Foot:
 
 
 @pytest.fixture(scope="session")
-def fitted(foot: Foot) -> FitResult:
-    """The stock foot fitted to three of the bundled recordings, with its mirror image: quick, and rough."""
-    three = [recording for recording in bundled().under(0.0) if recording.condition.frequency_hz in (10, 20, 30)]
-    return fit_foot(three, foot, free=["k_T", "k_F", "c_11", "c_21"], starts=2)
+def fitted(foot: Foot, tmp_path_factory: pytest.TempPathFactory) -> FitResult:
+    """The stock foot fitted to three of the bundled recordings, with its mirror image: quick, and rough.
+
+    The first process that needs it computes it for all.
+    """
+    base = tmp_path_factory.getbasetemp()
+    kept = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "fitted.pickle"
+    with kept.with_suffix(".lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not kept.exists():
+            three = [item for item in bundled().under(0.0) if item.condition.frequency_hz in (10, 20, 30)]
+            made = fit_foot(three, foot, free=["k_T", "k_F", "c_11", "c_21"], starts=2)
+            kept.write_bytes(pickle.dumps(made))
+    return pickle.loads(kept.read_bytes())
 
 
 @pytest.fixture
