@@ -117,17 +117,6 @@ def test_added_mass_goes_where_the_model_says(edit: Edit) -> None:
     assert read(moved).names[read(moved).carrier] == "talocrural"
 
 
-def test_an_insole_is_followed(edit: Edit) -> None:
-    pad = '<body name="foot" childclass="bone">'
-    insole = '<body name="insole" childclass="bone"><joint name="insole" stiffness="9e4" damping="70"/>'
-    insole += '<inertial pos="0 0 0" mass="0.3" diaginertia="1e-3 1e-3 1e-3"/>'
-    file = edit((pad, insole + pad), ("</worldbody>", "</body></worldbody>"))
-    leg = read(file)
-    assert leg.names[0] == "insole"
-    assert leg.parent[1] == 0
-    assert crosscheck(file).agrees
-
-
 def test_a_load_is_set_and_taken_away() -> None:
     """The row "0 kg" of a loaded file is an unloaded leg, as a fit with added_mass 0 has it."""
     loaded = Leg.from_model(load("leg").with_values({"added_mass": 4.5}).model)
