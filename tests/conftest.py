@@ -37,11 +37,12 @@ settings.load_profile("untimed")
 
 #: Files that compute or wait longest, the longest first: with the short ones behind them all processes end together.
 LONGEST = (
-    "docs_blocks", "study_run", "study_cluster", "acquire_audio", "docs_links", "viz_bench_page", "rivals",
-    "examples", "leg_naming", "acquire_session", "director", "viz_command", "cell_body", "acquire", "wheel",
-    "study_checks", "edits", "acquire_generator", "transmissibility", "viz_page", "optimiser",
-    "viz_workbench", "bundled", "viz_layout", "acquire_firmware",
-    "sensitivity", "nuisances", "docs_notebooks",
+    "edits", "docs_blocks", "acquire_audio", "study_cluster", "nuisances", "fitting", "viz_bench_page", "director",
+    "acquire_session", "repeatability", "transmissibility", "cell_body", "bundled", "rivals", "acquire_generator",
+    "viz_command", "blackbox_selection", "acquire", "acquire_monitor", "intervals", "viz_page", "study_report",
+    "constraints", "study_population", "examples", "report", "acquire_firmware", "optimiser", "simulator",
+    "viz_workbench", "study_run", "leg_naming", "wheel", "blackbox_pem", "cell_mesh", "study_profile", "viz_session",
+    "viz_layout", "docs_notebooks",
 )  # fmt: skip
 
 

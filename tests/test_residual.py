@@ -174,7 +174,7 @@ def test_what_is_left_of_the_truth_is_white(scatter: Scatter) -> None:
         """Of each recording its own."""
         return [BENT | {n: BENT[n] * np.exp(scatter.constants * rng.normal()) for n in names} for _ in range(2)]
 
-    for _ in range(300):
+    for _ in range(200):
         seated = np.stack([made.predicted(made.variables.start(foot)) for foot in feet()])
         moved = exact.output + draw(exact.output_std) + draw(scatter.harmonics * np.abs(exact.output))
         moved += seated[np.arange(2), np.arange(2)] - exact.output
