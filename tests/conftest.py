@@ -11,7 +11,6 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
-gc.disable()  # until all is imported
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy: more threads wait for each other
 
 import numpy as np
@@ -27,6 +26,7 @@ from identification.fitting import fit_foot
 from identification.result import FitResult
 
 ROOT = Path(__file__).parent.parent
+gc.disable()  # until the tests are imported
 
 # A shell's background job ignores Ctrl-C, and its children inherit that: not those of the tests, which press it.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
