@@ -138,7 +138,7 @@ def stepped(file: Path) -> dict[str, complex]:
     """`simulate`, from the pose of the file until the start has faded."""
     foot = opened(file)
     implicit, thigh = foot.step < 2e-4, any(foot.model.joint(j).name == "thigh" for j in range(foot.model.njnt))
-    fading, step = (0.4 if thigh else 0.2, 1e-4) if implicit else (1.1, 5e-4)  # a thigh on its seat goes on for long
+    fading, step = (0.6 if thigh else 0.2, 1e-4) if implicit else (1.1, 5e-4)  # a thigh on its seat goes on for long
     run = simulate(foot, harmonics(HZ, [PEAK], fading + 2 / HZ), step=step)
     return {"T": _first(run.malleolus[0], step) / _first(run.base[0], step)}
 
