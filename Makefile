@@ -8,7 +8,7 @@ unexport PYTHONDONTWRITEBYTECODE
 PIP := $(RUN) -m pip install --quiet --disable-pip-version-check --no-compile --constraint constraints.txt
 COMPILED := fasbody/foot/two_dof.py fasbody/foot/damper.py fasbody/foot/engine.py
 
-.PHONY: fit view wheel test test-long lint suite docs bench reproduce release clean
+.PHONY: fit view wheel test test-long environment lint suite docs bench reproduce release clean
 
 fit: $(VENV)/core.stamp  ## fit the bundled synthetic foot; add ARGS="..." for options
 	$(RUN) -m identification.fit $(ARGS)
@@ -19,12 +19,14 @@ view: $(VENV)/view.stamp  ## the vibrating foot in the browser; add ARGS="..." f
 wheel: $(VENV)/python.stamp  ## one file for another machine, with models and data inside: dist/*.whl
 	$(RUN) -m pip wheel --quiet --disable-pip-version-check --no-deps --wheel-dir dist .
 
-test: $(VENV)/core.stamp  ## the whole test suite; ARGS="-k name" selects
-	$(MAKE) --no-print-directory --jobs=2 $(VENV)/compiled.stamp $(VENV)/dev.stamp
+test:  ## the whole test suite; ARGS="-k name" selects
+	$(MAKE) --no-print-directory --jobs=2 environment
 	$(MAKE) --no-print-directory --jobs=2 lint suite
 
 test-long: $(VENV)/dev.stamp $(VENV)/compiled.stamp  ## the tests that compute or wait long: whole studies, browsers, other processes
 	$(RUN) -m pytest -m long $(ARGS)
+
+environment: $(VENV)/compiled.stamp $(VENV)/dev.stamp  # what the tests need of Python
 
 suite: $(VENV)/collected.stamp  # the lint goes on beside its beginning
 	$(RUN) -m pytest $(ARGS)

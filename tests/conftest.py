@@ -1,7 +1,9 @@
 """Shared by all tests: the stock foot, edited copies of its MJCF, noisy synthetic recordings, commands."""
 
+import fcntl
 import gc
 import os
+import pickle
 import signal
 import subprocess
 import sys
@@ -24,6 +26,7 @@ from identification.fitting import fit_foot
 from identification.result import FitResult
 
 ROOT = Path(__file__).parent.parent
+gc.disable()  # until the tests are imported
 
 # A shell's background job ignores Ctrl-C, and its children inherit that: not those of the tests, which press it.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
@@ -35,11 +38,12 @@ settings.load_profile("untimed")
 
 #: Files that compute or wait longest, the longest first: with the short ones behind them all processes end together.
 LONGEST = (
-    "docs_blocks", "study_run", "study_cluster", "acquire_audio", "docs_links", "viz_bench_page", "rivals",
-    "examples", "leg_naming", "acquire_session", "director", "viz_command", "cell_body", "acquire", "wheel",
-    "study_checks", "edits", "acquire_generator", "transmissibility", "viz_page", "optimiser",
-    "viz_workbench", "bundled", "viz_layout", "acquire_firmware",
-    "sensitivity", "nuisances", "docs_notebooks",
+    "edits", "docs_blocks", "acquire_audio", "study_cluster", "nuisances", "fitting", "viz_bench_page", "director",
+    "acquire_session", "repeatability", "transmissibility", "cell_body", "bundled", "rivals", "acquire_generator",
+    "viz_command", "blackbox_selection", "acquire", "acquire_monitor", "intervals", "viz_page", "study_report",
+    "constraints", "study_population", "examples", "report", "acquire_firmware", "optimiser", "simulator",
+    "viz_workbench", "study_run", "leg_naming", "wheel", "blackbox_pem", "cell_mesh", "study_profile", "viz_session",
+    "viz_layout", "docs_notebooks",
 )  # fmt: skip
 
 
@@ -50,8 +54,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 def pytest_collection_finish() -> None:
     """What is imported by now stays: the garbage collector need not look at half a million objects again and again."""
-    gc.collect()
     gc.freeze()
+    gc.enable()
 
 
 @pytest.fixture(scope="session")
@@ -60,10 +64,20 @@ def foot() -> Foot:
 
 
 @pytest.fixture(scope="session")
-def fitted(foot: Foot) -> FitResult:
-    """The stock foot fitted to three of the bundled recordings, with its mirror image: quick, and rough."""
-    three = [recording for recording in bundled().under(0.0) if recording.condition.frequency_hz in (10, 20, 30)]
-    return fit_foot(three, foot, free=["k_T", "k_F", "c_11", "c_21"], starts=2)
+def fitted(foot: Foot, tmp_path_factory: pytest.TempPathFactory) -> FitResult:
+    """The stock foot fitted to three of the bundled recordings, with its mirror image: quick, and rough.
+
+    The first process that needs it computes it for all.
+    """
+    base = tmp_path_factory.getbasetemp()
+    kept = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "fitted.pickle"
+    with kept.with_suffix(".lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not kept.exists():
+            three = [item for item in bundled().under(0.0) if item.condition.frequency_hz in (10, 20, 30)]
+            made = fit_foot(three, foot, free=["k_T", "k_F", "c_11", "c_21"], starts=2)
+            kept.write_bytes(pickle.dumps(made))
+    return pickle.loads(kept.read_bytes())
 
 
 @pytest.fixture

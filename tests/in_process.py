@@ -1,6 +1,6 @@
 """`python -m MODULE words...` in this process: what is printed, said and returned, without the seconds of an import.
 
-Exit codes of real processes are test_fit_command.py's, test_commands.py's and test_cell_command.py's.
+Exit codes of real processes are test_commands.py's.
 """
 
 import contextlib

@@ -9,6 +9,7 @@ down here: masses in absolute coordinates for chains, the equations of the arch 
 import os
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -19,7 +20,7 @@ from fasbody.arch.bones import Arch
 from fasbody.arch.linear import transmissibility
 from fasbody.foot.hysteresis import cycle
 from fasbody.foot.linear import Linear
-from fasbody.foot.model import load
+from fasbody.foot.model import Foot, load
 from fasbody.foot.shaker import harmonics
 from fasbody.foot.simulate import simulate
 from fasbody.foot.steady_state import Balance
@@ -114,6 +115,16 @@ def arch(**constants: float) -> Truth:
 # --- the ways in which a model is read --------------------------------------------------------------------------------
 
 
+@lru_cache(maxsize=1)
+def _read(file: Path, text: str) -> Foot:
+    return load(file)
+
+
+def opened(file: Path) -> Foot:
+    """The foot of a file, read once for all readers, which leave it as it is."""
+    return _read(file, file.read_text())
+
+
 def _first(values: Array, step: float) -> complex:
     """First harmonic of what the last two periods are, by least squares: they need not be whole steps."""
     n = round(2 / HZ / step)
@@ -125,21 +136,21 @@ def _first(values: Array, step: float) -> complex:
 
 def stepped(file: Path) -> dict[str, complex]:
     """`simulate`, from the pose of the file until the start has faded."""
-    foot = load(file)
+    foot = opened(file)
     implicit, thigh = foot.step < 2e-4, any(foot.model.joint(j).name == "thigh" for j in range(foot.model.njnt))
-    seconds, step = (1.0 if thigh else 0.5, 1e-4) if implicit else (2.0, 5e-4)  # a thigh on its seat goes on for long
-    run = simulate(foot, harmonics(HZ, [PEAK], seconds), step=step)
+    fading, step = (0.6 if thigh else 0.2, 1e-4) if implicit else (1.1, 5e-4)  # a thigh on its seat goes on for long
+    run = simulate(foot, harmonics(HZ, [PEAK], fading + 2 / HZ), step=step)
     return {"T": _first(run.malleolus[0], step) / _first(run.base[0], step)}
 
 
 def balanced(file: Path) -> dict[str, complex]:
     """Harmonic balance on the engine's inverse dynamics."""
-    return {"T": complex(Balance(load(file)).orbit(HZ, [PEAK]).harmonics()[0] / PEAK)}
+    return {"T": complex(Balance(opened(file)).orbit(HZ, [PEAK]).harmonics()[0] / PEAK)}
 
 
 def fitted(file: Path) -> dict[str, complex]:
     """The motion that a fit begins from: the two-mass foot in closed form where it is this model."""
-    foot = load(file)
+    foot = opened(file)
     if carriers(foot).get("malleolus") != ON_SHANK:
         return balanced(file)
     found = orbits(parameters(foot.values())[None], np.array([2 * np.pi * HZ]), PEAK * np.eye(1, 6, dtype=complex))
@@ -148,14 +159,14 @@ def fitted(file: Path) -> dict[str, complex]:
 
 def energies(file: Path) -> dict[str, complex]:
     """What a fit says of the energy in the pad."""
-    foot = load(file)
+    foot = opened(file)
     found = cycle(foot, HZ, [PEAK], foot.values(), carriers(foot).get("malleolus") == ON_SHANK)
     return {"dissipated": found.fat_pad.dissipated_j / PEAK**2}
 
 
 def swings(file: Path) -> dict[str, complex]:
     """Natural frequencies that a fit reports."""
-    return {"singular": np.linalg.eigvals(linearised(load(file)))}
+    return {"singular": np.linalg.eigvals(linearised(opened(file)))}
 
 
 def drawn(file: Path) -> dict[str, complex]:
@@ -176,7 +187,7 @@ def shown(file: Path) -> dict[str, complex]:
 
 def as_leg(file: Path) -> dict[str, complex]:
     """`fasbody.leg`: the equations of a chain."""
-    foot = load(file)
+    foot = opened(file)
     return {"T": complex(Leg.from_model(foot.model, foot.name).at("malleolus", np.array([HZ]))[0])}
 
 

@@ -221,7 +221,7 @@ BONE_OF = ["--material", "1,0,1"]
     ],
 )
 def test_bad_input_names_its_option(arguments: list[str], setting: str) -> None:
-    found = CliRunner().invoke(app, ["modes", "sesamoid_medial", *arguments])
+    found = CliRunner().invoke(app, ["modes", "sesamoid_medial", "--size", "2", *arguments])
     assert isinstance(found.exception, SettingError) and found.exception.setting == setting
 
 

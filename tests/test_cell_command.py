@@ -2,7 +2,6 @@
 
 import json
 import subprocess
-import sys
 from pathlib import Path
 
 import in_process
@@ -84,27 +83,11 @@ def test_bad_input_names_its_option(arguments: list[str], setting: str) -> None:
     assert found.output == ""
 
 
-def test_bad_input_leaves_with_exit_code_two() -> None:
-    words = [sys.executable, "-m", "fasbody.cell", "--modulus", "0", "sweep"]
-    done = subprocess.run(words, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stdout) == (2, "")
-    assert done.stderr.startswith("error: --modulus: stands before")
-    assert "Traceback" not in done.stderr
-
-
 def test_a_missing_option_is_described_with_its_units() -> None:
     r"""Rich took `[kg/m^3]` for a style, and the refusal read "density \\; of one region"."""
     done = command("modes", "sesamoid_medial")
     assert done.returncode == 2
     assert "modulus [Pa], Poisson's ratio, density [kg/m^3]; of one region" in " ".join(done.stderr.split())
-
-
-@pytest.mark.parametrize(
-    ("arguments", "units"), [([], ["[um]", "[Pa]", "[kg/m^3]"]), (["sweep"], ["[um]"]), (["shake"], ["[s]", "[Pa]"])]
-)
-def test_help_keeps_its_units(arguments: list[str], units: list[str]) -> None:
-    text = CliRunner().invoke(app, [*arguments, "--help"]).output
-    assert [unit for unit in units if unit not in text] == []
 
 
 def test_few_modes_are_not_filled_up(tmp_path: Path) -> None:

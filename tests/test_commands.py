@@ -55,6 +55,7 @@ def test_help_ends_with_examples_that_name_the_command(command: Command) -> None
     app = subs.get(command.name, app)
     _, heading, examples = app.help.partition("\n\nExamples:\n")
     assert heading, "no examples"
+    assert Text.from_markup(app.help).plain == app.help.replace("\\[", "["), "part of the help is hidden"
     for line in filter(None, examples.splitlines()):
         assert docs.words(line)[2] == command.module or not command.words, line
     for parameter in app.params:

@@ -18,9 +18,9 @@ from fasbody.foot.shaker import harmonics
 from fasbody.foot.simulate import simulate
 from fasbody.foot.steady_state import Balance
 
-HZ, PERIODS, STEP = 20.0, 30, 1e-4
+HZ, PERIODS, STEP = 20.0, 12, 1e-4
 W = 2 * np.pi * HZ
-AMPLITUDES = (0.02, 1.0, 9.0)
+AMPLITUDES = (0.02, 9.0)
 #: Masses of foot and shank [kg], springs [N/m] and dampers [N s/m] of pad and ankle.
 M_F, M_S, K, C = 1.052265, 3.374505, np.array([1e5, 1.5e5]), np.array([800.0, 430.0])
 #: Mass matrix in the joints z_2 (pad), z_1 (ankle), and what the base's acceleration pushes.

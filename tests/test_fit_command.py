@@ -57,6 +57,7 @@ def test_bare_file_with_masses(fit: Callable, bare: Path) -> None:
     assert change > 1.1  # more mass, more stiffness for the same motion
 
 
+@pytest.mark.usefixtures("undrawn")  # test_bundled.py draws
 def test_table_for_people_and_default_folder(fit: Callable, bare: Path) -> None:
     code, out, err = fit(bare, "--body-mass", 72.57, "--free", "k_T,c_11", "--starts", 1, "--bounds", "k_T=1e5:1.5e5")
     assert code == 0, err
@@ -109,26 +110,6 @@ def test_bad_input_gets_one_sentence_and_exit_2(fit: Callable, bare: Path, tmp_p
         assert err.strip().startswith("error: ")
         assert len(err.strip().splitlines()) == 1
         assert not Path("results").exists()
-
-
-def test_unknown_option_is_exit_2(fit: Callable) -> None:
-    assert fit("--modle", "x")[0] == 2
-
-
-def test_help_has_examples(fit: Callable) -> None:
-    code, out, _ = fit("--help")
-    assert code == 0
-    assert "fasbody fit my_study --starts 20 --out results" in out
-    for option in ("model", "body-mass", "added-mass", "free", "bounds", "starts", "domain", "json", "out"):
-        assert f"--{option}" in out
-
-
-def test_exit_code_of_a_real_process(command: Callable, tmp_path: Path) -> None:
-    done = command("identification.fit", str(tmp_path / "none.csv"), "--json")
-    assert done.returncode == 2
-    assert done.stdout == ""
-    assert "no such file or folder; give a study folder or CSV recordings." in done.stderr
-    assert "Traceback" not in done.stderr
 
 
 def test_a_missing_element_of_a_model_gets_the_sentence(fit: Callable, bare: Path, edited: Callable[..., Path]) -> None:

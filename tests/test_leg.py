@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 from matplotlib.text import Text
-from scipy.integrate import solve_ivp
 
 import mjcf
 from fasbody.exceptions import ModelError
@@ -44,33 +43,6 @@ def test_three_engines_agree_on_a_loaded_leg() -> None:
     assert max(result.matrices.values()) < MATRICES
     assert max(result.responses.values()) < RESPONSES
     assert result.agrees
-
-
-@pytest.mark.long
-def test_response_is_that_of_an_independent_ode_in_absolute_coordinates() -> None:
-    leg, f = read("leg").with_added(2.3), 25.0
-    n, omega = len(leg.mass), 2 * np.pi * f
-
-    def rates(x: np.ndarray, table: tuple[float, float]) -> np.ndarray:
-        y, v = np.append(x[:n], table[0]), np.append(x[n:], table[1])
-        push = np.zeros(n + 1)
-        for i, below in enumerate(leg.parent):  # the table is the last
-            pull = leg.stiffness[i] * (y[i] - y[below]) + leg.damping[i] * (v[i] - v[below])
-            push[i] -= pull
-            push[below] += pull
-        return np.append(v[:n], push[:n] / leg.mass)
-
-    times = np.linspace(3, 3 + 1 / f, 201)[:-1]
-    start = np.append(np.zeros(n), np.full(n, -1 / omega))
-    A = np.column_stack([rates(one, (0.0, 0.0)) for one in np.eye(2 * n)])
-    by_place, by_speed = rates(np.zeros(2 * n), (-1 / omega**2, 0.0)), rates(np.zeros(2 * n), (0.0, -1 / omega))
-    out = solve_ivp(
-        lambda t, x: A @ x + by_place * np.sin(omega * t) + by_speed * np.cos(omega * t), (0, times[-1]), start,
-        method="Radau", jac=A, t_eval=times, rtol=1e-8, atol=1e-12,
-    )  # fmt: skip
-    at = leg.site["malleolus"]
-    wave = 2 / 200 * out.y[at] @ np.exp(-1j * omega * times)
-    assert -(omega**2) * wave / -1j == pytest.approx(leg.at("malleolus", np.array([f]))[0], rel=1e-6)
 
 
 def test_peaks_lie_where_they_were_measured_and_no_constant_changes() -> None:
@@ -115,17 +87,6 @@ def test_added_mass_goes_where_the_model_says(edit: Edit) -> None:
     bag = '<body name="bag"><inertial pos="0 0 0" mass="0" diaginertia="0 0 0"/></body><site name="tuberosity"'
     moved = edit(('<site name="tuberosity"', bag), ("body load mass", "body bag mass"))
     assert read(moved).names[read(moved).carrier] == "talocrural"
-
-
-def test_an_insole_is_followed(edit: Edit) -> None:
-    pad = '<body name="foot" childclass="bone">'
-    insole = '<body name="insole" childclass="bone"><joint name="insole" stiffness="9e4" damping="70"/>'
-    insole += '<inertial pos="0 0 0" mass="0.3" diaginertia="1e-3 1e-3 1e-3"/>'
-    file = edit((pad, insole + pad), ("</worldbody>", "</body></worldbody>"))
-    leg = read(file)
-    assert leg.names[0] == "insole"
-    assert leg.parent[1] == 0
-    assert crosscheck(file).agrees
 
 
 def test_a_load_is_set_and_taken_away() -> None:

@@ -145,23 +145,6 @@ def test_an_edited_model_that_keeps_the_named_elements_works(edited: Edit) -> No
     assert np.abs(y - want).max() < 2e-5 * np.abs(want).max()
 
 
-def test_an_insole_between_table_and_foot_gives(edited: Edit) -> None:
-    """As mjcf/README.md tells: against the same foot with both springs in series, without mass between them."""
-    insole = (
-        '<body name="insole"><joint name="insole" stiffness="1e5" damping="800" user="4.25 800 0 0"/>'
-        '<inertial pos="0 0 0" mass="1e-3" diaginertia="1e-9 1e-9 1e-9"/><body name="foot"'
-    )
-    linear = ("4.25 800 -50 100", "4.25 800 0 0")
-    soft = edited(linear, ('stiffness="1.0e5"', 'stiffness="5e4"'),
-                  ('damping="800" user="4.25 800 0 0"', 'user="4.25 400 0 0"'))  # fmt: skip
-    want = simulate(load(soft), shaker.sine(20.0, 0.05), step=1e-5).malleolus
-    file = edited(
-        linear, ('<body name="foot"', insole), ("    </body>\n  </worldbody>", "    </body></body>\n  </worldbody>")
-    )
-    have = simulate(load(file), shaker.sine(20.0, 0.05), step=1e-6).malleolus[:, ::10]
-    assert np.abs(have - want).max() < 1e-3 * np.abs(want).max()
-
-
 @pytest.mark.parametrize(
     ("kind", "name", "edits"),
     [

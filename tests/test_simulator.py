@@ -203,8 +203,3 @@ def test_constants_follow_the_load_as_stated() -> None:
     shared = under(LEG, [d.LoadShare(0.75)], loads).m[0]
     assert shared == pytest.approx(LEG.m_S + 0.75 * loads.load_kg)
 
-
-# instruments
-
-
-# what is recorded, and what is true

@@ -1,5 +1,6 @@
 """Populations of persons: closed forms where all errors are equal, shrinking, and which branch is told."""
 
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +20,22 @@ from identification.study.store import Store, pooled_fits
 
 LOGS = np.array([0.0, 0.1, 0.3, 0.5, 0.9])
 NAMES = list("abcde")
+posterior_of = Posterior.of
 KEYS = {"k_T_n_per_m": 1e5, "k_F_n_per_m": 9e4, "c_11_n_s_per_m": 300.0, "c_21_n_s_per_m": 700.0}
+
+
+@pytest.fixture(autouse=True)
+def once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Numbers that this process has made a posterior of are given the same one, whose sums take long."""
+    monkeypatch.setattr(Posterior, "of", lambda y, s: kept(tuple(y), tuple(s)))
+
+
+@cache
+def kept(values: tuple[float, ...], errors: tuple[float, ...]) -> Posterior:
+    made = posterior_of(np.array(values), np.array(errors))
+    for name in ("spread", "persons", "chances"):
+        object.__setattr__(made, name, cache(getattr(made, name)))
+    return made
 
 
 def test_equal_errors_have_closed_forms() -> None:
