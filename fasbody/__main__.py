@@ -69,14 +69,9 @@ def _makefile() -> str:
     return file.read_text(encoding="utf-8") if file.is_file() else ""
 
 
-<<<<<<< HEAD
 def _typed() -> str:
     """How it was started: as an installed command, or in a clone."""
     return "fasbody" if Path(sys.argv[0]).stem == "fasbody" else "python -m fasbody"
-=======
-def _installed() -> bool:
-    return Path(sys.argv[0]).stem == "fasbody"
->>>>>>> room/sizeA
 
 
 def page() -> None:
