@@ -89,7 +89,7 @@ def page() -> None:
     for first, family in families.items():
         does = [command.does for command in family if command.words == first or len(family) == 1]
         others = [command.words.removeprefix(f"{first} ") for command in family if command.words != first]
-        also = f"{'With' if does else 'One of'}: {first} {', '.join(others)}." if others else ""
+        also = f"{'Also' if does else 'One of'}: {first} {', '.join(others)}." if others else ""
         table.add_row(first, " ".join([*does, *([also] if also else [])]))
     results.print("Usage: fasbody COMMAND [OPTIONS]\n", markup=False)
     results.print(table)

@@ -83,7 +83,7 @@ def advice(
         texts.append(Sentence(f"{count} {more} or estimate fewer parameters (", called("free"), ")."))
     if rank < len(space.free):
         texts.append(
-            f"With {counted(rank // 2, 'frequency', 'frequencies')}, a linear foot determines at most {rank} of the "
+            f"With {counted(rank // 2, 'frequency', 'frequencies')}, the linear response determines at most {rank} of the "
             f"{len(space.free)} free parameters. Only the harmonics of nonlinear dampers depend on the others, so no "
             f"interval with the model assumed exact is shown. {more}."
         )
