@@ -94,7 +94,7 @@ class OneMass:
         """What should be mended first."""
         texts = []
         if abs(self.gain - 1) > OFF:
-            texts.append(f"the gain is {self.gain:.3f}: check the sensitivities, and that both sensors point in the same direction")
+            texts.append(f"the gain is {self.gain:.3f}: check sensitivities and directions of both sensors")
         if self.off_s is not None and self.off_s > 1.0:
             texts.append(f"the base came to rest only {self.off_s:.2g} s after the limit had switched the output off")
         return texts

@@ -169,7 +169,7 @@ class Quality:
         return [
             (
                 abs(self.rate_ppm) - rate,
-                f"the sampling rate of the board differs from the declared one by {self.rate_ppm:+.0f} +- {rate:.0f} ppm",
+                f"the board's sampling rate differs from the declared one by {self.rate_ppm:+.0f} +- {rate:.0f} ppm",
             ),
             (
                 abs(self.drift_ppm) - drift,

@@ -200,10 +200,10 @@ def select_arx(referee: Referee, delays: Sequence[int] = (1,), largest: int = 15
         at_edge = [n for n, k in zip(("n_a", "n_b", "n_k"), best, strict=True) if k == largest - 1]
         if at_edge:
             warnings.append(
-                f"{name} selects the largest order tried ({', '.join(at_edge)} = {largest}): the last lags may fit noise"
+                f"{name} selects the largest order ({', '.join(at_edge)} = {largest}): the last lags may fit noise"
             )
     if len(alike) > 1:
-        warnings.append(f"{len(alike)} of {aic.size} ARX models lie within 10 in N x AIC: the orders are not determined")
+        warnings.append(f"{len(alike)} of {aic.size} ARX models lie within 10 in N x AIC: orders are not determined")
     shortlist = leading | {int(k) for k in alike[:40]} | {int(bic.argmin())}
     trials = {_numbers(flat, loss.shape) for flat in shortlist}
     beyond = [nk for nk in delays if not 1 <= nk <= largest]

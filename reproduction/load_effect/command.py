@@ -121,7 +121,9 @@ def _table(searched: "list[Searched]") -> Table:
 
 
 def drop(
-    law: Annotated[str, typer.Option(help='force law of the pad, as the `user` field of a joint: "2 4884 282 2 0 -1"')] = "",
+    law: Annotated[
+        str, typer.Option(help='force law of the pad, as the `user` field of a joint: "2 4884 282 2 0 -1"')
+    ] = "",
     json: JsonOption = False,
 ) -> None:
     """Kinoshita's drop, 5 kg at 0.93 m/s on a heel pad, stepped by MuJoCo with gravity.
@@ -135,7 +137,8 @@ def drop(
 
     falls = {law: dropping.drop(dropping.checked(law))} if law else dropping.drops()
     peak, depth, loss = (f"{middle:g} ({low:g}-{high:g})" for low, middle, high in dropping.MEASURED.values())
-    table = Table(title=f"5 kg dropped at 0.93 m/s; measured: peak {peak} weights, depth {depth} mm, absorbed {loss} %")
+    measured = f"peak {peak} weights, depth {depth} mm, absorbed {loss} %"
+    table = Table(title=f"5 kg dropped at 0.93 m/s; measured: {measured}")
     for column in (
         "pad",
         "peak [weights]",
