@@ -93,7 +93,7 @@ def page() -> None:
         table.add_row(first, " ".join([*does, *([also] if also else [])]))
     results.print("Usage: fasbody COMMAND [OPTIONS]\n", markup=False)
     results.print(table)
-    results.print("\nEach command has --help with examples. fasbody alone lists them in groups. Also: --version, --json.")
+    results.print("\nEach command has --help with examples. fasbody alone lists them in groups.")
     results.print('Completion in a shell: eval "$(fasbody --completion bash)", or zsh, fish.', highlight=False)
     results.print("\nExamples:\n  fasbody fit my_study --out results\n  fasbody view", highlight=False)
 
