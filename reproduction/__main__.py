@@ -162,7 +162,7 @@ def show(rows: list[Row], found: dict[str, dict[str, Any]]) -> None:
 
     from reproduction.report import numbers
 
-    table = Table("id", "came out (asked for)", "verdict")
+    table = Table("id", "result (limits)", "verdict")
     for row in rows:
         verdict = Verdict(found[row.id]["verdict"])
         colour = _COLOURS.get(verdict, "yellow")
