@@ -90,10 +90,10 @@ def main(
 ) -> None:
     """Measure everything that the documentation states, and write one table. Takes about an hour.
 
-    Coverage and verdicts are counted over a part of their seeds; --full counts all.
+    Coverage and decisions are counted over a part of their seeds; --full counts all.
 
-    Rows of topics that are not measured now stay on the page, unless they come from another machine or other versions.
-    The committed page, RESULTS.md, is left alone unless you ask, and never loses a topic.
+    Rows of topics that are not measured now stay on the page, unless they are of another machine or other versions.
+    The committed page, RESULTS.md, changes with --commit only, and keeps all its topics.
 
     Examples:
       python -m benchmarks

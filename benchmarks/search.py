@@ -136,7 +136,7 @@ def main(
     state: Annotated[Path, typer.Option(help="file of what is done")] = Path("search.jsonl"),
     json_: JsonOption = False,
 ) -> None:
-    """Whether the search of a fit finds the best end on each side, or says that it may not have.
+    """Count how often the search of a fit finds the best minimum of each branch, or reports that it may not have.
 
     Examples:
       python -m benchmarks.search

@@ -261,7 +261,7 @@ def wide() -> Figure:
                 label=label if row == 0 else None,
             )
     ax.axvline(1, color="k", lw=0.8)
-    ax.set(xlabel="95 % interval over the true value", yticks=range(len(names)), xlim=(0, 1.8))
+    ax.set(xlabel="95 % interval divided by the true value", yticks=range(len(names)), xlim=(0, 1.8))
     ax.set_yticklabels([label_of(name).split("\n")[0] for name in reversed(names)])
     ax.legend(loc="lower right")
     return figure

@@ -88,11 +88,11 @@ def page() -> None:
     for first, family in families.items():
         does = [command.does for command in family if command.words == first or len(family) == 1]
         others = [command.words.removeprefix(f"{first} ") for command in family if command.words != first]
-        also = f"{'With' if does else 'One of'}: {first} {', '.join(others)}." if others else ""
+        also = f"{'Also' if does else 'One of'}: {first} {', '.join(others)}." if others else ""
         table.add_row(first, " ".join([*does, *([also] if also else [])]))
     results.print("Usage: fasbody COMMAND [OPTIONS]\n", markup=False)
     results.print(table)
-    results.print("\nEach has --help with examples. fasbody alone shows all in groups; --version, --json.")
+    results.print("\nEach command has --help with examples. fasbody alone lists them in groups.")
     results.print('Completion in a shell: eval "$(fasbody --completion bash)", or zsh, fish.', highlight=False)
     results.print("\nExamples:\n  fasbody fit my_study --out results\n  fasbody view", highlight=False)
 

@@ -197,7 +197,7 @@ def judge(
         )
     elif decided:
         odds = "more than a million" if ratio_ > np.log(1e6) else readable(float(np.exp(ratio_)))
-        text = f"The {names[0]} branch is favoured by odds of {odds} to 1 over its mirror image ({names[1]})."
+        text = f"The {names[0]} solution is favoured over its mirror image ({names[1]}) by odds of {odds} to 1."
     else:
         text = Sentence(
             f"The data do not decide between {pair}: both parameter sets describe the recordings. ",

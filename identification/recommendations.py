@@ -83,9 +83,9 @@ def advice(
         texts.append(Sentence(f"{count} {more} or estimate fewer parameters (", called("free"), ")."))
     if rank < len(space.free):
         texts.append(
-            f"With {counted(rank // 2, 'frequency', 'frequencies')}, a linear foot determines at most {rank} of the "
-            f"{len(space.free)} free parameters. Only the harmonics of nonlinear dampers depend on the others, so no "
-            f"interval with the model assumed exact is shown. {more}."
+            f"With {counted(rank // 2, 'frequency', 'frequencies')}, the linear response determines at most {rank} of "
+            f"the {len(space.free)} free parameters. Only the harmonics of nonlinear dampers depend on the others, so "
+            f"no interval with the model assumed exact is shown. {more}."
         )
     bound = [key for key, e in best.parameters.items() if e.at_bound]
     zero = [key for key in bound if best.parameters[key].value == 0.0]

@@ -369,12 +369,12 @@ def _beyond(result: FitResult) -> str:
 def _outcome(result: FitResult) -> str:
     best = result.best
     if result.domain != "periodic" or not best.dof:
-        return f"The fit is {result.fit_percent:.1f} %; the verdict on the branches is {result.verdict}."
+        return f"The fit is {result.fit_percent:.1f} %. Choice of branch: {result.verdict}."
     p = "" if best.p_value is None else f", {chance(best.p_value)}"
     text = f"Chi-square of the model assumed exact was {best.chi_square:.4g} for {best.dof} degrees of freedom{p}"
     if result.departures:
         text += f"; with model and sensor errors included, {result.departures.repeats}"
-    return f"{text}. The verdict on the branches is {result.verdict}: {result.reason}"
+    return f"{text}. Choice of branch: {result.verdict}. {result.reason}"
 
 
 _PARTS: tuple[Callable[[FitResult], str], ...] = (_data, _reduction, _model, _beyond, _outcome)

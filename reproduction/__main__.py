@@ -39,7 +39,7 @@ def main(
             help="id, beginning of an id, number (4.11) or part of a chapter's title; repeat. No page is written then."
         ),
     ] = None,
-    fresh: Annotated[bool, typer.Option("--fresh", help="Run every row again, whatever is kept.")] = False,
+    fresh: Annotated[bool, typer.Option("--fresh", help="Run every row again, even if its result is stored.")] = False,
     jobs: Annotated[int, typer.Option(help="Processes.", min=1, max=64)] = 2,
     page: Annotated[
         Path | None,
@@ -50,16 +50,16 @@ def main(
     kept: Annotated[
         Path,
         typer.Option(
-            help="Folder of kept results.", show_default="results/reproduction", parser=_named, metavar="PATH"
+            help="Folder of stored results.", show_default="results/reproduction", parser=_named, metavar="PATH"
         ),
     ] = KEPT,
     list_: Annotated[bool, typer.Option("--list", help="Print the ids and what they are; run nothing.")] = False,
     json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
 ) -> None:
-    """Run every equation, table, figure and statement of the thesis, and say what came out. Takes some minutes.
+    """Run every equation, table, figure and statement of the thesis, and report the results. Takes some minutes.
 
-    Results are kept one by one, so a stopped run goes on where it was; rows whose code has changed since
-    run again. Exit code 1 if a row failed.
+    Results are stored row by row, so an interrupted run can be continued. Rows whose code has changed
+    are run again. Exit code 1 if a row failed.
 
     Examples:
       python -m reproduction
@@ -162,7 +162,7 @@ def show(rows: list[Row], found: dict[str, dict[str, Any]]) -> None:
 
     from reproduction.report import numbers
 
-    table = Table("id", "came out (asked for)", "verdict")
+    table = Table("id", "result (limits)", "verdict")
     for row in rows:
         verdict = Verdict(found[row.id]["verdict"])
         colour = _COLOURS.get(verdict, "yellow")

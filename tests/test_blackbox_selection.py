@@ -103,7 +103,7 @@ def test_arx_selection_warns_at_the_edge_and_lists_what_is_alike() -> None:
     estimation, _ = record(foot.prbs(3000)).split()
     chosen = search.select_arx(Referee([estimation]))
     assert chosen.tried == 3375
-    assert any("edge of the grid" in text for text in chosen.warnings)
+    assert any("selects the largest order" in text for text in chosen.warnings)
     fits = [c.fit_percent for c in chosen.candidates]
     assert chosen.best.fit_percent >= max(fits) - 0.5
 
@@ -111,7 +111,7 @@ def test_arx_selection_warns_at_the_edge_and_lists_what_is_alike() -> None:
 def test_sine_leaves_arx_orders_undecided() -> None:
     estimation, _ = record(foot.sine(20.0, 4000)).split()
     chosen = search.select_arx(Referee([estimation], weak=True))
-    assert any("orders are not decided" in text for text in chosen.warnings)
+    assert any("orders are not determined" in text for text in chosen.warnings)
     spread = [c.fit_percent for c in chosen.candidates if c.model.parameters >= 8]
     assert np.ptp(spread[:20]) < 0.5
 
@@ -150,7 +150,7 @@ def test_a_free_motion_that_outlasts_the_record_ranks_last() -> None:
     referee = Referee([validation], weak=True)
     ranked = selection.rank([referee.judge(ringing), referee.judge(honest)], referee)
     assert ranked.best.model is honest
-    assert "ranked last, as their free motion outlasts the record: OE (2, 2, 1)" in ranked.warnings[0]
+    assert "ranked last, for a free response longer than the recording: OE (2, 2, 1)" in ranked.warnings[0]
 
 
 def lag(wait: int, n: int = 800) -> Series:
@@ -175,7 +175,7 @@ def test_a_delay_that_is_not_decided_is_said() -> None:
     u = np.sin(2 * np.pi * np.arange(600) / 40)
     y = np.r_[np.zeros(2), u[:-2]] + 0.3 * np.random.default_rng(6).standard_normal(600)
     found = identify(Series(u, y, 1.0, "sine").centred(), ("oe",))
-    assert any("the delay is not decided: n_k = " in text for text in found.models["oe"].warnings)
+    assert any("the delay is not determined: n_k = " in text for text in found.models["oe"].warnings)
 
 
 @pytest.mark.parametrize("wait", [0, 1, 41])

@@ -81,7 +81,7 @@ def test_a_single_20_hz_recording_tells_little_and_says_so(foot: Foot, trial: Tr
     assert {row["interval"] for row in shown} == {"–"} and not any("lower" in row for row in shown)
     assert result.excitation_rank == 2
     text = " ".join(result.warnings)
-    assert "With 1 frequency, a linear foot determines at most 2 of the 8 free parameters" in text
+    assert "With 1 frequency, the linear response determines at most 2 of the 8 free parameters" in text
     assert "Not identifiable from these recordings" in text
     assert "One frequency cannot separate a delay" in text
     assert "delay_s" not in result.parameters

@@ -304,7 +304,7 @@ def test_springs_that_relax_are_named_and_the_model_is_not_believed(relaxing: Ri
     assert first.k_T.at_rest and first.k_T.at_rest.lower < LEG.k_T < first.k_T.at_rest.upper
     own = {each.name: each for each in first.constants}
     assert own["r_T"].lower < 0.4 < own["r_T"].upper and own["tau"].lower < 5e-3 < own["tau"].upper
-    assert relaxing.sentence().startswith("Best model: springs that relax. All other models are ruled out.")
+    assert relaxing.sentence().startswith("Preferred model: springs that relax. All other models are ruled out.")
 
 
 @pytest.mark.long

@@ -226,10 +226,10 @@ def test_one_set_of_constants_is_said_first() -> None:
     fits = [plain("pooled", str(i), 0.0, None, one(1.0)) for i in range(3)]
     for d, follows in zip(fits, (True, True, False), strict=True):
         d["result"]["branches"][0]["world"] = {"follows": follows}
-    assert summary.one_set(fits[:2]) == (True, "One set of constants serves all frequencies in 2 of 2 pooled fits.")
+    assert summary.one_set(fits[:2]) == (True, "One set of constants describes all frequencies in 2 of 2 pooled fits.")
     all_serve, sentence = summary.one_set(fits)
     assert not all_serve
-    assert sentence.startswith("One set of constants serves all frequencies in 2 of 3 pooled fits: in the")
+    assert sentence.startswith("One set of constants describes all frequencies in 2 of 3 pooled fits: in the")
     assert summary.one_set([plain("per-recording", "1", 0.0, 10.0, one(1.0))]) == (True, "")
 
 

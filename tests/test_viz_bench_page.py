@@ -507,7 +507,7 @@ def test_recording_with_warnings_is_marked_while_another_is_shown(opened: Any, t
         # a command that was started again has nothing of what is here
         page("showRecordings({ session: 'another', rows: [], shown: -1, stale: '' })")
         assert page("[ticked(), bench.rows]") == [[], []]
-        assert "recordings, ticks and fits of before are gone" in page("byId('error').textContent")
+        assert "earlier recordings, ticks and fits are gone" in page("byId('error').textContent")
         assert page.complaints == []
 
 

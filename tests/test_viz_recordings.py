@@ -183,7 +183,7 @@ def test_bar_is_in_sight_and_nothing_is_small(opened: Any, tmp_path: Path) -> No
                 assert "takes a minute" in page("byId('next').textContent")
             if step == "fit":
                 page("d => receiveFit(d)", fit)
-                assert page("byId('next').textContent") == "Fit 98.7 %; no branch is decided."
+                assert page("byId('next').textContent") == "Fit 98.7 %; the branch is undecided."
                 page("showRecordings({ session: bench.session, rows: bench.rows, shown: 0, stale: 'Out of date.' })")
                 assert page("byId('next').textContent").endswith("Out of date; fit again.")
             for size in SIZES:

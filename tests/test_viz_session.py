@@ -145,7 +145,7 @@ def test_a_session_that_is_none_is_refused(bench: Bench, change: Any, sentence: 
     dropped(bench, ["20hz.csv"])
     with pytest.raises(FasError, match=sentence):
         bench.keep("kept.zip", changed(saved(bench), change))
-    with pytest.raises(FasError, match="this is no saved session"):
+    with pytest.raises(FasError, match="this is not a saved session"):
         bench.open_session()
     assert list(bench.recordings.sources) == [0]
 

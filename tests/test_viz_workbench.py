@@ -394,7 +394,7 @@ def test_rivals_are_what_a_script_compares(bench: Bench, monkeypatch: pytest.Mon
     worker._rivals(asked[0], told.append)
     (progress, *_), found = told, told[-1]
     assert progress["type"] == "progress" and found["rows"][0][0] == "the two-mass foot"
-    assert found["adequate"] == [True, False] and found["notes"][0].startswith("Best model: the two-mass foot")
+    assert found["adequate"] == [True, False] and found["notes"][0].startswith("Preferred model: the two-mass foot")
     bench.fits.job = asked[0]
     bench.fits.receive(found)
     scope: dict[str, Any] = {}

@@ -182,7 +182,7 @@ class Bench:
     def _begin_reading(self, fresh: list[Source]) -> list[Document]:
         """Read recordings as far as the first that can be shown; the others are `unread`."""
         if not fresh:
-            raise SettingError("none of these files is a recording; drop a .csv, or any format of the readers.")
+            raise SettingError("none of these files is a recording; drop a .csv file or another readable format.")
         self.fits.prepare()  # loads the solver while the recordings are read
         for k, source in enumerate(fresh):
             number = self.recordings.first([self.recordings.add(source)])
@@ -472,7 +472,7 @@ class Bench:
             SettingError: none was, or a fit runs. FasError: its model cannot be shown.
         """
         if self.dropped_session is None:
-            raise SettingError("this is no saved session; drop a file that this page has saved.")
+            raise SettingError("this is not a saved session; drop a file that this page has saved.")
         if self.fits.running:
             raise SettingError("a fit runs; stop it first.")
         (folder, session), self.dropped_session = self.dropped_session, None

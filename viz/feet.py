@@ -282,7 +282,7 @@ class Show:
             doubt = "" if recording is None else unit_in_doubt([judged(recording)["warnings"]])
             if not doubt:
                 raise
-            text = Sentence(doubt, f" As it is, no motion of {self.feet[MODEL].name} lasts.")
+            text = Sentence(doubt, f" With this unit {self.feet[MODEL].name} cannot be simulated.")
             raise SimulationError(text, code=UNIT_IN_DOUBT) from error
 
     def _motions(self, settings: Settings) -> dict[str, Motion]:

@@ -33,7 +33,7 @@ def load_foot(name: str, called: str = "") -> Foot:
     try:
         metres = 1e-3 * float(height)
     except ValueError:
-        raise SettingError(f"{name}: the arch height {height!r} is no number in mm, such as foot_arch@25.") from None
+        raise SettingError(f"{name}: the arch height {height!r} is not a number in mm, such as foot_arch@25.") from None
     foot = load(model)
     arch = Arch.from_model(foot.model, name).with_height(metres)
     spec = read_spec(mjcf.path(model) if model in mjcf.names() else Path(model))

@@ -66,7 +66,7 @@ def record(
     frequency: Annotated[float | None, typer.Option(help="one recording at this excitation in Hz")] = None,
     sweep: Annotated[str | None, typer.Option(help="START:STOP:STEP in Hz, one recording each")] = None,
     plan_: Annotated[
-        Path | None, typer.Option("--plan", help="planned session; fasbody plan writes it")
+        Path | None, typer.Option("--plan", help="planned session, as fasbody plan --protocol writes it")
     ] = None,
     first: Annotated[int, typer.Option(min=1, help="with --plan: begin at this step of the file")] = 1,
     seconds: _Seconds = 10.0,
@@ -280,7 +280,7 @@ def check(
     generator: _Generator = None,
     board: _Board = SERIAL,
     calibration: _Settings = None,
-    frequencies: Annotated[str, typer.Option(help="of the sines in Hz, at least two")] = "10,20,40",
+    frequencies: Annotated[str, typer.Option(help="frequencies of the sines in Hz, at least two")] = "10,20,40",
     seconds: _Seconds = 4.0,
     peak_to_peak: _Level = 10.0,
     max_volts: _MaxVolts = Safety.volts,
@@ -426,13 +426,13 @@ def calibrate(
     what: Annotated[str, typer.Argument(help="loopback, calibrator or flip")],
     role: Annotated[str, typer.Argument(help="base or malleolus, for calibrator and flip")] = "",
     device: Annotated[str | None, typer.Option(help="sound card, by part of its name; for loopback")] = None,
-    board: Annotated[str, typer.Option(help="what digitises: audio, ni, mcc, labjack")] = "audio",
+    board: Annotated[str, typer.Option(help="device: audio, ni, mcc or labjack")] = "audio",
     calibration: Annotated[
         Path | None, typer.Option(help="file to write, or to add to (default sound_card.json, ni.json and so on)")
     ] = None,
-    seconds: Annotated[float, typer.Option(help="how long to listen to a calibrator or a flip")] = 9.0,
-    hz: Annotated[float, typer.Option(help="of the hand calibrator")] = 159.155,
-    rms: Annotated[float, typer.Option(help="of the hand calibrator in m/s^2")] = 10.0,
+    seconds: Annotated[float, typer.Option(help="length of the recording of a calibrator or a flip, in s")] = 9.0,
+    hz: Annotated[float, typer.Option(help="frequency of the hand calibrator")] = 159.155,
+    rms: Annotated[float, typer.Option(help="rms acceleration of the hand calibrator in m/s^2")] = 10.0,
     latency: Annotated[float, typer.Option(help="buffer of the card's output in s; for loopback")] = 0.5,
     output: Annotated[
         int, typer.Option(min=1, max=2, help="output that plays, here and in recordings; for loopback")
@@ -443,7 +443,7 @@ def calibrate(
 ) -> None:
     """Calibrate a sound card: loopback first (output to both inputs), then calibrator or flip for each sensor.
 
-    The loopback plays noise, so the amplifier must be off or the shaker unplugged: it says so and asks first.
+    The loopback plays noise, so the amplifier must be off or the shaker unplugged. The command asks first.
 
     For a flip, hold the sensor still as it is worn for three seconds, turn it upside down, and hold it still again.
 

@@ -94,17 +94,18 @@ class OneMass:
         """What should be mended first."""
         texts = []
         if abs(self.gain - 1) > OFF:
-            texts.append(f"the gain is {self.gain:.3f}: check the sensitivities, and that both are in one direction")
+            texts.append(f"the gain is {self.gain:.3f}: check sensitivities and directions of both sensors")
         if self.off_s is not None and self.off_s > 1.0:
-            texts.append(f"the base came to rest only {self.off_s:.2g} s after the watch had tripped")
+            texts.append(f"the base came to rest only {self.off_s:.2g} s after the limit had switched the output off")
         return texts
 
     def __str__(self) -> str:
-        ends = "" if self.off_s is None else f"; output off and quiet {self.off_s:.2g} s after the watch tripped"
+        off = f"; base at rest {self.off_s:.2g} s after the limit switched the output off"
         return (
-            f"gain {self.gain:.4f} +- {self.gain_std:.4f}, delay {1e6 * self.delay_s:.0f} +- "
-            f"{1e6 * self.delay_std_s:.0f} us; at rest noise {self.noise_m_s2[0]:.2g} and {self.noise_m_s2[1]:.2g}, "
-            f"hum {self.hum_m_s2[0]:.2g} and {self.hum_m_s2[1]:.2g} m/s^2, common {self.common:+.2f}{ends}"
+            f"malleolus relative to base: gain {self.gain:.4f} +- {self.gain_std:.4f}, delay "
+            f"{1e6 * self.delay_s:z.0f} +- {1e6 * self.delay_std_s:.0f} us; base and malleolus at rest: noise "
+            f"{self.noise_m_s2[0]:.2g} and {self.noise_m_s2[1]:.2g}, hum {self.hum_m_s2[0]:.2g} and "
+            f"{self.hum_m_s2[1]:.2g} m/s^2, correlation {self.common:+.2f}{'' if self.off_s is None else off}"
         )
 
     def write(self, study: Path, origin: str) -> list[Path]:

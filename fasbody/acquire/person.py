@@ -123,7 +123,7 @@ class Dose:
             f"Vibration exposure, weighted by W_k: {self}. These are {100 * self.a8 / LIMIT:.0f} % and "
             f"{100 * self.vdv / VDV_LIMIT:.0f} % of the daily limits of the European directive on vibration at work "
             f"({LIMIT:g} and {VDV_LIMIT:g}). {which} ({ACTION:g} and {VDV_ACTION:g}). "
-            "The directive is made for people who sit or stand on what vibrates, not for one foot."
+            "The directive applies to people who sit or stand on a vibrating surface; it has no limit for one foot."
         )
 
     def beyond(self, a8: float, vdv: float) -> dict[str, Any]:

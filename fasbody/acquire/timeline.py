@@ -158,11 +158,11 @@ class Quality:
         return [
             (
                 abs(self.rate_ppm) - rate,
-                f"the board samples {self.rate_ppm:+.0f} +- {rate:.0f} ppm off its declared rate",
+                f"the board's sampling rate differs from the declared one by {self.rate_ppm:+.0f} +- {rate:.0f} ppm",
             ),
             (
                 abs(self.drift_ppm) - drift,
-                f"the board's clock runs {self.drift_ppm:+.0f} +- {drift:.0f} ppm off the computer's",
+                f"the board's clock differs from the computer's by {self.drift_ppm:+.0f} +- {drift:.0f} ppm",
             ),
         ]
 

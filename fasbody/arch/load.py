@@ -302,7 +302,7 @@ class LoadStudy(Presented):
                 )
             )  # fmt: skip
         columns = (
-            "added mass [kg]", "resonance [Hz]", "measured [Hz]", "|T| there", "arch [kN/m]", "springs x to meet it",
+            "added mass [kg]", "resonance [Hz]", "measured [Hz]", "|T| there", "arch [kN/m]", "factor on springs",
         )  # fmt: skip
         return Sheet("Resonance at the malleolus under added mass, constants unchanged", columns, rows)
 

@@ -46,7 +46,7 @@ RelaxationOption = Annotated[
 SupportOption = Annotated[str, typer.Option(help="free, base (flat on the lowest plane) or region (see --held)")]
 HeldOption = Annotated[
     str | None,
-    typer.Option(help="number or name of what stands still; triangles:1, tetrahedra:1 if both are"),
+    typer.Option(help="number or name of the fixed region; triangles:1 or tetrahedra:1 if both have this number"),
 ]
 UnitOption = Annotated[str, typer.Option(help="length unit of the file: nm, um, mm, cm or m")]
 UpOption = Annotated[str, typer.Option(help="axis that points up from the base: x, y or z")]

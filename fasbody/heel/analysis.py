@@ -67,15 +67,14 @@ class Analysis(Tabled):
 
     def sentences(self) -> list[str]:
         """Which laws predict best, in words."""
-        windows = {"loading": "up to the first force peak", "whole": "over the whole contact"}
-        tests = {"other_speed": "slow strikes predict normal ones",
-                 "other_person": "others predict a person"}  # fmt: skip
+        windows = {"loading": "Up to the first force peak", "whole": "For the whole contact"}
+        tests = {"other_speed": "normal strikes from slow ones", "other_person": "a person from all others"}
         out = []
         for window, place in windows.items():
             for test, claim in tests.items():
                 if best := self.best(window, test):
                     name, percent = LAWS[best[0]].name, 100 * best[1]
-                    out.append(f"{place}, {claim} best by the {name}: error {percent:.1f} % of the peak.")
+                    out.append(f"{place}, best prediction of {claim}: {name}, error {percent:.1f} % of the peak force.")
         return out
 
     def observed(self) -> tuple[list[Observed], int]:

@@ -24,7 +24,7 @@ def main(
     population: Annotated[str | None, typer.Option(help="law of the population (default: power)")] = None,
     window: Annotated[
         str | None,
-        typer.Option(help="contact that the population's law describes (default: to the first peak)"),
+        typer.Option(help="part of the contact for the population's law (default: to the first peak)"),
     ] = None,
     out: Annotated[Path | None, typer.Option(help="folder for results and figures; existing ones are reused")] = None,
     mjcf: Annotated[Path | None, typer.Option(help="write two_dof.xml with the population's law as its pad")] = None,

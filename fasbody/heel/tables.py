@@ -56,8 +56,8 @@ def _laws(result: Analysis) -> Sheet:
         shares = ("-" if value is None else f"{100 * value:.1f} %" for value in errors)
         bound = f"{d['at_bound']} of {len(d['persons'])}"
         rows.append((d["name"], d["equation"], contact, *shares, bound))
-    tests = ("own strikes", "slow to normal", "another person", "on a bound")
-    return Sheet("Laws: error of the force over its peak", ("law", "Eq.", "contact", *tests), rows)
+    tests = ("fitted strikes", "slow to normal", "another person", "at a bound")
+    return Sheet("Error of the force, divided by the peak force", ("law", "Eq.", "contact", *tests), rows)
 
 
 def _intervals(

@@ -54,7 +54,7 @@ def print_crosscheck(
     model: ModelOption = "leg",
     added_mass: Annotated[
         float | None,
-        typer.Option(help=r"\[kg] where the model says that it goes, in place of what the file has there"),
+        typer.Option(help=r"added mass \[kg], in place of that in the file"),
     ] = None,
     json: JsonOption = False,
 ) -> None:

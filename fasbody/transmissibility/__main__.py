@@ -40,7 +40,7 @@ def main(
     ] = None,
     jobs: Annotated[int, typer.Option(help="processes; 0 for all cores")] = 0,
 ) -> None:
-    """Transmissibility and phase for MB, TB and TM by load and posture, with statistics and figures.
+    """Transmissibility between base, malleolus and tuberosity by load and posture, with statistics and figures.
 
     Exit code 2 if a recording cannot be used; the results of the others are still written.
 

@@ -44,7 +44,9 @@ def main(
     input: Annotated[str, typer.Option(help="input column, by name or number from 1; several with commas")] = "",
     output: Annotated[str, typer.Option(help="output column, by name or number from 1; several with commas")] = "",
     sample_time: Annotated[float | None, typer.Option(help=r"sample time \[s] when there is no time column")] = None,
-    structures: Annotated[str, typer.Option(help=f"of {', '.join(ALL)}, separated by commas")] = ",".join(DEFAULT),
+    structures: Annotated[
+        str, typer.Option(help=f"model structures, separated by commas: {', '.join(ALL)}")
+    ] = ",".join(DEFAULT),
     orders: Annotated[
         str, typer.Option(help='"auto", or orders as in Table 3.2: "oe=4,4,1;ss=4" (others are selected).')
     ] = "auto",

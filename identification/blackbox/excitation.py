@@ -49,16 +49,16 @@ class Excitation:
             return ""
         cause = f"a single {self.frequency_hz:.4g} Hz sine" if self.single_sine else "this input"
         return (
-            f"{cause} excites rank {self.rank}, the plant has {parameters} coefficients: "
-            f"{parameters - self.rank} combinations of them are arbitrary, and so is the response where not excited"
+            f"{cause} excites rank {self.rank}, but the plant has {parameters} coefficients: "
+            f"{parameters - self.rank} combinations of them are arbitrary, and so is the response elsewhere"
         )
 
     def __str__(self) -> str:
         if self.single_sine:
             lines = ", ".join(f"{h * self.frequency_hz:.4g}" for h in self.harmonics)
             return (
-                f"a single sine of {self.frequency_hz:.4g} Hz, rank {self.rank}: it tells gain and phase "
-                f"at {lines} Hz, nothing in between; pool recordings at several frequencies for a transfer function"
+                f"a single sine of {self.frequency_hz:.4g} Hz, rank {self.rank}: it determines gain and phase "
+                f"at {lines} Hz only; pool recordings at several frequencies for a transfer function"
             )
         more = " or more" if self.rank >= self.limit else ""
         return f"rank {self.rank}{more}, excited from {self.band_hz[0]:.4g} to {self.band_hz[-1]:.4g} Hz"

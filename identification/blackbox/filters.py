@@ -45,7 +45,7 @@ def pole_warnings(den: np.ndarray, samples: int) -> list[str]:
     if largest >= 1.0:
         return ["unstable poles: the model predicts one step but cannot be simulated freely"]
     if outlasting(largest, samples):
-        return ["a pole is so near the unit circle that its free motion outlasts the record"]
+        return ["a pole is so near the unit circle that its free response is longer than the recording"]
     return []
 
 

@@ -298,7 +298,7 @@ def _judge(chosen: Selection, chooser: _Chooser, seen: Excitation) -> ChosenMode
     test = max(tests, key=lambda t: -min(t.cross_p, t.white_p))
     warnings = [*model.warnings, *chosen.warnings]
     if len(chosen.delays) > 1:
-        warnings.append(f"the delay is not decided: n_k = {' or '.join(map(str, chosen.delays))} serve alike")
+        warnings.append(f"the delay is not determined: n_k = {' or '.join(map(str, chosen.delays))} fit equally well")
     why = _no_intervals(model, test, chooser)
     if why:
         warnings.append(f"no standard errors or band: {why}")

@@ -193,7 +193,7 @@ def refine(model: Narx, recordings: Sequence[Series]) -> Narx:
     if not np.isfinite(problem.at(model.theta).loss):
         return replace(model, loss=np.inf, warnings=("free simulation diverges on the estimation data",))
     theta, at, converged = minimise(problem, model.theta, evaluations=30, tolerance=1e-2)
-    warnings = () if converged else ("the iterations ended before the loss stopped falling",)
+    warnings = () if converged else ("the iterations ended before the loss had converged",)
     root = spread(at, coloured=True)
     return replace(model, theta=theta, loss=at.loss, samples=at.samples, spread=root, warnings=warnings)
 

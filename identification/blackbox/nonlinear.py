@@ -251,7 +251,7 @@ def estimate(
     )  # fmt: skip
     block, bends, out = np.split(theta, np.cumsum([orders.nb + orders.nf, degrees[0] - 1]))
     root, seconds = spread(at, coloured=True)[: len(block)], pooled[0].sample_time
-    warnings = [] if converged else ["the iterations ended before the loss stopped falling"]
+    warnings = [] if converged else ["the iterations ended before the loss had converged"]
     count = min(levels(series.u) for series in pooled)
     if degrees[0] >= count:
         warnings.append(

@@ -75,7 +75,7 @@ def estimate(
         families = [[theta for family in families for theta in family[-1:]]]
     problem = Residuals(pooled, orders, first_row)
     theta, at, converged = _race(problem, families, nested, quick=quick)
-    warnings = [] if converged else ["the iterations ended before the loss stopped falling"]
+    warnings = [] if converged else ["the iterations ended before the loss had converged"]
     a, _, c, _, f = unpack(theta, orders)
     warnings += pole_warnings(np.convolve(a, f), min(map(len, pooled)))
     if largest_root(c) >= 0.9999:

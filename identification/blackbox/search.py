@@ -200,10 +200,10 @@ def select_arx(referee: Referee, delays: Sequence[int] = (1,), largest: int = 15
         at_edge = [n for n, k in zip(("n_a", "n_b", "n_k"), best, strict=True) if k == largest - 1]
         if at_edge:
             warnings.append(
-                f"{name} runs to the edge of the grid ({', '.join(at_edge)} = {largest}): it fits noise with lags"
+                f"{name} selects the largest order ({', '.join(at_edge)} = {largest}): the last lags may fit noise"
             )
     if len(alike) > 1:
-        warnings.append(f"{len(alike)} of {aic.size} ARX models lie within 10 in N x AIC: orders are not decided")
+        warnings.append(f"{len(alike)} of {aic.size} ARX models lie within 10 in N x AIC: orders are not determined")
     shortlist = leading | {int(k) for k in alike[:40]} | {int(bic.argmin())}
     trials = {_numbers(flat, loss.shape) for flat in shortlist}
     beyond = [nk for nk in delays if not 1 <= nk <= largest]
@@ -271,7 +271,7 @@ def select_state_space(referee: Referee, orders: Sequence[int] = tuple(range(1, 
         warnings.append(f"the chosen order {order} is the largest tried")
     standing_out = fitted.order()
     if standing_out != order:
-        warnings.append(f"{standing_out} singular values stand out of the noise, order {order} was chosen")
+        warnings.append(f"{standing_out} singular values exceed the noise; order {order} was chosen")
     better = refined.no_worse_than(chosen.best) if referee.simulates else refined.score <= chosen.best.score
     whole = subspace.decompose(referee.estimation, rows)
     models = [whole.model(order, refine=refine) for refine in ((False, True) if better else (False,))]

@@ -86,7 +86,7 @@ class Options:
     )
     force: Annotated[float | None, Option(help="largest force of the shaker in N")] = None
     table_mass: Annotated[float, Option(help="moving mass of the shaker in kg, for --force")] = 5.0
-    seconds: Annotated[float, Option(help="length of the pieces that recordings are made of, in s")] = 10.0
+    seconds: Annotated[float, Option(help="recordings last a multiple of this time, in s")] = 10.0
     noise: Annotated[
         float | None,
         Option(
@@ -239,7 +239,7 @@ def propose(
         Option(help="folder for report.html, protocol.json, plan.json, plan.csv and figures"),
     ] = None,
 ) -> None:
-    """Plan what to record next, to decide the branch and to narrow the intervals.
+    """Plan what to record next, to narrow the intervals and to exclude the mirror solution.
 
     Examples:
       fasbody plan --body-mass 80

@@ -25,7 +25,7 @@ def name(
     ] = None,
     subjects: Annotated[
         int,
-        typer.Option(help="virtual subjects of each of the five mechanisms, shaken in the same way", min=0),
+        typer.Option(help="virtual subjects of each of the five mechanisms, with the same recordings", min=0),
     ] = 4,
     seed: Annotated[int, typer.Option(help="seed of the virtual subjects", min=0)] = 0,
     figure: Annotated[Path | None, typer.Option(help="SVG or PNG to write, of one person")] = None,
@@ -33,9 +33,9 @@ def name(
 ) -> None:
     """Name the mechanism in a person's recordings: a second mode, stiffening, lift-off, both, or none of these.
 
-    Takes sines under any loads, best as docs/load.md asks for them. Then virtual subjects are
-    shaken as the person was, to say how many of them are named correctly; a second or two each.
-    --subjects 0 leaves them out.
+    Needs recordings of sines under one or more loads; docs/load.md has the best protocol. Virtual
+    subjects with the same recordings show how often the mechanism is named correctly. They take a
+    second or two each; --subjects 0 omits them.
 
     Examples:
       fasbody leg name my_study --figure mechanism.svg

@@ -211,7 +211,7 @@ class Rivals(Presented):
         changing = [c.text for c in self.conclusions if not c.shared]
         also, more = [r.title for r in self.adequate if r is not self.first], [r.title for r in self.not_needed]
         rest = len(self.rivals) - 1 - len(also) - len(more)
-        texts = [f"Best model: {self.first.title}."]
+        texts = [f"Preferred model: {self.first.title}."]
         texts += [f"Also adequate: {'; '.join(also)}."] * bool(also)
         texts += [f"These fit as well, but need more constants: {'; '.join(more)}."] * bool(more)
         texts += [f"{'The other models' if also or more else 'All other models'} are ruled out."] * bool(rest)

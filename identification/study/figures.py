@@ -121,12 +121,12 @@ def curves(table: pd.DataFrame, origin: str) -> Figure:
     }
     handles = _load_keys(loads, ls="-", lw=0.6)
     handles += [_key(label, **style) for label, (drawn_at_all, style) in keys.items() if drawn_at_all]
-    truth = "; truth: the mean over these subjects" if known else ""
-    means = f"A mean is drawn where three or more subjects are decided{truth}."
+    truth = "; truth: the mean over all subjects drawn" if known else ""
+    means = f"Means are drawn where the branch of three or more subjects is decided{truth}."
     if drawn:
         means = f"Means where {FEWEST} subjects or more are decided (geometric, of c_12 and c_22 "
         means += f"arithmetic); bands: 95 % of the mean, jackknife over {BAND} or more{truth}."
-    bars = "No estimate has an interval: one frequency has fewer numbers than there are constants."
+    bars = "No estimate has an interval, because one frequency does not determine all constants."
     if with_interval:
         bars = "Bars: 95 % of each estimate, cut at the frame; in the titles how many estimates have "
         bars += f"one.{_without_interval(rows)}"

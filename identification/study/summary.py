@@ -219,13 +219,13 @@ def one_set(documents: Iterable[Document]) -> tuple[bool, str]:
     done = [d for d in documents if d["mode"] == "pooled" and d["status"] == "done"]
     worlds = list(filter(None, (d["result"]["branches"][0].get("world") for d in done)))
     serves, count = sum(bool(world["follows"]) for world in worlds), len(worlds)
-    text = f"One set of constants serves all frequencies in {serves} of {count} pooled fits"
+    text = f"One set of constants describes all frequencies in {serves} of {count} pooled fits"
     if serves == count:
         return True, f"{text}." if count else ""
     others = "in the others " if serves else ""
     return False, (
-        f"{text}: {others}the constants change with frequency, or the model is another one, and such a fit says "
-        "nothing of the foot but that."
+        f"{text}: {others}the constants change with frequency, or the model is wrong. Constants of such a fit "
+        "are not those of the foot."
     )
 
 

@@ -312,7 +312,7 @@ def _overall(fits: Sequence[Fit], alone: Sequence[np.ndarray], links: Links) -> 
 def _sentence(choices: Sequence[Choice], overall: Mapping[str, float]) -> str:
     count = Counter(c.branch for c in choices if c.branch != "undecided")
     parts = ", ".join(f"{n} {name}" for name, n in count.items()) or "none"
-    text = f"Of {len(choices)} fits together {count.total()} are decided ({parts})."
+    text = f"Decided fits: {count.total()} of {len(choices)} ({parts})."
     if overall:
         name, odds = max(overall.items(), key=lambda item: item[1])
         if odds <= DECISIVE_ODDS:

@@ -121,7 +121,9 @@ def _table(searched: "list[Searched]") -> Table:
 
 
 def drop(
-    law: Annotated[str, typer.Option(help='of the pad, as the `user` field of a joint: "2 4884 282 2 0 -1"')] = "",
+    law: Annotated[
+        str, typer.Option(help='force law of the pad, as the `user` field of a joint: "2 4884 282 2 0 -1"')
+    ] = "",
     json: JsonOption = False,
 ) -> None:
     """Kinoshita's drop, 5 kg at 0.93 m/s on a heel pad, stepped by MuJoCo with gravity.
@@ -134,8 +136,9 @@ def drop(
     from reproduction.load_effect import drop as dropping
 
     falls = {law: dropping.drop(dropping.checked(law))} if law else dropping.drops()
-    limits = ", ".join(f"{low:g}-{high:g} ({middle:g})" for low, middle, high in dropping.MEASURED.values())
-    table = Table(title=f"5 kg dropped at 0.93 m/s; measured {limits}")
+    peak, depth, loss = (f"{middle:g} ({low:g}-{high:g})" for low, middle, high in dropping.MEASURED.values())
+    measured = f"peak {peak} weights, depth {depth} mm, absorbed {loss} %"
+    table = Table(title=f"5 kg dropped at 0.93 m/s; measured: {measured}")
     for column in (
         "pad",
         "peak [weights]",
@@ -156,11 +159,11 @@ def drop(
 def decide(
     subjects: Annotated[int, typer.Option(help="virtual subjects of each of the five mechanisms", min=1)] = 40,
     plans: Annotated[str, typer.Option(help="two (the thesis' protocol, the better one) or all six")] = "two",
-    folder: Annotated[Path, typer.Option(help="folder of results; what is there is not computed again")] = Path(
+    folder: Annotated[Path, typer.Option(help="folder of results; existing ones are reused")] = Path(
         "decide"
     ),
     departure: Annotated[
-        float, typer.Option(help="how far a foot departs from every mechanism [1]", min=0, max=0.5)
+        float, typer.Option(help="smooth relative error of every mechanism, standard deviation", min=0, max=0.5)
     ] = 0.08,
     seed: Annotated[int, typer.Option(help="seed of the subjects", min=0)] = 0,
     figure: Annotated[Path | None, typer.Option(help="SVG or PNG to write")] = None,

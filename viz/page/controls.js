@@ -153,7 +153,7 @@ function themeButton(parent) {
     theme = isLight() ? "dark" : "light";
     try { localStorage.setItem("fasbody_theme", theme); } catch { /* not allowed */ }
     showTheme();
-  }, "colours of the page; until you press this, those of the system");
+  }, "light or dark colours; at first those of the system");
   b.className = "theme";
   showTheme();
 }

@@ -27,7 +27,7 @@ function buildControls(offered) {
   const picture = byId("showing");
   rows.slow = slider(picture, "slow", "Slow motion", "× slower", 1, 200, s.slow, v => { s.slow = v; fresh = true; }, { log: true, nominal: model.look.slow });
   rows.amplify = slider(picture, "amplify", "Motion drawn larger", "×", 1, 1000, s.amplify || 10, v => { s.amplify = v; fresh = true; },
-    { log: true, hint: "chosen for the picture until you move it" });
+    { log: true, hint: "set automatically until you move it" });
   rows.amplify.home = () => { s.amplify = model.look.amplify; fresh = true; };
   rows.amplify.show = best => { rows.amplify.nominal(model.look.amplify || best); rows.amplify.set(s.amplify === null ? best : s.amplify); };
   const looks = rowIn(picture);
@@ -192,7 +192,7 @@ function hold(held) {
   for (const { name, unit } of model.parameters.filter(p => p.name in held)) {
     state.values[name] = held[name];
     rows[name].set(held[name]);
-    rows[name].remark(`${name} is held at the bound that the model declares, ${number(held[name])} ${unit}.`);
+    rows[name].remark(`${name} is held at its bound in the model, ${number(held[name])} ${unit}.`);
   }
 }
 

@@ -86,7 +86,7 @@ function twinAnswer(live, state, measured) {
   for (let k = 0; k <= count; k++) u[2 * k] = at(k * h, 0);
   for (let k = 0; k < count; k++) u[2 * k + 1] = 0.5 * (u[2 * k] + u[2 * k + 2]) + h / 8 * (at(k * h, 1) - at((k + 1) * h, 1));
   const x = orbit(p, u, h);
-  if (!x) return { type: "error", text: "this foot is too stiff or too damped for the page; take the sliders back." };
+  if (!x) return { type: "error", text: "this foot is too stiff or too damped for this page; move the sliders back." };
   const y = new Float64Array(count), every = count / FRAMES, rows = [], pad = { x: [], force: [] }, ankle = { x: [], force: [] };
   period(x, p, u, h, (k, z, [f_T, f_F]) => {
     y[k] = -f_T / p.m_S;

@@ -27,7 +27,7 @@ function tellServer(type, more = {}, working = "") {
   if (working) busyWith(working);
 }
 const OTHER_SESSION = "This page belongs to an earlier session: open the address that the command printed.";
-const STARTED_AGAIN = "The command was started again: recordings, ticks and fits of before are gone.";
+const STARTED_AGAIN = "The command was restarted: earlier recordings, ticks and fits are gone.";
 
 function element(tag, text = "", more = {}) { return Object.assign(document.createElement(tag), { textContent: text }, more); }
 function busyWith(text) { byId("data_state").textContent = text; }
@@ -40,13 +40,13 @@ function advise() {
   const free = model.parameters.filter(p => !MASSES.has(p.name) && bench.free[p.name] !== false).length, count = bench.chosen.size;
   const slow = !model.quick && bench.rows.length > 0, bare = bench.rows.filter(row => bench.chosen.has(row.id) && !row.body_mass_kg).length;
   const doubtful = bench.rows.filter(row => row.doubt && !bench.chosen.has(row.id)).length, fit = bench.fit && bench.fit.verdict ? bench.fit : null;
-  const verdict = fit && { decided: `the data decide for the ${fit.branches[0].name}`, undecided: "no branch is decided", "not compared": "one branch" }[fit.verdict];
+  const verdict = fit && { decided: `decided: ${fit.branches[0].name}`, undecided: "the branch is undecided", "not compared": "one branch" }[fit.verdict];
   const parts = !bench.rows.length && !fit ? ["Drop recordings anywhere on this page, or try the example."] : [
     fit ? `Fit ${(+fit.fit_percent).toFixed(1)} %${verdict ? `; ${verdict}` : ""}.` : `${count} of ${bench.rows.length} recordings ticked.`,
     byId("stale").hidden ? "" : "Out of date; fit again.",
-    doubtful ? `${doubtful} in doubt: say the unit in the table.` : "",
-    bare ? `${bare} without body mass: type it in the table, once for all.` : "",
-    slow && !fit ? `This model has ${free} constants${2 * count < free ? ", which so few recordings leave unknown" : ""}; its fit takes a minute or more.` : ""];
+    doubtful ? `${doubtful} in an uncertain unit: confirm it in the table.` : "",
+    bare ? `${bare} without body mass: type it above the table for all, or in the table.` : "",
+    slow && !fit ? `This model has ${free} constants${2 * count < free ? ", too many for so few recordings" : ""}; its fit takes a minute or more.` : ""];
   byId("next").textContent = parts.filter(Boolean).join(" ");
   byId("two_masses").hidden = !slow;
   byId("bundled").hidden = bench.rows.length > 0;

@@ -30,10 +30,10 @@ def board(
     cable: CableArgument,
     rate: Annotated[float, typer.Option(help="samples per second")] = 1000.0,
     channels: Annotated[int, typer.Option(help="2, or 3 with the tuberosity")] = 2,
-    bits: Annotated[int, typer.Option(help="of a sample in a frame; 0 for text lines")] = 16,
+    bits: Annotated[int, typer.Option(help="bits of a sample in a frame; 0 for text lines")] = 16,
     added_mass: Annotated[float, typer.Option(help="mass on the knee in kg")] = 0.0,
     seed: Annotated[int, typer.Option(help="seed of noise and damage")] = 1,
-    damage: Annotated[float, typer.Option(help="share of bytes that arrive wrong")] = 0.0,
+    damage: Annotated[float, typer.Option(help="share of the received bytes that are wrong")] = 0.0,
     one_mass: Annotated[
         float, typer.Option(help="both sensors on the base, the malleolus' with this gain; 0 for a foot")
     ] = 0.0,
