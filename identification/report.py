@@ -283,7 +283,7 @@ def _data(result: FitResult) -> str:
     kind = {"synthetic": "Synthetic", "measured": "Measured"}.get(result.origin, "The given")
     return (
         f"{kind} accelerations of base and medial malleolus were used, {_counted(result)}: {', '.join(groups)}; "
-        f"{length} each, sampled at {rate:.4g} Hz." + (f" Only these parts were used: {'; '.join(parts)}." if parts else "")
+        f"{length} each, sampled at {rate:.4g} Hz." + (f" Parts used: {'; '.join(parts)}." if parts else "")
     )
 
 
