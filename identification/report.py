@@ -282,8 +282,8 @@ def _data(result: FitResult) -> str:
     parts = [f"{r.file}, {r.part_s[0]:g} to {r.part_s[1]:g} s" for r in result.recordings if r.part_s]
     kind = {"synthetic": "Synthetic", "measured": "Measured"}.get(result.origin, "The given")
     return (
-        f"{kind} accelerations of base and medial malleolus, {_counted(result)}, served as data: {', '.join(groups)}; "
-        f"{length} each, sampled at {rate:.4g} Hz." + (f" Parts were used of {'; '.join(parts)}." if parts else "")
+        f"{kind} accelerations of base and medial malleolus were used, {_counted(result)}: {', '.join(groups)}; "
+        f"{length} each, sampled at {rate:.4g} Hz." + (f" Parts used: {'; '.join(parts)}." if parts else "")
     )
 
 

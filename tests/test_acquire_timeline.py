@@ -313,4 +313,4 @@ def test_one_is_singular_and_a_clock_without_an_uncertainty_is_not_printed() -> 
     assert "clock" not in str(noise) and noise.remarks() == noise.problems() == []
     known = Quality(frames=6200, drift_ppm=900.0, drift_std_ppm=10.0)
     assert str(known).endswith("clock +900 +- 30 ppm")
-    assert known.remarks() == ["the board's clock runs +900 +- 30 ppm off the computer's"]
+    assert known.remarks() == ["the board's clock differs from the computer's by +900 +- 30 ppm"]

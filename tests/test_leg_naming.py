@@ -137,8 +137,8 @@ def test_a_second_mode_is_named_with_and_without_the_tuberosity(
     assert second.named == "second mode"
     assert second.seen.plan.tuberosity
     assert np.abs(second.seen.recordings.second).max() < 0.02
-    assert second.sentence.startswith("Second mode for subject 7, by odds above 1000 to 1")
-    assert re.search(r"; only both, which contains it, is not excluded \(\d+ to 1 against\)\.$", second.sentence)
+    assert second.sentence.startswith("Second mode for subject 7, with odds above 1000 to 1")
+    assert re.search(r"; only the more general both is not excluded \(\d+ to 1 against\)\.$", second.sentence)
     alone = named([replace(r, tuberosity_m_s2=None) for r in linked])
     assert (alone.named, alone.verdict.best) == ("undecided", "second mode")  # not lift-off for having fewer constants
     assert any("tuberosity" in note for note in alone.notes)
@@ -170,17 +170,17 @@ def test_a_pad_that_stiffens_in_contact_is_not_called_lift_off() -> None:
     result = named(recorded(base, moved, sines=quiet))
     assert result.named == "undecided"
     assert result.fits[0].air == 0
-    assert "without leaving the plate" in result.sentence
+    assert "never leaves the plate" in result.sentence
 
 
 def test_a_foot_far_nearer_than_assumed_is_said(second: Naming) -> None:
     verdicts = (replace(second.verdict, per_dof=x) for x in (1e-3, 1.0))
     near, usual = (replace(second, verdict=verdict).notes for verdict in verdicts)
     assert [note for note in near if note not in usual] == [
-        "Second mode fits far better than these assumptions allow (sum of squares 0.001 per number, expected about 1), "
-        "so the result is cautious."
+        "Second mode fits much better than these assumptions imply (chi-square 0.001 per number, about 1 expected), "
+        "so the odds are too cautious."
     ]
-    assert any(f"a foot within {100 * DEPARTURE:g} % of one mechanism" in note for note in usual)
+    assert any(f"an error of {100 * DEPARTURE:g} % of the mechanism" in note for note in usual)
 
 
 @pytest.mark.long

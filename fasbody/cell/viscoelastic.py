@@ -275,9 +275,9 @@ class BaseResponse(Tabled):
         slow = max(20.0, float(self.frequencies_hz[0]))
         T, way = self.at(slow)
         return (
-            f"resonance (most motion of the top against the base, per base displacement): {peaks}\n"
-            f"at {slow:.3g} Hz the top moves {T[0]:.9g} times the base along x, and {way[0]:.3g} m "
-            "against it at 1 m/s^2"
+            f"resonance (largest motion of the top relative to the base, per base displacement): {peaks}\n"
+            f"at {slow:.3g} Hz the top moves {T[0]:.9g} times as much as the base along x; relative to the base "
+            f"{way[0]:.3g} m at 1 m/s^2"
         )
 
 

@@ -1,5 +1,6 @@
 """The only stepping code: one foot or many, in parallel, each with its own parameters, time step and base motion."""
 
+import copy
 import functools
 import os
 from collections.abc import Mapping, Sequence
@@ -28,6 +29,10 @@ CLOSING = 1e6
 #: steps of all simulations together that fit into memory.
 ACCEPTED, HALVINGS, MOST_STEPS = 1e-3, 7, 2**20
 _EXPLICIT = (mujoco.mjtIntegrator.mjINT_RK4, mujoco.mjtIntegrator.mjINT_EULER)
+#: What the engine derives from masses when it reads a file, and constraints and muscles are scaled by.
+_DERIVED = (
+    "dof_invweight0", "body_invweight0", "tendon_invweight0", "actuator_acc0", "dof_M0", "body_subtreemass",
+)  # fmt: skip
 #: Signal [m/s^2] below which an error is a share of this: a hundred-thousandth of g, less than sensors resolve.
 _NOTHING = 1e-4
 #: Steps in which most of what is unstable shows.
@@ -159,6 +164,8 @@ class Batch:
         self._act, self._time = self._batch.bind("act"), self._batch.bind("time")
         self._rest = foot.model.qpos0.copy()
         self._values: dict[str, np.ndarray | float] = {}
+        self._derived = {field: self._batch.expand(field).reshape(nsim, -1) for field in _DERIVED}
+        self._current = True  # what the engine derives belongs to the values that were set
         self.nsim = nsim
 
     def set(self, values: Mapping[str, np.ndarray | float]) -> None:
@@ -166,6 +173,23 @@ class Batch:
         for name, value in values.items():
             self.foot.parameters[name].write(self._fields, value)
             self._values[name] = value
+            self._current = False
+
+    def _derive(self) -> None:
+        """What the engine derives from masses and lengths, of each simulation."""
+        model = copy.copy(self.foot.model)
+        data = mujoco.MjData(model)
+        rows = np.concatenate(list(self._fields.values()), axis=1)
+        last = np.empty(0)
+        for i, row in enumerate(rows):
+            if not np.array_equal(row, last):
+                for field, values in self._fields.items():
+                    getattr(model, field).reshape(-1)[:] = values[i]
+                mujoco.mj_setConst(model, data)
+                last = row
+            for field, values in self._derived.items():
+                values[i] = getattr(model, field).reshape(-1)
+        self._current = True
 
     def run(
         self,
@@ -198,6 +222,8 @@ class Batch:
             self._solref[:, self._tied] = self._closing(h)
         for share in self._shares:
             share.write()
+        if not self._current:
+            self._derive()
         self._batch.warning[...] = 0
         self._qpos[...] = self._rest if qpos is None else qpos
         self._qvel[...] = 0.0 if qvel is None else qvel
@@ -278,11 +304,14 @@ class Batch:
         for halved in range(least, most + 1):
             finer = tried(halved + 1)
             if isinstance(run, Simulation) and isinstance(finer, Simulation):
-                error, sensor, of_samples = self.step_error(run, finer)
+                error, sensor, of_samples = self.step_error(run, finer, 2**halved)
                 check_dampers(self.foot, run.qpos[:, run.qpos.shape[1] // 2 :].mean(axis=1), laws)
                 if accept is None or error <= accept:
                     return run.every(2**halved, step_error=error, step_s=step / 2**halved, sample_error=of_samples)
-                problem = self._too_long(step / 2**halved, error, sensor, accept)
+                folded = self.step_error(run, finer)[0] <= accept
+                problem = self._too_long(step if folded else step / 2**halved, error, sensor, accept)
+                if folded:
+                    break
                 if self._smooth and error / 2 ** (self.order * (most - halved)) > accept:
                     break
             else:
@@ -343,26 +372,38 @@ class Batch:
 
     @property
     def order(self) -> int:
-        """Power of the step by which its error falls; what touches, stops or slips spoils that of Runge-Kutta."""
-        return 4 if self._smooth and self.foot.model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4 else 1
+        """Power of the step by which its error falls.
+
+        What touches, stops or slips spoils that of Runge-Kutta, and so does the current of a motor, whose rate is a
+        difference over a step.
+        """
+        model = self.foot.model
+        smooth = self._smooth and not np.any(model.actuator_dyntype == mujoco.mjtDyn.mjDYN_DCMOTOR)
+        return 4 if smooth and model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4 else 1
 
     @property
     def _smooth(self) -> bool:
         return not can_change(self.foot.model)
 
-    def step_error(self, run: Simulation, finer: Simulation) -> tuple[float, str, float]:
+    def step_error(self, run: Simulation, finer: Simulation, stride: int = 1) -> tuple[float, str, float]:
         """Error of a run's step, by one that is as long and has half of it.
+
+        Args:
+            run: the run.
+            finer: the other one.
+            stride: of the run one sample of so many is kept, so that peaks of impacts fold into low frequencies.
 
         Returns:
             `Simulation.step_error`, the sensor that it falsifies most, and `Simulation.sample_error`.
         """
         judged, whole = {}, []
-        weights = np.abs(np.fft.rfft(run.base, axis=1)) ** 2
+        count = run.base[:, ::stride].shape[1] // 2 + 1
+        weights = np.abs(_lines(run.base, count)) ** 2
         for name, values in run.outputs.items():
-            fine = finer.outputs[name][:, ::2]
-            signals = values - fine, fine
-            whole.append(_share(*(np.mean(x**2, axis=1) for x in signals)))
-            judged[name] = whole[-1] if self._smooth else _share(*(_power(x, weights) for x in signals))
+            fine = finer.outputs[name]
+            whole.append(_share(values - fine[:, ::2], fine[:, ::2], np.ones_like(values)))
+            kept, exact = _lines(values[:, ::stride], count), _lines(fine, count)
+            judged[name] = whole[-1] if self._smooth else _share(kept - exact, exact, weights)
         worst = max(judged, key=lambda name: judged[name])
         rate = 1 - 0.5**self.order
         return judged[worst] / rate, worst, max(whole) / rate
@@ -425,17 +466,18 @@ class _Shares:
         return shares
 
 
-def _share(off: np.ndarray, size: np.ndarray) -> float:
-    """Root of the largest mean square (n,) over that of a signal, both [m^2/s^4]."""
-    return float(np.max(np.sqrt(off) / np.maximum(np.sqrt(size), _NOTHING)))
-
-
-def _power(x: np.ndarray, weights: np.ndarray) -> np.ndarray:
-    """Mean square (m,) of one line of the spectra of signals (m, n), by weights (m, n // 2 + 1); all alike if zero."""
+def _share(off: np.ndarray, whole: np.ndarray, weights: np.ndarray) -> float:
+    """Largest of the weighted root mean squares of `off` over that of `whole`, (m, n) each [m/s^2]."""
     weights = np.where(weights.any(axis=1, keepdims=True), weights, 1.0)
-    lines = 2 * np.abs(np.fft.rfft(x, axis=1) / x.shape[1]) ** 2
-    power: np.ndarray = (weights * lines).sum(axis=1) / weights.sum(axis=1)
-    return power
+    size, error = (np.sqrt((weights * np.abs(x) ** 2).sum(1) / weights.sum(1)) for x in (whole, off))
+    return float(np.max(error / np.maximum(size, _NOTHING)))
+
+
+def _lines(x: np.ndarray, count: int) -> np.ndarray:
+    """Lowest lines (m, count) of the spectra of signals (m, n), whose ends a window takes away."""
+    window = np.sqrt(8 / 3) * np.sin(np.pi * np.arange(x.shape[1]) / x.shape[1]) ** 2
+    lines: np.ndarray = np.sqrt(2) * np.fft.rfft(x * window, axis=1)[:, :count] / x.shape[1]
+    return lines
 
 
 def _velocity_sensors(foot: Foot) -> dict[str, Sensor]:

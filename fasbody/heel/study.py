@@ -87,16 +87,16 @@ class HeelStudy(Tabled):
     Attributes:
         name: of study.toml, or of the folder.
         origin: "measured" or "synthetic".
-        licence: of study.toml, as the two below.
-        doi: of its publication.
-        description: in words.
+        licence: of the data, from study.toml.
+        doi: of the publication.
+        description: of the study, in words.
         strikes: in the order of the files.
         problems: one sentence for each person, file or strike that could not be used.
         body_weight_n: by subject, where it is known.
         digest: of everything that was read.
 
     Example:
-        >>> HeelStudy.read().groups()["05", "normal"][0].work_j
+        >>> HeelStudy.read().strikes
     """
 
     name: str

@@ -108,7 +108,7 @@ def _read(subject: str, posture: str, recordings: Sequence[Recording]) -> Sines:
     notes = [f"{row.file} {again}." for row in rows if not row.repeats]
     if worst is not None and not harmonics:
         slow = np.isinf(worst.distortion)
-        why = "is sampled too slowly" if slow else "has a table with more than 1 % of its own"
+        why = "is sampled too slowly" if slow else "has harmonics of the table above 1 %"
         notes.append(f"Second harmonics are not used: {worst.file} {why}.")
     if rows and not tuberosity:
         without = next(row.file for row in rows if not np.isfinite(row.TB))
@@ -250,20 +250,20 @@ class Naming(Presented):
             return f"Undecided for {who}: {few}."
         if self.stays:
             return (
-                f"Undecided for {who}: {best} fits best, but without leaving the plate, as a pad that "
-                "only stiffens would."
+                f"Undecided for {who}: {best} fits best, but with a pad that never leaves the plate, "
+                "so that it only stiffens."
             )
         if self.named == NONE:
             per_number = f"{self.verdict.per_dof:.1f} per number"
-            return f"None of these for {who}: even the best, {best}, does not fit (sum of squares {per_number})."
+            return f"None of these for {who}: {best} is best, but does not fit (chi-square {per_number})."
         if self.named == UNDECIDED:
             return f"Undecided for {who}: {best} fits best, but at odds below 1000 to 1."
         first = self.fits[0].criterion
-        text = f"{best.capitalize()} for {who}, by odds above 1000 to 1 over the other mechanisms"
+        text = f"{best.capitalize()} for {who}, with odds above 1000 to 1 against the other mechanisms"
         for richer in self.fits:
             over = richer.criterion - first
             if richer.rival in RICHER.get(best, ()) and over < DECIDED:
-                return f"{text}; only {richer.rival}, which contains it, is not excluded ({_against(over)})."
+                return f"{text}; only the more general {richer.rival} is not excluded ({_against(over)})."
         return f"{text}."
 
     @property
@@ -276,13 +276,13 @@ class Naming(Presented):
         if np.ptp(plan.added_kg) == 0:
             notes.append("All recordings have one load, so the effect of a load cannot separate the mechanisms.")
         if not (plan.partner >= 0).any():
-            notes.append("No frequency was shaken at two amplitudes, the best sign of a foot that leaves the plate.")
-        within = f"a foot within {100 * DEPARTURE:g} % of one mechanism"
+            notes.append("No frequency was recorded at two amplitudes, which would show lift-off best.")
+        within = f"an error of {100 * DEPARTURE:g} % of the mechanism"
         notes.append(f"Assumed, not measured: scatter of {100 * NOISE:g} %, and {within}.")
         if self.enough and self.verdict.per_dof < CLOSE:
             notes.append(
-                f"{self.fits[0].rival.capitalize()} fits far better than these assumptions allow "
-                f"(sum of squares {self.verdict.per_dof:.2g} per number, expected about 1), so the result is cautious."
+                f"{self.fits[0].rival.capitalize()} fits much better than these assumptions imply "
+                f"(chi-square {self.verdict.per_dof:.2g} per number, about 1 expected), so the odds are too cautious."
             )
         if self.tried is not None:
             t = self.tried
