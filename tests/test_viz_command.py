@@ -106,7 +106,7 @@ def test_browser_that_never_comes_back_holds_nothing_up() -> None:
     ("options", "sentence"),
     [
         (["--model", "foot_arc"], "no such model"),
-        (["--model", "foot_arch@high"], "no number in mm"),
+        (["--model", "foot_arch@high"], "not a number in mm"),
         (["--model", "foot_arch@300"], "bones reach"),
         (["--model", "two_dof@25"], "five-body arch needs it"),
         (["--model", "two_dof", "--watch"], "file of your own"),

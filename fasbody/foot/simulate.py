@@ -28,6 +28,8 @@ CLOSING = 1e6
 #: Error of the time step, as a share of a signal, above which the step is halved; how often; and
 #: steps of all simulations together that fit into memory.
 ACCEPTED, HALVINGS, MOST_STEPS = 1e-3, 7, 2**20
+#: Error of the samples that are kept above which they are refused: peaks of impacts between them are lost.
+FOLDED = 1e-2
 _EXPLICIT = (mujoco.mjtIntegrator.mjINT_RK4, mujoco.mjtIntegrator.mjINT_EULER)
 #: What the engine derives from masses when it reads a file, and constraints and muscles are scaled by.
 _DERIVED = (
@@ -273,7 +275,7 @@ class Batch:
                 any, so that it is not.
 
         Raises:
-            SimulationError: unstable, or the error is larger after `HALVINGS`.
+            SimulationError: unstable, or the error is larger after `HALVINGS`, or above `FOLDED` in what is kept.
         """
         count = round(motions[0].duration / step)
         if count < 1:
@@ -304,14 +306,14 @@ class Batch:
         for halved in range(least, most + 1):
             finer = tried(halved + 1)
             if isinstance(run, Simulation) and isinstance(finer, Simulation):
-                error, sensor, of_samples = self.step_error(run, finer, 2**halved)
+                error, sensor, of_samples = self.step_error(run, finer)
                 check_dampers(self.foot, run.qpos[:, run.qpos.shape[1] // 2 :].mean(axis=1), laws)
                 if accept is None or error <= accept:
-                    return run.every(2**halved, step_error=error, step_s=step / 2**halved, sample_error=of_samples)
-                folded = self.step_error(run, finer)[0] <= accept
-                problem = self._too_long(step if folded else step / 2**halved, error, sensor, accept)
-                if folded:
-                    break
+                    kept, sensor, _ = self.step_error(run, finer, 2**halved)
+                    if accept is not None and kept > max(accept, FOLDED):
+                        raise self._too_long(step, kept, sensor, max(accept, FOLDED))
+                    return run.every(2**halved, step_error=kept, step_s=step / 2**halved, sample_error=of_samples)
+                problem = self._too_long(step / 2**halved, error, sensor, accept)
                 if self._smooth and error / 2 ** (self.order * (most - halved)) > accept:
                     break
             else:
