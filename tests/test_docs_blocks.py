@@ -243,6 +243,17 @@ def test_commands_in_the_text_exist(file: Path) -> None:
         check(command, whole=False)
 
 
+@pytest.mark.parametrize("file", DOCUMENTS, ids=lambda f: str(f.relative_to(ROOT)))
+def test_blocks_of_settings_and_commands_keep_their_lines(file: Path) -> None:
+    """TOML is TOML, and no comment in a block of commands has swallowed the next command."""
+    for block in blocks(file):
+        if block.language == "toml":
+            assert tomllib.loads(block.text), f"{file.name}:{block.line}"
+        elif block.language != "python":
+            joined = [line for line in block.text.splitlines() if re.search(r"#.* (fasbody|make) \w+", line)]
+            assert not joined, f"{file.name}:{block.line} {joined}"
+
+
 def test_a_wrong_block_would_be_found() -> None:
     for wrong in (
         "python -m fasbody.cel", "python -m fasbody.cell --presett si", "make fitt", "pip install 'fasbody[nothing]'",
