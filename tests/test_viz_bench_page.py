@@ -491,7 +491,7 @@ def test_recording_with_warnings_is_marked_while_another_is_shown(opened: Any, t
         assert page("byId('error').textContent").endswith("check its unit.")
         assert page("Object.values(plots).map(p => p.series.length)") == [0, 0, 0, 0]
         assert bone_share(page.canvas()) > 0.005
-        assert page("[ticked(), byId('next').textContent.includes('1 in doubt')]") == [[], True]
+        assert page("[ticked(), byId('next').textContent.includes('1 in an uncertain unit')]") == [[], True]
 
         # what is being read, or computed, is said until it is there
         assert page("(showRecording(bench.rows[0]), byId('data_state').textContent)") == "reading mm.csv"

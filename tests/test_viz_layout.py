@@ -123,7 +123,7 @@ def test_scales_words_and_bounds(opened: Any) -> None:
         # a bound stops a value: slider, number and sentence say so
         page("state.values.k_F = 1e12; ask()")
         page.until("!busy && !wanted && state.values.k_F === 3e6")
-        assert "k_F is held at the bound" in page("rows.k_F.querySelector('.remark').textContent")
+        assert "k_F is held at its bound" in page("rows.k_F.querySelector('.remark').textContent")
         assert page("byId('error').hidden")
         assert page("rows.k_F.querySelector('output').textContent").replace("\u202f", "") == "3000000 N/m"
 
