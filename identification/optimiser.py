@@ -305,7 +305,11 @@ class Population:
 
     def behind(self, sign: int) -> float:
         """How far the best end of a side is above the best of all."""
-        return float(self.objective[self.best(sign)] - self.objective.min())
+        return self.least(sign) - float(self.objective.min())
+
+    def least(self, sign: int) -> float:
+        """Sum of squares at the best end of a side."""
+        return float(self.objective[self.best(sign)])
 
     def best(self, sign: int | None = None) -> int:
         """Where the best end is, of one side or of all."""
@@ -412,15 +416,18 @@ def _redrawn(
 ) -> Population:
     """Ends of each side, the best one half of the time, of which something that is not linear is drawn anew.
 
-    Ends differ most in the dampers' bends, a resonance and the time in which a spring relaxes.
+    Ends differ most in the dampers' bends, a resonance and the time in which a spring relaxes. An end of which nothing
+    is drawn is no start: to come back to it is no second find.
     """
-    kinds, groups = _kinds(problem), []
+    kinds, groups, sides = np.stack(_kinds(problem)), [], []
     for sign in signs:
         ends = np.flatnonzero(population.sign == sign)
         Q = population.Q[np.where(rng.random(count) < 0.5, population.best(sign), rng.choice(ends, count))]
-        anew = (rng.random((count, len(kinds))) < _REDRAWN) @ np.stack(kinds)
-        groups.append(np.where(anew & ~problem.held, _drawn(problem, sign, count, rng), Q))
-    return _starting(np.concatenate(groups), np.repeat(signs, count))
+        anew = (rng.random((count, len(kinds))) < _REDRAWN) @ kinds & ~problem.held
+        drawn = np.where(anew, _drawn(problem, sign, count, rng), Q)[anew.any(1)]
+        groups.append(drawn)
+        sides += len(drawn) * [sign]
+    return _starting(np.concatenate(groups), np.array(sides, int))
 
 
 def _kinds(problem: Problem) -> list[np.ndarray]:
@@ -522,11 +529,13 @@ def _improved(
     problem: Problem, population: Population, signs: list[int], starts: int, rng: np.random.Generator, steps: int
 ) -> tuple[Population, list[int]]:
     """Ends, with better ones that lie near them, and the sides whose best end may not be the last."""
-    for _ in range(_BATCHES if starts else 0):
-        before = {sign: population.objective[population.best(sign)] for sign in signs}
-        near = _down(problem, _redrawn(problem, population, signs, _BESIDE * starts, rng), steps)
-        population = population.joined(near).distinct(most=_KEPT)
-        signs = [sign for sign in signs if population.objective[population.best(sign)] < before[sign] - SAME]
+    for _ in range(_BATCHES):
+        near = _redrawn(problem, population, signs, _BESIDE * starts, rng)
+        if not len(near.Q):
+            return population, []
+        before = {sign: population.least(sign) for sign in signs}
+        population = population.joined(_down(problem, near, steps)).distinct(most=_KEPT)
+        signs = [sign for sign in signs if population.least(sign) < before[sign] - SAME]
         if not signs:
             break
     return population, signs

@@ -134,6 +134,22 @@ def test_an_end_is_that_of_many_starts(found: Searched, number: int) -> None:
     assert optimum.objective - 0.01 < min(ends) < optimum.objective + SAME
 
 
+def test_an_end_of_which_nothing_is_drawn_anew_is_no_start(made: Problem, rng: np.random.Generator) -> None:
+    """Coming back to it would count as a second find; of a linear foot with the nuisances held nothing is drawn."""
+    v = made.variables
+    ends = Population(v.start(v.model_values)[None], np.array([1]), np.ones(1, int), np.array([5.0]))
+    starts = optimiser._redrawn(made, ends, [1], 200, rng)
+    assert 150 < len(starts.Q) < 200  # four groups, each left as it is with odds of 0.4
+    assert (np.abs(starts.Q - ends.Q) > 0).any(axis=1).all()
+    data = session(BENT, FREQUENCIES)
+    linear = problem(data, free=("k_T", "k_F", "c_11", "c_21"))
+    linear = linear.with_held(linear.variables.held([item.kind for item in linear.variables.nuisances]))
+    q = linear.variables.start(linear.variables.model_values)
+    alone = Population(q[None], np.array([1]), np.ones(1, int), np.array([5.0]))
+    after, restless = optimiser._improved(linear, alone, [1], 12, rng, 10)
+    assert restless == [] and after.hits.tolist() == [1]
+
+
 def test_the_true_side_is_first_and_holds_the_truth(found: Searched) -> None:
     first, second = found.optima
     assert first.sign == 1 and second.objective > first.objective + 10
