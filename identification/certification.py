@@ -101,7 +101,7 @@ def _certify(domain: TimeDomain, name: str, descent: Descent) -> Certified:
     domain, problem, descent = _refined(domain, descent)
     final = problem if domain.by_twin else problem.certified(domain.foot)
     if not domain.by_twin:
-        descent = _on(final, descent, descent.z)
+        descent = _continued(final, descent)
     if isinstance(final.engine, CertifiedRollouts):
         run = _ran(final, descent.z)
     else:
@@ -112,21 +112,20 @@ def _certify(domain: TimeDomain, name: str, descent: Descent) -> Certified:
     return Certified(name, final, descent, descent.cost + final.log_determinant, run)
 
 
-def _on(problem: TimeProblem, descent: Descent, z: np.ndarray) -> Descent:
-    """A descent that goes on from z; its evaluations are counted together."""
-    end = descend(problem, descent.label, z, tight=True)
+def _continued(problem: TimeProblem, descent: Descent) -> Descent:
+    """A descent that goes on from its end; evaluations are counted together."""
+    end = descend(problem, descent.label, descent.z, tight=True)
     return replace(end, theta0=descent.theta0, evaluations=descent.evaluations + end.evaluations)
 
 
 def _refined(domain: TimeDomain, descent: Descent) -> tuple[TimeDomain, TimeProblem, Descent]:
     """Bring the time step up to date at a descent's end and go on, until it stays."""
-    z, finer = descent.z, domain.refined(descent.z)
+    finer = domain.refined(descent.z)
     while True:
         domain = finer
         problem = domain.problem()
-        descent = _on(problem, descent, z)
-        z = descent.z
-        finer = domain.refined(z)
+        descent = _continued(problem, descent)
+        finer = domain.refined(descent.z)
         if finer is domain:
             return domain, problem, descent
 

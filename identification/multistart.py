@@ -51,9 +51,7 @@ class Descent:
     unstable: bool
 
 
-def descend(
-    problem: TimeProblem, label: str, z: np.ndarray, tight: bool = False
-) -> Descent:
+def descend(problem: TimeProblem, label: str, z: np.ndarray, tight: bool = False) -> Descent:
     """Minimise the cost, Eqs. (4.35) to (4.41), from one start.
 
     Args:
