@@ -1,6 +1,5 @@
 """The only stepping code: one foot or many, in parallel, each with its own parameters, time step and base motion."""
 
-import copy
 import functools
 import os
 from collections.abc import Mapping, Sequence
@@ -177,20 +176,24 @@ class Batch:
             self._values[name] = value
             self._current = False
 
+    @functools.cached_property
+    def _balance(self) -> Balance:
+        return Balance(self.foot)
+
+    def _rows(self) -> list[tuple[float, ...]]:
+        """The parameters of each simulation that were set, in the order of `_values`."""
+        columns = [np.broadcast_to(value, (self.nsim,)).tolist() for value in self._values.values()]
+        return [tuple(column[i] for column in columns) for i in range(self.nsim)]
+
     def _derive(self) -> None:
-        """What the engine derives from masses and lengths, of each simulation."""
-        model = copy.copy(self.foot.model)
-        data = mujoco.MjData(model)
-        rows = np.concatenate(list(self._fields.values()), axis=1)
-        last = np.empty(0)
-        for i, row in enumerate(rows):
-            if not np.array_equal(row, last):
-                for field, values in self._fields.items():
-                    getattr(model, field).reshape(-1)[:] = values[i]
-                mujoco.mj_setConst(model, data)
-                last = row
-            for field, values in self._derived.items():
-                values[i] = getattr(model, field).reshape(-1)
+        """What the engine derives from the masses of each simulation."""
+        last: tuple[float, ...] | None = None
+        for i, row in enumerate(self._rows()):
+            if row != last:
+                self._balance.set(dict(zip(self._values, row, strict=True)))
+            last = row
+            for name, derived in self._derived.items():
+                derived[i] = getattr(self._balance.model, name).reshape(-1)
         self._current = True
 
     def run(
@@ -309,10 +312,11 @@ class Batch:
                 error, sensor, of_samples = self.step_error(run, finer)
                 check_dampers(self.foot, run.qpos[:, run.qpos.shape[1] // 2 :].mean(axis=1), laws)
                 if accept is None or error <= accept:
-                    kept, sensor, _ = self.step_error(run, finer, 2**halved)
-                    if accept is not None and kept > max(accept, FOLDED):
-                        raise self._too_long(step, kept, sensor, max(accept, FOLDED))
-                    return run.every(2**halved, step_error=kept, step_s=step / 2**halved, sample_error=of_samples)
+                    if not self._smooth:
+                        error, sensor, _ = self.step_error(run, finer, 2**halved)
+                    if accept is not None and error > (limit := max(accept, FOLDED)):
+                        raise self._too_long(step, error, sensor, limit)
+                    return run.every(2**halved, step_error=error, step_s=step / 2**halved, sample_error=of_samples)
                 problem = self._too_long(step / 2**halved, error, sensor, accept)
                 if self._smooth and error / 2 ** (self.order * (most - halved)) > accept:
                     break
@@ -327,11 +331,10 @@ class Batch:
         Args:
             step: [s], which may let no loop be closed as stiffly as the file says.
         """
-        balance = Balance(self.foot)
+        balance, rows = self._balance, self._rows()
         balance.model.eq_solref[self._tied] = self._closing(np.array([step]))[0]
-        values = {name: np.broadcast_to(value, (self.nsim,)).tolist() for name, value in self._values.items()}
-        rows = [tuple(column[i] for column in values.values()) for i in range(self.nsim)]
-        known = {row: balance.state(balance.rest(dict(zip(values, row, strict=True)))) for row in dict.fromkeys(rows)}
+        named = {row: dict(zip(self._values, row, strict=True)) for row in rows}
+        known = {row: balance.state(balance.rest(values)) for row, values in named.items()}
         qpos, act = zip(*(known[row] for row in rows), strict=True)
         return np.array(qpos), np.array(act)
 
@@ -398,17 +401,12 @@ class Batch:
         Returns:
             `Simulation.step_error`, the sensor that it falsifies most, and `Simulation.sample_error`.
         """
-        judged, whole = {}, []
-        count = run.base[:, ::stride].shape[1] // 2 + 1
-        weights = np.abs(_lines(run.base, count)) ** 2
-        for name, values in run.outputs.items():
-            fine = finer.outputs[name]
-            whole.append(_share(values - fine[:, ::2], fine[:, ::2], np.ones_like(values)))
-            kept, exact = _lines(values[:, ::stride], count), _lines(fine, count)
-            judged[name] = whole[-1] if self._smooth else _share(kept - exact, exact, weights)
+        fine = {name: values[:, ::2] for name, values in finer.outputs.items()}
+        whole = {name: _share(values - fine[name], fine[name], 1.0) for name, values in run.outputs.items()}
+        judged = whole if self._smooth else _shares_of_lines(run.every(stride), finer)
         worst = max(judged, key=lambda name: judged[name])
         rate = 1 - 0.5**self.order
-        return judged[worst] / rate, worst, max(whole) / rate
+        return judged[worst] / rate, worst, max(whole.values()) / rate
 
     def _check_finite(self, sensordata: np.ndarray, qvel: np.ndarray) -> None:
         bad = ~np.isfinite(sensordata).all(axis=(1, 2)) | ~np.isfinite(qvel).all(axis=(1, 2))
@@ -468,11 +466,22 @@ class _Shares:
         return shares
 
 
-def _share(off: np.ndarray, whole: np.ndarray, weights: np.ndarray) -> float:
+def _share(off: np.ndarray, whole: np.ndarray, weights: np.ndarray | float) -> float:
     """Largest of the weighted root mean squares of `off` over that of `whole`, (m, n) each [m/s^2]."""
-    weights = np.where(weights.any(axis=1, keepdims=True), weights, 1.0)
-    size, error = (np.sqrt((weights * np.abs(x) ** 2).sum(1) / weights.sum(1)) for x in (whole, off))
+    size, error = (np.sqrt(np.average(np.abs(x) ** 2, 1, np.broadcast_to(weights, x.shape))) for x in (whole, off))
     return float(np.max(error / np.maximum(size, _NOTHING)))
+
+
+def _shares_of_lines(run: Simulation, finer: Simulation) -> dict[str, float]:
+    """By how much each accelerometer is off at the frequencies at which the base moves."""
+    count = run.base.shape[1] // 2 + 1
+    weights = np.abs(_lines(run.base, count)) ** 2
+    weights = np.where(weights.any(axis=1, keepdims=True), weights, 1.0)
+    shares = {}
+    for name, values in run.outputs.items():
+        kept, exact = _lines(values, count), _lines(finer.outputs[name], count)
+        shares[name] = _share(kept - exact, exact, weights)
+    return shares
 
 
 def _lines(x: np.ndarray, count: int) -> np.ndarray:
