@@ -1,5 +1,6 @@
 """Legs, strikes, shakers, boards and sound cards whose truth is known, sharing no code with what they judge.
 
-The arch under a leg (`mounted`) is the closed form that mounted_arch.xml is made of.
+The arch is the exception: `arch`, `mounted`, `mount` and `bends` are built on fasbody.arch, and mounted_arch.xml and
+foot_arch_bent.xml are made of them.
 A checkout's tool for tests and benchmarks; not part of the installed package.
 """

@@ -21,7 +21,7 @@ from fasbody.arch.mjcf import JOINTS, nonlinear_laws, numbers
 from fasbody.arch.motion import move
 from fasbody.arch.ode import solve
 from fasbody.arch.tree import project, tree_jacobian, tree_position
-from fasbody.exceptions import MissingPackageError, ModelError
+from fasbody.exceptions import ModelError, required
 from fasbody.foot.model import Foot, load
 from fasbody.foot.shaker import harmonics
 
@@ -301,8 +301,6 @@ def import_pinocchio() -> Any:
     Raises:
         MissingPackageError: it is not installed.
     """
-    try:
+    with required("Pinocchio", "crosscheck"):
         import pinocchio
-    except ImportError as error:
-        raise MissingPackageError("Pinocchio", "crosscheck") from error
     return pinocchio

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from fasbody.exceptions import MissingPackageError, RecordingError, SettingError, unknown
+from fasbody.exceptions import RecordingError, SettingError, required, unknown
 from fasbody.transmissibility import statistics
 from fasbody.transmissibility.resonance import Resonance
 from fasbody.transmissibility.table import Condition, Table
@@ -89,11 +89,9 @@ def mixed(table: Table, people: pd.DataFrame, terms: str) -> pd.DataFrame:
     """
     import warnings
 
-    try:
+    with required("statsmodels", "statistics"):
         import statsmodels.formula.api as formulas
         from statsmodels.tools.sm_exceptions import ConvergenceWarning
-    except ImportError:
-        raise MissingPackageError("statsmodels", "statistics") from None
 
     known = {*people.columns, "posture", "added_mass_kg"} - {"subject"}
     named = set(pd.Series(terms).str.findall(r"[A-Za-z_]\w*")[0]) - {"C"}

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import signal
 
-from fasbody.exceptions import MissingPackageError, SettingError, unknown
+from fasbody.exceptions import SettingError, required, unknown
 from fasbody.presentation import Tabled
 from identification.blackbox.data import Series
 from identification.blackbox.filters import free_run, largest_root, lfilter, pulse_response, shifted
@@ -333,8 +333,6 @@ def control_package() -> Any:
     Raises:
         MissingPackageError: it is not installed.
     """
-    try:
+    with required("python-control", "control"):
         import control
-    except ImportError as error:
-        raise MissingPackageError("python-control", "control") from error
     return control

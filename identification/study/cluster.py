@@ -14,7 +14,7 @@ from urllib.parse import urlsplit
 
 from fasbody import runner
 from fasbody.console import once
-from fasbody.exceptions import FasError, MissingPackageError, SettingError
+from fasbody.exceptions import FasError, SettingError, required
 from identification.study import job, plan
 from identification.study.plan import Work
 from identification.study.store import Document
@@ -72,11 +72,9 @@ def remote(address: str) -> Iterator[Crew]:
         SettingError: no scheduler answers there, it has no worker, or its workers have another
             version of this program.
     """
-    try:
+    with required("distributed", "study"):
         import dask
         import distributed
-    except ImportError:
-        raise MissingPackageError("distributed", "study") from None
 
     with dask.config.set(_QUIET), _silent("distributed.client"):
         _ensure(address)

@@ -11,7 +11,7 @@ import typer
 
 import mjcf
 from fasbody.console import command_line, console, print_json, progress_bar
-from fasbody.exceptions import FasError, MissingPackageError
+from fasbody.exceptions import FasError, required
 from reproduction.anatomy import bones, tissue
 from reproduction.anatomy.field import Array, Mesh, Shape, mesh
 from reproduction.anatomy.files import write
@@ -148,10 +148,8 @@ def main(
     """
     from rich.table import Table
 
-    try:
+    with required("trimesh", "cell"):
         import trimesh
-    except ImportError:
-        raise MissingPackageError("trimesh", "cell") from None
     parts = build()
     table = Table(title="Meshes of the foot")
     for heading in ("part", "segment", "triangles", "volume [cm3]"):

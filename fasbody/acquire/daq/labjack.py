@@ -11,12 +11,10 @@ import numpy as np
 
 from fasbody.acquire.daq import Daq
 from fasbody.acquire.port import WAIT_S
-from fasbody.exceptions import MissingPackageError
+from fasbody.exceptions import required
 
-try:
+with required("labjack-ljm", "labjack"):
     from labjack import ljm
-except ImportError:  # the extra is not installed
-    raise MissingPackageError("labjack-ljm", "labjack") from None
 
 
 class LabJack(Daq):
