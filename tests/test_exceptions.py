@@ -92,6 +92,6 @@ def test_a_missing_package_names_the_extra_for_a_wheel_and_for_a_clone() -> None
 def test_every_extra_that_is_named_exists() -> None:
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
     text = "".join(file.read_text() for package in PACKAGES for file in (ROOT / package).rglob("*.py"))
-    named = re.findall(r'MissingPackageError\(\s*[^,()]+(?:\([^)]*\))?[^,()]*,\s*"(\w+)"', text)
+    named = re.findall(r'(?:MissingPackageError|required)\(\s*[^,()]+(?:\([^)]*\))?[^,()]*,\s*"(\w+)"', text)
     named += re.findall(r"pip_install\(['\"](\w+)", text)
     assert len(named) > 15 and set(named) <= set(extras)

@@ -15,13 +15,16 @@ from typing import Any
 import mujoco
 import numpy as np
 
-from fasbody.exceptions import required
+from fasbody.exceptions import MissingPackageError
 
-with required("meshcat", "view"), warnings.catch_warnings():
-    warnings.simplefilter("ignore", DeprecationWarning)  # zmq.eventloop.ioloop, which we do not use
-    import meshcat
-    import meshcat.geometry as geometry
-    import umsgpack
+try:
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DeprecationWarning)  # zmq.eventloop.ioloop, which we do not use
+        import meshcat
+        import meshcat.geometry as geometry
+        import umsgpack
+except ImportError:
+    raise MissingPackageError("meshcat", "view") from None
 
 from viz.anatomy.assets import Part, colour
 from viz.anatomy.rest import SEGMENTS, TABLE, Frame

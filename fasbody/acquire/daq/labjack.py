@@ -11,10 +11,12 @@ import numpy as np
 
 from fasbody.acquire.daq import Daq
 from fasbody.acquire.port import WAIT_S
-from fasbody.exceptions import required
+from fasbody.exceptions import MissingPackageError
 
-with required("labjack-ljm", "labjack"):
+try:
     from labjack import ljm
+except ImportError:  # the extra is not installed
+    raise MissingPackageError("labjack-ljm", "labjack") from None
 
 
 class LabJack(Daq):

@@ -10,12 +10,14 @@ import numpy as np
 
 from fasbody.acquire.daq import Daq
 from fasbody.acquire.port import WAIT_S
-from fasbody.exceptions import AcquisitionError, required
+from fasbody.exceptions import AcquisitionError, MissingPackageError
 
-with required("nidaqmx", "ni"):
+try:
     import nidaqmx
     import nidaqmx.constants
     import nidaqmx.errors
+except ImportError:  # the extra is not installed
+    raise MissingPackageError("nidaqmx", "ni") from None
 
 #: The driver keeps so much for a late computer [s].
 _BUFFER_S = 10.0
