@@ -2,12 +2,12 @@
 
 Many starts go down together by damped Gauss-Newton steps between bounds (Levenberg and Marquardt), which costs little
 more than one. What is half normal rests at its bound in most worlds; there a method that keeps inside its bounds, such
-as SciPy's trust region, crawls. Then other starts begin beside the ends, of which they keep what is nearly linear, for
-as long as they lead to better ones. The search of a side goes on until its best end was found twice, or says that it
-is not exhausted.
+as SciPy's trust region, crawls. Then other starts begin beside the ends, of which they keep what is nearly linear.
+Those go on of which a few steps promise most, and new ones begin for as long as they lead to better ends. The search
+of a side goes on until its best end was found twice, or says that it is not exhausted.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -30,15 +30,16 @@ _ONE = 0.3
 _OUT_AFTER, _OUT = 24, 30.0
 #: Distances of a start: from the axis of the mirror (rho), of stiffness and damping (logarithm), and bends [1/m].
 _APART, _SPREAD, _BENDS = (0.05, 1.5), 0.5, (10.0, 200.0)
-#: What is not linear: the dampers' bends, and these groups of nuisances; and the odds that one is drawn anew.
+#: What is not linear: the dampers' bends, and these groups of nuisances.
 _BENT, _NONLINEAR = ("c_12", "c_13", "c_22", "c_23"), ("mount", "rocking", "relaxation")
-_REDRAWN = 0.6
-#: Starts beside ends over random ones, and batches of them at most.
-_BESIDE, _BATCHES = 2, 6
+#: Share of starts of which one of them is drawn anew; of others, each is with these odds.
+_ALONE, _REDRAWN = 0.6, 0.6
+#: Starts beside ends over random ones, the steps after which as many as these go on, and batches at most.
+_BESIDE, _SCREENING, _BATCHES = 8, 3, 6
 #: Scatters of harmonics where starts begin.
 SMOOTH = (0.5, 0.1, 0.02)
-#: Scatter below which there is none, and ends of a side that are kept.
-_LEVEL, _KEPT = 1e-4, 6
+#: Scatter below which there is none, ends of a side that are kept, and descents of a side that go on to less scatter.
+_LEVEL, _KEPT, _GO_ON = 1e-4, 6, 4
 #: How near the scatter is to what its best end leaves over, and rounds of that at most.
 _SETTLED, _LEVELS = 0.05, 16
 #: Steps of the last descent over those of others, and the decrease that is worth no further step there.
@@ -94,7 +95,8 @@ class Descended:
         Q: (C, n) places.
         objective: (C,) sums of squares there.
         rests: (C,) whether no step is worth while.
-        left: (C,) what a further step promises; infinite where nothing moves.
+        left: (C,) by how much a further step promises to fall; less than zero where several bounds cut it at once,
+            infinite where nothing moves.
     """
 
     Q: np.ndarray
@@ -122,14 +124,13 @@ def descend(
     objective = now.objective
     damping, factor, promise = np.full(len(Q), 1e-2), np.full(len(Q), 2.0), np.full(len(Q), np.inf)
     bend = np.zeros((len(Q), Q.shape[1], Q.shape[1]))
-    for _ in range(steps):
+    for number in range(steps + 1):
         A, g = now.normal
         left = bounded_step(A, g, Q[at], low[at], high[at], np.full(len(at), LEAST_DAMPING))[1]
-        # a step cut by several bounds at once may promise a loss
-        promise[at] = np.where(now.moves, np.abs(left), np.inf)
-        rests[at] = promise[at] < promised
+        promise[at] = np.where(now.moves, left, np.inf)
+        rests[at] = np.abs(promise[at]) < promised
         go = ~rests[at] & (damping < MOST_DAMPING)
-        if not go.any():
+        if not go.any() or number == steps:
             break
         at, damping, factor, now, A, g = at[go], damping[go], factor[go], now.rows(go), A[go], g[go]
         trial, foretold = bounded_step(A + bend[at], g, Q[at], low[at], high[at], damping)
@@ -250,7 +251,7 @@ def finished(
         flat need not be followed to its end.
     """
     down = descend(problem, q[None], np.array([sign]), steps, _EXACTLY)
-    return down.Q[0], float(down.objective[0]), bool(down.left[0] < _PROMISED)
+    return down.Q[0], float(down.objective[0]), bool(abs(down.left[0]) < _PROMISED)
 
 
 def random_starts(problem: Problem, sign: int, count: int, rng: np.random.Generator) -> np.ndarray:
@@ -287,6 +288,10 @@ class Population:
         arrays = ("Q", "sign", "hits", "objective")
         return Population(*(np.concatenate([getattr(self, name), getattr(other, name)]) for name in arrays))
 
+    def rows(self, which: Sequence[int] | np.ndarray) -> "Population":
+        """Some of them."""
+        return Population(self.Q[which], self.sign[which], self.hits[which], self.objective[which])
+
     def distinct(self, close: float = _CLOSE, most: int | None = None) -> "Population":
         """The best ends of each side; those that came to the same one are counted together."""
         kept: list[int] = []
@@ -301,7 +306,7 @@ class Population:
             elif most is None or len(same) < most:
                 kept.append(int(i))
                 hits[i] = self.hits[i]
-        return Population(self.Q[kept], self.sign[kept], hits[kept], self.objective[kept])
+        return replace(self, hits=hits).rows(kept)
 
     def behind(self, sign: int) -> float:
         """How far the best end of a side is above the best of all."""
@@ -416,14 +421,17 @@ def _redrawn(
 ) -> Population:
     """Ends of each side, the best one half of the time, of which something that is not linear is drawn anew.
 
-    Ends differ most in the dampers' bends, a resonance and the time in which a spring relaxes. An end of which nothing
-    is drawn is no start: to come back to it is no second find.
+    Ends differ most in the dampers' bends, a resonance and the time in which a spring relaxes: often in one of these,
+    sometimes in several. An end of which nothing is drawn is no start: to come back to it is no second find.
     """
-    kinds, groups, sides = np.stack(_kinds(problem)), [], []
+    kinds = np.stack(_kinds(problem)) & ~problem.held
+    kinds, groups, sides = kinds[kinds.any(1)], [], []
     for sign in signs:
         ends = np.flatnonzero(population.sign == sign)
         Q = population.Q[np.where(rng.random(count) < 0.5, population.best(sign), rng.choice(ends, count))]
-        anew = (rng.random((count, len(kinds))) < _REDRAWN) @ kinds & ~problem.held
+        alone = np.arange(len(kinds)) == rng.integers(max(1, len(kinds)), size=(count, 1))
+        several = rng.random((count, len(kinds))) < _REDRAWN
+        anew = np.where(rng.random((count, 1)) < _ALONE, alone, several) @ kinds
         drawn = np.where(anew, _drawn(problem, sign, count, rng), Q)[anew.any(1)]
         groups.append(drawn)
         sides += len(drawn) * [sign]
@@ -475,7 +483,8 @@ def _annealed(
         while rest and (arrived or rest[0][0] > 0.99 * level):
             population = population.joined(rest.pop(0)[1])
         problem = goal if arrived else goal.with_repeatability(level)
-        population = _down(problem, population, steps, _PROMISED if arrived else _ON_THE_WAY).distinct(_ONE)
+        population = _down(problem, population, steps, _PROMISED if arrived else _ON_THE_WAY)
+        population = population.distinct(_ONE, _GO_ON)
         if last is None:
             goal = _reweighed(problem, population)
         if arrived and not rest and problem.scatter.near(goal.scatter, _SETTLED):
@@ -533,12 +542,22 @@ def _improved(
         near = _redrawn(problem, population, signs, _BESIDE * starts, rng)
         if not len(near.Q):
             return population, []
+        near = _promising(problem, near, starts)
         before = {sign: population.least(sign) for sign in signs}
         population = population.joined(_down(problem, near, steps)).distinct(most=_KEPT)
         signs = [sign for sign in signs if population.least(sign) < before[sign] - SAME]
         if not signs:
             break
     return population, signs
+
+
+def _promising(problem: Problem, population: Population, count: int) -> Population:
+    """So many of each side that a few steps bring, or promise to bring, farthest down."""
+    down = descend(problem, population.Q, population.sign, _SCREENING)
+    promised = np.where(np.isfinite(down.left), down.objective - down.left, np.inf)
+    order = np.argsort(promised)
+    sides = [order[population.sign[order] == sign][:count] for sign in np.unique(population.sign)]
+    return replace(population, Q=down.Q, objective=down.objective).rows(np.concatenate(sides))
 
 
 def _optimum(problem: Problem, population: Population, sign: int, tried: int, steps: int) -> Optimum:

@@ -139,8 +139,11 @@ def test_an_end_of_which_nothing_is_drawn_anew_is_no_start(made: Problem, rng: n
     v = made.variables
     ends = Population(v.start(v.model_values)[None], np.array([1]), np.ones(1, int), np.array([5.0]))
     starts = optimiser._redrawn(made, ends, [1], 200, rng)
-    assert 150 < len(starts.Q) < 200  # four groups, each left as it is with odds of 0.4
-    assert (np.abs(starts.Q - ends.Q) > 0).any(axis=1).all()
+    assert 190 < len(starts.Q) < 200  # four in ten draw of several groups, each left as it is with odds of 0.4
+    anew = np.abs(starts.Q - ends.Q) > 0
+    assert anew.any(axis=1).all()
+    groups = np.stack([(anew & kind).any(axis=1) for kind in optimiser._kinds(made)], 1).sum(1)
+    assert 100 < np.sum(groups == 1) < 170 and groups.max() > 2
     data = session(BENT, FREQUENCIES)
     linear = problem(data, free=("k_T", "k_F", "c_11", "c_21"))
     linear = linear.with_held(linear.variables.held([item.kind for item in linear.variables.nuisances]))
@@ -148,6 +151,19 @@ def test_an_end_of_which_nothing_is_drawn_anew_is_no_start(made: Problem, rng: n
     alone = Population(q[None], np.array([1]), np.ones(1, int), np.array([5.0]))
     after, restless = optimiser._improved(linear, alone, [1], 12, rng, 10)
     assert restless == [] and after.hits.tolist() == [1]
+
+
+def test_those_go_on_that_promise_to_come_farthest_down(made: Problem, rng: np.random.Generator) -> None:
+    Q = np.concatenate([optimiser.random_starts(made, side, 12, rng) for side in (1, -1)])
+    starts = Population(Q, np.repeat([1, -1], 12), np.ones(24, int), np.full(24, np.inf))
+    few = optimiser._promising(made, starts, 4)
+    down = descend(made, Q, starts.sign, optimiser._SCREENING)
+    now = made.evaluate(down.Q[:12])
+    tiny = np.full(12, optimiser.LEAST_DAMPING)
+    low, high = (np.tile(limit, (12, 1)) for limit in made.bounds(1))
+    promised = now.objective - bounded_step(*now.normal, down.Q[:12], low, high, tiny)[1]
+    assert few.sign.tolist() == 4 * [-1] + 4 * [1]
+    assert few.objective[4:] == pytest.approx(now.objective[np.argsort(promised)[:4]])
 
 
 def test_the_true_side_is_first_and_holds_the_truth(found: Searched) -> None:
@@ -232,7 +248,7 @@ def test_what_was_found_once_is_weak_and_on_the_other_side_decides_nothing(
     built = [steady.branch_of(once, end, data, foot) for end in ends]
     found = steady.verdict_of(once, built, Recorded(2), "")
     assert found.word == verdict and (found.sentence == NOT_EXHAUSTED) is (hits[1] == 1)
-    assert built[0]["k_F"].identifiability == word and built[0].departures is not None
+    assert built[0]["c_11"].identifiability == word and built[0].departures is not None
     assert built[0].departures.exhausted is (hits[0] == 2)
 
 
