@@ -8,7 +8,6 @@ from scipy.special import chdtrc
 
 from fasbody.constants import Z95
 from fasbody.foot.parameters import symbol_and_unit
-from fasbody.presentation import counted
 from fasbody.recording.recording import Recording
 from fasbody.sentences import Sentence, called
 from identification.estimates import Allowance
@@ -53,7 +52,9 @@ def advice(
     """
     texts = []
     more = (
-        "Record more frequencies" if len({r.condition.frequency_hz for r in data}) > 1 else "Pool several frequencies"
+        "Record more frequencies"
+        if len({r.condition.frequency_hz for r in data}) > 1
+        else "Fit recordings of several frequencies together"
     )
     if best.p_value is not None and best.p_value < UNLIKELY:
         texts.append(
@@ -83,9 +84,10 @@ def advice(
         texts.append(Sentence(f"{count} {more} or estimate fewer parameters (", called("free"), ")."))
     if rank < len(space.free):
         texts.append(
-            f"With {counted(rank // 2, 'frequency', 'frequencies')}, the linear response determines at most {rank} of "
-            f"the {len(space.free)} free parameters. Only the harmonics of nonlinear dampers depend on the others, so "
-            f"no interval with the model assumed exact is shown. {more}."
+            f"{_these(data)} at most {rank} numbers on a linear foot, two for each frequency in the base motion, "
+            f"harmonics included. They cannot determine {len(space.free)} free parameters. Only harmonics that "
+            f"nonlinear dampers cause depend on the others, so no interval with the model assumed exact is shown. "
+            f"{more}."
         )
     bound = [key for key, e in best.parameters.items() if e.at_bound]
     zero = [key for key in bound if best.parameters[key].value == 0.0]
@@ -118,6 +120,10 @@ def advice(
         )
     loads = len({recording.condition.added_mass_kg for recording in data})
     return [*texts, *(about_departures(best.departures, others, loads) if best.departures else [])]
+
+
+def _these(data: Sequence[Recording]) -> str:
+    return "This recording gives" if len(data) == 1 else f"These {len(data)} recordings give"
 
 
 def _bend(key: str) -> bool:
@@ -169,11 +175,10 @@ def about_departures(departures: Departures, others: Sequence[Departures] = (), 
         )
         remedy = f"). A {'second' if loads == 1 else 'heavier'} load may determine it."
         texts.append(Sentence(scale, *better, remedy))
-    others_show = {nuisance.name for other in others for nuisance in other.nuisances if not _shows(nuisance)}
-    texts += [
-        _sign(nuisance) for nuisance in departures.nuisances if _shows(nuisance) and nuisance.name not in others_show
-    ]
-    return [*texts, *_loads(departures)]
+    unseen = {nuisance.name for other in others for nuisance in other.nuisances if not _shows(nuisance)}
+    shown = [nuisance for nuisance in departures.nuisances if _shows(nuisance) and nuisance.name not in unseen]
+    texts += [_sign(nuisance) for nuisance in shown if nuisance.group != "load"]
+    return [*texts, *_loads(departures, [nuisance for nuisance in shown if nuisance.group == "load"])]
 
 
 def _culprits(departures: Departures) -> list[str]:
@@ -246,22 +251,35 @@ def _parts(allowance: Allowance) -> tuple[str, str]:
     return kind, whose or "malleolus"
 
 
-def _loads(departures: Departures) -> list[str]:
-    """Whether the recordings want constants that follow the load, and what two loads say if they do not."""
+#: Least p at which recordings are said to agree with constants that do not change with the load.
+_AGREES = 0.1
+
+
+def _loads(departures: Departures, shown: Sequence[Allowance]) -> list[str]:
+    """Whether the recordings show constants that change with the load, in one note of all of them.
+
+    Args:
+        departures: of the likelier branch.
+        shown: those of its changes that differ from none.
+    """
     follow = [nuisance for nuisance in departures.nuisances if nuisance.group == "load"]
     if departures.constant is None or not follow or not departures.follows:
         return []
     falls = max(0.0, departures.constant - departures.objective) / max(1.0, departures.per_dof)
     p = float(chdtrc(len(follow), falls))
     gain = f"{len(follow)} parameters for such a change lower the sum of squares by {falls:.3g}, {chance(p)}"
-    if p < UNLIKELY:
-        return [
-            f"The recordings contradict constants that do not change with the load ({gain})."
-        ]
-    return [
-        f"The recordings agree with constants that do not change with the load ({gain}). Intervals and odds still "
-        "allow for a change within the prior."
+    signs = [
+        f"{item.name} differs by {_share(item.value - 1)} from the value without load "
+        f"({_share(item.lower - 1)} to {_share(item.upper - 1)}, 95 %)"
+        for item in shown
     ]
+    each = f" {'; '.join(signs)}." if signs else ""
+    if p < UNLIKELY:
+        return [f"The recordings contradict constants that do not change with the load ({gain}).{each}"]
+    allows = " Intervals and odds allow for a change within the prior."
+    if signs or p < _AGREES:
+        return [f"The recordings do not settle whether constants change with the load ({gain}).{each}{allows}"]
+    return [f"The recordings agree with constants that do not change with the load ({gain}).{allows}"]
 
 
 _SIGNS = ("mount", "relaxing k_T", "relaxing k_F", "rocking")
@@ -289,11 +307,6 @@ def _sign(item: Allowance) -> str:
         return (
             f"A sign that the spring {item.name.split()[1]} relaxes: its relaxing part is {_share(item.value)} of its "
             f"stiffness at rest ({_share(item.lower)} to {_share(item.upper)})."
-        )
-    if item.group == "load":
-        return (
-            f"A sign that constants change with the load: {item.name} differs by {_share(item.value - 1)} from the "
-            f"value without load ({_share(item.lower - 1)} to {_share(item.upper - 1)})."
         )
     if item.group == "rocking":
         return (
