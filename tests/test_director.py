@@ -708,7 +708,8 @@ def test_recordings_of_nobody_named_are_of_the_person(half_way: tuple[Director, 
 
 def test_recordings_without_a_body_mass_say_where_it_goes(half_way: tuple[Director, list[Recording]]) -> None:
     bare = [replace(r, condition=replace(r.condition, body_mass_kg=None)) for r in half_way[1]]
-    with pytest.raises(SettingError, match=r"states no body mass.*fill in mass_kg of subject '\w+' in subjects\.csv") as caught:
+    said = r"states no body mass.*fill in mass_kg of subject '\w+' in subjects\.csv"
+    with pytest.raises(SettingError, match=said) as caught:
         Director(half_way[0].person, SHAKER, earlier=bare, draws=2)
     assert "None" not in str(caught.value) and str(caught.value).endswith("or give --body-mass.")
 

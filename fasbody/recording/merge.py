@@ -128,7 +128,7 @@ def _between_knocks(t: np.ndarray, base: np.ndarray, way: str) -> np.ndarray:
 
 
 def _by_knocks(t: np.ndarray, x: np.ndarray, u: np.ndarray, y: np.ndarray) -> tuple[float, float, float] | None:
-    """Delay, its standard deviation [s], and by how much the second's seconds are longer; None without knocks in both."""
+    """Delay, its standard deviation [s], by how much the second's seconds are longer; None without knocks in both."""
     first, second = _knocks(t, x), _knocks(u, y)
     if not first or len(first) != len(second):
         return None

@@ -178,7 +178,7 @@ def write(table: "Table", folder: Path, figure_format: str) -> None:
     if importlib.util.find_spec("xarray") and importlib.util.find_spec("h5netcdf"):
         write_whole(folder / "transmissibility.nc", table.netcdf())
     else:
-        console.print(f"no NetCDF without {pip_install('statistics')}", markup=False)
+        console.print(f"transmissibility.nc is not written; it needs {pip_install('statistics')}", markup=False)
     sets = comparable(table)
     if several:
         keep("against_unity", comparisons.against_unity(table), float_format="%.6g")

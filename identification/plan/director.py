@@ -475,8 +475,8 @@ def _refuse(person: Person, shaker: Shaker, ask: Mapping[str, float], earlier: S
         whose = recording.condition
         if whose.body_mass_kg is None:
             of = f" of subject {whose.subject!r}" if whose.subject else ""
-            text = f"{recording.file} states no body mass, which a plan needs: fill in mass_kg{of} in subjects.csv, or give "
-            raise SettingError(Sentence(text, called("body_mass"), "."))
+            text = f"{recording.file} states no body mass, which a plan needs: fill in mass_kg{of} in subjects.csv, "
+            raise SettingError(Sentence(text, "or give ", called("body_mass"), "."))
         if whose.subject not in ("", person.name) or whose.body_mass_kg != person.body_mass_kg:
             raise SettingError(
                 f"{recording.file} is of subject {whose.subject!r} with {whose.body_mass_kg} kg, and the plan is "
