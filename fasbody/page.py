@@ -120,7 +120,8 @@ def print_table(
     out.print(made)
     if count:
         left = ", ".join(name for name in columns if name in order[:count])
-        out.print(f"columns that this terminal is too narrow for (--json has them): {left}", markup=False, soft_wrap=True)
+        why = "columns that this terminal is too narrow for (--json has them)"
+        out.print(f"{why}: {left}", markup=False, soft_wrap=True)
 
 
 def write(result: Presented, folder: Path, command: str) -> list[Path]:

@@ -77,7 +77,8 @@ def arangio_cut() -> Outcome:
         ],
         calibrated=[near("more sag (published +36 %)", 100 * more_sag, 100 * ARANGIO_CUT[0], 5, "%")],
         note="+36 % is 7.5 over 5.5 mm, two of the numbers of Validation 1. No constant was chosen by the elongation, "
-        "but geometry ties it to the sag whatever the springs: a k_11 that meets +36 % of sag misses +40 % of elongation. "
+        "but geometry ties it to the sag whatever the springs: a k_11 that meets +36 % of sag misses +40 % of "
+        "elongation. "
         "So the ratio is the independent number.",
     )
 
