@@ -105,6 +105,7 @@ def show(table: "Table") -> None:
     from fasbody.transmissibility.findings import judged
 
     results.print(str(table))
+    several = len({c.posture for c in table.each()}) > 1  # a single one may be the default, stated by nobody
     for (pair, posture), group in groupby(table.each(), lambda c: (c.pair, c.posture)):
         curves = list(group)
         every = sorted({float(f) for c in curves for f in c.frequency_hz})
@@ -114,7 +115,8 @@ def show(table: "Table") -> None:
             rows.append(("resonance, rule of the thesis", *(str(c.resonance) for c in curves)))
             rows.append(("resonance, controlled error rates", *(str(c.resonance_by_tests) for c in curves)))
         loads = [f"{c.added_mass_kg:g} kg{_people(c)}" for c in curves]
-        results.print(f"\n{pair}, {posture}: mean transmissibility (phase [deg]) by load", markup=False)
+        of = f"{pair}, {posture}" if several else pair
+        results.print(f"\n{of}: mean transmissibility (phase [deg]) by load", markup=False)
         print_table(("frequency", *loads), rows)
     results.print("MB: malleolus over base. TB: tuberosity over base. TM: tuberosity over malleolus.")
     stated, why = judged(table)
