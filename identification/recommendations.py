@@ -176,9 +176,9 @@ def about_departures(departures: Departures, others: Sequence[Departures] = (), 
         remedy = f"). A {'second' if loads == 1 else 'heavier'} load may determine it."
         texts.append(Sentence(scale, *better, remedy))
     unseen = {nuisance.name for other in others for nuisance in other.nuisances if not _shows(nuisance)}
-    shown = [nuisance for nuisance in departures.nuisances if _shows(nuisance) and nuisance.name not in unseen]
-    texts += [_sign(nuisance) for nuisance in shown if nuisance.group != "load"]
-    return [*texts, *_loads(departures, [nuisance for nuisance in shown if nuisance.group == "load"])]
+    significant = [nuisance for nuisance in departures.nuisances if _shows(nuisance) and nuisance.name not in unseen]
+    texts += [_sign(nuisance) for nuisance in significant if nuisance.group != "load"]
+    return [*texts, *_loads(departures, [nuisance for nuisance in significant if nuisance.group == "load"])]
 
 
 def _culprits(departures: Departures) -> list[str]:
@@ -260,12 +260,12 @@ def _parts(allowance: Allowance) -> tuple[str, str]:
 _AGREES = 0.1
 
 
-def _loads(departures: Departures, shown: Sequence[Allowance]) -> list[str]:
+def _loads(departures: Departures, significant: Sequence[Allowance]) -> list[str]:
     """Whether the recordings show constants that change with the load, in one note of all of them.
 
     Args:
         departures: of the likelier branch.
-        shown: those of its changes that differ from none.
+        significant: those of its changes that differ from none.
     """
     follow = [nuisance for nuisance in departures.nuisances if nuisance.group == "load"]
     if departures.constant is None or not follow or not departures.follows:
@@ -276,14 +276,14 @@ def _loads(departures: Departures, shown: Sequence[Allowance]) -> list[str]:
     signs = [
         f"{item.name} differs by {_share(item.value - 1)} from the value without load "
         f"({_share(item.lower - 1)} to {_share(item.upper - 1)}, 95 %)"
-        for item in shown
+        for item in significant
     ]
-    each = f" {'; '.join(signs)}." if signs else ""
+    changes = f" {'; '.join(signs)}." if signs else ""
     if p < UNLIKELY:
-        return [f"The recordings contradict constants that do not change with the load ({gain}).{each}"]
+        return [f"The recordings contradict constants that do not change with the load ({gain}).{changes}"]
     allows = " Intervals and odds allow for a change within the prior."
     if signs or p < _AGREES:
-        return [f"The recordings do not settle whether constants change with the load ({gain}).{each}{allows}"]
+        return [f"The recordings do not settle whether constants change with the load ({gain}).{changes}{allows}"]
     return [f"The recordings agree with constants that do not change with the load ({gain}).{allows}"]
 
 

@@ -329,8 +329,8 @@ def conclusions(adequate: tuple[Rival, ...]) -> tuple[Conclusion, ...]:
         shared = all(e.lower <= first.value <= e.upper for e in estimates)
         union = replace(first, value=0.5 * (low + high), lower=low, upper=high)
         span = f"{union.text(low)} to {union.text(high)} N/m"
-        both = " over both branches" * any(r.other is not None and not r.decided for r in rivals)
-        text = f"{name} is {span}{both}" if shared else f"{name} ({span})"
+        over = " over both branches" * any(r.other is not None and not r.decided for r in rivals)
+        text = f"{name} is {span}{over}" if shared else f"{name} ({span})"
         items.append(Conclusion(name, shared, text, low, high))
     compared = [r for r in rivals if r.log_odds is not None]
     if compared:
