@@ -236,7 +236,7 @@ class Solution:
         coordinates = Coordinates(lambda Q: of(Q)[..., varies], of(self.q)[varies], std[varies])
         rise = self.quantile**2 * self.excess
         reaches = ends(self.problem, self.q, self.optimum.sign, coordinates, rise, self.quantile)
-        return {names[i]: reach for i, reach in zip(varies, reaches, strict=True)}
+        return {names[int(i)]: reach for i, reach in zip(varies, reaches, strict=True)}
 
     def per_kilogram(self) -> list[tuple[str, float, float, float]]:
         """Name, value per kilogram of leg, and half-widths of the logarithm of constant and of constant per kilogram.
