@@ -12,7 +12,7 @@ import typer
 from rich.table import Table
 
 from fasbody.console import console, print_json
-from reproduction.check import Check, over
+from reproduction.check import Check, over, rounded
 
 #: The option that every topic has.
 JsonOption = Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")]
@@ -34,7 +34,7 @@ they say otherwise, so other programs disturb them little, though not by nothing
 
 def cells(check: Check) -> tuple[str, ...]:
     """A check as text, by `HEADER`."""
-    ratio, margin = ("" if value is None else f"{value:.3g}" for value in (check.ratio, check.margin))
+    ratio, margin = ("" if value is None else rounded(value) for value in (check.ratio, check.margin))
     return check.what, check.measured, check.against, ratio, margin, {None: "", True: "yes", False: "NO"}[check.met]
 
 

@@ -65,7 +65,7 @@ def chain(ax: Axes, x: float, names: tuple[str, ...], widths: tuple[float, float
         )
         ax.plot([x + 0.21, x + 0.39], [middle + 0.03] * 2, color="k", lw=1.2)
         ax.plot([x + 0.3] * 2, [middle + 0.03, high], color="k", lw=1.2)
-        ax.text(x - 0.47, middle, spring, ha="right", va="center")
+        ax.text(x - 0.45 - 0.02 * width, middle, spring, ha="right", va="center")
         ax.text(x + 0.5, middle, damper, ha="left", va="center")
 
 

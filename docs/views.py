@@ -1,4 +1,4 @@
-"""The pictures of docs/viewer.md: the foot's page from every side, beside another foot, and with a fit.
+"""The pictures of docs/viewer.md: the foot's page beside another foot, and with a fit.
 
     python docs/views.py
 
@@ -14,7 +14,7 @@ from playwright.sync_api import sync_playwright
 from viz.exported import CHROMIUM, chromium
 
 FIGURES = Path(__file__).parent / "figures"
-WIDE, LARGE, NARROW = ({"width": w, "height": h} for w, h in ((1366, 768), (1500, 900), (420, 800)))
+WIDE, LARGE = ({"width": w, "height": h} for w, h in ((1366, 768), (1500, 900)))
 #: Time in the period at which the foot is drawn, as a share.
 MOMENT = 0.2
 
@@ -45,12 +45,6 @@ def main() -> None:
     """Take all pictures."""
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=chromium(), args=list(CHROMIUM))
-        with served() as url:
-            page = opened(browser, url, WIDE)
-            for side in ("lateral", "front", "above", "corner"):
-                page.get_by_role("button", name=side, exact=True).click()
-                take(page, f"-{side}")
-            take(opened(browser, url, NARROW), "-narrow")
         with served("--compare", "foot_arch@25") as url:
             page = opened(browser, url, WIDE)
             page.get_by_role("button", name="Side by side").click()

@@ -51,7 +51,8 @@ def main(picture: Path = Path("two_loads_decide.png")) -> dict[str, FitResult]:
         colours = [COLOURS[2] if branch in result.open else "0.6" for branch in result.branches]
         for branch, value, colour in zip(result.branches, misfit, colours, strict=True):
             ax.plot([branch.name], [value], "o", ms=8, color=colour)
-            ax.annotate(f"{value:.3g}", (branch.name, value), (10, 0), textcoords="offset points", va="center")
+            side = 8 if value >= 1 else -8  # of the dotted line
+            ax.annotate(f"{value:.3g}", (branch.name, value), (10, side), textcoords="offset points", va="center")
         ax.margins(x=0.5)
         ax.axhline(1, color="k", lw=0.8, ls=":")
         ax.set_title(f"{name}: {result.verdict}", loc="left")

@@ -223,7 +223,7 @@ class UnstableError(SimulationError):
 
 
 #: What to do without harmonic balance.
-_OTHERWISE = "Simulate it in the time domain (in a fit: "
+_OTHERWISE = "Simulate it in the time domain, which takes longer (in a fit: "
 
 
 class PeriodicMotionError(SimulationError):
@@ -237,8 +237,11 @@ class PeriodicMotionError(SimulationError):
 
     def __init__(self, model: str, frequency_hz: float, share: float, sentence: str = "") -> None:
         self.model, self.frequency_hz, self.share = model, frequency_hz, share
-        reached = f"from rest it was followed up to {share:.2g} of the amplitude" if share else "not even a small one"
-        text = f"{model}: no periodic motion was found at {frequency_hz:.4g} Hz ({reached}). {_OTHERWISE}"
+        upto = f"only up to {100 * share:.2g} % of" if share else "at not even a small part of"
+        text = (
+            f"{model}: at {frequency_hz:.4g} Hz a periodic motion was found {upto} the amplitude of the base. "
+            f"{_OTHERWISE}"
+        )
         super().__init__(sentence or Sentence(text, called("domain", "time"), ")."))
 
 

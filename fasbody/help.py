@@ -16,7 +16,8 @@ def readable(command: Any) -> Any:
         command: of click, as Typer makes it; it is changed.
     """
     for one in (command, *getattr(command, "commands", {}).values()):
-        one.help, heading, examples = (one.help or "").partition(_EXAMPLES)
+        text, heading, examples = (one.help or "").partition(_EXAMPLES)
+        one.help = "\n\n".join(map(_filled, text.split("\n\n")))
         if heading:
             lines = [line for line in examples.splitlines() if line.strip()]
             one.epilog = "\n".join(["Examples:", *lines])
@@ -24,6 +25,12 @@ def readable(command: Any) -> Any:
             if parameter.param_type_name == "argument" or getattr(parameter, "metavar", None) is None:
                 parameter.display_type_rich = _value(parameter)
     return command
+
+
+def _filled(paragraph: str) -> str:
+    """A paragraph in one line, which the terminal breaks where it ends; what is indented or listed stays."""
+    lines = paragraph.splitlines()
+    return paragraph if any(line[:1] in (" ", "-", "*") for line in lines) else " ".join(lines)
 
 
 def _value(parameter: Any) -> Any:

@@ -59,7 +59,7 @@ def command(home: str) -> Callable[..., None]:
         return function
 
     def missing() -> None:
-        """Not installed: a part of the project's checkout."""
         raise FasError(f"this needs {module}, which is not installed; run it in a checkout of the project.")
 
+    missing.__doc__ = f"Only in a clone of the project, with its folder {module.split('.')[0]}; not installed here."
     return missing

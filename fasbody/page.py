@@ -62,14 +62,15 @@ def html(sections: Sequence[Section]) -> str:
     return template.render(sections=sections, day=date.today().isoformat())
 
 
-def show(sheet: Sheet, *words: str) -> None:
+def show(sheet: Sheet, *words: str, spared: Sequence[str] = ()) -> None:
     """Print a sheet for a person.
 
     Args:
         sheet: of a result.
         words: the columns of words; the others are of numbers.
+        spared: the columns that go first where room lacks, as `print_table` takes them.
     """
-    print_table(sheet.columns, [tuple(map(escape, row)) for row in sheet.rows], words, title=sheet.title)
+    print_table(sheet.columns, [tuple(map(escape, row)) for row in sheet.rows], words, spared, sheet.title)
     for number, text in enumerate(sheet.notes):
         results.print(escape(text) if number else f"[bold]{escape(text)}[/]", soft_wrap=True)
 
@@ -94,6 +95,7 @@ def print_table(
     room = out.options.update(width=10_000)
     order = [*(name for name in spared if name in columns), *(name for name in columns[:0:-1] if name not in spared)]
     longest = max((Text.from_markup(row[0]).cell_len for row in rows), default=0)
+    widest = [max((Text.from_markup(row[i]).cell_len for row in rows), default=0) for i in range(len(columns))]
     first: dict[str, Any] = {"overflow": "fold", "min_width": min(_NAME, longest)}
     others: dict[str, Any] = {"overflow": "crop", "no_wrap": True}
 
@@ -103,7 +105,8 @@ def print_table(
         for i in kept:
             heading = escape(columns[i].replace(" ", "\n") if broken else columns[i])
             side: Literal["left", "right"] = "left" if columns[i] in words else "right"
-            made.add_column(heading, justify=side, **(others if i else first))
+            # without a least width, the measured one is that of a cell's longest word
+            made.add_column(heading, justify=side, **({**others, "min_width": widest[i]} if i else first))
         for row in rows:
             made.add_row(*(row[i] for i in kept))
         return made
@@ -117,7 +120,8 @@ def print_table(
     out.print(made)
     if count:
         left = ", ".join(name for name in columns if name in order[:count])
-        out.print(f"left out for want of room: {left}; --json has all", markup=False, soft_wrap=True)
+        why = "columns that this terminal is too narrow for (--json has them)"
+        out.print(f"{why}: {left}", markup=False, soft_wrap=True)
 
 
 def write(result: Presented, folder: Path, command: str) -> list[Path]:

@@ -80,8 +80,9 @@ class Contact:
             return ""
         source = "the static force (known.static_force_n in study.toml)"
         source = source if self.stated else "the weight of leg and load"
+        element = self.element.replace("_", " ")
         text = (
-            f"At {self.frequency_hz:.4g} Hz under {self.added_mass_kg:g} kg ({self.file}) the model's {self.element} "
+            f"At {self.frequency_hz:.4g} Hz under {self.added_mass_kg:g} kg ({self.file}) the model's {element} "
             f"pulls on the table for {100 * self.share:.0f} % of the cycle, where a real foot would lift off. To hold "
             f"it down, a force of at least {self.missing_n:.3g} N would be needed in addition to {source} "
             f"({self.static_force_n:.3g} N)."

@@ -510,26 +510,13 @@ def _scale(view: View) -> Iterator[Row]:
     solution = view.solution
     if solution is None or not (mass_std := solution.scale_std()):
         return
-    variables = solution.problem.variables
-    scaling = [item for item in variables.space.free if item.logarithmic and item.unit.startswith("N")]
-    masses = [variables.motion_names.index(name) for name in variables.stated]
-
-    def leg(q: np.ndarray) -> float:
-        return float(variables.theta(q)[0, masses].sum())
-
-    def constants(q: np.ndarray) -> np.ndarray:
-        values = variables.dynamic(q)
-        return np.log([float(values[item.name]) for item in scaling])
-
-    profiled = {name: float(reach.mean()) for name, reach in solution.profiles.items()}
-    curved = view.half_width(constants)
-    whole = [profiled.get(item.name, float(half)) for item, half in zip(scaling, curved, strict=True)]
-    per_kg = view.half_width(lambda q: constants(q) - np.log(leg(q)))
-    for item, x, a, b in zip(scaling, constants(view.q), whole, per_kg, strict=True):
+    keys = {item.name: item.key for item in solution.problem.variables.space.free}
+    values = solution.problem.variables.dynamic(view.q)
+    for name, per_kg, whole, bare in solution.per_kilogram():
         yield {
-            "branch": view.branch, "parameter": item.key, "value": float(np.exp(x)),
-            "half_width_percent": 100 * a, "of_it_mass_percent": 100 * view.quantile * mass_std,
-            "per_kg": float(np.exp(x)) / leg(view.q), "per_kg_half_width_percent": 100 * float(b),
+            "branch": view.branch, "parameter": keys[name], "value": float(values[name]),
+            "half_width_percent": 100 * whole, "of_it_mass_percent": 100 * view.quantile * mass_std,
+            "per_kg": per_kg, "per_kg_half_width_percent": 100 * bare,
         }  # fmt: skip
 
 

@@ -23,7 +23,8 @@ IDENTIFIED, WEAK = 0.1, 0.5
 RULE = (
     f"Identified means a standard error of up to {100 * IDENTIFIED:.0f} % of the value, weak means up to "
     f"{100 * WEAK:.0f} %, and not identifiable means more, or a constant at its bound. For a constant that may be zero "
-    "(c_12, c_13, c_22, c_23) the percentage is of its value or of a tenth of its largest bound, whichever is larger. "
+    "(c_12, c_13, c_22, c_23) the percentage is of its value or of a tenth of its largest bound, whichever is larger: "
+    "one that is identified may be known to be near zero. "
     "Identified also requires that the search found the minimum twice, and that the standard error from the curvature "
     "is at most "
     f"{100 * IDENTIFIED:.0f} %, too."

@@ -5,7 +5,7 @@ where the scatter between recordings is estimated, Student's quantile stands for
 is not known to lie there, so that all others keep their share of its uncertainty.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -227,20 +227,54 @@ class Solution:
             constants = (self._forth(name, values[name]) for name in names)
             return np.stack([*constants, self._scale(Q), *(Q[..., i] * item.std for i, item in masses)], -1)
 
-        J = self.slopes(of)
-        std = self.spread(J)
+        return self._reaches(of, [*names, SCALE, *(item.name for _, item in masses)])
+
+    def _reaches(self, of: Callable[[np.ndarray], np.ndarray], names: Sequence[str]) -> dict[str, np.ndarray]:
+        """How far (2,) the profile of each coordinate of a function (..., k) reaches; none of what cannot vary."""
+        std = self.spread(self.slopes(of))
         varies = np.flatnonzero(std)  # masses may be exact, and with them the scale
         coordinates = Coordinates(lambda Q: of(Q)[..., varies], of(self.q)[varies], std[varies])
         rise = self.quantile**2 * self.excess
         reaches = ends(self.problem, self.q, self.optimum.sign, coordinates, rise, self.quantile)
-        every = [*names, SCALE, *(item.name for _, item in masses)]
-        return {every[i]: reach for i, reach in zip(varies, reaches, strict=True)}
+        return {names[int(i)]: reach for i, reach in zip(varies, reaches, strict=True)}
+
+    def per_kilogram(self) -> list[tuple[str, float, float, float]]:
+        """Name, value per kilogram of leg, and half-widths of the logarithm of constant and of constant per kilogram.
+
+        Of the springs and dampers. Both half-widths are of profiles, or both of curvature: a profile ends at the
+        mirror, and curvature does not, so one beside the other would say nothing of what the mass adds.
+        """
+        variables = self.problem.variables
+        names = [name for name in variables.constants if self._item(name).logarithmic and name in self._of_force]
+
+        def constants(Q: np.ndarray) -> np.ndarray:
+            values = variables.dynamic(Q)
+            return np.stack([np.log(values[name]) for name in names], -1)
+
+        def per_kg(Q: np.ndarray) -> np.ndarray:
+            return np.asarray(constants(Q) - self._scale(Q)[..., None])
+
+        if all(name in self.profiles for name in names):
+            reaches = self._reaches(per_kg, names)
+            whole = [float(self.profiles[name].mean()) for name in names]
+            bare = [float(reaches[name].mean()) for name in names]
+        else:
+            whole, bare = ((self.quantile * self.spread(self.slopes(of))).tolist() for of in (constants, per_kg))
+        return list(zip(names, np.exp(per_kg(self.q)).tolist(), whole, bare, strict=True))
+
+    @property
+    def _of_force(self) -> set[str]:
+        """Names of the free constants that are a force over a displacement or a speed, and so scale with the mass."""
+        return {item.name for item in self.problem.variables.space.free if item.unit.startswith("N")}
 
     def _scale(self, Q: np.ndarray) -> Any:
-        """Logarithm (...,) of the leg's mass m_S + m_F, a factor common to all constants, of Q (..., n)."""
+        """Logarithm (...,) of the mass m_S + m_F on the springs, a factor common to all constants, of Q (..., n).
+
+        Under the smallest load, as the constants are reported.
+        """
         variables = self.problem.variables
-        weights = variables.masses(Q)
-        return np.log(sum(weights[name][..., 0] for name in variables.stated))
+        weights, at = variables.masses(Q), int(np.argmin(variables.loads))
+        return np.log(sum(weights[name][..., at] for name in variables.stated))
 
     def _estimate(self, name: str, x: float, std: float, reach: np.ndarray | None = None) -> Estimate:
         """An estimate from its coordinate, the standard error of that, and how far its profile reaches, if known."""

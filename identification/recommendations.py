@@ -4,11 +4,10 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from scipy.special import chdtrc
+from scipy.special import chdtrc, stdtrit
 
 from fasbody.constants import Z95
 from fasbody.foot.parameters import symbol_and_unit
-from fasbody.presentation import counted
 from fasbody.recording.recording import Recording
 from fasbody.sentences import Sentence, called
 from identification.estimates import Allowance
@@ -53,7 +52,9 @@ def advice(
     """
     texts = []
     more = (
-        "Record more frequencies" if len({r.condition.frequency_hz for r in data}) > 1 else "Pool several frequencies"
+        "Record more frequencies"
+        if len({r.condition.frequency_hz for r in data}) > 1
+        else "Fit recordings of several frequencies together"
     )
     if best.p_value is not None and best.p_value < UNLIKELY:
         texts.append(
@@ -83,9 +84,10 @@ def advice(
         texts.append(Sentence(f"{count} {more} or estimate fewer parameters (", called("free"), ")."))
     if rank < len(space.free):
         texts.append(
-            f"With {counted(rank // 2, 'frequency', 'frequencies')}, the linear response determines at most {rank} of "
-            f"the {len(space.free)} free parameters. Only the harmonics of nonlinear dampers depend on the others, so "
-            f"no interval with the model assumed exact is shown. {more}."
+            f"{_these(data)} at most {rank} numbers on a linear foot, two for each frequency in the base motion, "
+            f"harmonics included. They cannot determine {len(space.free)} free parameters. Only harmonics that "
+            f"nonlinear dampers cause depend on the others, so no interval with the model assumed exact is shown. "
+            f"{more}."
         )
     bound = [key for key, e in best.parameters.items() if e.at_bound]
     zero = [key for key in bound if best.parameters[key].value == 0.0]
@@ -120,6 +122,10 @@ def advice(
     return [*texts, *(about_departures(best.departures, others, loads) if best.departures else [])]
 
 
+def _these(data: Sequence[Recording]) -> str:
+    return "This recording gives" if len(data) == 1 else f"These {len(data)} recordings give"
+
+
 def _bend(key: str) -> bool:
     """Whether it is one of the dampers' constants that bend them."""
     return key.endswith("_per_m") and not key.endswith(("_n_per_m", "_s_per_m"))
@@ -152,8 +158,8 @@ def about_departures(departures: Departures, others: Sequence[Departures] = (), 
     for mass in departures.masses:
         if mass.weighed:
             texts.append(
-                f"The recordings determine {mass.name}: without load it is {mass.interval()} kg (95 %). The estimate "
-                "is "
+                f"The recordings narrow {mass.name}: without load it is {mass.interval()} kg (95 %). Its standard "
+                f"deviation falls by {100 * mass.learned:.0f} % against the {mass.basis} one. The estimate is "
                 f"{abs(100 * (mass.value / mass.stated - 1)):.1f} % {'above' if mass.value > mass.stated else 'below'} "
                 f"the {mass.basis} {mass.stated:.4g} kg."
             )
@@ -169,11 +175,10 @@ def about_departures(departures: Departures, others: Sequence[Departures] = (), 
         )
         remedy = f"). A {'second' if loads == 1 else 'heavier'} load may determine it."
         texts.append(Sentence(scale, *better, remedy))
-    others_show = {nuisance.name for other in others for nuisance in other.nuisances if not _shows(nuisance)}
-    texts += [
-        _sign(nuisance) for nuisance in departures.nuisances if _shows(nuisance) and nuisance.name not in others_show
-    ]
-    return [*texts, *_loads(departures)]
+    unseen = {nuisance.name for other in others for nuisance in other.nuisances if not _shows(nuisance)}
+    significant = [nuisance for nuisance in departures.nuisances if _shows(nuisance) and nuisance.name not in unseen]
+    texts += [_sign(nuisance) for nuisance in significant if nuisance.group != "load"]
+    return [*texts, *_loads(departures, [nuisance for nuisance in significant if nuisance.group == "load"])]
 
 
 def _culprits(departures: Departures) -> list[str]:
@@ -213,15 +218,20 @@ _ALIKE = 1.5
 _NARROW = 0.02
 
 
+def _quantile(departures: Departures) -> float:
+    """Standard errors to an end of a 95 % interval: Student's where the scatter was estimated, as everywhere else."""
+    return Z95 if departures.repeatability == 0 else float(stdtrit(max(2, departures.dof), 0.975))
+
+
 def _ruler(departures: Departures) -> list[str]:
     """What all constants share: the scale that masses and load set."""
     texts = []
     if departures.scale_std > _NARROW:
         texts.append(
             "All stiffness and damping constants are proportional to the leg's mass, which is known to "
-            f"±{100 * Z95 * departures.scale_std:.2g} % (95 %). Natural frequencies, damping ratios and constants per "
-            "kilogram do not depend on it. A force plate under the foot, with and without the load, determines it "
-            "better (static_force_n in [known] of study.toml)."
+            f"±{100 * _quantile(departures) * departures.scale_std:.2g} % (95 %). Natural frequencies, damping ratios "
+            "and constants per kilogram do not depend on it. A force plate under the foot, with and without the load, "
+            "determines it better (static_force_n in [known] of study.toml)."
         )
     off = [nuisance.off for nuisance in departures.nuisances if nuisance.group == "masses"]
     if len(off) == 2 and min(off) * max(off) > 0 and min(map(abs, off)) > _ALIKE:
@@ -246,22 +256,35 @@ def _parts(allowance: Allowance) -> tuple[str, str]:
     return kind, whose or "malleolus"
 
 
-def _loads(departures: Departures) -> list[str]:
-    """Whether the recordings want constants that follow the load, and what two loads say if they do not."""
+#: Least p at which recordings are said to agree with constants that do not change with the load.
+_AGREES = 0.1
+
+
+def _loads(departures: Departures, significant: Sequence[Allowance]) -> list[str]:
+    """Whether the recordings show constants that change with the load, in one note of all of them.
+
+    Args:
+        departures: of the likelier branch.
+        significant: those of its changes that differ from none.
+    """
     follow = [nuisance for nuisance in departures.nuisances if nuisance.group == "load"]
     if departures.constant is None or not follow or not departures.follows:
         return []
     falls = max(0.0, departures.constant - departures.objective) / max(1.0, departures.per_dof)
     p = float(chdtrc(len(follow), falls))
     gain = f"{len(follow)} parameters for such a change lower the sum of squares by {falls:.3g}, {chance(p)}"
-    if p < UNLIKELY:
-        return [
-            f"The recordings contradict constants that do not change with the load ({gain})."
-        ]
-    return [
-        f"The recordings agree with constants that do not change with the load ({gain}). Intervals and odds still "
-        "allow for a change within the prior."
+    signs = [
+        f"{item.name} differs by {_share(item.value - 1)} from the value without load "
+        f"({_share(item.lower - 1)} to {_share(item.upper - 1)}, 95 %)"
+        for item in significant
     ]
+    changes = f" {'; '.join(signs)}." if signs else ""
+    if p < UNLIKELY:
+        return [f"The recordings contradict constants that do not change with the load ({gain}).{changes}"]
+    allows = " Intervals and odds allow for a change within the prior."
+    if signs or p < _AGREES:
+        return [f"The recordings do not settle whether constants change with the load ({gain}).{changes}{allows}"]
+    return [f"The recordings agree with constants that do not change with the load ({gain}).{allows}"]
 
 
 _SIGNS = ("mount", "relaxing k_T", "relaxing k_F", "rocking")
@@ -289,11 +312,6 @@ def _sign(item: Allowance) -> str:
         return (
             f"A sign that the spring {item.name.split()[1]} relaxes: its relaxing part is {_share(item.value)} of its "
             f"stiffness at rest ({_share(item.lower)} to {_share(item.upper)})."
-        )
-    if item.group == "load":
-        return (
-            f"A sign that constants change with the load: {item.name} differs by {_share(item.value - 1)} from the "
-            f"value without load ({_share(item.lower - 1)} to {_share(item.upper - 1)})."
         )
     if item.group == "rocking":
         return (

@@ -235,7 +235,7 @@ def allowed(allowance: Allowance) -> str:
     size = max(abs(allowance.prior_upper), abs(allowance.prior_lower))
     if allowance.prior == allowance.prior_lower and abs(allowance.value - allowance.prior_lower) < _NOTHING * size:
         return f"{allowance.prior_lower:g} (bound)"
-    return "0" if abs(allowance.value) < _NOTHING * size else f"{allowance.value:.2g}"
+    return "0" if abs(allowance.value) < _NOTHING * size else readable(allowance.value, 2)
 
 
 def _counted(result: FitResult) -> str:

@@ -418,7 +418,7 @@ class FitResult(Presented):
             return Sentence(
                 "The model does not follow the recordings: it deviates from them by "
                 f"{100 * self.departures.repeatability:.2g} %, and recordings of people repeat to 2 to 5 %. No "
-                "constant is reported. Check the added masses, the body mass and the units first. ",
+                f"constant is reported. {self._to_check} ",
                 called("compare_rivals"),
                 " compares other models. ",
             )
@@ -431,6 +431,17 @@ class FitResult(Presented):
                 " compares other models). With model and sensor errors it does: ",
             )
         return f"The model does not fit the recordings ({alone}): "
+
+    @property
+    def _to_check(self) -> str:
+        """What to look at where the model does not follow: of a user's model first what it does not estimate."""
+        usual = "heck the added masses, the body mass and the units"
+        if not self.model.endswith(".xml"):
+            return f"C{usual} first."
+        return (
+            f"Springs and dampers of {self.model} that are not estimated, such as its pad, may not suit these "
+            f"recordings: fit two_dof for comparison. Also c{usual}."
+        )
 
     def sentence(self) -> str:
         """The result in one sentence, with the values of both branches where the data do not decide; a misfit first."""
@@ -447,6 +458,7 @@ class FitResult(Presented):
         if self.misfit():  # which gives it
             goodness = ""
         word = self.verdict if self.departures or self.verdict == "not compared" else f"{self.verdict}{_EXACT}"
+        word = "no second branch was compared" if word == "not compared" else word
         if self.departures and not self.departures.follows:
             return Sentence(self.misfit(), f"Fit {self.fit_percent:.1f} %; {word}.")
         at = f" at {self.departures.reference_frequency_hz:.3g} Hz" if self.departures and self.relaxes else ""

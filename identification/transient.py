@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fasbody.exceptions import SimulationError
+from fasbody.exceptions import PeriodicMotionError, SimulationError
 from fasbody.progress import Advance
 from fasbody.sentences import Sentence, called
 from identification import branches, multistart, steady
@@ -79,8 +79,7 @@ def fit(
     if not setup.why_not:
         masses = [recording.condition.masses for recording in setup.recordings]
         ratio = branches.ratio(masses, setup.foot.values())
-    explored = _on_harmonics if is_steady(setup.recordings) else _on_samples
-    descents, interrupted = explored(setup, domain, ratio, starts, seed, advance)
+    descents, interrupted = _explored(setup, domain, ratio, starts, seed, advance)
     if interrupted and not interruptible:
         raise KeyboardInterrupt
     warnings: list[str] = []
@@ -109,6 +108,18 @@ def fit(
 
 
 Explored = tuple[list[Descent], bool]
+
+
+def _explored(
+    setup: Setup, domain: TimeDomain, ratio: float | None, starts: int, seed: int, advance: Advance
+) -> Explored:
+    """Steady recordings on their harmonics where the model has a periodic motion, all others sample by sample."""
+    if is_steady(setup.recordings):
+        try:
+            return _on_harmonics(setup, domain, ratio, starts, seed, advance)
+        except PeriodicMotionError:  # a pad that bends or lifts off too much for a few harmonics
+            pass
+    return _on_samples(setup, domain, ratio, starts, seed, advance)
 
 
 def _on_harmonics(

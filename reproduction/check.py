@@ -128,7 +128,12 @@ def told(what: str, said: str, beside: str = "", ratio: float | None = None) -> 
 
 
 def _number(value: float, unit: str = "") -> str:
-    return f"{value:.3g} {unit}".strip()
+    return f"{rounded(value)} {unit}".strip()
+
+
+def rounded(value: float) -> str:
+    """Three digits, without an exponent below a million."""
+    return f"{float(f'{value:.3g}'):g}"
 
 
 def machine(*libraries: str) -> str:

@@ -76,8 +76,9 @@ def arangio_cut() -> Outcome:
             near("more elongation over more sag (published 1.11)", longer / more_sag, 40 / 36, 0.17),
         ],
         calibrated=[near("more sag (published +36 %)", 100 * more_sag, 100 * ARANGIO_CUT[0], 5, "%")],
-        note="+36 % is 7.5 over 5.5 mm, two of the numbers of Validation 1. The elongation chose no constant, but "
-        "geometry ties it to the sag whatever the springs: a k_11 that meets +36 % of sag misses +40 % of elongation. "
+        note="+36 % is 7.5 over 5.5 mm, two of the numbers of Validation 1. No constant was chosen by the elongation, "
+        "but geometry ties it to the sag whatever the springs: a k_11 that meets +36 % of sag misses +40 % of "
+        "elongation. "
         "So the ratio is the independent number.",
     )
 
@@ -271,4 +272,4 @@ def excluded() -> Outcome:
     for proof in proofs():
         bound = at_least if proof.above else at_most
         checks.append(bound(f"{proof.number}, {proof.holds} ({proof.against})", proof.bound, proof.needed, proof.unit))
-    return Outcome(printed=checks, note="A bound that is met excludes the number beside what stands in brackets.")
+    return Outcome(printed=checks, note="If the bound holds, no springs can give the published number.")

@@ -150,7 +150,7 @@ def test_a_free_motion_that_outlasts_the_record_ranks_last() -> None:
     referee = Referee([validation], weak=True)
     ranked = selection.rank([referee.judge(ringing), referee.judge(honest)], referee)
     assert ranked.best.model is honest
-    assert "ranked last, for a free response longer than the recording: OE (2, 2, 1)" in ranked.warnings[0]
+    assert "OE (2, 2, 1): ranked last, because their free response is longer" in ranked.warnings[0]
 
 
 def lag(wait: int, n: int = 800) -> Series:

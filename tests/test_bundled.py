@@ -71,8 +71,8 @@ def test_two_loads_weigh_the_shank(bundled: tuple) -> None:
         assert mass["name"] == name and mass["stated"] == pytest.approx(document["truth"][name])
         assert mass["lower"] < document["truth"][name] < mass["upper"]
         assert mass["weighed"] is (mass["learned"] > 0.3) is (name == "m_S")
-    assert sum(text.startswith("The recordings determine m_S") for text in document["warnings"]) == 1
-    assert "Two or more loads determine the leg" in (folder / "report.html").read_text()
+    assert sum(text.startswith("The recordings narrow m_S") for text in document["warnings"]) == 1
+    assert "Two or more loads narrow the leg" in (folder / "report.html").read_text()
 
 
 def test_goodness_of_fit_and_certificates(bundled: tuple) -> None:

@@ -46,7 +46,7 @@ def test_what_cannot_be_is_said_and_shown(fitted: FitResult) -> None:
     (text,) = fitted.impossible
     lifted = fitted.contact[0]
     for part in (
-        "At 20 Hz", f"fat_pad pulls on the table for {100 * lifted.share:.0f} % of the cycle",
+        "At 20 Hz", f"fat pad pulls on the table for {100 * lifted.share:.0f} % of the cycle",
         f"at least {lifted.missing_n:.3g} N", "the weight of leg and load", "so the foot probably did not lift off",
             "1 of 2 recordings are affected",
     ):  # fmt: skip

@@ -706,6 +706,14 @@ def test_recordings_of_nobody_named_are_of_the_person(half_way: tuple[Director, 
         Director(heavier, SHAKER, earlier=unnamed, draws=2)
 
 
+def test_recordings_without_a_body_mass_say_where_it_goes(half_way: tuple[Director, list[Recording]]) -> None:
+    bare = [replace(r, condition=replace(r.condition, body_mass_kg=None)) for r in half_way[1]]
+    said = r"states no body mass.*fill in mass_kg of subject '\w+' in subjects\.csv"
+    with pytest.raises(SettingError, match=said) as caught:
+        Director(half_way[0].person, SHAKER, earlier=bare, draws=2)
+    assert "None" not in str(caught.value) and str(caught.value).endswith("or give --body-mass.")
+
+
 def test_level_distortion_and_coherence_are_those_of_the_signals() -> None:
     rng, t = np.random.default_rng(0), np.arange(10_000) / 1000
     base = 5 * np.sin(2 * np.pi * 20 * t) + 0.4 * np.sin(2 * np.pi * 40 * t + 1)

@@ -10,11 +10,12 @@ import pytest
 from steady_cases import BENT, session
 
 from fasbody.console import to_json
-from fasbody.exceptions import RecordingError, SettingError
+from fasbody.exceptions import PeriodicMotionError, RecordingError, SettingError
 from fasbody.foot import shaker
 from fasbody.foot.model import Foot, load
 from fasbody.foot.simulate import simulate
 from fasbody.recording.recording import Condition, Recording
+from identification import steady
 from identification.fitting import Settings, fit_foot
 from identification.report import html
 from identification.result import FitResult
@@ -81,11 +82,29 @@ def test_a_single_20_hz_recording_tells_little_and_says_so(foot: Foot, trial: Tr
     assert {row["interval"] for row in shown} == {"–"} and not any("lower" in row for row in shown)
     assert result.excitation_rank == 2
     text = " ".join(result.warnings)
-    assert "With 1 frequency, the linear response determines at most 2 of the 8 free parameters" in text
+    assert "This recording gives at most 2 numbers on a linear foot" in text
+    assert "They cannot determine 8 free parameters" in text
+    assert "Fit recordings of several frequencies together." in text
     assert "Not identifiable from these recordings" in text
     assert "One frequency cannot separate a delay" in text
     assert "delay_s" not in result.parameters
     assert result.fit_percent > 98  # and yet the fit percentage is splendid
+
+
+def test_without_a_periodic_motion_every_sample_is_fitted_if_asked(
+    foot: Foot, trial: Trial, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What the error advises, --domain time, does not end in the same error."""
+
+    def none(*_: object, **__: object) -> None:
+        raise PeriodicMotionError(foot.name, 20.0, 0.44)
+
+    monkeypatch.setattr(steady, "fit", none)
+    short = trial(TRUTH, 20.0).between(0.0, 0.5)
+    with pytest.raises(PeriodicMotionError, match=r"up to 44 % of the amplitude of the base.*--domain time"):
+        fit_foot([short], foot, Settings(starts=2, free=("k_T", "c_11")))
+    found = fit_foot([short], foot, Settings(starts=2, free=("k_T", "c_11"), domain="time"))
+    assert found.domain == "time" and found.values()["k_T_n_per_m"] > 0
 
 
 PAD = '<joint name="fat_pad" stiffness="1.0e5" damping="800" user="4.25 800 -50 100"/>'

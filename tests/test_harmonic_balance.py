@@ -147,7 +147,7 @@ def test_a_spring_with_a_kink_is_refused() -> None:
 def test_a_mass_that_is_shaken_out_of_its_well_has_no_motion() -> None:
     """The mean of x + x^2 must vanish, which no x_0 + a cos(w t) with a above 1/sqrt(2) can."""
     system = Oscillator(lambda x: 5 * (x + x**2), lambda x: 5 + 10 * x, 1.0, np.sqrt(2) * W**2)
-    with pytest.raises(PeriodicMotionError, match="no periodic motion was found at 2 Hz") as caught:
+    with pytest.raises(PeriodicMotionError, match="at 2 Hz a periodic motion was found only up to") as caught:
         periodic(system)
     assert 0.45 < caught.value.share < 0.55
     assert not isinstance(caught.value, NotSmoothError)

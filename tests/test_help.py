@@ -1,5 +1,6 @@
 """What `--help` shows, and what completes a command in a shell."""
 
+import itertools
 import re
 import subprocess
 import sys
@@ -34,6 +35,17 @@ def test_help_calls_a_command_as_it_was_started(words: str, module: str) -> None
         assert not re.search(r"<\w+|\w+\[(Path|str|int|float)\]", text)
         if "Examples:" in text:
             assert text.index("Options") < text.index("Examples:")
+
+
+@pytest.mark.parametrize("module", ["fasbody heel", "fasbody cell", "identification.blackbox", "fasbody.leg name"])
+def test_paragraphs_are_broken_once(module: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A line that ended where the source's did had its rest alone in a line of its own."""
+    monkeypatch.setenv("COLUMNS", "80")
+    text = helped("-m", *module.split()).partition("Usage:")[2].partition("╭")[0]
+    lines = [line.strip() for line in text.splitlines()]
+    for line, following_ in itertools.pairwise(lines):
+        if line and following_:
+            assert len(line) + 1 + len(following_.split()[0]) > 78, line
 
 
 def test_completion_knows_words_and_options() -> None:

@@ -9,7 +9,7 @@ from typer.testing import CliRunner
 
 from fasbody.exceptions import RecordingError
 from fasbody.recording.__main__ import app
-from fasbody.recording.merge import merge
+from fasbody.recording.merge import Merged, merge
 from fasbody.recording.recording import Recording, gain_and_delay
 from fasbody.transmissibility.estimate import rows
 
@@ -19,7 +19,7 @@ TRUE = 1.3 * np.exp(-1j * np.radians(40))
 def loggers(
     seed: int, knocks: bool = True, clock: float = 40e-6, start: float = 1.2345
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """A sine of 20 Hz; the logger on the knee starts later, at another rate, and its clock is a little fast."""
+    """A sine of 20 Hz; the logger on the knee starts later, at another rate, and its clock is a little slow."""
     rng = np.random.default_rng(seed)
     t = np.arange(30_000) / 1000
     real = start + np.arange(20_000) / 800.0 * (1 + clock)
@@ -102,3 +102,38 @@ def test_a_shaker_that_starts_at_once_is_no_knock() -> None:
         knock = 24.2655  # on the second clock
         assert abs(made.delay_s - 1.2345 - 30e-6 * knock) < 0.5e-3
         assert made.delay_std_s > 30e-6 * (knock - 12.5)  # what the clocks gained from the middle to the knock
+
+
+def test_the_sentence_says_who_started_later_and_whose_clock_is_slow() -> None:
+    """Seconds of the second logger are longer by 200 ppm, so its clock is slow; nothing is said of a clock alike."""
+    recording = merge(*loggers(3)).recording
+    assert "1.23450 s after the first" in str(Merged(recording, "knock", 1.2345, 3e-4, 2e-4))
+    assert str(Merged(recording, "knock", 1.0, 3e-4, 2e-4)).endswith("its clock is 200 ppm slower")
+    alike = str(Merged(recording, "knock", -1e-9, 3e-4, 1e-9))
+    assert "started at the same time as the first" in alike and "ppm" not in alike and "-0" not in alike
+
+
+def written(folder: Path, heading: str) -> list[str]:
+    """The files of table and foot, each with one column of the same name."""
+    names = []
+    for name, (t, x) in zip(("table.csv", "foot.csv"), (loggers(2)[:2], loggers(2)[2:]), strict=True):
+        rows = "".join(f"{a:.5f},{b:.5f}\n" for a, b in zip(t, x, strict=True))
+        (folder / name).write_text(f"time_s,{heading}\n{rows}")
+        names.append(str(folder / name))
+    return names
+
+
+@pytest.mark.parametrize("heading", ["z_m_s2", "z [m/s^2]"])
+def test_a_column_is_named_with_or_without_its_unit(tmp_path: Path, heading: str) -> None:
+    table, foot = written(tmp_path, heading)
+    words = ["merge", table, foot, str(tmp_path / "merged.csv"), "--base", "z", "--malleolus", "z"]
+    done = CliRunner().invoke(app, words)
+    assert done.exit_code == 0, done.output
+    wrong = CliRunner().invoke(app, [*words[:3], str(tmp_path / "other.csv"), "--base", "y"])
+    assert f"name the column as in the header: --base {heading}" in str(wrong.exception)
+
+
+def test_files_the_wrong_way_round_are_noticed(tmp_path: Path) -> None:
+    table, foot = written(tmp_path, "z_m_s2")
+    words = ["merge", foot, table, str(tmp_path / "merged.csv"), "--base", "z", "--malleolus", "z"]
+    assert "the channels are swapped" in CliRunner().invoke(app, words).output.replace("\n", " ")

@@ -9,7 +9,7 @@ from fasbody.foot.model import load
 from fasbody.recording.checks import checked
 from fasbody.recording.recording import Condition, Recording
 from fasbody.recording.study import bundled
-from identification.estimates import Mass
+from identification.estimates import Allowance, Mass
 from identification.fitting import fit_foot
 from identification.recommendations import LEAST_FIT, about_departures, excitation_rank
 from identification.result import Departures
@@ -93,3 +93,29 @@ def test_white_noise_alone_is_no_misfit_and_a_wrong_unit_is(noise: float, times:
     result = fit_foot(recordings, load("two_dof"))
     assert min(r.fit_percent for r in result.recordings) < LEAST_FIT
     assert any(" is only " in text for text in result.warnings) == warns
+
+
+def with_load(off: float, seen: float, constant: float) -> Departures:
+    """A leg with two loads: how far k_T's change is from none, and the sum of squares without such changes."""
+    change = Allowance(
+        "k_T under 2.3 kg", "load", "", "", 1.0, 0.8, 1.2, 1.135, 1.046, 1.232, off, seen, "", "load"
+    )
+    none = replace(change, name="k_F under 2.3 kg", value=1.0, off=0.0, seen=0.0)
+    return replace(some_departures(0.1, False), nuisances=(change, none), constant=constant, masses=())
+
+
+@pytest.mark.parametrize(
+    ("seen", "constant", "begins"),
+    [
+        (0.5, 11.0, "The recordings agree with constants that do not change"),
+        (0.5, 16.0, "The recordings do not settle whether constants change"),
+        (4.0, 16.0, "The recordings do not settle whether constants change"),
+        (4.0, 11.0, "The recordings do not settle whether constants change"),
+        (4.0, 60.0, "The recordings contradict constants that do not change"),
+    ],
+)
+def test_one_note_says_what_the_loads_show(seen: float, constant: float, begins: str) -> None:
+    (text,) = about_departures(with_load(1.0, seen, constant), loads=2)
+    assert text.startswith(begins)
+    assert ("k_T under 2.3 kg differs by 13.5 %" in text) == (seen > 3)
+    assert "A sign" not in text and ("agree" in text) == (seen < 3 and constant < 12)

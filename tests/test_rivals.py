@@ -13,6 +13,7 @@ from scipy.stats import t as student_t
 from typer.testing import CliRunner
 
 import mjcf
+from fasbody import page
 from fasbody.exceptions import InputFileError, ModelError, RecordingError, SettingError
 from fasbody.foot.model import load
 from fasbody.foot.two_dof import TwoDof
@@ -28,7 +29,7 @@ from identification.rivals.compare import compare_rivals
 from identification.rivals.ladder import AT_REST, LADDER, RungVariables, rungs_of
 from identification.rivals.mjcf import difference, edited_text, write_models
 from identification.rivals.motion import AT, EXTRA, RivalMotion, felt
-from identification.rivals.result import DECISIVE, Rival, Rivals, preferred
+from identification.rivals.result import DECISIVE, SPARED, Rival, Rivals, preferred
 from identification.rivals.search import evidence, folds, only
 from simulator import worlds
 from simulator.departure import Exponential, Following, Maxwell, Mount, Polynomial
@@ -254,9 +255,25 @@ def test_only_what_all_adequate_rivals_say_is_shared() -> None:
     rich = made("third", 125.0, 100.0, 11, penalty=20.0)  # as near as the model, and more constants
     both = compared(model, rich, made("linear", 190.0, 200.0, 4))
     assert [r.name for r in both.not_needed] == ["third"] and [r.name for r in both.adequate] == ["model"]
-    assert "need more constants: " in both.sentence() and "The other models are ruled out." in both.sentence()
+    assert "with more constants: third" in both.sentence() and "The other models are ruled out." in both.sentence()
     open_ = replace(model, log_odds=1.0, other=(far.k_T, far.k_F))
     assert {c.what for c in compared(open_).conclusions if c.shared} == {"k_F"}
+    said = compared(open_).sentence()
+    assert "With model (preferred), k_F is " in said and "N/m over both branches. Undecided are k_T (" in said
+
+
+def test_a_narrow_terminal_shows_whole_intervals(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """It showed "122" of "122 000 to 231 000", and "y" of "yes"."""
+    wide = Estimate(1.35e5, 3e4, 1.22e5, 2.31e5, False, "identified")
+    result = compared(replace(made("model", 100.0, 100.0), k_T=wide, k_F=wide))
+    for columns in (80, 120):
+        monkeypatch.setenv("COLUMNS", str(columns))
+        page.show(result.sheet(), "model", "branch", "adequate", spared=SPARED)
+        printed = capsys.readouterr().out
+        table = printed.split("Preferred model")[0]
+        assert table.count(wide.interval()) == 2 and "yes" in table and "adequate" in table
 
 
 def test_nothing_is_said_where_no_rival_follows() -> None:

@@ -65,7 +65,7 @@ def analyse_cell(
 
       fasbody cell --mesh my_cell.stl --preset si --json
 
-      fasbody cell sweep --out results/cell
+      fasbody cell modes body.stl --material 2e6,0.4,200
     """
     check_together(context, mesh)
     if context.invoked_subcommand is not None:

@@ -61,7 +61,10 @@ class Peaks(Presented):
             cells = [f"{row[f'{pair}_peak_hz']:.1f} ({row[f'{pair}_peak']:.2f})" for pair in ("MB", "TB", "TM")]
             measured = f"{low:g}-{high:g}"
             rows.append((f"{row['added_mass_kg']:g}", cells[0], measured, *cells[1:], f"{row['lowest_mode_hz']:.1f}"))
-        columns = ("kg added", "MB [Hz] (1)", "measured", "TB [Hz] (1)", "TM [Hz] (1)", "first mode [Hz]")
+        columns = (
+            "added mass [kg]", "MB peak [Hz] (height)", "measured [Hz]", "TB peak [Hz] (height)",
+            "TM peak [Hz] (height)", "first mode [Hz]",
+        )  # fmt: skip
         missed = [f"{s.pair}, {s.says}" for s, held in zip(STATEMENTS, self.held, strict=True) if not held]
         note = f"{sum(self.held)} of {len(STATEMENTS)} statements hold. Missed: {'; '.join(missed) or 'none'}."
         return Sheet(f"{self.model}: highest transmissibility in 10-50 Hz", columns, rows, (note,))

@@ -239,8 +239,9 @@ def merge(
     Phases and fits of the merged recording include the uncertainty of the delay.
 
     Examples:
-      fasbody merge table.csv knee.csv merged.csv --base z --malleolus z
+      fasbody merge table.csv foot.csv merged.csv --base z --malleolus z
     """
+    from fasbody.recording.checks import checked
     from fasbody.recording.files import read_one
     from fasbody.recording.merge import WAYS
     from fasbody.recording.merge import merge as merged
@@ -259,6 +260,12 @@ def merge(
         "warnings": [f"{target.name} is made of two loggers, {made}."],
     }  # fmt: skip
     write_whole(target.with_suffix(".json"), to_json(about))
+    try:  # the two files the wrong way round make the malleolus lead
+        remarks = checked(made.recording).warnings
+    except RecordingError as error:
+        remarks = (f"It cannot be used as it is. {error}",)
+    for text in remarks:
+        console.print(f"[yellow]warning:[/] {escape(text)}", soft_wrap=True)
     if json_:
         print_json(about)
     else:

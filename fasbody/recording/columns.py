@@ -47,7 +47,9 @@ class Columns:
         """
         stated, plain = column.strip().lower(), [name.strip().lower() for name in self.names]
         repeated = f"{plain[index]} {plain[: index + 1].count(plain[index])}"
-        return stated in (plain[index], channels.heading(self.names[index])[0], repeated, f"#{index + 1}")
+        stem, unit = channels.heading(self.names[index])
+        bare = stem.removesuffix(f"_{unit}") if unit and stated not in plain else stem
+        return stated in (plain[index], stem, bare, repeated, f"#{index + 1}")
 
     def claimed(self, index: int) -> str:
         """The unit of a column by itself, or by its heading."""
@@ -171,7 +173,7 @@ def _column_of(
         raise InputFileError(file, f"has two columns for {channel}", hint, line=columns.line)
     if stated.column and not candidates:
         hint = Sentence(
-            "one study.toml is for files of one kind; fasbody convert makes them one",
+            "name the column as in the header; for files of several kinds, fasbody convert makes them alike",
             on_page=f"name its columns with {for_page(called(f'channels.{channel}.column'))}",
         )
         column = repr(stated.column) if stated.column[:1] != "#" else f"number {stated.column[1:]}"

@@ -352,6 +352,11 @@ def read_one(file: Path, channel: str, layout: Layout | None = None, named: str 
     layout = (layout or Layout()).of(file)
     stated = layout.channels.get(channel, Channel())
     column = named or stated.column
+    if named and (columns := columns_of(file, layout)).names:
+        others = [name for index, name in enumerate(columns.names) if index not in columns.times]
+        if not any(columns.called(index, named) for index in range(len(columns.names))):
+            hint = f"name the column as in the header: --{channel} {others[0]}" if others else ""
+            raise InputFileError(file, f"has no column {named!r} for {channel} ({columns.listed})", hint)
     if not column:  # that which begins with the channel's name
         names = columns_of(file, layout).names if ending(file) in (*TEXTS, *READ) else ()
         column = next((name for name in names if name_and_unit(name)[0] == channel), channel)

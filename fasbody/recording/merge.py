@@ -36,7 +36,7 @@ class Merged:
         way: one of `WAYS`.
         delay_s: how much later the second started.
         delay_std_s: its standard deviation.
-        clock: how much faster the second's clock runs, as a share (0 with a single knock).
+        clock: by how much the second's seconds are longer, as a share (0 with a single knock).
     """
 
     recording: Recording
@@ -46,10 +46,13 @@ class Merged:
     clock: float
 
     def __str__(self) -> str:
-        faster = f", its clock {1e6 * self.clock:+.0f} ppm" if self.clock else ""
+        ppm = round(1e6 * self.clock)
+        faster = f", its clock is {abs(ppm)} ppm {'slower' if ppm > 0 else 'faster'}" if ppm else ""
+        delay = round(self.delay_s, 5)
+        started = f"{abs(delay):.5f} s {'after' if delay > 0 else 'before'}" if delay else "at the same time as"
         return (
-            f"merged by {self.way}: the second logger started {self.delay_s:.5f} s after the first, known to "
-            f"{1e3 * self.delay_std_s:.2g} ms{faster}"
+            f"merged by {self.way}: the second logger started {started} the first (standard deviation "
+            f"{1e3 * self.delay_std_s:.2g} ms){faster}"
         )
 
 
@@ -125,7 +128,7 @@ def _between_knocks(t: np.ndarray, base: np.ndarray, way: str) -> np.ndarray:
 
 
 def _by_knocks(t: np.ndarray, x: np.ndarray, u: np.ndarray, y: np.ndarray) -> tuple[float, float, float] | None:
-    """Delay, its standard deviation [s], and how much faster the second clock runs; None without knocks in both."""
+    """Delay, its standard deviation [s], by how much the second's seconds are longer; None without knocks in both."""
     first, second = _knocks(t, x), _knocks(u, y)
     if not first or len(first) != len(second):
         return None

@@ -105,6 +105,7 @@ def show(table: "Table") -> None:
     from fasbody.transmissibility.findings import judged
 
     results.print(str(table))
+    several = len({c.posture for c in table.each()}) > 1  # a single one may be the default, stated by nobody
     for (pair, posture), group in groupby(table.each(), lambda c: (c.pair, c.posture)):
         curves = list(group)
         every = sorted({float(f) for c in curves for f in c.frequency_hz})
@@ -114,7 +115,8 @@ def show(table: "Table") -> None:
             rows.append(("resonance, rule of the thesis", *(str(c.resonance) for c in curves)))
             rows.append(("resonance, controlled error rates", *(str(c.resonance_by_tests) for c in curves)))
         loads = [f"{c.added_mass_kg:g} kg{_people(c)}" for c in curves]
-        results.print(f"\n{pair}, {posture}: mean transmissibility (phase [deg]) by load", markup=False)
+        of = f"{pair}, {posture}" if several else pair
+        results.print(f"\n{of}: mean transmissibility (phase [deg]) by load", markup=False)
         print_table(("frequency", *loads), rows)
     results.print("MB: malleolus over base. TB: tuberosity over base. TM: tuberosity over malleolus.")
     stated, why = judged(table)
@@ -178,7 +180,7 @@ def write(table: "Table", folder: Path, figure_format: str) -> None:
     if importlib.util.find_spec("xarray") and importlib.util.find_spec("h5netcdf"):
         write_whole(folder / "transmissibility.nc", table.netcdf())
     else:
-        console.print(f"no NetCDF without {pip_install('statistics')}", markup=False)
+        console.print(f"transmissibility.nc is not written; it needs {pip_install('statistics')}", markup=False)
     sets = comparable(table)
     if several:
         keep("against_unity", comparisons.against_unity(table), float_format="%.6g")

@@ -167,7 +167,9 @@ def rank(
     if len(driven) < len(candidates):
         late = [c.model.label for c in ordered if c not in driven]
         more = f" and {len(late) - 3} more" if len(late) > 3 else ""
-        sentences.append(f"ranked last, for a free response longer than the recording: {', '.join(late[:3])}{more}")
+        sentences.append(
+            f"{', '.join(late[:3])}{more}: ranked last, because their free response is longer than the recording"
+        )
     if referee.simulates:
         least = ordered[0].missed * NEARLY
         near = [c for c in driven if c is ordered[0] or c.missed <= least or c.no_worse_than(ordered[0])]

@@ -14,6 +14,7 @@ from fasbody.exceptions import SettingError, SimulationError, unknown
 from fasbody.presentation import counted
 from fasbody.recording.known import DEPARTURES
 from fasbody.recording.recording import Recording
+from fasbody.sentences import Sentence, called
 from identification.branches import EXCHANGED
 from identification.engines.twin import carriers
 from identification.harmonics import Line
@@ -472,10 +473,14 @@ def _refuse(person: Person, shaker: Shaker, ask: Mapping[str, float], earlier: S
         raise SettingError(f"the number of draws is {draws}, no average over feet; give 2 or more.", "draws")
     for recording in earlier:
         whose = recording.condition
+        if whose.body_mass_kg is None:
+            of = f" of subject {whose.subject!r}" if whose.subject else ""
+            text = f"{recording.file} states no body mass, which a plan needs: fill in mass_kg{of} in subjects.csv, "
+            raise SettingError(Sentence(text, "or give ", called("body_mass"), "."))
         if whose.subject not in ("", person.name) or whose.body_mass_kg != person.body_mass_kg:
             raise SettingError(
                 f"{recording.file} is of subject {whose.subject!r} with {whose.body_mass_kg} kg, and the plan is "
-                f"for {person.name!r} with {person.body_mass_kg:g} kg."
+                f"for {person.name!r} with {person.body_mass_kg:g} kg; plan for the person who was recorded."
             )
 
 

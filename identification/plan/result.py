@@ -124,10 +124,13 @@ class Longer:
 
     def __str__(self) -> str:
         if self.steps != EVERY:
-            return f"Recording {self.steps} {plain(self.times)} times would do: {span(self.shaking_s)} of shaking."
+            often = f"{self.steps} {plain(self.times)} times"
+            return f"To reach their goal, record {often}: {span(self.shaking_s)} of shaking."
         if self.shaking_s <= self.available_s:
-            return f"More recordings in the same time would do: {span(self.shaking_s)} of shaking, spread over {EVERY}."
-        return f"More recordings would do: {span(self.shaking_s)} of shaking, spread over {EVERY}."
+            time = f"in the same time, {span(self.shaking_s)} of shaking"
+        else:
+            time = f"{span(self.shaking_s)} of shaking"
+        return f"To reach their goal, make more recordings, {time}, spread over {EVERY}."
 
     @classmethod
     def of(

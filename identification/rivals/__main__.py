@@ -55,6 +55,7 @@ def main(
     from fasbody.recording.study import BUNDLED
     from identification.parameters import names
     from identification.rivals.compare import compare_rivals
+    from identification.rivals.result import SPARED
 
     source, recordings, _ = gather(data or [BUNDLED], body_mass, added_mass, study)
     foot = load(model)
@@ -69,7 +70,7 @@ def main(
     if json_:
         print_json(result.document())
     else:
-        page.show(result.sheet(), "rival")
+        page.show(result.sheet(), "model", "branch", "adequate", spared=SPARED)
     if write_model is not None:
         from identification.rivals.mjcf import write_models
 

@@ -319,11 +319,13 @@ class Naming(Presented):
         rows = []
         for row in self.records():
             over, pressed = row["criterion_over_best"], MECHANISMS[row["mechanism"]].pressed
-            odds = "" if not self.enough else "misses" if self.named == NONE else _against(over)
-            air = f"{100 * row['in_the_air']:.0f} %" if pressed else "cannot"
+            odds = "misses" if self.named == NONE else _against(over)
+            air = f"{100 * row['in_the_air']:.0f} %" if pressed else "–"
             size = f"{over:.1f}" if np.isfinite(over) else ""
-            rows.append((row["mechanism"], odds, size, f"{row['sum_of_squares']:.0f}", air))
-        columns = ("mechanism", "odds", "criterion over the best", "sum of squares", "in the air")
+            against = [odds] if self.enough else []
+            rows.append([row["mechanism"], *against, size, f"{row['sum_of_squares']:.0f}", air])
+        heading = ["odds"] if self.enough else []
+        columns = ["mechanism", *heading, "criterion over the best", "sum of squares", "time off the table"]
         count = self.seen.plan.frequency_hz.size
         title = f"{count} sines, {self.seen.posture}"
         return Sheet(title, columns, rows, (self.sentence, *self.notes))

@@ -213,11 +213,12 @@ class Rivals(Presented):
         rest = len(self.rivals) - 1 - len(also) - len(more)
         texts = [f"Preferred model: {self.first.title}."]
         texts += [f"Also adequate: {'; '.join(also)}."] * bool(also)
-        texts += [f"These fit as well, but need more constants: {'; '.join(more)}."] * bool(more)
+        texts += [f"Fit as well, but with more constants: {'; '.join(more)}."] * bool(more)
         texts += [f"{'The other models' if also or more else 'All other models'} are ruled out."] * bool(rest)
-        agree = "All adequate models agree" if also else "This model says"
-        texts.append(f"{agree} that {listed(shared)}." if shared else "The adequate models agree on no conclusion.")
-        texts += [f"Undecided: {listed(changing)}."] * bool(changing)
+        agree = "All adequate models agree that" if also else f"With {self.first.title} (preferred),"
+        none = "The adequate models agree on no conclusion." if also else "The preferred model allows no conclusion."
+        texts.append(f"{agree} {listed(shared)}." if shared else none)
+        texts += [f"Undecided {'are' if len(changing) > 1 else 'is'} {listed(changing)}."] * bool(changing)
         return " ".join([*texts, *([_CONSTANT] if self._by_load else [])])
 
     @property
@@ -288,6 +289,8 @@ class Rivals(Presented):
         }  # fmt: skip
 
 
+#: Columns that a narrow terminal leaves out first.
+SPARED = ("held-out over best", "BIC over best", "parameters", "scatter", "held-out error", "branch")
 _ENDS = (("", "value"), ("_lower", "lower"), ("_upper", "upper"))
 
 
@@ -325,7 +328,9 @@ def conclusions(adequate: tuple[Rival, ...]) -> tuple[Conclusion, ...]:
         first, low, high = estimates[0], min(e.lower for e in estimates), max(e.upper for e in estimates)
         shared = all(e.lower <= first.value <= e.upper for e in estimates)
         union = replace(first, value=0.5 * (low + high), lower=low, upper=high)
-        text = f"{name} {'is ' * shared}{union.text(low)} to {union.text(high)} N/m"
+        span = f"{union.text(low)} to {union.text(high)} N/m"
+        over = " over both branches" * any(r.other is not None and not r.decided for r in rivals)
+        text = f"{name} is {span}{over}" if shared else f"{name} ({span})"
         items.append(Conclusion(name, shared, text, low, high))
     compared = [r for r in rivals if r.log_odds is not None]
     if compared:
