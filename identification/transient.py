@@ -1,6 +1,7 @@
 """The fit of every sample, for transients, sweeps and random input: explore, follow both branches, converge in MuJoCo.
 
-Steady recordings are explored on their harmonics, where the same foot is found a hundred times sooner.
+Steady recordings are explored on their harmonics, where the same foot is found a hundred times sooner, unless it
+touches, stops or slips.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -8,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fasbody.exceptions import SimulationError
+from fasbody.exceptions import PeriodicMotionError, SimulationError
 from fasbody.progress import Advance
 from fasbody.sentences import Sentence, called
 from identification import branches, multistart, steady
@@ -79,8 +80,11 @@ def fit(
     if not setup.why_not:
         masses = [recording.condition.masses for recording in setup.recordings]
         ratio = branches.ratio(masses, setup.foot.values())
-    explored = _on_harmonics if is_steady(setup.recordings) else _on_samples
-    descents, interrupted = explored(setup, domain, ratio, starts, seed, advance)
+    try:
+        explored = _on_harmonics if is_steady(setup.recordings) else _on_samples
+        descents, interrupted = explored(setup, domain, ratio, starts, seed, advance)
+    except PeriodicMotionError:  # what touches, stops or slips has no harmonics that fall
+        descents, interrupted = _on_samples(setup, domain, ratio, starts, seed, advance)
     if interrupted and not interruptible:
         raise KeyboardInterrupt
     warnings: list[str] = []
