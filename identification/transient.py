@@ -1,6 +1,7 @@
 """The fit of every sample, for transients, sweeps and random input: explore, follow both branches, converge in MuJoCo.
 
-Steady recordings are explored on their harmonics, where the same foot is found a hundred times sooner.
+Steady recordings are explored on their harmonics, where the same foot is found a hundred times sooner, unless it
+touches, stops or slips.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -117,7 +118,7 @@ def _explored(
     if is_steady(setup.recordings):
         try:
             return _on_harmonics(setup, domain, ratio, starts, seed, advance)
-        except PeriodicMotionError:  # a pad that bends or lifts off too much for a few harmonics
+        except PeriodicMotionError:  # what touches, stops, slips or lifts off has no harmonics that fall
             pass
     return _on_samples(setup, domain, ratio, starts, seed, advance)
 

@@ -619,6 +619,10 @@ FRESH = (
     _edit("two_dof", "a servo whose controls leave out zero", (ACTUATORS, f'<position {SERVO} kp="5e4" kv="30" ctrlrange="1e-3 2e-3"/>' + ACTUATORS),
           truth=chain(FOOT, replace(SHANK, c=430 * np.exp(-50 * 2.5e-4) * np.cos(100 * 2.5e-4)), at=1, more=((1, 0, 5e4 + 30 * S),)),
           leg="actuator 'servo'"),
+    _edit("two_dof", "a constant force whose number is that of a law",
+          (ACTUATORS, f'<general {SERVO} gainprm="0" biastype="affine" biasprm="3 -3e4 -50"/>' + ACTUATORS),
+          truth=chain(FOOT, replace(SHANK, c=430 * np.exp(-50 * (x := 3 / 1.8e5)) * np.cos(100 * x)), at=1,
+                      more=((1, 0, 3e4 + 50 * S),)), leg="actuator 'servo'"),
     _edit("two_dof", "gravity upwards on dampers", ('gravity="0 0 0"', 'gravity="0 9.81 0"'),
           truth=chain(replace(FOOT, c=800 * np.exp(50 * (x := (FOOT.mass + SHANK.mass) * G / 1e5)) * np.cos(100 * x)),
                       replace(SHANK, c=430 * np.exp(-50 * (x := SHANK.mass * G / 1.5e5)) * np.cos(100 * x)), at=1), leg="gravity"),
@@ -968,6 +972,7 @@ REFUSED = (
         "'aponeurosis_branch' has another motor",
     ),
     ("a branch that cogs", (('input="none"', 'input="none" cogging="1 2 0"'),), "'aponeurosis_branch' has another"),
+    ("a soft closure", (('solref="-2.5e7 -1e4"', 'solref="0.02 1"'),), "'closure' gives way"),
     ("a closure that gives way", (('solimp="0.9999 0.9999 0.001"', 'solimp="0 0.01 0.001"'),), "'closure' gives way"),
     (
         "a tibia that floats",
@@ -986,7 +991,6 @@ LOADED = (
         (('gravity="0 0 0"', 'gravity="0 0 0" actuatorgroupdisable="3"'), ('input="none"', 'group="3" input="none"')),
         "actuator 'aponeurosis_branch' is switched off",
     ),
-    ("a soft closure", (('solref="-2.5e7 -1e4"', 'solref="0.02 1"'),), "equality 'closure' ties its tendons softly"),
     (
         "a velocity against the table",
         ((VELOCITY, VELOCITY.replace("/>", ' reftype="site" refname="base"/>')),),

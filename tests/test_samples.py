@@ -109,6 +109,14 @@ def test_a_mark_for_missing_samples_is_refused(place: list[int]) -> None:
         found(marked)
 
 
+def test_an_impact_of_each_period_without_noise_is_no_mark() -> None:
+    """Identical periods: their highest sample is one number."""
+    struck = np.tile(FOOT[: round(RATE / HZ)], 10)
+    struck[5 :: round(RATE / HZ)] += 3.0
+    odd = samples.odd(struck, 10 - HZ / RATE)
+    assert odd.spikes.size == 10 and odd.mark is None
+
+
 def test_a_lost_sample_is_a_jump_at_its_place() -> None:
     text = found(np.delete(FOOT, 1000))
     assert "malleolus_m_s2 jumps by" in text and "at 0.99" in text

@@ -261,13 +261,38 @@ def test_a_step_that_is_too_long_is_halved() -> None:
 
 def test_a_step_that_no_halving_mends_is_refused() -> None:
     foot, motion = implicit("implicitfast"), shaker.sine(45.0, 0.2)
-    with pytest.raises(SimulationError, match=r"steps of 0.0005 s put sensor 'foot' off by .*IMPLICITFAST"):
+    with pytest.raises(SimulationError, match=r"steps of 0.00025 s put sensor 'foot' off by .*IMPLICITFAST"):
         simulate(foot, motion, accept=1e-6)
 
 
-@pytest.mark.parametrize(("name", "searched"), [("two_dof", 1), ("foot_arch", 2)])
+ARCH = mjcf.text("foot_arch")
+SOFT = ARCH.replace('damping="2" user="4.25 2 0 0"', 'damping="0.2" user="4.25 0.2 0 0"')
+SOFT_ANKLE = ARCH.replace('joint name="talocrural" stiffness="1e6"', 'joint name="talocrural" stiffness="1e5"')
+
+
+@pytest.mark.parametrize(
+    ("text", "step"), [(ARCH, "2.5e-4"), (SOFT_ANKLE, "2.5e-4"), (ARCH, "2e-3"), (SOFT, "2.5e-4")]
+)
+def test_the_stated_error_bounds_the_true_one(text: str, step: str) -> None:
+    """Of the arch two errors fall at different rates, or the first step diverges; harmonic balance has no step."""
+    foot, hz = load(text.replace('timestep="1e-4"', f'timestep="{step}"')), 40.0
+    run = simulate(foot, shaker.sine(hz, 0.8, peak_to_peak=18.0))
+    n = round(10 / hz / foot.step)
+    turn = np.exp(-2j * np.pi * hz * run.time[0, -n:])
+    T = (run.malleolus[0, -n:] @ turn) / (run.base[0, -n:] @ turn)
+    off = abs(T * -9j / Balance(foot).orbit(hz, [-9j]).harmonics()[0] - 1)
+    assert off < 1.1 * run.step_error < 1.1e-3
+
+
+def test_halving_goes_on_where_no_order_can_be_read() -> None:
+    """At 0.05 s Runge-Kutta diverges, and errs by ten times at a sixteenth of it."""
+    foot = load(mjcf.text("two_dof").replace('timestep="5e-4"', 'timestep="0.05"'))
+    assert simulate(foot, shaker.sine(20.0, 1.0)).step_error < 1e-3
+
+
+@pytest.mark.parametrize(("name", "searched"), [("two_dof", 1), ("foot_arch", 3)])
 def test_the_pose_of_rest_is_found_once(monkeypatch: pytest.MonkeyPatch, name: str, searched: int) -> None:
-    """The closure of foot_arch is as stiff as each of two steps allows, so its poses differ."""
+    """The closure of foot_arch is as stiff as each of three steps allows, so its poses differ."""
     calls, standing = [], Batch.standing
     monkeypatch.setattr(Batch, "standing", lambda self, step: calls.append(step) or standing(self, step))
     simulate(load(name), shaker.sine(20.0, 0.01), accept=None)

@@ -63,6 +63,42 @@ def test_curve_is_the_linear_one(name: str) -> None:
 STOP = ('name="fat_pad"', 'name="fat_pad" range="-1e-4 1"')
 
 
+STRAPPED = (
+    mjcf.text("two_dof")
+    .replace('<site name="base"/>', '<site name="base"/><site name="down" pos="0.15 0 0"/>')
+    .replace('<site name="malleolus"', '<site name="up" pos="0.05 0.2 0"/><site name="malleolus"')
+    .replace(
+        "</mujoco>",
+        '<tendon><spatial range="0 0.2236" solreflimit="0.005 1"><site site="down"/><site site="up"/></spatial>'
+        "</tendon></mujoco>",
+    )
+)
+
+
+def test_the_step_of_a_settled_motion_is_judged_by_whole_periods() -> None:
+    """A strap that is hit: against MuJoCo with a step of 1e-5 s, extrapolated over 1 s (0.90678)."""
+    motion = periodic_motion(load(STRAPPED), Settings(40.0, peak_to_peak=18.0))
+    assert motion.ratio == pytest.approx(0.90678, rel=5e-4)
+
+
+LANDED = mjcf.text("two_dof").replace('gravity="0 0 0"', 'gravity="0 -9.81 0"').replace(
+    'name="fat_pad"', 'name="fat_pad" range="-3e-4 3e-4" solreflimit="0.01 1"', 1
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(("peak", "ratio"), [(9.0, 0.8635), (9.5, None)])
+def test_impacts_on_a_grid_of_steps_settle(peak: float, ratio: float | None) -> None:
+    """Every second period differs by less than the step falsifies, and by nothing at other steps."""
+    motion = periodic_motion(load(LANDED), Settings(40.0, peak_to_peak=2 * peak))
+    assert motion.gap < 1e-3
+    assert ratio is None or motion.ratio == pytest.approx(ratio, rel=2e-4)
+
+
+def test_a_motion_that_repeats_every_second_period_is_called_so() -> None:
+    with pytest.raises(SimulationError, match="repeats itself every second period only"):
+        periodic_motion(load(LANDED), Settings(50.0, peak_to_peak=17.9))
+
+
 def test_a_stop_is_stepped_and_starts_where_small_motion_is() -> None:
     """Where the stop is not reached balance finds the same motion; where it acts, more than one harmonic moves."""
     text = mjcf.text("two_dof")

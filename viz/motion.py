@@ -178,7 +178,7 @@ def _settled(foot: Foot, f: float, amplitudes: Array) -> Motion:
         except (SimulationError, np.linalg.LinAlgError):
             coarse, start = None, first
             continue
-        off, sensor, _ = batch.step_error(coarse, run) if coarse else (np.inf, "", np.inf)
+        off, sensor, _ = batch.step_error(coarse, run, periodic=True) if coarse else (np.inf, "", np.inf)
         if off <= ACCEPTED:
             return _period(linear, run, f, gap, moves=bool(np.any(amplitudes)))
         if coarse:
@@ -197,21 +197,33 @@ class _UnsettledError(SimulationError):
 def _repeated(
     batch: Batch, f: float, amplitudes: Array, count: int, start: tuple[Array, Array, Array], began: float
 ) -> tuple[Simulation, float]:
-    """The first period of `count` steps that repeats, and the change that is still to come."""
+    """The first period of `count` steps that repeats, and the change that is still to come.
+
+    Impacts on a grid of steps can make every second period differ by less than the step's error; that settles.
+    """
     foot, h, before = batch.foot, 1 / (f * count), np.inf
-    controls = harmonics(f, amplitudes, 1 / f).controls(h, count)[None]
+    controls, last = harmonics(f, amplitudes, 1 / f).controls(h, count)[None], None
     for _ in range(PERIODS):
         if time.process_time() - began > PATIENCE:
             message = f"{foot.name}: the motion at {f:g} Hz has not settled in {PATIENCE:g} s; add damping."
             raise _UnsettledError(message)
         out = batch.run(controls, h, *start)
         joints = np.delete(out.qpos[0], foot.base, axis=1)  # the base travels further than they do at low frequencies
-        change = float(np.abs(joints[-1] - joints[0]).max() / max(np.ptp(joints, axis=0).max(), FLOOR))
+        travel = max(np.ptp(joints, axis=0).max(), FLOOR)
+        change = float(np.abs(joints[-1] - joints[0]).max() / travel)
+        twice = float(np.abs(joints[-1] - last).max() / travel) if last is not None else np.inf
+        if twice < PERIODIC * change:
+            if change < ACCEPTED:
+                return out, change
+            break
         shrinks = change / before
         gap = change if change == 0 else change * max(1, shrinks / (1 - shrinks)) if shrinks < 1 else np.inf
         if gap < PERIODIC:
             return out, gap
-        before, start = change, _begins(foot, out)
+        before, start, last = change, _begins(foot, out), joints[0]
+    if twice < ACCEPTED < change:
+        text = f"{foot.name}: the motion at {f:g} Hz repeats itself every second period only, which is not shown"
+        raise _UnsettledError(f"{text}; change the amplitude, the frequency or the damping.")
     raise _UnsettledError(f"{foot.name}: the motion at {f:g} Hz does not settle within {PERIODS} periods; add damping.")
 
 

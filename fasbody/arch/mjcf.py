@@ -14,6 +14,7 @@ from fasbody.foot import damper
 from fasbody.foot.model import check_constants, check_free, leans, reference_pose
 from fasbody.foot.model_fields import element_name
 from fasbody.foot.parameters import declared, names
+from fasbody.foot.simulate import CLOSING
 
 #: The joints of the tree in the order of `tree_position`; the shaker's `base` comes before them.
 JOINTS = (
@@ -263,8 +264,8 @@ def _check_closure(model: mujoco.MjModel, index: Index, name: str) -> None:
             raise ModelError(f"{name}: {equality} is none of the arch's; remove it.")
         if np.abs(model.eq_data[e, :5] - (0, 1, 0, 0, 0)).max() > TOLERANCE:
             raise ModelError(f"{name}: {equality} must keep both pads equally long; remove its polycoef.")
-        if model.eq_solimp[e, :2].min() < STIFF:
-            raise ModelError(f"{name}: {equality} gives way (solimp); the equations keep both pads equally long.")
+        if model.eq_solimp[e, :2].min() < STIFF or model.eq_solref[e, 0] > -CLOSING:
+            raise ModelError(f"{name}: {equality} gives way (solref, solimp); the equations keep both pads as long.")
         closed = True
     if not closed:
         raise ModelError(

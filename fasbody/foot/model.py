@@ -607,12 +607,6 @@ def _check_pads(model: mujoco.MjModel, name: str) -> None:
     for e in np.flatnonzero((model.eq_type == mujoco.mjtEq.mjEQ_TENDON) & model.eq_active0):
         one, other = int(model.eq_obj1id[e]), int(model.eq_obj2id[e])
         tie = f"{name}: {element_name(model, 'equality', int(e))}"
-        if other >= 0 and model.eq_solref[e, 0] > 0:
-            raise ModelError(
-                f"{tie} ties its tendons softly, by a time constant of {model.eq_solref[e, 0]:g} s. How far such a tie "
-                'gives way depends on the time step if it holds little mass; write solref="-2.5e7 -1e4" as in '
-                "foot_arch.xml, or a spring in its place."
-            )
         gap = abs(float(model.tendon_length0[one] - model.tendon_length0[other])) if other >= 0 else 0.0
         if gap > CLOSED and not np.any(model.eq_data[e, :5] - (0, 1, 0, 0, 0)):
             raise ModelError(
@@ -661,8 +655,8 @@ def _check_laws(model: mujoco.MjModel, name: str) -> None:
                 _check_law(row, algebraic, f"{name}: the user field of {kind} {element!r}")
     _check_dampers(model, name)
     for actuator in range(model.nactuator):
-        row = model.actuator_biasprm[actuator]
-        if row[0] in damper.MEMORY:
+        row, user = model.actuator_biasprm[actuator], model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_USER
+        if user and row[0] in damper.MEMORY:
             where = f"{name}: the biasprm of actuator {model.actuator(actuator).name!r}"
             _check_law(row[: damper.USER_SIZE], memory, where)
             if model.actuator_actnum[actuator] != damper.MEMORY[row[0]]:

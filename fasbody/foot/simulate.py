@@ -26,7 +26,7 @@ SHARE, HINGE_SHARE = 0.5, 0.55
 CLOSING = 1e6
 #: Error of the time step, as a share of a signal, above which the step is halved; how often; and
 #: steps of all simulations together that fit into memory.
-ACCEPTED, HALVINGS, MOST_STEPS = 1e-3, 7, 2**20
+ACCEPTED, HALVINGS, MOST_STEPS = 1e-3, 10, 2**20
 #: Error of the samples that are kept above which they are refused: peaks of impacts between them are lost.
 FOLDED = 1e-2
 _EXPLICIT = (mujoco.mjtIntegrator.mjINT_RK4, mujoco.mjtIntegrator.mjINT_EULER)
@@ -36,6 +36,8 @@ _DERIVED = (
 )  # fmt: skip
 #: Signal [m/s^2] below which an error is a share of this: a hundred-thousandth of g, less than sensors resolve.
 _NOTHING = 1e-4
+#: Error above which no order of the step can be read from it.
+READABLE = 0.1
 #: Steps in which most of what is unstable shows.
 PROBE = 500
 
@@ -55,7 +57,7 @@ class Simulation(Presented):
         base_error: largest difference between realised and prescribed base acceleration, as a share
             of its peak.
         step_error: by how much the time step falsifies the accelerometer that it falsifies most, as
-            a share of its root mean square; from a second run with half the step, NaN without one.
+            a share of its root mean square; from runs with half and a quarter of the step, NaN without them.
             Of a foot that can touch, stop or slip: at the frequencies at which the base moves.
         sample_error: the same of the samples as they are. How high the peak of an impact is hangs
             on its instant, and the motion hardly does.
@@ -275,7 +277,8 @@ class Batch:
             step: time step of the result, and the first one that is tried [s].
             qpos, qvel: as in `run`; the base begins where its motion does not drift, in addition.
             accept: error of the step, `Simulation.step_error`, above which it is halved; None for
-                any, so that it is not.
+                any, so that it is not. A foot that can touch, stop or slip is halved by the error of the
+                motion; its samples miss peaks of impacts, so theirs may be larger, up to `FOLDED`.
 
         Raises:
             SimulationError: unstable, or the error is larger after `HALVINGS`, or above `FOLDED` in what is kept.
@@ -286,43 +289,50 @@ class Batch:
 
         stands = functools.cache(self.standing)
 
-        def tried(halved: int, most: float = np.inf) -> Simulation | SimulationError:
+        @functools.cache
+        def tried(halved: int, most: float = np.inf) -> Simulation:
             h, n = step / 2**halved, int(min(count * 2**halved, most))
             q, act = stands(h if self._tied.size else step) if qpos is None else (qpos, None)
-            try:
-                state = *self.initial_state(motions, q, qvel), act
-                return self.run(np.stack([motion.controls(h, n) for motion in motions]), h, *state)
-            except UnstableError as error:
-                return error
+            state = *self.initial_state(motions, q, qvel), act
+            return self.run(np.stack([motion.controls(h, n) for motion in motions]), h, *state)
 
         laws = self.foot.model.jnt_user[None]
         laws = np.reshape(self._fields.get("jnt_user", laws), (-1, *laws.shape[1:])) if laws.size else laws
         room = np.log2(MOST_STEPS / (2 * count * self.nsim))
         most = 0 if accept is None else int(np.clip(room, 0, HALVINGS))
-        least, probe = 0, tried(0, PROBE)
-        while isinstance(probe, SimulationError):
-            if least == most:
-                raise probe
-            least += 1
-            probe = tried(least, PROBE)
-        run = tried(least)
+        limit, before, least = np.inf if accept is None else accept, np.inf, 0
+        while True:
+            try:
+                tried(least, PROBE)
+                break
+            except UnstableError:
+                if least == most:
+                    raise
+                least += 1
+        problem = SimulationError("")
         for halved in range(least, most + 1):
-            finer = tried(halved + 1)
-            if isinstance(run, Simulation) and isinstance(finer, Simulation):
-                error, sensor, of_samples = self.step_error(run, finer)
-                check_dampers(self.foot, run.qpos[:, run.qpos.shape[1] // 2 :].mean(axis=1), laws)
-                if accept is None or error <= accept:
-                    if not self._smooth:
-                        error, sensor, _ = self.step_error(run, finer, 2**halved)
-                    if accept is not None and error > (limit := max(accept, FOLDED)):
-                        raise self._too_long(step, error, sensor, limit)
-                    return run.every(2**halved, step_error=error, step_s=step / 2**halved, sample_error=of_samples)
-                problem = self._too_long(step / 2**halved, error, sensor, accept)
-                if self._smooth and error / 2 ** (self.order * (most - halved)) > accept:
-                    break
-            else:
-                problem = next(tried for tried in (run, finer) if isinstance(tried, SimulationError))
-            run = finer
+            try:
+                runs = [tried(halved), tried(halved + 1)]
+                error, sensor, of_samples = self.step_error(*runs)
+                if error <= limit and self.order == 1 and halved + 1 <= room:
+                    runs.append(tried(halved + 2))
+                    error, sensor, of_samples = self.step_error(*runs)
+            except UnstableError as unstable:
+                problem = unstable
+                continue
+            check_dampers(self.foot, runs[0].qpos[:, runs[0].qpos.shape[1] // 2 :].mean(axis=1), laws)
+            kept, which = error, sensor
+            if not self._smooth:
+                kept, which, _ = self.step_error(*runs, stride=2**halved)
+            if kept - (error if error > limit else 0.0) > (folded := max(limit, FOLDED)):
+                raise self._too_long(step, kept, which, folded)  # no halving mends what folds
+            if error <= limit:
+                return runs[0].every(2**halved, step_error=kept, step_s=step / 2**halved, sample_error=of_samples)
+            problem = self._too_long(step / 2**halved, error, sensor, limit)
+            falls = max(before / error, 2.0**self.order)
+            if self._smooth and error < READABLE and error / falls ** (most - halved) > limit:
+                break
+            before = error
         raise problem
 
     def standing(self, step: float) -> tuple[np.ndarray, np.ndarray]:
@@ -369,10 +379,13 @@ class Batch:
 
     def _too_long(self, step: float, error: float, sensor: str, accept: float) -> SimulationError:
         integrator = mujoco.mjtIntegrator(self.foot.model.opt.integrator).name.removeprefix("mjINT_")
-        shorter = step / 2 * (accept / error) ** (1 / self.order)
+        shorter = f"a step of {step / 2 * (accept / error) ** (1 / self.order):.1g} s"
+        advice = f"simulate with accept={2 * error:.1g}, or with {shorter}"
+        if error > READABLE:
+            advice = f"simulate with a step far below {step:.1g} s"
         return SimulationError(
             f"{self.foot.name}: steps of {step:.3g} s put sensor {sensor!r} off by {100 * error:.2g} % with the "
-            f"integrator {integrator}; simulate with accept={2 * error:.1g}, or with a step of {shorter:.1g} s."
+            f"integrator {integrator}; {advice}."
         )
 
     @property
@@ -390,23 +403,40 @@ class Batch:
     def _smooth(self) -> bool:
         return not can_change(self.foot.model)
 
-    def step_error(self, run: Simulation, finer: Simulation, stride: int = 1) -> tuple[float, str, float]:
-        """Error of a run's step, by one that is as long and has half of it.
+    def step_error(self, *runs: Simulation, stride: int = 1, periodic: bool = False) -> tuple[float, str, float]:
+        """Error of a run's step, by runs that are as long and have half of it, a quarter ...
+
+        The last two say where steps of no length would lead. A third run is needed where two errors fall at
+        different rates, such as those of a soft pad and of a light bone: then two runs can be alike by chance.
 
         Args:
-            run: the run.
-            finer: the other one.
-            stride: of the run one sample of so many is kept, so that peaks of impacts fold into low frequencies.
+            runs: two or more, each with half of the step before.
+            stride: of the first one sample of so many is kept, so that peaks of impacts fold into low frequencies.
+            periodic: they are whole periods of a motion that repeats.
 
         Returns:
             `Simulation.step_error`, the sensor that it falsifies most, and `Simulation.sample_error`.
         """
-        fine = {name: values[:, ::2] for name, values in finer.outputs.items()}
-        whole = {name: _share(values - fine[name], fine[name], 1.0) for name, values in run.outputs.items()}
-        judged = whole if self._smooth else _shares_of_lines(run.every(stride), finer)
+        signals = [{name: x[:, :: 2**i] for name, x in run.outputs.items()} for i, run in enumerate(runs)]
+        whole = self._off(signals, 1.0)
+        judged = whole
+        if not self._smooth:
+            kept = runs[0].every(stride)
+            count = kept.base.shape[1] // 2 + 1
+            moves = np.abs(_lines(kept.base, count, periodic)) ** 2
+            moves = np.where(moves.any(axis=1, keepdims=True), moves, 1.0)
+            lines = [
+                {name: _lines(x, count, periodic) for name, x in run.outputs.items()} for run in (kept, *runs[1:])
+            ]
+            judged = self._off(lines, moves)
         worst = max(judged, key=lambda name: judged[name])
-        rate = 1 - 0.5**self.order
-        return judged[worst] / rate, worst, max(whole.values()) / rate
+        return judged[worst], worst, max(whole.values())
+
+    def _off(self, signals: Sequence[Mapping[str, np.ndarray]], weights: np.ndarray | float) -> dict[str, float]:
+        """By how much the first of each accelerometer's signals or spectra is off, by where the last two lead."""
+        first, (coarse, fine) = signals[0], signals[-2:]
+        exact = {name: fine[name] + (fine[name] - coarse[name]) / (2**self.order - 1) for name in first}
+        return {name: _share(first[name] - exact[name], fine[name], weights) for name in first}
 
     def _check_finite(self, sensordata: np.ndarray, qvel: np.ndarray) -> None:
         bad = ~np.isfinite(sensordata).all(axis=(1, 2)) | ~np.isfinite(qvel).all(axis=(1, 2))
@@ -472,21 +502,9 @@ def _share(off: np.ndarray, whole: np.ndarray, weights: np.ndarray | float) -> f
     return float(np.max(error / np.maximum(size, _NOTHING)))
 
 
-def _shares_of_lines(run: Simulation, finer: Simulation) -> dict[str, float]:
-    """By how much each accelerometer is off at the frequencies at which the base moves."""
-    count = run.base.shape[1] // 2 + 1
-    weights = np.abs(_lines(run.base, count)) ** 2
-    weights = np.where(weights.any(axis=1, keepdims=True), weights, 1.0)
-    shares = {}
-    for name, values in run.outputs.items():
-        kept, exact = _lines(values, count), _lines(finer.outputs[name], count)
-        shares[name] = _share(kept - exact, exact, weights)
-    return shares
-
-
-def _lines(x: np.ndarray, count: int) -> np.ndarray:
-    """Lowest lines (m, count) of the spectra of signals (m, n), whose ends a window takes away."""
-    window = np.sqrt(8 / 3) * np.sin(np.pi * np.arange(x.shape[1]) / x.shape[1]) ** 2
+def _lines(x: np.ndarray, count: int, periodic: bool) -> np.ndarray:
+    """Lowest lines (m, count) of the spectra of signals (m, n), whose ends a window takes away unless they meet."""
+    window = 1.0 if periodic else np.sqrt(8 / 3) * np.sin(np.pi * np.arange(x.shape[1]) / x.shape[1]) ** 2
     lines: np.ndarray = np.sqrt(2) * np.fft.rfft(x * window, axis=1)[:, :count] / x.shape[1]
     return lines
 
@@ -549,7 +567,10 @@ def simulate(
         qvel: initial velocities.
         threads: 0 for all cores.
         accept: error of the time step (`Simulation.step_error`) above which it is halved; None for
-            any. The check takes as long again twice, each halving twice as long as the one before.
+            any. The check runs half the step and a quarter, six times as long as the run itself, a
+            half alone for a smooth foot on Runge-Kutta or beyond `MOST_STEPS`; each halving takes
+            twice as long as the one before. It is no bound of `step_error` for a foot that can touch,
+            stop or slip: the samples that are kept miss peaks of impacts, and are refused above 1 %.
 
     Raises:
         SettingError: an unknown parameter or value, or sizes that do not fit.

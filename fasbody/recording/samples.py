@@ -122,7 +122,7 @@ class Odd:
         spikes: places of single samples that stand out.
         jumps: places where samples are missing and the motion continues elsewhere.
         size: of the largest [m/s^2].
-        mark: the number that all spikes are, None where they differ.
+        mark: the number that all spikes are, None where they differ, or are one in each period.
     """
 
     spikes: np.ndarray
@@ -157,6 +157,8 @@ def odd(values: np.ndarray, periods: float | None) -> Odd:
     outliers = np.concatenate([spikes, jumps])
     size = float(np.abs(missed[outliers]).max()) if outliers.size else 0.0
     same = spikes.size > 1 and np.unique(values[spikes]).size == 1
+    if same and periods is not None and spikes.size >= int(periods):  # an impact of each period, without noise
+        same = np.abs(np.diff(spikes) - values.size / periods).max() > 1
     return Odd(spikes, jumps, size, float(values[spikes[0]]) if same else None)
 
 
