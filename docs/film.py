@@ -30,7 +30,7 @@ SHOWN = 720  # pixels wide in the README
 #: What could not be read at that size is left out: the plots and the cameras' buttons. The foot has their place.
 SMALL = """
 footer, header nav { display: none !important }
-body { grid-template-rows: minmax(0, 1fr) }
+body { grid-template-rows: minmax(0, 1fr) !important }
 main { display: grid; grid-template: auto auto minmax(0, 1fr) auto auto / minmax(0, 1fr) }
 #pane { position: relative; inset: auto; grid-row: 3; min-height: 0 }
 header, #error, #legend, #timeline { position: static }
