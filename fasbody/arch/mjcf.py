@@ -265,7 +265,7 @@ def _check_closure(model: mujoco.MjModel, index: Index, name: str) -> None:
         if np.abs(model.eq_data[e, :5] - (0, 1, 0, 0, 0)).max() > TOLERANCE:
             raise ModelError(f"{name}: {equality} must keep both pads equally long; remove its polycoef.")
         if model.eq_solimp[e, :2].min() < STIFF or model.eq_solref[e, 0] > -CLOSING:
-            raise ModelError(f"{name}: {equality} gives way (solref, solimp); the equations keep both pads as long.")
+            raise ModelError(f"{name}: {equality} gives way (solref, solimp); the equations know none that does.")
         closed = True
     if not closed:
         raise ModelError(

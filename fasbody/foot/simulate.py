@@ -324,8 +324,9 @@ class Batch:
             kept, which = error, sensor
             if not self._smooth:
                 kept, which, _ = self.step_error(*runs, stride=2**halved)
-            if kept - (error if error > limit else 0.0) > (folded := max(limit, FOLDED)):
-                raise self._too_long(step, kept, which, folded)  # no halving mends what folds
+            missed = kept if error <= limit else kept - error  # between samples, which no halving mends
+            if missed > max(limit, FOLDED):
+                raise self._too_long(step, kept, which, max(limit, FOLDED))
             if error <= limit:
                 return runs[0].every(2**halved, step_error=kept, step_s=step / 2**halved, sample_error=of_samples)
             problem = self._too_long(step / 2**halved, error, sensor, limit)
