@@ -39,7 +39,7 @@ class Ends:
         starts: of a side in the second search.
         default: (2,) objective at the best end of each of `SIDES` by the default search; empty where the foot was
             refused.
-        many: (2,) the same by the second.
+        many: (2,) the same by both together.
         exhausted: (2,) whether the default says so.
         seconds: CPU time of both [s].
     """
@@ -81,10 +81,9 @@ def trial(world: str, seed: int, starts: int) -> Ends:
     many = search(default.problem, SIDES, starts=starts, rounds=1, seed=1, estimate=False, first=places)
     seconds = between - began, time.process_time() - between
     one, other = ({o.sign: o for o in ends.optima} for ends in (default, many))
-    return Ends(
-        world, seed, starts, [one[side].objective for side in SIDES], [other[side].objective for side in SIDES],
-        [one[side].exhausted for side in SIDES], seconds,
-    )  # fmt: skip
+    best = [min(one[side].objective, other[side].objective) for side in SIDES]
+    exhausted = [one[side].exhausted for side in SIDES]
+    return Ends(world, seed, starts, [one[side].objective for side in SIDES], best, exhausted, seconds)
 
 
 def measure(feet: int, starts: int, jobs: int, state: Path, first: int = 0) -> list[Check]:
