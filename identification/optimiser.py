@@ -35,7 +35,7 @@ _BENT, _NONLINEAR = ("c_12", "c_13", "c_22", "c_23"), ("mount", "rocking", "rela
 #: Share of starts of which one of them is drawn anew; of others, each is with these odds.
 _ALONE, _REDRAWN = 0.6, 0.6
 #: Starts beside ends over random ones, the steps after which as many as these go on, and batches at most.
-_BESIDE, _SCREENING, _BATCHES = 8, 3, 6
+BESIDE, _SCREENING, _BATCHES = 8, 3, 6
 #: Scatters of harmonics where starts begin.
 SMOOTH = (0.5, 0.1, 0.02)
 #: Scatter below which there is none, ends of a side that are kept, and descents of a side that go on to less scatter.
@@ -345,6 +345,7 @@ def search(
     signs: tuple[int, ...],
     *,
     starts: int = STARTS,
+    beside: int = BESIDE,
     rounds: int = ROUNDS,
     seed: int = 0,
     estimate: bool = True,
@@ -364,6 +365,7 @@ def search(
         problem: what to minimise.
         signs: sides of the mirror, (1, -1), or (0,) where there is none.
         starts: of a side in a round.
+        beside: starts beside ends, over these.
         rounds: at most.
         seed: of the starts.
         estimate: the scatter from recording to recording; else it is none.
@@ -389,7 +391,7 @@ def search(
         problem, ends = _annealed(problem, dict(zip(smooth, fresh, strict=True)), last, fall, steps)
         population = ends if population is None else population.joined(ends).distinct(most=_KEPT)
         population = _with_images(problem, population, signs, images, steps)
-        population, restless = _improved(problem, population, open_, starts, rng, steps)
+        population, restless = _improved(problem, population, open_, starts, beside * starts, rng, steps)
         if estimate:
             problem, population = _settled(problem, population, steps)
         open_ = [
@@ -535,14 +537,30 @@ def _with_images(
 
 
 def _improved(
-    problem: Problem, population: Population, signs: list[int], starts: int, rng: np.random.Generator, steps: int
+    problem: Problem,
+    population: Population,
+    signs: list[int],
+    followed: int,
+    beside: int,
+    rng: np.random.Generator,
+    steps: int,
 ) -> tuple[Population, list[int]]:
-    """Ends, with better ones that lie near them, and the sides whose best end may not be the last."""
+    """Ends, with better ones that lie near them, and the sides whose best end may not be the last.
+
+    Args:
+        problem: what to minimise.
+        population: ends.
+        signs: sides that are searched.
+        followed: starts of a side that go on.
+        beside: starts of a side, of which they are the most promising.
+        rng: for the starts.
+        steps: of a descent at most.
+    """
     for _ in range(_BATCHES):
-        near = _redrawn(problem, population, signs, _BESIDE * starts, rng)
+        near = _redrawn(problem, population, signs, beside, rng)
         if not len(near.Q):
             return population, []
-        near = _promising(problem, near, starts)
+        near = _promising(problem, near, followed)
         before = {sign: population.least(sign) for sign in signs}
         population = population.joined(_down(problem, near, steps)).distinct(most=_KEPT)
         signs = [sign for sign in signs if population.least(sign) < before[sign] - SAME]

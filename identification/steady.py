@@ -42,9 +42,10 @@ SIDES = {1: STIFF_ANKLE, -1: STIFF_PAD, 0: "best"}
 
 @dataclass(frozen=True)
 class _Thoroughness:
-    """How a search goes: random starts of a side in a round at most, and the settings of `optimiser.search`."""
+    """How a search goes: random starts of a side in a round at most, and other settings of `optimiser.search`."""
 
     starts: int
+    beside: int = optimiser.BESIDE
     rounds: int = optimiser.ROUNDS
     smooth: tuple[float, ...] = optimiser.SMOOTH
     fall: float = optimiser.FALL
@@ -53,12 +54,12 @@ class _Thoroughness:
     @property
     def descent(self) -> dict[str, Any]:
         """What every search of the model has in common."""
-        return {"fall": self.fall, "steps": self.steps}
+        return {"beside": self.beside, "fall": self.fall, "steps": self.steps}
 
 
 #: The two-mass foot has many ends, and a motion costs 50 us. Other models have one near their own constants, and 10 ms;
 #: with many of them free it lies in valleys that hundreds of steps would not follow to their ends.
-_SETTINGS = {True: _Thoroughness(1000), False: _Thoroughness(1, 1, (0.05,), np.inf, 16)}
+_SETTINGS = {True: _Thoroughness(1000), False: _Thoroughness(1, 2, 1, (0.05,), np.inf, 16)}
 #: Scatter from which the ends are followed down once more with the nuisances held.
 _HELD = (0.02,)
 #: Change of the sum of squares below which twice the harmonics say the same, and harmonics at most.

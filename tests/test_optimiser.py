@@ -149,7 +149,7 @@ def test_an_end_of_which_nothing_is_drawn_anew_is_no_start(made: Problem, rng: n
     linear = linear.with_held(linear.variables.held([item.kind for item in linear.variables.nuisances]))
     q = linear.variables.start(linear.variables.model_values)
     alone = Population(q[None], np.array([1]), np.ones(1, int), np.array([5.0]))
-    after, restless = optimiser._improved(linear, alone, [1], 12, rng, 10)
+    after, restless = optimiser._improved(linear, alone, [1], 12, 96, rng, 10)
     assert restless == [] and after.hits.tolist() == [1]
 
 
