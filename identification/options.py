@@ -6,7 +6,7 @@ from typing import Annotated
 import typer
 
 Data = Annotated[
-    list[Path] | None, typer.Argument(help="study folder, or CSV recordings", show_default="bundled study")
+    list[Path] | None, typer.Argument(help="study folder, or recordings in any format", show_default="bundled study")
 ]
 BodyMass = Annotated[
     list[float] | None,

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 EXAMPLES = """
-Linear and Hammerstein-Wiener models of recordings with one input and one output.
+Black-box models of recordings: linear, Hammerstein-Wiener and NARX.
 
 Works on a study folder, on recordings (time_s, base_m_s2, malleolus_m_s2) and on any CSV with two signals. Orders are
 chosen by free simulation of a part of the data, or by one-step errors if simulation cannot be used (steps, feedback,
