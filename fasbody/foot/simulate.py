@@ -38,6 +38,8 @@ _DERIVED = (
 _NOTHING = 1e-4
 #: Error above which no order of the step can be read from it.
 READABLE = 0.1
+#: Pieces of a run, of which the worst gives the error: that of stick and slip differs from one period to the next.
+PIECES = 4
 #: Steps in which most of what is unstable shows.
 PROBE = 500
 
@@ -58,7 +60,8 @@ class Simulation(Presented):
             of its peak.
         step_error: by how much the time step falsifies the accelerometer that it falsifies most, as
             a share of its root mean square; from runs with half and a quarter of the step, NaN without them.
-            Of a foot that can touch, stop or slip: at the frequencies at which the base moves.
+            Of a foot that can touch, stop or slip: at the frequencies at which the base moves, in the
+            worst quarter of the run.
         sample_error: the same of the samples as they are. How high the peak of an impact is hangs
             on its instant, and the motion hardly does.
         step_s: the time step that was computed with [s], the samples' own or a half, a quarter ... of
@@ -328,6 +331,8 @@ class Batch:
             if missed > max(limit, FOLDED):
                 raise self._too_long(step, kept, which, max(limit, FOLDED))
             if error <= limit:
+                if not self._smooth:
+                    kept = max(kept, self.step_error(*runs, stride=2**halved, pieces=PIECES)[0])
                 return runs[0].every(2**halved, step_error=kept, step_s=step / 2**halved, sample_error=of_samples)
             problem = self._too_long(step / 2**halved, error, sensor, limit)
             falls = max(before / error, 2.0**self.order)
@@ -404,7 +409,9 @@ class Batch:
     def _smooth(self) -> bool:
         return not can_change(self.foot.model)
 
-    def step_error(self, *runs: Simulation, stride: int = 1, periodic: bool = False) -> tuple[float, str, float]:
+    def step_error(
+        self, *runs: Simulation, stride: int = 1, pieces: int = 1, periodic: bool = False
+    ) -> tuple[float, str, float]:
         """Error of a run's step, by runs that are as long and have half of it, a quarter ...
 
         The last two say where steps of no length would lead. A third run is needed where two errors fall at
@@ -413,6 +420,7 @@ class Batch:
         Args:
             runs: two or more, each with half of the step before.
             stride: of the first one sample of so many is kept, so that peaks of impacts fold into low frequencies.
+            pieces: of a run that touches, stops or slips, of which the worst is judged.
             periodic: they are whole periods of a motion that repeats.
 
         Returns:
@@ -423,11 +431,15 @@ class Batch:
         judged = whole
         if not self._smooth:
             kept = runs[0].every(stride)
-            count = kept.base.shape[1] // 2 + 1
-            moves = np.abs(_lines(kept.base, count, periodic)) ** 2
+            size = kept.base.shape[1] // pieces
+            moves = np.abs(_lines(kept.base, size, size, periodic)) ** 2
             moves = np.where(moves.any(axis=1, keepdims=True), moves, 1.0)
             lines = [
-                {name: _lines(x, count, periodic) for name, x in run.outputs.items()} for run in (kept, *runs[1:])
+                {
+                    name: _lines(x, size * (x.shape[1] // kept.base.shape[1]), size, periodic)
+                    for name, x in run.outputs.items()
+                }
+                for run in (kept, *runs[1:])
             ]
             judged = self._off(lines, moves)
         worst = max(judged, key=lambda name: judged[name])
@@ -503,11 +515,20 @@ def _share(off: np.ndarray, whole: np.ndarray, weights: np.ndarray | float) -> f
     return float(np.max(error / np.maximum(size, _NOTHING)))
 
 
-def _lines(x: np.ndarray, count: int, periodic: bool) -> np.ndarray:
-    """Lowest lines (m, count) of the spectra of signals (m, n), whose ends a window takes away unless they meet."""
-    window = 1.0 if periodic else np.sqrt(8 / 3) * np.sin(np.pi * np.arange(x.shape[1]) / x.shape[1]) ** 2
-    lines: np.ndarray = np.sqrt(2) * np.fft.rfft(x * window, axis=1)[:, :count] / x.shape[1]
+def _lines(x: np.ndarray, piece: int, size: int, periodic: bool) -> np.ndarray:
+    """Lines of the spectra (k m, size // 2 + 1) of pieces of signals (m, n).
+
+    Args:
+        x: signals.
+        piece: samples of each piece; what is left over at the end is left out.
+        size: as many in the coarsest signal, whose lines are taken.
+        periodic: the ends of a piece meet; else a window takes them away.
+    """
+    x = x[:, : x.shape[1] // piece * piece].reshape(-1, piece)
+    window = 1.0 if periodic else np.sqrt(8 / 3) * np.sin(np.pi * np.arange(piece) / piece) ** 2
+    lines: np.ndarray = np.sqrt(2) * np.fft.rfft(x * window, axis=1)[:, : size // 2 + 1] / piece
     return lines
+
 
 
 def _velocity_sensors(foot: Foot) -> dict[str, Sensor]:
