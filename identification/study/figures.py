@@ -121,12 +121,11 @@ def curves(table: pd.DataFrame, origin: str) -> Figure:
     }
     handles = _load_keys(loads, ls="-", lw=0.6)
     handles += [_key(label, **style) for label, (drawn_at_all, style) in keys.items() if drawn_at_all]
-    truth = "Truth: the mean over all subjects drawn." if known else ""
-    means = truth
+    truth = "truth: the mean over all subjects drawn" if known else ""
+    means = f"{truth.capitalize()}." if known else ""
     if drawn:
-        truth = f"; t{truth[1:-1]}" if known else ""
-        means = f"Means where {FEWEST} subjects or more are decided (geometric, of c_12 and c_22 "
-        means += f"arithmetic); bands: 95 % of the mean, jackknife over {BAND} or more{truth}."
+        means = f"Means where {FEWEST} subjects or more are decided (geometric, of c_12 and c_22 arithmetic); bands: "
+        means += f"95 % of the mean, jackknife over {BAND} or more{f'; {truth}' if known else ''}."
     bars = "No estimate has an interval, because one frequency does not determine all constants."
     if with_interval:
         bars = "Bars: 95 % of each estimate, cut at the frame; in the titles how many estimates have "
