@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from fasbody.constants import Z95
 from fasbody.foot.parameters import symbol_and_unit
 from fasbody.presentation import Sheet, Tabled, grouped, readable
 
@@ -21,16 +22,20 @@ WHATEVER, IF_TRUE = "95 % CI, model and sensor errors included", "95 % CI, model
 IDENTIFIED, WEAK = 0.1, 0.5
 #: The same in words, as every report and page has them.
 RULE = (
-    f"Identified means a standard error of up to {100 * IDENTIFIED:.0f} % of the value, weak means up to "
-    f"{100 * WEAK:.0f} %, and not identifiable means more, or a constant at its bound. For a constant that may be zero "
-    "(c_12, c_13, c_22, c_23) the percentage is of its value or of a tenth of its largest bound, whichever is larger: "
-    "one that is identified may be known to be near zero. "
-    "Identified also requires that the search found the minimum twice, and that the standard error from the curvature "
-    "is at most "
-    f"{100 * IDENTIFIED:.0f} %, too."
+    f"A constant is identified if its standard error is at most {100 * IDENTIFIED:.0f} % of its value, both by the "
+    "profile and by the curvature, and if the search found the minimum twice. It is weak up to "
+    f"{100 * WEAK:.0f} %, and not identifiable beyond or at a bound. A constant that may be zero (c_12, c_13, c_22, "
+    "c_23) is compared with a tenth of its largest bound if its value is smaller: it may be known to be near zero."
 )
 #: Share of a mass's standard deviation that the recordings must take away to have weighed it.
 WEIGHED = 0.3
+
+
+def quantile(repeatability: float, dof: int) -> float:
+    """How many standard errors a 95 % interval reaches to each side: Student's where the scatter was estimated."""
+    from scipy.special import stdtrit  # slow to import, and needed for results only
+
+    return Z95 if repeatability == 0 else float(stdtrit(max(2, dof), 0.975))
 
 
 def identifiability(value: float, std_error: float, size: float, at_bound: bool) -> str:

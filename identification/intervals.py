@@ -11,12 +11,11 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-from scipy.special import stdtrit
 
 from fasbody.constants import Z95
 from fasbody.foot.parameters import Parameter
 from identification.branches import EXCHANGED
-from identification.estimates import WEIGHED, Allowance, Estimate, Mass, identifiability
+from identification.estimates import WEIGHED, Allowance, Estimate, Mass, identifiability, quantile
 from identification.nuisances import Nuisance, stated_mass
 from identification.optimiser import Optimum
 from identification.parameters import delay_of
@@ -106,9 +105,7 @@ class Solution:
     @property
     def quantile(self) -> float:
         """How many standard errors a 95 % interval reaches to each side."""
-        if self.problem.repeatability == 0:
-            return Z95
-        return float(stdtrit(max(2, self.dof), 0.975))
+        return quantile(self.problem.repeatability, self.dof)
 
     @property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:

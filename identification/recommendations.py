@@ -4,13 +4,12 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from scipy.special import chdtrc, stdtrit
+from scipy.special import chdtrc
 
-from fasbody.constants import Z95
 from fasbody.foot.parameters import symbol_and_unit
 from fasbody.recording.recording import Recording
 from fasbody.sentences import Sentence, called
-from identification.estimates import Allowance
+from identification.estimates import Allowance, quantile
 from identification.harmonics import Line
 from identification.nuisances import FOOT_STD
 from identification.parameters import MASSES, Space
@@ -218,20 +217,16 @@ _ALIKE = 1.5
 _NARROW = 0.02
 
 
-def _quantile(departures: Departures) -> float:
-    """Standard errors to an end of a 95 % interval: Student's where the scatter was estimated, as everywhere else."""
-    return Z95 if departures.repeatability == 0 else float(stdtrit(max(2, departures.dof), 0.975))
-
-
 def _ruler(departures: Departures) -> list[str]:
     """What all constants share: the scale that masses and load set."""
     texts = []
     if departures.scale_std > _NARROW:
+        half = 100 * quantile(departures.repeatability, departures.dof) * departures.scale_std
         texts.append(
             "All stiffness and damping constants are proportional to the leg's mass, which is known to "
-            f"±{100 * _quantile(departures) * departures.scale_std:.2g} % (95 %). Natural frequencies, damping ratios "
-            "and constants per kilogram do not depend on it. A force plate under the foot, with and without the load, "
-            "determines it better (static_force_n in [known] of study.toml)."
+            f"±{half:.2g} % (95 %). Natural frequencies, damping ratios and constants per kilogram do not depend on "
+            "it. A force plate under the foot, with and without the load, determines it better (static_force_n in "
+            "[known] of study.toml)."
         )
     off = [nuisance.off for nuisance in departures.nuisances if nuisance.group == "masses"]
     if len(off) == 2 and min(off) * max(off) > 0 and min(map(abs, off)) > _ALIKE:

@@ -50,7 +50,7 @@ def test_the_rule_is_said_in_the_same_words_everywhere() -> None:
     """On the page as in the reports; the numbers in it are those that decide."""
     page = " ".join((Path(__file__).parent.parent / "docs" / "identification.md").read_text().split())
     assert RULE in page
-    (one, other) = (float(share) / 100 for share in re.findall(r"up to (\d+) %", RULE))
+    (one, other) = (float(share) / 100 for share in re.findall(r"(?:at most|up to) (\d+) %", RULE))
     words = [identifiability(1.0, std, 0.0, False) for std in (one, one + 1e-9, other, other + 1e-9)]
     assert words == ["identified", "weak", "weak", "not identifiable"]
 
