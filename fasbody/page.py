@@ -94,9 +94,8 @@ def print_table(
     out = Console(highlight=False, width=None if os.environ.get("COLUMNS", "").isdigit() else results.width)
     room = out.options.update(width=10_000)
     order = [*(name for name in spared if name in columns), *(name for name in columns[:0:-1] if name not in spared)]
-    longest = max((Text.from_markup(row[0]).cell_len for row in rows), default=0)
     widest = [max((Text.from_markup(row[i]).cell_len for row in rows), default=0) for i in range(len(columns))]
-    first: dict[str, Any] = {"overflow": "fold", "min_width": min(_NAME, longest)}
+    first: dict[str, Any] = {"overflow": "fold", "min_width": min(_NAME, widest[0])}
     others: dict[str, Any] = {"overflow": "crop", "no_wrap": True}
 
     def table(dropped: Sequence[str], broken: bool) -> Table:

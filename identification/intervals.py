@@ -242,7 +242,8 @@ class Solution:
         mirror, and curvature does not, so one beside the other would say nothing of what the mass adds.
         """
         variables = self.problem.variables
-        names = [name for name in variables.constants if self._item(name).logarithmic and name in self._of_force]
+        scaling = [item for item in variables.space.free if item.logarithmic and item.unit.startswith("N")]
+        names = [item.name for item in scaling]
 
         def constants(Q: np.ndarray) -> np.ndarray:
             values = variables.dynamic(Q)
@@ -258,11 +259,6 @@ class Solution:
         else:
             whole, bare = ((self.quantile * self.spread(self.slopes(of))).tolist() for of in (constants, per_kg))
         return list(zip(names, np.exp(per_kg(self.q)).tolist(), whole, bare, strict=True))
-
-    @property
-    def _of_force(self) -> set[str]:
-        """Names of the free constants that are a force over a displacement or a speed, and so scale with the mass."""
-        return {item.name for item in self.problem.variables.space.free if item.unit.startswith("N")}
 
     def _scale(self, Q: np.ndarray) -> Any:
         """Logarithm (...,) of the mass m_S + m_F on the springs, a factor common to all constants, of Q (..., n).

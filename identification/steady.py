@@ -59,7 +59,10 @@ class _Thoroughness:
 
 #: The two-mass foot has many ends, and a motion costs 50 us. Other models have one near their own constants, and 10 ms;
 #: with many of them free it lies in valleys that hundreds of steps would not follow to their ends.
-_SETTINGS = {True: _Thoroughness(1000), False: _Thoroughness(1, 2, 1, (0.05,), np.inf, 16)}
+_SETTINGS = {
+    True: _Thoroughness(starts=1000),
+    False: _Thoroughness(starts=1, beside=2, rounds=1, smooth=(0.05,), fall=np.inf, steps=16),
+}
 #: Scatter from which the ends are followed down once more with the nuisances held.
 _HELD = (0.02,)
 #: Change of the sum of squares below which twice the harmonics say the same, and harmonics at most.

@@ -385,13 +385,14 @@ class Batch:
 
     def _too_long(self, step: float, error: float, sensor: str, accept: float) -> SimulationError:
         integrator = mujoco.mjtIntegrator(self.foot.model.opt.integrator).name.removeprefix("mjINT_")
-        shorter = f"a step of {step / 2 * (accept / error) ** (1 / self.order):.1g} s"
-        advice = f"simulate with accept={2 * error:.1g}, or with {shorter}"
         if error > READABLE:
-            advice = f"simulate with a step far below {step:.1g} s"
+            advice = f"a step far below {step:.1g} s"
+        else:
+            shorter = step / 2 * (accept / error) ** (1 / self.order)
+            advice = f"accept={2 * error:.1g}, or with a step of {shorter:.1g} s"
         return SimulationError(
             f"{self.foot.name}: steps of {step:.3g} s put sensor {sensor!r} off by {100 * error:.2g} % with the "
-            f"integrator {integrator}; {advice}."
+            f"integrator {integrator}; simulate with {advice}."
         )
 
     @property
