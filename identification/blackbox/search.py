@@ -266,17 +266,32 @@ def select_state_space(referee: Referee, orders: Sequence[int] = tuple(range(1, 
     chosen = rank([referee.judge(fitted.model(n)) for n in trials], referee)
     order = chosen.best.model.order
     refined = referee.judge(fitted.model(order, refine=True))
+    better = refined.no_worse_than(chosen.best) if referee.simulates else refined.score <= chosen.best.score
+    whole = subspace.decompose(referee.estimation, rows)
+    models = [whole.model(order, refine=refine) for refine in ((False, True) if better else (False,))]
+    best = min((replace(referee.judge(m), model=m) for m in models), key=lambda c: c.score)
+    chosen = replace(chosen, candidates=(best, *chosen.candidates[1:]))
+    if not best.model.warnings:
+        chosen = _among_orders(chosen, [n for n in (order, order - 1, order + 1) if n in trials], whole, referee)
+    order = chosen.best.model.order
     warnings = list(chosen.warnings)
     if order == max(trials):
         warnings.append(f"the chosen order {order} is the largest tried")
     standing_out = fitted.order()
     if standing_out != order:
         warnings.append(f"{standing_out} singular values exceed the noise; order {order} was chosen")
-    better = refined.no_worse_than(chosen.best) if referee.simulates else refined.score <= chosen.best.score
-    whole = subspace.decompose(referee.estimation, rows)
-    models = [whole.model(order, refine=refine) for refine in ((False, True) if better else (False,))]
-    best = min((replace(referee.judge(m), model=m) for m in models), key=lambda c: c.score)
-    return replace(chosen, candidates=(best, *chosen.candidates[1:]), warnings=tuple(warnings))
+    return replace(chosen, warnings=tuple(warnings))
+
+
+def _among_orders(chosen: Selection, orders: list[int], whole: subspace.Subspace, referee: Referee) -> Selection:
+    """The best refined model of these orders on all data for the choice, the others as its rivals."""
+    entire = replace(referee, reason="orders that simulate alike are compared on all data")
+    models = [whole.model(n, refine=True) for n in orders]
+    found = {model.transfer: model for model in models if not model.warnings}
+    ranked = with_rivals(rank([entire.judge(plant) for plant in found], entire))
+    best = replace(chosen.best, model=found[ranked.best.model])
+    rivals = tuple((weight, found[plant]) for weight, plant in ranked.rivals)
+    return replace(chosen, candidates=(best, *chosen.candidates[1:]), rivals=rivals)
 
 
 def delay(recordings: Sequence[Series], *, far: bool = True) -> int:
