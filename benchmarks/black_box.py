@@ -179,7 +179,7 @@ def main(
       OMP_NUM_THREADS=1 python -m benchmarks.black_box --no-peers
     """
     rows = [*accuracy(seeds), *grid(), *loaded_foot(), *coverage(intervals), *black_box_cases.rows(seeds)]
-    rows += [*black_box_cases.several(), *black_box_cases.search_time()]
+    rows += [*black_box_cases.random_plants(), *black_box_cases.several(), *black_box_cases.search_time()]
     others = [*peers(timeout), *black_box_cases.peers(timeout)] if with_peers else []
     report("black-box models", rows + others, json_)
 

@@ -162,6 +162,52 @@ def rows(seeds: int) -> Iterator[Check]:
             yield Check(what, coverage, 90, 98, said=text, beside="90 to 98 %", asked=seeds >= 20 and len(finite) > 0)
 
 
+def _roots(rng: np.random.Generator, count: int, largest: float) -> np.ndarray:
+    """A monic polynomial (count + 1,) with roots up to `largest`, most of them in pairs."""
+    roots: list[complex] = []
+    while len(roots) < count:
+        size = rng.uniform(0.3, largest)
+        if count - len(roots) > 1 and rng.random() < 0.7:
+            pole = size * np.exp(1j * rng.uniform(0.1, 2.8))
+            roots += [pole, np.conj(pole)]
+        else:
+            roots.append(size * rng.choice([-1, 1], p=[0.25, 0.75]))
+    return np.poly(roots).real
+
+
+def random_plant(seed: int) -> tuple[Series, np.ndarray]:
+    """A plant of order 1 to 4 with delay 0 to 3 and noise of one of four kinds, and its gain (20,)."""
+    rng = np.random.default_rng(1000 + seed)
+    order, delay = int(rng.integers(1, 5)), int(rng.integers(0, 4))
+    f = _roots(rng, order, 0.97)
+    b = np.r_[np.zeros(delay), rng.standard_normal(int(rng.integers(1, order + 1)))]
+    c, d = _roots(rng, int(rng.integers(1, 3)), 0.9), _roots(rng, int(rng.integers(1, 3)), 0.95)
+    noise, one = rng.uniform(0.05, 0.5), [1.0]
+    u, e = rng.standard_normal((2, SAMPLES))
+    u = (u, lfilter(one, [1, -0.7], u), np.sign(u))[seed % 3]
+    w, v = lfilter(b, f, u), lfilter(*((one, one), (one, f), (c, f), (c, d))[seed % 4], e)
+    plant = Case("random", "", (), b, f, noise)
+    return Series(u, w + noise * np.std(w) / np.std(v) * v, 1.0, f"plant {seed}"), plant.truth()
+
+
+def random_plants(count: int = 60, structures: tuple[str, ...] = ("arx", "armax", "oe", "bj", "ss")) -> Iterator[Check]:
+    """Coverage of the gain's intervals, and its error, for each structure on random plants, orders not given."""
+    held: dict[str, list[float]] = {name: [] for name in structures}
+    missed: dict[str, list[float]] = {name: [] for name in structures}
+    for series, truth in map(random_plant, range(count)):
+        for name, chosen in identify(series, structures).models.items():
+            at = chosen.selection.curve(FREQUENCY)
+            missed[name].append(float(np.linalg.norm(np.abs(at.value) - truth) / np.linalg.norm(truth)))
+            if np.isfinite(at.gain_std).all():
+                held[name].append(float(np.mean(np.abs(np.abs(at.value) - truth) < 1.96 * at.gain_std)))
+    for name in structures:
+        share, known = 100 * float(np.mean(held[name])), len(held[name])
+        error = 100 * float(np.median(missed[name]))
+        said = f"{share:.1f} % ({count - known} withheld), median error of the gain {error:.2f} %"
+        what = f"{count} random plants, {name}, orders not given: 95 % intervals of the gain with the truth"
+        yield Check(what, share, 90, 98, said=said, beside="90 to 98 %", asked=count >= 60)
+
+
 def several(seeds: int = 5) -> Iterator[Check]:
     """Two inputs and two outputs, third order: orders not given; ARX intervals are valid for ARX systems only."""
     A, B = np.array([[0.9, 0.2, 0.0], [-0.2, 0.9, 0.1], [0.0, 0.0, 0.6]]), np.array([[1, 0], [0.3, 0.5], [0, 1.0]])

@@ -1,6 +1,7 @@
 """Criteria, residual tests and the choice of orders."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import linear_foot as foot
 import numpy as np
@@ -132,6 +133,35 @@ def test_state_space_selection() -> None:
     chosen = search.select_state_space(Referee([estimation]), range(2, 9))
     assert 4 <= chosen.best.model.order <= 5  # type: ignore[attr-defined]
     assert chosen.best.fit_percent > 97
+
+
+def test_a_neighbour_of_the_order_chosen_wins_on_all_data_or_widens_the_intervals() -> None:
+    u, e = np.random.default_rng(1).standard_normal((2, 1500))
+    y = signal.lfilter([0, 1.0], [1, -0.8], u) + 0.12 * signal.lfilter([0, 1.0], [1, 0.6], u) + 0.5 * e
+    first = search.select_state_space(Referee([Series(u, y, 1.0, "plant")]), range(1, 6))
+    assert first.best.model.order == 2
+    assert {model.order for _, model in first.rivals} <= {1, 3}
+    gain = first.curve([0.1, 0.3]).gain_std
+    assert (gain >= first.best.model.response([0.1, 0.3]).gain_std).all()
+
+
+@pytest.mark.parametrize(("pole", "fewest"), [(0.65, False), (0.75, True)])
+def test_behind_coloured_output_errors_a_score_must_be_seen_in_simulation(pole: float, fewest: bool) -> None:
+    """Half of the errors can be foretold at a pole of 0.71; beyond it the check data alone justify coefficients."""
+    e = signal.lfilter([1], [1, -pole], np.random.default_rng(0).standard_normal(20_000))
+
+    def candidate(count: int, errors: np.ndarray, score: float) -> selection.Candidate:
+        model = SimpleNamespace(
+            structure="oe", parameters=count, samples=100, loss=1.0, label=str(count), residuals=lambda s: e,
+            poles=lambda: np.zeros(0),
+        )
+        return selection.Candidate(model, 100 - 100 * float(np.sqrt(errors.mean())), errors, 0.0, score)
+
+    noise = 1e-5 + 1e-4 * np.tile([1.0, -1.0], 10)
+    same, worse = np.full(20, 0.0144), np.full(20, 0.0148)
+    tried = [candidate(9, same, -900.0), candidate(5, same + noise, -500.0), candidate(3, worse, -300.0)]
+    u = np.random.default_rng(2).standard_normal(300)
+    assert selection.rank(tried, Referee([Series(u, np.roll(u, 1), 1.0)])).best is tried[1 if fewest else 0]
 
 
 def test_a_free_motion_that_outlasts_the_record_ranks_last() -> None:

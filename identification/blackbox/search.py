@@ -13,7 +13,7 @@ from identification.blackbox.data import Series
 from identification.blackbox.filters import shifted
 from identification.blackbox.least_squares import triangle
 from identification.blackbox.polynomial import Orders, PolynomialModel
-from identification.blackbox.selection import ALIKE, NEARLY, Candidate, Referee, Selection, rank, with_rivals
+from identification.blackbox.selection import ALIKE, NEARLY, Candidate, Referee, Selection, coloured, rank, with_rivals
 
 NEAR = range(1, 6)  # n_k compared for sines, whose pulse response is periodic
 DECISIVE = 10.0  # N times the difference of log losses that the delay read may lose by
@@ -23,7 +23,6 @@ RACED = 3  # n_b = n_f up to which every delay is tried
 PATIENCE = 3  # growing orders without a better one after which growth ends
 NOISE = 5  # n_c, n_d up to here, as in the thesis
 MOVES = 12  # to neighbouring orders
-SLIGHTLY = 2.0  # times its whitened variance that noise may have and still count as hardly coloured
 #: Changes of orders that a search tries, in this sequence: B may shrink or grow at either end.
 PLANT_STEPS = (
     {"nb": -1}, {"nb": -1, "nk": 1}, {"nf": -1}, {"nb": 1}, {"nf": 1}, {"nb": 1, "nk": -1},
@@ -154,9 +153,8 @@ def select_oe(referee: Referee, delays: Sequence[int], largest: int = LARGEST) -
 
 def _on_the_whole(chosen: Selection, referee: Referee, first_row: int) -> Selection:
     """Output-error orders once more, from the preferred ones, on all data for the choice."""
-    errors = [chosen.best.model.residuals(series) for series in referee.fitted]
-    coloured = criteria.whitened_variance(errors) * SLIGHTLY < np.mean(np.concatenate(errors) ** 2)
-    if not referee.simulates or coloured:  # output errors follow such noise, and only simulation keeps them from it
+    # output errors follow coloured noise, and only simulation keeps them from it
+    if not referee.simulates or coloured(chosen.best.model, referee.fitted):
         return _again(chosen, "oe", referee)
     whole = replace(referee, reason="orders that simulate alike are compared by one-step errors")
     search = Search("oe", whole.estimation, first_row)

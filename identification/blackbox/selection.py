@@ -21,6 +21,7 @@ SHORTEST_CHECK = 40  # samples; fewer do not separate models
 NOISE_MODELS = ("arx", "armax", "bj")  # whose one-step errors are to be white
 NEGLIGIBLE_WEIGHT = 0.01  # Akaike weight below which a rival is left out
 UNDECIDED = 0.1  # Akaike weight from which another delay is about as likely
+SLIGHTLY = 2.0  # times its whitened variance that noise may have and still count as hardly coloured
 NEARLY = 1.1  # times the least miss in simulation that is as good: errors of a long free motion hang together
 
 
@@ -144,6 +145,12 @@ def with_rivals(selection: Selection) -> Selection:
     return replace(selection, rivals=tuple((float(w), c.model) for w, c in pairs if w > NEGLIGIBLE_WEIGHT))
 
 
+def coloured(model: Model, recordings: Sequence[Series]) -> bool:
+    """Whether an autoregression foretells more than half of the errors: noise with a colour, or a plant left out."""
+    errors = [model.residuals(series) for series in recordings]
+    return criteria.whitened_variance(errors) * SLIGHTLY < float(np.mean(np.concatenate(errors) ** 2))
+
+
 def rank(
     candidates: Sequence[Candidate], referee: Referee, tried: int = 0, warnings: Sequence[str] = (),
 ) -> Selection:  # fmt: skip
@@ -174,7 +181,10 @@ def rank(
         least = ordered[0].missed * NEARLY
         near = [c for c in driven if c is ordered[0] or c.missed <= least or c.no_worse_than(ordered[0])]
         first = min(near, key=lambda c: c.score)
-        same = [c for c in near if c.missed**2 - first.missed**2 <= NEGLIGIBLE**2]
+        if first.model.structure not in NOISE_MODELS and coloured(first.model, referee.fitted):
+            same = [c for c in near if all(map(c.no_worse_than, near))]
+        else:
+            same = [c for c in near if c.missed**2 - first.missed**2 <= NEGLIGIBLE**2]
         first = min(same, key=lambda c: (c.model.parameters, -c.fit_percent))
     else:
         ordered.sort(key=lambda c: (c not in driven, c.bic if c.model.structure in NOISE_MODELS else c.score))
