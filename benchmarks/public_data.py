@@ -103,6 +103,10 @@ def tanks(folder: Path) -> Iterator[Check]:
         error = float(np.sqrt(np.mean((fresh.y - model.simulate(fresh)) ** 2)))
         what = f"cascaded tanks, {model.label}: error on the second recording"
         yield at_most(what, error, 0.36, "V") if model.structure == "narx" else told(what, f"{error:.3f} V")
+    exchanged = Series(np.concatenate([fresh_u, u]), np.concatenate([fresh_y, y]), TANKS_S, "tanks exchanged")
+    narx = identify(exchanged, ("narx",)).models["narx"].best
+    error = narx.missed * float(np.std(y))
+    yield told(f"cascaded tanks, {narx.model.label} of the second recording: error on the first", f"{error:.3f} V")
 
 
 def arm(folder: Path) -> Iterator[Check]:

@@ -285,10 +285,10 @@ def _among_orders(chosen: Selection, orders: list[int], whole: subspace.Subspace
     """The best refined model of these orders on all data for the choice, the others as its rivals."""
     entire = replace(referee, reason="orders that simulate alike are compared on all data")
     models = [whole.model(n, refine=True) for n in orders]
-    found = {model.transfer: model for model in models if not model.warnings}
-    ranked = with_rivals(rank([entire.judge(plant) for plant in found], entire))
-    best = replace(chosen.best, model=found[ranked.best.model])
-    rivals = tuple((weight, found[plant]) for weight, plant in ranked.rivals)
+    by_plant = {model.transfer: model for model in models if not model.warnings}
+    ranked = with_rivals(rank([entire.judge(plant) for plant in by_plant], entire))
+    best = replace(chosen.best, model=by_plant[ranked.best.model])
+    rivals = tuple((weight, by_plant[plant]) for weight, plant in ranked.rivals)
     return replace(chosen, candidates=(best, *chosen.candidates[1:]), rivals=rivals)
 
 
