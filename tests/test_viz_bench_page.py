@@ -584,8 +584,13 @@ def test_what_is_taken_away_opens(opened: Any, tmp_path: Path) -> None:
                 assert values[10][1] == pytest.approx(page.height("tibia"), abs=1e-5)
         before = page("[time, playing]")
 
-        # the film: what plays it finds pictures that differ
+        # the film: what plays it finds pictures that differ, and the bar has gone from empty to full meanwhile
+        page("shares = []; watched = new MutationObserver(() => shares.push(byId('busy_bar').value))")
+        page("watched.observe(byId('busy_bar'), { attributes: true, attributeFilter: ['value'] })")
         name, film = taken(page, "Film")
+        shares = [share for share in page("shares") if share]
+        assert shares == sorted(shares) and shares[0] < 0.3 < 0.9 < shares[-1] < 1
+        assert page("byId('busy_bar').hidden && byId('data_state').textContent === ''")
         assert name == "foot.webm" and film[:4] == b"\x1a\x45\xdf\xa3"  # EBML
         assert page("[time, playing]") == before
         (tmp_path / name).write_bytes(film)

@@ -69,6 +69,10 @@ def test_cell_in_the_browser(opened: Any, result: Path) -> None:
         for at, share in ((size.argmin(), 0), (size.argmax(), 1)):
             assert colours[at] == pytest.approx(page(f"shade('displacement', {share}).toArray()"), abs=1e-6)
 
+        # the chosen mode's dot stands out from the plot, dark on light
+        assert page("isLight() && getComputedStyle(plots.hz.dots[0]).backgroundColor") == "rgb(20, 32, 43)"
+        assert page("getComputedStyle(byId('bar')).display") == "none", "nothing is being made"
+
         # chooser, keys, sliders, play
         page.page.locator(".choice").nth(2).click()
         assert page("state.mode") == 3

@@ -3,6 +3,13 @@
 /** @type {(id: string) => any} an element of the page's template, of whatever kind it is */
 const byId = id => document.getElementById(id);
 
+// What is read or made, and which share of it is done, where that is known; all of it leaves a note without a bar.
+function busyWith(text, share = NaN) {
+  byId("data_state").textContent = text;
+  byId("busy_bar").hidden = !text || share >= 1;
+  if (share < 1) byId("busy_bar").value = share; else byId("busy_bar").removeAttribute("value");
+}
+
 // A slider's row. Where its thumb is within half a step of `nominal` the value is exactly that; a double click or the
 // row's ↺ takes it there. `changed` gets each value that the user chooses. What was wrong with a typed number stands in
 // the row, and goes when it is another one.

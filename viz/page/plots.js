@@ -1,7 +1,7 @@
 // Plots on uPlot: lines, points with limits, and loops; drag zooms, a double click shows all, ⤓ saves the numbers.
 "use strict";
 // Colours of the dark page as they are on paper, and on a light page.
-const PRINT = { "#ffb454": "#b45f06", "#6cb6ff": "#1f6fb4", "#7ee0a1": "#1a7f45", "#e58fc4": "#a8327a", "#f3e37c": "#8a7a00", "#cfe6ff": "#3b72a6", "#ffe6c4": "#94642f", "#d4f5df": "#437d5a", "#f6d6ea": "#96567a", "#fbf5cf": "#75692a", "#8fa3b8": "#5a6b7c" };
+const PRINT = { "#ffb454": "#b45f06", "#6cb6ff": "#1f6fb4", "#7ee0a1": "#1a7f45", "#e58fc4": "#a8327a", "#f3e37c": "#8a7a00", "#cfe6ff": "#3b72a6", "#ffe6c4": "#94642f", "#d4f5df": "#437d5a", "#f6d6ea": "#96567a", "#fbf5cf": "#75692a", "#8fa3b8": "#5a6b7c", "#ffffff": "#14202b" };
 const tone = colour => (isLight() ? PRINT[colour] || colour : colour);
 const inks = () => (isLight() ? { ink: "#4c5b69", grid: "#d9dfe5" } : { ink: "#93a3b3", grid: "#27323e" });
 

@@ -35,7 +35,7 @@ function receiveSession({ page, ids, note }) {
   advise();
   openTask(bench.fit ? "fit" : "data");
   ask();
-  busyWith(note);
+  busyWith(note, 1);
 }
 if (!window.EXPORTED) {
   byId("save_session").onclick = () => tellServer("save_session", { said: pageState() }, "writing the session");

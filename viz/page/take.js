@@ -6,16 +6,13 @@ const LEAST = 4, MOST = 30, KEYS = 24;
 // The section's buttons. Args: the stage; name of the files; what the page is able to.
 function takeAwaySection(stage, name, { page = null, film, scene }) {
   const box = byId("taking");
-  for (const old of box.querySelectorAll(".row, p")) old.remove();
-  const row = rowIn(box), plots = rowIn(box), told = document.createElement("p");
-  told.id = "taken";
-  told.setAttribute("role", "status");
-  box.append(told);
+  for (const old of box.querySelectorAll(".row")) old.remove();
+  const row = rowIn(box), plots = rowIn(box);
   const wait = (text, work) => async b => {
     const was = { playing, time };
     b.disabled = true;
-    told.textContent = text;
-    try { told.textContent = (await work()) || ""; } catch (error) { told.textContent = error.message; }
+    busyWith(text);
+    try { busyWith((await work(share => busyWith(text, share))) || "", 1); } catch (error) { busyWith(error.message, 1); }
     b.disabled = false;
     time = was.time;
     play(was.playing);
@@ -23,7 +20,7 @@ function takeAwaySection(stage, name, { page = null, film, scene }) {
   };
   if (page) button(row, "Offline page", page, "one file for a colleague: opens without a network, and its sliders still move");
   button(row, "Picture", () => stage.save(`${name()}.png`), "PNG of what is drawn");
-  button(row, "Film", wait("recording", () => recordFilm(stage, name(), film())), "webm of the motion, recorded as it plays");
+  button(row, "Film", wait("recording the film", done => recordFilm(stage, name(), film(), done)), "webm of the motion, recorded as it plays");
   button(row, "3-D scene", wait("writing", () => download(`${name()}.glb`, sceneGlb(stage, scene()))), "glTF (.glb) with the motion, for Blender and other viewers");
   if (!Plot.all.length) { plots.remove(); return; }
   plots.append("Plots ");
@@ -32,22 +29,23 @@ function takeAwaySection(stage, name, { page = null, film, scene }) {
   button(plots, "CSV", wait("", () => download("plots.csv", plotsCsv())), "the numbers of the plots below");
 }
 
-// Record the canvas while drawAt(share) goes through the motion in `seconds`, as often as `repeats`.
-async function recordFilm(stage, name, { seconds, repeats, drawAt }) {
+// Record the canvas while drawAt(share) goes through the motion in `seconds`, as often as `repeats`; `done` gets the share.
+async function recordFilm(stage, name, { seconds, repeats, drawAt }, done) {
   const kinds = ["video/webm;codecs=vp9", "video/webm;codecs=vp8", "video/webm", "video/mp4"], type = window.MediaRecorder && kinds.find(kind => MediaRecorder.isTypeSupported(kind));
   if (!type) return "this browser records no films; --export foot.mp4 of the command does";
   const parts = [], stream = stage.renderer.domElement.captureStream(30), recorder = new MediaRecorder(stream, { mimeType: type, videoBitsPerSecond: 8e6 });
   recorder.ondataavailable = event => { if (event.data.size) parts.push(event.data); };
-  const ended = new Promise(done => { recorder.onstop = done; });
+  const ended = new Promise(stopped => { recorder.onstop = stopped; });
   drawAt(0);
-  await new Promise(done => { recorder.onstart = done; recorder.start(); });
+  await new Promise(began => { recorder.onstart = began; recorder.start(); });
   let last = performance.now(), passed = 0;
-  await new Promise(done => {
+  await new Promise(drawn => {
     const step = now => {
       passed += Math.min(500, Math.max(0, now - last));  // a computer that stood still leaves no hole in the motion
       last = Math.max(last, now);
       const share = passed / (1000 * seconds);
-      if (share >= repeats) { done(null); return; }
+      if (share >= repeats) { drawn(null); return; }
+      done(share / repeats);
       drawAt(share % 1);
       requestAnimationFrame(step);
     };

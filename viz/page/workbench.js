@@ -30,7 +30,6 @@ const OTHER_SESSION = "This page belongs to an earlier session: open the address
 const STARTED_AGAIN = "The command was restarted: earlier recordings, ticks and fits are gone.";
 
 function element(tag, text = "", more = {}) { return Object.assign(document.createElement(tag), { textContent: text }, more); }
-function busyWith(text) { byId("data_state").textContent = text; }
 let complaints = "";
 function complain(text) { complaints = text; busyWith(""); say([broken, complaints].filter(Boolean).join("\n")); }
 
@@ -85,14 +84,13 @@ byId("sine").onclick = () => tellServer("sine");
 for (const [id, path] of [["save_report", "/report"], ["save_results", "/results"]]) byId(id).onclick = () => {
     bench.wantedPath = path;
     if (!bench.found) { receiveReport(); return; }  // of a fit that was made before
-    byId("fit_state").textContent = "writing the report";
-    tellServer("report");
+    tellServer("report", {}, "writing the report");
   };
 function receiveReport() {
   if (!bench.wantedPath) return;  // another page asked
-  byId("fit_state").textContent = "";
+  busyWith("");
   if (bench.wantedPath === "/report") {
-    if (!open("/report", "_blank")) byId("fit_state").replaceChildren("the report is ready: ", element("a", "open it", { href: "/report", target: "_blank" }));
+    if (!open("/report", "_blank")) byId("data_state").replaceChildren("the report is ready: ", element("a", "open it", { href: "/report", target: "_blank" }));
   } else if (bench.wantedPath) save(bench.wantedPath, "results.zip");
   bench.wantedPath = "";
 }
@@ -109,7 +107,7 @@ function saveOfflinePage() {
 
 // A sentence in place of what was asked for; nothing waits for that any longer.
 function receiveComplaint({ text, of }) {
-  if (of === "report" || !of) { bench.wantedPath = ""; byId("fit_state").textContent = ""; }
+  if (of === "report" || !of) bench.wantedPath = "";
   const open_ = of === "correct" && formOf(bench.corrected);
   if (of === "correct") bench.corrected = -1;
   if (open_) { complain(""); open_.remark(text); return; }
