@@ -232,7 +232,8 @@ class Solution:
         varies = np.flatnonzero(std)  # masses may be exact, and with them the scale
         coordinates = Coordinates(lambda Q: of(Q)[..., varies], of(self.q)[varies], std[varies])
         rise = self.quantile**2 * self.excess
-        reaches = ends(self.problem, self.q, self.optimum.sign, coordinates, rise, self.quantile)
+        places = np.stack([self.q, *self.optimum.others])
+        reaches = ends(self.problem, places, self.optimum.sign, coordinates, rise, self.quantile)
         return {names[int(i)]: reach for i, reach in zip(varies, reaches, strict=True)}
 
     def per_kilogram(self) -> list[tuple[str, float, float, float]]:
