@@ -245,6 +245,8 @@ class Solution:
         variables = self.problem.variables
         scaling = [item for item in variables.space.free if item.logarithmic and item.unit.startswith("N")]
         names = [item.name for item in scaling]
+        if not names:  # bends alone are fitted, which have no kilogram in them
+            return []
 
         def constants(Q: np.ndarray) -> np.ndarray:
             values = variables.dynamic(Q)

@@ -284,3 +284,13 @@ def test_a_constant_rests_on_a_bound_within_a_ten_thousandth_of_its_range(share:
     estimates, _ = Solution("best", made, Optimum(0, q, 1.0, True, 1, 1)).estimates()
     assert estimates["k_T_n_per_m"].at_bound is rests
     assert (estimates["k_T_n_per_m"].identifiability == "not identifiable") is rests
+
+
+def test_bends_alone_are_fitted() -> None:
+    """No spring or damper is free, so that nothing differs from seating to seating, and nothing has a kilogram in it."""
+    made = problem(session(BENT, FREQUENCIES[:2]), free=["c_12", "c_22"])
+    q = made.variables.start(BENT)
+    here = solved(made.weighed(q), q)
+    assert here.per_kilogram() == [] and here.problem.seats.shape[-1] == 0
+    e = here.estimates(profiles=True)[0]["c_12_per_m"]
+    assert e.lower < BENT["c_12"] < e.upper
