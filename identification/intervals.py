@@ -333,7 +333,7 @@ class Solution:
                     stated * float(np.exp(np.clip(end, item.lower, item.upper))) for end in (x - below, x + above)
                 )
                 whose = name if item.person is None else f"{name} of {item.person or 'unnamed'}"
-                learned = max(0.0, 1 - std)
+                learned = max(0.0, 1 - float(below + above) / (2 * self.quantile * item.std))
                 weighed = loaded and learned > WEIGHED
                 assumed = not stated_mass(data, item.person)
                 value = stated * float(np.exp(x))
