@@ -232,7 +232,8 @@ class Solution:
         varies = np.flatnonzero(std)  # masses may be exact, and with them the scale
         coordinates = Coordinates(lambda Q: of(Q)[..., varies], of(self.q)[varies], std[varies])
         rise = self.quantile**2 * self.excess
-        reaches = ends(self.problem, self.q, self.optimum.sign, coordinates, rise, self.quantile)
+        places = np.stack([self.q, *self.optimum.others])
+        reaches = ends(self.problem, places, self.optimum.sign, coordinates, rise, self.quantile)
         return {names[int(i)]: reach for i, reach in zip(varies, reaches, strict=True)}
 
     def per_kilogram(self) -> list[tuple[str, float, float, float]]:
@@ -244,6 +245,8 @@ class Solution:
         variables = self.problem.variables
         scaling = [item for item in variables.space.free if item.logarithmic and item.unit.startswith("N")]
         names = [item.name for item in scaling]
+        if not names:  # bends alone are fitted, which have no kilogram in them
+            return []
 
         def constants(Q: np.ndarray) -> np.ndarray:
             values = variables.dynamic(Q)
@@ -330,7 +333,7 @@ class Solution:
                     stated * float(np.exp(np.clip(end, item.lower, item.upper))) for end in (x - below, x + above)
                 )
                 whose = name if item.person is None else f"{name} of {item.person or 'unnamed'}"
-                learned = max(0.0, 1 - std)
+                learned = max(0.0, 1 - float(below + above) / (2 * self.quantile * item.std))
                 weighed = loaded and learned > WEIGHED
                 assumed = not stated_mass(data, item.person)
                 value = stated * float(np.exp(x))

@@ -66,6 +66,7 @@ class Optimum:
         hits: how many descents came to it.
         starts: how many random ones were tried.
         behind: how far it is above the best end of all.
+        others: (n,) each, other ends of this side, where constants may be just as likely.
     """
 
     sign: int
@@ -75,6 +76,7 @@ class Optimum:
     hits: int
     starts: int
     behind: float = 0.0
+    others: tuple[np.ndarray, ...] = ()
 
     @property
     def exhausted(self) -> bool:
@@ -580,7 +582,9 @@ def _promising(problem: Problem, population: Population, count: int) -> Populati
 
 def _optimum(problem: Problem, population: Population, sign: int, tried: int, steps: int) -> Optimum:
     """The best of a side's ends, finished."""
-    best = population.best(sign)
+    best, side = population.best(sign), population.sign == sign
     q, objective, converged = finished(problem, population.Q[best], sign, round(_LONGER * steps))
-    near = (population.sign == sign) & (population.objective < max(population.objective[best], objective) + SAME)
-    return Optimum(sign, q, objective, converged, int(population.hits[near].sum()), tried, population.behind(sign))
+    near = side & (population.objective < max(population.objective[best], objective) + SAME)
+    hits, others = int(population.hits[near].sum()), side & (np.arange(side.size) != best)
+    behind = population.behind(sign)
+    return Optimum(sign, q, objective, converged, hits, tried, behind, tuple(population.Q[others]))

@@ -2,7 +2,8 @@
 
 A standard error takes the sum of squares for a parabola. An end of the profile is where a constant is as large, or as
 small, as the sum of squares allows: Venzon and Moolgavkar (1988) step there without a fit at each place between, here
-by the same damped Gauss-Newton steps between bounds as every other descent.
+by the same damped Gauss-Newton steps between bounds as every other descent. The sum of squares may have several
+valleys: steps begin at every end of the search that is as likely, and the farthest place counts.
 """
 
 from collections.abc import Callable
@@ -40,7 +41,7 @@ class Coordinates:
 
 def ends(
     problem: Problem,
-    q: np.ndarray,
+    places: np.ndarray,
     sign: int,
     coordinates: Coordinates,
     rise: float,
@@ -50,20 +51,19 @@ def ends(
 
     Args:
         problem: with its weights.
-        q: (n,) the optimum.
+        places: (m, n) ends of the search on this side, the optimum first.
         sign: side of the mirror.
         coordinates: k of them.
         rise: of the sum of squares at an end.
         quantile: standard errors to an end by the curvature. Where no end is reached it is returned, or how far the
             sum of squares is known to allow, if that is farther.
     """
-    c, n = coordinates, q.size
-    pins, ways = np.repeat(np.arange(c.std.size), 2), np.tile([-1.0, 1.0], c.std.size)
-    low, high = (np.tile(limit, (pins.size, 1)) for limit in problem.bounds(sign))
-    Q = np.tile(q, (pins.size, 1))
+    c, n = coordinates, places.shape[1]
+    begin, pins, ways, limit = _beginnings(problem, places, c, rise)
+    low, high = (np.tile(bound, (pins.size, 1)) for bound in problem.bounds(sign))
+    Q = places[begin]
     now = problem.evaluate(Q)
-    limit = float(now.objective[0]) + rise
-    reach, before = quantile * c.std[pins], np.full(pins.size, -np.inf)
+    reach, before = np.where(begin == 0, quantile * c.std[pins], 0.0), np.full(pins.size, -np.inf)
     at, damping, factor = np.arange(pins.size), np.full(pins.size, _DAMPING), np.full(pins.size, 2.0)
     bend = np.zeros((pins.size, n, n))
     for _ in range(_STEPS):
@@ -96,4 +96,29 @@ def ends(
         bend[at[good]] = bent(bend[at], trial - Q[at], now.jacobian, after)[good]
         Q[at[good]] = trial[good]
         now = now.replaced(after, good)
-    return reach.reshape(-1, 2)
+    farthest = np.zeros((c.std.size, 2))
+    np.maximum.at(farthest, (pins, (ways > 0).astype(int)), reach)
+    return farthest
+
+
+def _beginnings(
+    problem: Problem, places: np.ndarray, c: Coordinates, rise: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+    """Where steps begin: at the optimum, and where the sum of squares allows it and a coordinate is farther already.
+
+    Args:
+        problem: with its weights.
+        places: (m, n) ends of the search, the optimum first.
+        c: k coordinates.
+        rise: of the sum of squares that is allowed.
+
+    Returns:
+        of each beginning the place (b,), the coordinate (b,) and the way (b,), -1 or 1; the largest sum of squares.
+    """
+    objective, distance = problem.evaluate(places).objective, c.of(places) - c.values
+    ways = np.array([-1.0, 1.0])
+    limit = float(objective[0]) + rise
+    begins = (distance[..., None] * ways > 0) & (objective < limit)[:, None, None]
+    begins[0] = True
+    begin, pins, way = np.nonzero(begins)
+    return begin, pins, ways[way], limit

@@ -157,8 +157,8 @@ def about_departures(departures: Departures, others: Sequence[Departures] = (), 
     for mass in departures.masses:
         if mass.weighed:
             texts.append(
-                f"The recordings narrow {mass.name}: without load it is {mass.interval()} kg (95 %). Its standard "
-                f"deviation falls by {100 * mass.learned:.0f} % against the {mass.basis} one. The estimate is "
+                f"The recordings narrow {mass.name} to {mass.interval()} kg without load (95 %). Its standard "
+                f"deviation is {100 * mass.learned:.0f} % smaller than the {mass.basis} one. The estimate is "
                 f"{abs(100 * (mass.value / mass.stated - 1)):.1f} % {'above' if mass.value > mass.stated else 'below'} "
                 f"the {mass.basis} {mass.stated:.4g} kg."
             )

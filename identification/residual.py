@@ -153,7 +153,7 @@ class Problem:
         at = [self.variables.motion_names.index(name) for name in names]
         theta = self.variables.theta(q[None])
         slopes = self.motion.response(theta, None)[1][0][..., at]  # (R, S, H, k)
-        seen = (T[..., None] * slopes * theta[0][:, None, None, at]).reshape(len(theta[0]), -1, len(names))
+        seen = (T[..., None] * slopes * theta[0][:, None, None, at]).reshape(len(T), T[0].size, len(at))
         return np.concatenate([seen.real, seen.imag], 1)
 
     def with_repeatability(self, repeatability: float) -> "Problem":

@@ -1,6 +1,7 @@
 """Intervals: coverage by a Monte Carlo, a profile beside the curvature, the scale that all constants share."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from steady_cases import BENT, problem, session
 
 from identification.intervals import Solution, inverse_of_gram
 from identification.optimiser import Optimum, finished
+from identification.profile import Coordinates, ends
 from identification.residual import Evaluation, Problem
 
 Array = np.ndarray
@@ -179,6 +181,32 @@ def test_every_end_of_a_profile_is_as_unlikely_as_it_should_be() -> None:
             assert (2 * fit.cost - here.optimum.objective) / rise == pytest.approx(1.0, abs=0.1), (name, sign)
 
 
+@pytest.mark.parametrize(("tilt", "reaches"), [(0.9, True), (1.1, False)])
+def test_an_interval_spans_every_valley_that_is_as_likely(tilt: float, reaches: bool) -> None:
+    """Of two valleys with a ridge between them, at 1 and near -1, where the sum of squares is about (2 tilt)^2."""
+
+    def residual(x: Array) -> Array:
+        return np.stack([3 * (x * x - 1), tilt * (x - 1)], -1)
+
+    def evaluate(Q: Array, near: object = None) -> Evaluation:
+        x = Q[:, 0]
+        slope = np.stack([6 * x, np.full(x.size, tilt)], -1)[..., None]
+        return Evaluation(residual(x), slope, np.ones(x.size, bool), None)
+
+    ones = SimpleNamespace(slopes=lambda function, Q, of: np.ones((len(Q), 1, 1)))
+    two = SimpleNamespace(evaluate=evaluate, variables=ones, held=np.zeros(1, bool),
+                          bounds=lambda sign: (np.array([-9.0]), np.array([9.0])))  # fmt: skip
+    coordinate = Coordinates(lambda Q: Q, np.array([1.0]), np.array([1 / 6]))
+    rise = 1.96**2
+    below, above = ends(two, np.array([[1.0], [-0.95]]), 0, coordinate, rise, 1.96)[0]  # type: ignore[arg-type]
+
+    def risen(x: float) -> float:
+        return float((residual(np.array(x)) ** 2).sum() - rise)
+
+    assert 1 + above == pytest.approx(brentq(risen, 1.0, 3.0), abs=0.01)
+    assert 1 - below == pytest.approx(brentq(risen, -3.0, -1.0) if reaches else brentq(risen, 0.0, 1.0), abs=0.02)
+
+
 def test_of_exact_masses_the_scale_has_no_profile_and_the_constants_have() -> None:
     made = problem(session(BENT, FREQUENCIES[1:5]), mass_std=0.0, exclude=["share", "rocking", "drift", "mount"])
     q = made.variables.start(BENT)
@@ -256,3 +284,13 @@ def test_a_constant_rests_on_a_bound_within_a_ten_thousandth_of_its_range(share:
     estimates, _ = Solution("best", made, Optimum(0, q, 1.0, True, 1, 1)).estimates()
     assert estimates["k_T_n_per_m"].at_bound is rests
     assert (estimates["k_T_n_per_m"].identifiability == "not identifiable") is rests
+
+
+def test_bends_alone_are_fitted() -> None:
+    """No spring or damper is free, so that nothing differs from seating to seating, and nothing has a kilogram in it."""
+    made = problem(session(BENT, FREQUENCIES[:2]), free=["c_12", "c_22"])
+    q = made.variables.start(BENT)
+    here = solved(made.weighed(q), q)
+    assert here.per_kilogram() == [] and here.problem.seats.shape[-1] == 0
+    e = here.estimates(profiles=True)[0]["c_12_per_m"]
+    assert e.lower < BENT["c_12"] < e.upper
