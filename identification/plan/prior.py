@@ -156,7 +156,8 @@ class Person:
             raise SettingError(f"the body mass is {self.body_mass_kg:g} kg; valid: 20 to 300.", "body_mass")
         if not twin_applies(self.foot) or has_mirror(space_of(self.foot).names, self.foot.parameters):
             raise SettingError(
-                f"plan supports the two-mass foot only (its values may be edited), and {self.foot.name} is another model."
+                "plan supports the two-mass foot only (its values may be edited), and "
+                f"{self.foot.name} is another model."
             )
 
     def condition(self, step: Step) -> Condition:

@@ -280,7 +280,8 @@ class Naming(Presented):
             notes.append("All recordings have one load, so the effect of a load cannot separate the mechanisms.")
         if not (plan.partner >= 0).any():
             notes.append("No frequency was recorded at two amplitudes, which would show lift-off best.")
-        notes.append(f"Assumed, not measured: scatter of {100 * NOISE:g} %, and a model error of {100 * DEPARTURE:g} %.")
+        within = f"a model error of {100 * DEPARTURE:g} %"
+        notes.append(f"Assumed, not measured: scatter of {100 * NOISE:g} %, and {within}.")
         if self.enough and self.verdict.per_dof < CLOSE:
             notes.append(
                 f"{self.fits[0].rival.capitalize()} fits much better than these assumptions imply "
