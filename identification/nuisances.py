@@ -32,8 +32,8 @@ SHANK_STD, FOOT_STD = 0.15, 0.10
 _UNKNOWN_STD, _UNKNOWN_END = 0.30, 1.2
 #: Default uncertainty of a gain (share), and of a delay in samples.
 _GAIN_STD, _DELAY_SAMPLES = 0.01, 0.1
-#: Standard deviation of a constant's change under 2.3 kg (share): a pad that stiffens as walkers' heels do (force as
-#: deformation to the power 2.6) would change by 0.29 from the leg's weight alone, which is 2.6 of these.
+#: Standard deviation of a constant's change under 2.3 kg (share). A pad whose force grows as deformation^2.6 (walkers'
+#: heels: 2.87 and 3.48, docs/heel_pad.md) would change by 30 % from the leg's weight alone, three of these.
 _LOAD_STD, _LOAD_KG = 0.10, 2.3
 #: Standard deviation of a constant from one seating to the next (share).
 _SEATING_STD = 0.05

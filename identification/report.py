@@ -351,9 +351,11 @@ def _beyond(result: FitResult) -> str:
     names = (["segment masses"] if result.departures.masses else []) + names
     text = (
         f"Nuisance parameters with priors were estimated together with the constants: {', '.join(names)}. The scatter "
-        f"between recordings was estimated, too: {result.departures.repeats}. For the intervals of the model assumed "
-        "exact, the nuisance parameters are held at the centre of their priors. "
+        f"between recordings was estimated, too: {result.departures.repeats}. For the model assumed exact, "
     )
+    kept = any(n.name == DELAY.name for n in result.departures.nuisances)
+    text += "the delay is estimated, and all other nuisance parameters " if kept else "all nuisance parameters "
+    text += "are held at their nominal values. "
     if result.relaxes:
         text += (
             "Stiffness and damping are the real part of the joint's complex stiffness, and its imaginary part over "

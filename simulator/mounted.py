@@ -20,7 +20,7 @@ from simulator.tissue import Tissue
 SEATED_N = 42.0
 #: Half the mean body weight of Chapter 2 [N].
 STANDING_N = 347.0
-#: Load at which `k_F` is stated [N], and how the pad stiffens with it: heels of walkers, force ~ compression^2.6.
+#: Load at which `k_F` is stated [N], and how the pad stiffens with it: force ~ compression^2.56, chosen.
 PAD_N, PAD_POWER = 43.0, 0.61
 #: Masses of mjcf/leg.xml [kg]: foot; malleolus segment and shank together; thigh at the knee; tissue under the load.
 FOOT_KG, SHANK_KG, THIGH_KG, TISSUE_KG = 1.05, 3.4, 2.06, 0.2

@@ -864,7 +864,7 @@ def test_session_goes_on_while_more_minutes_narrow_what_can_never_be_met() -> No
     on, over = ends
     assert on is None and over is not None and over[0] == NEVER
     assert f"k_T ±{100 * ever['k_T']:.2g} % (goal ±2 %)" in over[1]
-    assert "shank mass" in over[1] and "However long you record" in over[1]
+    assert "shank mass" in over[1] and "cannot become narrower" in over[1]
 
 
 def made(half_way: tuple[Director, list[Recording]], ask: dict[str, float]) -> Session:

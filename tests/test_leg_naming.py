@@ -137,8 +137,8 @@ def test_a_second_mode_is_named_with_and_without_the_tuberosity(
     assert second.named == "second mode"
     assert second.seen.plan.tuberosity
     assert np.abs(second.seen.recordings.second).max() < 0.02
-    assert second.sentence.startswith("Second mode for subject 7, with odds above 1000 to 1")
-    assert re.search(r"; only the more general both is not excluded \(\d+ to 1 against\)\.$", second.sentence)
+    assert second.sentence.startswith("Subject 7: second mode. All other mechanisms are excluded (1000 to 1)")
+    assert re.search(r" except second mode with lift-off, .* special case \(\d+ to 1 against\)\.$", second.sentence)
     alone = named([replace(r, tuberosity_m_s2=None) for r in linked])
     assert (alone.named, alone.verdict.best) == ("undecided", "second mode")  # not lift-off for having fewer constants
     assert any("tuberosity" in note for note in alone.notes)
@@ -180,7 +180,7 @@ def test_a_foot_far_nearer_than_assumed_is_said(second: Naming) -> None:
         "Second mode fits much better than these assumptions imply (chi-square 0.001 per number, about 1 expected), "
         "so the odds are too cautious."
     ]
-    assert any(f"an error of {100 * DEPARTURE:g} % of the mechanism" in note for note in usual)
+    assert any(f"model error of {100 * DEPARTURE:g} %" in note for note in usual)
 
 
 @pytest.mark.long

@@ -156,8 +156,8 @@ class Person:
             raise SettingError(f"the body mass is {self.body_mass_kg:g} kg; valid: 20 to 300.", "body_mass")
         if not twin_applies(self.foot) or has_mirror(space_of(self.foot).names, self.foot.parameters):
             raise SettingError(
-                f"the director plans for the two-mass foot and edits of its numbers, and {self.foot.name} is another "
-                "model: its branches are not known in closed form."
+                "plan supports the two-mass foot only (its values may be edited), and "
+                f"{self.foot.name} is another model."
             )
 
     def condition(self, step: Step) -> Condition:

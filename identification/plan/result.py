@@ -607,7 +607,7 @@ def nothing_brings(
         listed(texts) + (f" (remaining variance: {cause})" if cause else "")
         for cause, texts in together.items()
     ]
-    parts = [f"these intervals stay at {'; '.join(what)}"] if what else []
+    parts = [f"these intervals cannot become narrower than {'; '.join(what)}"] if what else []
     if open_:
         parts.append(f"the branch is decided with a probability of at most {chance(reached.decided)}")
     kinds = {cause.kind for name in names for cause in causes[name]}

@@ -31,7 +31,7 @@ from identification.variables import Variables
 EXCLUDED = ("mount", "relaxation", "load", "rocking")
 #: Constants of the model: what frees more is more than it.
 _OF_MODEL = 8
-_FORCE = "a heel's force grows as deformation to the power 2.6, so -1600 to -530 1/m at 1 to 3 mm"
+_FORCE = "a pad whose force grows as deformation^2.6 has -1600 to -530 1/m at 1 to 3 mm"
 _TISSUE = "soft tissue rings at frequencies of running impacts, J Appl Physiol 90:412 (2001)"
 
 

@@ -193,7 +193,7 @@ MASS = Constant("m", "kg", 3.9, 4.5, "foot and shank, body-segment tables", True
 PRESSED_PAD = (
     Constant("rest", "N", 10, 120, "nominal: shank, foot and a part of the thigh's weight", True),
     Constant("k", "N/m", 1.5e4, 4e5, "pad's tangent at 43 N; as above"),
-    Constant("exponent", "", 1, 3.5, "F ~ x^exponent; 2.6 measured on walkers", True),
+    Constant("exponent", "", 1, 3.5, "F ~ x^exponent; heels of walkers 2.87 and 3.48", True),
     Constant("c", "N s/m", 30, 1500, "pad's damper at 43 N, as its stiffness; nominal"),
 )
 MOVING = Constant("share", "", 0, 1, "from a load that presses to one that moves along", True)

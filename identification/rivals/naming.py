@@ -50,6 +50,8 @@ ENOUGH = 2.0
 CLOSE = 0.1
 #: Virtual subjects from which on the share that is named rightly is known to some 5 %.
 RATE = 100
+#: Mechanisms in a sentence, where their name alone says little.
+_WORDS = {"constant": "constant parameters", "both": "second mode with lift-off"}
 
 
 @dataclass(frozen=True)
@@ -259,11 +261,12 @@ class Naming(Presented):
         if self.named == UNDECIDED:
             return f"Undecided for {who}: {best} fits best, but at odds below 1000 to 1."
         first = self.fits[0].criterion
-        text = f"{best.capitalize()} for {who}, with odds above 1000 to 1 against the other mechanisms"
+        text = f"{who[:1].upper()}{who[1:]}: {_WORDS.get(best, best)}. All other mechanisms are excluded (1000 to 1)"
         for richer in self.fits:
             over = richer.criterion - first
             if richer.rival in RICHER.get(best, ()) and over < DECIDED:
-                return f"{text}; only the more general {richer.rival} is not excluded ({_against(over)})."
+                special = f"which includes {_WORDS.get(best, best)} as a special case"
+                return f"{text} except {_WORDS.get(richer.rival, richer.rival)}, {special} ({_against(over)})."
         return f"{text}."
 
     @property
@@ -277,7 +280,7 @@ class Naming(Presented):
             notes.append("All recordings have one load, so the effect of a load cannot separate the mechanisms.")
         if not (plan.partner >= 0).any():
             notes.append("No frequency was recorded at two amplitudes, which would show lift-off best.")
-        within = f"an error of {100 * DEPARTURE:g} % of the mechanism"
+        within = f"a model error of {100 * DEPARTURE:g} %"
         notes.append(f"Assumed, not measured: scatter of {100 * NOISE:g} %, and {within}.")
         if self.enough and self.verdict.per_dof < CLOSE:
             notes.append(

@@ -31,7 +31,7 @@ def name(
     figure: Annotated[Path | None, typer.Option(help="SVG or PNG to write, of one person")] = None,
     json: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
 ) -> None:
-    """Name the mechanism in a person's recordings: a second mode, stiffening, lift-off, both, or none of these.
+    """Name the mechanism in recordings: constant parameters, stiffening, second mode, lift-off, both, or none.
 
     Needs recordings of sines under one or more loads; docs/load.md has the best protocol. Virtual
     subjects with the same recordings show how often the mechanism is named correctly. They take a
