@@ -287,7 +287,7 @@ def test_a_constant_rests_on_a_bound_within_a_ten_thousandth_of_its_range(share:
 
 
 def test_bends_alone_are_fitted() -> None:
-    """No spring or damper is free, so that nothing differs from seating to seating, and nothing has a kilogram in it."""
+    """No spring or damper is free, so nothing differs by seating, and nothing has a kilogram in it."""
     made = problem(session(BENT, FREQUENCIES[:2]), free=["c_12", "c_22"])
     q = made.variables.start(BENT)
     here = solved(made.weighed(q), q)

@@ -44,6 +44,8 @@ _IN_G, UNIT_IN_DOUBT = "in g", "unit in doubt"
 _CHECK_UNIT = "check its unit."
 #: A passive foot lags behind its base; it may seem to lead by so much where loggers take channels one by one [deg].
 _LEAD_DEG = 1.0
+#: By how much more a sine of a person who repeats to 5 % may seem to lead, two standard deviations [deg].
+_REPEATS_DEG = 5.7
 #: Where the malleolus moves by less than this share of the base, a foot is above its resonance.
 _ABOVE = 0.6
 #: The third harmonic, over the fundamental, of tops that a saturated sensor flattens, and over the base's.
@@ -432,15 +434,14 @@ def _quality(recording: Recording, measures: Quality, frequency: float | None) -
     _, delay_std = gain_and_delay(recording, "malleolus", "base")
     sure = 3 * np.hypot(measures.lead_std_deg, 360 * (frequency or 20.0) * delay_std)
     size = malleolus.level_m_s2.mean() / base.level_m_s2.mean()
-    leads = measures.lead_deg > _LEAD_DEG + sure
-    leads &= not (frequency and _late(size, measures.lead_deg))
-    if leads and measures.coherence > _COHERENT[False]:
-        lead = f"leads the base by {measures.lead_deg:.1f} degrees {at}"
-        settings = called("channels.column, channels.delay_s")
-        raise RecordingError(
-            problem=f"the malleolus {lead}, which no passive foot does",
-            remedy=Sentence("the channels are swapped or misaligned (", settings, ")"),
-        )
+    leads = measures.lead_deg - _LEAD_DEG - sure
+    late = bool(frequency) and _late(size, measures.lead_deg)
+    if leads > 0 and not late and measures.coherence > _COHERENT[False]:
+        lead = f"the malleolus leads the base by {measures.lead_deg:.1f} degrees {at}, which no passive foot does"
+        cause = Sentence("the channels are swapped or misaligned (", called("channels.column, channels.delay_s"), ")")
+        if not frequency or leads > _REPEATS_DEG:
+            raise RecordingError(problem=lead, remedy=cause)
+        yield Sentence(f"{lead}; the person repeats to some per cent only, or ", cause, ".")
     for name, channel in measures.channels.items():
         if name != "base":
             yield from _tops(name, channel, base, at)
