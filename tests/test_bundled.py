@@ -72,6 +72,8 @@ def test_two_loads_weigh_the_shank(bundled: tuple) -> None:
         assert mass["lower"] < document["truth"][name] < mass["upper"]
         assert mass["weighed"] is (mass["learned"] > 0.3) is (name == "m_S")
     assert sum(text.startswith("The recordings narrow m_S") for text in document["warnings"]) == 1
+    scale = pd.read_csv(folder / "figures" / "scale.csv")  # of each interval, and not of that per kilogram
+    assert len(scale) == 4 and (scale.per_kg_half_width_percent < 0.8 * scale.half_width_percent).all()
     assert "Two or more loads narrow the leg" in (folder / "report.html").read_text()
 
 
