@@ -75,6 +75,8 @@ def test_two_loads_weigh_the_leg(bundled: tuple) -> None:
         half = 0.5 * np.log(mass["upper"] / mass["lower"]) / Z95
         assert 1 - mass["learned"] == pytest.approx(half / mass["prior_std"], rel=1e-6)
     assert sum(text.startswith("The recordings narrow m_S") for text in document["warnings"]) == 1
+    scale = pd.read_csv(folder / "figures" / "scale.csv")  # of each interval, and not of that per kilogram
+    assert len(scale) == 4 and (scale.per_kg_half_width_percent < 0.8 * scale.half_width_percent).all()
     assert "Two or more loads narrow the leg" in (folder / "report.html").read_text()
 
 

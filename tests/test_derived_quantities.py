@@ -10,16 +10,15 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from fasbody.foot.hysteresis import cycle
-from fasbody.foot.model import Foot, load
+from fasbody.foot.model import Foot
 from fasbody.foot.shaker import harmonics
 from fasbody.foot.two_dof import TwoDof
 from fasbody.foot.two_mass import PARAMETERS, parameters, resolved
 from fasbody.recording.harmonics import fit_harmonics
-from fasbody.recording.study import BUNDLED, bundled
+from fasbody.recording.study import BUNDLED
 from identification import report
 from identification.derived_quantities import _views, derived, linearised, poles, small_motion, work_slopes
 from identification.estimates import IF_TRUE, WHATEVER
-from identification.fitting import fit_foot
 from identification.harmonics import Line
 from identification.replay import relaxing
 from identification.result import FitResult
@@ -230,11 +229,3 @@ def test_a_result_says_how_to_make_it_again(fitted: FitResult) -> None:
     for file, digest in told["sha256"].items():
         assert digest == hashlib.sha256((BUNDLED.parent / file).read_bytes()).hexdigest()
     assert len(told["sha256"]) == 3
-
-
-def test_two_loads_leave_each_constant_narrower_per_kilogram() -> None:
-    """The bundled foot: the scale's share is part of each interval, and not of that per kilogram."""
-    rows = derived(fit_foot(bundled(), load("two_dof"), starts=4, threads=1)).scale
-    assert len(rows) == 4
-    for row in rows:
-        assert row["per_kg_half_width_percent"] < 0.8 * row["half_width_percent"]

@@ -48,6 +48,7 @@ from identification.plan.result import Planned, believed, nothing_brings, planne
 from identification.plan.session import FAILING, INTERRUPTED, MET, NEVER, SPENT, Offering, Session, Shaken
 from identification.plan.shaker import NOISE_M_S2, NOISE_STD, REPEATABILITY, REPEATABILITY_STD, Shaker
 from identification.residual import Problem
+from identification.result import FitResult
 from simulator.rig import SHORTER, Rig, Virtual, recorded, virtual
 
 ALONE = Known().overruled_by(exclude=("all",))
@@ -873,26 +874,30 @@ def made(half_way: tuple[Director, list[Recording]], ask: dict[str, float]) -> S
     return Session(director.person, SHAKER, ask, 4, 40.0, 0, 4, lambda step: data[0], None, data)
 
 
-def test_a_session_is_met_by_the_fits_own_bands(half_way: tuple[Director, list[Recording]]) -> None:
-    director, data = half_way
+@pytest.fixture(scope="module")
+def alone(half_way: tuple[Director, list[Recording]]) -> FitResult:
+    """What a fit says of the same recordings."""
+    return fit_foot(half_way[1], load("two_dof"), exclude=("all",), starts=2, threads=1)
+
+
+def test_a_session_is_met_by_the_fits_own_bands(half_way: tuple[Director, list[Recording]], alone: FitResult) -> None:
+    director, _ = half_way
     widths = {name: band.half_width for name, band in director.belief.open_bands(EXCHANGED).items()}  # type: ignore[union-attr]
-    result = fit_foot(data, load("two_dof"), exclude=("all",), threads=1)
-    fitted = {n: next(e for key, e in result.best.parameters.items() if key.startswith(f"{n}_")) for n in EXCHANGED}
+    fitted = {n: next(e for key, e in alone.best.parameters.items() if key.startswith(f"{n}_")) for n in EXCHANGED}
     met = made(half_way, {name: 1.5 * width for name, width in widths.items()})
     director.aim(met._ask)
     ended = met._over(director)
-    assert ended is not None and ended[0] == MET and result.verdict == "decided"
+    assert ended is not None and ended[0] == MET and alone.verdict == "decided"
     bands = met._end(*ended).bands
     assert all(bands[n].lower == pytest.approx(fitted[n].lower, rel=1e-3) for n in EXCHANGED)
 
 
 def test_a_session_goes_on_where_the_fit_is_not_there_yet(
-    half_way: tuple[Director, list[Recording]], monkeypatch: pytest.MonkeyPatch
+    half_way: tuple[Director, list[Recording]], alone: FitResult, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     director, _ = half_way
     director.aim(dict.fromkeys(EXCHANGED, 0.9))
-    result = fit_foot(half_way[1], load("two_dof"), exclude=("all",), threads=1)
-    monkeypatch.setattr(session, "fit_foot", lambda *data, **more: replace(result, verdict="undecided"))
+    monkeypatch.setattr(session, "fit_foot", lambda *data, **more: replace(alone, verdict="undecided"))
     assert made(half_way, director.asked)._over(director) is None
 
 

@@ -76,7 +76,7 @@ def test_a_decompression_bomb_ends_in_a_sentence(tmp_path: Path) -> None:
     body[at : at + 4] = size.to_bytes(4, "little")
     place = body.index((300).to_bytes(4, "little"))
     body[place : place + 4] = (size // 8).to_bytes(4, "little")
-    packer = zlib.compressobj(9)
+    packer = zlib.compressobj(1)
     packed = packer.compress(bytes(body))
     zeros = bytes(1 << 24)
     for _ in range(size >> 24):

@@ -68,7 +68,7 @@ def test_the_headline_and_the_exact_model_stand_side_by_side(two: FitResult) -> 
 def test_two_loads_weigh_a_leg_that_was_stated_too_heavy(foot: Foot, two_loads: list[Recording]) -> None:
     """A body mass 35 % too high; the share of the load that the leg carries is known here, as a plate would say."""
     said = [replace(r, condition=replace(r.condition, body_mass_kg=1.35 * 72.57)) for r in two_loads]
-    result = fit_foot(said, foot.with_values(BENT), starts=2, exclude=["share", "load"])
+    result = fit_foot(said, foot.with_values(BENT), starts=1, exclude=["share", "load"])
     assert result.departures is not None
     m_S = result.departures.masses[0]
     assert m_S.value / m_S.stated - 1 == pytest.approx(1 / 1.35 - 1, abs=0.05) and m_S.weighed
@@ -169,7 +169,7 @@ def test_a_soft_mount_is_named(foot: Foot, two_loads: list[Recording]) -> None:
         zeta = 0.2
         M = (1 + 2j * zeta * f / 90) / (1 + 2j * zeta * f / 90 - (f / 90) ** 2)
         soft.append(replace(r, malleolus_m_s2=np.fft.irfft(np.fft.rfft(y) * M, y.size)))
-    result = fit_foot(soft, foot.with_values(BENT), starts=2)
+    result = fit_foot(soft, foot.with_values(BENT), starts=1)
     assert result.departures is not None and result.departures.follows
     assert any(text.startswith("A sign of a sensor on soft tissue") for text in about_departures(result.departures))
     ankle = {b.name: b for b in result.open}["stiff ankle"]["k_T"]
@@ -205,17 +205,17 @@ def test_masses_that_nobody_stated_are_known_as_people_are(foot: Foot, two_loads
 
 
 def test_recordings_of_one_seating_share_its_constants(foot: Foot) -> None:
-    """Four seatings, whose constants lie 4 % about the median: stated, the recordings repeat to the sensors' noise."""
+    """Three seatings, whose constants lie 4 % about the median: stated, the recordings repeat to the sensors' noise."""
     rng, data = np.random.default_rng(2), []
-    for seating in "abcd":
+    for seating in "abc":
         p = BENT | {name: BENT[name] * np.exp(0.04 * rng.normal()) for name in EXCHANGED}
-        data += [replace(r, condition=replace(r.condition, seating=seating)) for r in session(p, FREQUENCIES)]
+        data += [replace(r, condition=replace(r.condition, seating=seating)) for r in session(p, (10.0, 20.0, 50.0))]
     start = foot.with_values(BENT)
-    stated, unstated = fit_foot(data, start, starts=2), fit_foot(data, start, starts=2, exclude=["seating"])
+    stated, unstated = fit_foot(data, start, starts=1), fit_foot(data, start, starts=1, exclude=["seating"])
     assert stated.departures is not None and unstated.departures is not None
     assert stated.departures.repeatability < 2e-3 < 1e-2 < unstated.departures.repeatability
     named = [item for item in stated.departures.nuisances if item.group == "seating"]
-    assert len(named) == 16 and named[0].name == "k_T in seating a"
+    assert len(named) == 12 and named[0].name == "k_T in seating a"
     for name in EXCHANGED:
         e = stated[name]
         assert e.lower < BENT[name] < e.upper, name

@@ -200,10 +200,9 @@ def test_a_further_channel_never_stands_in_the_way(linear: Foot, tmp_path: Path)
 
 
 def test_a_sensor_on_the_foot_decides_the_mirror_of_a_nearly_linear_leg(foot: Foot) -> None:
-    hz = (10.0, 15.0, 20.0, 25.0, 30.0, 40.0, 50.0)
-    made = replace(worlds.member(worlds.CLEAN, 0), loads_kg=(0.0,), frequencies_hz=hz)
+    made = replace(worlds.member(worlds.CLEAN, 0), loads_kg=(0.0,), frequencies_hz=(10.0, 20.0, 30.0, 40.0))
     data = worlds.recordings(made, foot=True)
-    result = fit_foot(data, foot)
+    result = fit_foot(data, foot, starts=1)
     assert made.leg.stiff_ankle and (result.verdict, result.best.name) == ("decided", branches.STIFF_ANKLE)
     for constant in ("k_T", "k_F"):
         e, exact = result[constant], getattr(made.leg, constant)

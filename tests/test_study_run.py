@@ -27,7 +27,7 @@ def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def test_a_job_is_the_fit(study: Path) -> None:
     """What the document says is what fit() says of the same recordings."""
-    opened, settings = StudyFolder.open(study), Settings(departures=False, starts=2, threads=1)
+    opened, settings = StudyFolder.open(study), Settings(departures=False, starts=1, threads=1)
     plan = Plan(opened, opened.trials, settings, Model.of(load("two_dof")))
     for mode in ("per-recording", "pooled"):
         one = plan.jobs(mode)[0]
@@ -66,6 +66,7 @@ def test_interrupt_within_compiled_code_is_no_failed_fit(study: Path, monkeypatc
 
 def test_failures_are_kept_and_tried_again(tmp_path: Path) -> None:
     study, out = small(tmp_path / "study"), tmp_path / "out"
+    quick = ("--workers", "1", "--starts", "1")
     dead = study / "recordings" / "s01_midstance_0kg_20hz.csv"
     healthy = dead.read_bytes()
     lines = healthy.decode().splitlines()
@@ -73,7 +74,7 @@ def test_failures_are_kept_and_tried_again(tmp_path: Path) -> None:
     gone = study / "recordings" / "s01_midstance_2.3kg_30hz.csv"
     kept = gone.read_bytes()
     gone.unlink()
-    first = fitted(study, out, "--workers", "1")
+    first = fitted(study, out, *quick)
     assert (first["modes"][0]["fits"], done(first), first["computed"]) == (4, 2, 4)
     errors = {d["files"][0]: d["error"] for d in first["failed"]}
     assert "is dead" in errors["recordings/s01_midstance_0kg_20hz.csv"]
@@ -82,15 +83,15 @@ def test_failures_are_kept_and_tried_again(tmp_path: Path) -> None:
     assert sum(d["status"] == "failed" and d["result"] is None for d in documents(out).values()) == 2
     assert "is dead" in first["said"]
 
-    pooled = fitted(study, out, "--workers", "1", "--mode", "pooled")
+    pooled = fitted(study, out, *quick, "--mode", "pooled")
     assert done(pooled, "pooled") == 2  # from what is left of each load
     assert "left out" in pooled["said"]
 
     gone.write_bytes(kept)
-    again = fitted(study, out, "--workers", "1")
+    again = fitted(study, out, *quick)
     assert (again["computed"], done(again)) == (2, 3)  # the dead one anew, and the one that is back
     dead.write_bytes(healthy)
-    assert done(fitted(study, out, "--workers", "1")) == 4
+    assert done(fitted(study, out, *quick)) == 4
 
 
 @pytest.mark.long

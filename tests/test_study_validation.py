@@ -79,7 +79,7 @@ def test_estimates_that_are_power_laws_predict_what_is_left_out(foot: Foot) -> N
 
 def test_pooled_constants_predict_constants_and_not_a_trend(foot: Foot) -> None:
     settings = Settings(departures=False, starts=1, threads=1)
-    good = leave_one_frequency_out(study(constant, F, (0.0,)), foot, "pooled", settings)
+    good = leave_one_frequency_out(study(constant, F[:3], (0.0,)), foot, "pooled", settings)
     bad = leave_one_frequency_out(study(power_laws, F[:3], (0.0,)), foot, "pooled", settings)
     assert good["chi_square_per_number"] < 4
     assert bad["chi_square_per_number"] > 100

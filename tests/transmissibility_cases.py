@@ -13,9 +13,9 @@ KEYS = {
 }  # fmt: skip
 
 
-def recording(f: float = 20.0, seed: int = 0, noise: float = 0.02, second: float = 0.2) -> Recording:
-    """Known MB 1.3 at -40 degrees, TB 1.1 at -75 degrees; 10 s, noise and second harmonic as shares."""
-    t, rng = np.arange(10_000) / 1000, np.random.default_rng(seed)
+def recording(f: float = 20.0, seed: int = 0, noise: float = 0.02, second: float = 0.2, n: int = 10_000) -> Recording:
+    """Known MB 1.3 at -40 degrees, TB 1.1 at -75 degrees; n ms, noise and second harmonic as shares."""
+    t, rng = np.arange(n) / 1000, np.random.default_rng(seed)
     turn = 8.95 * np.exp(2j * np.pi * f * t + 1j)
     H = {"base": 1.0, "malleolus": 1.3 * np.exp(-1j * np.radians(40)), "tuberosity": 1.1 * np.exp(-1j * np.radians(75))}
     channels = {
