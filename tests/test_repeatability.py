@@ -89,7 +89,7 @@ def test_it_is_likeliest_by_what_no_variable_explains() -> None:
         assert dense(made.scatter) < dense(other)
 
 
-@pytest.mark.parametrize(("wrong", "follows"), [pytest.param(1.0, True, marks=pytest.mark.long), (1.6, False)])
+@pytest.mark.parametrize(("wrong", "follows"), [(1.0, True), (1.6, False)])
 def test_beyond_what_people_repeat_to_nothing_is_offered(foot: Foot, wrong: float, follows: bool) -> None:
     """Every other recording of another size: a gain that no calibration has, from one to the next."""
     data = session(BENT, FREQUENCIES)
