@@ -274,3 +274,46 @@ def test_a_model_is_loaded_from_a_file_its_text_or_a_spec(tmp_path: Path) -> Non
         load(spec)
     with pytest.raises(ModelError, match=r"^MuJoCo Model: there is no joint"):
         load("<mujoco/>")
+
+
+LAW = 'damping="430" user="4.25 430 50 100"/>'
+HINGE = '<joint name="lean" type="hinge" axis="0 0 1" stiffness="150" damping="0.5"/>'
+
+
+@pytest.mark.parametrize(("model", "name", "written"), [
+    ("leg", "c_H", ('name="thigh" stiffness="2.792e4" damping="971"/>',
+                    'name="thigh" stiffness="2.792e4" damping="971" user="4.25 971 50 100"/>')),
+    ("two_dof", "c_11", ("joint talocrural user 1", "joint talocrural damping")),
+])  # fmt: skip
+def test_a_damper_that_is_declared_beside_its_law_moves_the_law(model: str, name: str, written: tuple[str, str]) -> None:
+    """`damping` only repeats c_1, so that MuJoCo alone has it: another number there would change nothing."""
+    text = mjcf.text(model)
+    assert written[0] in text
+    foot = load(text.replace(*written))
+    (place,) = foot.parameters[name].places
+    joint = foot.model.joint("thigh" if model == "leg" else "talocrural").id
+    assert (place.field, divmod(place.index, foot.model.nuser_jnt)) == ("jnt_user", (joint, 1))
+
+
+@pytest.mark.parametrize(("edits", "sentence"), [
+    ([('<general name="shaker_a3" joint="base" gainprm="0"/>',
+       '<general name="shaker_a3" joint="base" gainprm="0"/>'
+       '<position name="hold" joint="talocrural" kp="5e4" dampratio="0.7"/>')],
+     "the kv of actuator 'hold' follows from its dampratio"),
+    ([(LAW, LAW + HINGE), ('<inertial pos="0 0.25 0" mass="3.374505" diaginertia="1e-2 1e-2 1e-2"/>', ""),
+      ('<geom name="shank" type="capsule"', '<geom name="shank" mass="3.374505" type="capsule"')],
+     "parameter 'm_S' is the mass of body 'shank', whose inertia follows from its geoms"),
+    ([(LAW, LAW + HINGE.replace('stiffness="150" damping="0.5"', 'springdamper="0.2 1"'))],
+     "stiffness and damping of joint 'lean' follow from its springdamper"),
+])  # fmt: skip
+def test_what_the_compiler_derives_from_a_mass_is_refused(edited: Edit, edits: list, sentence: str) -> None:
+    """It would stay as it is when another value of a parameter is tried."""
+    with pytest.raises(ModelError, match=re.escape(sentence)):
+        load(edited(*edits))
+
+
+def test_a_kv_that_is_written_and_a_mass_that_only_slides_are_followed(edited: Edit) -> None:
+    actuator = '<general name="shaker_a3" joint="base" gainprm="0"/>'
+    load(edited((actuator, actuator + '<position name="hold" joint="talocrural" kp="5e4" kv="90"/>')))
+    load(edited(('<inertial pos="0 0.25 0" mass="3.374505" diaginertia="1e-2 1e-2 1e-2"/>', ""),
+                ('<geom name="shank" type="capsule"', '<geom name="shank" mass="3.374505" type="capsule"')))  # fmt: skip

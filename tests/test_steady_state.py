@@ -422,3 +422,17 @@ def test_nothing_carries_a_foot_without_springs() -> None:
     text = mjcf.text("two_dof").replace(PAD, "").replace(*GRAVITY)
     with pytest.raises(SimulationError, match="nothing carries it"):
         standing(load(text))
+
+
+@pytest.mark.parametrize(("stiffness", "stands"), [(7.0, False), (9.0, True)])
+def test_a_foot_that_would_topple_is_refused_by_its_joint(stiffness: float, stands: bool) -> None:
+    """A shank on a hinge topples where that is less stiff than m g l = 8.28 N m, closed form of a pendulum."""
+    law = 'damping="430" user="4.25 430 50 100"/>'
+    hinge = f'<joint name="lean" type="hinge" axis="0 0 1" stiffness="{stiffness}" damping="1"/>'
+    text = mjcf.text("two_dof").replace('gravity="0 0 0"', 'gravity="0 -9.81 0"').replace(law, law + hinge)
+    foot = load(text.replace('pos="0 0.25 0" mass', 'pos="0.001 0.25 0" mass'))
+    if stands:
+        standing(foot)
+    else:
+        with pytest.raises(SimulationError, match="topples about joint 'lean'"):
+            standing(foot)

@@ -228,8 +228,45 @@ def _checked(
     except ValueError as error:
         clause, line = compiler_complaint(str(error))
         raise InputFileError(place, f"MuJoCo cannot compile it ({clause})", line=line) from None
-    name = name or _called(compiled)
-    return replace(check(compiled, name), xml=xml)
+    foot = check(compiled, name or _called(compiled))
+    _check_derived(spec, foot)
+    return replace(foot, xml=xml)
+
+
+def _check_derived(spec: mujoco.MjSpec, foot: Foot) -> None:
+    """Refuse what MuJoCo derives from masses when it compiles, and would not follow a parameter afterwards."""
+    for actuator in spec.actuators:
+        affine = actuator.biastype == mujoco.mjtBias.mjBIAS_AFFINE
+        if affine and actuator.biasprm[2] > 0 and actuator.gainprm[0] == -actuator.biasprm[1]:  # MuJoCo's rule
+            raise ModelError(
+                f"{foot.name}: the kv of actuator {actuator.name!r} follows from its dampratio and the mass in the file "
+                "only, and not from other values of a parameter; write kv."
+            )
+    for joint in spec.joints:
+        if np.any(joint.springdamper):
+            raise ModelError(
+                f"{foot.name}: stiffness and damping of joint {joint.name!r} follow from its springdamper and the mass in "
+                "the file only, and not from other values of a parameter; write stiffness and damping."
+            )
+    for symbol, parameter in foot.parameters.items():
+        for place in parameter.places:
+            body = foot.model.body(place.index).name if place.field == "body_mass" else ""
+            if body and not spec.body(body).explicitinertial and _turns(foot.model, place.index):
+                raise ModelError(
+                    f"{foot.name}: parameter {symbol!r} is the mass of body {body!r}, whose inertia follows from its geoms "
+                    "in the file only; write an <inertial>."
+                )
+
+
+def _turns(model: mujoco.MjModel, body: int) -> bool:
+    """Whether a body has a hinge or a ball, its own or one that carries it."""
+    slide = mujoco.mjtJoint.mjJNT_SLIDE
+    while body:
+        first, count = model.body_jntadr[body], model.body_jntnum[body]
+        if any(model.jnt_type[first : first + count] != slide):
+            return True
+        body = int(model.body_parentid[body])
+    return False
 
 
 def _called(model: mujoco.MjModel) -> str:

@@ -243,11 +243,16 @@ def declared(model: "mujoco.MjModel", name: str) -> Parameters:
         data = model.text_data[start : start + model.text_size[number]].decode().rstrip("\0")
         if "|" in data:  # other custom texts declare no parameter
             items.append(_parse(model, symbol, data, name))
-    return Parameters(_follow_laws(model, _without_laws(model, items)), name)
+    return Parameters(_follow_laws(model, _at_dampers(model, items)), name)
 
 
-def _without_laws(model: "mujoco.MjModel", items: list[Parameter]) -> list[Parameter]:
-    """Where an element has no law, c_1 of the law 4.25 is its `damping`, and what bends it is dropped."""
+def _at_dampers(model: "mujoco.MjModel", items: list[Parameter]) -> list[Parameter]:
+    """Where a damper's constant acts: at the law 4.25, whose c_1 `damping` only repeats, or where there is none, there.
+
+    What bends a damper that has no law is dropped.
+    """
+    from fasbody.foot.damper import DAMPER  # compiles; names and units are wanted without it
+
     moved: dict[tuple[str, int], tuple[str, int] | None] = {}
     for user, damping, address in (
         ("jnt_user", "dof_damping", model.jnt_dofadr),
@@ -255,8 +260,10 @@ def _without_laws(model: "mujoco.MjModel", items: list[Parameter]) -> list[Param
     ):
         laws = getattr(model, user)
         for number, law in enumerate(laws):
-            if law.size and not law.any():
-                first = number * law.size
+            first = number * law.size
+            if law.size and law[0] == DAMPER:
+                moved[damping, int(address[number])] = user, first + 1
+            elif law.size and not law.any():
                 moved |= dict.fromkeys((user, first + column) for column in range(law.size))
                 moved[user, first + 1] = damping, int(address[number])
     kept = []

@@ -3,8 +3,12 @@
 import numpy as np
 
 from fasbody.exceptions import SimulationError
+from fasbody.foot.engine import callbacks
 from fasbody.foot.model import Foot
 from fasbody.foot.steady_state import Balance, check_dampers
+
+#: Growth of a motion from which a pose is unstable, and of what has no mass at the most [1/s].
+_TOPPLES, _FASTEST = 0.1, 1e9
 
 
 def standing(foot: Foot) -> np.ndarray:
@@ -19,7 +23,40 @@ def standing(foot: Foot) -> np.ndarray:
         raise SimulationError(f"{foot.name}: nothing carries it: no pose was found in which it rests.")
     q, _ = balance.state(x)
     check_dampers(foot, q[None], foot.model.jnt_user[None])
+    _check_stable(balance, x)
     return q
+
+
+def _check_stable(balance: Balance, x: np.ndarray) -> None:
+    """Refuse a balance of gravity and springs from which the foot topples.
+
+    Args:
+        balance: of the foot.
+        x: (n,) coordinates and activations at rest, without the base's.
+
+    Raises:
+        SimulationError: something grows by more than `_TOPPLES`, and nothing is about to touch or slip there.
+    """
+    from scipy.linalg import eig
+
+    motion = np.zeros((3, 1, balance.engine.size))
+    motion[0, 0, balance.free] = x
+    with callbacks():
+        slopes = balance.engine.exact_slopes(motion)[:, 0]
+        if balance.engine.kinks(motion):
+            return
+    K, C, M = (part[np.ix_(balance.free, balance.free)] for part in slopes)
+    none, one = np.zeros_like(K), np.eye(len(K))
+    growth, vectors = eig(np.block([[none, one], [-K, -C]]), np.block([[one, none], [none, M]]))
+    growth = np.where(np.isfinite(growth) & (np.abs(growth) < _FASTEST), growth.real, -np.inf)
+    if growth.max() > _TOPPLES:
+        moves = int(balance.free[np.abs(vectors[: len(K), growth.argmax()]).argmax()])
+        model = balance.model
+        name = model.joint(int(model.dof_jntid[moves])).name if moves < model.nv else "an activation"
+        raise SimulationError(
+            f"{balance.foot.name}: it topples about joint {name!r}: gravity and springs balance in an unstable pose "
+            "only; make the joint stiffer than the weight above it."
+        )
 
 
 def carrier(foot: Foot) -> str:
