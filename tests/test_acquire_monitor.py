@@ -250,7 +250,9 @@ def random(rate: float) -> np.ndarray:
     return 5 * wave / wave.std()
 
 
-@pytest.mark.parametrize(("rate", "noise"), [(500.0, 0.1), (1000.0, 0.01), (4000.0, 0.1)])
+@pytest.mark.parametrize(
+    ("rate", "noise"), [(500.0, 0.1), (1000.0, 0.01), pytest.param(4000.0, 0.1, marks=pytest.mark.long)]
+)
 def test_sound_sines_raise_no_alarm(rate: float, noise: float) -> None:
     """Also at a tenth of the usual level, with a clock that is off and a level that fades."""
     for hz in (5.0, 6.3, 8.0, 10.0, 12.3, 16.0, 20.0, 25.0, 31.5, 40.0, 50.0, 60.0):

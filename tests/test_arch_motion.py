@@ -34,7 +34,7 @@ def oracle(frequency: float) -> np.ndarray:
     return arch_ode.solve(Arch.nominal(), lambda t: 8.95 * np.sin(omega * t), time, tolerance=1e-8).malleolus
 
 
-@pytest.mark.parametrize("frequency", [10.0, 30.0, 50.0])
+@pytest.mark.parametrize("frequency", [pytest.param(10.0, marks=pytest.mark.long), 30.0, 50.0])
 def test_default_and_accurate_mode(frequency: float) -> None:
     plain, accurate = move(FOOT, table(frequency)), move(FOOT, table(frequency), accurate=True)
     exact = oracle(frequency)

@@ -27,6 +27,7 @@ def test_energy_is_conserved_without_dampers() -> None:
     np.testing.assert_allclose(energy, energy[0], rtol=1e-6)
 
 
+@pytest.mark.long
 def test_energy_lost_is_what_the_dampers_took() -> None:
     start = arch_ode.initial_state(NOMINAL) + np.array([1e-3, 0, 0.05, 0, 0.03, 0, 0, 0, 0, 0, 0])
     time = np.linspace(0, 0.02, 4001)
@@ -48,6 +49,7 @@ def test_small_amplitude_steady_state_is_the_linear_transmissibility() -> None:
     assert measured == pytest.approx(complex(linear.transmissibility(NOMINAL, np.array(f))), rel=1e-5)
 
 
+@pytest.mark.long
 def test_tighter_tolerance_converges() -> None:
     def malleolus(tolerance: float) -> np.ndarray:
         table = lambda t: 8.95 * np.sin(2 * np.pi * 30 * t)  # noqa: E731
@@ -59,6 +61,7 @@ def test_tighter_tolerance_converges() -> None:
     assert errors[1] < 1e-4 * np.abs(reference).max()
 
 
+@pytest.mark.long
 def test_output_is_the_second_derivative_of_the_malleolus_height() -> None:
     """Eq. (4.13) against differences of y_T from Eq. (4.8)."""
     time = np.linspace(0, 0.03, 3001)

@@ -56,7 +56,9 @@ def test_errors_equal_the_recursions_written_out() -> None:
 
 
 @pytest.mark.parametrize("structure", ["oe", "armax", "bj"])
-@pytest.mark.parametrize("excite", [foot.prbs, foot.multisine], ids=["prbs", "multisine"])
+@pytest.mark.parametrize(
+    "excite", [pytest.param(foot.prbs, id="prbs"), pytest.param(foot.multisine, id="multisine", marks=pytest.mark.long)]
+)
 def test_foot_is_recovered(structure: str, excite) -> None:  # type: ignore[no-untyped-def]
     """Median over three seeds of the largest response error, 5 to 60 Hz: 0.3 % (benchmarks/black_box.py: 60 seeds)."""
     orders = Orders.of(structure, ORDERS[structure])
@@ -73,6 +75,7 @@ def test_noise_free_foot_is_recovered_to_rounding() -> None:
     np.testing.assert_allclose(model.theta, [*TRUE_B, *TRUE_F], atol=2e-6)
 
 
+@pytest.mark.long
 def test_intervals_cover_the_truth() -> None:
     """OE, white noise, 40 seeds of short records: the share inside 95 % intervals (benchmarks/black_box.py: 200)."""
     inside, truth = [], np.array([*TRUE_B, *TRUE_F])

@@ -116,6 +116,7 @@ def test_sine_leaves_arx_orders_undecided() -> None:
     assert np.ptp(spread[:20]) < 0.5
 
 
+@pytest.mark.long
 def test_output_error_orders_are_found_with_few_parameters() -> None:
     estimation, _ = record(foot.prbs(4000)).split()
     chosen = search.select_oe(Referee([estimation]), (1,))

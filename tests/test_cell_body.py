@@ -239,6 +239,7 @@ def test_no_such_body(tmp_path: Path) -> None:
         assert "calcaneus" not in str(found.value)
 
 
+@pytest.mark.long
 def test_a_size_that_loses_the_edges_of_a_sole_names_one_that_does_not(tmp_path: Path) -> None:
     trimesh.creation.box((100, 40, 5)).export(tmp_path / "sole.stl")
     with pytest.raises(InputFileError, match=r"use --size 2\.1 \(mm\) or less, half of its mean thickness"):
@@ -301,6 +302,7 @@ def _surface(folder: Path, mesh: trimesh.Trimesh) -> BodyModes:
     return body_modes(read_body(folder / "body.stl"), {None: BONE}, count=5)
 
 
+@pytest.mark.long
 def test_a_beam_of_twelve_triangles_swings_as_timoshenko_says(tmp_path: Path) -> None:
     """Its own triangles gave 54 unknowns and a third too much."""
     trimesh.creation.box((100, 10, 10)).export(tmp_path / "beam.stl")

@@ -41,6 +41,7 @@ def test_json_and_files(tmp_path: Path) -> None:
     assert _is_drawn(tmp_path / "mesh.png")
 
 
+@pytest.mark.long
 def test_shaking_in_json(tmp_path: Path) -> None:
     done = command("shake", "--size", "8", "--modes", "12", "--json", "--out", str(tmp_path))
     assert done.returncode == 0, done.stderr

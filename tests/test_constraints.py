@@ -22,7 +22,6 @@ from identification.fitting import fit_foot
 
 HZ, PERIODS, STEP = 20.0, 12, 1e-4
 W = 2 * np.pi * HZ
-AMPLITUDES = (0.02, 9.0)
 #: Masses of foot and shank [kg], springs [N/m] and dampers [N s/m] of pad and ankle.
 M_F, M_S, K, C = 1.052265, 3.374505, np.array([1e5, 1.5e5]), np.array([800.0, 430.0])
 #: Mass matrix in the joints z_2 (pad), z_1 (ankle), and what the base's acceleration pushes.
@@ -115,8 +114,10 @@ def truth(of: Constraint, peak: float) -> complex:
     return complex(1 - W**2 * z / peak)
 
 
-@pytest.mark.parametrize("peak", AMPLITUDES)
-@pytest.mark.parametrize("name", CONSTRAINTS)
+SLIGHT = [pytest.param(name, 0.02, marks=[pytest.mark.long] * (name != "a stop at a distance")) for name in CONSTRAINTS]
+
+
+@pytest.mark.parametrize(("name", "peak"), [*SLIGHT, *((name, 9.0) for name in CONSTRAINTS)])
 def test_a_constraint_acts_at_every_amplitude(name: str, peak: float) -> None:
     of = CONSTRAINTS[name]
     foot = load(LINEAR_CONTACT) if name == "a contact" else of.foot()
@@ -266,6 +267,7 @@ def test_the_current_of_a_motor_is_of_first_order() -> None:
     assert 1e-5 < off < 1.5 * run.step_error
 
 
+@pytest.mark.long
 def test_a_fit_of_every_sample_needs_no_harmonics() -> None:
     """One sine on a pad of dry friction that slips: constants come back from a start that is 20 % off."""
     foot, step = CONSTRAINTS["dry friction"].foot(), 5e-4

@@ -54,7 +54,7 @@ PLAUSIBILITY = "from reproduction import published; print(published.plausibility
 #: Text blocks that a quick command prints: page, what the block begins with, command.
 PRINTED = (
     ("black_box.md", "270 recordings", f"python -c '{PLAUSIBILITY}'"),
-    ("black_box.md", "model  ", "python examples/single_sine.py"),
+    pytest.param("black_box.md", "model  ", "python examples/single_sine.py", marks=pytest.mark.long),
     pytest.param("cell.md", "mode  1", "python -m fasbody.cell shake", marks=pytest.mark.long),
 )  # fmt: skip
 INPUTS = ("20hz.csv", "30hz.csv", "40hz.csv")
@@ -156,6 +156,7 @@ def same(printed: str, documented: str) -> bool:
 
 #: Pages whose commands compute long.
 LONG = ("acquisition", "arch", "cell", "CONTRIBUTING", "edit_model", "heel_pad", "laboratory", "study")
+LONG += ("transmissibility", "tutorial", "viewer")
 
 SHELL_BLOCKS = [
     pytest.param(block, id=f"{file.stem}:{block.line}", marks=[pytest.mark.long] if file.stem in LONG else [])

@@ -63,6 +63,7 @@ def test_second_load_decides(picture: Path) -> None:
     assert drawn(picture)
 
 
+@pytest.mark.long
 def test_sweep_gives_the_stiffness_back(picture: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """With half the samples, and the time of the fit goes with their number."""
     monkeypatch.setattr(fit_a_sweep, "SECONDS", 2.0)
@@ -73,6 +74,7 @@ def test_sweep_gives_the_stiffness_back(picture: Path, monkeypatch: pytest.Monke
     assert drawn(picture)
 
 
+@pytest.mark.long
 def test_shoe_lowers_the_resonance(picture: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(edit_the_mjcf, "FREQUENCIES_HZ", np.arange(8.0, 25.0))  # where the peaks are
     curves = edit_the_mjcf.main(picture)
@@ -81,12 +83,14 @@ def test_shoe_lowers_the_resonance(picture: Path, monkeypatch: pytest.MonkeyPatc
     assert drawn(picture)
 
 
+@pytest.mark.long
 def test_fits_tie_and_responses_do_not(picture: Path) -> None:
     fits, errors = black_box_order.main(picture)
     assert np.ptp(fits) < 0.4 and errors.max() > 20 * errors.min()
     assert drawn(picture)
 
 
+@pytest.mark.long
 def test_cell_modes_are_those_of_the_fine_mesh(picture: Path) -> None:
     analysis = cell_modes.main(picture)
     assert analysis.frequencies_hz[0] == pytest.approx(6405, rel=0.01)  # docs/cell.md, 254,000 unknowns: 6398

@@ -24,8 +24,9 @@ def helped(*arguments: str) -> str:
 
 @pytest.mark.parametrize(
     ("words", "module"),
-    [("fit", "identification.fit"), ("plan run", "identification.plan run"), ("check", "fasbody.recording check"),
-     ("recording check", "fasbody.recording check"), ("record", "fasbody.acquire"), ("leg name", "fasbody.leg name")],
+    [pytest.param("fit", "identification.fit", marks=pytest.mark.long), ("plan run", "identification.plan run"),
+     ("check", "fasbody.recording check"), ("recording check", "fasbody.recording check"),
+     ("record", "fasbody.acquire"), pytest.param("leg name", "fasbody.leg name", marks=pytest.mark.long)],
 )  # fmt: skip
 def test_help_calls_a_command_as_it_was_started(words: str, module: str) -> None:
     short, long = helped("-c", INSTALLED, *words.split()), helped("-m", *module.split())

@@ -130,15 +130,16 @@ def test_the_second_harmonic_does_not_depend_on_when_the_clock_started(flying: l
     np.testing.assert_allclose(one, other, atol=0.01)
 
 
-def test_a_second_mode_is_named_with_and_without_the_tuberosity(
-    linked: list[Recording],
-    second: Naming,
-) -> None:
+def test_a_second_mode_is_named(second: Naming) -> None:
     assert second.named == "second mode"
     assert second.seen.plan.tuberosity
     assert np.abs(second.seen.recordings.second).max() < 0.02
     assert second.sentence.startswith("Second mode for subject 7, with odds above 1000 to 1")
     assert re.search(r"; only the more general both is not excluded \(\d+ to 1 against\)\.$", second.sentence)
+
+
+@pytest.mark.long
+def test_without_the_tuberosity_it_is_undecided(linked: list[Recording]) -> None:
     alone = named([replace(r, tuberosity_m_s2=None) for r in linked])
     assert (alone.named, alone.verdict.best) == ("undecided", "second mode")  # not lift-off for having fewer constants
     assert any("tuberosity" in note for note in alone.notes)

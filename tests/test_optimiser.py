@@ -114,6 +114,7 @@ def _by_scipy(problem: Problem, q: Array, sign: int, most: int) -> tuple[Array, 
     return end.x, 2 * end.cost
 
 
+@pytest.mark.long
 def test_scipy_does_not_improve_either_end(found: Searched) -> None:
     for optimum in found.optima:
         assert optimum.exhausted

@@ -157,7 +157,7 @@ def test_weights_of_a_linear_foot_are_sensor_noise_and_input_noise_through_its_r
         assert np.abs(S - np.diag(np.diag(S))).max() < 1e-3 * want.max()
 
 
-@pytest.mark.parametrize("scatter", [Scatter(), Scatter(0.01, 0.005)])
+@pytest.mark.parametrize("scatter", [pytest.param(Scatter(), marks=pytest.mark.long), Scatter(0.01, 0.005)])
 def test_what_is_left_of_the_truth_is_white(scatter: Scatter) -> None:
     """A Monte Carlo over the noise of base and sensors, and over the scatter between recordings, of a bent foot."""
     made = problem([recorded(BENT, hz, second=True) for hz in (12.0, 31.0)], sensors=BOTH)

@@ -74,6 +74,7 @@ def test_small_trajectory_agrees_with_the_frequency_response() -> None:
     np.testing.assert_allclose(nonlinear, linear_sensitivity(NOMINAL, np.array([30.0]))[0], rtol=0.01)
 
 
+@pytest.mark.long
 def test_relative_sensitivity_does_not_depend_on_sampling() -> None:
     coarse, fine = (trajectory_sensitivity(NOMINAL, 30.0, periods=6, steps_per_period=n) for n in (20, 60))
     np.testing.assert_allclose(coarse, fine, rtol=0.01)
@@ -87,6 +88,7 @@ def test_claim_holds_read_literally_and_fails_on_the_physical_scale() -> None:
         assert literal.holds(angle).sum() == 0
 
 
+@pytest.mark.long
 def test_nonlinear_arch_gives_the_linear_verdict_draw_by_draw() -> None:
     """Draw 0 of seed 0 is one of the few against the claim at 30 Hz: both models must see it."""
     rng = np.random.default_rng(0)

@@ -104,6 +104,7 @@ def test_checks_are_resumed_and_reach_everything(study: Path, tmp_path: Path) ->
     assert "Prior: k_T&gt;k_F." in page
 
 
+@pytest.mark.long
 def test_both_domains_on_one_fit(study: Path, tmp_path: Path) -> None:
     narrow = (*ONE_LOAD, "--mode", "pooled", "--frequency", "20", "--frequency", "40", "--free", "k_F,c_21")
     found = fitted(study, tmp_path, *narrow, "--agreement", "--report")

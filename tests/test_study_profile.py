@@ -114,6 +114,7 @@ def test_five_frequencies_agree_with_wald_and_hold_the_truth(foot: Foot) -> None
         assert profile.lower * 0.99 < truth[name] < profile.upper * 1.01
 
 
+@pytest.mark.long
 def test_one_frequency_does_not_know_the_ankles_damping(foot: Foot) -> None:
     """The fundamental and faint harmonics against eight constants: what is held possible of a damper limits it."""
     (profile,) = foot_profiles(foot, (20.0,), ("c_11",), noise=5.0)
@@ -134,6 +135,7 @@ def test_no_profile_identifies_where_numbers_are_no_more_than_parameters(plane: 
     assert verdicts == [["identified"] * 2, ["not identifiable"] * 2]
 
 
+@pytest.mark.long
 def test_numbers_that_are_no_more_than_the_constants_identify_none(foot: Foot) -> None:
     """Forty hertz has two harmonics below 100 Hz, so four numbers."""
     for free, enough in ((("k_T", "k_F", "c_11"), True), (("k_T", "k_F", "c_11", "c_21"), False)):

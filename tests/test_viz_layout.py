@@ -40,7 +40,9 @@ def page(opened: Any) -> Iterator[Watched]:
         yield Watched(opened, url)
 
 
-@pytest.mark.parametrize("size", [(1600, 900), (1100, 800), (720, 800), (420, 800)])
+@pytest.mark.parametrize(
+    "size", [(1600, 900), (720, 800), *(pytest.param((w, 800), marks=pytest.mark.long) for w in (1100, 420))]
+)
 def test_nothing_lies_over_the_foot(page: Watched, size: tuple[int, int]) -> None:
     page.page.set_viewport_size({"width": size[0], "height": size[1]})
     page.until(f"innerWidth === {size[0]} && innerHeight === {size[1]}")
@@ -135,6 +137,7 @@ def test_scales_words_and_bounds(opened: Any) -> None:
         assert page.complaints == []
 
 
+@pytest.mark.long
 def test_included_file_is_watched(opened: Any, tmp_path: Path) -> None:
     """And both feet of the same file follow it."""
     whole = mjcf.text("two_dof")

@@ -86,7 +86,7 @@ LANDED = mjcf.text("two_dof").replace('gravity="0 0 0"', 'gravity="0 -9.81 0"').
 )  # fmt: skip
 
 
-@pytest.mark.parametrize(("peak", "ratio"), [(9.0, 0.8635), (9.5, None)])
+@pytest.mark.parametrize(("peak", "ratio"), [(9.0, 0.8635), pytest.param(9.5, None, marks=pytest.mark.long)])
 def test_impacts_on_a_grid_of_steps_settle(peak: float, ratio: float | None) -> None:
     """Every second period differs by less than the step falsifies, and by nothing at other steps."""
     motion = periodic_motion(load(LANDED), Settings(40.0, peak_to_peak=2 * peak))

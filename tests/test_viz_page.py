@@ -235,6 +235,7 @@ def test_exported_page_needs_no_server(opened: Any, tmp_path: Path) -> None:
     assert "WebGL is off or missing" in page("byId('state').textContent")
 
 
+@pytest.mark.long
 def test_exported_arch_holds_its_motions(opened: Any, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("viz.live.FREQUENCIES", (10.0, 30.0))
     monkeypatch.setattr("viz.live.LOADS", (0.0, 2.3))
