@@ -38,12 +38,12 @@ settings.load_profile("untimed")
 
 #: Files that compute or wait longest, the longest first: with the short ones behind them all processes end together.
 LONGEST = (
-    "edits", "docs_blocks", "acquire_audio", "study_cluster", "nuisances", "fitting", "viz_bench_page", "director",
-    "acquire_session", "repeatability", "transmissibility", "cell_body", "bundled", "rivals", "acquire_generator",
-    "viz_command", "blackbox_selection", "acquire", "acquire_monitor", "intervals", "viz_page", "study_report",
-    "constraints", "study_population", "examples", "report", "acquire_firmware", "optimiser", "simulator",
-    "viz_workbench", "study_run", "leg_naming", "wheel", "blackbox_pem", "cell_mesh", "study_profile", "viz_session",
-    "viz_layout", "docs_notebooks",
+    "edits", "bundled", "acquire_audio", "study_cluster", "rivals", "director", "blackbox_selection",
+    "viz_recordings", "nuisances", "transmissibility", "docs_blocks", "acquire_monitor", "viz_motion", "fitting",
+    "cell_body", "acquire_session", "constraints", "sensors", "leg_naming", "acquire_generator", "simulate",
+    "viz_page", "repeatability", "optimiser", "report", "cell_mesh", "intervals", "steady_state", "arch_motion",
+    "architecture", "viz_bench_page", "acquire_firmware", "study_report", "viz_command", "viz_workbench", "viz_tasks",
+    "viz_session", "study_population", "study_run", "acquire", "simulator", "wheel",
 )  # fmt: skip
 
 
