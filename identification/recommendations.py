@@ -84,8 +84,9 @@ def advice(
     if rank < len(space.free):
         texts.append(
             f"{_these(data)} at most {rank} numbers on a linear foot, two for each frequency in the base motion, "
-            f"harmonics included. They cannot determine {len(space.free)} free parameters. Only harmonics that "
-            f"nonlinear dampers cause depend on the others, so no interval with the model assumed exact is shown. "
+            f"harmonics included. They cannot determine {len(space.free)} free parameters. The remaining ones affect "
+            f"only the harmonics of nonlinear dampers, which determine them too poorly for an interval with the model "
+            f"assumed exact. "
             f"{more}."
         )
     bound = [key for key, e in best.parameters.items() if e.at_bound]

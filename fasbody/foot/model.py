@@ -239,22 +239,22 @@ def _check_derived(spec: mujoco.MjSpec, foot: Foot) -> None:
         affine = actuator.biastype == mujoco.mjtBias.mjBIAS_AFFINE
         if affine and actuator.biasprm[2] > 0 and actuator.gainprm[0] == -actuator.biasprm[1]:  # MuJoCo's rule
             raise ModelError(
-                f"{foot.name}: the kv of actuator {actuator.name!r} follows from its dampratio and the mass in the file "
-                "only, and not from other values of a parameter; write kv."
+                f"{foot.name}: the kv of actuator {actuator.name!r} follows from its dampratio and the mass in the "
+                "file only, and not from other values of a parameter; write kv."
             )
     for joint in spec.joints:
         if np.any(joint.springdamper):
             raise ModelError(
-                f"{foot.name}: stiffness and damping of joint {joint.name!r} follow from its springdamper and the mass in "
-                "the file only, and not from other values of a parameter; write stiffness and damping."
+                f"{foot.name}: stiffness and damping of joint {joint.name!r} follow from its springdamper and the mass "
+                "in the file only, and not from other values of a parameter; write stiffness and damping."
             )
     for symbol, parameter in foot.parameters.items():
         for place in parameter.places:
             body = foot.model.body(place.index).name if place.field == "body_mass" else ""
             if body and not spec.body(body).explicitinertial and _turns(foot.model, place.index):
                 raise ModelError(
-                    f"{foot.name}: parameter {symbol!r} is the mass of body {body!r}, whose inertia follows from its geoms "
-                    "in the file only; write an <inertial>."
+                    f"{foot.name}: parameter {symbol!r} is the mass of body {body!r}, whose inertia follows from its "
+                    "geoms in the file only; write an <inertial>."
                 )
 
 

@@ -88,9 +88,9 @@ _RELIEF = {
 }
 #: What the last columns of the table are.
 _LEGEND = (
-    "Gain: information in nats that a recording adds to all others: about the constants of the goal (all), about the "
-    "one with the widest interval (widest), and about the branch. Intervals: median of the simulated feet, with the "
-    "range of 80 % of them in brackets."
+    "Gain from each recording, given all others. All: information about the constants of the goal, in nats. Widest: "
+    "reduction of the logarithm of the widest interval. Branch: increase of the expected log odds, as a share of "
+    "ln 1000. Intervals: median of the simulated feet, with the range of 80 % of them in brackets."
 )
 #: What measures a cause that the vibration does not show, by the kinds of nuisance.
 _MEASURED = {
@@ -607,7 +607,7 @@ def nothing_brings(
         listed(texts) + (f" (remaining variance: {cause})" if cause else "")
         for cause, texts in together.items()
     ]
-    parts = [f"these intervals cannot become narrower than {'; '.join(what)}"] if what else []
+    parts = [f"the plan predicts no narrower intervals than {'; '.join(what)}"] if what else []
     if open_:
         parts.append(f"the branch is decided with a probability of at most {chance(reached.decided)}")
     kinds = {cause.kind for name in names for cause in causes[name]}
@@ -616,6 +616,6 @@ def nothing_brings(
         ways += ["add a load"] * (len(set(loads_kg)) < 2)
         ways += ["wear a sensor on the foot"] * ("foot" not in sensors)
     remedy = listed(ways, "or")
-    return f"However long you record, {', and '.join(parts)}. Vibration alone cannot narrow them." + (
+    return f"However long you record, {', and '.join(parts)}." + (
         f" {remedy[:1].upper()}{remedy[1:]}." if ways else ""
     )

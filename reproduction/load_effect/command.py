@@ -171,7 +171,7 @@ def decide(
 ) -> None:
     """Count how often the analysis names the right mechanism of virtual subjects.
 
-    Takes two seconds per subject and plan. Ctrl-C stops it, and the same command goes on.
+    Takes about five seconds per subject and plan. Stop it with Ctrl-C; the same command then resumes.
 
     Examples:
       fasbody leg decide --subjects 2 --folder results/decide
