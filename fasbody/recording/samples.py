@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from fasbody.recording.harmonics import columns
+from fasbody.recording.harmonics import columns, least_squares
 
 #: Share of the places that must lie a slow channel's interval apart.
 _REGULAR = 0.9
@@ -166,7 +166,7 @@ def cost(time_s: np.ndarray, values: np.ndarray, frequency_hz: float, spikes: np
     """What spikes do to the sine of a channel (n,): its amplitude with them over that without."""
     basis = columns(2 * np.pi * frequency_hz * time_s, 1)
     kept = np.delete(np.arange(values.size), spikes)
-    fits = [np.linalg.lstsq(basis[use], values[use])[0] for use in (slice(None), kept)]
+    fits = [least_squares(basis[use], values[use]) for use in (slice(None), kept)]
     with_spikes, clean = (c[1] - 1j * c[2] for c in fits)
     return complex(with_spikes / clean)
 
