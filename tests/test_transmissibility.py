@@ -56,7 +56,8 @@ def test_a_fit_needs_no_singular_values(monkeypatch: pytest.MonkeyPatch) -> None
 
     expected = by_pair(rows(recording()))["MB"]
     monkeypatch.setattr(np.linalg, "lstsq", fails)
-    assert by_pair(rows(recording()))["MB"] == expected
+    found = by_pair(rows(recording()))["MB"]
+    assert (found.transmissibility, found.phase_deg) == (expected.transmissibility, expected.phase_deg)
 
 
 def test_unwrapping_passes_over_gaps() -> None:
