@@ -97,6 +97,7 @@ class Channel(Tabled):
         column: its name in the files, or its number from 1; default the channel's name.
         unit: of the numbers, if the files state none or a wrong one.
         clock: the column of its times, if it has one.
+        stated: what study.toml states of it.
         sign: +1 or -1.
         sensitivity: recorded unit per m/s^2, or in V per m/s^2 if `volts`.
         delay_s: how late it is.
@@ -113,6 +114,7 @@ class Channel(Tabled):
     gain_std: float = 0.0
     delay_std_s: float = 0.0
     clock: str = ""
+    stated: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -334,4 +336,5 @@ def _channel(file: Path, name: str, stated: object) -> Channel:
     return Channel(
         column, table.unit, table.sign, sensitivity, volts, table.delay_s,
         table.gain_std or 0.0, table.delay_std_s or 0.0, table.clock,
+        tuple(sorted(table.model_fields_set)),
     )  # fmt: skip

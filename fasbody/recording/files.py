@@ -18,6 +18,7 @@ from fasbody.recording.csv import TextTable, read_table, several_takes
 from fasbody.recording.formats import ENDINGS, READ, ending
 from fasbody.recording.formats.reader import read_series
 from fasbody.recording.formats.series import FormatError, Series, need
+from fasbody.recording.statements import refuse_unapplied
 from fasbody.recording.text import read_text
 from fasbody.sentences import Sentence, called
 
@@ -63,6 +64,7 @@ def reading(file: Path, layout: Layout | None = None) -> Reading:
     numbers = _numbers(source, uses, layout)
     uses = {key: use for key, use in uses.items() if key in numbers}
     rate = source.rate_hz(uses, layout)
+    vague = source.unapplied(uses, layout)
     numbers, places = _without_gaps(source, uses, numbers)
     channels = {key: numbers.pop(key) for key in uses}
     channels |= {key: use.factor * channels[key] for key, use in uses.items() if use.factor != 1}
@@ -83,7 +85,7 @@ def reading(file: Path, layout: Layout | None = None) -> Reading:
         channels = _one_take(file, channels, layout)
     if channels["time_s"].size < 2:
         raise InputFileError(file, f"holds {channels['time_s'].size} samples", "a recording needs at least two")
-    others = [*source.remarks(channels["time_s"]), *_other_clocks(source, uses, channels["time_s"])]
+    others = [*vague, *source.remarks(channels["time_s"]), *_other_clocks(source, uses, channels["time_s"])]
     clocks |= source.clocks(uses, channels["time_s"], rate)
     if clocks:
         channels["time_s"] = straightened(channels["time_s"])
@@ -299,6 +301,13 @@ class _SeriesTable:
         """What the file states that its numbers deny."""
         return []
 
+    def unapplied(self, uses: Mapping[str, Use], layout: Layout) -> list[str]:
+        """Refuse statements of time or scale of a channel that are not applied."""
+        sources = {key.removesuffix("_m_s2"): s for key, s in self._sources(uses).items()}
+        stated, names = ({key: getattr(s, of) for key, s in sources.items()} for of in ("stated", "name"))
+        refuse_unapplied(self.file, stated, names, layout)
+        return []
+
     def rate_hz(self, uses: Mapping[str, Use], layout: Layout) -> float | None:
         """The rate [Hz] that the file states for the base, else for any channel in use, else for any."""
         sources = self._sources(uses)
@@ -412,21 +421,13 @@ def beside(file: Path, layout: Layout) -> Layout:
 
 
 def _one_scale(file: Path, channel: str, source: Series, layout: Layout) -> None:
-    """Refuse a scale of the file that may be applied twice, or not at all."""
+    """Refuse a scale of the file that may be applied twice."""
     stated = layout.channels.get(channel)
     sensitivity = bool(stated and stated.sensitivity != 1.0)
     if source.scaled and sensitivity and stated and not stated.volts:
         raise InputFileError(
             file, f"scales {source.name!r} itself ({source.scaled}), and study.toml gives "
             f"channels.{channel}.sensitivity = {stated.sensitivity:g}", "keep one of them",
-        )  # fmt: skip
-    if source.unclear and not sensitivity:
-        raise InputFileError(
-            file, f"says {source.unclear} with {source.name!r}, and not whether its numbers contain it",
-            Sentence(
-                "give ", called(f"channels.{channel}.sensitivity", "100 mV/g"),
-                ", or delete the attribute (scale_factor is applied)",
-            ),
         )  # fmt: skip
 
 

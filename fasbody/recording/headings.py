@@ -38,7 +38,6 @@ _HEADER_LINES, _HEADING_ROWS = 200, 12
 #: What stands in front of a row of names (Qualisys: CHANNEL_NAMES), or of statements below them.
 _TITLE = re.compile(r"[A-Z]+_NAMES|\w+=", re.IGNORECASE)
 _KEY = re.compile(r"[A-Za-z]\w+=?")
-_GAIN = re.compile(r"gain|scale|factor|sensitivity", re.IGNORECASE)
 #: A name, perhaps its unit, and a number with its unit: ``Sampling frequency [Hz],1000``.
 _STATEMENT = re.compile(
     r"^\W*(?P<name>[A-Za-z][A-Za-z_ -]*?)\s*(?:[\[(](?P<of>[^\])]*)[\])])?\s*"
@@ -81,7 +80,7 @@ class Headings:
         first: how many lines stand above the numbers.
         skipped: rows that are in no use, in words.
         rate_hz: the sampling rate that a line states.
-        remarks: on statements that differ between the channels, without the file's name.
+        beside: lines that may state something of a channel.
     """
 
     separator: str
@@ -91,7 +90,7 @@ class Headings:
     first: int
     skipped: tuple[str, ...] = ()
     rate_hz: float | None = None
-    remarks: tuple[str, ...] = ()
+    beside: tuple[str, ...] = ()
 
 
 def find_header(text: str, score: Callable[[Sequence[str]], int]) -> Header:
@@ -218,9 +217,8 @@ def read_headings(text: str, header: Header) -> Headings:
     if others:
         count = counted(len(others), "line")
         skipped.append(f"{count} beside the headings ({shown('; '.join(others))})")
-    remarks = tuple(_unequal_gains(statements))
     return Headings(
-        separator, tuple(names), tuple(units), line, first, tuple(skipped), rate, remarks
+        separator, tuple(names), tuple(units), line, first, tuple(skipped), rate, others
     )
 
 
@@ -262,18 +260,6 @@ def _stated_rate(line: str) -> tuple[str, float] | None:
     except (ValueError, ZeroDivisionError):
         return None
     return (key, _STATED_UNITS[unit] * number) if known and unit in _STATED_UNITS else None
-
-
-def _unequal_gains(statements: Sequence[str]) -> Iterator[str]:
-    """A sentence on each row of gains that are not alike for all channels."""
-    for row in statements:
-        key, *cells = row.split()
-        if _GAIN.search(key) and len(set(filter(texts.numeric, cells))) > 1:
-            yield (
-                f"the row {shown(row)!r} states factors that differ between the channels, and is "
-                "not applied; if the numbers do not contain them yet, give study.toml a "
-                "sensitivity for each channel"
-            )
 
 
 def without_footer(text: str, separator: str) -> tuple[str, tuple[str, ...]]:

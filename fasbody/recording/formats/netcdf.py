@@ -17,6 +17,7 @@ from fasbody.recording.formats.series import (
     text_of,
     with_rate,
 )
+from fasbody.recording.statements import found
 
 LIBRARY = "scipy"
 
@@ -47,5 +48,6 @@ def decode(file: Path) -> list[Series]:
             if values.dtype.kind in "fiu":
                 values, scaled = scaled_by_attributes(values, *numbers)
             columns = numeric_columns(name, values, text_of(getattr(variable, "units", b"")))
-            series += [replace(s, scaled=scaled) for s in columns]
+            own = found(variable._attributes, names)
+            series += [replace(s, scaled=scaled, stated=own) for s in columns]
     return with_rate(series)
