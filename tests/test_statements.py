@@ -5,7 +5,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from scipy.io import savemat
+from scipy.io import netcdf_file, savemat
 
 from fasbody.exceptions import InputFileError
 from fasbody.recording.channels import Layout
@@ -115,3 +115,28 @@ def test_scalars_beside_the_channels(tmp_path: Path, ending: str, scalars: dict,
     with pytest.raises(InputFileError, match=f"says {says}"):
         Recording.read(file)
     assert Recording.read(file, layout=Layout.from_toml(file, ANSWERS)).warnings == ()
+
+
+@pytest.mark.parametrize(
+    "toml", [{}, {"time": {"column": "time"}}, {"base": {"clock": "time"}, "malleolus": {"clock": "late"}}]
+)
+@pytest.mark.parametrize("version", [3, 4])
+def test_each_variable_of_netcdf_has_the_time_of_its_dimension(tmp_path: Path, version: int, toml: dict) -> None:
+    file = tmp_path / "r.nc"
+    late = 5 * np.sin(40 * np.pi * (T + 0.004))
+    columns = (("time", "time", T, "s"), ("base", "time", BASE, "m/s^2"), ("late", "late", T + 0.004, "s"),
+               ("malleolus", "late", late, "m/s^2"))  # fmt: skip
+    with (netcdf_file(file, "w") if version == 3 else h5py.File(file, "w")) as out:
+        for axis in ("time", "late") if version == 3 else ():
+            out.createDimension(axis, T.size)
+        for name, axis, samples, unit in columns:
+            if version == 3:
+                variable = out.createVariable(name, "d", (axis,))
+                variable[:], variable.units = samples, unit
+                continue
+            out[name] = samples
+            out[name].attrs["units"] = unit
+            out[name].make_scale(name) if name == axis else out[name].dims[0].attach_scale(out[axis])
+    read = Recording.read(file, layout=Layout.from_toml(file, toml))
+    assert np.allclose(read.base_m_s2, read.malleolus_m_s2, atol=1e-6)
+    assert read.warnings == () and read.unused == ()

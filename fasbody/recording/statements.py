@@ -15,55 +15,18 @@ from fasbody.sentences import Sentence, called
 #: A number, a date or time of the day, or one number for each channel.
 Value = float | str | list[float | str]
 Statements = dict[str, Value]
-_TIMES = frozenset(
-    [
-        "start",
-        "started",
-        "t0",
-        "x0",
-        "xstart",
-        "tstart",
-        "delay",
-        "delayed",
-        "lag",
-        "lags",
-        "latency",
-        "late",
-        "early",
-        "shift",
-        "shifted",
-        "skew",
-        "trigger",
-        "timestamp",
-    ]
-)
+_TIMES = frozenset((
+    "start", "started", "t0", "x0", "xstart", "tstart", "delay", "delayed", "lag", "lags",
+    "latency", "late", "early", "shift", "shifted", "skew", "trigger", "timestamp",
+))  # fmt: skip
 _OF_TIME = frozenset((
     "time", "t", "s", "ms", "us", "ns", "sec", "seconds", "samples",
 ))  # fmt: skip
-_SCALES = frozenset(
-    [
-        "gain",
-        "scale",
-        "scaled",
-        "scaling",
-        "factor",
-        "slope",
-        "multiplier",
-        "multiply",
-        "multiplied",
-        "divide",
-        "divided",
-        "amplification",
-        "attenuation",
-        "cal",
-        "calibration",
-        "sens",
-        "sensitivity",
-        "conversion",
-        "lsb",
-        "resolution",
-    ]
-)
+_SCALES = frozenset((
+    "gain", "scale", "scaled", "scaling", "factor", "slope", "multiplier", "multiply",
+    "multiplied", "divide", "divided", "amplification", "attenuation", "cal", "calibration",
+    "sens", "sensitivity", "conversion", "lsb", "resolution",
+))  # fmt: skip
 #: Of those the ones that say nothing where they are alike for all channels.
 _OF_CONVERTER = frozenset(("lsb", "resolution"))
 #: With these words it is about something else.
@@ -79,7 +42,8 @@ _LINE = re.compile(
 
 def kind(name: str) -> str:
     """The key of study.toml that answers a statement, "delay_s" or "sensitivity"; empty for any
-    other."""
+    other.
+    """
     words = {word.lower() for word in re.findall(r"[A-Z]?[a-z]+\d*|[A-Z]+\d*", name)}
     if words & _NEITHER:
         return ""
@@ -90,7 +54,8 @@ def kind(name: str) -> str:
 
 def found(pairs: Mapping[str, object], applied: Sequence[str] = ()) -> Statements:
     """The statements among names and values that are numbers or times, without those that a
-    reader applies."""
+    reader applies.
+    """
     made: Statements = {}
     for name, value in pairs.items():
         if name.lower() in applied or not kind(name):

@@ -33,6 +33,7 @@ def decode(file: Path) -> list[Series]:
 
         source.visititems(visit)  # visits hard links only
         check_size(0, len(datasets))
+        axes = {_axis(item) for _, item in datasets} - {""}
         for name, item in datasets:
             if _is_table(item):
                 total += item.size * len(item.dtype.names)
@@ -56,12 +57,19 @@ def decode(file: Path) -> list[Series]:
             rate = _rate(source, name)
             starts = (_number(item.attrs.get(key)) for key in series.STARTS)
             start = next((value for value in starts if value is not None), None)
+            axis = _axis(item) if len(axes) > 1 else ""
             columns += [
-                replace(s, scaled=scaled, stated=stated, start_s=start)
+                replace(s, scaled=scaled, stated=stated, start_s=start, group=axis)
                 for s in series.columns_of(name, values, unit, rate)
             ]
         columns = _named(source, columns)
     return series.with_rate(columns)
+
+
+def _axis(item: Any) -> str:
+    """The dimension of a variable of NetCDF, which has a time of its own where there are several."""
+    scale = item if item.is_scale else next(iter(item.dims[0].values()), None) if item.ndim == 1 else None
+    return "" if scale is None or scale.name is None else str(scale.name).strip("/")
 
 
 #: What Rattlesnake, a controller of shakers, calls the matrices of its streams.
