@@ -140,3 +140,41 @@ def test_each_variable_of_netcdf_has_the_time_of_its_dimension(tmp_path: Path, v
     read = Recording.read(file, layout=Layout.from_toml(file, toml))
     assert np.allclose(read.base_m_s2, read.malleolus_m_s2, atol=1e-6)
     assert read.warnings == () and read.unused == ()
+
+
+COUNTS = np.arange(T.size)
+
+
+@pytest.mark.parametrize(
+    ("counts", "says"),
+    [
+        (COUNTS, ""), (COUNTS % 256, ""), (7 + COUNTS, ""), (COUNTS // 10 + 1, ""),
+        (2 * COUNTS, "counts by 2 from row"),
+        (COUNTS + 40 * (COUNTS > 999), "goes from 999 to 1040: samples are missing there"),
+        (COUNTS + (COUNTS > 99) + (COUNTS > 999), "goes from 99 to 101: .* there, and more at 1 later places"),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("rate", ["Sampling rate: 1000 Hz", ""])
+def test_a_counter_may_deny_the_rate(tmp_path: Path, counts: np.ndarray, says: str, rate: str) -> None:
+    file = tmp_path / "r.csv"
+    rows = "\n".join(f"{n},{b:.5f},{m:.5f}" for n, b, m in zip(counts, BASE, MALLEOLUS, strict=True))
+    file.write_text(f"{rate}\nframe,base_m_s2,malleolus_m_s2\n{rows}\n".lstrip())
+    layout = Layout(rate_hz=1000.0)
+    if not says or (not rate and "by 2" in says):  # a rate of study.toml is that of the rows
+        assert Recording.read(file, layout=layout).rate_hz == pytest.approx(1000)
+        return
+    with pytest.raises(InputFileError, match=f"has a rate of 1000 Hz, and its column 'frame' {says}"):
+        Recording.read(file, layout=layout)
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["Rate: 2000 Hz (stored: every 2nd sample)", "Rate: 1,000 Hz", "Rate: 1.000 Hz", "Rate: 4 kHz, decimated by 4"],
+)
+def test_a_rate_with_something_behind_it_does_not_count(tmp_path: Path, line: str) -> None:
+    file = tmp_path / "r.csv"
+    rows = "\n".join(f"{b:.5f},{m:.5f}" for b, m in zip(BASE, MALLEOLUS, strict=True))
+    file.write_text(f"{line}\nbase_m_s2,malleolus_m_s2\n{rows}\n")
+    with pytest.raises(InputFileError, match="give sampling_rate_hz"):
+        Recording.read(file)
+    assert Recording.read(file, layout=Layout(rate_hz=1000.0)).rate_hz == pytest.approx(1000)

@@ -2,6 +2,7 @@
 
 import importlib
 import json
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -12,7 +13,7 @@ import numpy as np
 from fasbody.console import write_whole
 from fasbody.exceptions import InputFileError
 from fasbody.recording.channels import NAMES, TIME_UNITS, Channel, Channels, Layout, name_and_unit
-from fasbody.recording.clock import straightened
+from fasbody.recording.clock import counter_fault, straightened
 from fasbody.recording.columns import Columns, Use, assign, has_channels
 from fasbody.recording.csv import TextTable, read_table, several_takes
 from fasbody.recording.formats import ENDINGS, READ, ending
@@ -65,6 +66,7 @@ def reading(file: Path, layout: Layout | None = None) -> Reading:
     uses = {key: use for key, use in uses.items() if key in numbers}
     rate = source.rate_hz(uses, layout)
     vague = source.unapplied(uses, layout)
+    _counted(source, uses, rate, layout)
     numbers, places = _without_gaps(source, uses, numbers)
     channels = {key: numbers.pop(key) for key in uses}
     channels |= {key: use.factor * channels[key] for key, use in uses.items() if use.factor != 1}
@@ -192,6 +194,31 @@ def _clocks(
             )  # fmt: skip
         clocks[key] = unit * times
     return clocks
+
+
+#: Words of a heading that counts samples.
+_COUNTER = re.compile(r"frame|sample|index|counter|packet|scan", re.IGNORECASE)
+
+
+def _counted(
+    source: "TextTable | _SeriesTable", uses: Mapping[str, Use], rate_hz: float | None, layout: Layout
+) -> None:  # fmt: skip
+    """Refuse a rate that a column of counted samples contradicts, where no column of times decides."""
+    if {"time", "time_s"} & uses.keys():
+        return
+    taken = {use.index for use in uses.values()} | {use.clock for use in uses.values()}
+    for index, name in enumerate(source.columns.names):
+        if index in taken or not _COUNTER.search(name):
+            continue
+        try:
+            values = source.numbers({"counts": index})["counts"]
+        except InputFileError:  # words
+            continue
+        if values.size > 2 and np.isfinite(values).all() and (fault := counter_fault(values, rate_hz is not None)):
+            raise InputFileError(
+                source.file, f"has a rate of {rate_hz or layout.rate_hz or 0:g} Hz, and its column {name!r} {fault}",
+                "write the time of each row (time_s), correct the rate, or delete a column that counts something else",
+            )  # fmt: skip
 
 
 def _rising(source: "TextTable | _SeriesTable", index: int, size: int) -> np.ndarray | None:

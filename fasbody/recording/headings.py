@@ -50,6 +50,9 @@ _NUMBER_FIRST = {
     "fs": re.compile(r"date format .* at (?P<number>\d+)\s*(?P<unit>hz)\b", re.IGNORECASE),
 }
 _STATED_UNITS = {"hz": 1.0, "khz": 1e3, "": 1.0} | TIME_UNITS
+#: Behind a rate that is not that of the samples in the file, and a number whose mark may be one of thousands.
+_NOT_STORED = re.compile(r"every|decimat|stored|original|reduc|downsampl|resampl|^[.,]?\d", re.IGNORECASE)
+_THOUSANDS = re.compile(r"\d{1,3}\.\d{3}")
 #: What texts call a sampling rate (fs) or interval (dt), besides the names of `stated_rate`.
 _STATED_NAMES = dict.fromkeys(
     ("rate", "sample_frequency", "scan_rate", "data_rate", "acquisition_rate", "abtastrate",
@@ -252,12 +255,16 @@ def _stated_rate(line: str) -> tuple[str, float] | None:
         key, match = next((hit for hit in hits if hit[1]), ("", None))
     if match is None:
         return None
+    if _NOT_STORED.search(line[match.end() :].strip(" \t;([")):
+        return None
     key = _STATED_NAMES.get(key, key)
     unit = (match["unit"] or match.groupdict().get("of") or "").lower()
     try:
         number = float(match["number"])
         known = stated_rate([(key, number)]) is not None
     except (ValueError, ZeroDivisionError):
+        return None
+    if key == "fs" and unit == "hz" and _THOUSANDS.fullmatch(match["number"]):
         return None
     return (key, _STATED_UNITS[unit] * number) if known and unit in _STATED_UNITS else None
 
