@@ -127,7 +127,7 @@ class TextTable:
 
     def numbers(self, indices: Mapping[str, int]) -> Channels:
         """Columns as floats (n,), NaN where a cell is empty, times of the day in seconds: by name, from their index."""
-        _no_narrower(self, indices)
+        _no_narrower(self)
         times = {name: index for name, index in indices.items() if index in self.stamped}
         rest = {name: index for name, index in indices.items() if index not in self.stamped}
         parts: dict[str, list[np.ndarray]] = {name: [] for name in indices}
@@ -243,13 +243,17 @@ def _table(passage: text.Passage, layout: Layout, strict: bool) -> TextTable:
     return TextTable(passage, head, Headings(separator, layout.columns, units, 0, line - 1, skipped, rate, others))
 
 
-def _no_narrower(table: TextTable, indices: Mapping[str, int]) -> None:
-    """Refuse headings that are more than the cells below them, unless a time of its name shows which are which."""
+#: A last heading over cells that are written where there is something to say.
+_REMARK = re.compile(r"comment|note|remark|marker|event|bemerkung|kommentar", re.IGNORECASE)
+
+
+def _no_narrower(table: TextTable) -> None:
+    """Refuse headings that are more than the cells below them, unless the last are of remarks."""
     body = headings.first_samples(table.head, table.headings.first, table.headings.separator)
     surplus = len(table.names) - len(body)
-    while surplus > 0 and not table.names[len(body) + surplus - 1]:
+    while surplus > 0 and (not (last := table.names[len(body) + surplus - 1]) or _REMARK.search(last)):
         surplus -= 1
-    if not body or surplus <= 0 or not table.headings.line or "time_s" in indices or "time" in indices:
+    if not body or surplus <= 0 or not table.headings.line:
         return
     raise InputFileError(
         table.file, f"names {len(body) + surplus} columns ({shown(', '.join(table.names))}), and its rows have "
