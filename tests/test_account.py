@@ -186,6 +186,8 @@ def test_headings_that_are_more_than_the_cells_below(tmp_path: Path) -> None:
     with pytest.raises(InputFileError, match=r"names 3 columns \(frame, base, malleolus\), and its rows have 2 cells"):
         read(text(tmp_path / "b.tsv", "frame\tbase\tmalleolus\n", both, "\t"), toml)
     right(read(text(tmp_path / "c.csv", "time_s,base_m_s2,malleolus_m_s2,comment\n", [TIME, *both])))
+    with pytest.raises(InputFileError, match=r"names 4 columns \(time_s, .*, temp\), and its rows"):
+        read(text(tmp_path / "d.csv", "time_s,base_m_s2,malleolus_m_s2,temp\n", [TIME, *both]))
 
 
 AXES = [TIME, 0.1 * base(TIME), base(TIME), 0.3 * base(TIME), 0.2 * base(TIME), malleolus(TIME), 0.4 * base(TIME)]

@@ -83,8 +83,10 @@ def test_lines_beside_the_headings_are_named_and_contradictions_told(tmp_path: P
     right(recording)
     assert recording.unused == ("1 line beside the headings (Operator: A. B.)",)
     assert "states 500 Hz, and its time runs at 1000 Hz, which counts" in recording.warnings[0]
-    gains = read(file(tmp_path / "b.tsv", QUALISYS.format(10), [B / G, M / G], "\t"), IN_G)
-    assert "the row 'CHANNEL_GAIN 10 1' states factors that differ" in gains.warnings[0]
+    file(tmp_path / "b.tsv", QUALISYS.format(10), [B / G, M / G], "\t")
+    with pytest.raises(InputFileError, match=r"CHANNEL_GAIN = 10, 1 for its channels.*sensitivity .*\(1 if they do"):
+        read(tmp_path / "b.tsv", IN_G)
+    file(tmp_path / "b.tsv", QUALISYS.format(1), [B / G, M / G], "\t")
     with pytest.raises(InputFileError, match=r"states a sampling rate of 1000 Hz, and study.toml sampling_rate"):
         read(tmp_path / "b.tsv", "[study]\nsampling_rate_hz = 50\n" + IN_G)
     file(tmp_path / "c.csv", "Frequency: 20 Hz\nVibration at 40 Hz\nbase_g,malleolus_g\n", [B / G, M / G])

@@ -37,9 +37,11 @@ def test_a_sound_channel_has_no_finding(digits: int, noise: float) -> None:
     assert found(*pair) == ""
 
 
-@pytest.mark.parametrize("own_rate", [250.0, 500.0, 148.148])
-@pytest.mark.parametrize("held", [True, False])
-def test_a_slow_channel_is_told_with_what_it_costs(own_rate: float, held: bool) -> None:
+@pytest.mark.parametrize(
+    ("held", "own_rate"),
+    [*((held, rate) for held in (True, False) for rate in (250.0, 500.0, 4000 / 27, 148.2)), (True, 600.0)],
+)
+def test_a_slow_channel_is_told_with_what_it_costs(held: bool, own_rate: float) -> None:
     """Amplitude and delay that are stated are those that a fit to the channel finds."""
     its = np.arange(0, 4.1, 1 / own_rate)
     values = sine(its, 11.7, 25.0)
@@ -50,11 +52,19 @@ def test_a_slow_channel_is_told_with_what_it_costs(own_rate: float, held: bool) 
     change, delay_s = slow.effect(HZ, RATE)
     ratio = fit_harmonics(TIME, made, HZ, 1).amplitudes[0] / fit_harmonics(TIME, FOOT, HZ, 1).amplitudes[0]
     assert abs(ratio) - 1 == pytest.approx(change, rel=0.1, abs=1e-3)
-    apart = 1.0 if held and RATE % own_rate else 0.1  # how old its samples are depends on how the clocks meet
+    apart = 1.0 if held and own_rate == 148.2 else 0.1  # how old its samples are depends on how the clocks meet
     assert -np.degrees(np.angle(ratio)) == pytest.approx(360 * HZ * delay_s, abs=apart)
     text = found(np.round(made, 6))
     assert ("held until the next one" if held else "joined by straight lines") in text
     assert ("degrees late" in text) is held
+
+
+@pytest.mark.parametrize(("noise", "seen"), [(0.06, True), (3.0, False)])
+def test_a_held_channel_of_160_hz_is_seen_in_noise(noise: float, seen: bool) -> None:
+    made = sine(np.floor(TIME * 160 + 1e-9) / 160, 11.7, 25.0) + np.random.default_rng(3).normal(0, noise, TIME.size)
+    slow = samples.slow(made)
+    assert (slow is not None) is seen
+    assert slow is None or (slow.held, slow.interval, slow.age) == (True, 6.25, 3.0)
 
 
 def test_a_held_channel_of_250_hz_is_10_8_degrees_late() -> None:

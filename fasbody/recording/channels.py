@@ -7,13 +7,14 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
+from itertools import islice
 from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
 
 from fasbody.constants import GRAVITY
-from fasbody.exceptions import InputFileError, shown, unknown
+from fasbody.exceptions import InputFileError, shown
 from fasbody.presentation import Tabled
 from fasbody.recording.clock import rate_of
 from fasbody.recording.known import Known
@@ -31,8 +32,10 @@ TIME_UNITS = {
 ACCELERATIONS = UNITS | {
     "m/s^2": 1.0, "m/s2": 1.0, "m/s²": 1.0, "m/s**2": 1.0, "m/s/s": 1.0, "m s-2": 1.0, "m s^-2": 1.0, "m*s^-2": 1.0,
     "m/(s^2)": 1.0, "gn": GRAVITY,
-    "mm/s^2": 1e-3, "mm/s2": 1e-3, "mm/s²": 1e-3, "cm/s^2": 1e-2, "cm/s2": 1e-2, "cm/s²": 1e-2,
 }  # fmt: skip
+_LENGTHS = {"mm": 1e-3, "cm": 1e-2, "dm": 0.1, "um": 1e-6, "µm": 1e-6, "μm": 1e-6, "ft": 0.3048, "in": 0.0254}
+ACCELERATIONS |= {f"{name}/{squared}": m for name, m in _LENGTHS.items() for squared in ("s^2", "s2", "s²")}
+_VELOCITY = re.compile(r"[a-zµμ]+ ?/ ?(?:s|sec|min|h)", re.IGNORECASE)
 VOLTAGES = {"v": 1.0, "mv": 1e-3, "volt": 1.0, "volts": 1.0}
 KNOWN_UNITS = frozenset(ACCELERATIONS | VOLTAGES | TIME_UNITS)
 _SENSITIVITY = re.compile(
@@ -61,9 +64,20 @@ def heading(name: str) -> tuple[str, str]:
 
 def factor(file: Path, channel: str, unit: str, valid: Mapping[str, float], line: int | None = None) -> float:
     """What turns a column's numbers into SI."""
-    if unit.lower() not in valid:
-        raise InputFileError(file, unknown(f"unit of the column {channel!r}:", shown(unit), valid), line=line)
-    return valid[unit.lower()]
+    if unit.lower() in valid:
+        return valid[unit.lower()]
+    if "g" in valid and _VELOCITY.fullmatch(unit):
+        problem = f"{channel} is in {unit}, a velocity"
+        raise InputFileError(file, problem, "differentiate it over time, and write it in m/s^2", line=line)
+    alike = (name for name in valid if _plain(name) == _plain(unit))  # a unit that is near is another unit
+    hint = "".join(f", did you mean {name!r}?" for name in islice(alike, 1))
+    listed = ", ".join({size: name for name, size in reversed(valid.items())}.values())
+    problem = f"unknown unit of the column {channel!r}: {shown(unit)!r}{hint} (valid: {listed})"
+    raise InputFileError(file, problem, line=line)
+
+
+def _plain(unit: str) -> str:
+    return re.sub(r"[\W_]|(?<=s)ec", "", unit.lower().replace("²", "2"))
 
 
 def volts_per_m_s2(file: Path, name: str, text: str) -> float:
@@ -97,6 +111,7 @@ class Channel(Tabled):
         column: its name in the files, or its number from 1; default the channel's name.
         unit: of the numbers, if the files state none or a wrong one.
         clock: the column of its times, if it has one.
+        stated: what study.toml states of it.
         sign: +1 or -1.
         sensitivity: recorded unit per m/s^2, or in V per m/s^2 if `volts`.
         delay_s: how late it is.
@@ -113,6 +128,7 @@ class Channel(Tabled):
     gain_std: float = 0.0
     delay_std_s: float = 0.0
     clock: str = ""
+    stated: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -334,4 +350,5 @@ def _channel(file: Path, name: str, stated: object) -> Channel:
     return Channel(
         column, table.unit, table.sign, sensitivity, volts, table.delay_s,
         table.gain_std or 0.0, table.delay_std_s or 0.0, table.clock,
+        tuple(sorted(table.model_fields_set)),
     )  # fmt: skip

@@ -298,7 +298,7 @@ def _sampling(
             f"{name}_m_s2 was sampled at {rate / slow.interval:.4g} Hz and is {kept}: a sine of "
             f"{f:.4g} Hz is {-100 * change:.2g} % too small by that{late}; record all channels at "
             "one rate",
-            *((", or give ", delay) if slow.held else ()),
+            *((", or (unless each is the nearest sample in time) give ", delay) if slow.held else ()),
             ".",
         )
     elif frequency and (error := samples.by_steps(values, grid, frequency, rate)) > _COARSE:

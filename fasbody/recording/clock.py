@@ -10,6 +10,8 @@ _UNIFORM = 0.5
 _REPEATED = 3
 #: A missing sample is detected where it would jump by this times the scatter of the third differences.
 _SEEN = 8.0
+#: A column whose steps are one number in this share of the rows counts them.
+_COUNTED = 0.9
 #: A step of this many typical ones is a gap, which nothing can fill.
 _GAP = 1.9
 
@@ -43,6 +45,29 @@ def _line(time_s: np.ndarray) -> np.ndarray:
     """The uniform clock nearest to times (n,) [s]."""
     index = np.arange(time_s.size)
     return np.polynomial.Polynomial.fit(index, time_s, 1)(index)
+
+
+def counter_fault(counts: np.ndarray, each: bool) -> str:
+    """What a counter of samples (n,) says against a uniform clock; it may begin anew at a limit.
+
+    Args:
+        counts: (n,).
+        each: whether the clock's rate is that of the counts, not of the rows.
+    """
+    steps = np.diff(counts)
+    up = steps[steps >= 0]
+    usual = float(np.median(up)) if up.size else 0.0
+    if up.size < 0.9 * steps.size or up.min() < 1 or (counts % 1).any():
+        return ""
+    if (up == usual).mean() < _COUNTED:  # no counter
+        return ""
+    if usual != 1 and each:
+        return f"counts by {usual:g} from row to row"
+    places = np.flatnonzero(steps > usual)
+    if not places.size:
+        return ""
+    more = f", and more at {places.size - 1} later places" if places.size > 1 else ""
+    return f"goes from {counts[places[0]]:g} to {counts[places[0] + 1]:g}: samples are missing there{more}"
 
 
 def straightened(time_s: np.ndarray) -> np.ndarray:

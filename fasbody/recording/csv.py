@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from fasbody.exceptions import InputFileError, shown
-from fasbody.recording import headings, text
+from fasbody.recording import headings, statements, text
 from fasbody.recording.channels import Channels, Layout
 from fasbody.recording.columns import Columns, Use, has_channels
 from fasbody.recording.headings import Headings
@@ -102,10 +102,16 @@ class TextTable:
         """What the text states that its numbers deny, in sentences without the file's name."""
         rate, span = self.headings.rate_hz, float(time_s[-1] - time_s[0])
         if rate is None or not span > 0 or abs((time_s.size - 1) / span / rate - 1) < 1e-2:
-            return list(self.headings.remarks)
+            return []
         counted = (time_s.size - 1) / span
-        says = f"a line above its numbers states {rate:g} Hz, and its time runs at {counted:.6g} Hz, which counts"
-        return [says, *self.headings.remarks]
+        return [f"a line above its numbers states {rate:g} Hz, and its time runs at {counted:.6g} Hz, which counts"]
+
+    def unapplied(self, uses: Mapping[str, Use], layout: Layout) -> list[str]:
+        """Refuse lines that state time or scale of a channel; remarks on those that are not understood."""
+        names = {key.removesuffix("_m_s2"): self.names[use.index] for key, use in uses.items() if key[:4] != "time"}
+        stated, vague = statements.of_lines(self.headings.beside, self.headings.separator, names)
+        statements.refuse_unapplied(self.file, stated, names, layout, alike=True)
+        return vague
 
     @cached_property
     def first_row(self) -> list[str]:
@@ -121,7 +127,7 @@ class TextTable:
 
     def numbers(self, indices: Mapping[str, int]) -> Channels:
         """Columns as floats (n,), NaN where a cell is empty, times of the day in seconds: by name, from their index."""
-        _no_narrower(self, indices)
+        _no_narrower(self)
         times = {name: index for name, index in indices.items() if index in self.stamped}
         rest = {name: index for name, index in indices.items() if index not in self.stamped}
         parts: dict[str, list[np.ndarray]] = {name: [] for name in indices}
@@ -234,16 +240,20 @@ def _table(passage: text.Passage, layout: Layout, strict: bool) -> TextTable:
     rate, others = headings.read_statements([row for row in islice(text.lines(head), line - 1) if row.strip()])
     units = layout.units or ("",) * len(layout.columns)
     skipped = tuple(f"a line above the numbers ({shown(row)})" for row in others)
-    return TextTable(passage, head, Headings(separator, layout.columns, units, 0, line - 1, skipped, rate))
+    return TextTable(passage, head, Headings(separator, layout.columns, units, 0, line - 1, skipped, rate, others))
 
 
-def _no_narrower(table: TextTable, indices: Mapping[str, int]) -> None:
-    """Refuse headings that are more than the cells below them, unless a time of its name shows which are which."""
+#: A last heading over cells that are written where there is something to say.
+_REMARK = re.compile(r"comment|note|remark|marker|event|bemerkung|kommentar", re.IGNORECASE)
+
+
+def _no_narrower(table: TextTable) -> None:
+    """Refuse headings that are more than the cells below them, unless the last are of remarks."""
     body = headings.first_samples(table.head, table.headings.first, table.headings.separator)
     surplus = len(table.names) - len(body)
-    while surplus > 0 and not table.names[len(body) + surplus - 1]:
+    while surplus > 0 and (not (last := table.names[len(body) + surplus - 1]) or _REMARK.search(last)):
         surplus -= 1
-    if not body or surplus <= 0 or not table.headings.line or "time_s" in indices or "time" in indices:
+    if not body or surplus <= 0 or not table.headings.line:
         return
     raise InputFileError(
         table.file, f"names {len(body) + surplus} columns ({shown(', '.join(table.names))}), and its rows have "

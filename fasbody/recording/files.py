@@ -2,6 +2,7 @@
 
 import importlib
 import json
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import pairwise
@@ -12,12 +13,13 @@ import numpy as np
 from fasbody.console import write_whole
 from fasbody.exceptions import InputFileError
 from fasbody.recording.channels import NAMES, TIME_UNITS, Channel, Channels, Layout, name_and_unit
-from fasbody.recording.clock import straightened
+from fasbody.recording.clock import counter_fault, straightened
 from fasbody.recording.columns import Columns, Use, assign, has_channels
 from fasbody.recording.csv import TextTable, read_table, several_takes
 from fasbody.recording.formats import ENDINGS, READ, ending
 from fasbody.recording.formats.reader import read_series
 from fasbody.recording.formats.series import FormatError, Series, need
+from fasbody.recording.statements import refuse_unapplied
 from fasbody.recording.text import read_text
 from fasbody.sentences import Sentence, called
 
@@ -63,6 +65,8 @@ def reading(file: Path, layout: Layout | None = None) -> Reading:
     numbers = _numbers(source, uses, layout)
     uses = {key: use for key, use in uses.items() if key in numbers}
     rate = source.rate_hz(uses, layout)
+    vague = source.unapplied(uses, layout)
+    _counted(source, uses, rate, layout)
     numbers, places = _without_gaps(source, uses, numbers)
     channels = {key: numbers.pop(key) for key in uses}
     channels |= {key: use.factor * channels[key] for key, use in uses.items() if use.factor != 1}
@@ -83,7 +87,7 @@ def reading(file: Path, layout: Layout | None = None) -> Reading:
         channels = _one_take(file, channels, layout)
     if channels["time_s"].size < 2:
         raise InputFileError(file, f"holds {channels['time_s'].size} samples", "a recording needs at least two")
-    others = [*source.remarks(channels["time_s"]), *_other_clocks(source, uses, channels["time_s"])]
+    others = [*vague, *source.remarks(channels["time_s"]), *_other_clocks(source, uses, channels["time_s"])]
     clocks |= source.clocks(uses, channels["time_s"], rate)
     if clocks:
         channels["time_s"] = straightened(channels["time_s"])
@@ -192,6 +196,31 @@ def _clocks(
     return clocks
 
 
+#: Words of a heading that counts samples.
+_COUNTER = re.compile(r"frame|sample|index|counter|packet|scan", re.IGNORECASE)
+
+
+def _counted(
+    source: "TextTable | _SeriesTable", uses: Mapping[str, Use], rate_hz: float | None, layout: Layout
+) -> None:  # fmt: skip
+    """Refuse a rate that a column of counted samples contradicts, where no column of times decides."""
+    if {"time", "time_s"} & uses.keys():
+        return
+    taken = {use.index for use in uses.values()} | {use.clock for use in uses.values()}
+    for index, name in enumerate(source.columns.names):
+        if index in taken or not _COUNTER.search(name):
+            continue
+        try:
+            values = source.numbers({"counts": index})["counts"]
+        except InputFileError:  # words
+            continue
+        if values.size > 2 and np.isfinite(values).all() and (fault := counter_fault(values, rate_hz is not None)):
+            raise InputFileError(
+                source.file, f"has a rate of {rate_hz or layout.rate_hz or 0:g} Hz, and its column {name!r} {fault}",
+                "write the time of each row (time_s), correct the rate, or delete a column that counts something else",
+            )  # fmt: skip
+
+
 def _rising(source: "TextTable | _SeriesTable", index: int, size: int) -> np.ndarray | None:
     """A column of as many numbers (n,) that rise from row to row, once they are not rounded any more; else None."""
     try:
@@ -297,6 +326,13 @@ class _SeriesTable:
 
     def remarks(self, time_s: np.ndarray) -> list[str]:
         """What the file states that its numbers deny."""
+        return []
+
+    def unapplied(self, uses: Mapping[str, Use], layout: Layout) -> list[str]:
+        """Refuse statements of time or scale of a channel that are not applied."""
+        sources = {key.removesuffix("_m_s2"): s for key, s in self._sources(uses).items()}
+        stated, names = ({key: getattr(s, of) for key, s in sources.items()} for of in ("stated", "name"))
+        refuse_unapplied(self.file, stated, names, layout)
         return []
 
     def rate_hz(self, uses: Mapping[str, Use], layout: Layout) -> float | None:
@@ -412,21 +448,13 @@ def beside(file: Path, layout: Layout) -> Layout:
 
 
 def _one_scale(file: Path, channel: str, source: Series, layout: Layout) -> None:
-    """Refuse a scale of the file that may be applied twice, or not at all."""
+    """Refuse a scale of the file that may be applied twice."""
     stated = layout.channels.get(channel)
     sensitivity = bool(stated and stated.sensitivity != 1.0)
     if source.scaled and sensitivity and stated and not stated.volts:
         raise InputFileError(
             file, f"scales {source.name!r} itself ({source.scaled}), and study.toml gives "
             f"channels.{channel}.sensitivity = {stated.sensitivity:g}", "keep one of them",
-        )  # fmt: skip
-    if source.unclear and not sensitivity:
-        raise InputFileError(
-            file, f"says {source.unclear} with {source.name!r}, and not whether its numbers contain it",
-            Sentence(
-                "give ", called(f"channels.{channel}.sensitivity", "100 mV/g"),
-                ", or delete the attribute (scale_factor is applied)",
-            ),
         )  # fmt: skip
 
 

@@ -216,7 +216,15 @@ def _solved(P: np.ndarray, N: np.ndarray, right: np.ndarray, signal: np.ndarray)
     """
     if len(P) < signal.size or np.linalg.cond(N) < 1e4:
         return np.linalg.solve(N, right)
-    return np.linalg.lstsq(P, signal, rcond=None)[0]
+    return least_squares(P, signal)
+
+
+def least_squares(P: np.ndarray, signals: np.ndarray) -> np.ndarray:
+    """Coefficients of columns P (n, p) in signals (n,) or (n, k): by QR, as an SVD does not always converge."""
+    from scipy.linalg import lstsq
+
+    rank = max(P.shape) * np.finfo(float).eps
+    return np.asarray(lstsq(P, signals, cond=rank, lapack_driver="gelsy", check_finite=False)[0])
 
 
 def _white(power: np.ndarray) -> float:

@@ -38,7 +38,6 @@ _HEADER_LINES, _HEADING_ROWS = 200, 12
 #: What stands in front of a row of names (Qualisys: CHANNEL_NAMES), or of statements below them.
 _TITLE = re.compile(r"[A-Z]+_NAMES|\w+=", re.IGNORECASE)
 _KEY = re.compile(r"[A-Za-z]\w+=?")
-_GAIN = re.compile(r"gain|scale|factor|sensitivity", re.IGNORECASE)
 #: A name, perhaps its unit, and a number with its unit: ``Sampling frequency [Hz],1000``.
 _STATEMENT = re.compile(
     r"^\W*(?P<name>[A-Za-z][A-Za-z_ -]*?)\s*(?:[\[(](?P<of>[^\])]*)[\])])?\s*"
@@ -51,6 +50,9 @@ _NUMBER_FIRST = {
     "fs": re.compile(r"date format .* at (?P<number>\d+)\s*(?P<unit>hz)\b", re.IGNORECASE),
 }
 _STATED_UNITS = {"hz": 1.0, "khz": 1e3, "": 1.0} | TIME_UNITS
+#: Behind a rate that is not that of the samples in the file, and a number whose mark may be one of thousands.
+_NOT_STORED = re.compile(r"every|decimat|stored|original|reduc|downsampl|resampl|^[.,]?\d", re.IGNORECASE)
+_THOUSANDS = re.compile(r"\d{1,3}\.\d{3}")
 #: What texts call a sampling rate (fs) or interval (dt), besides the names of `stated_rate`.
 _STATED_NAMES = dict.fromkeys(
     ("rate", "sample_frequency", "scan_rate", "data_rate", "acquisition_rate", "abtastrate",
@@ -81,7 +83,7 @@ class Headings:
         first: how many lines stand above the numbers.
         skipped: rows that are in no use, in words.
         rate_hz: the sampling rate that a line states.
-        remarks: on statements that differ between the channels, without the file's name.
+        beside: lines that may state something of a channel.
     """
 
     separator: str
@@ -91,7 +93,7 @@ class Headings:
     first: int
     skipped: tuple[str, ...] = ()
     rate_hz: float | None = None
-    remarks: tuple[str, ...] = ()
+    beside: tuple[str, ...] = ()
 
 
 def find_header(text: str, score: Callable[[Sequence[str]], int]) -> Header:
@@ -218,9 +220,8 @@ def read_headings(text: str, header: Header) -> Headings:
     if others:
         count = counted(len(others), "line")
         skipped.append(f"{count} beside the headings ({shown('; '.join(others))})")
-    remarks = tuple(_unequal_gains(statements))
     return Headings(
-        separator, tuple(names), tuple(units), line, first, tuple(skipped), rate, remarks
+        separator, tuple(names), tuple(units), line, first, tuple(skipped), rate, others
     )
 
 
@@ -254,6 +255,8 @@ def _stated_rate(line: str) -> tuple[str, float] | None:
         key, match = next((hit for hit in hits if hit[1]), ("", None))
     if match is None:
         return None
+    if _NOT_STORED.search(line[match.end() :].strip(" \t;([")):
+        return None
     key = _STATED_NAMES.get(key, key)
     unit = (match["unit"] or match.groupdict().get("of") or "").lower()
     try:
@@ -261,19 +264,9 @@ def _stated_rate(line: str) -> tuple[str, float] | None:
         known = stated_rate([(key, number)]) is not None
     except (ValueError, ZeroDivisionError):
         return None
+    if key == "fs" and unit == "hz" and _THOUSANDS.fullmatch(match["number"]):
+        return None
     return (key, _STATED_UNITS[unit] * number) if known and unit in _STATED_UNITS else None
-
-
-def _unequal_gains(statements: Sequence[str]) -> Iterator[str]:
-    """A sentence on each row of gains that are not alike for all channels."""
-    for row in statements:
-        key, *cells = row.split()
-        if _GAIN.search(key) and len(set(filter(texts.numeric, cells))) > 1:
-            yield (
-                f"the row {shown(row)!r} states factors that differ between the channels, and is "
-                "not applied; if the numbers do not contain them yet, give study.toml a "
-                "sensitivity for each channel"
-            )
 
 
 def without_footer(text: str, separator: str) -> tuple[str, tuple[str, ...]]:

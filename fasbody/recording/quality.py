@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from fasbody.recording.clock import rate_of
-from fasbody.recording.harmonics import Harmonics, columns, fit_harmonics
+from fasbody.recording.harmonics import Harmonics, columns, fit_harmonics, least_squares
 
 #: Segments whose levels are compared, and the periods that one needs.
 _SEGMENTS = 10
@@ -122,7 +122,7 @@ def _segments(time_s: np.ndarray, values: list[np.ndarray], frequency_hz: float,
     segments = []
     for a, b in pairwise(edges):
         basis = columns(2 * np.pi * frequency_hz * time_s[a:b], 1)
-        offset, real, imaginary = np.linalg.lstsq(basis, np.column_stack([x[a:b] for x in values]), rcond=None)[0]
+        offset, real, imaginary = least_squares(basis, np.column_stack([x[a:b] for x in values]))
         segments.append(np.stack([offset + 0j, real - 1j * imaginary]))
     return np.array(segments)
 

@@ -4,10 +4,11 @@ Each finding has its place and its size: what it does to the amplitude and phase
 """
 
 from dataclasses import dataclass
+from fractions import Fraction
 
 import numpy as np
 
-from fasbody.recording.harmonics import columns
+from fasbody.recording.harmonics import columns, least_squares
 
 #: Share of the places that must lie a slow channel's interval apart.
 _REGULAR = 0.9
@@ -18,7 +19,9 @@ _STRAIGHT = 3e-5
 #: Fewest changes of a slow channel.
 _FEWEST = 10
 #: The longest interval of a slow channel that is looked for in noise, and the power between its samples over theirs.
-_SLOWEST, _SMALL = 20, 0.05
+_SLOWEST, _SMALL = 25, 0.05
+#: Samples of a slow channel after which its interval is whole again, at most.
+_PARTS = 12
 #: Samples that show it.
 _ENOUGH = 200_000
 #: Values that differ by less than this share of their range are one value.
@@ -74,17 +77,29 @@ def slow(values: np.ndarray, grid: float | None = None) -> Slow | None:
     changes = np.flatnonzero(change > 0)
     interval = _regular(changes) or _uneven(change, grid)
     if interval:
-        return Slow(interval, True, 0.5 * (interval - float(interval % 1 == 0)))
+        return Slow(interval, True, _age(interval))
     before, after = np.diff(values)[:-2], np.diff(values)[2:]
     repeated = (change[1:-1] == 0) & (before * after > 0) & (change[:-2] + change[2:] > 8 * grid)
     if repeated.mean() > _REPEATED:  # filled where samples are missing
+        interval = change.size / max(1, changes.size)
+        if np.ptp(np.diff(changes)) <= 1:  # evenly
+            return Slow(interval, True, _age(interval))
         age = np.arange(values.size - 1) - np.maximum.accumulate(np.where(change > 0, np.arange(change.size), 0))
-        return Slow(change.size / max(1, changes.size), True, float(age.mean()))
+        return Slow(interval, True, float(age.mean()))
     bends = np.flatnonzero(bend > max(4 * grid, _STRAIGHT * float(bend.max())))
     starts = bends[np.diff(bends, prepend=-9) > 1]  # a line that bends between two samples bends at both
     straight = bends.size <= 2.2 * starts.size and bend.max() > 80 * grid
     interval = (_regular(starts) if straight else 0.0) or _uneven(bend, grid)
     return Slow(interval, False) if interval else None
+
+
+def _age(interval: float) -> float:
+    """Mean age of samples that are held for an interval which is counted in samples of the file.
+
+    Ages are multiples of 1 / q where the interval is p / q: a sample of each of p is taken when it is measured.
+    """
+    near = Fraction(interval).limit_denominator(_PARTS)
+    return 0.5 * (interval - (1 / near.denominator if abs(near - interval) < 2e-3 else 0.0))
 
 
 def _uneven(steps: np.ndarray, grid: float) -> float:
@@ -94,13 +109,19 @@ def _uneven(steps: np.ndarray, grid: float) -> float:
     of its class, and steps of a converter are no larger than a few of its grid.
     """
     power = steps[:_ENOUGH] ** 2
-    for interval in range(min(_SLOWEST, power.size // _FEWEST), 1, -1):
-        by_class = power[: power.size // interval * interval].reshape(-1, interval)
+    for count in range(min(_SLOWEST, power.size // _FEWEST), 1, -1):
+        by_class = power[: power.size // count * count].reshape(-1, count)
         means = by_class.mean(axis=0)
-        *others, largest = np.sort(means)
-        usual = np.median(by_class[:, means.argmax()])
-        if others[-1] < _SMALL * largest and usual > 0.1 * largest and largest > (_COARSE * grid) ** 2:
-            return float(interval)
+        order = np.argsort(means)[::-1]
+        several = [q for q in range(1, count // 2 + 1) if means[order[q]] < _SMALL * means[order[q - 1]]]
+        if not several:
+            continue
+        places = np.sort(order[: several[0]])
+        gaps = np.diff(places, append=places[0] + count)
+        least, usual = means[places].min(), np.median(by_class[:, places], axis=0)
+        even = gaps.min() > 1 and np.ptp(gaps) <= 1
+        if even and (usual > 0.1 * means[places]).all() and least > (_COARSE * grid) ** 2:
+            return count / places.size
     return 0.0
 
 
@@ -166,7 +187,7 @@ def cost(time_s: np.ndarray, values: np.ndarray, frequency_hz: float, spikes: np
     """What spikes do to the sine of a channel (n,): its amplitude with them over that without."""
     basis = columns(2 * np.pi * frequency_hz * time_s, 1)
     kept = np.delete(np.arange(values.size), spikes)
-    fits = [np.linalg.lstsq(basis[use], values[use])[0] for use in (slice(None), kept)]
+    fits = [least_squares(basis[use], values[use]) for use in (slice(None), kept)]
     with_spikes, clean = (c[1] - 1j * c[2] for c in fits)
     return complex(with_spikes / clean)
 

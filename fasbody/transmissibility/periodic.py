@@ -7,6 +7,7 @@ though both channels are noisy, unlike H1; what the shaker does to both channels
 
 import numpy as np
 
+from fasbody.recording.harmonics import least_squares
 from fasbody.transmissibility.response import Response, widening
 
 #: Periods need to be alike to this correlation, beyond what noise explains, and at least so many.
@@ -81,7 +82,7 @@ def _blocks(values: np.ndarray, rate_hz: float, period_s: float, highest_hz: flo
     basis = np.empty((n, 2 + 2 * lines))
     basis[:, 0], basis[:, 1] = 1.0, np.linspace(-1, 1, n)
     basis[:, 2::2], basis[:, 3::2] = waves.real, waves.imag
-    solved = np.linalg.lstsq(basis, np.column_stack([values[s : s + n] for s in starts]))[0]
+    solved = least_squares(basis, np.column_stack([values[s : s + n] for s in starts]))
     amplitudes = (solved[2::2] - 1j * solved[3::2]).T
     late = starts - np.arange(starts.size) * samples
     return amplitudes * np.exp(-np.outer(late, turn))

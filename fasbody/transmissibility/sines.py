@@ -9,6 +9,7 @@ from itertools import pairwise
 
 import numpy as np
 
+from fasbody.recording.harmonics import least_squares
 from fasbody.transmissibility.response import Response, widening
 
 #: Segments at most, and the periods that each has at least.
@@ -39,7 +40,7 @@ def by_segments(time_s: np.ndarray, channels: dict[str, np.ndarray], frequency_h
     amplitudes, noise, freedom = [], np.zeros((len(names), len(names))), 0
     for a, b in pairwise(edges):
         basis = _basis(t[a:b], frequency_hz, harmonics)
-        solved = np.linalg.lstsq(basis, signals[a:b])[0]
+        solved = least_squares(basis, signals[a:b])
         amplitudes.append(solved[2] - 1j * solved[3])
         left = signals[a:b] - basis @ solved
         noise += left.T @ left
@@ -82,7 +83,7 @@ def _common(base: np.ndarray, moved: np.ndarray) -> tuple[np.ndarray, np.ndarray
         return ratio, left, weight, base.size - 1
     slope, bend = base[2:] - base[:-2], base[2:] - 2 * base[1:-1] + base[:-2]
     basis = np.column_stack([base[1:-1], slope, bend])
-    wandering = np.linalg.lstsq(basis, moved[1:-1])[0]
+    wandering = least_squares(basis, moved[1:-1])
     rest = moved[1:-1] - basis @ wandering
     count = base.size - 5
     before, after = (np.sum(np.abs(v) ** 2, axis=0) / n for v, n in ((left, base.size - 1), (rest, count)))

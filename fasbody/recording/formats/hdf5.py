@@ -11,6 +11,7 @@ import numpy as np
 from fasbody.recording.channels import Channels
 from fasbody.recording.formats import series
 from fasbody.recording.formats.series import FormatError, Series, check_size, passed_over
+from fasbody.recording.statements import found
 
 LIBRARY = "h5py"
 MAGIC = b"\x89HDF\r\n\x1a\n"
@@ -32,6 +33,7 @@ def decode(file: Path) -> list[Series]:
 
         source.visititems(visit)  # visits hard links only
         check_size(0, len(datasets))
+        axes = {_axis(item) for _, item in datasets} - {""}
         for name, item in datasets:
             if _is_table(item):
                 total += item.size * len(item.dtype.names)
@@ -50,16 +52,24 @@ def decode(file: Path) -> list[Series]:
             total += int(np.prod([float(n) for n in item.shape]))
             check_size(total)
             unit = series.text_of(item.attrs.get("units", item.attrs.get("unit", b"")))
-            values, scaled, unclear = _scaled(item)
+            values, scaled = _scaled(item)
+            stated = found(dict(item.attrs), (*_APPLIED, *series.STARTS, *series.RATES, *series.STEPS))
             rate = _rate(source, name)
             starts = (_number(item.attrs.get(key)) for key in series.STARTS)
             start = next((value for value in starts if value is not None), None)
+            axis = _axis(item) if len(axes) > 1 else ""
             columns += [
-                replace(s, scaled=scaled, unclear=unclear, start_s=start)
+                replace(s, scaled=scaled, stated=stated, start_s=start, group=axis)
                 for s in series.columns_of(name, values, unit, rate)
             ]
         columns = _named(source, columns)
     return series.with_rate(columns)
+
+
+def _axis(item: Any) -> str:
+    """The dimension of a variable of NetCDF, which has a time of its own where there are several."""
+    scale = item if item.is_scale else next(iter(item.dims[0].values()), None) if item.ndim == 1 else None
+    return "" if scale is None or scale.name is None else str(scale.name).strip("/")
 
 
 #: What Rattlesnake, a controller of shakers, calls the matrices of its streams.
@@ -92,25 +102,20 @@ def _is_table(item: Any) -> bool:
     return named and item.ndim == 1 and not item.external and not item.is_virtual
 
 
-#: Attributes that may be a scale, applied already or not.
-_SCALES = (
-    "scale", "scaling", "scaling_factor", "gain", "sensitivity", "calibration", "calibration_factor", "conversion",
-    "conversion_factor", "factor", "multiplier", "slope",
-)  # fmt: skip
+#: Attributes that are applied.
+_APPLIED = ("scale_factor", "add_offset")
 
 
-def _scaled(item: Any) -> tuple[np.ndarray, str, str]:
-    """The values with `scale_factor` and `add_offset` applied by the CF conventions, and the scales."""
+def _scaled(item: Any) -> tuple[np.ndarray, str]:
+    """The values with `scale_factor` and `add_offset` applied by the CF conventions, and the scale."""
     values = item[()]
-    attributes = {key: _number(item.attrs.get(key)) for key in ("scale_factor", "add_offset", *_SCALES)}
-    for key in ("scale_factor", "add_offset"):
+    attributes = {key: _number(item.attrs.get(key)) for key in _APPLIED}
+    for key in _APPLIED:
         if key in item.attrs and attributes[key] is None:
             raise FormatError(f"the attribute {key} of {item.name!r} is no number; give one, or delete it")
     factor, offset = attributes["scale_factor"], attributes["add_offset"]
     empty = _number(item.attrs.get("_FillValue"))
-    values, scaled = series.scaled_by_attributes(values, factor, offset, empty)
-    unclear = [f"{key} = {value:g}" for key, value in attributes.items() if key in _SCALES and value not in (None, 1.0)]
-    return values, scaled, ", ".join(unclear)
+    return series.scaled_by_attributes(values, factor, offset, empty)
 
 
 def _number(value: Any) -> float | None:

@@ -17,6 +17,7 @@ from fasbody.recording.formats.series import (
     text_of,
     with_rate,
 )
+from fasbody.recording.statements import found
 
 LIBRARY = "scipy"
 
@@ -36,6 +37,7 @@ def decode(file: Path) -> list[Series]:
     series, total = list[Series](), 0
     with netcdf_file(file, mmap=False, maskandscale=False) as source:
         check_size(0, len(source.variables))
+        axes = {variable.dimensions[0] for variable in source.variables.values() if variable.dimensions}
         for name, variable in source.variables.items():
             values = np.asarray(variable.data)
             total += values.size
@@ -47,5 +49,7 @@ def decode(file: Path) -> list[Series]:
             if values.dtype.kind in "fiu":
                 values, scaled = scaled_by_attributes(values, *numbers)
             columns = numeric_columns(name, values, text_of(getattr(variable, "units", b"")))
-            series += [replace(s, scaled=scaled) for s in columns]
+            own = found(variable._attributes, names)
+            axis = variable.dimensions[0] if len(axes) > 1 and variable.dimensions else ""
+            series += [replace(s, scaled=scaled, stated=own, group=axis) for s in columns]
     return with_rate(series)

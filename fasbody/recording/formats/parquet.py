@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from fasbody.recording.formats.series import FormatError, Series, check_size, passed_over, stated_rate
+from fasbody.recording.statements import found
 from fasbody.recording.text import number, numeric
 
 LIBRARY = "pyarrow"
@@ -41,7 +42,8 @@ def _series(field: Any, column: Any, rate_hz: float | None) -> Series:
             return Series(field.name, "s", (stamps - stamps[0]) / np.timedelta64(1, "ns") * 1e-9, rate_hz)
     if not (types.is_integer(field.type) or types.is_floating(field.type) or types.is_decimal(field.type)):
         return passed_over(field.name, "no column of numbers")
-    return Series(field.name, unit, column.cast("float64").to_numpy().astype(float), rate_hz)
+    values = column.cast("float64").to_numpy().astype(float)
+    return Series(field.name, unit, values, rate_hz, stated=found(metadata))
 
 
 def _texts(metadata: Any) -> dict[str, str]:

@@ -1,13 +1,15 @@
 """What every format is read into, and the sizes beyond which a file is refused before anything is allocated."""
 
 import importlib.util
+import re
 from collections import Counter
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from fasbody.exceptions import MissingPackageError
+from fasbody.recording.statements import Statements, found, kind
 
 #: Most samples of all channels of a file together: 160 MB of floats, an hour of five channels at 1 kHz.
 MOST_SAMPLES = 20_000_000
@@ -32,7 +34,7 @@ class Series:
         start_s: when the first sample was taken [s], on one clock for the whole file, if it
             is stated.
         scaled: by which statement of the file its values were scaled.
-        unclear: a scale that was not applied.
+        stated: of its time or scale, and not applied.
         group: its sheet, structure or folder.
     """
 
@@ -43,7 +45,7 @@ class Series:
     what: str = ""
     start_s: float | None = None
     scaled: str = ""
-    unclear: str = ""
+    stated: Statements = field(default_factory=dict)
     group: str = ""
 
 
@@ -145,7 +147,9 @@ def with_rate(series: list[Series]) -> list[Series]:
     that hold nothing else count. Of names that are paths, the folders become groups.
     """
     scalars = [s for s in series if s.values.size == 1 and not s.what]
-    kept = [s for s in series if s.values.size > 1 or s.what]
+    few = [s for s in series if 1 < s.values.size <= _FEW and kind(s.name.rpartition("/")[2])]
+    listed = {s.name.rpartition("/")[2]: s.values.tolist() for s in few}
+    kept = [s for s in series if s.what or (s.values.size > 1 and s not in few)]
     filled = {_folder(s) for s in kept}
 
     def stated_above(one: Series) -> list[tuple[str, float]]:
@@ -159,8 +163,27 @@ def with_rate(series: list[Series]) -> list[Series]:
         start = next(starts, None) if s.start_s is None else s.start_s
         folder, _, name = s.name.rpartition("/")
         rate = s.rate_hz or stated_rate(stated)
-        rated.append(replace(s, name=name, group=s.group or folder, rate_hz=rate, start_s=start))
+        own = found({_without(key, name): value for key, value in stated if _of(key, name)}) | listed | s.stated
+        rated.append(replace(s, name=name, group=s.group or folder, rate_hz=rate, start_s=start, stated=own))
     return rated
+
+
+#: Numbers for each of so many channels are statements, not samples.
+_FEW = 12
+
+
+def _words(name: str) -> list[str]:
+    return re.split(r"[^a-z0-9]+", name.rpartition("/")[2].lower())
+
+
+def _of(scalar: str, name: str) -> bool:
+    """Whether a scalar is named after a series: gain_base, of base_g."""
+    return any(word in _words(name) for word in _words(scalar) if not kind(word) and len(word) > 2)
+
+
+def _without(scalar: str, name: str) -> str:
+    """The name of a scalar without that of its series."""
+    return "_".join(word for word in _words(scalar) if word not in _words(name) or kind(word))
 
 
 def _folder(series: Series) -> str:

@@ -1,0 +1,180 @@
+"""What files state of a channel's time or scale: refused by name unless alike, neutral, or answered in study.toml."""
+
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from scipy.io import netcdf_file, savemat
+
+from fasbody.exceptions import InputFileError
+from fasbody.recording.channels import Layout
+from fasbody.recording.recording import Recording
+from fasbody.recording.statements import kind
+
+T = np.arange(3000) / 1000
+BASE, MALLEOLUS = (5 * size * np.sin(40 * np.pi * T - lag) for size, lag in ((1, 0), (1.5, 0.6)))
+ANSWERS = {"malleolus": {"delay_s": 0.0, "sensitivity": 1.0}}
+
+
+def text(file: Path, head: str) -> Path:
+    rows = "\n".join(f"{t:.3f},{b:.5f},{m:.5f}" for t, b, m in zip(T, BASE, MALLEOLUS, strict=True))
+    file.write_text(f"{head}\ntime_s,base_m_s2,malleolus_m_s2\n{rows}\n")
+    return file
+
+
+@pytest.mark.parametrize(
+    ("name", "key"),
+    [
+        ("trigger_delay_s", "delay_s"), ("firstTimestamp_us", "delay_s"), ("t0", "delay_s"), ("LSB", "sensitivity"),
+        ("time_offset", "delay_s"), ("offset", ""), ("calibration_date", ""), ("Gain", "sensitivity"),
+        ("start", "delay_s"),
+        ("trigger_level", ""), ("scaled_units", ""), ("locale", ""), ("restart_count", ""),
+    ],
+)  # fmt: skip
+def test_kinds_of_statements(name: str, key: str) -> None:
+    assert kind(name) == key
+
+
+@pytest.mark.parametrize(
+    ("head", "says"),
+    [
+        ("Channel,,base,malleolus\nGain,,1,2", "Gain = 1, 2 for its channels"),
+        ("Time offset [s],,0,0.0065", r"Time offset \[s\] = 0, 0.0065 for"),
+        ("Start base: 10:15:00.000\nStart malleolus: 10:15:00.005", "Start = 10:15:00.005 with 'malleolus_m_s2'"),
+        ("Calibration base: 1.000\nCalibration malleolus: 0.500", "Calibration = 0.5 with"),
+        ("# multiply malleolus by 0.5", "multiply by = 0.5 with"),
+        ("# note: malleolus channel lags 5.0 ms (wireless)", "lags = 5 with"),
+    ],
+)
+def test_lines_that_differ_between_channels(tmp_path: Path, head: str, says: str) -> None:
+    file = text(tmp_path / "r.csv", head)
+    with pytest.raises(InputFileError, match=f"says .*{says}.*not whether its .* contain it.*if they do"):
+        Recording.read(file)
+    assert Recording.read(file, layout=Layout.from_toml(file, ANSWERS)).warnings == ()
+
+
+@pytest.mark.parametrize(
+    "head",
+    [
+        "Gain,,2,2", "Start base: 10:15\nStart malleolus: 10:15", "Start time: 3/2/2026 10:15:00 AM",
+        "Sensitivity base: 100 mV/g\nSensitivity malleolus: 98 mV/g", "Channel 1: base\nChannel 2: malleolus",
+        "Calibration date,2024,2025", "Horizontal Scale,0.8", "# malleolus sensor: 352C33, 5 g",
+    ],
+)  # fmt: skip
+def test_lines_that_say_nothing_of_the_response(tmp_path: Path, head: str) -> None:
+    assert Recording.read(text(tmp_path / "r.csv", head)).warnings == ()
+
+
+def test_a_line_that_is_not_understood_is_quoted(tmp_path: Path) -> None:
+    read = Recording.read(text(tmp_path / "r.csv", "# base scaled; malleolus in LSB of 0.0039 g"))
+    assert "says '# base scaled; malleolus in LSB of 0.0039 g', which is not applied" in read.warnings[0]
+
+
+@pytest.mark.parametrize(
+    ("key", "values", "refused"),
+    [
+        ("delay_ms", (0.0, 6.0), True), ("delay_ms", (6.0, 6.0), False), ("gain", (2.0, 2.0), True),
+        ("gain", (1, 1), False),
+        ("resolution", (16, 16), False), ("resolution", (1.0, 0.5), True), ("start", ("10:15:00", "10:15:01"), True),
+        ("sensitivity", ("100 mV/g", "98 mV/g"), False), ("offset", (2.4, 2.5), False),
+    ],
+)  # fmt: skip
+def test_attributes_of_hdf5(tmp_path: Path, key: str, values: tuple, refused: bool) -> None:
+    file = tmp_path / "r.h5"
+    with h5py.File(file, "w") as out:
+        out.attrs["fs"] = 1000.0
+        for name, samples, value in zip(("base_m_s2", "malleolus_m_s2"), (BASE, MALLEOLUS), values, strict=True):
+            out[name] = samples
+            out[name].attrs[key] = value
+    if not refused:
+        assert Recording.read(file).warnings == ()
+        return
+    with pytest.raises(InputFileError, match=f"says {key} = "):
+        Recording.read(file)
+    tables = ANSWERS | {"base": {"sensitivity": 1.0}}
+    assert Recording.read(file, layout=Layout.from_toml(file, tables)).warnings == ()
+
+
+@pytest.mark.parametrize("ending", ["mat", "npz"])
+@pytest.mark.parametrize(
+    ("scalars", "says"),
+    [
+        ({"t0_base": 0.0, "t0_malleolus": 0.006}, "t0 = 0.006 with 'malleolus_m_s2'"),
+        ({"cal": np.array([1.0, 0.5])}, "cal = 1, 0.5 for its channels"), ({"cal": np.array([1.0, 1.0])}, ""),
+        ({"delay_malleolus": 0.0}, ""), ({"age": 50}, ""),
+    ],
+)  # fmt: skip
+def test_scalars_beside_the_channels(tmp_path: Path, ending: str, scalars: dict, says: str) -> None:
+    file = tmp_path / f"r.{ending}"
+    content = {"fs": 1000.0, "base_m_s2": BASE, "malleolus_m_s2": MALLEOLUS} | scalars
+    savemat(file, content) if ending == "mat" else np.savez(file, **content)
+    if not says:
+        assert Recording.read(file).warnings == ()
+        return
+    with pytest.raises(InputFileError, match=f"says {says}"):
+        Recording.read(file)
+    assert Recording.read(file, layout=Layout.from_toml(file, ANSWERS)).warnings == ()
+
+
+@pytest.mark.parametrize(
+    "toml", [{}, {"time": {"column": "time"}}, {"base": {"clock": "time"}, "malleolus": {"clock": "late"}}]
+)
+@pytest.mark.parametrize("version", [3, 4])
+def test_each_variable_of_netcdf_has_the_time_of_its_dimension(tmp_path: Path, version: int, toml: dict) -> None:
+    file = tmp_path / "r.nc"
+    late = 5 * np.sin(40 * np.pi * (T + 0.004))
+    columns = (("time", "time", T, "s"), ("base", "time", BASE, "m/s^2"), ("late", "late", T + 0.004, "s"),
+               ("malleolus", "late", late, "m/s^2"))  # fmt: skip
+    with (netcdf_file(file, "w") if version == 3 else h5py.File(file, "w")) as out:
+        for axis in ("time", "late") if version == 3 else ():
+            out.createDimension(axis, T.size)
+        for name, axis, samples, unit in columns:
+            if version == 3:
+                variable = out.createVariable(name, "d", (axis,))
+                variable[:], variable.units = samples, unit
+                continue
+            out[name] = samples
+            out[name].attrs["units"] = unit
+            out[name].make_scale(name) if name == axis else out[name].dims[0].attach_scale(out[axis])
+    read = Recording.read(file, layout=Layout.from_toml(file, toml))
+    assert np.allclose(read.base_m_s2, read.malleolus_m_s2, atol=1e-6)
+    assert read.warnings == () and read.unused == ()
+
+
+COUNTS = np.arange(T.size)
+
+
+@pytest.mark.parametrize(
+    ("counts", "says"),
+    [
+        (COUNTS, ""), (COUNTS % 256, ""), (7 + COUNTS, ""), (COUNTS // 10 + 1, ""),
+        (2 * COUNTS, "counts by 2 from row"),
+        (COUNTS + 40 * (COUNTS > 999), "goes from 999 to 1040: samples are missing there"),
+        (COUNTS + (COUNTS > 99) + (COUNTS > 999), "goes from 99 to 101: .* there, and more at 1 later places"),
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("rate", ["Sampling rate: 1000 Hz", ""])
+def test_a_counter_may_deny_the_rate(tmp_path: Path, counts: np.ndarray, says: str, rate: str) -> None:
+    file = tmp_path / "r.csv"
+    rows = "\n".join(f"{n},{b:.5f},{m:.5f}" for n, b, m in zip(counts, BASE, MALLEOLUS, strict=True))
+    file.write_text(f"{rate}\nframe,base_m_s2,malleolus_m_s2\n{rows}\n".lstrip())
+    layout = Layout(rate_hz=1000.0)
+    if not says or (not rate and "by 2" in says):  # a rate of study.toml is that of the rows
+        assert Recording.read(file, layout=layout).rate_hz == pytest.approx(1000)
+        return
+    with pytest.raises(InputFileError, match=f"has a rate of 1000 Hz, and its column 'frame' {says}"):
+        Recording.read(file, layout=layout)
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["Rate: 2000 Hz (stored: every 2nd sample)", "Rate: 1,000 Hz", "Rate: 1.000 Hz", "Rate: 4 kHz, decimated by 4"],
+)
+def test_a_rate_with_something_behind_it_does_not_count(tmp_path: Path, line: str) -> None:
+    file = tmp_path / "r.csv"
+    rows = "\n".join(f"{b:.5f},{m:.5f}" for b, m in zip(BASE, MALLEOLUS, strict=True))
+    file.write_text(f"{line}\nbase_m_s2,malleolus_m_s2\n{rows}\n")
+    with pytest.raises(InputFileError, match="give sampling_rate_hz"):
+        Recording.read(file)
+    assert Recording.read(file, layout=Layout(rate_hz=1000.0)).rate_hz == pytest.approx(1000)
