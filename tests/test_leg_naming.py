@@ -134,13 +134,8 @@ def test_a_second_mode_is_named(second: Naming) -> None:
     assert second.named == "second mode"
     assert second.seen.plan.tuberosity
     assert np.abs(second.seen.recordings.second).max() < 0.02
-<<<<<<< HEAD
     assert second.sentence.startswith("Subject 7: second mode. All other mechanisms are excluded (1000 to 1)")
     assert re.search(r" except second mode with lift-off, .* special case \(\d+ to 1 against\)\.$", second.sentence)
-=======
-    assert second.sentence.startswith("Second mode for subject 7, with odds above 1000 to 1")
-    assert re.search(r"; only the more general both is not excluded \(\d+ to 1 against\)\.$", second.sentence)
->>>>>>> room/ci
 
 
 @pytest.mark.long
