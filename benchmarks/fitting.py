@@ -121,8 +121,9 @@ def steady_state(wild_starts: int = 50) -> tuple[list[Check], float]:
         faster(f"{what}, one start", seconds_per_start, alone, "MuJoCo's inverse dynamics, for any model"),
         at_most(
             "largest difference of a constant between the fits by compiled equations and by MuJoCo, standard errors",
-            float(np.max(np.abs(a - b) / std)), _ONE,
-        ),  # fmt: skip
+            float(np.max(np.abs(a - b) / std)),
+            _ONE,
+        ),
         at_least(f"of {len(Q)} random starts, end at the best minimum of their branch", arrived, round(0.5 * len(Q))),
         at_most(f"{what}, both branches, all nuisance parameters, replay in MuJoCo, CPU time", seconds, 60.0, "s"),
         at_least("times that its search found the best minimum", int(whole.starts[0]["hits"]), 2),

@@ -782,6 +782,7 @@ REFUSED = (
     ("a branch that cogs", (('input="none"', 'input="none" cogging="1 2 0"'),), "'aponeurosis_branch' has another"),
     ("a soft closure", (('solref="-2.5e7 -1e4"', 'solref="0.02 1"'),), "'closure' gives way"),
     ("a closure that gives way", (('solimp="0.9999 0.9999 0.001"', 'solimp="0 0.01 0.001"'),), "'closure' gives way"),
+    ("a closure that gives way by a quarter per cent", (('solref="-2.5e7 -1e4"', 'solref="-1e6 -2e3"'),), "'closure' gives way"),
     ("a tibia that floats", (('<body name="tibia" ', '<body name="tibia" gravcomp="1" '),), "body 'tibia' has a gravcomp"),
 )  # fmt: skip
 LOADED = (

@@ -180,3 +180,18 @@ def test_a_second_sensors_delay_has_no_part_in_the_motion(foot: Foot) -> None:
     estimates = {"k_T_n_per_m": 2e5, "delay_s": 1e-4, "delay_foot_s": 3e-4}
     branch = {"parameters": {key: {"value": value} for key, value in estimates.items()}}
     assert job.values_of(branch, foot) == {"k_T": 2e5, "delay": 1e-4}
+
+
+@pytest.mark.parametrize(("edit", "mean"), [
+    (('gravity="0 0 0"', 'gravity="0 0 0" viscosity="5" density="800"'), 0.0),
+    (('<body name="shank">', '<body name="shank" gravcomp="1">'), -1.052265 * 9.81),
+])  # fmt: skip
+def test_a_loop_is_of_its_spring_and_damper_alone(edit: tuple[str, str], mean: float) -> None:
+    """In water, and with a shank that hangs: neither is part of the force in the pad."""
+    text = mjcf.text("two_dof").replace(*edit)
+    foot = load(text.replace('gravity="0 0 0"', 'gravity="0 -9.81 0"') if mean else text)
+    x = (loop := hysteresis.cycle(foot, 20.0, [1.0], foot.values(), False).fat_pad).displacement_m
+    v = np.fft.ifft(2j * np.pi * 20 * x.size * np.fft.fftfreq(x.size) * np.fft.fft(x)).real
+    force = 1e5 * x + 800 * np.exp(50 * x) * np.cos(100 * x) * v
+    np.testing.assert_allclose(loop.force_n, force, atol=1e-5 * np.ptp(force))
+    assert loop.force_n.mean() == pytest.approx(mean, abs=0.02)

@@ -121,3 +121,11 @@ def test_what_is_no_number_is_told_once(
     with pytest.raises(ModelError, match="joint 'talocrural' has the stiffness nan"):
         load(file)
     assert capfd.readouterr() == ("", "") and [f.name for f in tmp_path.iterdir()] == ["leg.xml"]
+
+
+def test_a_brace_between_sites_is_refused_by_its_name() -> None:
+    """Its first site has the number that joint `base` has among the joints."""
+    brace = '<actuator><general name="brace" site="base" refsite="malleolus" gear="0 1 0 0 0 0"/></actuator></mujoco>'
+    foot = load(mjcf.text("leg").replace("</mujoco>", brace))
+    with pytest.raises(ModelError, match="actuator 'brace' is not in the equations of a leg"):
+        Leg.from_model(foot.model)

@@ -312,6 +312,18 @@ def test_what_the_compiler_derives_from_a_mass_is_refused(edited: Edit, edits: l
         load(edited(*edits))
 
 
+@pytest.mark.parametrize("geom", [
+    '<geom density="1000" mass="0" name="sole" size="0.02"/>',
+    '<geom name="sole" mass="0" size="0.02" density="1000"/>',
+])  # fmt: skip
+def test_a_shoe_without_weight_is_refused_wherever_its_density_stands(edited: Edit, geom: str) -> None:
+    site = '<site name="foot" pos="0.06 0.055 0"'
+    with pytest.raises(ModelError, match="geom 'sole' has the density 1000, which counts for nothing"):
+        load(edited((site, f'<body name="shoe">{geom}</body>{site}')))
+    with pytest.raises(ModelError, match=r'edited.xml: <geom density="1000"/> in a <default> cannot be told'):
+        load(edited(("<default>", '<default><default class="shoe"><geom density="1000"/></default>')))
+
+
 def test_a_kv_that_is_written_and_a_mass_that_only_slides_are_followed(edited: Edit) -> None:
     actuator = '<general name="shaker_a3" joint="base" gainprm="0"/>'
     load(edited((actuator, actuator + '<position name="hold" joint="talocrural" kp="5e4" kv="90"/>')))

@@ -127,6 +127,15 @@ def test_curve_is_that_of_the_steps() -> None:
     assert curve == pytest.approx(malleolus / base, rel=1e-3)
 
 
+def test_the_loop_of_a_polynomial_damper_is_that_of_the_engine() -> None:
+    """MuJoCo damps with c v + c_2 v |v|, whichever way it goes."""
+    damping = 'damping="430" user="4.25 430 50 100"'
+    foot = load(mjcf.text("two_dof").replace(damping, 'damping="430 4000"'))
+    x, force = periodic_motion(foot, Settings(frequency=15.0, peak_to_peak=4.0)).loops["ankle"]
+    v = np.fft.ifft(2j * np.pi * 15 * x.size * np.fft.fftfreq(x.size) * np.fft.fft(x)).real
+    np.testing.assert_allclose(force, 1.5e5 * x + 430 * v + 4000 * v * np.abs(v), atol=1e-3)
+
+
 def test_loops_hold_the_energy_that_the_shaker_puts_in() -> None:
     """Over one period the work of the base on the foot is what pad and ankle lose: the areas of the shown loops."""
     foot = load("two_dof")

@@ -329,7 +329,7 @@ def loop_point(model: mujoco.MjModel, data: mujoco.MjData, kind: str, i: int) ->
                 model.tendon_damping[i], model.tendon_dampingpoly[i])  # fmt: skip
         user, through = model.tendon_user, mujoco.mjtTrn.mjTRN_TENDON
     k, more_k, c, more_c = (np.ravel(row) for row in rows)
-    force = _polynomial(k[0], more_k, spring) + _polynomial(c[0], more_c, x_dot)
+    force = _polynomial(k[0], more_k, spring, spring) + _polynomial(c[0], more_c, x_dot, abs(x_dot))
     if user.shape[1]:
         force -= algebraic_force(user[i], x, x_dot, float(c[0]))
     on = np.flatnonzero((model.actuator_trntype == through) & (model.actuator_trnid[:, 0] == i))
@@ -337,9 +337,9 @@ def loop_point(model: mujoco.MjModel, data: mujoco.MjData, kind: str, i: int) ->
     return float(x), float(force - np.sum(data.actuator_force[outputs] * model.actuator_gear[outputs, 0]))
 
 
-def _polynomial(first: float, more: Array, x: float) -> float:
-    """MuJoCo's force of a spring or damper: first x + more_0 x^2 + more_1 x^3, as the signs are."""
-    return float(x * (first + sum(factor * x**power for power, factor in enumerate(more, 1))))
+def _polynomial(first: float, more: Array, x: float, size: float) -> float:
+    """MuJoCo's force of a spring, size = x, or of a damper, size = |x|: x (first + more_0 size + more_1 size^2)."""
+    return float(x * (first + sum(factor * size**power for power, factor in enumerate(more, 1))))
 
 
 class States(NamedTuple):

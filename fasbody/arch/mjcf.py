@@ -14,7 +14,6 @@ from fasbody.foot import damper
 from fasbody.foot.model import check_constants, check_free, leans, reference_pose
 from fasbody.foot.model_fields import element_name
 from fasbody.foot.parameters import declared, names
-from fasbody.foot.simulate import CLOSING
 
 #: The joints of the tree in the order of `tree_position`; the shaker's `base` comes before them.
 JOINTS = (
@@ -33,8 +32,10 @@ APEX_MASS = 1e-9
 #: How far an axis, the closure's polynomial, a rest length or a declared constant may be off.
 TOLERANCE = 1e-6
 
-#: Smallest impedance of the closure that the equations' rigid one still stands for, and how far a pad may lean [rad].
-STIFF, UPRIGHT = 0.5, 1e-3
+#: Smallest stiffness [1/s^2] of the closure times its impedance: the equations have a rigid one, 5e-4 from it at 45 Hz.
+RIGID = 5e6
+#: How far a pad may lean [rad].
+UPRIGHT = 1e-3
 
 _KINDS = {"joint": JOINTS, "site": (*SITES, "malleolus"), "tendon": (*PADS, FASCIA), "actuator": (BRANCH,)}
 Index = Mapping[tuple[str, str], int]
@@ -264,7 +265,7 @@ def _check_closure(model: mujoco.MjModel, index: Index, name: str) -> None:
             raise ModelError(f"{name}: {equality} is none of the arch's; remove it.")
         if np.abs(model.eq_data[e, :5] - (0, 1, 0, 0, 0)).max() > TOLERANCE:
             raise ModelError(f"{name}: {equality} must keep both pads equally long; remove its polycoef.")
-        if model.eq_solimp[e, :2].min() < STIFF or model.eq_solref[e, 0] > -CLOSING:
+        if -model.eq_solref[e, 0] * model.eq_solimp[e, :2].min() < RIGID:
             raise ModelError(f"{name}: {equality} gives way (solref, solimp); the equations know none that does.")
         closed = True
     if not closed:

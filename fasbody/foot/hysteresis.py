@@ -196,8 +196,10 @@ def _elements(foot: Foot, part: str) -> list[tuple[str, int]]:
 
 
 def _silenced(model: mujoco.MjModel, kind: str, number: int) -> mujoco.MjModel:
-    """A copy in which only one joint or tendon has springs, dampers and laws."""
+    """A copy in which only one joint or tendon has springs, dampers and laws, and neither fluid nor gravcomp pushes."""
     silent = copy.copy(model)
+    silent.opt.viscosity = silent.opt.density = 0.0
+    silent.body_gravcomp[:] = 0.0
     keep = {("jnt" if kind == "joint" else "tendon"): number}
     if kind == "joint":
         keep["dof"] = int(model.jnt_dofadr[number])

@@ -34,7 +34,9 @@ _LEANS = 1e-6
 #: Density of a geom that names none [kg/m^3].
 _WATER = 1000.0
 #: Geoms whose density is written.
-_DENSE = re.compile(r"<geom\s[^>]*?\sdensity\s*=[^>]*>")
+_DENSE = re.compile(r"<geom(?=[^>]*\sdensity\s*=)[^>]*>")
+#: Density as it is where none is written.
+_WATERY = re.compile(r"""\sdensity\s*=\s*["']\s*(1000(\.0*)?|1e3)\s*["']""")
 #: The actuator that is the static load of a model without gravity.
 WEIGHT = "weight"
 #: Parts of the physics that no model may switch off.
@@ -166,13 +168,13 @@ def load(model: str | Path | mujoco.MjSpec, name: str = "") -> Foot:
     if isinstance(model, mujoco.MjSpec):
         return _checked(lambda: model, "MjSpec")
     if isinstance(model, str) and model.lstrip().startswith("<"):
-        return _checked(lambda: mujoco.MjSpec.from_string(model, _shaker(model)), "MJCF text", dense=_dense(model))
+        return _checked(lambda: mujoco.MjSpec.from_string(model, _shaker(model)), "MJCF text", dense=_dense("MJCF text", model))
     file = mjcf.path(str(model)) if str(model) in shipped else Path(model)
     if not file.is_file():
         valid = f"give an MJCF file or one of {', '.join(shipped)}"
         raise InputFileError(model, "is a folder" if file.is_dir() else "no such model", valid)
     name = name or (str(model) if str(model) in shipped else file.name)
-    dense = _dense(*(part.read_text(errors="replace") for part in mjcf.parts(file)))
+    dense = _dense(name, *(part.read_text(errors="replace") for part in mjcf.parts(file)))
     return _checked(lambda: read_spec(file), file, name, dense)
 
 
@@ -191,7 +193,7 @@ def _shaker(text: str, folder: Path | None = None) -> dict[str, bytes]:
     return {name: mjcf.SHAKER.read_bytes() for name in named if not (folder and (folder / name).is_file())}
 
 
-def _dense(*texts: str) -> set[tuple[int, str]]:
+def _dense(of: str, *texts: str) -> set[tuple[int, str]]:
     """Line and name of each geom whose density is written in MJCF, or in what it includes.
 
     MuJoCo does not say whether a geom's 1000 kg/m^3 are written or its default.
@@ -199,6 +201,12 @@ def _dense(*texts: str) -> set[tuple[int, str]]:
     geoms = set()
     for bare in map(mjcf.without_comments, texts):
         for match in _DENSE.finditer(bare):
+            before = bare[: match.start()]
+            if len(re.findall(r"<default[\s>]", before)) > before.count("</default>") and _WATERY.search(match[0]):
+                raise ModelError(
+                    f"{of}: {match[0]} in a <default> cannot be told from a density that nobody wrote; write the masses, "
+                    "or the density at each geom."
+                )
             name = re.search(r"""\sname\s*=\s*["']([^"']*)""", match[0])
             geoms.add((bare.count("\n", 0, match.start()) + 1, name[1] if name else ""))
     return geoms

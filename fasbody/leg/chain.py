@@ -211,7 +211,7 @@ def _check_nothing_else(model: mujoco.MjModel, name: str) -> None:
             raise ModelError(f"{name}: {element_name(model, kind, 0)} is not in the equations of a leg.")
     base = int(model.joint("base").id)
     for a in range(model.nactuator):
-        if model.actuator_trnid[a, 0] != base:
+        if model.actuator_trntype[a] != mujoco.mjtTrn.mjTRN_JOINT or model.actuator_trnid[a, 0] != base:
             raise ModelError(f"{name}: {element_name(model, 'actuator', a)} is not in the equations of a leg.")
     for field in ("jnt_stiffnesspoly", "dof_dampingpoly"):
         values = getattr(model, field)
