@@ -168,7 +168,8 @@ def load(model: str | Path | mujoco.MjSpec, name: str = "") -> Foot:
     if isinstance(model, mujoco.MjSpec):
         return _checked(lambda: model, "MjSpec")
     if isinstance(model, str) and model.lstrip().startswith("<"):
-        return _checked(lambda: mujoco.MjSpec.from_string(model, _shaker(model)), "MJCF text", dense=_dense("MJCF text", model))
+        dense = _dense("MJCF text", model)
+        return _checked(lambda: mujoco.MjSpec.from_string(model, _shaker(model)), "MJCF text", dense=dense)
     file = mjcf.path(str(model)) if str(model) in shipped else Path(model)
     if not file.is_file():
         valid = f"give an MJCF file or one of {', '.join(shipped)}"
@@ -204,8 +205,8 @@ def _dense(of: str, *texts: str) -> set[tuple[int, str]]:
             before = bare[: match.start()]
             if len(re.findall(r"<default[\s>]", before)) > before.count("</default>") and _WATERY.search(match[0]):
                 raise ModelError(
-                    f"{of}: {match[0]} in a <default> cannot be told from a density that nobody wrote; write the masses, "
-                    "or the density at each geom."
+                    f"{of}: {match[0]} in a <default> cannot be told from a density that nobody wrote; write the "
+                    "masses, or the density at each geom."
                 )
             name = re.search(r"""\sname\s*=\s*["']([^"']*)""", match[0])
             geoms.add((bare.count("\n", 0, match.start()) + 1, name[1] if name else ""))
