@@ -179,6 +179,18 @@ def test_clocks_of_rounded_stamps_and_columns_that_are_none(tmp_path: Path) -> N
     assert recording.unused == ("T (C)", "Time to go (m)") and not recording.warnings
 
 
+@pytest.mark.parametrize(
+    "order", [("time_mal_s", "base_g", "time_base_s", "malleolus_g"), ("base_g", "time_s", "time_mal_s", "malleolus_g")]
+)
+def test_a_clock_that_is_named_by_the_first_letters_of_its_channel(tmp_path: Path, order: tuple[str, ...]) -> None:
+    late = TIME + 0.004
+    columns = {"time_s": TIME, "time_base_s": TIME, "time_mal_s": late,
+               "base_g": base(TIME) / G, "malleolus_g": malleolus(late) / G}  # fmt: skip
+    own = "time_s" if "time_s" in order else "time_base_s"
+    toml = f'[channels.time]\ncolumn = "{own}"\nunit = "s"\n'
+    right(read(text(tmp_path / "a.csv", ",".join(order) + "\n", [columns[name] for name in order]), toml))
+
+
 def test_headings_that_are_more_than_the_cells_below(tmp_path: Path) -> None:
     toml = "[study]\nsampling_rate_hz = 1000\n" + mapped("base", "malleolus")
     both = [base(TIME), malleolus(TIME)]

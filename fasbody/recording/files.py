@@ -181,7 +181,8 @@ def _clocks(
             raise InputFileError(source.file, what, "correct clock in study.toml")
         if times is None:
             continue
-        unit = TIME_UNITS.get(source.columns.claimed(index).lower())
+        name = source.columns.names[index].lower()
+        unit = TIME_UNITS.get(source.columns.claimed(index).lower(), TIME_UNITS.get(name.rpartition("_")[2]))
         if unit is None and "time_s" in uses:
             unit = uses["time_s"].factor
         elif unit is None and (rate := rate_hz or layout.rate_hz):  # that with which they run so fast
