@@ -142,6 +142,9 @@ def test_the_times_of_labview_count(tmp_path: Path) -> None:
     body = "".join(f"\t{x:.8g}\t{y:.8g}\n" for x, y in zip(b, m, strict=True))
     (tmp_path / "b.lvm").write_text(head + body)
     right(read(tmp_path / "b.lvm"))
+    days = "Date\t2026/03/01\t2026/03/02\nTime\t23:59:59.999\t00:00:00.0024"  # over midnight
+    (tmp_path / "d.lvm").write_text(head.replace("Time\t10:11:12\t10:11:12.0034", days) + body)
+    right(read(tmp_path / "d.lvm"))
     (tmp_path / "c.lvm").write_text(head.replace("X_Columns\tNo", "X_Columns\tOne") + body.replace("\t", "0\t", 1))
     with pytest.raises(InputFileError, match=r"holds something other than numbers|start at different times"):
         read(tmp_path / "c.lvm")
@@ -200,6 +203,12 @@ def test_headings_that_are_more_than_the_cells_below(tmp_path: Path) -> None:
     right(read(text(tmp_path / "c.csv", "time_s,base_m_s2,malleolus_m_s2,comment\n", [TIME, *both])))
     with pytest.raises(InputFileError, match=r"names 4 columns \(time_s, .*, temp\), and its rows"):
         read(text(tmp_path / "d.csv", "time_s,base_m_s2,malleolus_m_s2,temp\n", [TIME, *both]))
+
+
+def test_a_time_that_runs_backwards_is_refused_at_reading(tmp_path: Path) -> None:
+    rows = [TIME[::-1], base(TIME), malleolus(TIME)]
+    with pytest.raises(InputFileError, match="its time runs backwards .*; sort the rows by time"):
+        read(text(tmp_path / "a.csv", "time_s,base_m_s2,malleolus_m_s2\n", rows))
 
 
 AXES = [TIME, 0.1 * base(TIME), base(TIME), 0.3 * base(TIME), 0.2 * base(TIME), malleolus(TIME), 0.4 * base(TIME)]

@@ -87,6 +87,10 @@ def reading(file: Path, layout: Layout | None = None) -> Reading:
         channels = _one_take(file, channels, layout)
     if channels["time_s"].size < 2:
         raise InputFileError(file, f"holds {channels['time_s'].size} samples", "a recording needs at least two")
+    first, last = (float(t) for t in channels["time_s"][[0, -1]])
+    if last < first:
+        problem = f"its time runs backwards ({first:g} s first, {last:g} s last)"
+        raise InputFileError(file, problem, "sort the rows by time")
     others = [*vague, *source.remarks(channels["time_s"]), *_other_clocks(source, uses, channels["time_s"])]
     clocks |= source.clocks(uses, channels["time_s"], rate)
     if clocks:
