@@ -207,7 +207,7 @@ def test_headings_that_are_more_than_the_cells_below(tmp_path: Path) -> None:
 
 def test_a_time_that_runs_backwards_is_refused_at_reading(tmp_path: Path) -> None:
     rows = [TIME[::-1], base(TIME), malleolus(TIME)]
-    with pytest.raises(InputFileError, match="its time runs backwards .*; sort the rows by time"):
+    with pytest.raises(InputFileError, match=r"its time runs backwards .*; sort the rows by time"):
         read(text(tmp_path / "a.csv", "time_s,base_m_s2,malleolus_m_s2\n", rows))
 
 
