@@ -87,7 +87,7 @@ def of_lines(
         cells = text.split(line, separator)
         name, *cells = cells if len(cells) > 2 else line.split() or [""]
         values = [text.number(cell) if text.numeric(cell) else cell for cell in cells if cell]
-        if kind(name) and len(values) > 1 and all(map(_is_value, values)):
+        if kind(name) and len(values) > 1 and _are_alike(values):
             for statements in made.values():
                 statements[name] = values
             continue
@@ -104,8 +104,10 @@ def of_lines(
     return made, vague
 
 
-def _is_value(value: float | str) -> bool:
-    return not isinstance(value, str) or _CLOCK.fullmatch(value) is not None
+def _are_alike(values: Sequence[float | str]) -> bool:
+    """Whether they are all numbers, or all times of the day; a date before its time is neither."""
+    words = [value for value in values if isinstance(value, str)]
+    return not words or (len(words) == len(values) and all(":" in w and _CLOCK.fullmatch(w) for w in words))
 
 
 def _mentions(line: str, channel: str, heading: str) -> bool:
