@@ -34,6 +34,8 @@ _NEITHER = frozenset((
     "date", "unit", "units", "type", "mode", "id", "serial", "level", "std", "name", "range",
 ))  # fmt: skip
 _CLOCK = re.compile(r"(?:\d{4}-\d\d-\d\d[T ]?|[\d./]{8,10}[T ]+)?\d{1,2}:\d\d(?::\d\d(?:[.,]\d+)?)?Z?|\d{4}-\d\d-\d\d")
+#: A longer line is no name and number, and would take the pattern long.
+_LONGEST = 160
 _LINE = re.compile(
     r"\W*(?P<name>(?:[^\d=]|(?<=[A-Za-z])\d)*?[^\W\d]\d?\W*?)[\s:=,;]+"
     r"(?P<value>[-+]?\d[\d:.,]*(?:[eE][-+]?\d+)?)\s*(?P<unit>[^\d]*)"
@@ -92,9 +94,9 @@ def of_lines(
                 statements[name] = values
             continue
         about = [channel for channel, heading in names.items() if _mentions(line, channel, heading)]
-        match = _LINE.fullmatch(line)
-        if not about or not kind(line) or not re.search(r"\d", line) or re.search(r"\dm?V/|\d m?V/", line):
+        if not about or not kind(line) or not re.search(r"\d", line) or re.search(r"\d ?m?V/", line):
             continue
+        match = _LINE.fullmatch(line) if len(line) <= _LONGEST else None
         if len(about) == 1 and match and kind(match["name"]):
             value = match["value"].rstrip(".,:")
             plain = re.sub(rf"\b{about[0]}\b|{re.escape(names[about[0]])}", "", match["name"], flags=re.IGNORECASE)
