@@ -205,6 +205,13 @@ def test_headings_that_are_more_than_the_cells_below(tmp_path: Path) -> None:
         read(text(tmp_path / "d.csv", "time_s,base_m_s2,malleolus_m_s2,temp\n", [TIME, *both]))
 
 
+def test_an_axis_in_a_name_is_no_unit(tmp_path: Path) -> None:
+    columns = [TIME, base(TIME) / G, malleolus(TIME)]
+    right(read(text(tmp_path / "a.csv", "time_s,base_z_g,malleolus_z_m_s2\n", columns)))
+    with pytest.raises(InputFileError, match="has two columns for base"):
+        read(text(tmp_path / "b.csv", "time_s,base_x_g,base_z_g,malleolus_g\n", [*columns, base(TIME)]))
+
+
 def test_a_time_that_runs_backwards_is_refused_at_reading(tmp_path: Path) -> None:
     rows = [TIME[::-1], base(TIME), malleolus(TIME)]
     with pytest.raises(InputFileError, match=r"its time runs backwards .*; sort the rows by time"):

@@ -50,7 +50,7 @@ def name_and_unit(name: str) -> tuple[str, str]:
     if match:
         return match[1], match[2]
     stem, _, unit = text.partition("_")
-    return stem, unit
+    return stem, unit[2:] if unit[:2] in ("x_", "y_", "z_") else unit  # an axis is no unit
 
 
 def heading(name: str) -> tuple[str, str]:
