@@ -142,6 +142,9 @@ def test_the_times_of_labview_count(tmp_path: Path) -> None:
     body = "".join(f"\t{x:.8g}\t{y:.8g}\n" for x, y in zip(b, m, strict=True))
     (tmp_path / "b.lvm").write_text(head + body)
     right(read(tmp_path / "b.lvm"))
+    days = "Date\t2026/03/01\t2026/03/02\nTime\t23:59:59.999\t00:00:00.0024"  # over midnight
+    (tmp_path / "d.lvm").write_text(head.replace("Time\t10:11:12\t10:11:12.0034", days) + body)
+    right(read(tmp_path / "d.lvm"))
     (tmp_path / "c.lvm").write_text(head.replace("X_Columns\tNo", "X_Columns\tOne") + body.replace("\t", "0\t", 1))
     with pytest.raises(InputFileError, match=r"holds something other than numbers|start at different times"):
         read(tmp_path / "c.lvm")
@@ -179,6 +182,18 @@ def test_clocks_of_rounded_stamps_and_columns_that_are_none(tmp_path: Path) -> N
     assert recording.unused == ("T (C)", "Time to go (m)") and not recording.warnings
 
 
+@pytest.mark.parametrize(
+    "order", [("time_mal_s", "base_g", "time_base_s", "malleolus_g"), ("base_g", "time_s", "time_mal_s", "malleolus_g")]
+)
+def test_a_clock_that_is_named_by_the_first_letters_of_its_channel(tmp_path: Path, order: tuple[str, ...]) -> None:
+    late = TIME + 0.004
+    columns = {"time_s": TIME, "time_base_s": TIME, "time_mal_s": late,
+               "base_g": base(TIME) / G, "malleolus_g": malleolus(late) / G}  # fmt: skip
+    own = "time_s" if "time_s" in order else "time_base_s"
+    toml = f'[channels.time]\ncolumn = "{own}"\nunit = "s"\n'
+    right(read(text(tmp_path / "a.csv", ",".join(order) + "\n", [columns[name] for name in order]), toml))
+
+
 def test_headings_that_are_more_than_the_cells_below(tmp_path: Path) -> None:
     toml = "[study]\nsampling_rate_hz = 1000\n" + mapped("base", "malleolus")
     both = [base(TIME), malleolus(TIME)]
@@ -188,6 +203,19 @@ def test_headings_that_are_more_than_the_cells_below(tmp_path: Path) -> None:
     right(read(text(tmp_path / "c.csv", "time_s,base_m_s2,malleolus_m_s2,comment\n", [TIME, *both])))
     with pytest.raises(InputFileError, match=r"names 4 columns \(time_s, .*, temp\), and its rows"):
         read(text(tmp_path / "d.csv", "time_s,base_m_s2,malleolus_m_s2,temp\n", [TIME, *both]))
+
+
+def test_an_axis_in_a_name_is_no_unit(tmp_path: Path) -> None:
+    columns = [TIME, base(TIME) / G, malleolus(TIME)]
+    right(read(text(tmp_path / "a.csv", "time_s,base_z_g,malleolus_z_m_s2\n", columns)))
+    with pytest.raises(InputFileError, match="has two columns for base"):
+        read(text(tmp_path / "b.csv", "time_s,base_x_g,base_z_g,malleolus_g\n", [*columns, base(TIME)]))
+
+
+def test_a_time_that_runs_backwards_is_refused_at_reading(tmp_path: Path) -> None:
+    rows = [TIME[::-1], base(TIME), malleolus(TIME)]
+    with pytest.raises(InputFileError, match=r"its time runs backwards .*; sort the rows by time"):
+        read(text(tmp_path / "a.csv", "time_s,base_m_s2,malleolus_m_s2\n", rows))
 
 
 AXES = [TIME, 0.1 * base(TIME), base(TIME), 0.3 * base(TIME), 0.2 * base(TIME), malleolus(TIME), 0.4 * base(TIME)]

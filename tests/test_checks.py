@@ -56,6 +56,16 @@ def test_offsets_are_taken_out_and_told() -> None:
     assert "malleolus_m_s2 has an offset of -3 m" in found.warnings[1]
 
 
+@pytest.mark.parametrize(("ppm", "seen"), [(0.0, False), (10.0, False), (20.0, True), (300.0, True), (-600.0, True)])
+def test_clocks_that_run_apart_are_told_with_how_much(ppm: float, seen: bool) -> None:
+    t = np.arange(20_000) / RATE
+    rng = np.random.default_rng(4)
+    base, malleolus = (size * np.sin(40 * np.pi * at) for size, at in ((9.0, t), (12.0, (1 - 1e-6 * ppm) * t - 0.014)))
+    noisy = (x + rng.normal(0, 0.05, t.size) for x in (base, malleolus))
+    text = " ".join(checked(Recording(t, *noisy, file="x.csv")).warnings)
+    assert (f"run apart by {abs(ppm):.0f} ppm" in text) is seen, text
+
+
 def test_rounded_time_stamps_pass() -> None:
     checked(replace(good(), time_s=np.round(T, 3) + 12.0))
     checked(replace(good(), time_s=np.round(2.5 * T, 3)))  # 2.5 ms apart, printed to whole ms

@@ -85,6 +85,7 @@ def test_order_extra_columns_byte_order_mark_and_empty_lines(tmp_path: Path) -> 
         ("time_s,base,malleolus_g\n0,1,2\n", r"line 1: base has no unit; name the column base_m_s2 .*base\] unit = "),
         (table() + '0.003,"1,2\n' + "0,1,2\n" * 999, r"line 5: opens a quotation mark that nothing closes"),
         (table() + "0.003," + "x" * 9999 + ",2\n", r"line 5: base_m_s2 is 'x{117}\.\.\.', not a number"),
+        (b"time_s,base_g,malleolus_g\n0,1,2\n" + bytes(8), "line 3: holds zero bytes behind its text; it was cut off"),
         ("time_s,base (m/s),malleolus_m_s2\n0,1,2\n", r"line 1: base is in m/s, a velocity; differentiate it"),
         ("time_s,base [0.1 m/s^2],malleolus_g\n0,1,2\n", r"line 1: unknown unit of .*: '0.1 m/s\^2' \(valid: "),
         ("time_s,base [m/sec^2],malleolus_g\n0,1,2\n", r"'m/sec\^2', did you mean 'm_s2'\?"),

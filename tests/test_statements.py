@@ -42,6 +42,7 @@ def test_kinds_of_statements(name: str, key: str) -> None:
         ("Channel,,base,malleolus\nGain,,1,2", "Gain = 1, 2 for its channels"),
         ("Time offset [s],,0,0.0065", r"Time offset \[s\] = 0, 0.0065 for"),
         ("Start base: 10:15:00.000\nStart malleolus: 10:15:00.005", "Start = 10:15:00.005 with 'malleolus_m_s2'"),
+        ("Start time,10:15:00,10:15:01", "Start time = 10:15:00, 10:15:01 for its channels"),
         ("Calibration base: 1.000\nCalibration malleolus: 0.500", "Calibration = 0.5 with"),
         ("# multiply malleolus by 0.5", "multiply by = 0.5 with"),
         ("# note: malleolus channel lags 5.0 ms (wireless)", "lags = 5 with"),
@@ -57,7 +58,8 @@ def test_lines_that_differ_between_channels(tmp_path: Path, head: str, says: str
 @pytest.mark.parametrize(
     "head",
     [
-        "Gain,,2,2", "Start base: 10:15\nStart malleolus: 10:15", "Start time: 3/2/2026 10:15:00 AM",
+        "Gain,,2,2", ";Start_time, 2026-03-02, 10:15:00.000",
+        "Start base: 10:15\nStart malleolus: 10:15", "Start time: 3/2/2026 10:15:00 AM",
         "Sensitivity base: 100 mV/g\nSensitivity malleolus: 98 mV/g", "Channel 1: base\nChannel 2: malleolus",
         "Calibration date,2024,2025", "Horizontal Scale,0.8", "# malleolus sensor: 352C33, 5 g",
     ],

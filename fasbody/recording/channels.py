@@ -50,7 +50,7 @@ def name_and_unit(name: str) -> tuple[str, str]:
     if match:
         return match[1], match[2]
     stem, _, unit = text.partition("_")
-    return stem, unit
+    return stem, unit[2:] if unit[:2] in ("x_", "y_", "z_") else unit  # an axis is no unit
 
 
 def heading(name: str) -> tuple[str, str]:
@@ -71,7 +71,7 @@ def factor(file: Path, channel: str, unit: str, valid: Mapping[str, float], line
         raise InputFileError(file, problem, "differentiate it over time, and write it in m/s^2", line=line)
     alike = (name for name in valid if _plain(name) == _plain(unit))  # a unit that is near is another unit
     hint = "".join(f", did you mean {name!r}?" for name in islice(alike, 1))
-    listed = ", ".join({size: name for name, size in reversed(valid.items())}.values())
+    listed = ", ".join({size: name for name, size in reversed(list(valid.items()))}.values())
     problem = f"unknown unit of the column {channel!r}: {shown(unit)!r}{hint} (valid: {listed})"
     raise InputFileError(file, problem, line=line)
 

@@ -459,6 +459,14 @@ def _quality(recording: Recording, measures: Quality, frequency: float | None) -
         yield (
             f"base_m_s2 has flattened tops {at} and the malleolus none; does its sensor saturate?"
         )
+    if frequency and (turned := measures.turned_deg):
+        length = float(recording.time_s[-1] - recording.time_s[0])
+        yield (
+            f"the malleolus' phase runs evenly by {turned:.3g} degrees from start to end at a steady "
+            "amplitude: its clock and the base's run apart by "
+            f"{abs(turned) / 360 / frequency / length * 1e6:.0f} ppm; record both by one clock, or "
+            "give each its times."
+        )
     if measures.coherence < _COHERENT[frequency is not None]:
         yield (
             f"the coherence of malleolus and base is {measures.coherence:.2f} {at}; noise, "

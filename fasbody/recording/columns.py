@@ -324,7 +324,7 @@ def _clock_of(columns: Columns, index: int, key: str, times: Sequence[int], main
     if not all(any(word.isdigit() for word in tokens) for tokens in words.values()):  # t1 and t2, not time and time 2
         words = {i: {word for word in tokens if not word.isdigit()} for i, tokens in words.items()}
     mine = _words(columns.names[index]) | {key.removesuffix("_m_s2")}
-    alike = [i for i, tokens in words.items() if tokens and tokens <= mine]
+    alike = [i for i, tokens in words.items() if tokens and all(_begins(token, mine) for token in tokens)]
     if len(alike) == 1 and len(times) > 1:
         return alike[0]
     before = [i for i in times if i < index] or times[:1]
@@ -332,6 +332,11 @@ def _clock_of(columns: Columns, index: int, key: str, times: Sequence[int], main
     while run[0] - 1 in before:  # times side by side are of the same rows
         run.insert(0, run[0] - 1)
     return main if main is not None and main in run else run[0]
+
+
+def _begins(token: str, words: set[str]) -> bool:
+    """Whether a word, or number, is among others, or begins one, as mal does malleolus."""
+    return token in words or (len(token) > 2 and any(word.startswith(token) for word in words))
 
 
 def _words(name: str) -> set[str]:

@@ -87,6 +87,10 @@ def reading(file: Path, layout: Layout | None = None) -> Reading:
         channels = _one_take(file, channels, layout)
     if channels["time_s"].size < 2:
         raise InputFileError(file, f"holds {channels['time_s'].size} samples", "a recording needs at least two")
+    first, last = (float(t) for t in channels["time_s"][[0, -1]])
+    if last < first:
+        problem = f"its time runs backwards ({first:g} s first, {last:g} s last)"
+        raise InputFileError(file, problem, "sort the rows by time")
     others = [*vague, *source.remarks(channels["time_s"]), *_other_clocks(source, uses, channels["time_s"])]
     clocks |= source.clocks(uses, channels["time_s"], rate)
     if clocks:
@@ -181,7 +185,8 @@ def _clocks(
             raise InputFileError(source.file, what, "correct clock in study.toml")
         if times is None:
             continue
-        unit = TIME_UNITS.get(source.columns.claimed(index).lower())
+        name = source.columns.names[index].lower()
+        unit = TIME_UNITS.get(source.columns.claimed(index).lower(), TIME_UNITS.get(name.rpartition("_")[2]))
         if unit is None and "time_s" in uses:
             unit = uses["time_s"].factor
         elif unit is None and (rate := rate_hz or layout.rate_hz):  # that with which they run so fast

@@ -12,6 +12,9 @@ from fasbody.recording.harmonics import Harmonics, columns, fit_harmonics, least
 #: Segments whose levels are compared, and the periods that one needs.
 _SEGMENTS = 10
 _PERIODS = 3
+#: Phases that run evenly over so many segments or more, by this times their scatter and so many degrees, at an
+#: amplitude that varies by no more than this share, are of two clocks.
+_RUNS_LEAST, _EVEN, _TURNED_DEG, _STEADY = 5, 20.0, 2.0, 0.03
 #: Harmonics of which distortion is the sum.
 _DISTORTING = 5
 
@@ -47,6 +50,7 @@ class Quality:
             likewise for broadband.
         channels: by name.
         ratio: how much more the malleolus moves than the base, nan for broadband.
+        turned_deg: by how much the malleolus' phase runs evenly from start to end at a steady amplitude; 0 for none.
     """
 
     coherence: float
@@ -54,6 +58,7 @@ class Quality:
     lead_std_deg: float
     channels: dict[str, ChannelQuality]
     ratio: float = float("nan")
+    turned_deg: float = 0.0
 
     def row(self) -> dict[str, Any]:
         """For the check's table and document."""
@@ -107,6 +112,7 @@ def quality(time_s: np.ndarray, channels: dict[str, np.ndarray], frequency_hz: f
     return Quality(
         _coherence(amplitudes["base"], amplitudes["malleolus"]), float(np.degrees(np.angle(ratio))),
         float(np.degrees(spread)), by_channel, float(abs(ratio)),
+        _turned_evenly(amplitudes["malleolus"] / amplitudes["base"]),
     )  # fmt: skip
 
 
@@ -125,6 +131,17 @@ def _segments(time_s: np.ndarray, values: list[np.ndarray], frequency_hz: float,
         offset, real, imaginary = least_squares(basis, np.column_stack([x[a:b] for x in values]))
         segments.append(np.stack([offset + 0j, real - 1j * imaginary]))
     return np.array(segments)
+
+
+def _turned_evenly(ratios: np.ndarray) -> float:
+    """By how many degrees ratios (segments,) turn from start to end, if evenly: by clocks that run apart."""
+    size, count = np.abs(ratios), ratios.size
+    if count < _RUNS_LEAST or np.ptp(size) > _STEADY * size.mean():
+        return 0.0
+    phases, places = np.unwrap(np.angle(ratios)), np.arange(count)
+    slope, start = np.polyfit(places, phases, 1)
+    rest, turned = float(np.std(phases - start - slope * places)), float(np.degrees(slope * count))
+    return turned if abs(slope) * count > _EVEN * rest and abs(turned) > _TURNED_DEG else 0.0
 
 
 def _coherence(base: np.ndarray, malleolus: np.ndarray) -> float:

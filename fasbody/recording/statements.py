@@ -34,6 +34,8 @@ _NEITHER = frozenset((
     "date", "unit", "units", "type", "mode", "id", "serial", "level", "std", "name", "range",
 ))  # fmt: skip
 _CLOCK = re.compile(r"(?:\d{4}-\d\d-\d\d[T ]?|[\d./]{8,10}[T ]+)?\d{1,2}:\d\d(?::\d\d(?:[.,]\d+)?)?Z?|\d{4}-\d\d-\d\d")
+#: A longer line is no name and number, and would take the pattern long.
+_LONGEST = 160
 _LINE = re.compile(
     r"\W*(?P<name>(?:[^\d=]|(?<=[A-Za-z])\d)*?[^\W\d]\d?\W*?)[\s:=,;]+"
     r"(?P<value>[-+]?\d[\d:.,]*(?:[eE][-+]?\d+)?)\s*(?P<unit>[^\d]*)"
@@ -87,14 +89,14 @@ def of_lines(
         cells = text.split(line, separator)
         name, *cells = cells if len(cells) > 2 else line.split() or [""]
         values = [text.number(cell) if text.numeric(cell) else cell for cell in cells if cell]
-        if kind(name) and len(values) > 1 and all(map(_is_value, values)):
+        if kind(name) and len(values) > 1 and _are_alike(values):
             for statements in made.values():
                 statements[name] = values
             continue
         about = [channel for channel, heading in names.items() if _mentions(line, channel, heading)]
-        match = _LINE.fullmatch(line)
-        if not about or not kind(line) or not re.search(r"\d", line) or re.search(r"\dm?V/|\d m?V/", line):
+        if not about or not kind(line) or not re.search(r"\d", line) or re.search(r"\d ?m?V/", line):
             continue
+        match = _LINE.fullmatch(line) if len(line) <= _LONGEST else None
         if len(about) == 1 and match and kind(match["name"]):
             value = match["value"].rstrip(".,:")
             plain = re.sub(rf"\b{about[0]}\b|{re.escape(names[about[0]])}", "", match["name"], flags=re.IGNORECASE)
@@ -104,8 +106,10 @@ def of_lines(
     return made, vague
 
 
-def _is_value(value: float | str) -> bool:
-    return not isinstance(value, str) or _CLOCK.fullmatch(value) is not None
+def _are_alike(values: Sequence[float | str]) -> bool:
+    """Whether they are all numbers, or all times of the day; a date before its time is neither."""
+    words = [value for value in values if isinstance(value, str)]
+    return not words or (len(words) == len(values) and all(":" in w and _CLOCK.fullmatch(w) for w in words))
 
 
 def _mentions(line: str, channel: str, heading: str) -> bool:

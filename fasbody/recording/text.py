@@ -25,12 +25,14 @@ COMMENT = re.compile(r"\s*(#|%|//)")
 _BINARY = re.compile(r"[\x00-\x08\x0e-\x1f]")
 _CONTROL = bytes([*range(0x09), *range(0x0E, 0x20)])  # the same, before they are letters
 _MARKS = (codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE)
+#: So many zero bytes behind a text are what a disk leaves of a file that was cut off.
+_ZEROS = 8
 _BRACKETED = re.compile(r"\[.*\]|\(.*\)")
 _QUOTE = "opens a quotation mark that nothing closes"
 
 
 def read_text(file: Path) -> str:
-    """The text of a file in UTF-8, UTF-16 or the Latin alphabet of Windows, its lines ended by a line feed."""
+    """The text of a file in UTF-8, UTF-16, the Latin alphabet of Windows or Shift-JIS, lines ended by a line feed."""
     return "".join(piece for _, piece in Passage(file).pieces())
 
 
@@ -86,6 +88,11 @@ def _encoding(file: Path) -> str:
     except OSError as error:
         raise InputFileError(file, f"cannot be read ({error.strerror})") from None
     if chosen is None:
+        with _opened(file) as raw:
+            head = raw.read(PIECE)
+        if head.endswith(bytes(_ZEROS)) and 0 not in (words := head.rstrip(b"\0")) and words:
+            line = words.count(b"\n") + 1
+            raise InputFileError(file, "holds zero bytes behind its text", "it was cut off; delete them", line)
         raise InputFileError(file, "is not a text file", "a CSV file with a header line is needed")
     return chosen
 
@@ -96,7 +103,7 @@ def _encodings(start: bytes) -> tuple[str, ...]:
     for first, name in ((1, "utf-16-le"), (0, "utf-16-be")):  # without its mark every other byte is still zero
         if len(start) >= 8 and start[first::2].count(0) > 0.9 * len(start[first::2]) and 0 not in start[1 - first :: 2]:
             return (name,)
-    return ("utf-8-sig", "cp1252")
+    return ("utf-8-sig", "cp1252", "cp932")
 
 
 def _reads(file: Path, encoding: str) -> bool:

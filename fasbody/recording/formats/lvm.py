@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from datetime import datetime
 from pathlib import Path
 
 import numpy as np
@@ -78,7 +79,10 @@ def _segment(
             return None
 
     units, clocks = header.get("Y_Unit_Label", []), header.get("Time", [])
+    days = [_day(cell) for cell in header.get("Date", [])]
     starts = [_seconds(clocks[i], decimal) if i < len(clocks) else 0.0 for i in range(count)]
+    if len(days) >= count:
+        starts = [start + 86_400 * (day - days[0]) for start, day in zip(starts, days, strict=False)]
     channels = [Series("time", "s", column(0))] if x_columns == "one" else []
     for i, place in enumerate(first):  # X_Value stands first, also where its cells are empty
         step = value("Delta_X", i)
@@ -89,6 +93,14 @@ def _segment(
             start = None
         channels.append(Series(names[place], units[i] if i < len(units) else "", column(place), rate, start_s=start))
     return channels
+
+
+def _day(date: str) -> int:
+    """The number of a day, as 2026/03/02; 0 of another form."""
+    try:
+        return datetime.strptime(date, "%Y/%m/%d").toordinal()
+    except ValueError:
+        return 0
 
 
 def _seconds(clock: str, decimal: str) -> float:
