@@ -47,12 +47,12 @@ def _line(time_s: np.ndarray) -> np.ndarray:
     return np.polynomial.Polynomial.fit(index, time_s, 1)(index)
 
 
-def counter_fault(counts: np.ndarray, each: bool) -> str:
+def counter_fault(counts: np.ndarray, counted: bool) -> str:
     """What a counter of samples (n,) says against a uniform clock; it may begin anew at a limit.
 
     Args:
         counts: (n,).
-        each: whether the clock's rate is that of the counts, not of the rows.
+        counted: whether the clock's rate is that of the counts, not of the rows.
     """
     steps = np.diff(counts)
     up = steps[steps >= 0]
@@ -61,7 +61,7 @@ def counter_fault(counts: np.ndarray, each: bool) -> str:
         return ""
     if (up == usual).mean() < _COUNTED:  # no counter
         return ""
-    if usual != 1 and each:
+    if usual != 1 and counted:
         return f"counts by {usual:g} from row to row"
     places = np.flatnonzero(steps > usual)
     if not places.size:

@@ -54,7 +54,7 @@ def kind(name: str) -> str:
     return "sensitivity" if words & _SCALES else ""
 
 
-def found(pairs: Mapping[str, object], applied: Sequence[str] = ()) -> Statements:
+def statements_of(pairs: Mapping[str, object], applied: Sequence[str] = ()) -> Statements:
     """The statements among names and values that are numbers or times, without those that a
     reader applies.
     """
@@ -135,7 +135,7 @@ def refuse_unapplied(
         lists = [set(v) for v in values.values() if isinstance(v, list)]
         weak = bool(lists) or alike or key == "delay_s" or any(word in name.lower() for word in _OF_CONVERTER)
         odd = {c: v for c, v in values.items() if isinstance(v, list) or (v != neutral and name in stated[c])}
-        unlike = len({str(v) for v in values.values()}) > 1 or any(len(each) > 1 for each in lists)
+        unlike = len({str(v) for v in values.values()}) > 1 or any(len(several) > 1 for several in lists)
         answers = {key, "clock"} if key == "delay_s" else {key}
         if not odd or (weak and not unlike) or any(keys[channel] & answers for channel in (values if weak else odd)):
             continue

@@ -11,7 +11,7 @@ import numpy as np
 from fasbody.recording.channels import Channels
 from fasbody.recording.formats import series
 from fasbody.recording.formats.series import FormatError, Series, check_size, passed_over
-from fasbody.recording.statements import found
+from fasbody.recording.statements import statements_of
 
 LIBRARY = "h5py"
 MAGIC = b"\x89HDF\r\n\x1a\n"
@@ -53,7 +53,7 @@ def decode(file: Path) -> list[Series]:
             check_size(total)
             unit = series.text_of(item.attrs.get("units", item.attrs.get("unit", b"")))
             values, scaled = _scaled(item)
-            stated = found(dict(item.attrs), (*_APPLIED, *series.STARTS, *series.RATES, *series.STEPS))
+            stated = statements_of(dict(item.attrs), (*_APPLIED, *series.STARTS, *series.RATES, *series.STEPS))
             rate = _rate(source, name)
             starts = (_number(item.attrs.get(key)) for key in series.STARTS)
             start = next((value for value in starts if value is not None), None)

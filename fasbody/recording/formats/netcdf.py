@@ -17,7 +17,7 @@ from fasbody.recording.formats.series import (
     text_of,
     with_rate,
 )
-from fasbody.recording.statements import found
+from fasbody.recording.statements import statements_of
 
 LIBRARY = "scipy"
 
@@ -49,7 +49,7 @@ def decode(file: Path) -> list[Series]:
             if values.dtype.kind in "fiu":
                 values, scaled = scaled_by_attributes(values, *numbers)
             columns = numeric_columns(name, values, text_of(getattr(variable, "units", b"")))
-            own = found(variable._attributes, names)
+            attributes = statements_of(variable._attributes, names)
             axis = variable.dimensions[0] if len(axes) > 1 and variable.dimensions else ""
-            series += [replace(s, scaled=scaled, stated=own, group=axis) for s in columns]
+            series += [replace(s, scaled=scaled, stated=attributes, group=axis) for s in columns]
     return with_rate(series)

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from fasbody.exceptions import MissingPackageError
-from fasbody.recording.statements import Statements, found, kind
+from fasbody.recording.statements import Statements, kind, statements_of
 
 #: Most samples of all channels of a file together: 160 MB of floats, an hour of five channels at 1 kHz.
 MOST_SAMPLES = 20_000_000
@@ -163,8 +163,9 @@ def with_rate(series: list[Series]) -> list[Series]:
         start = next(starts, None) if s.start_s is None else s.start_s
         folder, _, name = s.name.rpartition("/")
         rate = s.rate_hz or stated_rate(stated)
-        own = found({_without(key, name): value for key, value in stated if _of(key, name)}) | listed | s.stated
-        rated.append(replace(s, name=name, group=s.group or folder, rate_hz=rate, start_s=start, stated=own))
+        about = {_without(key, name): value for key, value in stated if _of(key, name)}
+        mine = statements_of(about) | listed | s.stated
+        rated.append(replace(s, name=name, group=s.group or folder, rate_hz=rate, start_s=start, stated=mine))
     return rated
 
 

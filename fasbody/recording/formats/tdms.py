@@ -10,7 +10,7 @@ import numpy as np
 
 from fasbody.recording.channels import Channels
 from fasbody.recording.formats.series import FormatError, Series, check_size, step_of
-from fasbody.recording.statements import found
+from fasbody.recording.statements import statements_of
 
 LIBRARY = "nptdms"
 
@@ -41,9 +41,9 @@ def decode(file: Path) -> list[Series]:
             stamps.append(channel.properties.get("wf_start_time"))
             offsets.append(_number(channel.properties.get("wf_start_offset")))
             about = channel.properties.items()
-            own = found({key: value for key, value in about if key[:3].lower() not in ("wf_", "ni_")})
+            stated = statements_of({key: value for key, value in about if key[:3].lower() not in ("wf_", "ni_")})
             one = Series(channel.name, str(unit), values.astype(float), rate, group=channel.group_name)
-            series.append(replace(one, stated=own))
+            series.append(replace(one, stated=stated))
     starts = _starts(stamps, offsets)
     return [replace(s, start_s=start) for s, start in zip(series, starts, strict=True)]
 
