@@ -140,7 +140,7 @@ def test_unit_in_doubt_is_unticked_the_foot_rests_and_a_unit_mends_it(opened: An
         rows = page(TABLE)
         assert [row[0] for row in rows] == [False, False, False]
         assert all("in doubt: " in row[-1] and "check its unit." in row[-1] for row in rows[:2])
-        assert "2 in doubt" in page("byId('next').textContent") and "check its unit" in page(
+        assert "2 in an uncertain unit" in page("byId('next').textContent") and "check its unit" in page(
             "byId('error').textContent"
         )
         assert page("Object.values(plots).map(p => p.series.length)") == [0, 0, 0, 0]
