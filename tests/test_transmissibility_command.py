@@ -106,8 +106,12 @@ def test_check_and_convert(tmp_path: Path) -> None:
     assert told.returncode == 2 and "--matlab 7.3 is for .mat files" in told.stderr
     assert not (tmp_path / "c2.csv").exists()
     backwards = "".join(f"{1 - i / 1000},{i % 9},{i % 7}\n" for i in range(99))
-    (tmp_path / "d.csv").write_text("time_s,base_m_s2,malleolus_m_s2\n" + backwards)
+    (tmp_path / "e.csv").write_text("time_s,base_m_s2,malleolus_m_s2\n" + backwards)
+    told = run("convert", str(tmp_path / "e.csv"), str(tmp_path / "e.h5"))
+    assert told.returncode == 2 and "time runs backwards" in told.stderr and not (tmp_path / "e.h5").exists()
+    uneven = "".join(f"{(i / 100) ** 2},{i % 9},{i % 7}\n" for i in range(99))
+    (tmp_path / "d.csv").write_text("time_s,base_m_s2,malleolus_m_s2\n" + uneven)
     told = run("convert", str(tmp_path / "d.csv"), str(tmp_path / "d.tdms"))
     assert told.returncode == 2 and "this recording's time is not uniform; write .csv or .h5" in told.stderr
     told = run("convert", str(tmp_path / "d.csv"), str(tmp_path / "d.h5"))
-    assert told.returncode == 0 and "time runs backwards" in told.stderr
+    assert told.returncode == 0 and "warning: It cannot be used as it is." in told.stderr
