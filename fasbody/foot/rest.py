@@ -15,7 +15,7 @@ def standing(foot: Foot) -> np.ndarray:
     """The pose (nq,) of rest: from the pose of the file, or from where the foot falls to.
 
     Raises:
-        SimulationError: there is none, or a damper is negative there.
+        SimulationError: there is none, the foot topples from it, or a damper is negative there.
     """
     balance = Balance(foot)
     x = balance.rest({})
