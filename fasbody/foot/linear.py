@@ -10,9 +10,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from fasbody.exceptions import SimulationError
-from fasbody.foot.engine import callbacks
 from fasbody.foot.model import Foot
-from fasbody.foot.rest import standing
+from fasbody.foot.rest import small_motion
 from fasbody.foot.steady_state import Balance
 
 Array = np.ndarray
@@ -29,13 +28,8 @@ class Linear:
     """
 
     def __init__(self, foot: Foot) -> None:
-        self.foot, self._balance, self._rest = foot, Balance(foot), standing(foot)
-        engine = self._balance.engine
-        motion = np.zeros((3, 1, engine.size))
-        motion[0, 0, : foot.model.nv] = self._rest - foot.model.qpos0
-        with callbacks():
-            self._slopes = engine.exact_slopes(motion)[:, 0]
-            kinks = engine.kinks(motion)
+        self.foot, self._balance = foot, Balance(foot)
+        self._rest, self._slopes, kinks = small_motion(self._balance)
         if kinks:
             raise SimulationError(
                 f"{foot.name}: {' and '.join(kinks)} touches, stops or slips as soon as the foot moves at all, so that "

@@ -17,34 +17,45 @@ def standing(foot: Foot) -> np.ndarray:
     Raises:
         SimulationError: there is none, the foot topples from it, or a damper is negative there.
     """
-    balance = Balance(foot)
-    x = balance.rest({})
+    return small_motion(Balance(foot))[0]
+
+
+def small_motion(balance: Balance) -> tuple[np.ndarray, np.ndarray, list[str]]:
+    """The pose (nq,) in which a foot stands, and there what `slopes_at_rest` returns.
+
+    Raises:
+        SimulationError: see `standing`.
+    """
+    foot, x = balance.foot, balance.rest({})
     if x is None:
         raise SimulationError(f"{foot.name}: nothing carries it: no pose was found in which it rests.")
-    q, _ = balance.state(x)
-    check_dampers(foot, q[None], foot.model.jnt_user[None])
-    _check_stable(balance, x)
-    return q
+    return balance.state(x)[0], *slopes_at_rest(balance, x)
 
 
-def _check_stable(balance: Balance, x: np.ndarray) -> None:
-    """Refuse a balance of gravity and springs from which the foot topples.
+def slopes_at_rest(balance: Balance, x: np.ndarray) -> tuple[np.ndarray, list[str]]:
+    """Derivatives (3, r, n) of the engine's rows about rest, and what is about to touch, stop or slip there.
 
     Args:
-        balance: of the foot.
+        balance: of the foot, with the parameters at which it rests.
         x: (n,) coordinates and activations at rest, without the base's.
 
     Raises:
-        SimulationError: something grows by more than `_TOPPLES`, and nothing is about to touch or slip there.
+        SimulationError: a damper is negative there; or the foot topples: something grows by more than `_TOPPLES`, and
+            nothing is about to touch.
     """
-    from scipy.linalg import eig
-
+    check_dampers(balance.foot, balance.state(x)[0][None], balance.model.jnt_user[None])
     motion = np.zeros((3, 1, balance.engine.size))
     motion[0, 0, balance.free] = x
     with callbacks():
-        slopes = balance.engine.exact_slopes(motion)[:, 0]
-        if balance.engine.kinks(motion):
-            return
+        slopes, kinks = balance.engine.exact_slopes(motion)[:, 0], balance.engine.kinks(motion)
+    if not kinks:
+        _check_stable(balance, slopes)
+    return slopes, kinks
+
+
+def _check_stable(balance: Balance, slopes: np.ndarray) -> None:
+    from scipy.linalg import eig
+
     K, C, M = (part[np.ix_(balance.free, balance.free)] for part in slopes)
     none, one = np.zeros_like(K), np.eye(len(K))
     growth, vectors = eig(np.block([[none, one], [-K, -C]]), np.block([[one, none], [none, M]]))

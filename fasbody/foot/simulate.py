@@ -16,6 +16,7 @@ from fasbody.foot.damper import DAMPER
 from fasbody.foot.engine import SHAKER_CONTROLS, callbacks
 from fasbody.foot.model import Foot, Sensor, can_change, held_to_world
 from fasbody.foot.parameters import Fitted
+from fasbody.foot.rest import slopes_at_rest
 from fasbody.foot.shaker import BaseMotion
 from fasbody.foot.steady_state import Balance, check_dampers
 from fasbody.presentation import Presented, Sheet
@@ -346,11 +347,19 @@ class Batch:
 
         Args:
             step: [s], which may let no loop be closed as stiffly as the file says.
+
+        Raises:
+            SimulationError: one topples from where gravity and springs balance.
         """
         balance, rows = self._balance, self._rows()
         balance.model.eq_solref[self._tied] = self._closing(np.array([step]))[0]
         named = {row: dict(zip(self._values, row, strict=True)) for row in rows}
-        known = {row: balance.state(balance.rest(values)) for row, values in named.items()}
+        known = {}
+        for row, values in named.items():
+            x = balance.rest(values)
+            if x is not None:
+                slopes_at_rest(balance, x)
+            known[row] = balance.state(x)
         qpos, act = zip(*(known[row] for row in rows), strict=True)
         return np.array(qpos), np.array(act)
 
