@@ -59,10 +59,11 @@ def ends(
             sum of squares is known to allow, if that is farther.
     """
     c, n = coordinates, places.shape[1]
-    begin, pins, ways, limit = _beginnings(problem, places, c, rise)
+    at_places = problem.evaluate(places)
+    limit = float(at_places.objective[0]) + rise
+    begin, pins, ways = _beginnings(at_places.objective < limit, c.of(places) - c.values)
     low, high = (np.tile(bound, (pins.size, 1)) for bound in problem.bounds(sign))
-    Q = places[begin]
-    now = problem.evaluate(Q)
+    Q, now = places[begin], at_places.rows(begin)
     reach, before = np.where(begin == 0, quantile * c.std[pins], 0.0), np.full(pins.size, -np.inf)
     at, damping, factor = np.arange(pins.size), np.full(pins.size, _DAMPING), np.full(pins.size, 2.0)
     bend = np.zeros((pins.size, n, n))
@@ -101,24 +102,18 @@ def ends(
     return farthest
 
 
-def _beginnings(
-    problem: Problem, places: np.ndarray, c: Coordinates, rise: float
-) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+def _beginnings(likely: np.ndarray, distance: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Where steps begin: at the optimum, and where the sum of squares allows it and a coordinate is farther already.
 
     Args:
-        problem: with its weights.
-        places: (m, n) ends of the search, the optimum first.
-        c: k coordinates.
-        rise: of the sum of squares that is allowed.
+        likely: (m,) whether the sum of squares allows each end of the search, the optimum first.
+        distance: (m, k) of their coordinates from those of the optimum.
 
     Returns:
-        of each beginning the place (b,), the coordinate (b,) and the way (b,), -1 or 1; the largest sum of squares.
+        of each beginning the place (b,), the coordinate (b,) and the way (b,), -1 or 1.
     """
-    objective, distance = problem.evaluate(places).objective, c.of(places) - c.values
     ways = np.array([-1.0, 1.0])
-    limit = float(objective[0]) + rise
-    begins = (distance[..., None] * ways > 0) & (objective < limit)[:, None, None]
+    begins = (distance[..., None] * ways > 0) & likely[:, None, None]
     begins[0] = True
     begin, pins, way = np.nonzero(begins)
-    return begin, pins, ways[way], limit
+    return begin, pins, ways[way]

@@ -155,8 +155,9 @@ class Setup:
         none = known.delay_std_s == 0.0  # known exactly, so there is nothing to estimate
         delay = tells_delay(data) and not none if settings.delay is None else settings.delay
         if not delay and not none and settings.delay is None:
-            alike = "One frequency cannot separate a delay of the channels from damping"
-            warnings.append(f"{alike}; the delay is assumed to be zero.")
+            warnings.append(
+                "One frequency cannot separate a delay of the channels from damping; the delay is assumed to be zero."
+            )
         fitted, passed_over = sensors.chosen(data, foot, settings.sensors)
         warnings += passed_over
         space = space_of(foot, settings.free, settings.bounds, delay and name == "time", fitted)

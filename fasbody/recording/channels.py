@@ -7,7 +7,6 @@ import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
-from itertools import islice
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -69,8 +68,8 @@ def factor(file: Path, channel: str, unit: str, valid: Mapping[str, float], line
     if "g" in valid and _VELOCITY.fullmatch(unit):
         problem = f"{channel} is in {unit}, a velocity"
         raise InputFileError(file, problem, "differentiate it over time, and write it in m/s^2", line=line)
-    alike = (name for name in valid if _plain(name) == _plain(unit))  # a unit that is near is another unit
-    hint = "".join(f", did you mean {name!r}?" for name in islice(alike, 1))
+    # a unit that is near is another unit
+    hint = next((f", did you mean {name!r}?" for name in valid if _plain(name) == _plain(unit)), "")
     listed = ", ".join({size: name for name, size in reversed(list(valid.items()))}.values())
     problem = f"unknown unit of the column {channel!r}: {shown(unit)!r}{hint} (valid: {listed})"
     raise InputFileError(file, problem, line=line)

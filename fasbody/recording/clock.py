@@ -57,7 +57,7 @@ def counter_fault(counts: np.ndarray, counted: bool) -> str:
     steps = np.diff(counts)
     up = steps[steps >= 0]
     usual = float(np.median(up)) if up.size else 0.0
-    if up.size < 0.9 * steps.size or up.min() < 1 or (counts % 1).any():
+    if up.size < _COUNTED * steps.size or up.min() < 1 or (counts % 1).any():
         return ""
     if (up == usual).mean() < _COUNTED:  # no counter
         return ""

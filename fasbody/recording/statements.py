@@ -46,12 +46,16 @@ def kind(name: str) -> str:
     """The key of study.toml that answers a statement, "delay_s" or "sensitivity"; empty for any
     other.
     """
-    words = {word.lower() for word in re.findall(r"[A-Z]?[a-z]+\d*|[A-Z]+\d*", name)}
+    words = _words(name)
     if words & _NEITHER:
         return ""
     if words & _TIMES or ("offset" in words and words & _OF_TIME):
         return "delay_s"
     return "sensitivity" if words & _SCALES else ""
+
+
+def _words(name: str) -> set[str]:
+    return {word.lower() for word in re.findall(r"[A-Z]?[a-z]+\d*|[A-Z]+\d*", name)}
 
 
 def statements_of(pairs: Mapping[str, object], applied: Sequence[str] = ()) -> Statements:
@@ -133,7 +137,7 @@ def refuse_unapplied(
         key, neutral = kind(name), 0.0 if kind(name) == "delay_s" else 1.0
         values = {channel: statements.get(name, neutral) for channel, statements in stated.items()}
         lists = [set(v) for v in values.values() if isinstance(v, list)]
-        weak = bool(lists) or alike or key == "delay_s" or any(word in name.lower() for word in _OF_CONVERTER)
+        weak = bool(lists) or alike or key == "delay_s" or bool(_words(name) & _OF_CONVERTER)
         odd = {c: v for c, v in values.items() if isinstance(v, list) or (v != neutral and name in stated[c])}
         unlike = len({str(v) for v in values.values()}) > 1 or any(len(several) > 1 for several in lists)
         answers = {key, "clock"} if key == "delay_s" else {key}
