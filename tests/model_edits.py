@@ -137,8 +137,12 @@ def _first(values: Array, step: float) -> complex:
 def stepped(file: Path) -> dict[str, complex]:
     """`simulate`, from the pose of the file until the start has faded."""
     foot = opened(file)
-    implicit, thigh = foot.step < 2e-4, any(foot.model.joint(j).name == "thigh" for j in range(foot.model.njnt))
-    fading, step = (0.6 if thigh else 0.2, 1e-4) if implicit else (1.1, 5e-4)  # a thigh on its seat goes on for long
+    thigh = any(foot.model.joint(j).name == "thigh" for j in range(foot.model.njnt))
+    if foot.step < 2e-4:  # an arch
+        fading, step = 0.6 if thigh else 0.2, 1e-4  # a thigh on its seat goes on for long
+    else:
+        slowest = -np.linalg.eigvals(linearised(foot)).real.max()
+        fading, step = 12 / max(slowest, 11.0), 5e-4
     run = simulate(foot, harmonics(HZ, [PEAK], fading + 2 / HZ), step=step)
     return {"T": _first(run.malleolus[0], step) / _first(run.base[0], step)}
 
