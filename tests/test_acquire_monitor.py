@@ -120,16 +120,12 @@ Maker = Callable[[Bench, float], np.ndarray]
 #: Name, when it begins [s], what the sensors then show, and whether nobody sees the base any more.
 FAULTS: list[tuple[str, float, Maker, bool]] = [
     ("base flat", AT_S, lambda b, at: after(b, 0, lambda x, s: 0 * x, at), True),
-    ("base flat from the start", 0.0, lambda b, at: after(b, 0, lambda x, s: 0 * x, at), True),
-    ("base stuck", AT_S, lambda b, at: after(b, 0, lambda x, s: 0 * x + 3.3, at), True),
     ("base at the rail", AT_S, lambda b, at: after(b, 0, lambda x, s: 0 * x + RANGE, at), True),
     ("base silent but for noise", AT_S, lambda b, at: after(b, 0, lambda x, s: some(b, 0.03), at), True),
     ("base silent from the start", 0.0, lambda b, at: after(b, 0, lambda x, s: some(b, 0.03), at), True),
-    ("both flat", AT_S, lambda b, at: np.where(b.t[:, None] >= at, 0.0, b.sound()), True),
     ("base floats to the rail", AT_S,
      lambda b, at: after(b, 0, lambda x, s: 35 * (1 - np.exp(-s / 0.3)) + some(b, 0.5), at), True),
     ("base floats with hum", AT_S, lambda b, at: after(b, 0, lambda x, s: mains(b, 50, 6.0) + some(b, 0.5), at), True),
-    ("base floats from the start", 0.0, lambda b, at: after(b, 0, lambda x, s: mains(b, 50, 9) + some(b, 1), at), True),
     ("base loose contact", AT_S, lambda b, at: after(b, 0, lambda x, s: np.where(contact(b), 0, x), at), True),
     ("base gain halves", AT_S, lambda b, at: after(b, 0, lambda x, s: 0.5 * x, at), False),
     ("base gain falls to a third", AT_S, lambda b, at: after(b, 0, lambda x, s: x / 3, at), True),
@@ -139,36 +135,29 @@ FAULTS: list[tuple[str, float, Maker, bool]] = [
     ("base turned in gravity", AT_S, lambda b, at: after(b, 0, lambda x, s: x + 3, at), False),
     ("base hum 50 Hz", AT_S, lambda b, at: after(b, 0, lambda x, s: x + mains(b, 50, 1), at), False),
     ("base hum 60 Hz", AT_S, lambda b, at: after(b, 0, lambda x, s: x + mains(b, 50.3, 1), at), False),
-    ("base hum 50 Hz from the start", 0.0, lambda b, at: after(b, 0, lambda x, s: x + mains(b, 50, 1), at), False),
     ("base noise", AT_S, lambda b, at: after(b, 0, lambda x, s: x + some(b, 0.7), at), False),
     ("base one spike", AT_S, lambda b, at: after(b, 0, lambda x, s: x + 5 * (np.abs(s) < 0.5 / b.rate), at), False),
-    ("base spikes", AT_S, lambda b, at: after(b, 0, lambda x, s: x + 5 * sparse(b, s), at), False),
     ("base clipped before its filter", AT_S, clipped(0.5, 0), False),
     ("base slow", AT_S, lambda b, at: after(b, 0, lambda x, s: low_pass(x, 0.1), at), False),
     ("base has a bit stuck", AT_S,
      lambda b, at: after(b, 0, lambda x, s: (np.round(x * COUNTS).astype(int) | 4096) / COUNTS, at), True),
     ("malleolus flat", AT_S, lambda b, at: after(b, 1, lambda x, s: 0 * x, at), False),
     ("malleolus flat from the start", 0.0, lambda b, at: after(b, 1, lambda x, s: 0 * x, at), False),
-    ("malleolus stuck", AT_S, lambda b, at: after(b, 1, lambda x, s: 0 * x - 2, at), False),
     ("malleolus flat near the end", 3.7, lambda b, at: after(b, 1, lambda x, s: 0 * x, at), False),
     ("malleolus silent but for noise", AT_S, lambda b, at: after(b, 1, lambda x, s: some(b, 0.05), at), False),
-    ("malleolus silent from the start", 0.0, lambda b, at: after(b, 1, lambda x, s: some(b, 0.05), at), False),
     ("malleolus floats", AT_S, lambda b, at: after(b, 1, lambda x, s: mains(b, 50, 5) + some(b, 0.5), at), False),
     ("malleolus floats from the start", 0.0,
      lambda b, at: after(b, 1, lambda x, s: mains(b, 60, 5) + some(b, 0.5), at), False),
     ("malleolus loose contact", AT_S, lambda b, at: after(b, 1, lambda x, s: np.where(contact(b), 0, x), at), False),
     ("malleolus loose on the skin", AT_S, lambda b, at: after(b, 1, lambda x, s: 2 * x, at), False),
     ("malleolus rattles", AT_S, lambda b, at: after(b, 1, lambda x, s: x + some(b, 2), at), False),
-    ("malleolus gain falls to a third", AT_S, lambda b, at: after(b, 1, lambda x, s: x / 3, at), False),
     ("malleolus inverted", AT_S, lambda b, at: after(b, 1, lambda x, s: -x, at), False),
     ("malleolus turned in gravity", AT_S, lambda b, at: after(b, 1, lambda x, s: x - 4, at), False),
-    ("malleolus hum 50 Hz", AT_S, lambda b, at: after(b, 1, lambda x, s: x + mains(b, 50, 1), at), False),
     ("malleolus hum 50 Hz from the start", 0.0, lambda b, at: after(b, 1, lambda x, s: x + mains(b, 50, 1), at), False),
     ("malleolus spikes", AT_S, lambda b, at: after(b, 1, lambda x, s: x + 6 * sparse(b, s), at), False),
     ("malleolus clipped before its filter", AT_S, clipped(0.3, 1), False),
     ("malleolus late by 5 ms", AT_S, lambda b, at: removed(b, -0.005, at, 1), False),
     ("malleolus equal to the base", AT_S, lambda b, at: after(b, 1, lambda x, s: b.sound()[:, 0], at), False),
-    ("equal from the start", 0.0, lambda b, at: after(b, 1, lambda x, s: b.sound()[:, 0], at), False),
     ("equal, each with its noise", 0.0,
      lambda b, at: after(b, 1, lambda x, s: b.sound()[:, 0] + some(b, 0.05), at), False),
     ("swapped", AT_S, lambda b, at: np.where(b.t[:, None] >= at, b.sound()[:, ::-1], b.sound()), False),
@@ -179,12 +168,10 @@ FAULTS: list[tuple[str, float, Maker, bool]] = [
     ("shaker stops", AT_S, lambda b, at: b.at(b.t) * (b.t < at)[:, None] + b.noisy(b.t.size), True),
     ("shaker stops for 0.2 s", AT_S,
      lambda b, at: b.at(b.t) * ((b.t < at) | (b.t > at + 0.2))[:, None] + b.noisy(b.t.size), True),
-    ("97 samples of 48 kHz lost early", 0.4, lambda b, at: removed(b, 97 / 48_000, at), False),
     ("97 samples of 48 kHz lost", 1.43, lambda b, at: removed(b, 97 / 48_000, at), False),
-    ("97 samples of 48 kHz lost late", 3.6, lambda b, at: removed(b, 97 / 48_000, at), False),
     ("97 samples of 48 kHz doubled", 2.21, lambda b, at: removed(b, -97 / 48_000, at), False),
     *((f"24 samples of 48 kHz lost at {at:g} s", at, lambda b, at: removed(b, 24 / 48_000, at), False)
-      for at in (0.31, 1.337, 1.4, 1.46, 2.5)),
+      for at in (0.31, 1.4, 2.5)),
     ("one sample of 1 kHz lost", 1.7, lambda b, at: removed(b, 1e-3, at), False),
     ("one sample of 1 kHz doubled", 1.76, lambda b, at: removed(b, -1e-3, at), False),
     ("a frame doubled", 1.9, lambda b, at: removed(b, -0.016, at), False),
@@ -255,7 +242,7 @@ def random(rate: float) -> np.ndarray:
 )
 def test_sound_sines_raise_no_alarm(rate: float, noise: float) -> None:
     """Also at a tenth of the usual level, with a clock that is off and a level that fades."""
-    for hz in (5.0, 6.3, 8.0, 10.0, 12.3, 16.0, 20.0, 25.0, 31.5, 40.0, 50.0, 60.0):
+    for hz in (5.0, 8.0, 12.3, 20.0, 31.5, 60.0):
         for amplitude in (8.95, 0.9):
             bench = Bench(hz, rate, amplitude, noise, seed=int(10 * hz))
             faded = bench.at(1.002 * bench.t) * (1 + 0.02 * bench.t[:, None]) + bench.noisy(bench.t.size)

@@ -20,7 +20,7 @@ from fasbody.foot.steady_state import Balance
 from fasbody.recording.recording import Recording
 from identification.fitting import fit_foot
 
-HZ, PERIODS, STEP = 20.0, 12, 1e-4
+HZ, PERIODS, STEP = 20.0, 7, 1e-4
 W = 2 * np.pi * HZ
 #: Masses of foot and shank [kg], springs [N/m] and dampers [N s/m] of pad and ankle.
 M_F, M_S, K, C = 1.052265, 3.374505, np.array([1e5, 1.5e5]), np.array([800.0, 430.0])

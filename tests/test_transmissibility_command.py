@@ -16,7 +16,7 @@ from fasbody.transmissibility.table import Table
 
 @pytest.fixture(scope="module")
 def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return virtual_study(tmp_path_factory.mktemp("made"), subjects=3)
+    return virtual_study(tmp_path_factory.mktemp("made"), subjects=1)
 
 
 def command(*arguments: str) -> subprocess.CompletedProcess[str]:
@@ -25,7 +25,8 @@ def command(*arguments: str) -> subprocess.CompletedProcess[str]:
 
 @pytest.mark.long
 @pytest.mark.usefixtures("undrawn")
-def test_command_writes_tables_and_figures_and_prints_one_json_list(study: Path, tmp_path: Path) -> None:
+def test_command_writes_tables_and_figures_and_prints_one_json_list(tmp_path: Path) -> None:
+    study = virtual_study(tmp_path / "made", subjects=3)
     done = command(str(study), "--json", "--out", str(tmp_path / "out"), "--jobs", "1")
     assert done.returncode == 0, done.stderr
     document = json.loads(done.stdout)
