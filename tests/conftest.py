@@ -153,11 +153,10 @@ def opened() -> Iterator[Any]:
 
 @pytest.fixture
 def undrawn(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Pictures are small and empty, where files matter and not what is on them: drawing takes longer than a fit."""
-    from matplotlib.figure import Figure
+    """As `in_process.draw_nothing`."""
+    from in_process import draw_nothing
 
-    empty, save = Figure(figsize=(1, 1)), Figure.savefig
-    monkeypatch.setattr(Figure, "savefig", lambda _, *words, **options: save(empty, *words, **options))
+    draw_nothing(monkeypatch)
 
 
 @pytest.fixture

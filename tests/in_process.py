@@ -18,6 +18,14 @@ from fasbody.console import command_line, console, run_app
 ROOT = Path(__file__).parent.parent
 
 
+def draw_nothing(patch: pytest.MonkeyPatch) -> None:
+    """Pictures are small and empty, where files matter and not what is on them: drawing takes longer than a fit."""
+    from matplotlib.figure import Figure
+
+    empty, save = Figure(figsize=(1, 1)), Figure.savefig
+    patch.setattr(Figure, "savefig", lambda _, *words, **options: save(empty, *words, **options))
+
+
 def command(module: str, *words: str, cwd: Path = ROOT) -> "subprocess.CompletedProcess[str]":
     """Run a command of the map to its end, as its file does when it is run."""
     app = import_module(HOMES[module]).app

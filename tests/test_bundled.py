@@ -3,10 +3,10 @@
 import json
 import re
 import subprocess
-from collections.abc import Callable
 from html import unescape
 from pathlib import Path
 
+import in_process
 import numpy as np
 import oracle
 import pandas as pd
@@ -27,12 +27,12 @@ PARAMETERS = {
 
 
 @pytest.fixture(scope="module")
-def bundled(
-    tmp_path_factory: pytest.TempPathFactory, command: Callable
-) -> tuple[dict, Path, subprocess.CompletedProcess[str]]:
-    """The fit's document, the folder of its files, and the finished process."""
+def bundled(tmp_path_factory: pytest.TempPathFactory) -> tuple[dict, Path, subprocess.CompletedProcess[str]]:
+    """The fit's document, the folder of its files, and the finished command; test_report.py draws its figures."""
     folder = tmp_path_factory.mktemp("bundled")
-    done = command("identification.fit", "--json", "--out", str(folder))
+    with pytest.MonkeyPatch.context() as patch:
+        in_process.draw_nothing(patch)
+        done = in_process.command("identification.fit", "--json", "--out", str(folder))
     assert done.returncode == 0, done.stderr
     return json.loads(done.stdout), folder, done
 

@@ -57,7 +57,7 @@ def test_bare_file_with_masses(fit: Callable, bare: Path) -> None:
     assert change > 1.1  # more mass, more stiffness for the same motion
 
 
-@pytest.mark.usefixtures("undrawn")  # test_bundled.py draws
+@pytest.mark.usefixtures("undrawn")  # test_report.py draws
 def test_table_for_people_and_default_folder(fit: Callable, bare: Path) -> None:
     code, out, err = fit(bare, "--body-mass", 72.57, "--free", "k_T,c_11", "--starts", 1, "--bounds", "k_T=1e5:1.5e5")
     assert code == 0, err
