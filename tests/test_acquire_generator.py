@@ -35,23 +35,7 @@ from fasbody.exceptions import AcquisitionError, FasError, SettingError
 from fasbody.recording.checks import checked
 from fasbody.recording.study import Study
 
-
-@pytest.fixture(scope="module")
-def bench() -> Iterator[Bench]:
-    with Bench(seed=4) as made:
-        yield made
-
-
 pytestmark = pytest.mark.usefixtures("patient")
-
-
-def output_of(bench: Bench) -> str:
-    """Ask the instrument itself, without switching anything."""
-    try:
-        with contextlib.closing(Port(bench.generator_port, 115200)) as port:
-            return port.ask(b"\nOUTP?\n", 60.0)[0]
-    except AcquisitionError:
-        return "busy"
 
 
 DRIVER = """
@@ -70,37 +54,21 @@ with Generator(sys.argv[1], 115200) as g:
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
-def test_output_goes_off_when_the_driver_dies(bench: Bench, number: signal.Signals) -> None:
-    driver = subprocess.Popen(
-        [sys.executable, "-c", DRIVER, bench.generator_port], env=ENVIRONMENT, stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-    )  # fmt: skip
-    assert driver.stdout is not None and driver.stdout.readline() == b"on\n"
-    time.sleep(0.2)  # past the guard's start, which does not matter: its pipe is there from the beginning
-    driver.send_signal(number)
-    driver.wait()
-    driver.stdout.close()
-    deadline = time.monotonic() + 300
-    while output_of(bench) != "0":
-        assert time.monotonic() < deadline
-        time.sleep(0.2)
-
-
-def test_level_is_reached_limits_hold_and_the_output_is_off_afterwards(bench: Bench) -> None:
-    board = Board(bench.board_port, BAUD)
-    board.wait_for_hello()
-    with Generator(bench.generator_port, 115200, guard=False) as generator:
-        level = reach(generator, board, 25.0, 12.0, Safety())
-        values = board.collect(1.0)[:, board.base]
-        assert level.peak_to_peak == pytest.approx(12.0, rel=0.02)
-        amplitude = 2 * np.abs(np.mean(values * np.exp(-2j * np.pi * 25 * np.arange(values.size) / 1000)))
-        assert 2 * amplitude == pytest.approx(GAIN * level.volts, rel=0.01)
-        with pytest.raises(AcquisitionError, match=r"would need about"):
-            reach(generator, board, 25.0, 12.0, Safety(volts=0.4), guess_volts=0.8)
-        with pytest.raises(AcquisitionError, match="beyond the safety limit"):
-            reach(generator, board, 25.0, 12.0, Safety(peak_m_s2=6.95), guess_volts=4.4)
-    board.close()
-    assert output_of(bench) == "0"
+def test_output_goes_off_when_the_driver_dies(tmp_path: Path, number: signal.Signals) -> None:
+    with Instrument(tmp_path) as instrument:
+        driver = subprocess.Popen(
+            [sys.executable, "-c", DRIVER, instrument.port], env=ENVIRONMENT, stdout=subprocess.PIPE,
+            stderr=subprocess.DEVNULL,
+        )  # fmt: skip
+        assert driver.stdout is not None and driver.stdout.readline() == b"on\n" and instrument.shaker.on
+        time.sleep(0.2)  # past the guard's start, which does not matter: its pipe is there from the beginning
+        driver.send_signal(number)
+        driver.wait()
+        driver.stdout.close()
+        deadline = time.monotonic() + 300
+        while instrument.shaker.on:
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
 
 
 def test_safety_is_judged_before_anything_moves(tmp_path: Path) -> None:
@@ -132,20 +100,6 @@ def test_watch_trips_at_what_is_no_number(value: float) -> None:
         Watch(5.0, 0.0).check(np.array([0.0, value]))
 
 
-def test_displacement_is_limited_while_the_base_moves(bench: Bench) -> None:
-    """6 m/s^2 at 25 Hz are 0.243 mm and allowed; a shaker that answers more strongly than before is stopped.
-
-    0.29 mm are 3.58 m/s^2, and 3 % below that the output goes off, but for the noise.
-    """
-    board = Board(bench.board_port, BAUD)
-    board.wait_for_hello()
-    with Generator(bench.generator_port, 115200, guard=False) as generator:
-        with pytest.raises(AcquisitionError, match=r"limit of 3\.5"):
-            reach(generator, board, 25.0, 6.0, Safety(displacement_m=0.00029), guess_volts=3.8)
-        generator.off()
-    board.close()
-
-
 def test_peak_to_peak_is_that_of_the_motion_without_noise() -> None:
     t = np.arange(700) / 1000
     phase = 2 * np.pi * 17 * t
@@ -157,8 +111,8 @@ def test_peak_to_peak_is_that_of_the_motion_without_noise() -> None:
     assert peak_to_peak(noisy, 1000, 17) == pytest.approx(exact, rel=1e-2)
 
 
-def test_instrument_reports_errors(bench: Bench) -> None:
-    with Generator(bench.generator_port, 115200, guard=False) as generator:
+def test_instrument_reports_errors(tmp_path: Path) -> None:
+    with Instrument(tmp_path) as instrument, Generator(instrument.port, 115200, guard=False) as generator:
         assert generator.identity.startswith("FAS,")
         with pytest.raises(AcquisitionError, match=r"VOLT 99.* is refused \(-222"):
             generator.set_volts(99.0)
@@ -169,7 +123,9 @@ def test_instrument_reports_errors(bench: Bench) -> None:
     assert shaker.do("WHAT?") is None and shaker.output()["volts"] == 0.0
 
 
-def test_probe_tells_boards_from_generators(bench: Bench, feeder: Feeder, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_probe_tells_boards_from_generators(
+    tmp_path: Path, feeder: Feeder, monkeypatch: pytest.MonkeyPatch
+) -> None:
 
     def patience(listen_s: float, ask_s: float, hello_s: float) -> None:
         for name, seconds in (("_LISTEN_S", listen_s), ("_ASK_S", ask_s), ("HELLO_S", hello_s)):
@@ -182,7 +138,8 @@ def test_probe_tells_boards_from_generators(bench: Bench, feeder: Feeder, monkey
     patience(0.2, 0.2, 60.0)
     assert probe(feeder.port, (9600,)).kind == "unknown bytes"
     patience(0.2, 60.0, 0.2)
-    assert probe(bench.generator_port, (115200,)).kind == "generator"
+    with Instrument(tmp_path) as instrument:
+        assert probe(instrument.port, (115200,)).kind == "generator"
     feeder.pause()
     patience(0.2, 0.2, 0.2)  # enough to hear nothing
     assert "silence" in str(probe(feeder.port, (9600,)))
@@ -543,6 +500,55 @@ def test_board_taken_for_a_generator_is_told_nothing_about_outputs(
         feeder.instead = b"1000,0.1,0.2\n"
         Generator(feeder.port, 9600)
     assert "OUTP OFF" not in capsys.readouterr().err
+
+
+# with the whole bench, which computes as long as it is there
+
+
+@pytest.fixture(scope="module")
+def bench() -> Iterator[Bench]:
+    with Bench(seed=4) as made:
+        yield made
+
+
+def output_of(bench: Bench) -> str:
+    """Ask the instrument itself, without switching anything."""
+    try:
+        with contextlib.closing(Port(bench.generator_port, 115200)) as port:
+            return port.ask(b"\nOUTP?\n", 60.0)[0]
+    except AcquisitionError:
+        return "busy"
+
+
+def test_level_is_reached_limits_hold_and_the_output_is_off_afterwards(bench: Bench) -> None:
+    board = Board(bench.board_port, BAUD)
+    board.wait_for_hello()
+    with Generator(bench.generator_port, 115200, guard=False) as generator:
+        level = reach(generator, board, 25.0, 12.0, Safety())
+        values = board.collect(1.0)[:, board.base]
+        assert level.peak_to_peak == pytest.approx(12.0, rel=0.02)
+        amplitude = 2 * np.abs(np.mean(values * np.exp(-2j * np.pi * 25 * np.arange(values.size) / 1000)))
+        assert 2 * amplitude == pytest.approx(GAIN * level.volts, rel=0.01)
+        with pytest.raises(AcquisitionError, match=r"would need about"):
+            reach(generator, board, 25.0, 12.0, Safety(volts=0.4), guess_volts=0.8)
+        with pytest.raises(AcquisitionError, match="beyond the safety limit"):
+            reach(generator, board, 25.0, 12.0, Safety(peak_m_s2=6.95), guess_volts=4.4)
+    board.close()
+    assert output_of(bench) == "0"
+
+
+def test_displacement_is_limited_while_the_base_moves(bench: Bench) -> None:
+    """6 m/s^2 at 25 Hz are 0.243 mm and allowed; a shaker that answers more strongly than before is stopped.
+
+    0.29 mm are 3.58 m/s^2, and 3 % below that the output goes off, but for the noise.
+    """
+    board = Board(bench.board_port, BAUD)
+    board.wait_for_hello()
+    with Generator(bench.generator_port, 115200, guard=False) as generator:
+        with pytest.raises(AcquisitionError, match=r"limit of 3\.5"):
+            reach(generator, board, 25.0, 6.0, Safety(displacement_m=0.00029), guess_volts=3.8)
+        generator.off()
+    board.close()
 
 
 @pytest.mark.long
