@@ -53,15 +53,6 @@ def test_parameters_of_the_model_reach_the_equations() -> None:
     assert replace(arch, k_F=1e5, c_F=3000.0, k_2=230.0) == Arch.from_model(load("foot_arch").model)
 
 
-@pytest.mark.long
-def test_the_fascia_s_series_spring_can_be_fitted() -> None:
-    """k_12 free, its dashpot fixed: records of a soft fascia give it back."""
-    rng = np.random.default_rng(0)
-    data = [recording({"k_12": 5e4, "m_T": 0.0465 * 72.57}, frequency, rng) for frequency in (20.0, 40.0)]
-    result = fit_foot(data, load("foot_arch"), Settings(departures=False, free=("k_12",), starts=1, delay=False))
-    assert result.parameters["k_12_n_per_m"].value == pytest.approx(5e4, rel=0.05)
-
-
 def test_a_leg_under_a_load_is_fitted_with_whatever_else_may_be_true() -> None:
     """The model declares the load: it stays on the knee while the foot's mass is estimated beside the constants."""
     foot, data, rng = load("leg"), [], np.random.default_rng(0)

@@ -20,23 +20,11 @@ def undamped(arch: Arch) -> Arch:
 def test_energy_is_conserved_without_dampers() -> None:
     arch = replace(undamped(NOMINAL), k_2=2.0, k_3=2.0, k_4=2.0)  # soft joints: slow enough to follow
     start = arch_ode.initial_state(arch) + np.array([1e-3, 5e-4, 0.05, -0.04, 0.03, 0, 0.1, 0, 1, 0, 0])
-    motion = arch_ode.solve(arch, lambda t: 0.0, np.linspace(0, 0.01, 21), initial=start, tolerance=1e-8)
+    motion = arch_ode.solve(arch, lambda t: 0.0, np.linspace(0, 0.005, 21), initial=start, tolerance=1e-8)
     q_dot = np.column_stack([motion.states[:, 5:10], np.zeros(21)])
     energy = lagrange.kinetic(arch, motion.q, q_dot) + lagrange.potential(arch, motion.q)
     assert np.ptp(motion.states[:, 2]) > 0.02  # it does move
     np.testing.assert_allclose(energy, energy[0], rtol=1e-6)
-
-
-@pytest.mark.long
-def test_energy_lost_is_what_the_dampers_took() -> None:
-    start = arch_ode.initial_state(NOMINAL) + np.array([1e-3, 0, 0.05, 0, 0.03, 0, 0, 0, 0, 0, 0])
-    time = np.linspace(0, 0.02, 4001)
-    motion = arch_ode.solve(NOMINAL, lambda t: 0.0, time, initial=start, tolerance=1e-9)
-    q, q_dot, _ = arch_ode.split(NOMINAL, motion.states)
-    energy = lagrange.kinetic(NOMINAL, q, q_dot) + lagrange.potential(NOMINAL, q)
-    late = time >= 0.001  # the first instants decay faster than the samples resolve
-    lost = np.trapezoid(lagrange.dissipated_power(NOMINAL, q, q_dot)[late], time[late])
-    assert energy[late][0] - energy[-1] == pytest.approx(lost, rel=1e-5)
 
 
 def test_small_amplitude_steady_state_is_the_linear_transmissibility() -> None:
@@ -47,18 +35,6 @@ def test_small_amplitude_steady_state_is_the_linear_transmissibility() -> None:
     carrier = np.exp(-2j * np.pi * f * time[last])
     measured = 2j * np.mean(motion.malleolus[last] * carrier) / amplitude
     assert measured == pytest.approx(complex(linear.transmissibility(NOMINAL, np.array(f))), rel=1e-5)
-
-
-@pytest.mark.long
-def test_tighter_tolerance_converges() -> None:
-    def malleolus(tolerance: float) -> np.ndarray:
-        table = lambda t: 8.95 * np.sin(2 * np.pi * 30 * t)  # noqa: E731
-        return arch_ode.solve(NOMINAL, table, np.linspace(0, 0.05, 51), tolerance=tolerance).malleolus
-
-    reference = malleolus(1e-9)
-    errors = [np.abs(malleolus(tolerance) - reference).max() for tolerance in (1e-4, 1e-6)]
-    assert errors[1] < 0.1 * errors[0]
-    assert errors[1] < 1e-4 * np.abs(reference).max()
 
 
 @pytest.mark.long

@@ -117,18 +117,6 @@ def test_sine_leaves_arx_orders_undecided() -> None:
     assert np.ptp(spread[:20]) < 0.5
 
 
-@pytest.mark.long
-def test_output_error_orders_are_found_with_few_parameters() -> None:
-    estimation, _ = record(foot.prbs(4000)).split()
-    chosen = search.select_oe(Referee([estimation]), (1,))
-    best = chosen.best.model
-    assert len(best.poles()) == 4
-    band = np.linspace(5, 60, 30)
-    assert np.abs(best.response(band).value / foot.response(band) - 1).max() < 0.03
-    assert chosen.tried < 40
-    assert best.label in chosen.alike or len(chosen.alike) >= 1
-
-
 def test_state_space_selection() -> None:
     estimation, _ = record(foot.prbs(4000)).split()
     chosen = search.select_state_space(Referee([estimation]), range(2, 9))

@@ -428,15 +428,6 @@ def test_a_plan_that_recording_refuses_says_so_first(plan: Planned) -> None:
     assert not shorter.warning and minutes > 0.6 * long.seconds / 60
 
 
-def test_recordings_of_nobody_are_of_the_person() -> None:
-    """One pair of masses, not two."""
-    foot = virtual(4)
-    data = shaken(foot, thesis((0.0,), 2.0)[:2])
-    data = [replace(r, condition=replace(r.condition, subject="")) for r in data]
-    who = Director(owner(foot), SHAKER, earlier=data, draws=2)
-    assert sum("foot mass" in name for name in who._sight.variables.names) == 1
-
-
 def test_figures_are_drawn(plan: Planned) -> None:
     for kind in plan.plots:
         axes = plan.plot(kind).axes
@@ -702,6 +693,7 @@ def test_recordings_of_nobody_named_are_of_the_person(half_way: tuple[Director, 
     unnamed = [replace(r, condition=replace(r.condition, subject="")) for r in half_way[1]]
     director = Director(half_way[0].person, SHAKER, earlier=unnamed, draws=2)
     assert len(director.done) == len(unnamed)
+    assert sum("foot mass" in name for name in director._sight.variables.names) == 1  # one pair of masses, not two
     heavier = replace(half_way[0].person, body_mass_kg=half_way[0].person.body_mass_kg + 1)
     with pytest.raises(SettingError, match="is of subject ''"):
         Director(heavier, SHAKER, earlier=unnamed, draws=2)
@@ -828,23 +820,6 @@ def test_strangeness_takes_several_recordings(half_way: tuple[Director, list[Rec
     assert all_.belief is not None and all_.belief.strange
     assert "The model does not follow these recordings" in believed(all_)
     assert both.belief.follows or "Too little is recorded to say" in believed(both)
-
-
-@pytest.mark.long
-def test_repeatability_is_what_recordings_say() -> None:
-    """Scattered by so much each, as a person who sits down anew; one recording alone says nothing of it."""
-    foot = replace(virtual(3), noise_m_s2=0.1)
-    who = owner(foot)
-    rng = np.random.default_rng(1)
-    exact = recorded(foot, thesis(seconds=5.0), 5)
-    for scatter in (0.02, 0.06):
-        data = [checked(replace(r, malleolus_m_s2=(1 + scatter * rng.standard_normal()) * r.malleolus_m_s2))
-                for r in exact]  # fmt: skip
-        director = Director(who, PEOPLE, earlier=data, draws=2)
-        # of one part in phase, and none out of phase
-        assert director.repeatability == pytest.approx(scatter / np.sqrt(2), rel=0.3)
-    first = Director(who, PEOPLE, earlier=data[:1], draws=2)
-    assert first.repeatability == pytest.approx(REPEATABILITY, rel=0.3)
 
 
 @pytest.mark.long

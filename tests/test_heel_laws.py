@@ -9,7 +9,6 @@ import pytest
 from scipy.stats import norm
 
 from fasbody.exceptions import RecordingError
-from fasbody.heel import population
 from fasbody.heel.analysis import analyse
 from fasbody.heel.comparison import Task, judge
 from fasbody.heel.estimate import Paths, fit, pooled
@@ -141,23 +140,6 @@ def test_samples_are_those_of_a_quadrature() -> None:
     quantiles = np.interp([0.5, 0.025, 0.975], mixture.cumsum() / mixture.sum(), mu)
     shown = np.log([row[key] for key in ("median", "lower", "upper")])
     np.testing.assert_allclose(shown, quantiles, atol=0.02 * np.ptp(quantiles))
-
-
-@pytest.mark.long
-def test_sampled_intervals_cover(monkeypatch: pytest.MonkeyPatch) -> None:
-    """The mean of 100 populations of ten people; of 300, 92.7 % of the intervals hold it."""
-    monkeypatch.setattr(population, "DRAWS", 500)
-    hits = []
-    for seed in range(100):
-        rng = np.random.default_rng(seed)
-        observed = []
-        for i in range(10):
-            u = 0.4 * rng.standard_normal()
-            for speed in ("normal", "slow"):
-                y = 1.0 + u + 0.2 * rng.standard_normal() + 0.1 * rng.standard_normal()
-                observed.append(Observed(f"{i}", speed, np.array([y]), np.array([[0.01]])))
-        hits += [np.log(r["lower"]) < 1.0 < np.log(r["upper"]) for r in sampled(["k"], observed)["parameters"]]
-    assert 0.88 <= np.mean(hits) <= 0.99
 
 
 def test_slopes_are_the_tangents_of_the_pad(people: dict) -> None:
