@@ -34,7 +34,7 @@ def oracle(frequency: float) -> np.ndarray:
     return arch_ode.solve(Arch.nominal(), lambda t: 8.95 * np.sin(omega * t), time, tolerance=1e-8).malleolus
 
 
-@pytest.mark.parametrize("frequency", [pytest.param(10.0, marks=pytest.mark.long), 30.0, 50.0])
+@pytest.mark.parametrize("frequency", [30.0, *(pytest.param(f, marks=pytest.mark.long) for f in (10.0, 50.0))])
 def test_default_and_accurate_mode(frequency: float) -> None:
     plain, accurate = move(FOOT, table(frequency)), move(FOOT, table(frequency), accurate=True)
     exact = oracle(frequency)
@@ -100,7 +100,7 @@ def bent(arch: Arch, state: np.ndarray) -> Arch:
 
 def test_bends_against_the_equations_with_dampers_that_bend() -> None:
     """The native callback carries them: the motion follows the bent equations, and not the linear ones."""
-    foot, frequency, time = load("foot_arch_bent"), 20.0, 1e-4 * np.arange(1000)
+    foot, frequency, time = load("foot_arch_bent"), 20.0, 1e-4 * np.arange(500)
     arch, w = Arch.from_model(foot.model), 2 * np.pi * frequency
     assert arch == Arch.nominal()
     run = solve_ivp(
@@ -113,6 +113,6 @@ def test_bends_against_the_equations_with_dampers_that_bend() -> None:
         for t, x in zip(time, run.y.T, strict=True)
     ]
     peak = np.abs(exact).max()
-    have = move(foot, table(frequency), accurate=True).malleolus
+    have = move(foot, table(frequency), accurate=True).malleolus[:500]
     assert np.abs(have - exact).max() < 2e-4 * peak
-    assert np.abs(oracle(frequency) - exact).max() > 1e-3 * peak
+    assert np.abs(move(FOOT, table(frequency)).malleolus[:500] - exact).max() > 1e-3 * peak

@@ -37,10 +37,15 @@ def sources(packages: tuple[str, ...] = PACKAGES) -> list[Path]:
 
 
 @cache
+def parsed(file: Path) -> ast.Module:
+    return ast.parse(file.read_text())
+
+
+@cache
 def imported(file: Path) -> set[str]:
     """Top-level names of every package that `file` imports, at any depth of the code."""
     found = set()
-    for node in ast.walk(ast.parse(file.read_text())):
+    for node in ast.walk(parsed(file)):
         if isinstance(node, ast.Import):
             found |= {alias.name.split(".")[0] for alias in node.names}
         elif isinstance(node, ast.ImportFrom) and node.module and node.level == 0:
@@ -84,7 +89,7 @@ def graphs() -> tuple[dict[str, set[str]], dict[str, set[str]]]:
     run: dict[str, set[str]] = {module: set() for module in files}
     read: dict[str, set[str]] = {module: set() for module in files}
     for module, file in files.items():
-        waiting: list[tuple[ast.AST, bool]] = [(ast.parse(file.read_text()), True)]
+        waiting: list[tuple[ast.AST, bool]] = [(parsed(file), True)]
         while waiting:  # statements alone: expressions are most of a file, and import nothing
             node, runs = waiting.pop()
             if isinstance(node, ast.ImportFrom) and node.module:
@@ -178,7 +183,7 @@ def test_functions_of_the_equation_index_exist() -> None:
     for numbers, (files, functions) in equation_index().items():
         defined = set()
         for file in files:
-            waiting = [("", node) for node in ast.parse((ROOT / file).read_text()).body]
+            waiting = [("", node) for node in parsed(ROOT / file).body]
             while waiting:
                 above, node = waiting.pop()
                 if isinstance(node, ast.FunctionDef | ast.ClassDef):
@@ -196,7 +201,7 @@ def test_public_functions_on_arrays_say_shapes_or_units() -> None:
     """At least 17 of 20: `(n,)`, `(n, 3)`, "shape ..." or a unit in brackets stands in the docstring."""
     silent, told = [], 0
     for file in sources():
-        tree = ast.parse(file.read_text())
+        tree = parsed(file)
         bodies = [tree.body, *(node.body for node in tree.body if isinstance(node, ast.ClassDef))]
         for function in (node for body in bodies for node in body if isinstance(node, ast.FunctionDef)):
             arguments = [*function.args.args, *function.args.kwonlyargs]

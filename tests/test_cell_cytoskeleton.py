@@ -38,7 +38,7 @@ def test_it_stands_on_three_nodes_inside_the_cell() -> None:
 
 def test_uniform_stretch_stores_the_bars_energy() -> None:
     """Without prestress, u = a x lengthens every bar by a times its length: energy = sum of E A L a^2 / 2."""
-    assembly = assemble(cell(size=5.0).mesh, held=FREE)
+    assembly = assemble(cell().mesh, held=FREE)
     net = Tensegrity(grip_um=3.0, height=0.6, reach=0.6)
     K = cytoskeleton_stiffness(assembly, net, 1e-6)
     inner = place(assembly, net)

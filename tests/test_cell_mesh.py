@@ -110,7 +110,7 @@ def test_a_nucleus_surface_is_filled_finer_than_its_cell() -> None:
 
 
 def test_unknowns_are_foreseen_and_too_many_are_refused() -> None:
-    for size in (5.0, 8.0):
+    for size in (6.0, 8.0):
         dof = 3 * len(cell(size=size).nodes_um)
         assert unknowns(Dome(), MeshSize.of(size)) == pytest.approx(dof, rel=0.15)
     with pytest.raises(SettingError, match=r"0\.05 um needs about .*e\+0.* unknowns.*: take [\d.]+ um or more"):

@@ -65,7 +65,7 @@ def test_the_version_is_that_of_the_distribution() -> None:
 def test_functions_and_rooms_of_like_names_stand_side_by_side() -> None:
     """Whichever is imported first: `fb.simulate` stays callable, and `fasbody.recording.study` importable."""
     lines = (
-        "import fasbody.recording.study, fasbody.foot.simulate, fasbody.arch.load, fasbody.transmissibility.table",
+        "import fasbody.recording.study, fasbody.foot.simulate, fasbody.arch.load",
         "assert callable(fb.simulate) and callable(fb.load) and callable(fb.sine) and fb.Study.read",
         "import viz.feet, viz.foot; assert callable(viz.show) and callable(viz.export)",
     )

@@ -61,9 +61,7 @@ def test_two_loads_separate_the_mirror(foot: Foot, light: list[Recording], trial
     heavy = [trial(NEARLY_LINEAR, f, added=4.5) for f in (20.0, 30.0, 50.0)]
     linear = foot.with_values({n: v for n, v in NEARLY_LINEAR.items() if n not in LINEAR})
     settings = Settings(free=LINEAR, starts=2, **NOTHING_ELSE)  # type: ignore[arg-type]
-    one = fit_foot(light, linear, settings)
     two = fit_foot(light + heavy, linear, settings)
-    assert one.log_likelihood_ratio < two.log_likelihood_ratio
     assert two.verdict == "decided"
     assert two.best.name == "stiff ankle"
     near(two, NEARLY_LINEAR, KEYS, 0.03)
@@ -225,7 +223,7 @@ def test_a_mirror_image_beyond_its_bounds_counts(foot: Foot, bends: float, secon
     """A linear foot has one that fits as well; of one that bends the data, and not the bounds, speak against it."""
     truth = {**TRUTH, **{name: bends * BENT[name] for name in ("c_12", "c_13", "c_22", "c_23")}}
     data = session(truth, (12.0, 20.0, 28.0, 40.0), second=second)
-    result = fit_foot(data, foot, starts=2, threads=1, exclude=("all",), mass_std=0.01, bounds={"k_T": (1.2e5, 1e6)})
+    result = fit_foot(data, foot, starts=1, threads=1, exclude=("all",), mass_std=0.01, bounds={"k_T": (1.2e5, 1e6)})
     assert (result.best.name, result.verdict) == ("stiff ankle", verdict)
     assert ("limited by the bound of k_T" in result.reason) is (verdict == "undecided")
     rival = result.branches[1].parameters["k_T_n_per_m"]

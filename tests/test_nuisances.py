@@ -29,12 +29,12 @@ def two_loads() -> list[Recording]:
 
 @pytest.fixture(scope="module")
 def one(foot: Foot, two_loads: list[Recording]) -> FitResult:
-    return fit_foot(two_loads[:4], foot.with_values(BENT), starts=2)
+    return fit_foot(two_loads[:4], foot.with_values(BENT), starts=1)
 
 
 @pytest.fixture(scope="module")
 def two(foot: Foot, two_loads: list[Recording]) -> FitResult:
-    return fit_foot(two_loads, foot.with_values(BENT), starts=2)
+    return fit_foot(two_loads, foot.with_values(BENT), starts=1)
 
 
 def test_with_one_load_intervals_are_as_wide_as_the_mass_is_known(one: FitResult) -> None:
@@ -99,7 +99,7 @@ def test_where_nothing_else_may_be_true_there_is_one_basis(
     foot: Foot, two_loads: list[Recording], one: FitResult
 ) -> None:
     exact = {"mass_std": 0.0, "gain_std": 0.0, "delay_std_s": 0.0, "exclude": ("all",)}
-    plain = fit_foot(two_loads[:4], foot.with_values(BENT), starts=2, **exact)
+    plain = fit_foot(two_loads[:4], foot.with_values(BENT), starts=1, **exact)
     assert plain.departures is None and plain.intervals == (IF_TRUE,)
     assert plain.sentence().endswith(", model assumed exact.")
     assert "delay_s" not in plain.parameters and "delay_s" in one.parameters  # known to be none, it is not estimated

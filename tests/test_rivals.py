@@ -127,7 +127,7 @@ def test_derivatives_are_those_of_differences(problems: dict[str, Problem]) -> N
 @pytest.fixture(scope="module")
 def problems() -> dict[str, Problem]:
     """Of every rung, on recordings of a leg that is the model."""
-    data = [checked(r) for r in recorded()]
+    data = [checked(r) for r in recorded(few=True)]
     return {c.rung.name: c.problem for c in rungs_of(load("two_dof"), data, Known(), LADDER)}
 
 
@@ -289,11 +289,14 @@ def test_nothing_is_said_where_no_rival_follows() -> None:
 # worlds
 
 
-def recorded(*departures: Departure, loads: tuple[float, ...] = (0.0, 2.3), stated: float = 1.0) -> list[Recording]:
+def recorded(
+    *departures: Departure, loads: tuple[float, ...] = (0.0, 2.3), stated: float = 1.0, few: bool = False
+) -> list[Recording]:
     body = LEG.m_F / worlds.FOOT
     leg = replace(LEG, m_S=worlds.SHANK * body)
     truth = worlds.Member("made", 0, leg, departures, loads, 0.004, 1.0, stated * body)
-    return worlds.recordings(replace(truth, frequencies_hz=(10.0, 20.0, 25.0, 30.0, 40.0, 50.0)))
+    hz = (10.0, 20.0, 30.0, 50.0) if few else (10.0, 20.0, 25.0, 30.0, 40.0, 50.0)
+    return worlds.recordings(replace(truth, frequencies_hz=hz))
 
 
 RUNGS = ["relaxing", "mount"]
@@ -301,7 +304,7 @@ RUNGS = ["relaxing", "mount"]
 
 @pytest.fixture(scope="module")
 def relaxing() -> Rivals:
-    return compare_rivals(recorded(Maxwell(0.4, 0.3)), models=RUNGS, source="made")
+    return compare_rivals(recorded(Maxwell(0.4, 0.3), few=True), models=RUNGS, source="made")
 
 
 @pytest.mark.long
@@ -350,7 +353,7 @@ def test_what_is_left_out_are_thirds_of_the_frequencies_and_each_load(problems: 
     problem = problems["model"]
     left = folds(problem)
     assert [kind for kind, _ in left] == ["frequency"] * 3 + ["load"] * 2
-    assert np.array([mask for kind, mask in left if kind == "frequency"]).sum(axis=0).tolist() == [1] * 12
+    assert np.array([mask for kind, mask in left if kind == "frequency"]).sum(axis=0).tolist() == [1] * 8
     mask = left[0][1]
     assert only(problem, mask).size + only(problem, ~mask).size == problem.size
     q = problem.variables.start({name: value for name, value in vars(LEG).items() if name[0] != "m"})

@@ -69,7 +69,7 @@ def alone(name: str, frequency_hz: float, peak: float) -> float:
     return float(abs(malleolus / base))
 
 
-@pytest.mark.parametrize("frequency_hz", [10.0, 20.0, 30.0, 40.0, 50.0])
+@pytest.mark.parametrize("frequency_hz", [10.0, 30.0, 50.0])
 @pytest.mark.parametrize("name", mjcf.names())
 def test_alone_the_foot_moves_within_three_percent(name: str, frequency_hz: float) -> None:
     full = abs(Balance(load(name)).orbit(frequency_hz, [1.0]).harmonics()[0])

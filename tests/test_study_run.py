@@ -29,13 +29,12 @@ def test_a_job_is_the_fit(study: Path) -> None:
     """What the document says is what fit() says of the same recordings."""
     opened, settings = StudyFolder.open(study), Settings(departures=False, starts=1, threads=1)
     plan = Plan(opened, opened.trials, settings, Model.of(load("two_dof")))
-    for mode in ("per-recording", "pooled"):
-        one = plan.jobs(mode)[0]
-        found = job.run(plan.work(one))
-        want = fit_foot([opened.read(trial) for trial in one.trials], load("two_dof"), settings).document()
-        assert found["status"] == "done" and found["files"] == one.files
-        for name in ("parameters", "branches", "verdict", "starts", "goodness_of_fit", "recordings"):
-            assert to_json(found["result"][name]) == to_json(want[name]), name
+    one = plan.jobs("pooled")[0]
+    found = job.run(plan.work(one))
+    want = fit_foot([opened.read(trial) for trial in one.trials], load("two_dof"), settings).document()
+    assert found["status"] == "done" and found["files"] == one.files
+    for name in ("parameters", "branches", "verdict", "starts", "goodness_of_fit", "recordings"):
+        assert to_json(found["result"][name]) == to_json(want[name]), name
 
 
 def test_interrupt_within_compiled_code_is_no_failed_fit(study: Path, monkeypatch: pytest.MonkeyPatch) -> None:

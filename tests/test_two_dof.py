@@ -84,7 +84,7 @@ def test_mirror_of_another_load_is_another_foot() -> None:
     assert difference > 0.01
 
 
-@pytest.mark.parametrize("name", oracle.FEET)
+@pytest.mark.parametrize("name", ["truth", "stiff"])
 def test_sensitivities_against_central_differences(name: str) -> None:
     """Derivatives to states and parameters, against differences of a second solver's output."""
     foot, start = foot_of(oracle.FEET[name]), np.array([4e-4, -6e-4, 0.04, -0.06])

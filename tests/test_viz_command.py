@@ -129,7 +129,7 @@ def test_browser_that_never_comes_back_holds_nothing_up() -> None:
         (["--export", ""], "without a file name: the ending must be"),
         (["--model", "foot_arch@0"], "more than 0 and less than 79 mm"),
         (["--result", "."], "give the result.json"),
-        (["--sweep", "--export", "foot.gif"], "ask for --seconds"),
+        (["--sweep", "--slow", "200", "--seconds", "0.2", "--export", "foot.gif"], "ask for --seconds"),
         (["--sweep", "--slow", "2", "--seconds", "0.2", "--export", "foot.gif"], "ask for --slow"),
     ],
 )

@@ -157,7 +157,8 @@ def test_a_session_of_one_fit_opens(bench: Bench) -> None:
         del document["fits"], document["chosen"]
         document.update(fasbody_session=1, fit={"job": JOB, "document": FIT})
 
-    dropped(bench)
+    bench.keep("20hz.csv", FILES["20hz_0kg.csv"].read_bytes())
+    dropped(bench, ["20hz.csv"])
     other, answers = opened_with(changed(saved(bench), before))
     try:
         assert [a["fit"]["sentence"] for a in answers if a["type"] == "fitted"] == ["It is so."]
