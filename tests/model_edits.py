@@ -125,6 +125,11 @@ def opened(file: Path) -> Foot:
     return _read(file, file.read_text())
 
 
+@lru_cache(maxsize=1)
+def _viewed(file: Path, text: str) -> Foot:
+    return load_foot(str(file))
+
+
 def _first(values: Array, step: float) -> complex:
     """First harmonic of what the last two periods are, by least squares: they need not be whole steps."""
     n = round(2 / HZ / step)
@@ -175,12 +180,13 @@ def swings(file: Path) -> dict[str, complex]:
 
 def drawn(file: Path) -> dict[str, complex]:
     """The curve of the viewer, of small motion."""
-    return {"T": complex(Linear(load_foot(str(file))).transmissibility(np.array([HZ]))[0])}
+    foot = _viewed(file, file.read_text())
+    return {"T": complex(Linear(foot).transmissibility(np.array([HZ]))[0])}
 
 
 def shown(file: Path) -> dict[str, complex]:
     """The motion of the viewer, and its loop of the pad."""
-    foot = load_foot(str(file))
+    foot = _viewed(file, file.read_text())
     motion = periodic_motion(foot, Settings(frequency=HZ, peak_to_peak=2 * PEAK))
     found = {"T": complex(motion.ratio * np.exp(1j * np.radians(motion.phase)))}
     if "fat pad" in motion.loops:

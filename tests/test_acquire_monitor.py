@@ -16,9 +16,6 @@ from fasbody.acquire.monitor import Drive, Fault, Judged, Monitor, Window, fault
 from fasbody.acquire.wire import Channel, Hello, encode_data, encode_hello
 
 COUNTS, RANGE, SECONDS, BLOCK, AT_S = 800.0, 39.2, 4.0, 10, 1.29
-Shaken = tuple[np.ndarray, np.ndarray]
-
-
 @dataclass(frozen=True)
 class Bench:
     """A sine on the base; the malleolus is a mass on a spring (25 Hz, damping ratio 0.3), in closed form."""

@@ -251,12 +251,12 @@ def test_changed_header_is_believed_when_checked_or_repeated() -> None:
 
 
 def test_one_percent_damaged_bytes_change_no_header_and_no_sample() -> None:
-    """200 headers and 20,000 lines; what is accepted is what was sent."""
+    """60 headers and 6,000 lines; what is accepted is what was sent."""
     rng = np.random.default_rng(0)
     reader = LineReader()
     (first,) = reader.feed(HEADER)
     accepted = 0
-    for second in range(200):
+    for second in range(60):
         values = rng.normal(0, 5, (100, 2))
         stamps = [second * 1_000_000 + 1000 * i for i in range(100)]
         wire = HEADER + b"".join(encode_line(t, v) for t, v in zip(stamps, values, strict=True))
@@ -267,7 +267,7 @@ def test_one_percent_damaged_bytes_change_no_header_and_no_sample() -> None:
                 accepted += 1
             elif isinstance(message, Hello):
                 assert message == first
-    assert accepted > 10_000
+    assert accepted > 3_000
 
 
 def test_clock_of_32_bits_runs_over_and_a_missing_line_is_a_gap() -> None:

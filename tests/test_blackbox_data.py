@@ -6,7 +6,7 @@ import linear_foot as foot
 import numpy as np
 import pytest
 
-from fasbody.exceptions import FasError, InputFileError, RecordingError, SettingError
+from fasbody.exceptions import FasError, RecordingError, SettingError
 from identification.blackbox import data
 from identification.blackbox.data import Series
 from identification.blackbox.identify import identify
@@ -147,13 +147,6 @@ def test_useless_files_get_one_sentence(tmp_path: Path, content: str, options: d
     with pytest.raises(FasError, match=rf"record\.csv.*{sentence}") as caught:
         data.read_csv(file, **options)
     assert "\n" not in str(caught.value)
-
-
-def test_missing_file_and_empty_folder(tmp_path: Path) -> None:
-    with pytest.raises(InputFileError, match="no such file"):
-        data.read(tmp_path / "absent.csv")
-    with pytest.raises(InputFileError, match=r"study\.toml: no such file"):
-        data.read(tmp_path)
 
 
 @pytest.mark.parametrize("at", [60, 100])

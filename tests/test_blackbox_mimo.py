@@ -50,17 +50,6 @@ def test_orders_and_responses_are_found(report: mimo.MimoReport) -> None:
     assert "y1 9" in str(report) and "u1, u2 to y1, y2" in str(report)
 
 
-def test_exact_data_give_the_exact_plant() -> None:
-    """Without noise both structures return the poles and the answer to a fresh input from rest."""
-    record = plant(600, 0.0)
-    for found in (mimo.arx(record, 2, 2, 1), mimo.space(mimo._factors(record, 3), 3)):
-        poles = np.linalg.eigvals(found.A)
-        for pole in np.linalg.eigvals(A):
-            assert np.abs(poles - pole).min() < 1e-6
-        fresh = plant(100, 0.0, seed=9)
-        np.testing.assert_allclose(found.simulate(fresh.u), fresh.y, atol=1e-5 * np.abs(fresh.y).max())
-
-
 def test_intervals_of_arx_hold_the_truth() -> None:
     """y(t) = -A1 y(t-1) + B1 u(t-1) + e(t), 60 recordings."""
     a1, b1 = np.array([[-0.7, 0.2], [-0.1, -0.5]]), np.array([[1.0, 0.3], [0.0, -0.8]])

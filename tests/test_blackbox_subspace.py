@@ -79,9 +79,9 @@ def test_orders_and_lengths_that_cannot_be() -> None:
 
 
 def test_only_refined_models_have_intervals_and_they_cover() -> None:
-    """Multisine, 10 records: the plain estimate errs by many formal deviations, the refined interval holds the gain."""
+    """Multisine, 6 records: the plain estimate errs by many formal deviations, the refined interval holds the gain."""
     inside, exact = [], np.abs(foot.response(BAND))
-    for seed in range(10):
+    for seed in range(6):
         found = subspace.decompose(record(foot.multisine(2000), seed))
         response = found.model(4, refine=True).response(BAND)
         inside.append(np.mean(np.abs(np.abs(response.value) - exact) < 1.96 * response.gain_std))

@@ -852,7 +852,7 @@ def made(half_way: tuple[Director, list[Recording]], ask: dict[str, float]) -> S
 @pytest.fixture(scope="module")
 def alone(half_way: tuple[Director, list[Recording]]) -> FitResult:
     """What a fit says of the same recordings."""
-    return fit_foot(half_way[1], load("two_dof"), exclude=("all",), starts=2, threads=1)
+    return fit_foot(half_way[1], load("two_dof"), exclude=("all",), starts=1, threads=1)
 
 
 def test_a_session_is_met_by_the_fits_own_bands(half_way: tuple[Director, list[Recording]], alone: FitResult) -> None:

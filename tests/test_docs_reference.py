@@ -13,20 +13,6 @@ import arguments
 import citations
 
 
-@pytest.mark.parametrize(
-    ("name", "says"),
-    [
-        ("added_mass_kg", "added mass"),
-        ("k_T_n_per_m", "`k_T`"),
-        ("file", "file"),
-        ("gain_std", "gain std"),
-        ("A", "`A`"),
-    ],
-)
-def test_a_field_without_words_is_called_by_its_name(name: str, says: str) -> None:
-    assert arguments.in_words(name) == says
-
-
 def test_what_a_docstring_leaves_out_is_added() -> None:
     fields = {"file": "file", "mass_kg": "of the body"}
     bare = arguments.completed("One row.\n", fields)

@@ -14,7 +14,7 @@ from fasbody.laboratory.foot import TRUTH
 from fasbody.recording.checks import checked
 from identification.engines.certified import CertifiedRollouts
 from identification.engines.engine import Whole
-from identification.engines.mujoco import Columns, Coordinates, Rollouts
+from identification.engines.mujoco import Columns, Rollouts
 from identification.engines.twin import twin_applies
 
 
@@ -48,14 +48,6 @@ def test_jacobian_equals_the_exact_sensitivities(foot: Foot) -> None:
         (d.x_by_state, S[np.ix_(order, order)]), (d.x_by_parameter, S[np.ix_(order, wanted)]),
     ):  # fmt: skip
         assert (np.abs(have - want).max(axis=0) < 2e-4 * np.abs(want).max(axis=0)).all()
-
-
-def test_unpack_measures_from_rest_and_leaves_the_base(foot: Foot) -> None:
-    qpos, qvel, act = Coordinates(foot).unpack(np.array([[1.0, 2.0, 3.0, 4.0]]))
-    assert qpos.tolist() == [[0, 1, 2]]
-    assert qvel.tolist() == [[0, 3, 4]]
-    assert act.shape == (1, 0)
-    assert foot.base == 0
 
 
 def test_results_do_not_depend_on_the_run_before(foot: Foot) -> None:

@@ -5,6 +5,7 @@ import pytest
 
 from fasbody.arch import kinematics, lagrange
 from fasbody.arch.bones import PARAMETERS, Arch
+from fasbody.exceptions import SimulationError
 from simulator.arch import poses
 from simulator.symbolic_arch import evaluate
 
@@ -91,3 +92,8 @@ def test_forces_are_linear_in_the_thirteen_constants() -> None:
     assert tuple(table) == PARAMETERS
     total = sum(getattr(arch, name) * force for name, force in table.items())
     np.testing.assert_allclose(total, lagrange.spring_damper_forces(arch, q, v), rtol=1e-12)
+
+
+def test_an_arch_that_cannot_close_says_so() -> None:
+    with pytest.raises(SimulationError, match="cannot close"):
+        kinematics.arms(Arch.nominal(), np.zeros(6))

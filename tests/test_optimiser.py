@@ -101,7 +101,7 @@ def made() -> Problem:
 
 @pytest.fixture(scope="module")
 def found(made: Problem) -> Searched:
-    return search(made, (1, -1))
+    return search(made, (1, -1), starts=6)
 
 
 def _by_scipy(problem: Problem, q: Array, sign: int, most: int) -> tuple[Array, float]:
@@ -112,14 +112,6 @@ def _by_scipy(problem: Problem, q: Array, sign: int, most: int) -> tuple[Array, 
         bounds=(low, high), x_scale="jac", max_nfev=most, ftol=1e-12, xtol=1e-12, gtol=1e-12,
     )  # fmt: skip
     return end.x, 2 * end.cost
-
-
-@pytest.mark.long
-def test_scipy_does_not_improve_either_end(found: Searched) -> None:
-    for optimum in found.optima:
-        assert optimum.exhausted
-        _, objective = _by_scipy(found.problem, optimum.q, optimum.sign, 60)
-        assert objective > optimum.objective - 1e-3
 
 
 @pytest.mark.long
@@ -230,7 +222,7 @@ def test_on_the_way_down_only_places_that_are_one_go_on_as_one(apart: float, kep
 def fitted(found: Searched, foot: Foot) -> Iterator[steady.Fitted]:
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(optimiser, "ROUNDS", 1)
-        yield steady.fit(replace(found.problem), foot, 4, 0, True)
+        yield steady.fit(replace(found.problem), foot, 2, 0, True)
 
 
 @pytest.mark.parametrize(

@@ -20,20 +20,6 @@ def test_default_frees_all_but_the_masses_and_puts_the_delay_last(foot: Foot) ->
     assert space_of(foot, ["delay", "k_F"]).names == ("k_F",)
 
 
-def test_to_q_and_back_and_its_slope(foot: Foot) -> None:
-    space = space_of(foot)
-    theta = space.theta({**foot.values(), "delay": 3e-4})
-    q = space.to_q(theta)
-    np.testing.assert_allclose(space.to_theta(q), theta, rtol=1e-14)
-    assert q[0] == pytest.approx(np.log(1.5e5))
-    step = 1e-6
-    slope = (space.to_theta(q + step) - space.to_theta(q - step)) / (2 * step)
-    np.testing.assert_allclose(space.slope(theta), slope, rtol=1e-8)
-    low, high = space.bounds
-    np.testing.assert_allclose(space.to_theta(low), space.lower, rtol=1e-14)
-    np.testing.assert_allclose(space.to_theta(high), space.upper, rtol=1e-14)
-
-
 def test_wild_starts_are_wild_but_inside(foot: Foot) -> None:
     space = space_of(foot, bounds={"c_12": (-10, 10)})
     rng = np.random.default_rng(0)
@@ -51,12 +37,6 @@ def test_intervals_are_symmetric_in_q_and_cut_at_the_bounds(foot: Foot) -> None:
     assert np.log(1e5 / low[0]) == pytest.approx(0.1959964, rel=1e-6)
     assert (low[1], high[1]) == (pytest.approx(9e4), pytest.approx(1e5 * np.exp(0.1959964)))
     assert (low[2], high[2]) == (pytest.approx(-600), pytest.approx(600))
-
-
-def test_values_join_free_and_fixed(foot: Foot) -> None:
-    space = space_of(foot, ["k_T"], delay=False)
-    assert space.values(np.array([7e4])) == {**foot.values(), "k_T": 7e4}
-    assert space.theta({"k_T": 1e9}) == pytest.approx([1e7])  # clipped
 
 
 @pytest.mark.parametrize(

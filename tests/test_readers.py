@@ -29,14 +29,6 @@ def table(separator: str = ",", header: str = "time_s,base_m_s2,malleolus_m_s2",
     return "\n".join(lines) + "\n"
 
 
-@pytest.mark.parametrize("separator", [",", ";", "\t", " ", "|"])
-@pytest.mark.parametrize("ending", ["\n", "\r\n"])
-def test_dialects(tmp_path: Path, separator: str, ending: str) -> None:
-    channels = read_csv(write(tmp_path, table(separator).replace("\n", ending)))
-    np.testing.assert_array_equal(np.column_stack(list(channels.values())), ROWS)
-    assert list(channels) == ["time_s", "base_m_s2", "malleolus_m_s2"]
-
-
 @pytest.mark.parametrize(
     ("header", "factors"),
     [
@@ -49,14 +41,6 @@ def test_dialects(tmp_path: Path, separator: str, ending: str) -> None:
 def test_units(tmp_path: Path, header: str, factors: tuple[float, ...]) -> None:
     channels = read_csv(write(tmp_path, table(header=header)))
     np.testing.assert_allclose(np.column_stack(list(channels.values())), ROWS * factors, rtol=1e-15)
-
-
-def test_order_extra_columns_byte_order_mark_and_empty_lines(tmp_path: Path) -> None:
-    text = "\ufeffmalleolus_m_s2,note,time_s,tuberosity_m_s2,base_m_s2\n1,a,0,5,2\n\n3,b,0.001,6,4\n"
-    channels = read_csv(write(tmp_path, text))
-    assert {name: list(values) for name, values in channels.items()} == {
-        "time_s": [0, 0.001], "base_m_s2": [2, 4], "malleolus_m_s2": [1, 3], "tuberosity_m_s2": [5, 6],
-    }  # fmt: skip
 
 
 @pytest.mark.parametrize(

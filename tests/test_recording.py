@@ -31,26 +31,10 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_write_and_read_give_the_same_numbers(tmp_path: Path) -> None:
-    made = make(tuberosity_m_s2=np.linspace(-1, 1, 300).round(6))
-    made.write(tmp_path / "x" / "r.csv")
-    read = Recording.read(tmp_path / "x" / "r.csv")
-    for name in ("time_s", "base_m_s2", "malleolus_m_s2", "tuberosity_m_s2"):
-        np.testing.assert_array_equal(getattr(read, name), getattr(made, name))
-    assert (read.file, read.origin, read.condition) == ("r.csv", "of unstated origin", Condition())
-    assert [file.name for file in (tmp_path / "x").iterdir()] == ["r.csv"]  # no temporary file stays
-
-
 def test_rate_and_print() -> None:
     assert make().rate_hz == pytest.approx(1000)
     assert str(make()) == "recording: of unstated origin, frequency not stated, 300 samples at 1000 Hz"
     assert "20 Hz" in str(make(condition=Condition(frequency_hz=20)))
-
-
-def test_time_stamps_of_an_odd_rate_survive(tmp_path: Path) -> None:
-    made = Recording(np.arange(300) / 1500, *np.zeros((2, 300)))
-    made.write(tmp_path / "r.csv")
-    assert Recording.read(tmp_path / "r.csv").rate_hz == pytest.approx(1500, rel=1e-3)
 
 
 def test_study(folder: Path) -> None:

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from fasbody.exceptions import RecordingError
 from fasbody.recording import harmonics
-from fasbody.recording.harmonics import find_frequency, fit_harmonics, harmonic_count, sine_share
+from fasbody.recording.harmonics import find_frequency, fit_harmonics, sine_share
 
 T = np.arange(1000) / 500.0
 
@@ -94,23 +94,6 @@ def test_frequency_is_found_to_a_thousandth_of_a_line(frequency: float) -> None:
     noisy = signal(frequency, [8.95j, 0.2, 0.1j]) + rng.normal(0, 0.05, T.size)
     allowed = 3e-3 if frequency < 5 else 5e-4
     assert find_frequency(T, noisy) == pytest.approx(frequency, abs=allowed)
-
-
-def test_share_of_a_sine_is_its_share_of_the_power() -> None:
-    rng = np.random.default_rng(0)
-    noise = rng.normal(0, 1.5, T.size)
-    noisy = signal(20.0, [3.0]) + noise
-    left = noise.var() * (1 - 23 / T.size)  # eleven harmonics and the mean take their part of the noise
-    assert sine_share(T, noisy, 20.0) == pytest.approx(1 - left / noisy.var(), abs=0.01)
-    assert sine_share(T, signal(20.0, [3.0, 1.0j]), 20.0) == pytest.approx(1.0, abs=1e-9)
-
-
-def test_harmonic_count() -> None:
-    """Up to six, below 100 Hz and 0.4 of the sampling rate; a frequency found a little too high loses none."""
-    assert [harmonic_count(f, 1000.0) for f in (10, 15, 20, 25, 30, 35, 40, 45, 50)] == [6, 6, 5, 4, 3, 2, 2, 2, 2]
-    assert [harmonic_count(f * (1 + 1e-5), 1000.0) for f in (20.0, 25.0, 50.0)] == [5, 4, 2]
-    assert harmonic_count(10.0, 125.0) == 5
-    assert harmonic_count(120.0, 2000.0) == 1
 
 
 def test_too_few_samples_get_a_sentence() -> None:

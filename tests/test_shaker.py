@@ -45,22 +45,6 @@ def test_controls_follow_the_motion_to_fourth_order(name: str) -> None:
         assert 12 < coarse / fine < 20
 
 
-def test_controls_reproduce_a_spline_exactly() -> None:
-    t = np.arange(101) * 1e-3
-    values = np.random.default_rng(0).normal(size=101)
-    motion, spline = shaker.samples(t, values), CubicSpline(t, values)
-    c = motion.controls(5e-4, 200)
-    for share in (0.0, 0.3, 0.9):
-        s = share * 5e-4
-        u = s / shaker.CLOCK
-        have = c[:, 1] + u * (c[:, 2] + u * (c[:, 3] + u * c[:, 4]))
-        np.testing.assert_allclose(have, spline(c[:, 0] + s), atol=1e-12)
-    half = motion.half_steps(5e-4, 200)
-    np.testing.assert_allclose(half, spline(np.arange(401) * 2.5e-4), atol=1e-12)
-    np.testing.assert_allclose(half[::4], values, atol=1e-12)
-    assert motion.duration == pytest.approx(0.1)
-
-
 @pytest.mark.parametrize(("rate", "frequency"), [(500.0, 180.0), (250.0, 110.0), (500.0, 60.0)])
 def test_coarse_samples_stand_for_the_band_limited_curve(rate: float, frequency: float) -> None:
     """A spline through three samples a period passes four fifths of a sine at worst."""

@@ -14,7 +14,7 @@ from fasbody.foot import shaker
 from fasbody.foot.model import Foot, can_be_constrained, load
 from fasbody.foot.simulate import Batch, simulate
 from fasbody.foot.steady_state import Balance
-from fasbody.foot.two_dof import NAMES, TwoDof, trajectory
+from fasbody.foot.two_dof import NAMES, TwoDof
 from fasbody.recording.recording import Recording
 
 SECONDS = 0.3
@@ -52,19 +52,6 @@ def test_fourth_order_with_an_exact_sine(foot: Foot, frequency: float) -> None:
         errors.append(np.abs(out.malleolus[0, :: round(1e-3 / step)] - want).max())
     orders = np.log2(np.array(errors[:-1]) / errors[1:])
     assert ((orders > 3.9) & (orders < 4.7)).all(), orders
-
-
-@pytest.mark.parametrize("step", [5e-4, 2.5e-4])
-@pytest.mark.parametrize("frequency", [10.0, 50.0])
-def test_twin_against_mujoco_on_the_same_input(foot: Foot, frequency: float, step: float) -> None:
-    motion = recorded(frequency)
-    out = simulate(foot, motion, step=step, values=VALUES)
-    n = out.base.shape[1]
-    for p, have in zip(ALL, out.malleolus, strict=True):
-        twin = TwoDof.from_values({**p, **oracle.MASSES})
-        u = motion.half_steps(step, n)
-        want, *_ = trajectory(np.zeros(4), twin.theta, twin.m_S, twin.m_F, u, step, 1, 0)
-        assert np.abs(have - want).max() <= 1e-6 * np.abs(want).max()
 
 
 def test_base_follows_the_recording_at_and_between_its_samples(foot: Foot) -> None:

@@ -12,8 +12,6 @@ from fasbody.exceptions import ModelError
 from fasbody.foot import damper
 from fasbody.foot.engine import callbacks
 from fasbody.foot.model import load
-from fasbody.foot.shaker import sine
-from fasbody.foot.simulate import simulate
 from fasbody.leg.chain import Leg
 
 POWER, TOE = "1 2e4 43 2.5 2 {W} {side}", "2 4884 282 2 {W} {side}"
@@ -111,16 +109,6 @@ def test_a_swapped_law_brings_its_own_names_and_units(tmp_path: Path, user: str,
 def test_a_mistyped_law_is_refused(tmp_path: Path, user: str, says: str) -> None:
     with pytest.raises(ModelError, match=says):
         load(swapped(tmp_path, user))
-
-
-def test_a_model_with_gravity_gives_kinematic_accelerations(tmp_path: Path) -> None:
-    file = tmp_path / "heavy.xml"
-    file.write_text(mjcf.text("two_dof").replace('gravity="0 0 0"', 'gravity="0 -9.81 0"'))
-    heavy, light = (simulate(load(m), sine(20.0, 3.0)) for m in (file, "two_dof"))
-    assert heavy.base_error < 1e-6
-    last = slice(-600, None)
-    assert abs(heavy.malleolus[0, last].mean() - light.malleolus[0, last].mean()) < 0.05
-    assert np.ptp(heavy.malleolus[0, last]) == pytest.approx(np.ptp(light.malleolus[0, last]), rel=0.1)
 
 
 def test_the_leg_takes_a_pad_as_it_is_about_its_static_state(tmp_path: Path) -> None:

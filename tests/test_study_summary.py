@@ -1,6 +1,5 @@
 """The tidy table, outliers by the thesis' quartiles, energies, and the spline curves with their bands."""
 
-from io import StringIO
 from typing import Any
 
 import numpy as np
@@ -56,14 +55,6 @@ def test_tidy_has_a_row_a_branch_and_parameter_and_marks_outliers_within_a_condi
     )  # fmt: skip
     assert np.isnan(row["std_error"])
     assert table["truth"].isna().all()
-
-
-def test_csv_comes_back() -> None:
-    table = summary.tidy([plain("per-recording", "1", 0.0, 12.5, one(1 / 3))])
-    back = pd.read_csv(StringIO(summary.csv(table)), dtype={"subject": str})
-    assert back["value"].tolist() == pytest.approx(table["value"].tolist(), rel=1e-7)
-    assert back["chosen"].tolist() == [True, False]
-    assert back["frequency_hz"].tolist() == [12.5, 12.5]
 
 
 def test_counts_and_energies() -> None:

@@ -62,15 +62,6 @@ def test_an_unknown_name_lists_the_valid_ones(foot: Foot) -> None:
     assert len(foot.parameters) == 10
 
 
-@pytest.mark.parametrize("changes", [{"k_12": 9e4}, {"c_1": 700.0}, {"c_1": 5.0, "k_12": 2e5}, {"k_12": 2e5, "c_1": 5}])
-def test_branch_of_the_aponeurosis_each_constant_leaves_the_other(changes: dict[str, float]) -> None:
-    arch = load("foot_arch")
-    changed = arch.with_values(changes)
-    assert changed.values() == pytest.approx({**arch.values(), **changes}, rel=1e-14)
-    read = Arch.from_model(changed.model)
-    assert (read.c_1, read.k_12) == pytest.approx((changes.get("c_1", 300.0), changes.get("k_12", 155e3)), rel=1e-14)
-
-
 def test_branch_of_the_aponeurosis_in_a_batch() -> None:
     """Each simulation has its own constants, equal to a model with those constants written by another route."""
     arch, motion = load("foot_arch"), sine(30.0, 0.05)

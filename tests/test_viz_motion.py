@@ -13,15 +13,14 @@ from fasbody.arch.linear import transmissibility
 from fasbody.exceptions import SettingError, SimulationError
 from fasbody.foot.linear import Linear
 from fasbody.foot.model import load
-from fasbody.foot.shaker import PEAK_TO_PEAK, harmonics, sweep
-from fasbody.foot.simulate import simulate
+from fasbody.foot.shaker import PEAK_TO_PEAK, sweep
 from fasbody.foot.two_dof import TwoDof
 from fasbody.foot.two_mass import parameters, resolved
 from fasbody.recording.recording import Recording
 from fasbody.recording.study import BUNDLED
 from viz.excitation import Excitation
 from viz.feet import Show
-from viz.motion import CURVE, Motion, periodic_motion, transient_motion, without_drift
+from viz.motion import Motion, periodic_motion, transient_motion, without_drift
 from viz.settings import Settings
 
 
@@ -48,16 +47,6 @@ def test_shown_bodies_move_as_their_accelerations_say() -> None:
     shank = motion.bodies[:, list(motion.names).index("shank"), 1]
     harmonic = np.fft.rfft(motion.malleolus)[1:8] / -((2 * np.pi * 20 * np.arange(1, 8)) ** 2)
     assert np.abs(np.fft.rfft(shank)[1:8] - harmonic).max() < 1e-3 * np.abs(harmonic).max()
-
-
-@pytest.mark.parametrize("name", ["two_dof", "foot_arch"])
-def test_curve_is_the_linear_one(name: str) -> None:
-    foot = load(name)
-    if name == "two_dof":
-        expected = TwoDof.from_values(foot.values()).transmissibility(CURVE)
-    else:
-        expected = transmissibility(Arch.from_model(foot.model), CURVE)
-    assert np.abs(Linear(foot).transmissibility(CURVE) - expected).max() < 1e-5
 
 
 STOP = ('name="fat_pad"', 'name="fat_pad" range="-1e-4 1"')
@@ -114,17 +103,6 @@ def test_a_stop_is_stepped_and_starts_where_small_motion_is() -> None:
     w = 2 * np.pi * 20
     T = p.transmissibility(np.array([20.0]))[0]
     assert (-(w**2) * q.sum(), w * v.sum()) == pytest.approx((T.real, T.imag), rel=1e-6)
-
-
-def test_curve_is_that_of_the_steps() -> None:
-    """The arch stepped at 20 Hz until its start has faded, at so small an amplitude that it is linear."""
-    foot, hz = load("foot_arch"), 20.0
-    run = simulate(foot, harmonics(hz, [0.02], 0.3), step=foot.step)
-    n = 2 * round(1 / hz / foot.step)
-    turn = np.exp(-2j * np.pi * hz * foot.step * np.arange(n))
-    malleolus, base = (x[0, -n:] @ turn for x in (run.malleolus, run.base))
-    curve = Linear(foot).transmissibility(np.array([hz]))[0]
-    assert curve == pytest.approx(malleolus / base, rel=1e-3)
 
 
 def test_the_loop_of_a_polynomial_damper_is_that_of_the_engine() -> None:

@@ -14,12 +14,9 @@ import tornado.websocket
 from page_client import WAIT, ask, at, documents, leave, serve, status, upgrade
 
 from fasbody.exceptions import SettingError
-from fasbody.recording.study import BUNDLED
 from viz.feet import Show
 from viz.server import REFUSED, Server
 from viz.settings import settings_from
-
-RECORDED = str(BUNDLED / "recordings" / "20hz_0kg.csv")
 
 
 @pytest.fixture(scope="module")
