@@ -38,10 +38,10 @@ settings.load_profile("untimed")
 
 #: Files that compute or wait longest, the longest first: with the short ones behind them all processes end together.
 LONGEST = (
-    "edits", "bundled", "acquire_audio", "study_cluster", "rivals", "director", "blackbox_selection",
-    "viz_recordings", "nuisances", "transmissibility", "docs_blocks", "acquire_monitor", "viz_motion", "fitting",
-    "cell_body", "acquire_session", "constraints", "sensors", "leg_naming", "acquire_generator", "simulate",
-    "viz_page", "repeatability", "optimiser", "report", "cell_mesh", "intervals", "steady_state", "arch_motion",
+    "edits", "acquire_audio", "study_cluster", "rivals", "director", "blackbox_selection", "viz_recordings",
+    "nuisances", "transmissibility", "docs_blocks", "acquire_monitor", "viz_motion", "fitting", "cell_body",
+    "acquire_session", "constraints", "sensors", "leg_naming", "acquire_generator", "simulate", "viz_page",
+    "repeatability", "optimiser", "report", "bundled", "cell_mesh", "intervals", "steady_state", "arch_motion",
     "architecture", "viz_bench_page", "acquire_firmware", "study_report", "viz_command", "viz_workbench", "viz_tasks",
     "viz_session", "study_population", "study_run", "acquire", "simulator", "wheel",
 )  # fmt: skip

@@ -127,12 +127,6 @@ def test_laws_on_tendons_equal_laws_on_joints(edited: Edit) -> None:
         assert np.abs(have - want).max() < 1e-9 * np.abs(want).max()
 
 
-def test_a_damper_for_mujoco_alone_changes_nothing(edited: Edit) -> None:
-    want = shaken(load("two_dof"))[1]
-    file = edited(('damping="800" ', ""))
-    assert np.abs(shaken(load(file))[1] - want).max() < 1e-9 * np.abs(want).max()
-
-
 def test_an_edited_model_that_keeps_the_named_elements_works(edited: Edit) -> None:
     """Other names for the inner joints and bodies, another mass and no declared parameters."""
     file = edited(
@@ -169,37 +163,14 @@ def test_a_missing_name_lists_what_is_needed_and_found(edited: Edit, kind: str, 
 @pytest.mark.parametrize(
     ("edits", "sentence"),
     [
-        ([('damping="800" user="4.25 800', 'user="4.52 800')], r"names the law 4\.52 .*valid: 4\.23 .*4\.25 c1"),
         ([('damping="800" user="4.25 800', 'user="4.22 800')], r"names the law 4\.22"),
-        ([('nuser_jnt="8"', 'nuser_jnt="9"')], r'user fields have 9 numbers; laws need <size nuser_jnt="8"/>'),
         ([('biasprm="1"', 'biasprm="2"')], r'needs biastype="user" biasprm="1"'),
         ([('    <general name="shaker_a3" joint="base" gainprm="0"/>\n', "")], "four more actuators"),
-        ([('"N/m | 3e3 | 1e6', '"N/mm | 3e3 | 1e6')], r"parameter 'k_F' has the unit 'N/mm' \(valid: N/m"),
         ([("| 3e3 | 1e6 |", "| 3e6 | 1e6 |")], "lower bound 3e[+]06 that is not below"),
         ([("| 3e3 | 1e6 |", "| low | 1e6 |")], "bounds 'low' and '1e6'; both must be numbers"),
         ([("joint fat_pad stiffness", "joint fatpad stiffness")], "unknown joint 'fatpad', did you mean 'fat_pad'"),
         ([("joint fat_pad stiffness", "joint fat_pad strength")], "is no place"),
         ([("joint fat_pad user 3", "joint fat_pad user 8")], "column 8 of 'user', which has 8"),
-        (
-            [('stiffness="1.0e5"', 'stiffness="-1"')],
-            "joint 'fat_pad' has the stiffness -1; it must be a number of zero or more",
-        ),
-        ([('damping="800" user="4.25 800', 'user="4.25 -800')], "joint 'fat_pad' has the damping -800"),
-        ([('user="4.25 800 -50 100"', 'user="4.25"')], r"'fat_pad' names the law 4\.25 with c1 = 0, no damper"),
-        (
-            [
-                (
-                    '<body name="foot"',
-                    '<body name="insole" childclass="base"><joint name="insole" stiffness="6e4"/>'
-                    '<inertial pos="0 0 0" mass="0.3" diaginertia="1e-6 1e-6 1e-6"/></body><body name="foot"',
-                )
-            ],
-            "joint 'insole' has the armature 1e[+]09 of the shaker's table",
-        ),
-        (
-            [('<joint name="base" class="base"/>', '<joint name="base" class="base" axis="0 0 1"/>')],
-            "'base' moves along 0 0 1, which is up then, and no other joint moves the malleolus that way",
-        ),
         ([('<joint name="base" class="base"/>', '<joint name="base" class="base" type="hinge"/>')], "must be a slide"),
         ([('framelinacc name="malleolus"', 'framelinvel name="malleolus"')], "'malleolus' reads no acceleration"),
         ([("4.25 800 -50", "4.25 800 nan")], r"joint 'fat_pad' gives a parameter that is no number to the law 4\.25"),
