@@ -441,7 +441,7 @@ def _quality(recording: Recording, measures: Quality, frequency: float | None) -
         cause = Sentence("the channels are swapped or misaligned (", called("channels.column, channels.delay_s"), ")")
         if not frequency or leads > _REPEATS_DEG:
             raise RecordingError(problem=lead, remedy=cause)
-        yield Sentence(f"{lead}; the person repeats to some per cent only, or ", cause, ".")
+        yield Sentence(f"{lead}. Either the person moved differently during the recording, or ", cause, ".")
     for name, channel in measures.channels.items():
         if name != "base":
             yield from _tops(name, channel, base, at)
@@ -489,8 +489,8 @@ def _tops(name: str, channel: ChannelQuality, base: ChannelQuality, at: str) -> 
             f"{name}_m_s2 has flattened tops on one side {at} ({share}); a foot that leaves the "
             "plate makes them, and so does a sensor that saturates on one side."
             if one_sided and flat > _FLAT_TOPS
-            else f"{name}_m_s2 has flattened tops {at} ({share}); dry friction in the foot makes them, and so "
-            "does a sensor that saturates: of friction they are less at a larger amplitude."
+            else f"{name}_m_s2 has flattened tops {at} ({share}); dry friction in the foot or a sensor "
+            "that saturates can cause this. Friction causes less of it at a larger amplitude."
             if flat > _FLAT_TOPS
             else f"{name}_m_s2 has slightly flattened tops {at} ({share}); a sensor that begins to "
             "saturate reads too little."
