@@ -3,12 +3,14 @@
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 from fasbody.exceptions import InputFileError, shown
 from fasbody.presentation import Tabled
 from fasbody.recording import channels
 from fasbody.recording.channels import Channel, Layout
+from fasbody.recording.formats.series import Series
 from fasbody.sentences import Sentence, called, for_page
 
 #: So many letters as a first word are no unit: min_base is a minimum, second_foot a foot.
@@ -22,24 +24,29 @@ class Columns:
     """A file's columns.
 
     Attributes:
-        names: of the columns.
-        units: of the columns, "" where only the name may state it.
-        groups: sheet, structure or folder of each.
-        sizes: samples of each, if they may differ.
+        series: what the file says of each; those of a text have no values yet.
         passed: what else the file holds and why it is no column.
-        line: of the headings, if it is text.
-        clocked: the file states its rate.
-        rates: of each [Hz], if they may differ.
+        line: of the headings, None if it is no text.
     """
 
-    names: Sequence[str]
-    units: Sequence[str]
-    groups: Sequence[str] = ()
-    sizes: Sequence[int] = ()
+    series: Sequence[Series]
     passed: Sequence[str] = ()
     line: int | None = None
-    clocked: bool = False
-    rates: Sequence[float | None] = ()
+
+    @cached_property
+    def names(self) -> list[str]:
+        """Of the columns."""
+        return [s.name for s in self.series]
+
+    @cached_property
+    def units(self) -> list[str]:
+        """Of the columns, "" where only the name may state it; the date behind one of time is of no interest."""
+        return [s.unit.partition(" since ")[0] for s in self.series]
+
+    @property
+    def clocked(self) -> bool:
+        """Whether the file states a rate."""
+        return any(s.rate_hz for s in self.series)
 
     def called(self, index: int, column: str) -> bool:
         """Whether study.toml means a column: by name, by name without its unit, with `` 2`` if two are called so, or by
@@ -62,7 +69,7 @@ class Columns:
         passed = f"; passed over: {shown(', '.join(self.passed))}" if self.passed else ""
         return f"found: {shown(', '.join(self.names)) or 'nothing'}{passed}"
 
-    @property
+    @cached_property
     def times(self) -> list[int]:
         """The columns that are times by their unit, or by their name where no unit denies it."""
         return [index for index in range(len(self.names)) if self._is_time(index)]
@@ -160,7 +167,7 @@ def _column_of(
     if (
         len(candidates) > 1
         and channel == "time"
-        and len({columns.groups[i] for i, _ in candidates} if columns.groups else ()) > 1
+        and len({columns.series[i].group for i, _ in candidates}) > 1
     ):
         return candidates[0]  # a clock for each sheet, structure or group
     last = (*columns.times, len(columns.names))
@@ -262,7 +269,7 @@ def _others(
 ) -> dict[str, tuple[int, str]]:  # fmt: skip
     """Further accelerometers: those of study.toml, and columns with a unit of acceleration."""
     taken = {index for index, _ in chosen.values()}
-    size = columns.sizes[chosen["base_m_s2"][0]] if columns.sizes else 0
+    size = columns.series[chosen["base_m_s2"][0]].values.size
     others: dict[str, tuple[int, str]] = {}
     for index, (name, unit) in enumerate(zip(columns.names, columns.units, strict=True)):
         plain, claimed = channels.heading(name)
@@ -273,7 +280,7 @@ def _others(
         acceleration = (unit or claimed).lower() in channels.ACCELERATIONS and channels.SENSOR_NAME.fullmatch(channel)
         if index in taken or channel.partition("_")[0] in (*channels.NAMES, "time") or not (stated or acceleration):
             continue
-        if not columns.sizes or stated or columns.sizes[index] == size:
+        if stated or columns.series[index].values.size == size:
             others.setdefault(f"{channel}_m_s2", (index, (stated.unit if stated else "") or unit or claimed))
     return others
 
@@ -306,10 +313,11 @@ def _one_length(
     file: Path, columns: Columns, chosen: Mapping[str, tuple[int, str]], clocks: Mapping[str, int]
 ) -> None:  # fmt: skip
     """Refuse channels of other lengths than the others that share their time."""
-    sizes = {key: columns.sizes[index] for key, (index, _) in chosen.items()} if columns.sizes else {}
-    odd = {key for key, size in sizes.items() if key in clocks and columns.sizes[clocks[key]] == size}
-    if columns.rates and len({columns.rates[index] for index, _ in chosen.values()}) > 1:  # a clock for each rate
-        odd |= {key for key, (index, _) in chosen.items() if columns.rates[index]}
+    used = {key: columns.series[index] for key, (index, _) in chosen.items()}
+    sizes = {key: s.values.size for key, s in used.items()}
+    odd = {key for key, size in sizes.items() if key in clocks and columns.series[clocks[key]].values.size == size}
+    if len({s.rate_hz for s in used.values()}) > 1:  # a clock for each rate
+        odd |= {key for key, s in used.items() if s.rate_hz}
     shared = {key: size for key, size in sizes.items() if key not in odd}
     if len(set(shared.values())) > 1:
         listed = ", ".join(f"{name} {size}" for name, size in shared.items())
@@ -318,8 +326,7 @@ def _one_length(
 
 def _clock_of(columns: Columns, index: int, key: str, times: Sequence[int], main: int | None) -> int:
     """The column of times of one column: of its group, by a word that both names have, or the one in front of it."""
-    if columns.groups and any(columns.groups[i] == columns.groups[index] for i in times):
-        times = [i for i in times if columns.groups[i] == columns.groups[index]]
+    times = [i for i in times if columns.series[i].group == columns.series[index].group] or times
     words = {i: _words(columns.names[i]) for i in times}
     if not all(any(word.isdigit() for word in tokens) for tokens in words.values()):  # t1 and t2, not time and time 2
         words = {i: {word for word in tokens if not word.isdigit()} for i, tokens in words.items()}

@@ -15,10 +15,12 @@ from pathlib import Path
 import numpy as np
 
 from fasbody.exceptions import InputFileError, shown
-from fasbody.recording import headings, statements, text
+from fasbody.recording import headings, text
 from fasbody.recording.channels import Channels, Layout
 from fasbody.recording.columns import Columns, Use, has_channels
+from fasbody.recording.formats.series import Series
 from fasbody.recording.headings import Headings
+from fasbody.recording.statements import Statements, of_lines
 from fasbody.sentences import Sentence
 
 #: Longer texts are parsed by pandas, several times as fast as numpy's parser; importing it costs what this long takes.
@@ -81,37 +83,21 @@ class TextTable:
     @property
     def columns(self) -> Columns:
         """Its columns; a time of the day is in seconds."""
-        units = ["s" if index in self.stamped else unit for index, unit in enumerate(self.headings.units)]
-        line = self.passage.first + (self.headings.line or 1)
-        return Columns(self.names, units, line=line, clocked=self.headings.rate_hz is not None)
+        series = [
+            Series(name, "s" if index in self.stamped else unit, np.empty(0), self.headings.rate_hz)
+            for index, (name, unit) in enumerate(zip(self.names, self.headings.units, strict=True))
+        ]
+        return Columns(series, line=self.passage.first + (self.headings.line or 1))
 
     @property
     def skipped(self) -> tuple[str, ...]:
         """What of the text is in no use, in words."""
         return (*self.headings.skipped, *self.footer, *self.passed)
 
-    def rate_hz(self, uses: Mapping[str, Use], layout: Layout) -> float | None:
-        """The rate [Hz] that a line of the text states; a column of times overrules it."""
-        return None if "time_s" in uses else self.headings.rate_hz
-
-    def clocks(self, uses: Mapping[str, Use], time_s: np.ndarray, rate_hz: float | None) -> Channels:
-        """A text states no start of a channel."""
-        return {}
-
-    def remarks(self, time_s: np.ndarray) -> list[str]:
-        """What the text states that its numbers deny, in sentences without the file's name."""
-        rate, span = self.headings.rate_hz, float(time_s[-1] - time_s[0])
-        if rate is None or not span > 0 or abs((time_s.size - 1) / span / rate - 1) < 1e-2:
-            return []
-        counted = (time_s.size - 1) / span
-        return [f"a line above its numbers states {rate:g} Hz, and its time runs at {counted:.6g} Hz, which counts"]
-
-    def unapplied(self, uses: Mapping[str, Use], layout: Layout) -> list[str]:
-        """Refuse lines that state time or scale of a channel; remarks on those that are not understood."""
-        names = {key.removesuffix("_m_s2"): self.names[use.index] for key, use in uses.items() if key[:4] != "time"}
-        stated, vague = statements.of_lines(self.headings.beside, self.headings.separator, names)
-        statements.refuse_unapplied(self.file, stated, names, layout, alike=True)
-        return vague
+    def stated(self, uses: Mapping[str, Use]) -> tuple[dict[str, Statements], list[str]]:
+        """Statements of the channels in use by lines of words; and remarks on lines that are not understood."""
+        names = {key.removesuffix("_m_s2"): self.names[use.index] for key, use in uses.items()}
+        return of_lines(self.headings.beside, self.headings.separator, names)
 
     @cached_property
     def first_row(self) -> list[str]:

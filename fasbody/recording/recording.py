@@ -18,6 +18,7 @@ from fasbody.recording import files
 from fasbody.recording.channels import Channel, Channels, Layout
 from fasbody.recording.columns import Columns, assign
 from fasbody.recording.condition import Condition, plausible
+from fasbody.recording.formats.series import Series
 from fasbody.recording.known import Known
 from fasbody.sentences import Sentence
 
@@ -207,9 +208,8 @@ class Recording(Tabled):
                 unit = stated.get(column, "") if isinstance(stated, dict) else ""
             units.append("s" if array.dtype.kind in "mM" else str(unit))
         layout, file = layout or Layout(), Path(name)
-        sizes, clocked = [values.size for values in arrays], layout.rate_hz is not None
         try:
-            uses, _ = assign(file, Columns(list(columns), units, sizes=sizes, clocked=clocked), layout)
+            uses, _ = assign(file, Columns(list(map(Series, columns, units, arrays))), layout)
         except InputFileError as error:
             if not error.code.startswith("no "):
                 raise
