@@ -639,22 +639,24 @@ class Checked(Presented):
 
     def sheet(self) -> Sheet:
         """One row a recording, those with a problem first."""
-        rows = []
+        columns, rows = ("file", "samples", "rate [Hz]", "excitation [Hz]", *QUALITIES, "verdict"), []
         for row in sorted(self.rows, key=lambda row: (not row["problem"], not row.get("warnings"))):
-            frequency = row.get("frequency_hz")
-            at = "" if row["problem"] else "broadband" if frequency is None else f"{frequency:.5g}"
-            rate = f"{row['rate_hz']:.6g}" if "rate_hz" in row else ""
-            rows.append((row["file"], str(row.get("samples", "")), rate, at, *quality_cells(row), verdict(row)))
+            line = cells(row)
+            rows.append([line[name] for name in columns])
         sound = sum(verdict(row) == "sound" for row in self.rows)
         notes = [
             *self.problems,
             *self.remarks,
             *gathered([text for row in self.rows for text in row.get("warnings", ())]),
         ]
-        columns = ("file", "samples", "rate [Hz]", "excitation [Hz]", *QUALITIES, "verdict")
         return Sheet(f"{self.name}: {sound} of {len(self.rows)} recordings are sound", columns, rows, notes)
 
 
+#: Heading, key and digits of numbers in tables.
+_NUMBERS = (
+    ("samples", "samples", "0f"), ("rate [Hz]", "rate_hz", "6g"),
+    ("T", "transmissibility", "3f"), ("phase [deg]", "phase_deg", "3g"),
+)  # fmt: skip
 #: Columns of the tables of quality: coherence, and the worst channel's distortion, drift and range of levels.
 QUALITIES = ("coherence", "distortion [%]", "drift [%]", "level range [%]")
 
@@ -670,6 +672,16 @@ def quality_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
     ranges = [float(np.ptp(c["level_m_s2"]) / np.mean(c["level_m_s2"])) for c in channels]
     drift = [c["drift"] for c in channels if c["drift"] is not None]
     return coherence, *(f"{100 * max(x):.2g}" if x else "" for x in (distortion, drift, ranges))
+
+
+def cells(row: Mapping[str, Any]) -> dict[str, str]:
+    """What tables show of a row of `understood`, by heading."""
+    hz = row.get("frequency_hz")
+    stated = {name: f"{row[key]:.{digits}}" if key in row else "" for name, key, digits in _NUMBERS}
+    levels = {f"{name} rms [m/s²]": f"{value:.3g}" for name, value in row.get("rms_m_s2", {}).items()}
+    excitation = "" if row["problem"] else "broadband" if hz is None else f"{hz:.5g}"
+    named = {"file": row["file"], "verdict": verdict(row), "excitation [Hz]": excitation}
+    return named | stated | levels | dict(zip(QUALITIES, quality_cells(row), strict=True))
 
 
 def verdict(row: Mapping[str, Any]) -> str:
