@@ -224,13 +224,7 @@ def _moving(recording: Recording, frequency: float | None) -> None:
 
 
 def _is_sine(recording: Recording, hz: float, share: float) -> bool:
-    """Whether the base vibrates at one frequency, which must agree with the table.
-
-    Args:
-        recording: without offsets.
-        hz: the strongest frequency of its base.
-        share: of its power near that.
-    """
+    """Whether the base vibrates at one frequency, which must agree with the table."""
     nominal = recording.condition.frequency_hz
     if share < PERIODIC_SHARE:
         if nominal is None:
@@ -310,10 +304,8 @@ def _sampling(
 
 
 def _clipping(recording: Recording, name: str, frequency: float | None, interval: float) -> None:
-    """Refuse flat tops: longer runs at an extreme value than the converter's step gives a sine.
-
-    A channel with one measured sample in several (`interval`) stays so much longer at its top.
-    """
+    """Refuse flat tops: longer runs at an extreme value than the converter's step gives a sine."""
+    # a channel with one measured sample in several (`interval`) stays so much longer at its top
     values, t = recording.accelerations[name], recording.time_s
     levels = np.unique(values)
     step, size = float(np.diff(levels).min()), 0.5 * float(np.ptp(values))

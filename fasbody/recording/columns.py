@@ -189,15 +189,7 @@ def _column_of(
 
 
 def _unit(file: Path, channel: str, behind: str, beside: str, stated: str, remarks: list[str]) -> str:
-    """The unit of a channel's numbers: of study.toml, which may overrule the file, or of the file.
-
-    Args:
-        channel: its name.
-        behind: by the heading.
-        beside: by a row or attribute of units.
-        stated: in study.toml.
-        remarks: gets a sentence where study.toml overrules.
-    """
+    """The unit of a channel's numbers: of study.toml, which may overrule the file, or of the file."""
     valid = channels.TIME_UNITS if channel == "time" else channels.ACCELERATIONS | channels.VOLTAGES
     known = [unit for unit in (beside, behind) if unit.lower() in valid]
     if not stated and len(known) == 2 and not _same(valid, *known):
@@ -220,11 +212,8 @@ def _same(valid: Mapping[str, float], one: str, other: str) -> bool:
 
 
 def _by_unit(columns: Columns) -> tuple[int, str] | None:
-    """The first column that has a unit of time under whatever name, and the unit.
-
-    It stands beside the name, in brackets behind it, behind the name of a time (timestamp_ms), or
-    is the first word (seconds_elapsed).
-    """
+    """The first column that has a unit of time under whatever name, and the unit."""
+    # beside the name, in brackets behind it, behind the name of a time (timestamp_ms), or first (seconds_elapsed)
     for index, name in enumerate(columns.names):
         stem, behind = channels.name_and_unit(name)
         bracketed = behind if name.strip()[-1:] in ")]" else ""
@@ -288,10 +277,8 @@ def _others(
 def _clocks(
     file: Path, columns: Columns, layout: Layout, chosen: Mapping[str, tuple[int, str]]
 ) -> dict[str, int]:  # fmt: skip
-    """The column of times of each channel that does not share the time of the file.
-
-    A table repeats its time in front of each sensor, a file with groups in each of them, and names share a word.
-    """
+    """The column of times of each channel that does not share the time of the file."""
+    # a table repeats its time in front of each sensor, a file with groups in each of them, and names share a word
     main = next((chosen[key][0] for key in ("time_s", "time") if key in chosen), None)
     times = sorted({*columns.times, *(() if main is None else (main,))})
     clocks: dict[str, int] = {}

@@ -487,11 +487,11 @@ def write(file: Path, channels: Channels, matlab: str = "5") -> None:
         raise InputFileError(
             file, f"no format has the ending {end!r} for writing", f"valid: .csv, {', '.join(ENDINGS)}"
         )
-    name = "mat73" if end == ".mat" and matlab == "7.3" else ENDINGS[end]
-    module = importlib.import_module(f"fasbody.recording.formats.{name}")
+    is_matlab_7 = end == ".mat" and matlab == "7.3"
+    module = importlib.import_module(f"fasbody.recording.formats.{'hdf5' if is_matlab_7 else ENDINGS[end]}")
     need(module.LIBRARY)
     try:
-        content = module.encode(channels)
+        content = module.encode(channels, matlab=True) if is_matlab_7 else module.encode(channels)
     except FormatError as error:
         raise InputFileError(file, str(error)) from None
     write_whole(file, content)

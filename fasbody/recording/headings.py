@@ -141,10 +141,7 @@ def first_number_row(text: str, header: Header, layout: Layout) -> tuple[int, st
 
 
 def _rows_of_numbers(text: str, needed: Sequence[int] = ()) -> Iterator[tuple[int, str, int]]:
-    """Line, separator and width of each of the first rows with samples in the needed columns.
-
-    All columns are needed unless two or more are named.
-    """
+    """Line, separator and width of rows with samples in the needed columns, all unless two are named."""
     for number, line in enumerate(islice(texts.lines(text), _HEADER_LINES), 1):
         cells = texts.split(line, texts.separator_of(line))
         samples = [cells[i] for i in needed if i < len(cells)] if len(needed) > 1 else cells

@@ -146,11 +146,8 @@ def _by_knocks(t: np.ndarray, x: np.ndarray, u: np.ndarray, y: np.ndarray) -> tu
 def _onset_lag(
     t: np.ndarray, x: np.ndarray, a: float, u: np.ndarray, y: np.ndarray, b: float, step: float
 ) -> tuple[float, float]:
-    """How much later a knock stands on the first clock than on the second [s], and its standard deviation.
-
-    The fast parts are correlated on a clock five times as fine. The sensors need not feel the knock alike, so that
-    nothing is claimed below a third of a sample.
-    """
+    """How much later a knock stands on the first clock than on the second [s], and its standard deviation."""
+    # sensors need not feel the knock alike: nothing is claimed below a third of a sample
     from scipy.interpolate import CubicSpline
 
     fine = np.arange(-_LASTS_S, _LASTS_S, step / 5)

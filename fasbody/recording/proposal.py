@@ -197,13 +197,7 @@ def _toml(folder: Path, kinds: Sequence[Path], missing: list[str]) -> str:
 
 
 def _of_one(file: Path, layout: str, missing: list[str]) -> list[str]:
-    """The lines of one file's rate, columns and channels.
-
-    Args:
-        file: of a kind.
-        layout: what stands before the names of its tables.
-        missing: gets what the file does not say.
-    """
+    """The lines of one file's rate, columns and channels; `missing` gets what it does not say."""
     lines: list[str] = []
     described = beside(file, Layout(take=1))
     columns = columns_of(file, described)

@@ -360,11 +360,7 @@ def _seconds(values: ArrayLike, name: str) -> np.ndarray:
 
 
 def _beside(file: Path) -> tuple[tuple[str, ...], dict[str, float]]:
-    """What acquisition or a merge wrote into the .json beside a recording.
-
-    Returns:
-        Its warnings (docs/acquisition.md), and standard deviations of delays by channel [s].
-    """
+    """Warnings and standard deviations of delays [s] in the .json that acquisition or a merge wrote."""
     try:
         document = json.loads(file.with_suffix(".json").read_text())
         warnings, stds = document.get("warnings", ()), document.get("delay_std_s", {})

@@ -116,13 +116,26 @@ def _rate(source: Any, name: str) -> float | None:
     )
 
 
-def encode(channels: Channels) -> bytes:
-    """One dataset a channel, its unit as attribute."""
+#: What MATLAB writes into the first 128 bytes of version 7.3: text, no subsystem, version 2.0, little-endian.
+_MATLAB = b"MATLAB 7.3 MAT-file, Platform: GLNXA64, written by fasbody, HDF5 schema 1.00 .".ljust(124) + b"\x00\x02IM"
+
+
+def encode(channels: Channels, matlab: bool = False) -> bytes:
+    """One dataset a channel, its unit as attribute.
+
+    Args:
+        channels: (n,) each.
+        matlab: as version 7.3 of MATLAB's files, with its class on each variable; its axes are those reversed.
+    """
     import h5py
 
     file = BytesIO()
-    with h5py.File(file, "w") as out:
+    with h5py.File(file, "w", userblock_size=512 if matlab else 0) as out:
         for name, values in channels.items():
-            dataset = out.create_dataset(name, data=values, compression="gzip", shuffle=True)
+            data = np.asarray(values, float)[None, :] if matlab else values  # (1, n) here is n by 1 there
+            dataset = out.create_dataset(name, data=data, compression="gzip", shuffle=True)
             dataset.attrs["units"] = "s" if name == "time_s" else "m/s^2"
-    return file.getvalue()
+            if matlab:
+                dataset.attrs["MATLAB_class"] = np.bytes_("double")
+    whole = file.getvalue()
+    return _MATLAB + whole[len(_MATLAB) :] if matlab else whole

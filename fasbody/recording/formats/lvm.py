@@ -46,14 +46,7 @@ def _segment(
     heading: Sequence[str],
     rows: Sequence[Sequence[str]],
 ) -> list[Series]:
-    """The channels of one segment.
-
-    Args:
-        about: what the file states.
-        header: statements of the segment.
-        heading: its names.
-        rows: its numbers, in words.
-    """
+    """The channels of one segment."""
     decimal = about.get("Decimal_Separator", ["."])[0]
     x_columns = about.get("X_Columns", ["One"])[0].lower()
     names = [cell.strip() for cell in heading]
