@@ -187,7 +187,9 @@ def _without_gaps(
         rows = np.flatnonzero(good)
         if good.all() and (end == size or uses[key].clock is not None or not isinstance(source, TextTable)):
             continue
-        if uses[key].clock is None and _every_few(rows) and size - end <= rows[1] - rows[0]:
+        gaps = np.diff(rows)  # even ones of two or more are those of a slower channel
+        is_slower = rows.size > 8 and gaps.min() >= 2 and np.ptp(gaps) <= 1 and size - end <= gaps[0]
+        if uses[key].clock is None and is_slower:
             made[key], places[key] = values[rows], rows
         elif isinstance(source, TextTable):
             raise source.refuse_gap(key, uses[key].index)
@@ -200,12 +202,6 @@ def _end(values: np.ndarray) -> int:
         return values.size
     filled = np.flatnonzero(~np.isnan(values))
     return int(filled[-1]) + 1 if filled.size else 0
-
-
-def _every_few(rows: np.ndarray) -> bool:
-    """Whether rows (n,) lie evenly two or more apart, as those of a slower channel."""
-    gaps = np.diff(rows)
-    return rows.size > 8 and int(gaps.min()) >= 2 and int(np.ptp(gaps)) <= 1
 
 
 #: Samples of a take at least, and the share of its length within which its time begins as the first.
@@ -231,9 +227,8 @@ def _clocks(
     rate_hz: float | None,
 ) -> Channels:  # fmt: skip
     """Times [s] of the channels that have a column of times for themselves; one that does not rise is no clock."""
-    apart = {key: use.clock for key, use in uses.items() if use.clock is not None}
     clocks: Channels = {}
-    for key, index in apart.items():
+    for key, index in ((key, use.clock) for key, use in uses.items() if use.clock is not None):
         times = _rising(source, index, channels[key].size)
         if times is None and layout.channels.get(key.removesuffix("_m_s2"), Channel()).clock:
             what = f"{source.columns.names[index]!r} is no clock of {key}: its numbers do not rise from row to row"
