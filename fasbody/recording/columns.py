@@ -72,14 +72,13 @@ class Columns:
     @cached_property
     def times(self) -> list[int]:
         """The columns that are times by their unit, or by their name where no unit denies it."""
-        return [index for index in range(len(self.names)) if self._is_time(index)]
-
-    def _is_time(self, index: int) -> bool:
-        name = self.names[index].strip().lower()
-        unit = self.units[index].lower() or (channels.name_and_unit(name)[1] if name[-1:] in ")]" else "")
-        if unit:
-            return unit in channels.TIME_UNITS
-        return channels.name_and_unit(name)[1] not in channels.UNITS and _TIMES.search(name) is not None
+        times = []
+        for index, name in enumerate(name.strip().lower() for name in self.names):
+            behind = channels.name_and_unit(name)[1]
+            unit = self.units[index].lower() or (behind if name[-1:] in ")]" else "")
+            named = behind not in channels.UNITS and _TIMES.search(name)
+            times += [index] if (unit in channels.TIME_UNITS if unit else named) else []
+        return times
 
 
 @dataclass(frozen=True)
@@ -99,6 +98,10 @@ class Use(Tabled):
     clock: int | None = None
 
 
+#: Index of the column of each channel, and the unit of its numbers.
+_Chosen = dict[str, tuple[int, str]]
+
+
 def assign(file: Path, columns: Columns, layout: Layout) -> tuple[dict[str, Use], tuple[str, ...]]:
     """Find the channels among a file's columns: those of section 2.2.2, and every other that is an acceleration.
 
@@ -111,7 +114,7 @@ def assign(file: Path, columns: Columns, layout: Layout) -> tuple[dict[str, Use]
         what was decided between the file and study.toml, in sentences without the file's name.
     """
     remarks: list[str] = []
-    chosen: dict[str, tuple[int, str]] = {}
+    chosen: _Chosen = {}
     for channel in ("time", *channels.NAMES):
         column = _column_of(file, columns, layout, channel, remarks)
         if column is not None:
@@ -164,17 +167,10 @@ def _column_of(
         if channel == "time" and unit and unit.lower() not in channels.TIME_UNITS and not stated.column:
             continue
         candidates.append((index, unit))
-    if (
-        len(candidates) > 1
-        and channel == "time"
-        and len({columns.series[i].group for i, _ in candidates}) > 1
-    ):
-        return candidates[0]  # a clock for each sheet, structure or group
     last = (*columns.times, len(columns.names))
-    apart = (i - 1 not in columns.times and i + 1 not in last for i, _ in candidates[1:])
-    if len(candidates) > 1 and channel == "time" and all(apart):
-        return candidates[0]  # a clock in front of each sensor
-    if len(candidates) > 1:
+    apart = all(i - 1 not in columns.times and i + 1 not in last for i, _ in candidates[1:])
+    several = len({columns.series[i].group for i, _ in candidates}) > 1
+    if len(candidates) > 1 and not (channel == "time" and (apart or several)):  # a clock of each sensor, or group
         numbers = " or ".join(f"column = {index + 1}" for index, _ in candidates[:3])
         hint = f"keep one of them, or say which in study.toml ([channels.{channel}] {numbers})"
         raise InputFileError(file, f"has two columns for {channel}", hint, line=columns.line)
@@ -224,7 +220,7 @@ def _by_unit(columns: Columns) -> tuple[int, str] | None:
     return None
 
 
-def _complete(file: Path, columns: Columns, layout: Layout, chosen: Mapping[str, tuple[int, str]]) -> None:
+def _complete(file: Path, columns: Columns, layout: Layout, chosen: _Chosen) -> None:
     """Refuse a file that lacks a channel, or a time where it states no rate."""
     if columns.line and not chosen:  # text, perhaps in another language
         listed = ", ".join(f'[channels.{name}] column = "..."' for name in ("time", "base", "malleolus"))
@@ -253,13 +249,11 @@ def _complete(file: Path, columns: Columns, layout: Layout, chosen: Mapping[str,
             raise InputFileError(file, missing, hint, line=columns.line, code=f"no {name}", setting=key)
 
 
-def _others(
-    columns: Columns, layout: Layout, chosen: Mapping[str, tuple[int, str]]
-) -> dict[str, tuple[int, str]]:  # fmt: skip
+def _others(columns: Columns, layout: Layout, chosen: _Chosen) -> _Chosen:
     """Further accelerometers: those of study.toml, and columns with a unit of acceleration."""
     taken = {index for index, _ in chosen.values()}
     size = columns.series[chosen["base_m_s2"][0]].values.size
-    others: dict[str, tuple[int, str]] = {}
+    others: _Chosen = {}
     for index, (name, unit) in enumerate(zip(columns.names, columns.units, strict=True)):
         plain, claimed = channels.heading(name)
         stem = plain.removesuffix(f"_{claimed}") if claimed else plain
@@ -274,9 +268,7 @@ def _others(
     return others
 
 
-def _clocks(
-    file: Path, columns: Columns, layout: Layout, chosen: Mapping[str, tuple[int, str]]
-) -> dict[str, int]:  # fmt: skip
+def _clocks(file: Path, columns: Columns, layout: Layout, chosen: _Chosen) -> dict[str, int]:
     """The column of times of each channel that does not share the time of the file."""
     # a table repeats its time in front of each sensor, a file with groups in each of them, and names share a word
     main = next((chosen[key][0] for key in ("time_s", "time") if key in chosen), None)
@@ -296,9 +288,7 @@ def _clocks(
     return {key: index for key, index in clocks.items() if index != main}
 
 
-def _one_length(
-    file: Path, columns: Columns, chosen: Mapping[str, tuple[int, str]], clocks: Mapping[str, int]
-) -> None:  # fmt: skip
+def _one_length(file: Path, columns: Columns, chosen: _Chosen, clocks: Mapping[str, int]) -> None:
     """Refuse channels of other lengths than the others that share their time."""
     used = {key: columns.series[index] for key, (index, _) in chosen.items()}
     sizes = {key: s.values.size for key, s in used.items()}

@@ -23,6 +23,8 @@ from fasbody.recording.headings import Headings
 from fasbody.recording.statements import Statements, of_lines
 from fasbody.sentences import Sentence
 
+#: So many numbers show whether a column rises as a time does.
+FIRST = 500
 #: Longer texts are parsed by pandas, several times as fast as numpy's parser; importing it costs what this long takes.
 _LONG = 5_000_000
 _PLAIN = b"0123456789+-.eE,;|\t\n "
@@ -140,15 +142,13 @@ class TextTable:
                 piece, self.footer[:] = headings.without_footer(piece, self.headings.separator)
             yield max(at, above), piece
 
-    def sample(self, most: int = 500) -> np.ndarray:
+    def sample(self) -> np.ndarray:
         """The first rows of numbers, (columns, rows); NaN where a cell is none."""
-        kept: list[list[float]] = []
-        for _, cells in text.rows_below(self.head, self.headings.first, self.headings.separator):
-            if len(kept) == most:
-                break
-            if len(cells) == len(self.names) and any(map(text.numeric, cells)):
-                kept.append([text.number(cell) if text.numeric(cell) else np.nan for cell in cells])
-        return np.array(kept, float).reshape(-1, len(self.names)).T
+        below = (cells for _, cells in text.rows_below(self.head, self.headings.first, self.headings.separator))
+        whole = (cells for cells in below if len(cells) == len(self.names) and any(map(text.numeric, cells)))
+        kept = [[text.number(cell) if text.numeric(cell) else np.nan for cell in cells]
+                for cells in islice(whole, FIRST)]  # fmt: skip
+        return np.array(kept, float).reshape(len(kept), len(self.names)).T
 
     def refuse_gap(self, name: str, index: int) -> InputFileError:
         """A sentence on the first empty cell of a column."""

@@ -15,7 +15,7 @@ from fasbody.exceptions import InputFileError
 from fasbody.recording.channels import NAMES, TIME_UNITS, Channel, Channels, Layout, name_and_unit
 from fasbody.recording.clock import counter_fault, straightened
 from fasbody.recording.columns import Columns, Use, assign, has_channels
-from fasbody.recording.csv import TextTable, read_table, several_takes
+from fasbody.recording.csv import FIRST, TextTable, read_table, several_takes
 from fasbody.recording.formats import ENDINGS, READ, ending
 from fasbody.recording.formats.reader import read_series
 from fasbody.recording.formats.series import FormatError, Series, need
@@ -29,8 +29,6 @@ _SHEETS = (".xls", ".xlsb", ".ods", ".numbers")
 TEXTS = (".csv", ".txt", ".tsv", ".dat", ".asc", ".log")
 
 
-#: So many numbers show whether a column rises as a time does.
-_FIRST = 500
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,7 +66,7 @@ class _SeriesTable:
 
     def sample(self) -> list[np.ndarray]:
         """The first numbers of each column."""
-        return [s.values[:_FIRST] for s in self.columns.series]
+        return [s.values[:FIRST] for s in self.columns.series]
 
     def stated(self, uses: Mapping[str, Use]) -> tuple[dict[str, Statements], list[str]]:
         return {key.removesuffix("_m_s2"): self.columns.series[use.index].stated for key, use in uses.items()}, []
@@ -198,10 +196,7 @@ def _without_gaps(
 
 def _end(values: np.ndarray) -> int:
     """How many values (n,) there are without the empty ones at the end."""
-    if values.size == 0 or not np.isnan(values[-1]):
-        return values.size
-    filled = np.flatnonzero(~np.isnan(values))
-    return int(filled[-1]) + 1 if filled.size else 0
+    return int(np.flatnonzero(~np.isnan(values)).max(initial=-1)) + 1
 
 
 #: Samples of a take at least, and the share of its length within which its time begins as the first.
@@ -223,30 +218,27 @@ def _one_take(file: Path, channels: Channels, layout: Layout) -> Channels:
 
 
 def _clocks(
-    source: _Source, uses: Mapping[str, Use], channels: Channels, layout: Layout,
-    rate_hz: float | None,
+    source: _Source, uses: Mapping[str, Use], channels: Channels, layout: Layout, rate_hz: float | None
 ) -> Channels:  # fmt: skip
     """Times [s] of the channels that have a column of times for themselves; one that does not rise is no clock."""
     clocks: Channels = {}
     for key, index in ((key, use.clock) for key, use in uses.items() if use.clock is not None):
-        times = _rising(source, index, channels[key].size)
+        times, name = _rising(source, index, channels[key].size), source.columns.names[index]
         if times is None and layout.channels.get(key.removesuffix("_m_s2"), Channel()).clock:
-            what = f"{source.columns.names[index]!r} is no clock of {key}: its numbers do not rise from row to row"
+            what = f"{name!r} is no clock of {key}: its numbers do not rise from row to row"
             raise InputFileError(source.file, what, "correct clock in study.toml")
         if times is None:
             continue
-        name = source.columns.names[index].lower()
-        unit = TIME_UNITS.get(source.columns.claimed(index).lower(), TIME_UNITS.get(name.rpartition("_")[2]))
+        behind = TIME_UNITS.get(name.lower().rpartition("_")[2])
+        unit = TIME_UNITS.get(source.columns.claimed(index).lower(), behind)
         if unit is None and "time_s" in uses:
             unit = uses["time_s"].factor
         elif unit is None and (rate := rate_hz or layout.rate_hz):  # that with which they run so fast
             counted = (times.size - 1) / float(times[-1] - times[0])
             unit = next((u for u in TIME_UNITS.values() if abs(counted / u / rate - 1) < 1e-2), None)
         if unit is None:
-            raise InputFileError(
-                source.file, f"{source.columns.names[index]!r}, the times of {key}, have no unit",
-                Sentence("write it behind the name (time_s, time [ms]), or give ", called("sampling_rate_hz")),
-            )  # fmt: skip
+            hint = Sentence("write it behind the name (time_s, time [ms]), or give ", called("sampling_rate_hz"))
+            raise InputFileError(source.file, f"{name!r}, the times of {key}, have no unit", hint)
         clocks[key] = unit * times
     return clocks
 
@@ -255,9 +247,7 @@ def _clocks(
 _COUNTER = re.compile(r"frame|sample|index|counter|packet|scan", re.IGNORECASE)
 
 
-def _counted(
-    source: _Source, uses: Mapping[str, Use], rate_hz: float | None, layout: Layout
-) -> None:  # fmt: skip
+def _counted(source: _Source, uses: Mapping[str, Use], rate_hz: float | None, layout: Layout) -> None:
     """Refuse a rate that a column of counted samples contradicts."""
     taken = {use.index for use in uses.values()} | {use.clock for use in uses.values()}
     for index, name in enumerate(source.columns.names):

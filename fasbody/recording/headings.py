@@ -294,15 +294,9 @@ def is_sample(cell: str) -> bool:
 
 def first_samples(text: str, line: int, separator: str) -> list[str]:
     """The cells of the fullest of the first rows of numbers below a line."""
-
-    def fullness(cells: list[str]) -> tuple[int, int]:
-        """How many samples a row has, and how few words beside them."""
-        count = sum(map(is_sample, cells))
-        return count, count - sum(map(bool, cells))
-
-    below = (row for row in islice(texts.lines(text, texts.offset(text, line)), _HEADING_ROWS))
-    rows = [texts.split(row, separator) for row in below if not texts.COMMENT.match(row)]
-    fullest = max([[], *rows], key=fullness)
+    rows = [cells for _, cells in islice(texts.rows_below(text, line, separator), _HEADING_ROWS)]
+    # that with most samples, and fewest words beside them
+    fullest = max([[], *rows], key=lambda cells: (sum(map(is_sample, cells)), -sum(map(bool, cells))))
     while fullest and not fullest[-1]:
         fullest.pop()
     return fullest
