@@ -54,9 +54,7 @@ def gather(
                 load = _mass_of(path, "--added-mass", load, load_in_name(path.name))
             recordings.append(with_masses(recording, body, load))
         else:
-            raise InputFileError(
-                path, "no such file or folder", "give a study folder or CSV recordings"
-            )
+            raise InputFileError(path, "no such file or folder", "give a study folder or CSV recordings")
     if any(named.values()):
         warnings = (*recordings[0].warnings, _loads_of_names(named))
         recordings[0] = replace(recordings[0], warnings=warnings)
@@ -66,10 +64,8 @@ def gather(
 def _loads_of_names(stated: Mapping[str, float | None]) -> str:
     """The sentence on loads [kg] that files' names state, or do not."""
     loads = sorted({load for load in stated.values() if load is not None})
-    parts = [
-        f"{load:g} kg for {together([name for name, kg in stated.items() if kg == load])}"
-        for load in loads
-    ]
+    named = {load: together([name for name, kg in stated.items() if kg == load]) for load in loads}
+    parts = [f"{load:g} kg for {names}" for load, names in named.items()]
     unnamed = [name for name, load in stated.items() if load is None]
     none = f" None is named in {together(unnamed)}: 0 kg." if unnamed else ""
     return f"Loads on the knee are those of the files' names: {', '.join(parts)}.{none}"

@@ -149,9 +149,8 @@ def _masses(file: Path) -> dict[str, float]:
     for line, row in table.items():
         subject = row["subject"] or ""
         if subject in lines:
-            raise InputFileError(
-                file, f"subject {subject!r} is listed in line {lines[subject]} already", "keep one row", line
-            )
+            problem = f"subject {subject!r} is listed in line {lines[subject]} already"
+            raise InputFileError(file, problem, "keep one row", line)
         lines[subject] = line
     masses = column(file, table, "mass_kg", optional=True)
     return dict(zip(lines, map(float, masses), strict=True))

@@ -108,12 +108,8 @@ def _rate(source: Any, name: str) -> float | None:
     """The rate [Hz] that a dataset states, or a folder above it."""
     parts = name.split("/")
     above = [source, *(source["/".join(parts[:count])] for count in range(1, len(parts) + 1))]
-    return series.stated_rate(
-        (f"{item.name.strip('/')}/{key}".strip("/"), series.number_of(value))
-        for item in above
-        for key, value in item.attrs.items()
-        if key.lower() in series.RATES + series.STEPS
-    )
+    stated = ((f"{item.name}/{key}".strip("/"), value) for item in above for key, value in item.attrs.items())
+    return series.stated_rate((key, series.number_of(value)) for key, value in stated)
 
 
 #: What MATLAB writes into the first 128 bytes of version 7.3: text, no subsystem, version 2.0, little-endian.

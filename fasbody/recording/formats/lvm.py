@@ -58,7 +58,7 @@ def _segment(
         raise FormatError(f"announces {count} channels and names {len(names)}")
 
     def column(index: int) -> np.ndarray:
-        cells = [row[index].strip() if index < len(row) else "" for row in body]
+        cells = [row[index] if index < len(row) else "" for row in body]
         try:
             return np.array([float(cell.replace(decimal, ".")) for cell in cells])
         except ValueError:

@@ -181,13 +181,15 @@ def with_rate(series: list[Series]) -> list[Series]:
 
     rated = []
     for s in kept:
-        stated = stated_above(s)
-        starts = (value for name, value in stated if name.rpartition("/")[2].lower() in STARTS)
-        start = next(starts, None) if s.start_s is None else s.start_s
+        stated, about, start = stated_above(s), dict[str, float](), s.start_s
         folder, _, name = s.name.rpartition("/")
-        rate = s.rate_hz or stated_rate(stated)
-        about = {_without(key, name): value for key, value in stated if _of(key, name)}
+        for key, value in stated:
+            words = _words(key)
+            start = value if start is None and key.rpartition("/")[2].lower() in STARTS else start
+            if any(word in _words(name) and not kind(word) and len(word) > 2 for word in words):  # gain_base, of base_g
+                about["_".join(word for word in words if word not in _words(name) or kind(word))] = value
         mine = statements_of(about) | listed | s.stated
+        rate = s.rate_hz or stated_rate(stated)
         rated.append(replace(s, name=name, group=s.group or folder, rate_hz=rate, start_s=start, stated=mine))
     return rated
 
@@ -198,16 +200,6 @@ _FEW = 12
 
 def _words(name: str) -> list[str]:
     return re.split(r"[^a-z0-9]+", name.rpartition("/")[2].lower())
-
-
-def _of(scalar: str, name: str) -> bool:
-    """Whether a scalar is named after a series: gain_base, of base_g."""
-    return any(word in _words(name) for word in _words(scalar) if not kind(word) and len(word) > 2)
-
-
-def _without(scalar: str, name: str) -> str:
-    """The name of a scalar without that of its series."""
-    return "_".join(word for word in _words(scalar) if word not in _words(name) or kind(word))
 
 
 def _folder(series: Series) -> str:
