@@ -560,24 +560,19 @@ def understood(recording: Recording) -> dict[str, Any]:
     """The same, with level and quality of each channel, and amplitude and phase of a sine."""
     condition = recording.condition
     row = judged(recording) | {key: getattr(condition, key) for key in ("subject", "posture", "added_mass_kg")}
+    good = recording if row["problem"] else checked(recording)
+    row["rms_m_s2"] = {name: float(np.std(x)) for name, x in good.accelerations.items()}
+    if row["problem"]:
+        return row
+    t, f = good.time_s, good.condition.frequency_hz
     try:
         with by_name(recording.file):
-            return row | _measured(recording if row["problem"] else checked(recording), bool(row["problem"]))
+            measures = quality(t, good.accelerations, f)
+            row["sine_share"] = sine_share(t, good.base_m_s2, f or find_frequency(t, good.base_m_s2))
     except RecordingError as error:
-        return row | {"problem": row["problem"] or error.sentence}
-
-
-def _measured(good: Recording, unfit: bool) -> dict[str, Any]:
-    levels = {name: float(np.std(x)) for name, x in good.accelerations.items()}
-    if unfit:
-        return {"rms_m_s2": levels}
-    t, base, f = good.time_s, good.base_m_s2, good.condition.frequency_hz
-    measures = quality(t, good.accelerations, f)
-    share = sine_share(t, base, f or find_frequency(t, base))
-    row = {"rms_m_s2": levels, "sine_share": share, "quality": measures.row()}
-    if f is None:
-        return row
-    return row | {"transmissibility": measures.ratio, "phase_deg": measures.lead_deg}
+        return row | {"problem": error.sentence}
+    row["quality"] = measures.row()
+    return row if f is None else row | {"transmissibility": measures.ratio, "phase_deg": measures.lead_deg}
 
 
 def reasons(rows: Sequence[Mapping[str, Any]]) -> list[str]:

@@ -82,7 +82,7 @@ class TextTable:
         """Of the columns."""
         return self.headings.names
 
-    @property
+    @cached_property
     def columns(self) -> Columns:
         """Its columns; a time of the day is in seconds."""
         series = [
@@ -152,11 +152,14 @@ class TextTable:
 
     def refuse_gap(self, name: str, index: int) -> InputFileError:
         """A sentence on the first empty cell of a column."""
+        line = next((line for line, cell in self.cells(index) if not cell), None)
+        return InputFileError(self.file, f"{name} is '', not a number", line=line)
+
+    def cells(self, index: int) -> Iterator[tuple[int, str]]:
+        """Line and text of each cell of a column."""
         for after, body in self.bodies():
             for line, cells in text.rows(self.file, body, self.headings.separator, after):
-                if not (cells[index] if index < len(cells) else ""):
-                    return InputFileError(self.file, f"{name} is '', not a number", line=line)
-        return InputFileError(self.file, f"{name} lacks a number")
+                yield line, _at(cells, index)
 
 
 def several_takes(file: Path, count: int, where: str) -> InputFileError:
@@ -258,15 +261,13 @@ def _no_thousands(table: TextTable, name: str, index: int, values: np.ndarray) -
     if not all(map(_like_thousands, (values[:10_000], values))):
         return
     marked = bare = ""
-    for after, body in table.bodies():
-        for _, cells in text.rows(table.file, body, table.headings.separator, after):
-            cell = cells[index] if index < len(cells) else ""
-            if _THOUSANDS.fullmatch(cell):
-                marked = marked or cell
-            elif re.search(r"[.,eE]", cell):
-                return
-            elif cell and abs(float(cell)) >= 1:
-                bare = bare or cell
+    for _, cell in table.cells(index):
+        if _THOUSANDS.fullmatch(cell):
+            marked = marked or cell
+        elif re.search(r"[.,eE]", cell):
+            return
+        elif cell and abs(float(cell)) >= 1:
+            bare = bare or cell
     if marked and bare:
         raise InputFileError(
             table.file, f"{name} is {marked!r} and {bare!r}: a mark between thousands would be read as that of "
@@ -289,10 +290,8 @@ def _numbers(table: TextTable, body: str, after: int, indices: Mapping[str, int]
     sample = table.first_row
     decimal = "," if any("," in sample[i] for i in indices.values() if i < len(sample)) else "."
     marked = any(mark in body for mark in ("#", "%", "//"))  # a search by pattern takes as long as the parser
-    plain = body
-    if marked and (text.COMMENT.match(body) or re.search(rf"\n{text.COMMENT.pattern}", body)):
-        plain = "\n".join(line for line in body.split("\n") if not text.COMMENT.match(line))
-    data = plain.encode()
+    lines = body.split("\n") if marked else []
+    data = ("\n".join(line for line in lines if not text.COMMENT.match(line)) if marked else body).encode()
     _no_wider(table, body, data, after)
     order = list(indices.values())
     try:
@@ -302,7 +301,8 @@ def _numbers(table: TextTable, body: str, after: int, indices: Mapping[str, int]
         pass
     kept: list[list[float]] = []
     for line, cells in text.rows(table.file, body, separator, after):
-        kept.append([_cell(table.file, name, cells, index, line, empty=True) for name, index in indices.items()])
+        named = [(name, _at(cells, index)) for name, index in indices.items()]
+        kept.append([_number(table.file, name, cell, line) if cell else np.nan for name, cell in named])
     return dict(zip(indices, np.array(kept, float).reshape(-1, len(indices)).T.copy(), strict=True))
 
 
@@ -338,7 +338,7 @@ def _seconds(file: Path, body: str, separator: str, index: int, after: int) -> n
     """A column of times of the day (n,) [s]."""
     seconds = []
     for line, cells in text.rows(file, body, separator, after):
-        cell = cells[index] if index < len(cells) else ""
+        cell = _at(cells, index)
         stamp = headings.STAMP.fullmatch(cell)
         if stamp is None:
             raise InputFileError(file, f"time is {shown(cell)!r}, not a time of the day as above it", line=line)
@@ -367,10 +367,11 @@ def _widest(data: bytes, separator: str) -> int:
     return int(np.diff(np.searchsorted(cuts, ends), prepend=0).max()) + 1
 
 
-def _cell(file: Path, name: str, cells: Sequence[str], index: int, line: int, empty: bool = False) -> float:
-    cell = cells[index] if index < len(cells) else ""
-    if empty and not cell:
-        return np.nan
+def _at(cells: Sequence[str], index: int) -> str:
+    return cells[index] if index < len(cells) else ""
+
+
+def _number(file: Path, name: str, cell: str, line: int) -> float:
     try:
         value = text.number(cell)
     except ValueError:
@@ -411,8 +412,6 @@ def read_table(file: Path, needed: Sequence[str]) -> Rows:
 
 def column(file: Path, table: Rows, name: str, optional: bool = False) -> np.ndarray:
     """One column of a table as numbers (n,); an empty cell, or a column that is not there, is NaN if `optional`."""
-    cells = {line: row.get(name) for line, row in table.items()}
-    return np.array(
-        [np.nan if optional and not cell else _cell(file, name, [cell or ""], 0, line) for line, cell in cells.items()],
-        float,
-    )
+    cells = {line: row.get(name) or "" for line, row in table.items()}
+    rows = [np.nan if optional and not cell else _number(file, name, cell, line) for line, cell in cells.items()]
+    return np.array(rows, float)
