@@ -204,8 +204,8 @@ def _table(passage: text.Passage, layout: Layout, strict: bool) -> TextTable:
     """The headings of a passage, and where its numbers begin."""
     file, head = passage.file, next((piece for _, piece in passage.pieces()), "")
     header = headings.find_header(head, layout.known)
+    hint = "the first line must be time_s,base_m_s2,malleolus_m_s2"
     if not any(header.names):
-        hint = "the first line must be time_s,base_m_s2,malleolus_m_s2"
         raise InputFileError(file, "is empty", hint)
     known = layout.known(header.names)
     numbers = headings.first_number_row(head, header, layout) if layout.columns or not known else None
@@ -215,17 +215,13 @@ def _table(passage: text.Passage, layout: Layout, strict: bool) -> TextTable:
         return TextTable(passage, head, headings.read_headings(head, header))
     if strict and not layout.columns:
         columns = ", or --columns time_s,base_g,... (study.toml: columns) must name its columns"
-        hint = Sentence(
-            "the first line must be time_s,base_m_s2,malleolus_m_s2",
-            Sentence(columns, on_page="; write it above the numbers"),
-        )
-        raise InputFileError(file, "has no header line", hint)
-    line, separator, width = numbers
-    if layout.columns and width != len(layout.columns):
+        remedy = Sentence(hint, Sentence(columns, on_page="; write it above the numbers"))
+        raise InputFileError(file, "has no header line", remedy)
+    line, separator, cells = numbers
+    if layout.columns and len(cells) != len(layout.columns):
         listed = shown(", ".join(layout.columns))
-        problem = f"has {width} columns, and {len(layout.columns)} are named ({listed})"
-        hint = "name every column, with any word for those that are no channel"
-        raise InputFileError(file, problem, hint, line)
+        problem = f"has {len(cells)} columns, and {len(layout.columns)} are named ({listed})"
+        raise InputFileError(file, problem, "name every column, with any word for those that are no channel", line)
     rate, others = headings.read_statements([row for row in islice(text.lines(head), line - 1) if row.strip()])
     units = layout.units or ("",) * len(layout.columns)
     skipped = tuple(f"a line above the numbers ({shown(row)})" for row in others)

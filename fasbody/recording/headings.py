@@ -120,33 +120,28 @@ def find_header(text: str, score: Callable[[Sequence[str]], int]) -> Header:
     return header
 
 
-def first_number_row(text: str, header: Header, layout: Layout) -> tuple[int, str, int] | None:
-    """The first row of numbers of a text without a header; None where there is a header.
+def first_number_row(text: str, header: Header, layout: Layout) -> Header | None:
+    """The first row of numbers of a text without a header, in its place; None where there is a header.
 
     Args:
         text: whole.
         header: by `find_header`.
         layout: where study.toml names the columns, words above as many numbers are a preamble.
-
-    Returns:
-        Number of its line, separator, and how many cells it has.
     """
     if all(is_sample(cell) for cell in header.names if cell):
-        return header.line, header.separator, len(header.names)
-    if not layout.columns:
-        return None
+        return header
     channels = [index for index, name in enumerate(layout.columns) if layout.known([name])]
-    rows = _rows_of_numbers(text, channels)
-    return next((row for row in rows if row[2] == len(layout.columns)), None)
+    rows = _rows_of_numbers(text, channels) if layout.columns else ()
+    return next((row for row in rows if len(row.names) == len(layout.columns)), None)
 
 
-def _rows_of_numbers(text: str, needed: Sequence[int] = ()) -> Iterator[tuple[int, str, int]]:
-    """Line, separator and width of rows with samples in the needed columns, all unless two are named."""
+def _rows_of_numbers(text: str, needed: Sequence[int] = ()) -> Iterator[Header]:
+    """The rows with samples in the needed columns, all unless two are named."""
     for number, line in enumerate(islice(texts.lines(text), _HEADER_LINES), 1):
         cells = texts.split(line, texts.separator_of(line))
         samples = [cells[i] for i in needed if i < len(cells)] if len(needed) > 1 else cells
         if len(cells) > 1 and not texts.COMMENT.match(line) and all(map(is_sample, samples)):
-            yield number, texts.separator_of(line), len(cells)
+            yield Header(number, texts.separator_of(line), cells)
 
 
 def header_above_numbers(text: str) -> Header | None:
@@ -157,10 +152,10 @@ def header_above_numbers(text: str) -> Header | None:
     first = next(_rows_of_numbers(text), None)
     if first is None:
         return None
-    units, (line, separator, width) = None, first
-    for number, row in reversed(list(enumerate(islice(texts.lines(text), line - 1), 1))):
+    units, separator = None, first.separator
+    for number, row in reversed(list(enumerate(islice(texts.lines(text), first.line - 1), 1))):
         names = texts.split(row, separator)
-        if len(names) < width or any(map(texts.numeric, names)):
+        if len(names) < len(first.names) or any(map(texts.numeric, names)):
             continue
         if not any(without_brackets(name).lower() in KNOWN_UNITS for name in names):
             return Header(number, separator, names)
@@ -217,9 +212,7 @@ def read_headings(text: str, header: Header) -> Headings:
     if others:
         count = counted(len(others), "line")
         skipped.append(f"{count} beside the headings ({shown('; '.join(others))})")
-    return Headings(
-        separator, tuple(names), tuple(units), line, first, tuple(skipped), rate, others
-    )
+    return Headings(separator, tuple(names), tuple(units), line, first, tuple(skipped), rate, others)
 
 
 def read_statements(above: Sequence[str]) -> tuple[float | None, tuple[str, ...]]:
