@@ -38,8 +38,7 @@ _IMPOSSIBLE = 1e6
 _UNLIKELY = 500.0
 #: Standard deviation of an amplitude by the converter's steps from which a warning is given.
 _COARSE = 5e-3
-#: Codes of warnings of a unit that may be wrong: of a base between a fifth of a m/s^2 and two, and of
-#: other values.
+#: Codes of warnings of a unit that may be wrong: of a base of 0.2 to 2 m/s^2, and of other values.
 _IN_G, UNIT_IN_DOUBT = "in g", "unit in doubt"
 _CHECK_UNIT = "check its unit."
 #: A passive foot lags behind its base; it may seem to lead by so much where loggers take channels one by one [deg].
@@ -66,8 +65,7 @@ def checked(recording: Recording) -> Recording:
     A further accelerometer that cannot serve is left out.
 
     Raises:
-        RecordingError: it cannot serve: too short, time not uniform, NaN, dead, clipped, wrong
-            units, excitation not found, sampled too slowly, or channels not aligned.
+        RecordingError: it cannot serve: too short, not uniform, dead, clipped, sampled too slowly, or the like.
     """
     try:
         return _checked(recording)

@@ -82,9 +82,8 @@ def uniform(
 ) -> tuple[np.ndarray, Mapping[str, np.ndarray], str]:
     """Uniform times, the channels at these, and a sentence on what that costs.
 
-    Rounded stamps are replaced by the clock that they were rounded from. Exact stamps that jitter
-    are kept for what they are: the channels are brought to uniform times by a spline. Gaps stay,
-    for the checks to refuse.
+    Rounded stamps are replaced by the clock that they were rounded from. Exact stamps that jitter are kept: the
+    channels are brought to uniform times by a spline. Gaps stay, for the checks to refuse.
 
     Args:
         time_s: (n,) [s].

@@ -80,12 +80,10 @@ class Reading:
     """What a file gave.
 
     Attributes:
-        channels: ``time_s``, ``base_m_s2``, ``malleolus_m_s2`` and perhaps more, each (n,), delays
-            undone.
+        channels: ``time_s``, ``base_m_s2``, ``malleolus_m_s2`` and perhaps more, (n,) each, delays undone.
         used: on each channel its column, unit and clock, in words.
         unused: what else the file holds.
-        warnings: what was decided that could have been otherwise, in sentences without the file's
-            name.
+        warnings: what was decided and could have been otherwise, in sentences without the file's name.
     """
 
     channels: Channels

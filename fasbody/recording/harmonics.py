@@ -34,10 +34,8 @@ class Harmonics(Tabled):
         std: (H,) standard deviation of the real, and of the imaginary, part of each.
         offset: mean [m/s^2].
         sigma: standard deviation of the noise in a sample [m/s^2].
-        scatter: relative standard deviation of the fundamental over the recording's parts, less
-            what white noise makes of it: how periodic it is.
-        onset: relative difference of the first part's fundamental from the others', where it is
-            more than noise: a start-up transient.
+        scatter: relative standard deviation of the fundamental over parts, less that of white noise.
+        onset: relative difference of the first part from the others beyond noise: a start-up transient.
     """
 
     frequency_hz: float

@@ -31,10 +31,8 @@ class Known(Tabled):
         gain_std: that of the malleolus' gain against the base's.
         delay_std_s: standard deviation of the delay between them [s].
         excluded: departures that cannot be (`DEPARTURES`).
-        static_forces: load on the knee [kg] and force [N] with which the foot rests on the table
-            under it without vibration; default the weight of leg and load.
+        static_forces: load on the knee [kg] and force [N] of the resting foot; default the weight of both.
         load_share: of the added mass that the leg carries, as stated or by two static forces.
-            None if unknown.
     """
 
     mass_std: float | None = None

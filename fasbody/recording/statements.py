@@ -43,9 +43,7 @@ _LINE = re.compile(
 
 
 def kind(name: str) -> str:
-    """The key of study.toml that answers a statement, "delay_s" or "sensitivity"; empty for any
-    other.
-    """
+    """The key of study.toml that answers a statement, "delay_s" or "sensitivity"; empty for any other."""
     words = _words(name)
     if words & _NEITHER:
         return ""
@@ -59,9 +57,7 @@ def _words(name: str) -> set[str]:
 
 
 def statements_of(pairs: Mapping[str, object], applied: Sequence[str] = ()) -> Statements:
-    """The statements among names and values that are numbers or times, without those that a
-    reader applies.
-    """
+    """The statements among names and values that are numbers or times, without those that are applied."""
     made: Statements = {}
     for name, value in pairs.items():
         if name.lower() in applied or not kind(name):

@@ -32,8 +32,7 @@ class Series:
         values: (n,).
         rate_hz: if the file states it.
         what: empty, or what this is instead of a column of real numbers; it then has no values.
-        start_s: when the first sample was taken [s], on one clock for the whole file, if it
-            is stated.
+        start_s: when the first sample was taken [s], on one clock for the whole file, if stated.
         scaled: by which statement of the file its values were scaled.
         stated: of its time or scale, and not applied.
         group: its sheet, structure or folder.
