@@ -150,11 +150,8 @@ def _by_subject(rows: list[dict[str, Any]]) -> None:
     for subject in subjects:
         mine = [row for row in rows if row.get("subject") == subject]
         verdicts = [verdict(row) for row in mine]
-        cells = [[float(cell) if cell else None for cell in quality_cells(row)] for row in mine]
-        worst = []
-        for i in range(len(QUALITIES)):
-            known = [value for row in cells if (value := row[i]) is not None]
-            worst.append("" if not known else f"{min(known) if i == 0 else max(known):.4g}")
+        known = [[float(cell) for cell in cells if cell] for cells in zip(*map(quality_cells, mine), strict=True)]
+        worst = [f"{(max if i else min)(values):.4g}" if values else "" for i, values in enumerate(known)]
         lines.append(
             (escape(subject), str(len(mine)), str(verdicts.count("sound")), str(verdicts.count("unusable")), *worst)
         )

@@ -248,16 +248,17 @@ class Recording(Tabled):
         Raises:
             InputFileError: no such file, or it is not such a table; the message names line and column.
         """
-        layout = layout.of(Path(file)) if layout else None
+        path = Path(file)
+        layout = (layout or Layout()).of(path)
         with by_name(label or str(file)):
-            reading = files.reading(Path(file), layout)
-        channels, name = reading.channels, label or Path(file).name
-        calibration = dict(layout.channels if layout else {})
-        remarks, delays = _beside(Path(file))
+            reading = files.reading(path, layout)
+        channels, name = reading.channels, label or path.name
+        calibration = dict(layout.channels)
+        remarks, delays = _beside(path)
         for channel, std in delays.items():  # of a recording that was merged of two loggers
             stated = calibration.get(channel, Channel())
             calibration[channel] = replace(stated, delay_std_s=math.hypot(stated.delay_std_s, std))
-        with Path(file).open("rb") as raw:
+        with path.open("rb") as raw:
             digest = file_digest(raw, "sha256").hexdigest()
         return cls(
             time_s=channels[HEADER[0]],
@@ -269,7 +270,7 @@ class Recording(Tabled):
             origin=origin,
             warnings=(*remarks, *(Sentence(f"{name}: ", w, ".") for w in reading.warnings)),
             calibration=calibration,
-            known=layout.beyond if layout else Known(),
+            known=layout.beyond,
             digest=digest,
             others={name.removesuffix("_m_s2"): values for name, values in channels.items() if name not in HEADER},
             used=reading.used,

@@ -57,8 +57,7 @@ class StudyFolder(Tabled):
             RecordingError: a mass is not a plausible number.
         """
         about, layout = describe(Path(folder) / "study.toml")
-        trials = listed(Path(folder), only)
-        return cls(about["name"], about["origin"], about["description"], trials, layout)
+        return cls(about.name, about.origin, about.description, listed(Path(folder), only), layout)
 
     def read(self, trial: Trial) -> Recording:
         """The recording of one trial, corrected as study.toml states."""
