@@ -191,9 +191,13 @@ def _toml(folder: Path, kinds: Sequence[Path], missing: list[str]) -> str:
             packed = [json.dumps(f"*{ending(file)}{end}") for end in ("", ".gz")]
             lines += ["", f"[{layout[:-1]}]  # the files that are otherwise", f"files = [{', '.join(packed)}]"]
         lines += _of_one(file, layout, missing)
+    text = "\n".join(lines) + "\n"
     for file in kinds if not missing else ():
-        missing += _unread(folder, file, "\n".join(lines))
-    return "\n".join(lines) + "\n"
+        try:
+            Recording.read(file, layout=parsed(folder / "study.toml", tomllib.loads(text))[1])
+        except FasError as error:
+            missing.append(f"study.toml: {error}".rstrip("."))
+    return text
 
 
 def _of_one(file: Path, layout: str, missing: list[str]) -> list[str]:
@@ -272,12 +276,3 @@ def _column(channel: str, names: Sequence[str]) -> int | None:
     exact = [i for i, name in enumerate(names) if name_and_unit(name)[0] == channel]
     near = exact or [i for i, name in enumerate(names) if any(word in name.lower() for word in _WORDS[channel])]
     return near[0] if len(near) == 1 else None
-
-
-def _unread(folder: Path, file: Path, toml: str) -> list[str]:
-    """Why a file cannot be read as proposed, if so."""
-    try:
-        Recording.read(file, layout=parsed(folder / "study.toml", tomllib.loads(toml))[1])
-    except FasError as error:
-        return [f"study.toml: {error}".rstrip(".")]
-    return []
