@@ -43,6 +43,8 @@ class _SeriesTable:
     @classmethod
     def open(cls, file: Path, layout: Layout) -> "_SeriesTable":
         """The series of a file, those of one take where study.toml names it."""
+        if not file.exists():
+            raise InputFileError(file, "no such file or folder", "give a study folder or recordings")
         if ending(file) not in READ:
             listed = f"valid: {', '.join((*TEXTS, *READ))}, each also with .gz"
             if ending(file) in _SHEETS:
