@@ -210,11 +210,11 @@ def digest(exclude: Sequence[str], *rooms: str) -> str:
     return kept.digest(files, repr(tuple(exclude)))
 
 
-def measure(feet: int, sessions: int, state: Path, exclude: Sequence[str] = ()) -> list[Check]:
-    """Rows from so many feet and sessions; what `state` holds is not done again."""
+def measure(feet: int, sessions: int, state: Path, exclude: Sequence[str] = (), first: int = 0) -> list[Check]:
+    """Rows from so many feet and sessions, from the first seed on; what `state` holds is not done again."""
     keys = [
         (which, p, seed)
-        for seed in range(feet)
+        for seed in range(first, first + feet)
         for p in PROTOCOLS
         for which in POPULATIONS
         if which == "usual" or p == PROTOCOLS[0]
@@ -227,7 +227,7 @@ def measure(feet: int, sessions: int, state: Path, exclude: Sequence[str] = ()) 
             _kept(
                 file,
                 digest((), "fasbody/acquire"),
-                [(seed,) for seed in range(sessions)],
+                [(seed,) for seed in range(first, first + sessions)],
                 Ran,
                 lambda key: session(key[0]),
             )
@@ -391,6 +391,7 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 def main(
     feet: Annotated[int, typer.Option(help="virtual feet; the statement takes 60")] = 60,
     sessions: Annotated[int, typer.Option(help="automatic sessions; the statement takes 50")] = 50,
+    first: Annotated[int, typer.Option(help="first seed")] = 0,
     state: Annotated[Path, typer.Option(help="file that keeps what is done, to go on from")] = Path(
         "director.jsonl"
     ),
@@ -405,11 +406,11 @@ def main(
     """Compare what a plan foretells with what the fit says, on feet that the plan did not know.
 
     Examples:
-      python -m benchmarks.director --feet 10
+      python -m benchmarks.director --feet 16 --first 100 --sessions 0
 
       python -m benchmarks.director --feet 10 --sessions 0 --exclude all --state exact.jsonl
     """
-    report("director", measure(feet, sessions, state, names(exclude) or ()), json_)
+    report("director", measure(feet, sessions, state, names(exclude) or (), first), json_)
 
 
 if __name__ == "__main__":

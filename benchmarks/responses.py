@@ -173,7 +173,7 @@ def main(
     keep: Annotated[Path | None, typer.Option(help="JSON file that keeps each case, to resume a run")] = None,
     json_: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
 ) -> None:
-    """Frequency responses with a known answer, for every kind of excitation, beside the earlier estimates.
+    """Frequency responses with a known answer, for every kind of excitation.
 
     Examples:
       python -m benchmarks.responses --only sine --keep responses.json

@@ -135,7 +135,7 @@ def main(
     state: Annotated[Path, typer.Option(help="file of what is done")] = Path("search.jsonl"),
     json_: JsonOption = False,
 ) -> None:
-    """Count how often the search of a fit finds the best minimum of each branch, or reports that it may not have.
+    """Count how often the search of a fit finds the best minimum of each branch, or warns that it may have missed it.
 
     Examples:
       python -m benchmarks.search

@@ -22,8 +22,8 @@ DECISIVE_ODDS = 1000.0
 TIE = 0.01
 LEFT_OUT = "The {name} branch is left out: the motion of its best fits is unstable in MuJoCo."
 DOES_NOT_FOLLOW = (
-    "No branch is decided, as the model does not follow the recordings: it deviates by {percent:.3g} %. Recordings of "
-    "people repeat to 2 to 5 %, and above {bound:.3g} % nothing is decided."
+    "No branch is decided, as the model does not follow the recordings: it deviates by {percent:.3g} %. For "
+    "people 2 to 5 % is assumed as usual, and above {bound:.3g} % nothing is decided."
 )
 #: Chi-square per degree of freedom beyond which a model assumed exact is not exact, and decides nothing.
 MISSES = 2.0

@@ -23,7 +23,7 @@ _NOBODY = "no body mass was stated; adults differ by 20 %, segments by another 1
 _MOUNT = "a skin-mounted sensor overestimates bone by 12 % at 15 to 30 Hz, J Biomech Eng 115:47 (1993)"
 _ROCK = "transverse sensitivity of accelerometers up to 5 %, and the lever arm of the sensor"
 _PAD = "the heel pad loses 30 % of its energy a cycle, Ker (1996)"
-_SITS = "after sitting down again, a person's recordings repeat to 2 to 5 %"
+_SITS = "assumed: after sitting down again, a person's recordings repeat to 2 to 5 %"
 _SHARE = "thigh and chair carry a part of a load on the knee; we know of no measurement"
 _PLATE = "static force with and without the load, from study.toml"
 #: Relative standard deviations of the segments' masses where nothing else is said.

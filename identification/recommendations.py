@@ -58,9 +58,9 @@ def advice(
     if best.p_value is not None and best.p_value < UNLIKELY:
         texts.append(
             f"With the model assumed exact, the misfit is larger than the noise (chi-square {best.chi_square:.4g} for "
-            f"{best.dof} degrees of freedom, {chance(best.p_value)}). The standard errors in that column are enlarged "
-            "by the root of chi-square per degree of freedom. They are still too small if constants change between "
-            "recordings."
+            f"{best.dof} degrees of freedom, {chance(best.p_value)}). The standard errors with the model assumed exact "
+            "are multiplied by the square root of chi-square per degree of freedom. They are still too small if "
+            "constants change between recordings."
         )
     below = [(fit, r.file) for fit, r in zip(fits, data, strict=True) if not follows(fit)]
     likely = best.p_value is not None and best.p_value >= UNLIKELY
@@ -84,9 +84,8 @@ def advice(
     if rank < len(space.free):
         texts.append(
             f"{_these(data)} at most {rank} numbers on a linear foot, two for each frequency in the base motion, "
-            f"harmonics included. They cannot determine {len(space.free)} free parameters. The remaining ones affect "
-            f"only the harmonics of nonlinear dampers, which determine them too poorly for an interval with the model "
-            f"assumed exact. "
+            f"harmonics included. They cannot determine {len(space.free)} free parameters. Nonlinear "
+            f"dampers add information through harmonics, but too little for an interval. "
             f"{more}."
         )
     bound = [key for key, e in best.parameters.items() if e.at_bound]
@@ -198,8 +197,8 @@ def _culprits(departures: Departures) -> list[str]:
     parts += [f"the {name} ({_share(share)})" for name, share in out.get("sensors", {}).items()]
     if parts:
         texts.append(
-            f"Most of the misfit is in {', '.join(parts)}. Check load, body mass, unit and mounting there, or leave it "
-            "out: one wrong recording can spoil the fit of others."
+            f"Most of the misfit is in {', '.join(parts)}. Check load, body mass, unit and mounting of these "
+            "recordings, or fit without them: one wrong recording can spoil the fit of others."
         )
     else:
         spread = (

@@ -417,7 +417,7 @@ class FitResult(Presented):
         if self.departures and not self.departures.follows:
             return Sentence(
                 "The model does not follow the recordings: it deviates from them by "
-                f"{100 * self.departures.repeatability:.2g} %, and recordings of people repeat to 2 to 5 %. No "
+                f"{100 * self.departures.repeatability:.2g} %, and 2 to 5 % is assumed as usual for people. No "
                 f"constant is reported. {self._to_check} ",
                 called("compare_rivals"),
                 " compares other models. ",

@@ -312,7 +312,7 @@ def test_dry_friction_is_no_sensor_that_saturates(loss: float, frequency: float,
     base, malleolus = (x + np.random.default_rng(1).normal(0, 0.02, x.shape) for x in (run.base, run.malleolus))
     recording = Recording(run.time[0, 1000:], base[0, 1000:], malleolus[0, 1000:], file="x.csv")
     text = " ".join(checked(recording).warnings)
-    assert "malleolus_m_s2 has flattened tops" in text and "dry friction in the foot makes them" in text
+    assert "malleolus_m_s2 has flattened tops" in text and "dry friction in the foot or" in text
     most = np.abs(recording.malleolus_m_s2).max() / 2
     with pytest.raises(RecordingError, match="its sensor saturates"):
         checked(replace(recording, malleolus_m_s2=most * np.tanh(recording.malleolus_m_s2 / most)))

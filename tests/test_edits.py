@@ -173,6 +173,16 @@ def test_pads_of_another_law_are_linear_for_small_motion() -> None:
     assert measured == pytest.approx(float(np.abs(transmissibility(arch, np.array(f)))), rel=1e-3)
 
 
+def test_a_law_declares_its_parameters_where_the_element_has_none() -> None:
+    """The leg's pad had a stiffness and a damping that it no longer has."""
+    plain = 'name="fat_pad" stiffness="1.633e5" damping="47.6"'
+    foot = load(mjcf.text("leg").replace(plain, 'name="fat_pad" user="4.24 3000 60 0.02 0.3"'))
+    assert {"fat_pad_E", "fat_pad_eta"} <= set(foot.parameters) and not {"k_F", "c_F"} & set(foot.parameters)
+    one, two = (Balance(foot).orbit(15.0, [1.0], {"fat_pad_E": E}).harmonics()[0] for E in (3000.0, 6000.0))
+    other = Balance(foot.with_values({"fat_pad_E": 6000.0})).orbit(15.0, [1.0]).harmonics()[0]
+    assert two == pytest.approx(other) and abs(two / one - 1) > 0.01
+
+
 @pytest.mark.parametrize("phase", [1.0, -1.0j], ids=["cosine", "sine"])
 def test_a_table_that_is_tied_to_the_world_moves_about_its_place(tmp_path: Path, phase: complex) -> None:
     """Of a table that drifts a rope lifts the foot, whose pad has another damping there."""

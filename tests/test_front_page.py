@@ -59,7 +59,7 @@ def test_verdicts_are_those_of_the_reproduction() -> None:
     said = []
     for part, what in (
         (thesis, "equations, tables, figures and findings of the thesis"),
-        (others, "comparisons with measurements by others"),
+        (others, "comparisons with published numbers"),
     ):
         counts = re.findall(r"^- \*\*(\d+)\*\* (.+)$", part, re.MULTILINE)
         assert len(counts) > 1

@@ -145,6 +145,8 @@ def test_broken_tables(tmp_path: Path, text: str, sentence: str) -> None:
 def test_missing_file_and_folder(tmp_path: Path) -> None:
     with pytest.raises(InputFileError, match="no such file"):
         read_csv(tmp_path / "none.csv")
+    with pytest.raises(InputFileError, match="my_stduy: no such file or folder"):
+        reading(tmp_path / "my_stduy", Layout())
     (tmp_path / "folder.csv").mkdir()
     with pytest.raises(InputFileError, match="is a folder, not a file"):
         read_csv(tmp_path / "folder.csv")

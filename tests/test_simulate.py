@@ -271,6 +271,17 @@ def test_the_stated_error_bounds_the_true_one(text: str, step: str) -> None:
     assert off < 1.1 * run.step_error < 1.1e-3
 
 
+def test_the_stated_error_bounds_that_of_a_constraint_under_runge_kutta() -> None:
+    """One that is to be stiffer than the step allows is as soft as that: no error of the fourth order."""
+    tie = '<joint joint1="talocrural" joint2="fat_pad" polycoef="0 -0.5 0 0 0" solref="4e-4 1"/>'
+    foot = load(mjcf.text("two_dof").replace("</mujoco>", f"<equality>{tie}</equality></mujoco>"))
+    motion = shaker.sine(20.0, 0.2, peak_to_peak=18.0)
+    run, fine = (simulate(foot, motion, step=step, accept=None) for step in (foot.step, foot.step / 32))
+    rough, true = run.malleolus[0], fine.malleolus[0, ::32]
+    off = np.sqrt(np.mean((rough - true) ** 2) / np.mean(true**2))
+    assert 0.9 * run.step_error < off < run.step_error
+
+
 def test_halving_goes_on_where_no_order_can_be_read() -> None:
     """At 0.05 s Runge-Kutta diverges, and errs by ten times at a sixteenth of it."""
     foot = load(mjcf.text("two_dof").replace('timestep="5e-4"', 'timestep="0.05"'))

@@ -72,7 +72,7 @@ def record(
     seconds: _Seconds = 10.0,
     out: Annotated[Path | None, typer.Option(help="study folder; recordings are added to one that exists")] = None,
     subject: Annotated[str | None, typer.Option(help="name or number of the subject (1 if not given)")] = None,
-    body_mass: Annotated[float | None, typer.Option(help="body mass in kg; once for each subject")] = None,
+    body_mass: Annotated[float | None, typer.Option(help="body mass in kg, with a subject's first recordings")] = None,
     added_mass: Annotated[
         float | None,
         typer.Option(help="mass on the knee in kg (default 0); with --plan: only its steps under this load"),
@@ -441,11 +441,12 @@ def calibrate(
     yes: Annotated[bool, typer.Option("--yes", help="the amplifier is off: play the loopback without asking")] = False,
     json_: _Json = False,
 ) -> None:
-    """Calibrate a sound card: loopback first (output to both inputs), then calibrator or flip for each sensor.
+    """Calibrate a sound card or another device: loopback first, then calibrator or flip for each sensor.
 
-    The loopback plays noise, so the amplifier must be off or the shaker unplugged. The command asks first.
+    The loopback (output to both inputs) plays noise, so the amplifier must be off or the shaker unplugged. The command
+    asks first.
 
-    For a flip, hold the sensor still as it is worn for three seconds, turn it upside down, and hold it still again.
+    For a flip, hold the sensor in its mounting direction, still, for three seconds; turn it upside down; hold it still.
 
     Examples:
       fasbody record --board audio --list

@@ -278,8 +278,9 @@ def _follow_laws(model: "mujoco.MjModel", items: list[Parameter]) -> list[Parame
     """Where the law on an element is another than its declarations were made for, its own names and units.
 
     Where a declaration in a `user` field has another unit than the law's parameter there, it is dropped with all others
-    of the element but those with the law's symbol and unit, and the law declares the rest: `fat_pad_E` [N],
-    from a hundredth to a hundred times its value. A stiffness or damping of zero beside a law is no parameter.
+    of the element but those with the law's symbol and unit. The law declares the rest, all where nothing is declared:
+    `fat_pad_E` [N], from a hundredth to a hundred times its value. A stiffness or damping of zero beside a law is no
+    parameter.
     """
     from fasbody.foot import damper  # compiles; names and units are wanted without it
 
@@ -295,7 +296,7 @@ def _follow_laws(model: "mujoco.MjModel", items: list[Parameter]) -> list[Parame
             on_element = [p for p in items if any(x.field == field and x.index // width == number for x in p.places)]
             columns = {x.index % width: p.unit for p in on_element for x in p.places}
             items = [p for p in items if not _unused(model, p, kind, number)]
-            if all(0 < c <= len(units) and units[c - 1][1] == unit for c, unit in columns.items()):
+            if columns and all(0 < c <= len(units) and units[c - 1][1] == unit for c, unit in columns.items()):
                 continue
             expected = dict(enumerate(units, 1))
             meant = {c for p in on_element for x in p.places if expected.get(c := x.index % width) == (p.name, p.unit)}

@@ -409,10 +409,10 @@ class Batch:
         """Power of the step by which its error falls.
 
         What touches, stops or slips spoils that of Runge-Kutta, and so does the current of a motor, whose rate is a
-        difference over a step.
+        difference over a step, and a constraint, whose stiffness MuJoCo may take from the step.
         """
         model = self.foot.model
-        smooth = self._smooth and not np.any(model.actuator_dyntype == mujoco.mjtDyn.mjDYN_DCMOTOR)
+        smooth = self._smooth and not model.neq and not np.any(model.actuator_dyntype == mujoco.mjtDyn.mjDYN_DCMOTOR)
         return 4 if smooth and model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4 else 1
 
     @property

@@ -1,5 +1,6 @@
 """`fasbody recording`: check what a file holds, convert it to another format, init a study of a folder."""
 
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -13,6 +14,7 @@ from fasbody.presentation import counted
 
 if TYPE_CHECKING:
     from fasbody.recording.channels import Layout
+    from fasbody.recording.recording import Recording
 
 #: Of more recordings only those are listed that are not sound.
 _MANY = 100
@@ -22,9 +24,6 @@ _LEDGERS = 6
 
 #: Columns that a narrow terminal goes without, in this order, before and after the rms of the channels.
 _SPARED = ("samples", "rate [Hz]"), ("phase [deg]", "T")
-
-#: What is shown of a sine, and how.
-_OF_A_SINE = {"transmissibility": "f", "phase_deg": "g"}
 
 app: typer.Typer = typer.Typer(add_completion=False, pretty_exceptions_enable=False, no_args_is_help=True)
 
@@ -85,8 +84,7 @@ def check(
         return
     if path.is_dir():
         folder = StudyFolder.open(path)
-        for remark in posture_remarks(folder.trials):
-            console.print(f"[yellow]warning:[/] {escape(remark)}", soft_wrap=True)
+        _warn(posture_remarks(folder.trials))
         light = replace(folder, trials=())  # what a process needs besides its trial
         tasks = [(light, trial, report is not None) for trial in folder.trials]
         by_number = dict(run(understood_trial, tasks, "checking", jobs))
@@ -94,8 +92,7 @@ def check(
     else:
         layout = _layout(study, columns, take)
         rows += [_of_file(one, layout, report is not None) for one in paths]
-    for remark in out_of_line(rows):
-        console.print(f"[yellow]warning:[/] {escape(remark)}", soft_wrap=True)
+    _warn(out_of_line(rows))
     if report is not None:
         write_report(report, f"Recordings of {path.name}" if path.is_dir() else "Recordings", rows)
         rows = [{key: value for key, value in row.items() if key != "excerpt"} for row in rows]
@@ -111,6 +108,21 @@ def check(
         for text in reasons(rows):
             console.print(text, markup=False, soft_wrap=True)
         raise RecordingError(f"{len(wrong)} of {counted(len(rows), 'recording')} cannot be used.")
+
+
+def _warn(remarks: Iterable[str]) -> None:
+    for text in remarks:
+        console.print(f"[yellow]warning:[/] {escape(text)}", soft_wrap=True)
+
+
+def _remarks(recording: "Recording") -> Sequence[str]:
+    """What the checks remark on a recording, or why it cannot be used."""
+    from fasbody.recording.checks import checked
+
+    try:
+        return checked(recording).warnings
+    except RecordingError as error:
+        return (f"It cannot be used as it is. {error}",)
 
 
 def _of_file(file: Path, layout: "Layout | None", drawn: bool) -> dict[str, Any]:
@@ -138,11 +150,8 @@ def _by_subject(rows: list[dict[str, Any]]) -> None:
     for subject in subjects:
         mine = [row for row in rows if row.get("subject") == subject]
         verdicts = [verdict(row) for row in mine]
-        cells = [[float(cell) if cell else None for cell in quality_cells(row)] for row in mine]
-        worst = []
-        for i in range(len(QUALITIES)):
-            known = [value for row in cells if (value := row[i]) is not None]
-            worst.append("" if not known else f"{min(known) if i == 0 else max(known):.4g}")
+        known = [[float(cell) for cell in cells if cell] for cells in zip(*map(quality_cells, mine), strict=True)]
+        worst = [f"{(max if i else min)(values):.4g}" if values else "" for i, values in enumerate(known)]
         lines.append(
             (escape(subject), str(len(mine)), str(verdicts.count("sound")), str(verdicts.count("unusable")), *worst)
         )
@@ -161,14 +170,9 @@ def _check_heel(path: Path, json_: bool) -> None:
         for (subject, speed), strikes in study.groups().items()
     ]
     if json_:
-        about = {
-            "path": str(path),
-            "kind": "heel strikes",
-            "origin": study.origin,
-            "doi": study.doi,
-            "licence": study.licence,
-        }
-        print_json({**about, "strikes": len(study.strikes), "persons": rows, "problems": list(study.problems)})
+        about = {name: getattr(study, name) for name in ("origin", "doi", "licence")}
+        counts = {"strikes": len(study.strikes), "persons": rows, "problems": list(study.problems)}
+        print_json({"path": str(path), "kind": "heel strikes"} | about | counts)
         return
     results.print(
         f"{study}; licence: {study.licence or 'not said'}; doi: {study.doi or 'none'}", markup=False, soft_wrap=True
@@ -199,7 +203,6 @@ def convert(
 
       fasbody convert session.csv second.csv --take 2
     """
-    from fasbody.recording.checks import checked
     from fasbody.recording.recording import Recording
 
     if target.exists():
@@ -210,12 +213,7 @@ def convert(
         raise SettingError(f"--matlab {matlab} is for .mat files, and {target} is not one.")
     recording = Recording.read(source, layout=_layout(study, columns, take))
     recording.write(target, matlab or "5")
-    try:
-        remarks = checked(recording).warnings
-    except RecordingError as error:
-        remarks = (f"It cannot be used as it is. {error}",)
-    for text in remarks:
-        console.print(f"[yellow]warning:[/] {escape(text)}", soft_wrap=True)
+    _warn(_remarks(recording))
     console.print(
         f"{recording.time_s.size} samples of {len(recording.channels) - 1} channels in {target}", markup=False
     )
@@ -241,7 +239,6 @@ def merge(
     Examples:
       fasbody merge table.csv foot.csv merged.csv --base z --malleolus z
     """
-    from fasbody.recording.checks import checked
     from fasbody.recording.files import read_one
     from fasbody.recording.merge import WAYS
     from fasbody.recording.merge import merge as merged
@@ -260,12 +257,7 @@ def merge(
         "warnings": [f"{target.name} is made of two loggers, {made}."],
     }  # fmt: skip
     write_whole(target.with_suffix(".json"), to_json(about))
-    try:  # the two files the wrong way round make the malleolus lead
-        remarks = checked(made.recording).warnings
-    except RecordingError as error:
-        remarks = (f"It cannot be used as it is. {error}",)
-    for text in remarks:
-        console.print(f"[yellow]warning:[/] {escape(text)}", soft_wrap=True)
+    _warn(_remarks(made.recording))  # the two files the wrong way round make the malleolus lead
     if json_:
         print_json(about)
     else:
@@ -323,28 +315,20 @@ def _layout(study: Path | None, columns: str | None, take: int | None) -> "Layou
 
 def _show(rows: list[dict[str, Any]]) -> None:
     from fasbody.page import print_table
-    from fasbody.recording.checks import QUALITIES, quality_cells, verdict
+    from fasbody.recording.checks import QUALITIES, cells, verdict
 
     colours = {"unusable": "red", "usable, see below": "yellow", "sound": "default"}
     read = list(dict.fromkeys(name for row in rows for name in row.get("rms_m_s2", {})))
     felt = [f"{name} rms [m/s²]" for name in read]
-    heads = ("file", "verdict", "samples", "rate [Hz]", "excitation [Hz]", "T", "phase [deg]", *felt, *QUALITIES)
+    heads = ["file", "verdict", "samples", "rate [Hz]", "excitation [Hz]", "T", "phase [deg]", *felt, *QUALITIES]
     folders = {str(Path(row["file"]).parent) for row in rows}
     names = {row["file"]: Path(row["file"]).name if len(folders) == 1 else row["file"] for row in rows}
     lines = []
     listed = [row for row in rows if len(rows) <= _MANY or verdict(row) != "sound"]
     for row in listed:
-        frequency = row.get("frequency_hz")
-        lines.append((
-            escape(names[row["file"]]),
-            f"[{colours[verdict(row)]}]{verdict(row).partition(',')[0]}[/]",
-            str(row.get("samples", "")),
-            f"{row['rate_hz']:.6g}" if "rate_hz" in row else "",
-            "" if row["problem"] else "broadband" if frequency is None else f"{frequency:.5g}",
-            *(f"{row[key]:.3{kind}}" if key in row else "" for key, kind in _OF_A_SINE.items()),
-            *(f"{row['rms_m_s2'][name]:.3g}" if name in row.get("rms_m_s2", {}) else "" for name in read),
-            *quality_cells(row),
-        ))  # fmt: skip
+        word = f"[{colours[verdict(row)]}]{verdict(row).partition(',')[0]}[/]"
+        line = cells(row) | {"file": escape(names[row["file"]]), "verdict": word}
+        lines.append([line.get(head, "") for head in heads])
     if listed:
         print_table(heads, lines, ("file", "verdict"), (*_SPARED[0], *felt, *_SPARED[1]))
     if len(listed) < len(rows):

@@ -81,15 +81,10 @@ def _plain(unit: str) -> str:
 
 def volts_per_m_s2(file: Path, name: str, text: str) -> float:
     """Sensitivity in V per m/s^2 from a data sheet's "100 mV/g"."""
-    match = _SENSITIVITY.fullmatch(text)
     try:
-        assert match is not None
-        return (
-            float(match[1])
-            * VOLTAGES[match[2].lower()]
-            / (GRAVITY if match[4].lower() == "g" else 1.0)
-        )
-    except (AssertionError, ValueError):
+        number, unit, _, per = _SENSITIVITY.fullmatch(text).groups()  # type: ignore[union-attr]
+        return float(number) * VOLTAGES[unit.lower()] / (GRAVITY if per.lower() == "g" else 1.0)
+    except (AttributeError, ValueError):
         place = f"channels.{name}.sensitivity = {text!r}"
         raise InputFileError(file, place, f"valid: {SENSITIVITIES}") from None
 
@@ -227,9 +222,7 @@ class Layout(Tabled):
             )  # fmt: skip
         rate = rate_hz or self.rate_hz
         channels = dict(channels)
-        time = channels.pop("time", None)
-        if time is None:
-            time = channels.get("time_s")
+        time = channels.pop("time", channels.get("time_s"))
         if time is None:
             if not rate:
                 hint = Sentence("give ", called("sampling_rate_hz"))
@@ -338,16 +331,11 @@ _SAME_RATE = 1e-3
 
 def _channel(file: Path, name: str, stated: object) -> Channel:
     table = validated(ChannelTable, file, stated, f"channels.{name}")
-    volts = isinstance(table.sensitivity, str)
-    sensitivity = table.sensitivity
-    if isinstance(sensitivity, str):
-        sensitivity = volts_per_m_s2(file, name, sensitivity)
+    about = table.model_dump(exclude_none=True)
+    if isinstance(table.sensitivity, str):
+        about |= {"sensitivity": volts_per_m_s2(file, name, table.sensitivity), "volts": True}
+    if isinstance(table.column, int):
+        about["column"] = f"#{table.column}"
     if table.unit:
-        valid = TIME_UNITS if name == "time" else ACCELERATIONS | VOLTAGES
-        factor(file, name, table.unit, valid)
-    column = f"#{table.column}" if isinstance(table.column, int) else table.column
-    return Channel(
-        column, table.unit, table.sign, sensitivity, volts, table.delay_s,
-        table.gain_std or 0.0, table.delay_std_s or 0.0, table.clock,
-        tuple(sorted(table.model_fields_set)),
-    )  # fmt: skip
+        factor(file, name, table.unit, TIME_UNITS if name == "time" else ACCELERATIONS | VOLTAGES)
+    return Channel(**about, stated=tuple(sorted(table.model_fields_set)))

@@ -38,8 +38,7 @@ _IMPOSSIBLE = 1e6
 _UNLIKELY = 500.0
 #: Standard deviation of an amplitude by the converter's steps from which a warning is given.
 _COARSE = 5e-3
-#: Codes of warnings of a unit that may be wrong: of a base between a fifth of a m/s^2 and two, and of
-#: other values.
+#: Codes of warnings of a unit that may be wrong: of a base of 0.2 to 2 m/s^2, and of other values.
 _IN_G, UNIT_IN_DOUBT = "in g", "unit in doubt"
 _CHECK_UNIT = "check its unit."
 #: A passive foot lags behind its base; it may seem to lead by so much where loggers take channels one by one [deg].
@@ -66,8 +65,7 @@ def checked(recording: Recording) -> Recording:
     A further accelerometer that cannot serve is left out.
 
     Raises:
-        RecordingError: it cannot serve: too short, time not uniform, NaN, dead, clipped, wrong
-            units, excitation not found, sampled too slowly, or channels not aligned.
+        RecordingError: it cannot serve: too short, not uniform, dead, clipped, sampled too slowly, or the like.
     """
     try:
         return _checked(recording)
@@ -224,13 +222,7 @@ def _moving(recording: Recording, frequency: float | None) -> None:
 
 
 def _is_sine(recording: Recording, hz: float, share: float) -> bool:
-    """Whether the base vibrates at one frequency, which must agree with the table.
-
-    Args:
-        recording: without offsets.
-        hz: the strongest frequency of its base.
-        share: of its power near that.
-    """
+    """Whether the base vibrates at one frequency, which must agree with the table."""
     nominal = recording.condition.frequency_hz
     if share < PERIODIC_SHARE:
         if nominal is None:
@@ -310,10 +302,8 @@ def _sampling(
 
 
 def _clipping(recording: Recording, name: str, frequency: float | None, interval: float) -> None:
-    """Refuse flat tops: longer runs at an extreme value than the converter's step gives a sine.
-
-    A channel with one measured sample in several (`interval`) stays so much longer at its top.
-    """
+    """Refuse flat tops: longer runs at an extreme value than the converter's step gives a sine."""
+    # a channel with one measured sample in several (`interval`) stays so much longer at its top
     values, t = recording.accelerations[name], recording.time_s
     levels = np.unique(values)
     step, size = float(np.diff(levels).min()), 0.5 * float(np.ptp(values))
@@ -441,7 +431,7 @@ def _quality(recording: Recording, measures: Quality, frequency: float | None) -
         cause = Sentence("the channels are swapped or misaligned (", called("channels.column, channels.delay_s"), ")")
         if not frequency or leads > _REPEATS_DEG:
             raise RecordingError(problem=lead, remedy=cause)
-        yield Sentence(f"{lead}; the person repeats to some per cent only, or ", cause, ".")
+        yield Sentence(f"{lead}. Either the person moved differently during the recording, or ", cause, ".")
     for name, channel in measures.channels.items():
         if name != "base":
             yield from _tops(name, channel, base, at)
@@ -489,8 +479,8 @@ def _tops(name: str, channel: ChannelQuality, base: ChannelQuality, at: str) -> 
             f"{name}_m_s2 has flattened tops on one side {at} ({share}); a foot that leaves the "
             "plate makes them, and so does a sensor that saturates on one side."
             if one_sided and flat > _FLAT_TOPS
-            else f"{name}_m_s2 has flattened tops {at} ({share}); dry friction in the foot makes them, and so "
-            "does a sensor that saturates: of friction they are less at a larger amplitude."
+            else f"{name}_m_s2 has flattened tops {at} ({share}); dry friction in the foot or a sensor "
+            "that saturates can cause this. Friction causes less of it at a larger amplitude."
             if flat > _FLAT_TOPS
             else f"{name}_m_s2 has slightly flattened tops {at} ({share}); a sensor that begins to "
             "saturate reads too little."
@@ -568,24 +558,19 @@ def understood(recording: Recording) -> dict[str, Any]:
     """The same, with level and quality of each channel, and amplitude and phase of a sine."""
     condition = recording.condition
     row = judged(recording) | {key: getattr(condition, key) for key in ("subject", "posture", "added_mass_kg")}
+    good = recording if row["problem"] else checked(recording)
+    row["rms_m_s2"] = {name: float(np.std(x)) for name, x in good.accelerations.items()}
+    if row["problem"]:
+        return row
+    t, f = good.time_s, good.condition.frequency_hz
     try:
         with by_name(recording.file):
-            return row | _measured(recording if row["problem"] else checked(recording), bool(row["problem"]))
+            measures = quality(t, good.accelerations, f)
+            row["sine_share"] = sine_share(t, good.base_m_s2, f or find_frequency(t, good.base_m_s2))
     except RecordingError as error:
-        return row | {"problem": row["problem"] or error.sentence}
-
-
-def _measured(good: Recording, unfit: bool) -> dict[str, Any]:
-    levels = {name: float(np.std(x)) for name, x in good.accelerations.items()}
-    if unfit:
-        return {"rms_m_s2": levels}
-    t, base, f = good.time_s, good.base_m_s2, good.condition.frequency_hz
-    measures = quality(t, good.accelerations, f)
-    share = sine_share(t, base, f or find_frequency(t, base))
-    row = {"rms_m_s2": levels, "sine_share": share, "quality": measures.row()}
-    if f is None:
-        return row
-    return row | {"transmissibility": measures.ratio, "phase_deg": measures.lead_deg}
+        return row | {"problem": error.sentence}
+    row["quality"] = measures.row()
+    return row if f is None else row | {"transmissibility": measures.ratio, "phase_deg": measures.lead_deg}
 
 
 def reasons(rows: Sequence[Mapping[str, Any]]) -> list[str]:
@@ -639,22 +624,24 @@ class Checked(Presented):
 
     def sheet(self) -> Sheet:
         """One row a recording, those with a problem first."""
-        rows = []
+        columns, rows = ("file", "samples", "rate [Hz]", "excitation [Hz]", *QUALITIES, "verdict"), []
         for row in sorted(self.rows, key=lambda row: (not row["problem"], not row.get("warnings"))):
-            frequency = row.get("frequency_hz")
-            at = "" if row["problem"] else "broadband" if frequency is None else f"{frequency:.5g}"
-            rate = f"{row['rate_hz']:.6g}" if "rate_hz" in row else ""
-            rows.append((row["file"], str(row.get("samples", "")), rate, at, *quality_cells(row), verdict(row)))
+            line = cells(row)
+            rows.append([line[name] for name in columns])
         sound = sum(verdict(row) == "sound" for row in self.rows)
         notes = [
             *self.problems,
             *self.remarks,
             *gathered([text for row in self.rows for text in row.get("warnings", ())]),
         ]
-        columns = ("file", "samples", "rate [Hz]", "excitation [Hz]", *QUALITIES, "verdict")
         return Sheet(f"{self.name}: {sound} of {len(self.rows)} recordings are sound", columns, rows, notes)
 
 
+#: Heading, key and digits of numbers in tables.
+_NUMBERS = (
+    ("samples", "samples", "0f"), ("rate [Hz]", "rate_hz", "6g"),
+    ("T", "transmissibility", "3f"), ("phase [deg]", "phase_deg", "3g"),
+)  # fmt: skip
 #: Columns of the tables of quality: coherence, and the worst channel's distortion, drift and range of levels.
 QUALITIES = ("coherence", "distortion [%]", "drift [%]", "level range [%]")
 
@@ -670,6 +657,16 @@ def quality_cells(row: Mapping[str, Any]) -> tuple[str, ...]:
     ranges = [float(np.ptp(c["level_m_s2"]) / np.mean(c["level_m_s2"])) for c in channels]
     drift = [c["drift"] for c in channels if c["drift"] is not None]
     return coherence, *(f"{100 * max(x):.2g}" if x else "" for x in (distortion, drift, ranges))
+
+
+def cells(row: Mapping[str, Any]) -> dict[str, str]:
+    """What tables show of a row of `understood`, by heading."""
+    hz = row.get("frequency_hz")
+    stated = {name: f"{row[key]:.{digits}}" if key in row else "" for name, key, digits in _NUMBERS}
+    levels = {f"{name} rms [m/s²]": f"{value:.3g}" for name, value in row.get("rms_m_s2", {}).items()}
+    excitation = "" if row["problem"] else "broadband" if hz is None else f"{hz:.5g}"
+    named = {"file": row["file"], "verdict": verdict(row), "excitation [Hz]": excitation}
+    return named | stated | levels | dict(zip(QUALITIES, quality_cells(row), strict=True))
 
 
 def verdict(row: Mapping[str, Any]) -> str:

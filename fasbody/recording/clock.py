@@ -82,9 +82,8 @@ def uniform(
 ) -> tuple[np.ndarray, Mapping[str, np.ndarray], str]:
     """Uniform times, the channels at these, and a sentence on what that costs.
 
-    Rounded stamps are replaced by the clock that they were rounded from. Exact stamps that jitter
-    are kept for what they are: the channels are brought to uniform times by a spline. Gaps stay,
-    for the checks to refuse.
+    Rounded stamps are replaced by the clock that they were rounded from. Exact stamps that jitter are kept: the
+    channels are brought to uniform times by a spline. Gaps stay, for the checks to refuse.
 
     Args:
         time_s: (n,) [s].
@@ -121,11 +120,8 @@ def uniform(
 
 
 def _gapless(time_s: np.ndarray, channels: Mapping[str, np.ndarray], unit: float) -> bool:
-    """Whether stamps rounded to a unit [s] are those of a uniform clock.
-
-    They are if odd steps come again and again, or if samples go on evenly over the few there are,
-    as they would not if one were missing.
-    """
+    """Whether stamps rounded to a unit [s] are those of a uniform clock."""
+    # odd steps come again and again, or samples go on evenly over the few there are: not so if one were missing
     counts = np.round(np.diff(time_s) / unit)
     odd = np.flatnonzero(counts != np.median(counts))
     if odd.size >= _REPEATED:

@@ -3,12 +3,14 @@
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 
 from fasbody.exceptions import InputFileError, shown
 from fasbody.presentation import Tabled
 from fasbody.recording import channels
 from fasbody.recording.channels import Channel, Layout
+from fasbody.recording.formats.series import Series
 from fasbody.sentences import Sentence, called, for_page
 
 #: So many letters as a first word are no unit: min_base is a minimum, second_foot a foot.
@@ -22,24 +24,29 @@ class Columns:
     """A file's columns.
 
     Attributes:
-        names: of the columns.
-        units: of the columns, "" where only the name may state it.
-        groups: sheet, structure or folder of each.
-        sizes: samples of each, if they may differ.
+        series: what the file says of each; those of a text have no values yet.
         passed: what else the file holds and why it is no column.
-        line: of the headings, if it is text.
-        clocked: the file states its rate.
-        rates: of each [Hz], if they may differ.
+        line: of the headings, None if it is no text.
     """
 
-    names: Sequence[str]
-    units: Sequence[str]
-    groups: Sequence[str] = ()
-    sizes: Sequence[int] = ()
+    series: Sequence[Series]
     passed: Sequence[str] = ()
     line: int | None = None
-    clocked: bool = False
-    rates: Sequence[float | None] = ()
+
+    @cached_property
+    def names(self) -> list[str]:
+        """Of the columns."""
+        return [s.name for s in self.series]
+
+    @cached_property
+    def units(self) -> list[str]:
+        """Of the columns, "" where only the name may state it; the date behind one of time is of no interest."""
+        return [s.unit.partition(" since ")[0] for s in self.series]
+
+    @property
+    def clocked(self) -> bool:
+        """Whether the file states a rate."""
+        return any(s.rate_hz for s in self.series)
 
     def called(self, index: int, column: str) -> bool:
         """Whether study.toml means a column: by name, by name without its unit, with `` 2`` if two are called so, or by
@@ -62,17 +69,16 @@ class Columns:
         passed = f"; passed over: {shown(', '.join(self.passed))}" if self.passed else ""
         return f"found: {shown(', '.join(self.names)) or 'nothing'}{passed}"
 
-    @property
+    @cached_property
     def times(self) -> list[int]:
         """The columns that are times by their unit, or by their name where no unit denies it."""
-        return [index for index in range(len(self.names)) if self._is_time(index)]
-
-    def _is_time(self, index: int) -> bool:
-        name = self.names[index].strip().lower()
-        unit = self.units[index].lower() or (channels.name_and_unit(name)[1] if name[-1:] in ")]" else "")
-        if unit:
-            return unit in channels.TIME_UNITS
-        return channels.name_and_unit(name)[1] not in channels.UNITS and _TIMES.search(name) is not None
+        times = []
+        for index, name in enumerate(name.strip().lower() for name in self.names):
+            behind = channels.name_and_unit(name)[1]
+            unit = self.units[index].lower() or (behind if name[-1:] in ")]" else "")
+            named = behind not in channels.UNITS and _TIMES.search(name)
+            times += [index] if (unit in channels.TIME_UNITS if unit else named) else []
+        return times
 
 
 @dataclass(frozen=True)
@@ -92,6 +98,10 @@ class Use(Tabled):
     clock: int | None = None
 
 
+#: Index of the column of each channel, and the unit of its numbers.
+_Chosen = dict[str, tuple[int, str]]
+
+
 def assign(file: Path, columns: Columns, layout: Layout) -> tuple[dict[str, Use], tuple[str, ...]]:
     """Find the channels among a file's columns: those of section 2.2.2, and every other that is an acceleration.
 
@@ -104,7 +114,7 @@ def assign(file: Path, columns: Columns, layout: Layout) -> tuple[dict[str, Use]
         what was decided between the file and study.toml, in sentences without the file's name.
     """
     remarks: list[str] = []
-    chosen: dict[str, tuple[int, str]] = {}
+    chosen: _Chosen = {}
     for channel in ("time", *channels.NAMES):
         column = _column_of(file, columns, layout, channel, remarks)
         if column is not None:
@@ -157,17 +167,10 @@ def _column_of(
         if channel == "time" and unit and unit.lower() not in channels.TIME_UNITS and not stated.column:
             continue
         candidates.append((index, unit))
-    if (
-        len(candidates) > 1
-        and channel == "time"
-        and len({columns.groups[i] for i, _ in candidates} if columns.groups else ()) > 1
-    ):
-        return candidates[0]  # a clock for each sheet, structure or group
     last = (*columns.times, len(columns.names))
-    apart = (i - 1 not in columns.times and i + 1 not in last for i, _ in candidates[1:])
-    if len(candidates) > 1 and channel == "time" and all(apart):
-        return candidates[0]  # a clock in front of each sensor
-    if len(candidates) > 1:
+    apart = all(i - 1 not in columns.times and i + 1 not in last for i, _ in candidates[1:])
+    several = len({columns.series[i].group for i, _ in candidates}) > 1
+    if len(candidates) > 1 and not (channel == "time" and (apart or several)):  # a clock of each sensor, or group
         numbers = " or ".join(f"column = {index + 1}" for index, _ in candidates[:3])
         hint = f"keep one of them, or say which in study.toml ([channels.{channel}] {numbers})"
         raise InputFileError(file, f"has two columns for {channel}", hint, line=columns.line)
@@ -182,15 +185,7 @@ def _column_of(
 
 
 def _unit(file: Path, channel: str, behind: str, beside: str, stated: str, remarks: list[str]) -> str:
-    """The unit of a channel's numbers: of study.toml, which may overrule the file, or of the file.
-
-    Args:
-        channel: its name.
-        behind: by the heading.
-        beside: by a row or attribute of units.
-        stated: in study.toml.
-        remarks: gets a sentence where study.toml overrules.
-    """
+    """The unit of a channel's numbers: of study.toml, which may overrule the file, or of the file."""
     valid = channels.TIME_UNITS if channel == "time" else channels.ACCELERATIONS | channels.VOLTAGES
     known = [unit for unit in (beside, behind) if unit.lower() in valid]
     if not stated and len(known) == 2 and not _same(valid, *known):
@@ -213,11 +208,8 @@ def _same(valid: Mapping[str, float], one: str, other: str) -> bool:
 
 
 def _by_unit(columns: Columns) -> tuple[int, str] | None:
-    """The first column that has a unit of time under whatever name, and the unit.
-
-    It stands beside the name, in brackets behind it, behind the name of a time (timestamp_ms), or
-    is the first word (seconds_elapsed).
-    """
+    """The first column that has a unit of time under whatever name, and the unit."""
+    # beside the name, in brackets behind it, behind the name of a time (timestamp_ms), or first (seconds_elapsed)
     for index, name in enumerate(columns.names):
         stem, behind = channels.name_and_unit(name)
         bracketed = behind if name.strip()[-1:] in ")]" else ""
@@ -228,7 +220,7 @@ def _by_unit(columns: Columns) -> tuple[int, str] | None:
     return None
 
 
-def _complete(file: Path, columns: Columns, layout: Layout, chosen: Mapping[str, tuple[int, str]]) -> None:
+def _complete(file: Path, columns: Columns, layout: Layout, chosen: _Chosen) -> None:
     """Refuse a file that lacks a channel, or a time where it states no rate."""
     if columns.line and not chosen:  # text, perhaps in another language
         listed = ", ".join(f'[channels.{name}] column = "..."' for name in ("time", "base", "malleolus"))
@@ -257,13 +249,11 @@ def _complete(file: Path, columns: Columns, layout: Layout, chosen: Mapping[str,
             raise InputFileError(file, missing, hint, line=columns.line, code=f"no {name}", setting=key)
 
 
-def _others(
-    columns: Columns, layout: Layout, chosen: Mapping[str, tuple[int, str]]
-) -> dict[str, tuple[int, str]]:  # fmt: skip
+def _others(columns: Columns, layout: Layout, chosen: _Chosen) -> _Chosen:
     """Further accelerometers: those of study.toml, and columns with a unit of acceleration."""
     taken = {index for index, _ in chosen.values()}
-    size = columns.sizes[chosen["base_m_s2"][0]] if columns.sizes else 0
-    others: dict[str, tuple[int, str]] = {}
+    size = columns.series[chosen["base_m_s2"][0]].values.size
+    others: _Chosen = {}
     for index, (name, unit) in enumerate(zip(columns.names, columns.units, strict=True)):
         plain, claimed = channels.heading(name)
         stem = plain.removesuffix(f"_{claimed}") if claimed else plain
@@ -273,18 +263,14 @@ def _others(
         acceleration = (unit or claimed).lower() in channels.ACCELERATIONS and channels.SENSOR_NAME.fullmatch(channel)
         if index in taken or channel.partition("_")[0] in (*channels.NAMES, "time") or not (stated or acceleration):
             continue
-        if not columns.sizes or stated or columns.sizes[index] == size:
+        if stated or columns.series[index].values.size == size:
             others.setdefault(f"{channel}_m_s2", (index, (stated.unit if stated else "") or unit or claimed))
     return others
 
 
-def _clocks(
-    file: Path, columns: Columns, layout: Layout, chosen: Mapping[str, tuple[int, str]]
-) -> dict[str, int]:  # fmt: skip
-    """The column of times of each channel that does not share the time of the file.
-
-    A table repeats its time in front of each sensor, a file with groups in each of them, and names share a word.
-    """
+def _clocks(file: Path, columns: Columns, layout: Layout, chosen: _Chosen) -> dict[str, int]:
+    """The column of times of each channel that does not share the time of the file."""
+    # a table repeats its time in front of each sensor, a file with groups in each of them, and names share a word
     main = next((chosen[key][0] for key in ("time_s", "time") if key in chosen), None)
     times = sorted({*columns.times, *(() if main is None else (main,))})
     clocks: dict[str, int] = {}
@@ -302,14 +288,13 @@ def _clocks(
     return {key: index for key, index in clocks.items() if index != main}
 
 
-def _one_length(
-    file: Path, columns: Columns, chosen: Mapping[str, tuple[int, str]], clocks: Mapping[str, int]
-) -> None:  # fmt: skip
+def _one_length(file: Path, columns: Columns, chosen: _Chosen, clocks: Mapping[str, int]) -> None:
     """Refuse channels of other lengths than the others that share their time."""
-    sizes = {key: columns.sizes[index] for key, (index, _) in chosen.items()} if columns.sizes else {}
-    odd = {key for key, size in sizes.items() if key in clocks and columns.sizes[clocks[key]] == size}
-    if columns.rates and len({columns.rates[index] for index, _ in chosen.values()}) > 1:  # a clock for each rate
-        odd |= {key for key, (index, _) in chosen.items() if columns.rates[index]}
+    used = {key: columns.series[index] for key, (index, _) in chosen.items()}
+    sizes = {key: s.values.size for key, s in used.items()}
+    odd = {key for key, size in sizes.items() if key in clocks and columns.series[clocks[key]].values.size == size}
+    if len({s.rate_hz for s in used.values()}) > 1:  # a clock for each rate
+        odd |= {key for key, s in used.items() if s.rate_hz}
     shared = {key: size for key, size in sizes.items() if key not in odd}
     if len(set(shared.values())) > 1:
         listed = ", ".join(f"{name} {size}" for name, size in shared.items())
@@ -318,8 +303,7 @@ def _one_length(
 
 def _clock_of(columns: Columns, index: int, key: str, times: Sequence[int], main: int | None) -> int:
     """The column of times of one column: of its group, by a word that both names have, or the one in front of it."""
-    if columns.groups and any(columns.groups[i] == columns.groups[index] for i in times):
-        times = [i for i in times if columns.groups[i] == columns.groups[index]]
+    times = [i for i in times if columns.series[i].group == columns.series[index].group] or times
     words = {i: _words(columns.names[i]) for i in times}
     if not all(any(word.isdigit() for word in tokens) for tokens in words.values()):  # t1 and t2, not time and time 2
         words = {i: {word for word in tokens if not word.isdigit()} for i, tokens in words.items()}

@@ -94,7 +94,7 @@ def plausible(mass_kg: float, name: str, where: str) -> float:
     """The mass of a "body" or "added" to it.
 
     Raises:
-        RecordingError: nobody weighs that; `here` is the place it was read from.
+        RecordingError: nobody weighs that; `where` is the place it was read from.
     """
     low, high = _MASS_LIMITS_KG[name]
     if isinstance(mass_kg, str) or np.ndim(mass_kg):

@@ -15,12 +15,16 @@ from pathlib import Path
 import numpy as np
 
 from fasbody.exceptions import InputFileError, shown
-from fasbody.recording import headings, statements, text
+from fasbody.recording import headings, text
 from fasbody.recording.channels import Channels, Layout
 from fasbody.recording.columns import Columns, Use, has_channels
+from fasbody.recording.formats.series import Series
 from fasbody.recording.headings import Headings
+from fasbody.recording.statements import Statements, of_lines
 from fasbody.sentences import Sentence
 
+#: So many numbers show whether a column rises as a time does.
+FIRST = 500
 #: Longer texts are parsed by pandas, several times as fast as numpy's parser; importing it costs what this long takes.
 _LONG = 5_000_000
 _PLAIN = b"0123456789+-.eE,;|\t\n "
@@ -78,40 +82,24 @@ class TextTable:
         """Of the columns."""
         return self.headings.names
 
-    @property
+    @cached_property
     def columns(self) -> Columns:
         """Its columns; a time of the day is in seconds."""
-        units = ["s" if index in self.stamped else unit for index, unit in enumerate(self.headings.units)]
-        line = self.passage.first + (self.headings.line or 1)
-        return Columns(self.names, units, line=line, clocked=self.headings.rate_hz is not None)
+        series = [
+            Series(name, "s" if index in self.stamped else unit, np.empty(0), self.headings.rate_hz)
+            for index, (name, unit) in enumerate(zip(self.names, self.headings.units, strict=True))
+        ]
+        return Columns(series, line=self.passage.first + (self.headings.line or 1))
 
     @property
     def skipped(self) -> tuple[str, ...]:
         """What of the text is in no use, in words."""
         return (*self.headings.skipped, *self.footer, *self.passed)
 
-    def rate_hz(self, uses: Mapping[str, Use], layout: Layout) -> float | None:
-        """The rate [Hz] that a line of the text states; a column of times overrules it."""
-        return None if "time_s" in uses else self.headings.rate_hz
-
-    def clocks(self, uses: Mapping[str, Use], time_s: np.ndarray, rate_hz: float | None) -> Channels:
-        """A text states no start of a channel."""
-        return {}
-
-    def remarks(self, time_s: np.ndarray) -> list[str]:
-        """What the text states that its numbers deny, in sentences without the file's name."""
-        rate, span = self.headings.rate_hz, float(time_s[-1] - time_s[0])
-        if rate is None or not span > 0 or abs((time_s.size - 1) / span / rate - 1) < 1e-2:
-            return []
-        counted = (time_s.size - 1) / span
-        return [f"a line above its numbers states {rate:g} Hz, and its time runs at {counted:.6g} Hz, which counts"]
-
-    def unapplied(self, uses: Mapping[str, Use], layout: Layout) -> list[str]:
-        """Refuse lines that state time or scale of a channel; remarks on those that are not understood."""
-        names = {key.removesuffix("_m_s2"): self.names[use.index] for key, use in uses.items() if key[:4] != "time"}
-        stated, vague = statements.of_lines(self.headings.beside, self.headings.separator, names)
-        statements.refuse_unapplied(self.file, stated, names, layout, alike=True)
-        return vague
+    def stated(self, uses: Mapping[str, Use]) -> tuple[dict[str, Statements], list[str]]:
+        """Statements of the channels in use by lines of words; and remarks on lines that are not understood."""
+        names = {key.removesuffix("_m_s2"): self.names[use.index] for key, use in uses.items()}
+        return of_lines(self.headings.beside, self.headings.separator, names)
 
     @cached_property
     def first_row(self) -> list[str]:
@@ -154,23 +142,24 @@ class TextTable:
                 piece, self.footer[:] = headings.without_footer(piece, self.headings.separator)
             yield max(at, above), piece
 
-    def sample(self, most: int = 500) -> np.ndarray:
+    def sample(self) -> np.ndarray:
         """The first rows of numbers, (columns, rows); NaN where a cell is none."""
-        kept: list[list[float]] = []
-        for _, cells in text.rows_below(self.head, self.headings.first, self.headings.separator):
-            if len(kept) == most:
-                break
-            if len(cells) == len(self.names) and any(map(text.numeric, cells)):
-                kept.append([text.number(cell) if text.numeric(cell) else np.nan for cell in cells])
-        return np.array(kept, float).reshape(-1, len(self.names)).T
+        below = (cells for _, cells in text.rows_below(self.head, self.headings.first, self.headings.separator))
+        whole = (cells for cells in below if len(cells) == len(self.names) and any(map(text.numeric, cells)))
+        kept = [[text.number(cell) if text.numeric(cell) else np.nan for cell in cells]
+                for cells in islice(whole, FIRST)]  # fmt: skip
+        return np.array(kept, float).reshape(len(kept), len(self.names)).T
 
     def refuse_gap(self, name: str, index: int) -> InputFileError:
         """A sentence on the first empty cell of a column."""
+        line = next((line for line, cell in self.cells(index) if not cell), None)
+        return InputFileError(self.file, f"{name} is '', not a number", line=line)
+
+    def cells(self, index: int) -> Iterator[tuple[int, str]]:
+        """Line and text of each cell of a column."""
         for after, body in self.bodies():
             for line, cells in text.rows(self.file, body, self.headings.separator, after):
-                if not (cells[index] if index < len(cells) else ""):
-                    return InputFileError(self.file, f"{name} is '', not a number", line=line)
-        return InputFileError(self.file, f"{name} lacks a number")
+                yield line, _at(cells, index)
 
 
 def several_takes(file: Path, count: int, where: str) -> InputFileError:
@@ -215,8 +204,8 @@ def _table(passage: text.Passage, layout: Layout, strict: bool) -> TextTable:
     """The headings of a passage, and where its numbers begin."""
     file, head = passage.file, next((piece for _, piece in passage.pieces()), "")
     header = headings.find_header(head, layout.known)
+    hint = "the first line must be time_s,base_m_s2,malleolus_m_s2"
     if not any(header.names):
-        hint = "the first line must be time_s,base_m_s2,malleolus_m_s2"
         raise InputFileError(file, "is empty", hint)
     known = layout.known(header.names)
     numbers = headings.first_number_row(head, header, layout) if layout.columns or not known else None
@@ -226,17 +215,13 @@ def _table(passage: text.Passage, layout: Layout, strict: bool) -> TextTable:
         return TextTable(passage, head, headings.read_headings(head, header))
     if strict and not layout.columns:
         columns = ", or --columns time_s,base_g,... (study.toml: columns) must name its columns"
-        hint = Sentence(
-            "the first line must be time_s,base_m_s2,malleolus_m_s2",
-            Sentence(columns, on_page="; write it above the numbers"),
-        )
-        raise InputFileError(file, "has no header line", hint)
-    line, separator, width = numbers
-    if layout.columns and width != len(layout.columns):
+        remedy = Sentence(hint, Sentence(columns, on_page="; write it above the numbers"))
+        raise InputFileError(file, "has no header line", remedy)
+    line, separator, cells = numbers
+    if layout.columns and len(cells) != len(layout.columns):
         listed = shown(", ".join(layout.columns))
-        problem = f"has {width} columns, and {len(layout.columns)} are named ({listed})"
-        hint = "name every column, with any word for those that are no channel"
-        raise InputFileError(file, problem, hint, line)
+        problem = f"has {len(cells)} columns, and {len(layout.columns)} are named ({listed})"
+        raise InputFileError(file, problem, "name every column, with any word for those that are no channel", line)
     rate, others = headings.read_statements([row for row in islice(text.lines(head), line - 1) if row.strip()])
     units = layout.units or ("",) * len(layout.columns)
     skipped = tuple(f"a line above the numbers ({shown(row)})" for row in others)
@@ -272,15 +257,13 @@ def _no_thousands(table: TextTable, name: str, index: int, values: np.ndarray) -
     if not all(map(_like_thousands, (values[:10_000], values))):
         return
     marked = bare = ""
-    for after, body in table.bodies():
-        for _, cells in text.rows(table.file, body, table.headings.separator, after):
-            cell = cells[index] if index < len(cells) else ""
-            if _THOUSANDS.fullmatch(cell):
-                marked = marked or cell
-            elif re.search(r"[.,eE]", cell):
-                return
-            elif cell and abs(float(cell)) >= 1:
-                bare = bare or cell
+    for _, cell in table.cells(index):
+        if _THOUSANDS.fullmatch(cell):
+            marked = marked or cell
+        elif re.search(r"[.,eE]", cell):
+            return
+        elif cell and abs(float(cell)) >= 1:
+            bare = bare or cell
     if marked and bare:
         raise InputFileError(
             table.file, f"{name} is {marked!r} and {bare!r}: a mark between thousands would be read as that of "
@@ -303,10 +286,8 @@ def _numbers(table: TextTable, body: str, after: int, indices: Mapping[str, int]
     sample = table.first_row
     decimal = "," if any("," in sample[i] for i in indices.values() if i < len(sample)) else "."
     marked = any(mark in body for mark in ("#", "%", "//"))  # a search by pattern takes as long as the parser
-    plain = body
-    if marked and (text.COMMENT.match(body) or re.search(rf"\n{text.COMMENT.pattern}", body)):
-        plain = "\n".join(line for line in body.split("\n") if not text.COMMENT.match(line))
-    data = plain.encode()
+    lines = body.split("\n") if marked else []
+    data = ("\n".join(line for line in lines if not text.COMMENT.match(line)) if marked else body).encode()
     _no_wider(table, body, data, after)
     order = list(indices.values())
     try:
@@ -316,7 +297,8 @@ def _numbers(table: TextTable, body: str, after: int, indices: Mapping[str, int]
         pass
     kept: list[list[float]] = []
     for line, cells in text.rows(table.file, body, separator, after):
-        kept.append([_cell(table.file, name, cells, index, line, empty=True) for name, index in indices.items()])
+        named = [(name, _at(cells, index)) for name, index in indices.items()]
+        kept.append([_number(table.file, name, cell, line) if cell else np.nan for name, cell in named])
     return dict(zip(indices, np.array(kept, float).reshape(-1, len(indices)).T.copy(), strict=True))
 
 
@@ -352,7 +334,7 @@ def _seconds(file: Path, body: str, separator: str, index: int, after: int) -> n
     """A column of times of the day (n,) [s]."""
     seconds = []
     for line, cells in text.rows(file, body, separator, after):
-        cell = cells[index] if index < len(cells) else ""
+        cell = _at(cells, index)
         stamp = headings.STAMP.fullmatch(cell)
         if stamp is None:
             raise InputFileError(file, f"time is {shown(cell)!r}, not a time of the day as above it", line=line)
@@ -381,10 +363,11 @@ def _widest(data: bytes, separator: str) -> int:
     return int(np.diff(np.searchsorted(cuts, ends), prepend=0).max()) + 1
 
 
-def _cell(file: Path, name: str, cells: Sequence[str], index: int, line: int, empty: bool = False) -> float:
-    cell = cells[index] if index < len(cells) else ""
-    if empty and not cell:
-        return np.nan
+def _at(cells: Sequence[str], index: int) -> str:
+    return cells[index] if index < len(cells) else ""
+
+
+def _number(file: Path, name: str, cell: str, line: int) -> float:
     try:
         value = text.number(cell)
     except ValueError:
@@ -425,8 +408,6 @@ def read_table(file: Path, needed: Sequence[str]) -> Rows:
 
 def column(file: Path, table: Rows, name: str, optional: bool = False) -> np.ndarray:
     """One column of a table as numbers (n,); an empty cell, or a column that is not there, is NaN if `optional`."""
-    cells = {line: row.get(name) for line, row in table.items()}
-    return np.array(
-        [np.nan if optional and not cell else _cell(file, name, [cell or ""], 0, line) for line, cell in cells.items()],
-        float,
-    )
+    cells = {line: row.get(name) or "" for line, row in table.items()}
+    rows = [np.nan if optional and not cell else _number(file, name, cell, line) for line, cell in cells.items()]
+    return np.array(rows, float)

@@ -20,18 +20,15 @@ _MATCHES = {
     "any": r"[^/]*?",
 }
 #: How file names state conditions, in the order of the search.
-_SIGNS = (
-    ("frequency", re.compile(rf"({_NUMBER})(?=[ _-]?hz)", re.IGNORECASE)),
-    ("load", re.compile(rf"({_NUMBER})(?=[ _-]?kg)", re.IGNORECASE)),
-    ("posture", re.compile(rf"({'|'.join(POSTURES)})", re.IGNORECASE)),
-    (
-        "subject",
-        re.compile(
-            r"(?<![A-Za-z0-9])(?:subject|subj|sub|s|p|vp|id)[ _-]?(\d+)(?![\d.]*[ _-]?(?:hz|kg))",
-            re.IGNORECASE,
-        ),
-    ),
-)
+_SIGNS = {
+    field: re.compile(pattern, re.IGNORECASE)
+    for field, pattern in (
+        ("frequency", rf"({_NUMBER})(?=[ _-]?hz)"),
+        ("load", rf"({_NUMBER})(?=[ _-]?kg)"),
+        ("posture", rf"({'|'.join(POSTURES)})"),
+        ("subject", r"(?<![A-Za-z0-9])(?:subject|subj|sub|s|p|vp|id)[ _-]?(\d+)(?![\d.]*[ _-]?(?:hz|kg))"),
+    )
+}
 #: More than this in a name is a body mass [kg].
 _MOST_LOAD_KG = 25.0
 
@@ -45,7 +42,7 @@ def condition_in_name(name: str) -> Condition:
         >>> condition_in_name("S16_midstance_20Hz_2.3kg.csv").added_mass_kg
         2.3
     """
-    texts = {field: {m[1].lower() for m in sign.finditer(name)} for field, sign in _SIGNS}
+    texts = {field: {m[1].lower() for m in sign.finditer(name)} for field, sign in _SIGNS.items()}
     only = {field: values.pop() for field, values in texts.items() if len(values) == 1}
     frequency = float(plain_number(only["frequency"])) if "frequency" in only else None
     posture, load = only.get("posture", "midstance"), load_in_name(name) or 0.0
@@ -66,7 +63,7 @@ def body_mass_in_name(name: str) -> float | None:
 
 
 def _masses(name: str) -> list[float]:
-    return [float(plain_number(match[1].lower())) for match in dict(_SIGNS)["load"].finditer(name)]
+    return [float(plain_number(match[1].lower())) for match in _SIGNS["load"].finditer(name)]
 
 
 def common_value(values: Iterable[float]) -> float | None:
@@ -111,7 +108,7 @@ def stated(patterns: Sequence[str], stem: str) -> dict[str, str] | None:
 
 def _template(stem: str) -> str:
     """The pattern that a name follows: what is known by its sign, and any other number as {any}."""
-    for field, sign in _SIGNS:
+    for field, sign in _SIGNS.items():
         for m in reversed(list(sign.finditer(stem))):
             heavy = field == "load" and float(plain_number(m[1].lower())) > _MOST_LOAD_KG
             sort = "mass" if heavy else field

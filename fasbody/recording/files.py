@@ -15,11 +15,11 @@ from fasbody.exceptions import InputFileError
 from fasbody.recording.channels import NAMES, TIME_UNITS, Channel, Channels, Layout, name_and_unit
 from fasbody.recording.clock import counter_fault, straightened
 from fasbody.recording.columns import Columns, Use, assign, has_channels
-from fasbody.recording.csv import TextTable, read_table, several_takes
+from fasbody.recording.csv import FIRST, TextTable, read_table, several_takes
 from fasbody.recording.formats import ENDINGS, READ, ending
 from fasbody.recording.formats.reader import read_series
 from fasbody.recording.formats.series import FormatError, Series, need
-from fasbody.recording.statements import refuse_unapplied
+from fasbody.recording.statements import Statements, refuse_unapplied
 from fasbody.recording.text import read_text
 from fasbody.sentences import Sentence, called
 
@@ -29,17 +29,63 @@ _SHEETS = (".xls", ".xlsb", ".ods", ".numbers")
 TEXTS = (".csv", ".txt", ".tsv", ".dat", ".asc", ".log")
 
 
+
+
+@dataclass(frozen=True, eq=False)
+class _SeriesTable:
+    """The series of an instrument's file as columns."""
+
+    file: Path
+    columns: Columns
+    skipped: tuple[str, ...] = ()
+    takes: int = 1
+
+    @classmethod
+    def open(cls, file: Path, layout: Layout) -> "_SeriesTable":
+        """The series of a file, those of one take where study.toml names it."""
+        if not file.exists():
+            raise InputFileError(file, "no such file or folder", "give a study folder or recordings")
+        if ending(file) not in READ:
+            listed = f"valid: {', '.join((*TEXTS, *READ))}, each also with .gz"
+            if ending(file) in _SHEETS:
+                listed = "save the sheet as .xlsx or as .csv, with time_s, base_m_s2, malleolus_m_s2 above its columns"
+            raise InputFileError(file, f"no format has the ending {ending(file)!r}", listed)
+        series = read_series(file)
+        passed = [f"{s.name!r} is {s.what}" for s in series if s.what]
+        series = [s for s in series if not s.what]
+        groups = list(dict.fromkeys(s.group for s in series))
+        skipped = (f"the other takes ({len(groups) - 1})",)
+        parts = [[replace(s, name=s.name.removeprefix(f"{group}/")) for s in series if s.group == group]
+                 for group in groups if len(groups) > 1]  # fmt: skip
+        tables = [cls(file, Columns(part, passed), skipped, len(groups)) for part in parts]
+        takes = [table for table in tables if has_channels(table.columns, layout)]
+        if len(takes) > 1 and layout.take is None:
+            raise several_takes(file, len(takes), ", ".join(repr(take.columns.series[0].group) for take in takes))
+        return layout.one_of(file, takes) if len(takes) > 1 else cls(file, Columns(series, passed))
+
+    def numbers(self, indices: Mapping[str, int]) -> Channels:
+        return {key: self.columns.series[index].values for key, index in indices.items()}
+
+    def sample(self) -> list[np.ndarray]:
+        """The first numbers of each column."""
+        return [s.values[:FIRST] for s in self.columns.series]
+
+    def stated(self, uses: Mapping[str, Use]) -> tuple[dict[str, Statements], list[str]]:
+        return {key.removesuffix("_m_s2"): self.columns.series[use.index].stated for key, use in uses.items()}, []
+
+
+_Source = TextTable | _SeriesTable
+
+
 @dataclass(frozen=True, eq=False)
 class Reading:
     """What a file gave.
 
     Attributes:
-        channels: ``time_s``, ``base_m_s2``, ``malleolus_m_s2`` and perhaps more, each (n,), delays
-            undone.
+        channels: ``time_s``, ``base_m_s2``, ``malleolus_m_s2`` and perhaps more, (n,) each, delays undone.
         used: on each channel its column, unit and clock, in words.
         unused: what else the file holds.
-        warnings: what was decided that could have been otherwise, in sentences without the file's
-            name.
+        warnings: what was decided and could have been otherwise, in sentences without the file's name.
     """
 
     channels: Channels
@@ -54,26 +100,27 @@ def reading(file: Path, layout: Layout | None = None) -> Reading:
     Args:
         layout: what study.toml says of its channels.
     """
-    layout = (layout or Layout()).of(file)
-    source: TextTable | _SeriesTable
-    if ending(file) in TEXTS:
-        layout = beside(file, layout)
-        source = TextTable.open(file, layout)
-    else:
-        source = _SeriesTable.open(file, layout)
-    uses, decided = assign(file, source.columns, layout)
+    layout = beside(file, (layout or Layout()).of(file))
+    source = _opened(file, layout)
+    columns = source.columns
+    uses, decided = assign(file, columns, layout)
     numbers = _numbers(source, uses, layout)
     uses = {key: use for key, use in uses.items() if key in numbers}
-    rate = source.rate_hz(uses, layout)
-    vague = source.unapplied(uses, layout)
-    _counted(source, uses, rate, layout)
+    is_timed = bool({"time", "time_s"} & uses.keys())
+    sensors = {key: columns.series[use.index] for key, use in uses.items() if not key.startswith("time")}
+    rate = None if columns.line and "time_s" in uses else _rate(file, columns, sensors, is_timed, layout)
+    stated, vague = source.stated({key: uses[key] for key in sensors})
+    names = {key.removesuffix("_m_s2"): s.name for key, s in sensors.items()}
+    refuse_unapplied(file, stated, names, layout, alike=columns.line is not None)
+    if not is_timed:
+        _counted(source, uses, rate, layout)
     numbers, places = _without_gaps(source, uses, numbers)
     channels = {key: numbers.pop(key) for key in uses}
     channels |= {key: use.factor * channels[key] for key, use in uses.items() if use.factor != 1}
-    if places and not {"time", "time_s"} & channels.keys():
+    if places and not is_timed:
         counts = (places[key][-1] + 1 if key in places else values.size for key, values in channels.items())
         channels["time_s"] = np.arange(max(counts)) / (rate or layout.rate_hz or 1.0)
-    if {"time", "time_s"} & channels.keys():
+    if is_timed or places:
         channels = layout.timed(file, channels, rate)
     clocks = _clocks(source, uses, channels, layout, rate)
     uses = {key: use if key in clocks else replace(use, clock=None) for key, use in uses.items()}
@@ -85,25 +132,31 @@ def reading(file: Path, layout: Layout | None = None) -> Reading:
     channels = layout.timed(file, channels, rate)
     if not clocks and source.takes == 1:
         channels = _one_take(file, channels, layout)
-    if channels["time_s"].size < 2:
-        raise InputFileError(file, f"holds {channels['time_s'].size} samples", "a recording needs at least two")
-    first, last = (float(t) for t in channels["time_s"][[0, -1]])
-    if last < first:
-        problem = f"its time runs backwards ({first:g} s first, {last:g} s last)"
+    time_s = channels["time_s"]
+    if time_s.size < 2:
+        raise InputFileError(file, f"holds {time_s.size} samples", "a recording needs at least two")
+    if time_s[-1] < time_s[0]:
+        problem = f"its time runs backwards ({time_s[0]:g} s first, {time_s[-1]:g} s last)"
         raise InputFileError(file, problem, "sort the rows by time")
-    others = [*vague, *source.remarks(channels["time_s"]), *_other_clocks(source, uses, channels["time_s"])]
-    clocks |= source.clocks(uses, channels["time_s"], rate)
+    remarks = [*decided, *vague, *_denied(columns, time_s), *_other_clocks(source, uses, time_s)]
+    clocks |= _stated_clocks(file, sensors, time_s, is_timed, rate)
     if clocks:
-        channels["time_s"] = straightened(channels["time_s"])
+        channels["time_s"] = straightened(time_s)
     channels, unlike = layout.aligned(file, channels, clocks)
     used, unused = _ledger(source, uses)
-    if not {"time", "time_s"} & uses.keys() and (rate or layout.rate_hz):
-        counted = f"time: counted at {rate or layout.rate_hz:.6g} Hz, as {'the file' if rate else 'study.toml'} says"
-        used = (*((counted,) if "base_m_s2" not in clocks else ()), *used)
-    return Reading(channels, used, unused, (*decided, *others, *filter(None, [unlike])))
+    if not is_timed and (rate or layout.rate_hz) and "base_m_s2" not in clocks:
+        by = "the file" if rate else "study.toml"
+        used = (f"time: counted at {rate or layout.rate_hz:.6g} Hz, as {by} says", *used)
+    return Reading(channels, used, unused, (*remarks, *filter(None, [unlike])))
 
 
-def _numbers(source: "TextTable | _SeriesTable", uses: Mapping[str, Use], layout: Layout) -> Channels:
+def _opened(file: Path, layout: Layout, strict: bool = True) -> _Source:
+    if ending(file) in TEXTS:
+        return TextTable.open(file, layout, strict)
+    return _SeriesTable.open(file, layout)
+
+
+def _numbers(source: _Source, uses: Mapping[str, Use], layout: Layout) -> Channels:
     """The columns in use; without the further sensors where one of those is no column of numbers."""
     every = {key: use.index for key, use in uses.items()}
     needed = ("time", "time_s", *(f"{name}_m_s2" for name in (*NAMES, *layout.channels)))
@@ -117,7 +170,7 @@ def _numbers(source: "TextTable | _SeriesTable", uses: Mapping[str, Use], layout
 
 
 def _without_gaps(
-    source: "TextTable | _SeriesTable", uses: Mapping[str, Use], numbers: Channels
+    source: _Source, uses: Mapping[str, Use], numbers: Channels
 ) -> tuple[Channels, dict[str, np.ndarray]]:
     """Columns without their empty cells, and the rows that a slower channel has of those that share one time."""
     time = next((numbers[key] for key in ("time_s", "time") if key in numbers), None)
@@ -132,7 +185,9 @@ def _without_gaps(
         rows = np.flatnonzero(good)
         if good.all() and (end == size or uses[key].clock is not None or not isinstance(source, TextTable)):
             continue
-        if uses[key].clock is None and _every_few(rows) and size - end <= rows[1] - rows[0]:
+        gaps = np.diff(rows)  # even ones of two or more are those of a slower channel
+        is_slower = rows.size > 8 and gaps.min() >= 2 and np.ptp(gaps) <= 1 and size - end <= gaps[0]
+        if uses[key].clock is None and is_slower:
             made[key], places[key] = values[rows], rows
         elif isinstance(source, TextTable):
             raise source.refuse_gap(key, uses[key].index)
@@ -141,16 +196,7 @@ def _without_gaps(
 
 def _end(values: np.ndarray) -> int:
     """How many values (n,) there are without the empty ones at the end."""
-    if values.size == 0 or not np.isnan(values[-1]):
-        return values.size
-    filled = np.flatnonzero(~np.isnan(values))
-    return int(filled[-1]) + 1 if filled.size else 0
-
-
-def _every_few(rows: np.ndarray) -> bool:
-    """Whether rows (n,) lie evenly two or more apart, as those of a slower channel."""
-    gaps = np.diff(rows)
-    return rows.size > 8 and int(gaps.min()) >= 2 and int(np.ptp(gaps)) <= 1
+    return int(np.flatnonzero(~np.isnan(values)).max(initial=-1)) + 1
 
 
 #: Samples of a take at least, and the share of its length within which its time begins as the first.
@@ -172,31 +218,27 @@ def _one_take(file: Path, channels: Channels, layout: Layout) -> Channels:
 
 
 def _clocks(
-    source: "TextTable | _SeriesTable", uses: Mapping[str, Use], channels: Channels, layout: Layout,
-    rate_hz: float | None,
+    source: _Source, uses: Mapping[str, Use], channels: Channels, layout: Layout, rate_hz: float | None
 ) -> Channels:  # fmt: skip
     """Times [s] of the channels that have a column of times for themselves; one that does not rise is no clock."""
-    apart = {key: use.clock for key, use in uses.items() if use.clock is not None}
     clocks: Channels = {}
-    for key, index in apart.items():
-        times = _rising(source, index, channels[key].size)
+    for key, index in ((key, use.clock) for key, use in uses.items() if use.clock is not None):
+        times, name = _rising(source, index, channels[key].size), source.columns.names[index]
         if times is None and layout.channels.get(key.removesuffix("_m_s2"), Channel()).clock:
-            what = f"{source.columns.names[index]!r} is no clock of {key}: its numbers do not rise from row to row"
+            what = f"{name!r} is no clock of {key}: its numbers do not rise from row to row"
             raise InputFileError(source.file, what, "correct clock in study.toml")
         if times is None:
             continue
-        name = source.columns.names[index].lower()
-        unit = TIME_UNITS.get(source.columns.claimed(index).lower(), TIME_UNITS.get(name.rpartition("_")[2]))
+        behind = TIME_UNITS.get(name.lower().rpartition("_")[2])
+        unit = TIME_UNITS.get(source.columns.claimed(index).lower(), behind)
         if unit is None and "time_s" in uses:
             unit = uses["time_s"].factor
         elif unit is None and (rate := rate_hz or layout.rate_hz):  # that with which they run so fast
             counted = (times.size - 1) / float(times[-1] - times[0])
             unit = next((u for u in TIME_UNITS.values() if abs(counted / u / rate - 1) < 1e-2), None)
         if unit is None:
-            raise InputFileError(
-                source.file, f"{source.columns.names[index]!r}, the times of {key}, have no unit",
-                Sentence("write it behind the name (time_s, time [ms]), or give ", called("sampling_rate_hz")),
-            )  # fmt: skip
+            hint = Sentence("write it behind the name (time_s, time [ms]), or give ", called("sampling_rate_hz"))
+            raise InputFileError(source.file, f"{name!r}, the times of {key}, have no unit", hint)
         clocks[key] = unit * times
     return clocks
 
@@ -205,20 +247,13 @@ def _clocks(
 _COUNTER = re.compile(r"frame|sample|index|counter|packet|scan", re.IGNORECASE)
 
 
-def _counted(
-    source: "TextTable | _SeriesTable", uses: Mapping[str, Use], rate_hz: float | None, layout: Layout
-) -> None:  # fmt: skip
-    """Refuse a rate that a column of counted samples contradicts, where no column of times decides."""
-    if {"time", "time_s"} & uses.keys():
-        return
+def _counted(source: _Source, uses: Mapping[str, Use], rate_hz: float | None, layout: Layout) -> None:
+    """Refuse a rate that a column of counted samples contradicts."""
     taken = {use.index for use in uses.values()} | {use.clock for use in uses.values()}
     for index, name in enumerate(source.columns.names):
         if index in taken or not _COUNTER.search(name):
             continue
-        try:
-            values = source.numbers({"counts": index})["counts"]
-        except InputFileError:  # words
-            continue
+        values = _column(source, index)
         if values.size > 2 and np.isfinite(values).all() and (fault := counter_fault(values, rate_hz is not None)):
             raise InputFileError(
                 source.file, f"has a rate of {rate_hz or layout.rate_hz or 0:g} Hz, and its column {name!r} {fault}",
@@ -226,26 +261,40 @@ def _counted(
             )  # fmt: skip
 
 
-def _rising(source: "TextTable | _SeriesTable", index: int, size: int) -> np.ndarray | None:
-    """A column of as many numbers (n,) that rise from row to row, once they are not rounded any more; else None."""
+def _column(source: _Source, index: int) -> np.ndarray:
+    """The numbers of a column, none if it holds words."""
     try:
-        times = source.numbers({"time": index})["time"]
-    except InputFileError:  # words
-        return None
+        return source.numbers({"": index})[""]
+    except InputFileError:
+        return np.empty(0)
+
+
+def _rising(source: _Source, index: int, size: int) -> np.ndarray | None:
+    """A column of as many numbers (n,) that rise from row to row, once they are not rounded any more; else None."""
+    times = _column(source, index)
     times = straightened(times[: _end(times)])
     return times if times.size == size > 2 and np.diff(times).min() > 0 else None
 
 
-def _other_clocks(source: "TextTable | _SeriesTable", uses: Mapping[str, Use], time_s: np.ndarray) -> list[str]:
+def _denied(columns: Columns, time_s: np.ndarray) -> list[str]:
+    """A remark on a rate that a line of a text states and its time denies."""
+    rate, span = columns.series[0].rate_hz if columns.line else None, float(time_s[-1] - time_s[0])
+    counted = (time_s.size - 1) / span if span > 0 else 0.0
+    if not rate or not counted or abs(counted / rate - 1) < 1e-2:
+        return []
+    return [f"a line above its numbers states {rate:g} Hz, and its time runs at {counted:.6g} Hz, which counts"]
+
+
+def _other_clocks(source: _Source, uses: Mapping[str, Use], time_s: np.ndarray) -> list[str]:
     """Columns of times that are in no use, stand with no other column, and differ from those in use."""
     columns, remarks = source.columns, []
     taken = {use.index for use in uses.values()} | {use.clock for use in uses.values()}
     rising = {index for index, values in enumerate(source.sample()) if _like_a_time(values, time_s)}
     for index in sorted({*columns.times, *rising}):
         next_one = index + 1
-        of_another = next_one < len(columns.names) and not columns.groups and next_one not in {*taken, *columns.times}
-        groups = {columns.groups[i] for i in taken if i is not None} if columns.groups else {""}
-        if index in taken or of_another or (columns.groups and columns.groups[index] not in groups):
+        of_another = columns.line and next_one < len(columns.names) and next_one not in {*taken, *columns.times}
+        groups = {columns.series[i].group for i in taken if i is not None}
+        if index in taken or of_another or columns.series[index].group not in groups:
             continue
         times = _rising(source, index, time_s.size)
         if times is None:
@@ -262,7 +311,7 @@ def _other_clocks(source: "TextTable | _SeriesTable", uses: Mapping[str, Use], t
     return remarks
 
 
-def _ledger(source: "TextTable | _SeriesTable", uses: Mapping[str, Use]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+def _ledger(source: _Source, uses: Mapping[str, Use]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """What each channel was made of, and which columns were not used, in words."""
     names = [name or f"column {index + 1}" for index, name in enumerate(source.columns.names)]
     taken = {use.index for use in uses.values()} | {use.clock for use in uses.values()}
@@ -276,103 +325,34 @@ def _ledger(source: "TextTable | _SeriesTable", uses: Mapping[str, Use]) -> tupl
     return used, (*unused, *source.columns.passed, *source.skipped)
 
 
-@dataclass(frozen=True, eq=False)
-class _SeriesTable:
-    """The series of an instrument's file as columns."""
-
-    file: Path
-    series: tuple[Series, ...]
-    passed: tuple[str, ...]
-    skipped: tuple[str, ...] = ()
-
-    takes: int = 1
-
-    @classmethod
-    def open(cls, file: Path, layout: Layout) -> "_SeriesTable":
-        """The series of a file, those of one take where study.toml names it."""
-        if ending(file) not in READ:
-            listed = f"valid: {', '.join((*TEXTS, *READ))}, each also with .gz"
-            if ending(file) in _SHEETS:
-                listed = "save the sheet as .xlsx or as .csv, with time_s, base_m_s2, malleolus_m_s2 above its columns"
-            raise InputFileError(file, f"no format has the ending {ending(file)!r}", listed)
-        series = read_series(file)
-        passed = tuple(f"{s.name!r} is {s.what}" for s in series if s.what)
-        whole = cls(file, tuple(s for s in series if not s.what), passed)
-        takes = whole._takes(layout)
-        if len(takes) > 1 and layout.take is None:
-            raise several_takes(file, len(takes), ", ".join(repr(take.series[0].group) for take in takes))
-        return layout.one_of(file, takes) if len(takes) > 1 else whole
-
-    def _takes(self, layout: Layout) -> "list[_SeriesTable]":
-        """A table of each group that holds the channels for itself, where several do."""
-        groups = list(dict.fromkeys(s.group for s in self.series))
-        bare = [replace(s, name=s.name.removeprefix(f"{s.group}/")) for s in self.series]
-        parts = {group: tuple(s for s in bare if s.group == group) for group in groups}
-        tables = [
-            replace(self, series=part, skipped=(f"the other takes ({len(groups) - 1})",), takes=len(groups))
-            for part in parts.values()
-        ]
-        return [table for table in tables if len(groups) > 1 and has_channels(table.columns, layout)]
-
-    @property
-    def columns(self) -> Columns:
-        names, groups = [s.name for s in self.series], [s.group for s in self.series]
-        units = [s.unit.partition(" since ")[0] for s in self.series]  # a date is of no interest
-        rates = [s.rate_hz for s in self.series]
-        sizes = [s.values.size for s in self.series]
-        return Columns(names, units, groups, sizes, self.passed, clocked=any(rates), rates=rates)
-
-    def numbers(self, indices: Mapping[str, int]) -> Channels:
-        return {key: self.series[index].values for key, index in indices.items()}
-
-    def sample(self) -> list[np.ndarray]:
-        """The first numbers of each column."""
-        return [s.values[:_FIRST] for s in self.series]
-
-    def remarks(self, time_s: np.ndarray) -> list[str]:
-        """What the file states that its numbers deny."""
-        return []
-
-    def unapplied(self, uses: Mapping[str, Use], layout: Layout) -> list[str]:
-        """Refuse statements of time or scale of a channel that are not applied."""
-        sources = {key.removesuffix("_m_s2"): s for key, s in self._sources(uses).items()}
-        stated, names = ({key: getattr(s, of) for key, s in sources.items()} for of in ("stated", "name"))
-        refuse_unapplied(self.file, stated, names, layout)
-        return []
-
-    def rate_hz(self, uses: Mapping[str, Use], layout: Layout) -> float | None:
-        """The rate [Hz] that the file states for the base, else for any channel in use, else for any."""
-        sources = self._sources(uses)
-        for key, source in sources.items():
-            _one_scale(self.file, key.removesuffix("_m_s2"), source, layout)
-        rates = {key: s.rate_hz for key, s in sources.items() if s.rate_hz}
-        if len(set(rates.values())) > 1 and {"time", "time_s"} & uses.keys():
-            listed = ", ".join(f"{rate:g}" for rate in sorted(set(rates.values())))
-            raise InputFileError(
-                self.file, f"its channels have different rates ({listed} Hz) and one time", "resample them to one rate"
-            )
-        stated = rates.get("base_m_s2") or next(iter(rates.values()), None)
-        return stated or next((s.rate_hz for s in self.series if s.rate_hz), None)
-
-    def clocks(self, uses: Mapping[str, Use], time_s: np.ndarray, rate_hz: float | None) -> Channels:
-        """Times (n,) [s] of channels that start later than another or have another rate, by the file."""
-        sources = self._sources(uses)
-        known = _starts(self.file, sources, bool({"time", "time_s"} & uses.keys()))
-        first, unlike = min(known.values(), default=0.0), {s.rate_hz for s in sources.values() if s.rate_hz}
-        if len(unlike) < 2:
-            late = np.ptp([*known.values(), first])
-            return {key: time_s + start - first for key, start in known.items()} if late else {}
-        return {
-            key: np.arange(s.values.size) / (s.rate_hz or rate_hz or 1.0) + known.get(key, first) - first
-            for key, s in sources.items()
-        }
-
-    def _sources(self, uses: Mapping[str, Use]) -> dict[str, Series]:
-        return {key: self.series[use.index] for key, use in uses.items() if not key.startswith("time")}
+def _rate(
+    file: Path, columns: Columns, sensors: Mapping[str, Series], is_timed: bool, layout: Layout
+) -> float | None:  # fmt: skip
+    """The rate [Hz] that a file states for the base, else for any channel in use, else for any."""
+    for key, source in sensors.items():
+        _one_scale(file, key.removesuffix("_m_s2"), source, layout)
+    rates = {key: s.rate_hz for key, s in sensors.items() if s.rate_hz}
+    if len(set(rates.values())) > 1 and is_timed:
+        listed = ", ".join(f"{rate:g}" for rate in sorted(set(rates.values())))
+        problem = f"its channels have different rates ({listed} Hz) and one time"
+        raise InputFileError(file, problem, "resample them to one rate")
+    every = [*rates.values(), *(s.rate_hz for s in columns.series)]
+    return rates.get("base_m_s2") or next(filter(None, every), None)
 
 
-#: So many numbers show whether a column rises as a time does.
-_FIRST = 500
+def _stated_clocks(
+    file: Path, sensors: Mapping[str, Series], time_s: np.ndarray, is_timed: bool, rate_hz: float | None
+) -> Channels:  # fmt: skip
+    """Times (n,) [s] of channels that start later than another or have another rate, by the file."""
+    known = _starts(file, sensors, is_timed)
+    first, unlike = min(known.values(), default=0.0), {s.rate_hz for s in sensors.values() if s.rate_hz}
+    if len(unlike) < 2:
+        late = np.ptp([*known.values(), first])
+        return {key: time_s + start - first for key, start in known.items()} if late else {}
+    return {
+        key: np.arange(s.values.size) / (s.rate_hz or rate_hz or 1.0) + known.get(key, first) - first
+        for key, s in sensors.items()
+    }
 
 
 def _like_a_time(values: np.ndarray, time_s: np.ndarray) -> bool:
@@ -413,9 +393,7 @@ def columns_of(file: Path, layout: Layout | None = None) -> Columns:
     Args:
         layout: what study.toml says of its channels.
     """
-    if ending(file) in TEXTS:
-        return TextTable.open(file, beside(file, layout or Layout()), strict=False).columns
-    return _SeriesTable.open(file, layout or Layout()).columns
+    return _opened(file, beside(file, layout or Layout()), strict=False).columns
 
 
 def beside(file: Path, layout: Layout) -> Layout:
@@ -494,11 +472,11 @@ def write(file: Path, channels: Channels, matlab: str = "5") -> None:
         raise InputFileError(
             file, f"no format has the ending {end!r} for writing", f"valid: .csv, {', '.join(ENDINGS)}"
         )
-    name = "mat73" if end == ".mat" and matlab == "7.3" else ENDINGS[end]
-    module = importlib.import_module(f"fasbody.recording.formats.{name}")
+    is_matlab_7 = end == ".mat" and matlab == "7.3"
+    module = importlib.import_module(f"fasbody.recording.formats.{'hdf5' if is_matlab_7 else ENDINGS[end]}")
     need(module.LIBRARY)
     try:
-        content = module.encode(channels)
+        content = module.encode(channels, matlab=True) if is_matlab_7 else module.encode(channels)
     except FormatError as error:
         raise InputFileError(file, str(error)) from None
     write_whole(file, content)

@@ -34,10 +34,8 @@ class Harmonics(Tabled):
         std: (H,) standard deviation of the real, and of the imaginary, part of each.
         offset: mean [m/s^2].
         sigma: standard deviation of the noise in a sample [m/s^2].
-        scatter: relative standard deviation of the fundamental over the recording's parts, less
-            what white noise makes of it: how periodic it is.
-        onset: relative difference of the first part's fundamental from the others', where it is
-            more than noise: a start-up transient.
+        scatter: relative standard deviation of the fundamental over parts, less that of white noise.
+        onset: relative difference of the first part from the others beyond noise: a start-up transient.
     """
 
     frequency_hz: float
@@ -189,10 +187,8 @@ def _blocks(size: int, length: int) -> Iterator[slice]:
 
 
 def _fitted(time_s: np.ndarray, signal: np.ndarray, frequency_hz: float, count: int) -> tuple[np.ndarray, np.ndarray]:
-    """Coefficients (2 count + 1,) of `columns`, and what they leave of a signal (n,).
-
-    The columns are made block by block: all those of an hour at 1 kHz would take 1 GB.
-    """
+    """Coefficients (2 count + 1,) of `columns`, and what they leave of a signal (n,)."""
+    # block by block: all columns of an hour at 1 kHz would take 1 GB
     size = 2 * count + 1
     if time_s.size <= size:
         raise RecordingError(
@@ -210,10 +206,8 @@ def _fitted(time_s: np.ndarray, signal: np.ndarray, frequency_hz: float, count: 
 
 
 def _solved(P: np.ndarray, N: np.ndarray, right: np.ndarray, signal: np.ndarray) -> np.ndarray:
-    """Coefficients of columns P (n, p), or of all blocks of a long signal, with P^T P = N.
-
-    Harmonics over whole periods are nearly orthogonal: normal equations lose no digits there.
-    """
+    """Coefficients of columns P (n, p), or of all blocks of a long signal, with P^T P = N."""
+    # harmonics over whole periods are nearly orthogonal: normal equations lose no digits there
     if len(P) < signal.size or np.linalg.cond(N) < 1e4:
         return np.linalg.solve(N, right)
     return least_squares(P, signal)
@@ -248,11 +242,8 @@ def _colour(power: np.ndarray, bin_hz: float, frequency_hz: float, count: int) -
 def _with_scatter(
     time_s: np.ndarray, signal: np.ndarray, frequency_hz: float, std: np.ndarray, fundamental: complex, floor: float,
 ) -> tuple[np.ndarray, float, float]:  # fmt: skip
-    """Widen `std` to the scatter between parts of the recording where that is larger beyond chance.
-
-    Noise alone is neither a drift nor a transient: a weak sine is as steady as a strong one. `floor` is the standard
-    deviation of a real part of the mean that white noise explains.
-    """
+    """Widen `std` to the scatter between parts that is beyond chance; white noise explains `floor`."""
+    # noise alone is neither a drift nor a transient: a weak sine is as steady as a strong one
     periods = int((time_s[-1] - time_s[0]) * frequency_hz)
     parts = min(10, periods // 3)
     if parts < 4:

@@ -120,36 +120,28 @@ def find_header(text: str, score: Callable[[Sequence[str]], int]) -> Header:
     return header
 
 
-def first_number_row(text: str, header: Header, layout: Layout) -> tuple[int, str, int] | None:
-    """The first row of numbers of a text without a header; None where there is a header.
+def first_number_row(text: str, header: Header, layout: Layout) -> Header | None:
+    """The first row of numbers of a text without a header, in its place; None where there is a header.
 
     Args:
         text: whole.
         header: by `find_header`.
         layout: where study.toml names the columns, words above as many numbers are a preamble.
-
-    Returns:
-        Number of its line, separator, and how many cells it has.
     """
     if all(is_sample(cell) for cell in header.names if cell):
-        return header.line, header.separator, len(header.names)
-    if not layout.columns:
-        return None
+        return header
     channels = [index for index, name in enumerate(layout.columns) if layout.known([name])]
-    rows = _rows_of_numbers(text, channels)
-    return next((row for row in rows if row[2] == len(layout.columns)), None)
+    rows = _rows_of_numbers(text, channels) if layout.columns else ()
+    return next((row for row in rows if len(row.names) == len(layout.columns)), None)
 
 
-def _rows_of_numbers(text: str, needed: Sequence[int] = ()) -> Iterator[tuple[int, str, int]]:
-    """Line, separator and width of each of the first rows with samples in the needed columns.
-
-    All columns are needed unless two or more are named.
-    """
+def _rows_of_numbers(text: str, needed: Sequence[int] = ()) -> Iterator[Header]:
+    """The rows with samples in the needed columns, all unless two are named."""
     for number, line in enumerate(islice(texts.lines(text), _HEADER_LINES), 1):
         cells = texts.split(line, texts.separator_of(line))
         samples = [cells[i] for i in needed if i < len(cells)] if len(needed) > 1 else cells
         if len(cells) > 1 and not texts.COMMENT.match(line) and all(map(is_sample, samples)):
-            yield number, texts.separator_of(line), len(cells)
+            yield Header(number, texts.separator_of(line), cells)
 
 
 def header_above_numbers(text: str) -> Header | None:
@@ -160,10 +152,10 @@ def header_above_numbers(text: str) -> Header | None:
     first = next(_rows_of_numbers(text), None)
     if first is None:
         return None
-    units, (line, separator, width) = None, first
-    for number, row in reversed(list(enumerate(islice(texts.lines(text), line - 1), 1))):
+    units, separator = None, first.separator
+    for number, row in reversed(list(enumerate(islice(texts.lines(text), first.line - 1), 1))):
         names = texts.split(row, separator)
-        if len(names) < width or any(map(texts.numeric, names)):
+        if len(names) < len(first.names) or any(map(texts.numeric, names)):
             continue
         if not any(without_brackets(name).lower() in KNOWN_UNITS for name in names):
             return Header(number, separator, names)
@@ -220,9 +212,7 @@ def read_headings(text: str, header: Header) -> Headings:
     if others:
         count = counted(len(others), "line")
         skipped.append(f"{count} beside the headings ({shown('; '.join(others))})")
-    return Headings(
-        separator, tuple(names), tuple(units), line, first, tuple(skipped), rate, others
-    )
+    return Headings(separator, tuple(names), tuple(units), line, first, tuple(skipped), rate, others)
 
 
 def read_statements(above: Sequence[str]) -> tuple[float | None, tuple[str, ...]]:
@@ -297,15 +287,9 @@ def is_sample(cell: str) -> bool:
 
 def first_samples(text: str, line: int, separator: str) -> list[str]:
     """The cells of the fullest of the first rows of numbers below a line."""
-
-    def fullness(cells: list[str]) -> tuple[int, int]:
-        """How many samples a row has, and how few words beside them."""
-        count = sum(map(is_sample, cells))
-        return count, count - sum(map(bool, cells))
-
-    below = (row for row in islice(texts.lines(text, texts.offset(text, line)), _HEADING_ROWS))
-    rows = [texts.split(row, separator) for row in below if not texts.COMMENT.match(row)]
-    fullest = max([[], *rows], key=fullness)
+    rows = [cells for _, cells in islice(texts.rows_below(text, line, separator), _HEADING_ROWS)]
+    # that with most samples, and fewest words beside them
+    fullest = max([[], *rows], key=lambda cells: (sum(map(is_sample, cells)), -sum(map(bool, cells))))
     while fullest and not fullest[-1]:
         fullest.pop()
     return fullest

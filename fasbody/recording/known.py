@@ -31,10 +31,8 @@ class Known(Tabled):
         gain_std: that of the malleolus' gain against the base's.
         delay_std_s: standard deviation of the delay between them [s].
         excluded: departures that cannot be (`DEPARTURES`).
-        static_forces: load on the knee [kg] and force [N] with which the foot rests on the table
-            under it without vibration; default the weight of leg and load.
+        static_forces: load on the knee [kg] and force [N] of the resting foot; default the weight of both.
         load_share: of the added mass that the leg carries, as stated or by two static forces.
-            None if unknown.
     """
 
     mass_std: float | None = None
@@ -56,17 +54,11 @@ class Known(Tabled):
         forces = tuple(stated.static_force_n.items())
         share, measured = stated.load_share, _share(file, forces)
         if share is not None and measured is not None and abs(share - measured) > _SAME_SHARE:
-            weighed = f"known.static_force_n says {measured:.3g} (force over weight of the load)"
-            problem = f"known.load_share = {share:g}, and {weighed}"
-            raise InputFileError(file, problem, "leave out one of them")
-        return cls(
-            stated.mass_std,
-            stated.gain_std,
-            stated.delay_std_s,
-            frozenset(name for name in DEPARTURES if getattr(stated, name) is not None),
-            forces,
-            measured if share is None else share,
-        )
+            problem = f"known.load_share = {share:g}, and known.static_force_n says {measured:.3g}"
+            raise InputFileError(file, f"{problem} (force over weight of the load)", "leave out one of them")
+        excluded = frozenset(name for name in DEPARTURES if getattr(stated, name) is not None)
+        share = measured if share is None else share
+        return cls(stated.mass_std, stated.gain_std, stated.delay_std_s, excluded, forces, share)
 
     @classmethod
     def of_all(cls, items: Sequence["Known"]) -> "Known":
@@ -77,8 +69,7 @@ class Known(Tabled):
             return None if None in values or not values else max(values)
 
         excluded = frozenset.intersection(*(known.excluded for known in items)) if items else frozenset()
-        shares = {known.load_share for known in items}
-        share = shares.pop() if len(shares) == 1 else None
+        share = items[0].load_share if len({known.load_share for known in items}) == 1 else None
         return cls(largest("mass_std"), largest("gain_std"), largest("delay_std_s"), excluded, load_share=share)
 
     def overruled_by(
@@ -93,24 +84,18 @@ class Known(Tabled):
         Raises:
             SettingError: a size or a nuisance parameter that does not exist.
         """
-        stated = {"mass_std": mass_std, "gain_std": gain_std, "delay_std_s": delay_std_s}
+        sizes = (("mass_std", mass_std), ("gain_std", gain_std), ("delay_std_s", delay_std_s))
+        stated: dict[str, Any] = {name: value for name, value in sizes if value is not None}
         for name, value in stated.items():
-            if value is not None and not 0 <= value <= LARGEST_STD[name]:
-                what = name.replace("_", " ").removesuffix(" s")
-                raise SettingError(
-                    f"the {what} is {value:g}; give a standard deviation from 0 to {LARGEST_STD[name]:g}.",
-                    name.removesuffix("_s"),
-                )
-        excluded = set(self.excluded)
-        for name in exclude:
-            if name not in (*DEPARTURES, "all"):
-                raise SettingError(f"{unknown('nuisance parameter', name, (*DEPARTURES, 'all'))}.")
-            excluded |= set(DEPARTURES) if name == "all" else {name}
-        sizes = {name: getattr(self, name) if value is None else value for name, value in stated.items()}
-        return replace(
-            self, mass_std=sizes["mass_std"], gain_std=sizes["gain_std"], delay_std_s=sizes["delay_std_s"],
-            excluded=frozenset(excluded),
-        )  # fmt: skip
+            if not 0 <= value <= LARGEST_STD[name]:
+                what, setting = name.replace("_", " ").removesuffix(" s"), name.removesuffix("_s")
+                most = LARGEST_STD[name]
+                raise SettingError(f"the {what} is {value:g}; give a standard deviation from 0 to {most:g}.", setting)
+        excluded = set(exclude)
+        for name in excluded - {*DEPARTURES, "all"}:
+            raise SettingError(f"{unknown('nuisance parameter', name, (*DEPARTURES, 'all'))}.")
+        excluded = set(DEPARTURES) if "all" in excluded else excluded
+        return replace(self, **stated, excluded=self.excluded | excluded)
 
 
 def _share(file: Path, forces: tuple[tuple[float | None, float], ...]) -> float | None:

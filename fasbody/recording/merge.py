@@ -99,7 +99,7 @@ def merge(
     return Merged(recording, way, delay, std, clock)
 
 
-def _fast(t: np.ndarray, x: np.ndarray) -> np.ndarray:
+def _fast(x: np.ndarray) -> np.ndarray:
     """What is faster than the excitation of a foot: the signal above a quarter of the Nyquist frequency."""
     from scipy.signal import butter, sosfiltfilt
 
@@ -108,7 +108,7 @@ def _fast(t: np.ndarray, x: np.ndarray) -> np.ndarray:
 
 def _knocks(t: np.ndarray, x: np.ndarray) -> list[float]:
     """When something stood out [s], at least half a second apart, the first and the last."""
-    size = np.abs(_fast(t, x))
+    size = np.abs(_fast(x))
     loud = np.flatnonzero(size > max(_KNOCK * np.median(size), _LOUD * size.max()))
     if not loud.size:
         return []
@@ -146,16 +146,13 @@ def _by_knocks(t: np.ndarray, x: np.ndarray, u: np.ndarray, y: np.ndarray) -> tu
 def _onset_lag(
     t: np.ndarray, x: np.ndarray, a: float, u: np.ndarray, y: np.ndarray, b: float, step: float
 ) -> tuple[float, float]:
-    """How much later a knock stands on the first clock than on the second [s], and its standard deviation.
-
-    The fast parts are correlated on a clock five times as fine. The sensors need not feel the knock alike, so that
-    nothing is claimed below a third of a sample.
-    """
+    """How much later a knock stands on the first clock than on the second [s], and its standard deviation."""
+    # sensors need not feel the knock alike: nothing is claimed below a third of a sample
     from scipy.interpolate import CubicSpline
 
     fine = np.arange(-_LASTS_S, _LASTS_S, step / 5)
-    p = np.abs(CubicSpline(t, _fast(t, x), extrapolate=False)(a + fine))
-    q = np.abs(CubicSpline(u, _fast(u, y), extrapolate=False)(b + fine))
+    p = np.abs(CubicSpline(t, _fast(x), extrapolate=False)(a + fine))
+    q = np.abs(CubicSpline(u, _fast(y), extrapolate=False)(b + fine))
     p, q = np.nan_to_num(p), np.nan_to_num(q)
     correlation = np.correlate(p, q, "full")
     top = int(np.argmax(correlation))

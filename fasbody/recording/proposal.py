@@ -1,10 +1,12 @@
 """A study folder proposed from a folder of recordings: names scanned, one file of each kind read, tables to fill in."""
 
+import csv
 import json
 import re
 import tomllib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from io import StringIO
 from pathlib import Path
 
 import numpy as np
@@ -12,12 +14,12 @@ import numpy as np
 from fasbody.console import write_whole
 from fasbody.exceptions import FasError, InputFileError
 from fasbody.presentation import counted
-from fasbody.recording.channels import KNOWN_UNITS, NAMES, TIME_UNITS, VOLTAGES, Layout, heading, name_and_unit
+from fasbody.recording.channels import KNOWN_UNITS, NAMES, TIME_UNITS, VOLTAGES, Layout, name_and_unit
+from fasbody.recording.columns import Columns
 from fasbody.recording.csv import TextTable, read_table
 from fasbody.recording.file_names import common_value, patterns_of, plain_number, stated
 from fasbody.recording.files import TEXTS, beside, columns_of
 from fasbody.recording.formats import READ, ending, ending_removed
-from fasbody.recording.formats.reader import read_series
 from fasbody.recording.headings import find_header
 from fasbody.recording.recording import Recording
 from fasbody.recording.text import read_text
@@ -119,56 +121,46 @@ def _people(folder: Path, rows: Sequence[Mapping[str, str]], grows: bool) -> tup
     """subjects.csv with the new subjects and the body masses that names state, and what it lacks."""
     file = folder / "subjects.csv"
     listed = {row["subject"] for row in read_table(file, ("subject", "mass_kg")).values()} if grows else set()
-    subjects = [name for name in dict.fromkeys(row.get("subject", "") for row in rows) if name not in listed]
-    if not subjects:
+    named = dict[str, set[float]]()
+    for row in rows:
+        mass = plain_number(row.get("mass", ""))
+        named.setdefault(row.get("subject", ""), set()).update({float(mass)} if mass else ())
+    masses = {name: common_value(kg) for name, kg in named.items() if name not in listed}
+    if not masses:
         return {}, []
-    weighed = [(row.get("subject", ""), row["mass"]) for row in rows if "mass" in row]
-    masses = {
-        name: common_value(float(plain_number(mass)) for whose, mass in weighed if whose == name)
-        for name in subjects
-    }
-    lacking = sum(mass is None for mass in masses.values())
-    head = "# mass_kg is needed; age_yr and height_m may stay empty.\nsubject,age_yr,height_m,mass_kg\n"
-    names, above = (_heads(file) if grows else ("subject", "age_yr", "height_m", "mass_kg")), _whole(file, head, grows)
-    lines = [_line(names, {"subject": name or "?", "mass_kg": "" if masses[name] is None else f"{masses[name]:g}"})
-             for name in subjects]  # fmt: skip
-    missing = [f"subjects.csv: mass_kg of {counted(lacking, 'subject')}"] if lacking else []
-    return {"subjects.csv": above + "\n".join(lines) + "\n"}, missing
+    lines = [{"subject": name or "?", "mass_kg": "" if kg is None else f"{kg:g}"} for name, kg in masses.items()]
+    about = "# mass_kg is needed; age_yr and height_m may stay empty."
+    lacking = [kg for kg in masses.values() if kg is None]
+    missing = [f"subjects.csv: mass_kg of {counted(len(lacking), 'subject')}"] if lacking else []
+    return {file.name: _table(file, about, ("subject", "age_yr", "height_m", "mass_kg"), lines, grows)}, missing
 
 
 def _recordings(folder: Path, rows: Mapping[Path, Mapping[str, str]], pattern: str, grows: bool) -> dict[str, str]:
     """recordings.csv with a line for each new file."""
-    file = folder / "recordings.csv"
-    head = (
-        f"# Proposed from the names {pattern}; an empty frequency_hz is found in the recording.\n"
-        "file,subject,posture,added_mass_kg,frequency_hz\n"
-    )
-    names = _heads(file) if grows else ("file", "subject", "posture", "added_mass_kg", "frequency_hz")
+    names = ("file", "subject", "posture", "added_mass_kg", "frequency_hz")
     lines = [
-        _line(names, {
+        {
             "file": path.relative_to(folder).as_posix(), "subject": row.get("subject", ""),
             "posture": row.get("posture", "").lower(), "added_mass_kg": plain_number(row.get("load", "")),
             "frequency_hz": plain_number(row.get("frequency", "")),
-        })
+        }
         for path, row in rows.items()
     ]  # fmt: skip
-    return {file.name: _whole(file, head, grows) + "\n".join(lines) + "\n"}
+    about = f"# Proposed from the names {pattern}; an empty frequency_hz is found in the recording."
+    return {"recordings.csv": _table(folder / "recordings.csv", about, names, lines, grows)}
 
 
-def _line(names: Sequence[str], cells: Mapping[str, str]) -> str:
-    return ",".join(f'"{cell}"' if "," in (cell := cells.get(name, "")) else cell for name in names)
-
-
-def _heads(file: Path) -> tuple[str, ...]:
-    _, separator, names = find_header(read_text(file), lambda cells: len({*cells} & {"file", "subject"}))
-    if separator != ",":
-        raise InputFileError(file, "is not separated by commas", "save it so, and its new lines are added")
-    return tuple(names)
-
-
-def _whole(file: Path, head: str, grows: bool) -> str:
-    """What stands above new lines: the table as it is, or its head."""
-    return read_text(file).rstrip("\n") + "\n" if grows else head
+def _table(file: Path, about: str, names: Sequence[str], rows: list[dict[str, str]], grows: bool) -> str:
+    """A new table, or the one that is there, with these rows."""
+    above = f"{about}\n{','.join(names)}"
+    if grows:
+        above = read_text(file).rstrip("\n")
+        _, separator, names = find_header(above, lambda cells: len({*cells} & {"file", "subject"}))
+        if separator != ",":
+            raise InputFileError(file, "is not separated by commas", "save it so, and its new lines are added")
+    out = StringIO()
+    csv.DictWriter(out, names, extrasaction="ignore", lineterminator="\n").writerows(rows)
+    return f"{above}\n{out.getvalue()}"
 
 
 def _listed(folder: Path) -> set[str] | None:
@@ -199,21 +191,22 @@ def _toml(folder: Path, kinds: Sequence[Path], missing: list[str]) -> str:
             packed = [json.dumps(f"*{ending(file)}{end}") for end in ("", ".gz")]
             lines += ["", f"[{layout[:-1]}]  # the files that are otherwise", f"files = [{', '.join(packed)}]"]
         lines += _of_one(file, layout, missing)
+    text = "\n".join(lines) + "\n"
     for file in kinds if not missing else ():
-        missing += _unread(folder, file, "\n".join(lines))
-    return "\n".join(lines) + "\n"
+        try:
+            Recording.read(file, layout=parsed(folder / "study.toml", tomllib.loads(text))[1])
+        except FasError as error:
+            missing.append(f"study.toml: {error}".rstrip("."))
+    return text
 
 
 def _of_one(file: Path, layout: str, missing: list[str]) -> list[str]:
-    """The lines of one file's rate, columns and channels.
-
-    Args:
-        file: of a kind.
-        layout: what stands before the names of its tables.
-        missing: gets what the file does not say.
-    """
+    """The lines of one file's rate, columns and channels; `missing` gets what it does not say."""
     lines: list[str] = []
-    names, units, rate = _columns(file)
+    described = beside(file, Layout(take=1))
+    columns = columns_of(file, described)
+    names = columns.names
+    rate = next(filter(None, (described.rate_hz, *(s.rate_hz for s in columns.series))), None)
 
     def lack(line: str, key: str, reason: str = "") -> None:
         lines.append(line)
@@ -225,21 +218,20 @@ def _of_one(file: Path, layout: str, missing: list[str]) -> list[str]:
     if not names:
         example = '# columns = ["time_s", "base_g", ...]  # of files without a header'
         lack(example, "columns", f"{file.name} has no header")
-    unit_line = '# unit = "s"  # or ms, us: the heading does not say'
     time = next((i for i, name in enumerate(names) if name_and_unit(name)[0] == "time"), None)
-    clock = None if time is not None or rate is not None else _clock(file, names, units)
+    clock = None if time is not None or rate is not None or ending(file) not in TEXTS else _clock(file, columns)
     place = clock if time is None else time
     if rate is None and place is None:
         line = "# sampling_rate_hz = 1000  # needed: the files have neither time nor rate"
         lack(line, "sampling_rate_hz", "the files have neither time nor rate")
     elif rate is None and place is not None:
-        name, known = names[place], {units[place].lower(), name_and_unit(names[place])[1]}
-        unstated = not known & TIME_UNITS.keys()
+        unstated = not _in_time(columns, place)
         lines += ["", f"[{layout}channels.time]"] if clock is not None or unstated else []
-        lines += [quoted(name)] if clock is not None else []
+        lines += [quoted(names[place])] if clock is not None else []
         if unstated:
             rises = "rises evenly and " if clock is not None else ""
-            lack(unit_line, f"{layout}channels.time.unit", f"{name!r} {rises}does not say")
+            lack('# unit = "s"  # or ms, us: the heading does not say', f"{layout}channels.time.unit",
+                 f"{names[place]!r} {rises}does not say")  # fmt: skip
     lines += ["", f"# Columns of {file.name}: {', '.join(names) or 'unnamed'}"]
     for channel in NAMES:
         column, table = _column(channel, names), f"{layout}channels.{channel}"
@@ -249,9 +241,8 @@ def _of_one(file: Path, layout: str, missing: list[str]) -> list[str]:
         if column is None:
             lack('# column = "..."  # needed: one of the columns above', f"{table}.column")
             continue
-        name, unit = names[column], units[column]
+        name, claimed = names[column], columns.claimed(column)
         lines += [quoted(name)] if name_and_unit(name)[0] != channel else []
-        claimed = unit or name_and_unit(name)[1] or heading(name)[1]
         if claimed.lower() in VOLTAGES:
             line = '# sensitivity = "100 mV/g"  # needed: the column is in volts'
             lack(line, f"{table}.sensitivity", f"{name!r} is in {claimed}")
@@ -262,31 +253,21 @@ def _of_one(file: Path, layout: str, missing: list[str]) -> list[str]:
     return lines
 
 
-def _columns(file: Path) -> tuple[list[str], list[str], float | None]:
-    if ending(file) in TEXTS:
-        layout = beside(file, Layout())
-        columns = columns_of(file, layout)
-        return list(columns.names), list(columns.units), layout.rate_hz
-    series = [s for s in read_series(file) if not s.what]
-    return [s.name for s in series], [s.unit for s in series], next((s.rate_hz for s in series if s.rate_hz), None)
+def _in_time(columns: Columns, place: int) -> bool:
+    """Whether a column has a unit of time."""
+    return bool({columns.units[place].lower(), name_and_unit(columns.names[place])[1]} & TIME_UNITS.keys())
 
 
-def _clock(file: Path, names: Sequence[str], units: Sequence[str]) -> int | None:
-    """The only column that rises evenly from row to row, as time does under whatever name; one in a unit of time first.
-
-    Only text has no rate.
-    """
-    if ending(file) not in TEXTS or not names:
-        return None
-    columns = TextTable.open(file, beside(file, Layout())).sample()
+def _clock(file: Path, columns: Columns) -> int | None:
+    """The only column that rises evenly from row to row, as time does under any name; one in a unit of time first."""
     rising = []
-    for index, values in enumerate(columns):
+    table = TextTable.open(file, beside(file, Layout(take=1)), strict=False)
+    for index, values in enumerate(table.sample()):
         steps = np.diff(values)
         if steps.size > 8 and steps.min() >= 0 and np.ptp(values) > 0 and np.median(steps) > 0:
             typical = float(np.median(steps))
             rising += [index] if np.mean(np.abs(steps - typical) <= 0.51 * typical) > 0.9 else []
-    timed = [i for i in rising if {units[i].lower(), name_and_unit(names[i])[1]} & TIME_UNITS.keys()]
-    kept = timed or rising
+    kept = [i for i in rising if _in_time(columns, i)] or rising
     return kept[0] if len(kept) == 1 else None
 
 
@@ -295,12 +276,3 @@ def _column(channel: str, names: Sequence[str]) -> int | None:
     exact = [i for i, name in enumerate(names) if name_and_unit(name)[0] == channel]
     near = exact or [i for i, name in enumerate(names) if any(word in name.lower() for word in _WORDS[channel])]
     return near[0] if len(near) == 1 else None
-
-
-def _unread(folder: Path, file: Path, toml: str) -> list[str]:
-    """Why a file cannot be read as proposed, if so."""
-    try:
-        Recording.read(file, layout=parsed(folder / "study.toml", tomllib.loads(toml))[1])
-    except FasError as error:
-        return [f"study.toml: {error}".rstrip(".")]
-    return []

@@ -44,10 +44,8 @@ class Quality:
     """A recording.
 
     Attributes:
-        coherence: of malleolus and base, at the excitation; for broadband the mean over the base's
-            power to 100 Hz.
+        coherence: of malleolus and base, at the excitation; for broadband the mean over power to 100 Hz.
         lead_deg: how far the malleolus is ahead, and its standard deviation `lead_std_deg`.
-            likewise for broadband.
         channels: by name.
         ratio: how much more the malleolus moves than the base, nan for broadband.
         turned_deg: by how much the malleolus' phase runs evenly from start to end at a steady amplitude; 0 for none.

@@ -18,6 +18,7 @@ from fasbody.recording import files
 from fasbody.recording.channels import Channel, Channels, Layout
 from fasbody.recording.columns import Columns, assign
 from fasbody.recording.condition import Condition, plausible
+from fasbody.recording.formats.series import Series
 from fasbody.recording.known import Known
 from fasbody.sentences import Sentence
 
@@ -198,18 +199,18 @@ class Recording(Tabled):
             table = table.rename_axis("time_s").reset_index()
         elif getattr(index, "name", None) is not None:
             table = table.reset_index()
-        columns = {str(column): table[column] for column in (*getattr(table, "coords", ()), *table)}
-        stated = getattr(table, "attrs", {}).get("units", {})
-        arrays, units = [plain(values) for values in columns.values()], []
-        for (column, values), array in zip(columns.items(), arrays, strict=True):
-            unit = getattr(values, "attrs", {}).get("units")
+        units, series = getattr(table, "attrs", {}).get("units", {}), []
+        for column in (*getattr(table, "coords", ()), *table):
+            array = plain(table[column])
+            unit = getattr(table[column], "attrs", {}).get("units")
             if not isinstance(unit, str):
-                unit = stated.get(column, "") if isinstance(stated, dict) else ""
-            units.append("s" if array.dtype.kind in "mM" else str(unit))
+                unit = units.get(column, "") if isinstance(units, dict) else ""
+            if array.dtype.kind in "mM":
+                array, unit = _seconds(array, name), "s"
+            series.append(Series(str(column), str(unit), array))
         layout, file = layout or Layout(), Path(name)
-        sizes, clocked = [values.size for values in arrays], layout.rate_hz is not None
         try:
-            uses, _ = assign(file, Columns(list(columns), units, sizes=sizes, clocked=clocked), layout)
+            uses, _ = assign(file, Columns(series), layout)
         except InputFileError as error:
             if not error.code.startswith("no "):
                 raise
@@ -219,12 +220,7 @@ class Recording(Tabled):
                 "and added_mass_kg are keywords of from_table"
             )
             raise InputFileError(name, error.problem, remedy, code=error.code) from None
-        rows = {
-            key: _seconds(arrays[use.index], name)
-            if arrays[use.index].dtype.kind in "mM"
-            else use.factor * arrays[use.index]
-            for key, use in uses.items()
-        }
+        rows = {key: use.factor * series[use.index].values for key, use in uses.items()}
         rows, _ = layout.aligned(file, layout.timed(file, rows))
         others = {key.removesuffix("_m_s2"): x for key, x in rows.items() if key not in HEADER}
         time, base, malleolus = (rows[key] for key in HEADER[:3])
@@ -252,12 +248,17 @@ class Recording(Tabled):
         Raises:
             InputFileError: no such file, or it is not such a table; the message names line and column.
         """
-        layout = layout.of(Path(file)) if layout else None
+        path = Path(file)
+        layout = (layout or Layout()).of(path)
         with by_name(label or str(file)):
-            reading = files.reading(Path(file), layout)
-        channels, name = reading.channels, label or Path(file).name
-        remarks, delays = _beside(Path(file))
-        with Path(file).open("rb") as raw:
+            reading = files.reading(path, layout)
+        channels, name = reading.channels, label or path.name
+        calibration = dict(layout.channels)
+        remarks, delays = _beside(path)
+        for channel, std in delays.items():  # of a recording that was merged of two loggers
+            stated = calibration.get(channel, Channel())
+            calibration[channel] = replace(stated, delay_std_s=math.hypot(stated.delay_std_s, std))
+        with path.open("rb") as raw:
             digest = file_digest(raw, "sha256").hexdigest()
         return cls(
             time_s=channels[HEADER[0]],
@@ -268,8 +269,8 @@ class Recording(Tabled):
             file=name,
             origin=origin,
             warnings=(*remarks, *(Sentence(f"{name}: ", w, ".") for w in reading.warnings)),
-            calibration=_with_delays(layout.channels if layout else {}, delays),
-            known=layout.beyond if layout else Known(),
+            calibration=calibration,
+            known=layout.beyond,
             digest=digest,
             others={name.removesuffix("_m_s2"): values for name, values in channels.items() if name not in HEADER},
             used=reading.used,
@@ -360,11 +361,7 @@ def _seconds(values: ArrayLike, name: str) -> np.ndarray:
 
 
 def _beside(file: Path) -> tuple[tuple[str, ...], dict[str, float]]:
-    """What acquisition or a merge wrote into the .json beside a recording.
-
-    Returns:
-        Its warnings (docs/acquisition.md), and standard deviations of delays by channel [s].
-    """
+    """Warnings and standard deviations of delays [s] in the .json that acquisition or a merge wrote."""
     try:
         document = json.loads(file.with_suffix(".json").read_text())
         warnings, stds = document.get("warnings", ()), document.get("delay_std_s", {})
@@ -373,17 +370,6 @@ def _beside(file: Path) -> tuple[tuple[str, ...], dict[str, float]]:
         return (), {}
     texts = warnings if isinstance(warnings, list) else ()
     return tuple(text for text in texts if isinstance(text, str)), delays
-
-
-def _with_delays(
-    channels: Mapping[str, Channel], delay_std_s: Mapping[str, float]
-) -> Mapping[str, Channel]:
-    """The channels with the uncertain delays of a recording that was merged of two loggers."""
-    uncertain = {}
-    for name, std in delay_std_s.items():
-        stated = channels.get(name, Channel())
-        uncertain[name] = replace(stated, delay_std_s=math.hypot(stated.delay_std_s, std))
-    return {**channels, **uncertain}
 
 
 def with_masses(recording: Recording, body_mass_kg: float | None, added_mass_kg: float | None) -> Recording:

@@ -68,8 +68,8 @@ def _numbers(row: Mapping[str, Any]) -> str:
         parts.append(f"excitation {row['frequency_hz']:.5g} Hz: T = {ratio:.4g}, phase {phase:.4g} degrees")
     elif not row["problem"]:
         parts.append("broadband")
-    levels = (f"{name} {value:.3g}" for name, value in row.get("rms_m_s2", {}).items())
-    return ", ".join([*parts, *([f"rms in m/s²: {', '.join(levels)}"] if row.get("rms_m_s2") else [])])
+    levels = ", ".join(f"{name} {value:.3g}" for name, value in row.get("rms_m_s2", {}).items())
+    return ", ".join([*parts, *([f"rms in m/s²: {levels}"] if levels else [])])
 
 
 def _drawn(second: Mapping[str, list[float]]) -> list[tuple["Markup", str]]:

@@ -94,20 +94,15 @@ def slow(values: np.ndarray, grid: float | None = None) -> Slow | None:
 
 
 def _age(interval: float) -> float:
-    """Mean age of samples that are held for an interval which is counted in samples of the file.
-
-    Ages are multiples of 1 / q where the interval is p / q: a sample of each of p is taken when it is measured.
-    """
+    """Mean age of samples that are held for an interval which is counted in samples of the file."""
+    # ages are multiples of 1 / q where the interval is p / q: a sample of each of p is taken when it is measured
     near = Fraction(interval).limit_denominator(_PARTS)
     return 0.5 * (interval - (1 / near.denominator if abs(near - interval) < 2e-3 else 0.0))
 
 
 def _uneven(steps: np.ndarray, grid: float) -> float:
-    """Every how many samples steps (n,) are large and small between, noise on all of them; else 0.
-
-    A sine has as much in each class of samples up to a third of its period, and noise in any; a spike is in few samples
-    of its class, and steps of a converter are no larger than a few of its grid.
-    """
+    """Every how many samples steps (n,) are large and small between, noise on all of them; else 0."""
+    # a sine has as much in each class of samples up to a third of its period, and noise in any
     power = steps[:_ENOUGH] ** 2
     for count in range(min(_SLOWEST, power.size // _FEWEST), 1, -1):
         by_class = power[: power.size // count * count].reshape(-1, count)

@@ -40,23 +40,21 @@ def gather(
             study = Study.read(path)
             sources.append(study.name)
             for recording in study.recordings:
-                _agree(recording, body, load)
+                _agree_with_study(recording, body, load)
                 recordings.append(with_masses(recording, body, load))
             truth = read_truth(path) if len(data) == 1 else {}
         elif path.exists():
             sources.append(path.name)
             recording = read_file(path, mapping)
             if recording.origin != UNSTATED:
-                _agree(recording, body, load)
+                _agree_with_study(recording, body, load)
             else:
                 named |= {path.name: load_in_name(path.name)} if load is None else {}
                 body = _mass_of(path, "--body-mass", body, body_mass_in_name(path.name))
                 load = _mass_of(path, "--added-mass", load, load_in_name(path.name))
             recordings.append(with_masses(recording, body, load))
         else:
-            raise InputFileError(
-                path, "no such file or folder", "give a study folder or CSV recordings"
-            )
+            raise InputFileError(path, "no such file or folder", "give a study folder or CSV recordings")
     if any(named.values()):
         warnings = (*recordings[0].warnings, _loads_of_names(named))
         recordings[0] = replace(recordings[0], warnings=warnings)
@@ -66,10 +64,8 @@ def gather(
 def _loads_of_names(stated: Mapping[str, float | None]) -> str:
     """The sentence on loads [kg] that files' names state, or do not."""
     loads = sorted({load for load in stated.values() if load is not None})
-    parts = [
-        f"{load:g} kg for {together([name for name, kg in stated.items() if kg == load])}"
-        for load in loads
-    ]
+    named = {load: together([name for name, kg in stated.items() if kg == load]) for load in loads}
+    parts = [f"{load:g} kg for {names}" for load, names in named.items()]
     unnamed = [name for name, load in stated.items() if load is None]
     none = f" None is named in {together(unnamed)}: 0 kg." if unnamed else ""
     return f"Loads on the knee are those of the files' names: {', '.join(parts)}.{none}"
@@ -77,28 +73,25 @@ def _loads_of_names(stated: Mapping[str, float | None]) -> str:
 
 def _mass_of(path: Path, option: str, option_kg: float | None, named: float | None) -> float | None:
     """A mass [kg] as the option or the file's name states it; refused where they disagree."""
-    if named is None or option_kg is None:
-        return named if option_kg is None else option_kg
-    if abs(option_kg - named) > 1e-6:
-        raise SettingError(
-            f"{path.name}: its name says {named:g} kg, and {option} says {option_kg:g} kg; rename the "
-            f"file, or leave out {option}."
-        )
-    return named
+    _agree(path.name, "its name says", named, option, option_kg, f"rename the file, or leave out {option}")
+    return named if option_kg is None else option_kg
 
 
-def _agree(recording: Recording, body: float | None, load: float | None) -> None:
+def _agree_with_study(recording: Recording, body: float | None, load: float | None) -> None:
     """Refuse a mass that is another than the study of the recording states."""
-    condition = recording.condition
+    c = recording.condition
     for option, table, name, says, stated in (
-        ("--body-mass", "subjects.csv", "body mass", condition.body_mass_kg, body),
-        ("--added-mass", "recordings.csv", "added mass", condition.added_mass_kg, load),
+        ("--body-mass", "subjects.csv", "body mass", c.body_mass_kg, body),
+        ("--added-mass", "recordings.csv", "added mass", c.added_mass_kg, load),
     ):
-        if stated is not None and says is not None and abs(stated - says) > 1e-6:
-            raise SettingError(
-                f"{recording.file}: {table} says that the {name} is {says:g} kg, and {option} says "
-                f"{stated:g} kg; leave out {option}, or correct {table}."
-            )
+        remedy = f"leave out {option}, or correct {table}"
+        _agree(recording.file, f"{table} says that the {name} is", says, option, stated, remedy)
+
+
+def _agree(file: str, source: str, kg: float | None, option: str, option_kg: float | None, remedy: str) -> None:
+    """Refuse a mass [kg] that a source and an option state differently."""
+    if kg is not None and option_kg is not None and abs(option_kg - kg) > 1e-6:
+        raise SettingError(f"{file}: {source} {kg:g} kg, and {option} says {option_kg:g} kg; {remedy}.")
 
 
 def together(names: Sequence[str]) -> str:

@@ -43,9 +43,7 @@ _LINE = re.compile(
 
 
 def kind(name: str) -> str:
-    """The key of study.toml that answers a statement, "delay_s" or "sensitivity"; empty for any
-    other.
-    """
+    """The key of study.toml that answers a statement, "delay_s" or "sensitivity"; empty for any other."""
     words = _words(name)
     if words & _NEITHER:
         return ""
@@ -59,9 +57,7 @@ def _words(name: str) -> set[str]:
 
 
 def statements_of(pairs: Mapping[str, object], applied: Sequence[str] = ()) -> Statements:
-    """The statements among names and values that are numbers or times, without those that a
-    reader applies.
-    """
+    """The statements among names and values that are numbers or times, without those that are applied."""
     made: Statements = {}
     for name, value in pairs.items():
         if name.lower() in applied or not kind(name):
@@ -93,11 +89,14 @@ def of_lines(
         cells = text.split(line, separator)
         name, *cells = cells if len(cells) > 2 else line.split() or [""]
         values = [text.number(cell) if text.numeric(cell) else cell for cell in cells if cell]
-        if kind(name) and len(values) > 1 and _are_alike(values):
+        clocks = [value for value in values if isinstance(value, str) and ":" in value and _CLOCK.fullmatch(value)]
+        words = [value for value in values if isinstance(value, str)]
+        if kind(name) and len(values) > 1 and (not words or len(clocks) == len(values)):
             for statements in made.values():
                 statements[name] = values
             continue
-        about = [channel for channel, heading in names.items() if _mentions(line, channel, heading)]
+        mentioned = re.findall(r"[^\W_]+", line.lower())
+        about = [name for name, heading in names.items() if {name, heading.strip().lower()} & {*mentioned}]
         if not about or not kind(line) or not re.search(r"\d", line) or re.search(r"\d ?m?V/", line):
             continue
         match = _LINE.fullmatch(line) if len(line) <= _LONGEST else None
@@ -108,17 +107,6 @@ def of_lines(
         else:
             vague.append(f"a line says {shown(line)!r}, which is not applied")
     return made, vague
-
-
-def _are_alike(values: Sequence[float | str]) -> bool:
-    """Whether they are all numbers, or all times of the day; a date before its time is neither."""
-    words = [value for value in values if isinstance(value, str)]
-    return not words or (len(words) == len(values) and all(":" in w and _CLOCK.fullmatch(w) for w in words))
-
-
-def _mentions(line: str, channel: str, heading: str) -> bool:
-    words = re.findall(r"[^\W_]+", line.lower())
-    return channel in words or heading.strip().lower() in words
 
 
 def refuse_unapplied(
@@ -144,7 +132,10 @@ def refuse_unapplied(
         if not odd or (weak and not unlike) or any(keys[channel] & answers for channel in (values if weak else odd)):
             continue
         channel = list(odd)[-1 if weak else 0]
-        raise InputFileError(file, _problem(name, key, odd[channel], names[channel]), _hint(channel, key))
+        example, none = ("100 mV/g", 1) if key == "sensitivity" else ("0.002", 0)
+        setting = called(f"channels.{channel}.{key}", example)
+        hint = Sentence("give ", setting, f" ({none} if they do), or delete the statement")
+        raise InputFileError(file, _problem(name, key, odd[channel], names[channel]), hint)
 
 
 def _problem(name: str, key: str, value: Value, column: str) -> str:
@@ -156,11 +147,3 @@ def _problem(name: str, key: str, value: Value, column: str) -> str:
 
 def _shown(value: float | str) -> str:
     return value if isinstance(value, str) else f"{value:g}"
-
-
-def _hint(channel: str, key: str) -> Sentence:
-    example, none = ('"100 mV/g"', 1) if key == "sensitivity" else ("0.002", 0)
-    plain = example.strip('"')
-    return Sentence(
-        "give ", called(f"channels.{channel}.{key}", plain), f" ({none} if they do), or delete the statement"
-    )  # fmt: skip

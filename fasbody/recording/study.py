@@ -57,8 +57,7 @@ class StudyFolder(Tabled):
             RecordingError: a mass is not a plausible number.
         """
         about, layout = describe(Path(folder) / "study.toml")
-        trials = listed(Path(folder), only)
-        return cls(about["name"], about["origin"], about["description"], trials, layout)
+        return cls(about.name, about.origin, about.description, listed(Path(folder), only), layout)
 
     def read(self, trial: Trial) -> Recording:
         """The recording of one trial, corrected as study.toml states."""
@@ -124,11 +123,8 @@ class Study(Tabled):
                 stated = study.layout.channels[name].column
                 column = f"a column {stated!r}" if stated else "a column of that name"
                 listed = f"sensors found: {', '.join(sorted(sensors)) or 'none'}"
-                raise InputFileError(
-                    Path(folder) / "study.toml",
-                    f"describes the channel {name!r}, and no recording has {column}",
-                    listed,
-                )
+                problem = f"describes the channel {name!r}, and no recording has {column}"
+                raise InputFileError(Path(folder) / "study.toml", problem, listed)
         return cls(study.name, study.origin, study.description, recordings)
 
 
@@ -179,8 +175,7 @@ def read_file(file: Path, study: Path | None = None) -> Recording:
         InputFileError: it, or the study around it, cannot be read.
     """
     if not file.exists():
-        remedy = "give a recording or a study folder that exists"
-        raise InputFileError(file, "no such file", remedy)
+        raise InputFileError(file, "no such file", "give a recording or a study folder that exists")
     if study is not None:
         return read_bare(file, describe(study)[1])
     for folder in file.resolve().parents[:2]:

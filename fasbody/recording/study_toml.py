@@ -15,8 +15,7 @@ LARGEST_STD = {"mass_std": 0.5, "gain_std": 0.5, "delay_std_s": 0.01}
 SHARES = (0.3, 1.2)
 #: What a sensitivity can be.
 SENSITIVITIES = 'a number (unit per m/s^2), not 0, "100 mV/g" or "10.2 mV/(m/s^2)"'
-_FORCES = "a force in N, above 0 and below 10000, or one for each load in kg: "
-_FORCES += '{ "0" = 43.0, "2.3" = 62.5 }'
+_FORCES = 'a force in N, above 0 and below 10000, or one for each load in kg: { "0" = 43.0, "2.3" = 62.5 }'
 
 
 def _is_sign(value: float) -> float:
@@ -66,9 +65,7 @@ class StudyTable(FileTable):
     """[study]."""
 
     name: _Text = ""
-    origin: Literal["measured", "synthetic"] = Field(
-        "measured", description='"measured", "synthetic"'
-    )
+    origin: Literal["measured", "synthetic"] = Field("measured", description='"measured", "synthetic"')
     description: _Text = ""
 
 
@@ -76,11 +73,9 @@ class LayoutTable(FileTable):
     """[layouts.NAME]: the files that are laid out otherwise, and how."""
 
     files: Annotated[list[_Reason], _Patterns] = Field(
-        [],
-        min_length=1,
-        validate_default=True,
+        [], min_length=1, validate_default=True,
         description='a pattern of file names, or several: files = ["*_phone.csv"]',
-    )
+    )  # fmt: skip
     channels: dict[str, Any] = {}
 
 
@@ -90,12 +85,8 @@ class ChannelTable(Table):
     column: str | Annotated[int, Field(gt=0)] = Field("", description="a name, or a number from 1")
     unit: str = Field("", description="a unit")
     clock: str = Field("", description="the name of a column of times")
-    sign: Annotated[float, AfterValidator(_is_sign)] = Field(
-        1.0, description="1, -1 (a gain is a sensitivity)"
-    )
-    sensitivity: Annotated[float | str, AfterValidator(_is_not_zero)] = Field(
-        1.0, description=SENSITIVITIES
-    )
+    sign: Annotated[float, AfterValidator(_is_sign)] = Field(1.0, description="1, -1 (a gain is a sensitivity)")
+    sensitivity: Annotated[float | str, AfterValidator(_is_not_zero)] = Field(1.0, description=SENSITIVITIES)
     delay_s: float = Field(0.0, description="a number of seconds")
     gain_std: float | None = _std(1)
     delay_std_s: float | None = _std(1)
@@ -107,12 +98,8 @@ class KnownTable(Table):
     mass_std: float | None = _std(LARGEST_STD["mass_std"])
     gain_std: float | None = _std(LARGEST_STD["gain_std"])
     delay_std_s: float | None = _std(LARGEST_STD["delay_std_s"])
-    static_force_n: Annotated[dict[float | None, _Force], BeforeValidator(_by_load)] = Field(
-        {}, description=_FORCES
-    )
-    load_share: float | None = Field(
-        None, ge=SHARES[0], le=SHARES[1], description="a share from {:g} to {:g}".format(*SHARES)
-    )
+    static_force_n: Annotated[dict[float | None, _Force], BeforeValidator(_by_load)] = Field({}, description=_FORCES)
+    load_share: float | None = Field(None, ge=SHARES[0], le=SHARES[1], description="a share from 0.3 to 1.2")
     mount: _Reason | None = _EXCLUDED
     relaxation: _Reason | None = _EXCLUDED
     load: _Reason | None = _EXCLUDED

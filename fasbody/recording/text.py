@@ -108,25 +108,22 @@ def _encodings(start: bytes) -> tuple[str, ...]:
 
 def _reads(file: Path, encoding: str) -> bool:
     """Whether all bytes of a file are letters in an encoding."""
-    decoder, two_byte, size = codecs.getincrementaldecoder(encoding)(), encoding.startswith("utf-16"), 0
+    decoder, two_byte, size, data = codecs.getincrementaldecoder(encoding)(), encoding.startswith("utf-16"), 0, b" "
     with _opened(file) as raw:
-        while data := raw.read(PIECE):
+        while data:
+            data = raw.read(PIECE)
             size += len(data)
             if size > _LARGEST:
                 raise InputFileError(
                     file, f"unpacks to more than {_LARGEST // 1_000_000} MB", "split it into recordings"
                 )
             try:
-                text = decoder.decode(data)
+                text = decoder.decode(data, final=not data)
             except UnicodeDecodeError:
                 return False
             clear = not two_byte and len(data.translate(None, _CONTROL)) == len(data)
             if not clear and _BINARY.search(text):
                 return False
-    try:
-        decoder.decode(b"", True)
-    except UnicodeDecodeError:
-        return False
     return True
 
 

@@ -22,17 +22,14 @@ def expected(frequency_hz: np.ndarray, H: np.ndarray) -> np.ndarray:
         frequency_hz: (n,) all different.
         H: (n,) complex, measured.
     """
-    stiffness = np.log(frequency_hz**2 / (1 - 1 / H))
-    stiffness = stiffness.real + 1j * (
-        np.mod(stiffness.imag + 0.5, 2 * np.pi) - 0.5
-    )  # losses turn it by 0 to 90 degrees
-    x = np.log(frequency_hz)
+    stiffness, x = np.log(frequency_hz**2 / (1 - 1 / H)), np.log(frequency_hz)
+    turned = np.mod(stiffness.imag + 0.5, 2 * np.pi) - 0.5  # losses turn it by 0 to 90 degrees
 
     def line(y: np.ndarray) -> np.ndarray:
         slope = np.median([(y[j] - y[i]) / (x[j] - x[i]) for i, j in combinations(range(x.size), 2)])
         return slope * x + np.median(y - slope * x)
 
-    return 1 / (1 - frequency_hz**2 / np.exp(line(stiffness.real) + 1j * line(stiffness.imag)))
+    return 1 / (1 - frequency_hz**2 / np.exp(line(stiffness.real) + 1j * line(turned)))
 
 
 def out_of_line(rows: Sequence[Mapping[str, Any]]) -> list[str]:

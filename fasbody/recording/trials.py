@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 
-def describe(file: Path) -> tuple[dict[str, str], Layout]:
+def describe(file: Path) -> tuple[StudyTable, Layout]:
     """The [study] table of a study.toml with defaults, and the layout of its [channels.*] tables."""
     if not file.is_file():
         needs = "a study folder needs study.toml, subjects.csv and recordings.csv"
@@ -46,15 +46,11 @@ def _way_out(file: Path) -> str:
     return f" (fasbody study init {quote(str(folder))} makes them); or name the files, {named}"
 
 
-def parsed(file: Path, content: Mapping[str, Any]) -> tuple[dict[str, str], Layout]:
+def parsed(file: Path, content: Mapping[str, Any]) -> tuple[StudyTable, Layout]:
     """The same of a study.toml's content, whether it is written yet or not."""
     document = validated(Document, file, content)
     study = validated(StudyTable, file, document.study, "study")
-    about = {
-        "name": study.name or file.parent.resolve().name,
-        "origin": study.origin,
-        "description": study.description,
-    }
+    study.name = study.name or file.parent.resolve().name
     apart = list[tuple[str, Layout]]()
     for name, stated in document.layouts.items():
         table = validated(LayoutTable, file, stated, f"layouts.{name}")
@@ -63,7 +59,7 @@ def parsed(file: Path, content: Mapping[str, Any]) -> tuple[dict[str, str], Layo
         layout = Layout.from_toml(file, channels, settings=settings, known=document.known)
         apart += [(pattern, layout) for pattern in table.files]
     layout = Layout.from_toml(file, document.channels, settings=study, known=document.known)
-    return about, replace(layout, apart=tuple(apart))
+    return study, replace(layout, apart=tuple(apart))
 
 
 @dataclass(frozen=True)
@@ -149,9 +145,8 @@ def _masses(file: Path) -> dict[str, float]:
     for line, row in table.items():
         subject = row["subject"] or ""
         if subject in lines:
-            raise InputFileError(
-                file, f"subject {subject!r} is listed in line {lines[subject]} already", "keep one row", line
-            )
+            problem = f"subject {subject!r} is listed in line {lines[subject]} already"
+            raise InputFileError(file, problem, "keep one row", line)
         lines[subject] = line
     masses = column(file, table, "mass_kg", optional=True)
     return dict(zip(lines, map(float, masses), strict=True))

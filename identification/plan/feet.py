@@ -188,7 +188,7 @@ class Feet:
         self._held = np.where(seen.held, _HELD, self._P)[:, None] * np.eye(mean.size)
         self._variables, self._rivals = variables, _departures(variables)
         # derivatives (D, r, n): of the main constants' logarithms, the prior's slope, and units of the departures
-        L = variables.slopes(variables.logarithms, seen.q, np.arange(mean.size))
+        m, L = len(EXCHANGED), variables.slopes(variables.logarithms, seen.q, np.arange(mean.size))
         units = np.eye(mean.size)[[i for places in self._rivals for i in places]]
         units = np.broadcast_to(units, (len(true), *units.shape))
         rows = np.concatenate([L, (self._P * true)[:, None], units], axis=1)[:, None]
@@ -196,6 +196,12 @@ class Feet:
         self._felt = np.flatnonzero(seen.J.any((0, 1, 2)) | rows.any((0, 1, 2)))
         self._rows = rows[..., self._felt]
         self._J = np.ascontiguousarray(seen.J[..., self._felt])
+        # rows of the sizes whose priors are half normal, which way they may go, and how far each foot is from there
+        at = np.array([i for places in self._rivals for i in places], int)
+        lower, upper = (limit[at] == mean[at] for limit in variables.bounds)
+        ends = np.flatnonzero(lower | upper)
+        self._one_sided, self._way = m + 1 + ends, np.where(lower, 1.0, -1.0)[ends]
+        self._room = np.abs(true[:, at[ends]])
 
     def sums(self, places: Sequence[int], lengths: Sequence[float] | np.ndarray) -> Sums:
         """Of recordings of the steps at some places, so many usual lengths long."""
@@ -209,8 +215,8 @@ class Feet:
     def outlook(self, sums: Sums) -> Outlook:
         """What recordings leave."""
         after = self._after(sums)
-        std, odds, utility = self._judge(after.known[:, None], after.missed[:, None])
-        return Outlook(np.sinh(np.minimum(Z95 * std[:, 0], 50.0)), odds[:, 0], self.asked, utility[0])
+        half, odds, utility = self._judge(after.known[:, None], after.missed[:, None])
+        return Outlook(half[:, 0], odds[:, 0], self.asked, utility[0])
 
     def gains(
         self,
@@ -276,24 +282,43 @@ class Feet:
 
     def excluding(self, sums: Sums, places: Sequence[int]) -> dict[str, float]:
         """Half-widths as in `Outlook`, if the variables at some places were known beforehand."""
-        left = ~np.isin(self._felt, places)
-        A = (sums.A + np.diag(self._P[self._felt]))[:, left][:, :, left]
-        L = self._rows[:, 0, : len(EXCHANGED)][:, :, left]
-        half = np.sinh(Z95 * np.sqrt(np.einsum("dmn,dnk,dmk->dm", L, np.linalg.inv(A), L)))
-        return dict(zip(EXCHANGED, map(float, np.median(half, axis=0)), strict=True))
+        P = np.where(np.isin(self._felt, places), _HELD, self._P[self._felt])
+        rows = self._rows[:, 0]
+        known = rows @ np.linalg.inv(sums.A + np.diag(P)) @ np.swapaxes(rows, 1, 2)
+        return dict(zip(EXCHANGED, map(float, np.median(self._half_widths(known), axis=0)), strict=True))
 
     def _judge(self, known: np.ndarray, missed: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Standard errors (D, K, m) of logarithms, log-odds (D, K), utility (K, 4), of K protocols (`_After`)."""
+        """Half-widths (D, K, m), log-odds (D, K), utility (K, 4), of K protocols (`_After`)."""
         m, D = len(EXCHANGED), len(known)
-        main = known[..., :m, :m]
-        std = np.sqrt(np.einsum("dkmm->dkm", main))
+        main, half = known[..., :m, :m], self._half_widths(known)
         at = [EXCHANGED.index(name) for name in self.asked] or list(range(m))
         information = -0.5 * np.linalg.slogdet(main[..., at, :][..., at])[1].mean(0)
         # of the branch: what the best foot near the rival misses, less what the prior costs the foot itself
         odds = 0.5 * (missed - self._pp[:D, None] + known[..., m, m])
         branch = np.clip(odds / _DECISIVE, 0.0, 1.0).mean(0)
         rivals = self._of_departures(known[..., m + 1 :, m + 1 :])
-        return std, odds, np.stack([information, branch, rivals, -self._over(std[..., at])], axis=1)
+        return half, odds, np.stack([information, branch, rivals, -self._over(half[..., at])], axis=1)
+
+    def _half_widths(self, known: np.ndarray) -> np.ndarray:
+        """(..., m) half of the 95 % intervals as shares of the values, from `_After.known`.
+
+        What is half normal moves a constant one way only: on the other side it is held at its bound. What is held is
+        chosen once, which is within a tenth of the farthest place of the quadratic.
+        """
+        m, at = len(EXCHANGED), self._one_sided
+        variance = np.einsum("...mm->...m", known)[..., :m]
+        C = np.outer(self._way, self._way) * known[..., None, at, :][..., at]
+        G = self._way * known[..., :m, at]
+        room = self._room[: len(known)].reshape(len(known), *[1] * (known.ndim - 2), -1)
+        reach = []
+        for side in (1.0, -1.0):
+            held = -side * Z95 * G / np.sqrt(variance)[..., None] > room
+            among = np.where(held[..., :, None] & held[..., None, :], C, np.eye(at.size))
+            by = np.where(held[..., None], np.stack(np.broadcast_arrays(G, -room), -1), 0.0)
+            by_G, by_room = np.moveaxis(np.linalg.solve(among, by), -1, 0)
+            left = (variance - (by[..., 0] * by_G).sum(-1)) * (Z95**2 - (by[..., 1] * by_room).sum(-1))
+            reach.append(side * (by[..., 1] * by_G).sum(-1) + np.sqrt(np.maximum(left, 0.0)))
+        return np.sinh(np.minimum(0.5 * (reach[0] + reach[1]), 50.0))
 
     def _of_departures(self, covariance: np.ndarray) -> np.ndarray:
         """(K,) how decided departures are, from the covariance (D, K, r, r) of their sizes."""
@@ -306,11 +331,10 @@ class Feet:
             first += len(places)
         return decided
 
-    def _over(self, std: np.ndarray) -> np.ndarray:
+    def _over(self, half: np.ndarray) -> np.ndarray:
         """(K,) logarithm by which the widest interval exceeds what is asked, from the asked ones' (D, K, a)."""
         if not self.asked:
-            return np.zeros(std.shape[1])
-        half = np.sinh(np.minimum(Z95 * std, 50.0))
+            return np.zeros(half.shape[1])
         return np.asarray(np.maximum(0.0, np.log(half / list(self.asked.values())).max(-1)).mean(0))
 
 

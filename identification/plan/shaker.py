@@ -14,7 +14,7 @@ SINE, MULTISINE = "sine", "multisine"
 KINDS = (SINE, MULTISINE)
 #: Noise of a sample where nobody says one [m/s^2]: a person trembles and sways where a rig does not.
 NOISE_M_S2 = 0.5
-#: Who sits down anew repeats to 2 to 5 % of a harmonic; where nobody says one, what lies between.
+#: Who sits down anew is assumed to repeat to 2 to 5 % of a harmonic; where nobody says one, what lies between.
 REPEATABILITY = 0.03
 #: Standard deviations of the logarithms of both among people, where nobody says them: half of a factor
 #: of two, and what makes 2 and 5 % of 3 %.

@@ -24,7 +24,7 @@ def validate(
     figure: Annotated[Path | None, typer.Option(help="SVG or PNG to write")] = None,
     json: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
 ) -> None:
-    """Predict each published measurement of feet from the others, and show which no arch can reproduce.
+    """Predict each published measurement of feet from the others, and show which are excluded under stated assumptions.
 
     Takes two minutes or more.
 

@@ -11,7 +11,6 @@ import numpy as np
 from fasbody.recording.channels import Channels
 from fasbody.recording.formats import series
 from fasbody.recording.formats.series import FormatError, Series, check_size, passed_over
-from fasbody.recording.statements import statements_of
 
 LIBRARY = "h5py"
 MAGIC = b"\x89HDF\r\n\x1a\n"
@@ -51,17 +50,8 @@ def decode(file: Path) -> list[Series]:
                 raise FormatError(f"keeps the data of {name!r} in other files; save them in the file itself")
             total += int(np.prod([float(n) for n in item.shape]))
             check_size(total)
-            unit = series.text_of(item.attrs.get("units", item.attrs.get("unit", b"")))
-            values, scaled = _scaled(item)
-            stated = statements_of(dict(item.attrs), (*_APPLIED, *series.STARTS, *series.RATES, *series.STEPS))
-            rate = _rate(source, name)
-            starts = (_number(item.attrs.get(key)) for key in series.STARTS)
-            start = next((value for value in starts if value is not None), None)
             axis = _axis(item) if len(axes) > 1 else ""
-            columns += [
-                replace(s, scaled=scaled, stated=stated, start_s=start, group=axis)
-                for s in series.columns_of(name, values, unit, rate)
-            ]
+            columns += series.of_variable(name, item[()], dict(item.attrs), _rate(source, name), axis)
         columns = _named(source, columns)
     return series.with_rate(columns)
 
@@ -102,29 +92,6 @@ def _is_table(item: Any) -> bool:
     return named and item.ndim == 1 and not item.external and not item.is_virtual
 
 
-#: Attributes that are applied.
-_APPLIED = ("scale_factor", "add_offset")
-
-
-def _scaled(item: Any) -> tuple[np.ndarray, str]:
-    """The values with `scale_factor` and `add_offset` applied by the CF conventions, and the scale."""
-    values = item[()]
-    attributes = {key: _number(item.attrs.get(key)) for key in _APPLIED}
-    for key in _APPLIED:
-        if key in item.attrs and attributes[key] is None:
-            raise FormatError(f"the attribute {key} of {item.name!r} is no number; give one, or delete it")
-    factor, offset = attributes["scale_factor"], attributes["add_offset"]
-    empty = _number(item.attrs.get("_FillValue"))
-    return series.scaled_by_attributes(values, factor, offset, empty)
-
-
-def _number(value: Any) -> float | None:
-    if isinstance(value, np.ndarray) and value.size == 1:
-        value = value.reshape(-1)[0]
-    good = isinstance(value, int | float | np.number) and np.isfinite(value)
-    return float(value) if good else None
-
-
 def _no_numbers(item: Any) -> str:
     """What a dataset is if it is no vector or matrix of real numbers, else nothing."""
     kind = item.attrs.get("MATLAB_class", b"")
@@ -141,21 +108,30 @@ def _rate(source: Any, name: str) -> float | None:
     """The rate [Hz] that a dataset states, or a folder above it."""
     parts = name.split("/")
     above = [source, *(source["/".join(parts[:count])] for count in range(1, len(parts) + 1))]
-    return series.stated_rate(
-        (f"{item.name.strip('/')}/{key}".strip("/"), _number(value))
-        for item in above
-        for key, value in item.attrs.items()
-        if key.lower() in series.RATES + series.STEPS
-    )
+    stated = ((f"{item.name}/{key}".strip("/"), value) for item in above for key, value in item.attrs.items())
+    return series.stated_rate((key, series.number_of(value)) for key, value in stated)
 
 
-def encode(channels: Channels) -> bytes:
-    """One dataset a channel, its unit as attribute."""
+#: What MATLAB writes into the first 128 bytes of version 7.3: text, no subsystem, version 2.0, little-endian.
+_MATLAB = b"MATLAB 7.3 MAT-file, Platform: GLNXA64, written by fasbody, HDF5 schema 1.00 .".ljust(124) + b"\x00\x02IM"
+
+
+def encode(channels: Channels, matlab: bool = False) -> bytes:
+    """One dataset a channel, its unit as attribute.
+
+    Args:
+        channels: (n,) each.
+        matlab: as version 7.3 of MATLAB's files, with its class on each variable; its axes are those reversed.
+    """
     import h5py
 
     file = BytesIO()
-    with h5py.File(file, "w") as out:
+    with h5py.File(file, "w", userblock_size=512 if matlab else 0) as out:
         for name, values in channels.items():
-            dataset = out.create_dataset(name, data=values, compression="gzip", shuffle=True)
+            data = np.asarray(values, float)[None, :] if matlab else values  # (1, n) here is n by 1 there
+            dataset = out.create_dataset(name, data=data, compression="gzip", shuffle=True)
             dataset.attrs["units"] = "s" if name == "time_s" else "m/s^2"
-    return file.getvalue()
+            if matlab:
+                dataset.attrs["MATLAB_class"] = np.bytes_("double")
+    whole = file.getvalue()
+    return _MATLAB + whole[len(_MATLAB) :] if matlab else whole

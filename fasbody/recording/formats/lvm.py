@@ -46,14 +46,7 @@ def _segment(
     heading: Sequence[str],
     rows: Sequence[Sequence[str]],
 ) -> list[Series]:
-    """The channels of one segment.
-
-    Args:
-        about: what the file states.
-        header: statements of the segment.
-        heading: its names.
-        rows: its numbers, in words.
-    """
+    """The channels of one segment."""
     decimal = about.get("Decimal_Separator", ["."])[0]
     x_columns = about.get("X_Columns", ["One"])[0].lower()
     names = [cell.strip() for cell in heading]
@@ -65,7 +58,7 @@ def _segment(
         raise FormatError(f"announces {count} channels and names {len(names)}")
 
     def column(index: int) -> np.ndarray:
-        cells = [row[index].strip() if index < len(row) else "" for row in body]
+        cells = [row[index] if index < len(row) else "" for row in body]
         try:
             return np.array([float(cell.replace(decimal, ".")) for cell in cells])
         except ValueError:

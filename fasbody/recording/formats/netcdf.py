@@ -1,6 +1,5 @@
 """NetCDF: version 4 is HDF5 and read as that; version 3 is read by scipy."""
 
-from dataclasses import replace
 from importlib.util import find_spec
 from pathlib import Path
 
@@ -8,16 +7,7 @@ import numpy as np
 
 from fasbody.exceptions import pip_install
 from fasbody.recording.formats import hdf5
-from fasbody.recording.formats.series import (
-    FormatError,
-    Series,
-    check_size,
-    numeric_columns,
-    scaled_by_attributes,
-    text_of,
-    with_rate,
-)
-from fasbody.recording.statements import statements_of
+from fasbody.recording.formats.series import FormatError, Series, check_size, of_variable, with_rate
 
 LIBRARY = "scipy"
 
@@ -42,14 +32,6 @@ def decode(file: Path) -> list[Series]:
             values = np.asarray(variable.data)
             total += values.size
             check_size(total)
-            names = ("scale_factor", "add_offset", "_FillValue")
-            stated = (getattr(variable, key, None) for key in names)
-            numbers = (None if value is None else float(value) for value in stated)
-            scaled = ""
-            if values.dtype.kind in "fiu":
-                values, scaled = scaled_by_attributes(values, *numbers)
-            columns = numeric_columns(name, values, text_of(getattr(variable, "units", b"")))
-            attributes = statements_of(variable._attributes, names)
             axis = variable.dimensions[0] if len(axes) > 1 and variable.dimensions else ""
-            series += [replace(s, scaled=scaled, stated=attributes, group=axis) for s in columns]
+            series += of_variable(name, values, variable._attributes, group=axis)
     return with_rate(series)

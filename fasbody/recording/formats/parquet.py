@@ -25,8 +25,7 @@ def decode(file: Path) -> list[Series]:
     about = source.metadata
     check_size(float(about.num_rows) * about.num_columns, about.num_columns)
     metadata = _texts(source.schema_arrow.metadata)
-    numbers = {key: value for key, value in metadata.items() if numeric(value)}
-    rate = stated_rate((key, number(value)) for key, value in numbers.items())
+    rate = stated_rate((key, number(value)) for key, value in metadata.items() if numeric(value))
     table = source.read(use_threads=False)
     return [_series(field, table.column(place), rate) for place, field in enumerate(table.schema)]
 

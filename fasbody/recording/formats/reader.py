@@ -1,8 +1,8 @@
 """Binary files are read by a child process with limited memory and time, whatever their header makes a library do.
 
 The parsers of these formats are large C or Python libraries; a mutated file makes some of them crash, loop or allocate.
-The child (`python -m fasbody.recording.formats.reader`) stays alive between files, takes a path a line on stdin, and
-returns one line of JSON and the raw samples: nothing is pickled, and nothing in a file is executed.
+The child (`python -m fasbody.recording.formats.reader`) stays alive between files, takes a path, and returns JSON and
+the raw samples: nothing is pickled, and nothing in a file is executed.
 """
 
 import atexit
@@ -10,24 +10,24 @@ import contextlib
 import gzip
 import importlib
 import json
+import multiprocessing
 import os
-import select
 import signal
 import subprocess
 import sys
 import tempfile
 import threading
-import time
 from collections.abc import Iterator
 from dataclasses import fields
+from multiprocessing.connection import Connection
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any
 
 import numpy as np
 
 from fasbody.exceptions import InputFileError, SettingError
 from fasbody.recording.formats import READ, ending
-from fasbody.recording.formats.series import FormatError, Series, check_size, need, told_apart
+from fasbody.recording.formats.series import MOST_SAMPLES, FormatError, Series, check_size, need, told_apart
 
 #: Address space of the child [bytes], and the time on the clock that it may take for one file [s]: only a library that
 #: waits for something takes so long, as its computing is limited too, and a busy machine takes a minute to start it.
@@ -60,11 +60,13 @@ def read_series(file: Path, patience_s: float | None = None) -> list[Series]:
     with _lock:
         child = _reader()
         try:
-            header, data = child.ask(file, longest)
+            header, values = child.ask(file, longest)
         except TimeoutError:
             end_child()
             raise InputFileError(file, f"could not be read within {longest:g} s", "the file is broken") from None
         except (EOFError, OSError, ValueError):
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                child.process.wait(1.0)  # it has ended; its return code states why
             end_child()
             if child.process.returncode == -getattr(signal, "SIGXCPU", 0):
                 what = f"could not be read within {computing_s(file)} s of computing"
@@ -72,14 +74,7 @@ def read_series(file: Path, patience_s: float | None = None) -> list[Series]:
             raise InputFileError(file, "breaks its reader (it is damaged, or made to do so)") from None
     if "problem" in header:
         raise InputFileError(file, header["problem"])
-    values = np.frombuffer(data).copy()
-    ends = np.cumsum([s["size"] for s in header["series"]])
-    parts = np.split(values, ends[:-1]) if len(ends) else []
-    entries = header["series"]
-    return [
-        Series(values=v, **{key: value for key, value in s.items() if key != "size"})
-        for s, v in zip(entries, parts, strict=True)
-    ]
+    return [Series(values=x, **about) for about, x in zip(header["series"], values, strict=True)]
 
 
 def computing_s(file: Path) -> int:
@@ -133,57 +128,39 @@ class _Child:
         threads = {f"{library}_NUM_THREADS": "1" for library in ("OMP", "OPENBLAS", "MKL")}
         paths = os.pathsep.join([str(Path(__file__).parents[3]), os.environ.get("PYTHONPATH", "")])
         self.owner = os.getpid()
+        self.pipe, other = multiprocessing.Pipe()
         self.process = subprocess.Popen(
-            [sys.executable, "-m", "fasbody.recording.formats.reader"],
-            stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, bufsize=0,
+            [sys.executable, "-m", "fasbody.recording.formats.reader", str(other.fileno())], pass_fds=[other.fileno()],
+            stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
             env={**os.environ, **threads, "PYTHONPATH": paths, "HDF5_PLUGIN_PRELOAD": "::"},  # no HDF5 plug-ins
         )  # fmt: skip
+        other.close()
 
     def usable(self) -> bool:
         """Alive, and ours: after a fork the pipe belongs to the parent."""
         return self.owner == os.getpid() and self.process.poll() is None
 
     def stop(self) -> None:
-        """End it; after a fork only the pipes are closed, for the process is the parent's."""
+        """End it; after a fork only the pipe is closed, for the process is the parent's."""
         if self.owner == os.getpid():
             self.process.kill()
             self.process.wait()
-        for pipe in (self.process.stdin, self.process.stdout):
-            if pipe:
-                with contextlib.suppress(OSError):
-                    pipe.close()
+        self.pipe.close()
 
-    def ask(self, file: Path, patience_s: float) -> tuple[dict, bytes]:
-        """Header and raw samples of a file; TimeoutError or EOFError if the child does not reply."""
-        assert self.process.stdin is not None
-        deadline = time.monotonic() + patience_s
-        self.process.stdin.write(json.dumps(str(file.resolve())).encode() + b"\n")
-        length = int(self._read(8, deadline).decode(), 16)
-        header = json.loads(self._read(length, deadline))
-        size = sum(s["size"] for s in header.get("series", ()))
-        check_size(size)
-        return header, self._read(8 * size, deadline)
-
-    def _read(self, count: int, deadline: float) -> bytes:
-        assert self.process.stdout is not None
-        got = bytearray()
-        while len(got) < count:
-            left = deadline - time.monotonic()
-            if left <= 0 or not select.select([self.process.stdout], [], [], left)[0]:
-                raise TimeoutError
-            part = os.read(self.process.stdout.fileno(), min(1 << 20, count - len(got)))
-            if not part:
-                with contextlib.suppress(subprocess.TimeoutExpired):
-                    self.process.wait(1.0)  # it has ended; its return code states why
-                raise EOFError
-            got += part
-        return bytes(got)
+    def ask(self, file: Path, patience_s: float) -> tuple[dict[str, Any], list[np.ndarray]]:
+        """Header and samples of a file; TimeoutError or EOFError if the child does not reply."""
+        self.pipe.send_bytes(os.fsencode(file.resolve()))
+        if not self.pipe.poll(patience_s):
+            raise TimeoutError
+        header = json.loads(self.pipe.recv_bytes(_LARGEST_FILE))
+        values = [np.frombuffer(self.pipe.recv_bytes(8 * MOST_SAMPLES)).copy() for _ in header.get("series", ())]
+        return header, values
 
 
-def serve(requests: BinaryIO, answers: BinaryIO) -> None:
-    """The child: read the file named on each line and return its samples."""
-    for line in requests:
-        file = Path(json.loads(line))
+def serve(pipe: Connection) -> None:
+    """The child: read the files that are named, and return the samples of each."""
+    while True:
+        file, series = Path(os.fsdecode(pipe.recv_bytes())), list[Series]()
         try:
             allow(computing_s(file))
             with _unpacked(file) as plain:
@@ -192,24 +169,19 @@ def serve(requests: BinaryIO, answers: BinaryIO) -> None:
             if all(s.what for s in series):
                 others = ", ".join(f"{s.name!r} is {s.what}" for s in series[:5])
                 raise FormatError(f"holds no numeric channel{others and f' ({others})'}; save plain real vectors")
-            entries = [
-                {f.name: getattr(s, f.name) for f in fields(s) if f.name != "values"} | {"size": s.values.size}
-                for s in series
-            ]
-            header: dict = {"series": entries}
+            names = [f.name for f in fields(Series) if f.name != "values"]
+            header: dict[str, Any] = {"series": [{name: getattr(s, name) for name in names} for s in series]}
         except FormatError as error:
-            series, header = [], {"problem": str(error)}
+            header = {"problem": str(error)}
         except MemoryError:
-            series, header = [], {"problem": "needs more memory than a recording can (its header is damaged)"}
+            header = {"problem": "needs more memory than a recording can (its header is damaged)"}
         except Exception:
             # Any error of a parser on a file from outside is a broken file; its message would not help a user.
             what = "it is damaged, cut off, or of another format"
-            series, header = [], {"problem": f"is not a sound {ending(file)} file; {what}"}
-        text = json.dumps(header).encode()
-        answers.write(f"{len(text):08x}".encode() + text)
-        for s in series:
-            answers.write(np.ascontiguousarray(s.values, float).tobytes())
-        answers.flush()
+            header = {"problem": f"is not a sound {ending(file)} file; {what}"}
+        pipe.send_bytes(json.dumps(header).encode())
+        for s in series if "series" in header else ():
+            pipe.send_bytes(np.ascontiguousarray(s.values, float).tobytes())
 
 
 def allow(seconds: int) -> None:
@@ -226,6 +198,5 @@ if __name__ == "__main__":
 
     resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
     resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    with os.fdopen(os.dup(1), "wb") as private:  # so that nothing that a library prints gets into the replies
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
-        serve(sys.stdin.buffer, private)
+    with contextlib.suppress(EOFError):  # nobody asks any more
+        serve(Connection(int(sys.argv[1])))

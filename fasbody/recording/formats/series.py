@@ -3,8 +3,9 @@
 import importlib.util
 import re
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 import numpy as np
 
@@ -31,8 +32,7 @@ class Series:
         values: (n,).
         rate_hz: if the file states it.
         what: empty, or what this is instead of a column of real numbers; it then has no values.
-        start_s: when the first sample was taken [s], on one clock for the whole file, if it
-            is stated.
+        start_s: when the first sample was taken [s], on one clock for the whole file, if stated.
         scaled: by which statement of the file its values were scaled.
         stated: of its time or scale, and not applied.
         group: its sheet, structure or folder.
@@ -74,29 +74,18 @@ def columns_of(name: str, values: np.ndarray, unit: str = "", rate_hz: float | N
     return [Series(f"{name}_{i + 1}", unit, tall[:, i].copy(), rate_hz) for i in range(tall.shape[1])]
 
 
-def numeric_columns(name: str, values: np.ndarray, unit: str = "") -> list[Series]:
+def numeric_columns(name: str, values: np.ndarray, unit: str = "", rate_hz: float | None = None) -> list[Series]:
     """The columns of an array of real numbers; of any other array its name."""
     if values.dtype.kind in "fiub" and values.ndim <= 2:
-        return columns_of(name, values, unit)
+        return columns_of(name, values, unit, rate_hz)
     return [passed_over(name, "no vector or matrix of numbers")]
 
 
-def scaled_by_attributes(
-    values: np.ndarray, factor: float | None, offset: float | None, empty: float | None
-) -> tuple[np.ndarray, str]:
-    """Values by the CF conventions, and the statement of their scale.
-
-    Args:
-        values: as stored.
-        factor: `scale_factor`.
-        offset: `add_offset`.
-        empty: `_FillValue`, which stands for no number.
-    """
-    if empty is not None and values.dtype.kind in "iuf":
-        values = np.where(values == empty, np.nan, values)
-    if factor is not None or offset is not None:
-        values = np.asarray(values, float) * (1.0 if factor is None else factor) + (offset or 0.0)
-    return values, f"scale_factor = {factor:g}" if factor not in (None, 1.0) else ""
+def number_of(value: Any) -> float | None:
+    """An attribute as a finite number, None where it is none."""
+    if isinstance(value, np.ndarray) and value.size == 1:
+        value = value.reshape(-1)[0]
+    return float(value) if isinstance(value, int | float | np.number) and np.isfinite(value) else None
 
 
 def text_of(attribute: object) -> str:
@@ -124,6 +113,39 @@ STEPS = (
 STARTS = ("start_s", "start_time_s", "start_time", "t0", "t0_s", "start_value", "tstart")
 #: Two statements of a rate that differ by more than this share are two rates.
 _ALIKE = 1e-3
+
+
+#: Attributes that are applied by the CF conventions.
+_SCALES = ("scale_factor", "add_offset")
+
+
+def of_variable(
+    name: str, values: np.ndarray, about: Mapping[str, Any], rate_hz: float | None = None, group: str = ""
+) -> list[Series]:
+    """The columns of an array with attributes: unit, scale by the CF conventions, start, and what is not applied.
+
+    Args:
+        name: of the array.
+        values: as stored.
+        about: its attributes.
+        rate_hz: that the file states.
+        group: its dimension.
+    """
+    numbers = {key: number_of(about.get(key)) for key in (*_SCALES, "_FillValue", *STARTS)}
+    factor, offset, empty, *starts = numbers.values()
+    wrong = next((key for key in _SCALES if key in about and numbers[key] is None), None)
+    if wrong:
+        raise FormatError(f"the attribute {wrong} of {f'/{name}'!r} is no number; give one, or delete it")
+    if empty is not None and values.dtype.kind in "iuf":
+        values = np.where(values == empty, np.nan, values)
+    if factor is not None or offset is not None:
+        values = np.asarray(values, float) * (1.0 if factor is None else factor) + (offset or 0.0)
+    start = next((value for value in starts if value is not None), None)
+    scaled = f"scale_factor = {factor:g}" if factor not in (None, 1.0) else ""
+    stated = statements_of(about, (*_SCALES, *STARTS, *RATES, *STEPS))
+    unit = text_of(about.get("units", about.get("unit", b"")))
+    columns = numeric_columns(name, values, unit, rate_hz)
+    return [replace(s, scaled=scaled, stated=stated, start_s=start, group=group) for s in columns]
 
 
 def stated_rate(statements: Iterable[tuple[str, float | None]]) -> float | None:
@@ -158,13 +180,15 @@ def with_rate(series: list[Series]) -> list[Series]:
 
     rated = []
     for s in kept:
-        stated = stated_above(s)
-        starts = (value for name, value in stated if name.rpartition("/")[2].lower() in STARTS)
-        start = next(starts, None) if s.start_s is None else s.start_s
+        stated, about, start = stated_above(s), dict[str, float](), s.start_s
         folder, _, name = s.name.rpartition("/")
-        rate = s.rate_hz or stated_rate(stated)
-        about = {_without(key, name): value for key, value in stated if _of(key, name)}
+        for key, value in stated:
+            words = _words(key)
+            start = value if start is None and key.rpartition("/")[2].lower() in STARTS else start
+            if any(word in _words(name) and not kind(word) and len(word) > 2 for word in words):  # gain_base, of base_g
+                about["_".join(word for word in words if word not in _words(name) or kind(word))] = value
         mine = statements_of(about) | listed | s.stated
+        rate = s.rate_hz or stated_rate(stated)
         rated.append(replace(s, name=name, group=s.group or folder, rate_hz=rate, start_s=start, stated=mine))
     return rated
 
@@ -175,16 +199,6 @@ _FEW = 12
 
 def _words(name: str) -> list[str]:
     return re.split(r"[^a-z0-9]+", name.rpartition("/")[2].lower())
-
-
-def _of(scalar: str, name: str) -> bool:
-    """Whether a scalar is named after a series: gain_base, of base_g."""
-    return any(word in _words(name) for word in _words(scalar) if not kind(word) and len(word) > 2)
-
-
-def _without(scalar: str, name: str) -> str:
-    """The name of a scalar without that of its series."""
-    return "_".join(word for word in _words(scalar) if word not in _words(name) or kind(word))
 
 
 def _folder(series: Series) -> str:

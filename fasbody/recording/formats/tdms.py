@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from fasbody.recording.channels import Channels
-from fasbody.recording.formats.series import FormatError, Series, check_size, step_of
+from fasbody.recording.formats.series import FormatError, Series, check_size, number_of, step_of
 from fasbody.recording.statements import statements_of
 
 LIBRARY = "nptdms"
@@ -36,10 +36,10 @@ def decode(file: Path) -> list[Series]:
             if values.dtype.kind not in "fiu":
                 continue
             unit = channel.properties.get("unit_string", "")
-            step = _number(channel.properties.get("wf_increment"))
+            step = number_of(channel.properties.get("wf_increment"))
             rate = 1 / step if step and step > 0 else None
             stamps.append(channel.properties.get("wf_start_time"))
-            offsets.append(_number(channel.properties.get("wf_start_offset")))
+            offsets.append(number_of(channel.properties.get("wf_start_offset")))
             about = channel.properties.items()
             stated = statements_of({key: value for key, value in about if key[:3].lower() not in ("wf_", "ni_")})
             one = Series(channel.name, str(unit), values.astype(float), rate, group=channel.group_name)
@@ -59,10 +59,6 @@ def _starts(stamps: list[Any], offsets: list[float | None]) -> list[float | None
         None if stamp is None else float((stamp - first) / np.timedelta64(1, "ns")) * 1e-9 + (offset or 0.0)
         for stamp, offset in zip(dated, offsets, strict=True)
     ]
-
-
-def _number(value: Any) -> float | None:
-    return float(value) if isinstance(value, int | float) and np.isfinite(value) else None
 
 
 def encode(channels: Channels) -> bytes:
