@@ -14,7 +14,7 @@ import pytest
 from feeder import ENVIRONMENT, PATIENT, Feeder, Instrument, capture_of, number_of, refusal
 
 from fasbody.acquire.commands import app
-from fasbody.acquire.folder import replay
+from fasbody.acquire.folder import convert, replay
 from fasbody.acquire.plan import Plan
 from fasbody.exceptions import FasError
 from fasbody.laboratory.foot import TRUTH
@@ -89,6 +89,22 @@ def test_planned_session_goes_on_where_it_stopped(
     app([*words, "--first", "3"], standalone_mode=False)
     assert again[1:] == [f"--plan {file} --first {number}" for number in (3, 4)]
     assert "--first is 5, and" in refusal(*words, "--first", "5")
+
+
+@pytest.mark.long
+def test_full_disk_mid_run_keeps_what_came_before(tmp_path: Path, feeder: Feeder) -> None:
+    """A limit on the file size stands for the full disk."""
+    study = tmp_path / "study"
+    limited = f"import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (9000, 9000)){PATIENT}"
+    words = ["--port", feeder.port, "--out", str(study), "--body-mass", "72.57", "--seconds", "60"]
+    done = subprocess.run(
+        [sys.executable, "-B", "-c", limited, *words],  # bytecode that meets the limit would be kept cut off
+        env={**ENVIRONMENT, "TMPDIR": str(tmp_path)}, capture_output=True,
+        text=True,
+    )  # fmt: skip
+    assert done.returncode == 2 and "cannot be written" in done.stderr and "recover" in done.stderr
+    made = convert(study / "captures" / "broadband_0kg.fascap", study, longest=True)
+    assert made.problems == () and made.recording.time_s.size > 500
 
 
 def test_killed_mid_run_then_recovered(tmp_path: Path, feeder: Feeder, capsys: pytest.CaptureFixture[str]) -> None:

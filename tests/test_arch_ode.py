@@ -61,3 +61,15 @@ def test_gravity_settles_at_weight_over_stiffness() -> None:
     assert motion.states[-1, 10] == pytest.approx(
         lagrange.deformations(NOMINAL, motion.q[-1]).e, rel=1e-4
     )  # the dashpot has yielded to the whole elongation
+
+
+@pytest.mark.long
+def test_energy_lost_is_what_the_dampers_took() -> None:
+    start = arch_ode.initial_state(NOMINAL) + np.array([1e-3, 0, 0.05, 0, 0.03, 0, 0, 0, 0, 0, 0])
+    time = np.linspace(0, 0.02, 4001)
+    motion = arch_ode.solve(NOMINAL, lambda t: 0.0, time, initial=start, tolerance=1e-9)
+    q, q_dot, _ = arch_ode.split(NOMINAL, motion.states)
+    energy = lagrange.kinetic(NOMINAL, q, q_dot) + lagrange.potential(NOMINAL, q)
+    late = time >= 0.001  # the first instants decay faster than the samples resolve
+    lost = np.trapezoid(lagrange.dissipated_power(NOMINAL, q, q_dot)[late], time[late])
+    assert energy[late][0] - energy[-1] == pytest.approx(lost, rel=1e-5)

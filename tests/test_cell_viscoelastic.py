@@ -1,4 +1,6 @@
-"""Complex frequencies against the unreduced problem of two solids; a shaken base against direct solves."""
+"""Complex frequencies against the exact cubic of one solid and the unreduced problem of two; a shaken base against
+direct solves.
+"""
 
 import numpy as np
 import pytest
@@ -17,6 +19,19 @@ from simulator.bodies import block
 @pytest.fixture(scope="module")
 def model() -> CellModel:
     return CellModel(assemble(block((1, 2, 1), nucleus_below=1.0)), preset("si").materials, 1e-6)
+
+
+def test_one_solid_gives_the_roots_of_its_cubic(model: CellModel) -> None:
+    """Roots of tau s^3 + s^2 + omega^2 tau (1 + g) s + omega^2 = 0 for each elastic omega."""
+    solid = StandardLinearSolid(1.0, 3e-6)
+    damped = damped_modes(ReducedCell.of(model, 12), (solid, solid), 5)
+    expected = []
+    for omega in solve(model, 12).omega:
+        roots = np.roots([solid.tau, 1, omega**2 * solid.tau * (1 + solid.g), omega**2])
+        expected.append(roots[roots.imag > 0][0])
+    expected = sorted(expected, key=lambda s: s.imag)[:5]
+    assert np.sort_complex(damped.s) == pytest.approx(np.sort_complex(np.array(expected)), rel=1e-8)
+    assert damped.residuals.max() < 1e-8
 
 
 def test_two_solids_agree_with_the_unreduced_problem(model: CellModel) -> None:
@@ -66,6 +81,18 @@ def test_no_damping_prints_as_zero() -> None:
     assert "damping 0.000%" in str(damped)
 
 
+def test_no_relaxation_is_elastic_and_very_fast_is_stiff(model: CellModel) -> None:
+    cell = ReducedCell.of(model, 10)
+    elastic = solve(model, 4).frequencies_hz
+    still = StandardLinearSolid(0.0, 1e-3)
+    assert damped_modes(cell, (still, still), 4).frequencies_hz == pytest.approx(elastic, rel=1e-9)
+    slow = StandardLinearSolid(3.0, 1e3)
+    damped = damped_modes(cell, (slow, slow), 4)
+    assert damped.frequencies_hz == pytest.approx(2 * elastic, rel=1e-6)
+    assert damped.damping.max() < 1e-6
+    assert damped.elastic_hz == pytest.approx(elastic, rel=1e-9)
+
+
 def test_an_elastic_membrane_stays_out_of_the_relaxation(model: CellModel) -> None:
     stiff = CellModel(model.assembly, model.materials, 1e-6, membrane=Membrane(E=1e5))
     still = StandardLinearSolid(0.0, 1e-3)
@@ -105,6 +132,18 @@ def test_response_agrees_with_the_full_matrices(tall: CellModel) -> None:
     u = spla.spsolve((K - w**2 * tall.M).tocsc(), w**2 * (tall.M @ tall.rigid))
     top = np.flatnonzero(tall.assembly.free == int(tall.assembly.nodes_um[:, 1].argmax()))[0]
     assert response.top[:, 0] == pytest.approx(1 + np.diag(u.reshape(-1, 3, 3)[top]), rel=1e-3)
+
+
+def test_reach_is_the_last_mode_of_the_basis(tall: CellModel) -> None:
+    assert ReducedCell.of(tall, 8).reach_hz == pytest.approx(solve(tall, 8).frequencies_hz[-1])
+
+
+def test_resonance_lies_at_the_first_mode(tall: CellModel) -> None:
+    first = solve(tall, 1).frequencies_hz[0]
+    light = StandardLinearSolid(0.02, 1 / (2 * np.pi * first))
+    response = base_response(ReducedCell.of(tall, 20), (light, light), np.linspace(0.5, 1.5, 401) * first)
+    assert response.resonance_hz[[0, 2]] == pytest.approx(first, rel=0.02)
+    assert "per base displacement" in str(response)
 
 
 def test_the_end_of_the_range_is_no_resonance(tall: CellModel) -> None:

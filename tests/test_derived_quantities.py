@@ -178,6 +178,14 @@ def test_the_scale_is_that_of_the_smallest_load_whatever_comes_first(fitted: Fit
     assert more._scale(solution.q) == pytest.approx(solution._scale(solution.q))
 
 
+def test_parts_of_chi_square_add_up(fitted: FitResult) -> None:
+    parts = derived(fitted).chi_square
+    assert sum(row["chi_square_if_model_true"] for row in parts) == pytest.approx(fitted.best.chi_square, rel=1e-6)
+    assert sum(row["chi_square"] for row in parts) == pytest.approx(fitted.departures.chi_square, rel=1e-6)
+    assert 2 * len(parts) == fitted.best.dof + len(fitted.parameters)
+    assert {(r["harmonic"], round(r["frequency_hz"])) for r in parts} >= {(1, 10), (6, 10), (3, 30)}
+
+
 def test_curves_go_through_the_motion_in_mujoco(fitted: FitResult) -> None:
     found = derived(fitted)
     for r in fitted.recordings:

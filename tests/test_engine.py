@@ -7,7 +7,7 @@ import pytest
 from fasbody.exceptions import EngineError
 from fasbody.foot import engine
 from fasbody.foot import engine as layout
-from fasbody.foot.engine import Callbacks, callbacks, native, python_twin
+from fasbody.foot.engine import Callbacks, callbacks, native, python_twin, self_test
 from fasbody.foot.model import Foot
 from fasbody.foot.shaker import sine
 
@@ -45,6 +45,13 @@ def test_native_laws_equal_the_python_twin(joints: int, tendons: int) -> None:
     assert (np.abs(have - want) <= 1e-11 * (1e-9 + np.abs(want).max(axis=0))).all()
 
 
+def test_callbacks_matter(foot: Foot) -> None:
+    """Without them the foot is undamped and not shaken."""
+    nothing = Callbacks(None, None, None, None)
+    assert np.abs(steps(foot.model, nothing)[:, 0]).max() < 1e-3
+    assert np.abs(steps(foot.model, None)[:, 0]).max() > 8
+
+
 def test_callbacks_are_restored_also_after_an_error() -> None:
     before = installed()
     with callbacks():
@@ -68,6 +75,10 @@ def test_callbacks_nest() -> None:
         mujoco.set_mjcb_passive(None)
 
 
+def test_self_test_sees_no_difference() -> None:
+    assert self_test(native()) < 1e-12
+
+
 @pytest.mark.parametrize(
     ("one", "other"), [("qpos", "qvel"), ("ten_length", "ten_velocity"), ("dof_damping", "qpos_spring")]
 )
@@ -84,3 +95,16 @@ def test_a_missing_field_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(layout, "MODEL_WORDS", 20)
     with pytest.raises(EngineError, match=r"does not have the field .* where version 4\.0 has it"):
         layout.find_offsets()
+
+
+def test_offsets_read_the_values_of_another_model(foot: Foot) -> None:
+    """Counts at the found words are those of a model that the search has not seen."""
+    offsets = layout.find_offsets()
+    words = layout._words(foot.model, layout.MODEL_WORDS)
+    assert [int(words[offsets[n]]) for n in ("njnt", "ntendon", "nuser_jnt", "nuser_tendon")] == [
+        foot.model.njnt, foot.model.ntendon, foot.model.nuser_jnt, foot.model.nuser_tendon,
+    ]  # fmt: skip
+    data = mujoco.MjData(foot.model)
+    data.time = 0.125
+    assert layout._words(data, layout.DATA_WORDS).view(float)[offsets["time"]] == 0.125
+    assert int(words[offsets["jnt_user"]]) == foot.model.jnt_user.ctypes.data

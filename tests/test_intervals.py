@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from scipy.optimize import brentq, least_squares
-from scipy.stats import t
+from scipy.stats import binom, t
 from steady_cases import BENT, problem, session
 
 from identification.intervals import Solution, inverse_of_gram
@@ -270,3 +270,30 @@ def test_bends_alone_are_fitted() -> None:
     assert here.per_kilogram() == [] and here.problem.seats.shape[-1] == 0
     e = here.estimates(profiles=True)[0]["c_12_per_m"]
     assert e.lower < BENT["c_12"] < e.upper
+
+
+@pytest.mark.long
+def test_intervals_hold_the_truth_as_often_as_they_say(made: Problem) -> None:
+    """Twenty legs whose masses, channels, springs and loads are drawn from their priors, with noise."""
+    v, rng, trials = made.variables, np.random.default_rng(11), 20
+    mean, _ = v.prior
+    low, high = v.bounds
+    start, count = v.start(BENT), dict.fromkeys(COUNTED, 0)
+    drawn = np.arange(v.size) >= len(v.constants)
+    made = made.weighed(start)
+    for _ in range(trials):
+        q = start + drawn * rng.normal(size=v.size)
+        while (outside := drawn & ((q < low) | (q > high))).any():
+            q[outside] = (mean + rng.normal(size=v.size))[outside]
+        noise = np.linalg.cholesky(made.noise) @ rng.normal(size=made.noise.shape[:2])[..., None]
+        half = noise.shape[1] // 2
+        e = (noise[:, :half, 0] + 1j * noise[:, half:, 0]).reshape(made.measured.output.shape)
+        output = np.where(made.measured.valid, made.predicted(q) + e, 0.0)
+        found = solved(replace(made, measured=replace(made.measured, output=output)), start)
+        estimates, _ = found.estimates()
+        truth = v.dynamic(q)
+        for name in COUNTED:
+            e_ = next(each for key, each in estimates.items() if key.startswith(name))
+            count[name] += bool(e_.lower <= truth[name] <= e_.upper)
+    least, _ = binom.interval(0.998, trials, 0.95)
+    assert min(count.values()) >= least, count

@@ -319,3 +319,11 @@ def test_a_valley_that_bends_is_followed_to_its_end() -> None:
             options={"xatol": 1e-9, "fatol": 1e-12},
         )  # fmt: skip
         assert objective == pytest.approx(end.fun, abs=1e-5)
+
+
+@pytest.mark.long
+def test_scipy_does_not_improve_either_end(found: Searched) -> None:
+    for optimum in found.optima:
+        assert optimum.exhausted
+        _, objective = _by_scipy(found.problem, optimum.q, optimum.sign, 60)
+        assert objective > optimum.objective - 1e-3

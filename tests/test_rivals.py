@@ -28,7 +28,7 @@ from identification.rivals.__main__ import app
 from identification.rivals.compare import compare_rivals
 from identification.rivals.ladder import AT_REST, LADDER, RungVariables, rungs_of
 from identification.rivals.mjcf import difference, edited_text, write_models
-from identification.rivals.motion import AT, RivalMotion, felt
+from identification.rivals.motion import AT, EXTRA, RivalMotion, felt
 from identification.rivals.result import DECISIVE, SPARED, Rival, Rivals, preferred
 from identification.rivals.search import evidence, folds, only
 from simulator import worlds
@@ -97,12 +97,20 @@ def test_every_rival_moves_as_in_the_other_simulator(
         assert np.abs(response(constants(LEG, **changed), hz, load_kg=2.3) - want).max() < 1e-7 * abs(want[0])
 
 
-def test_derivatives_to_the_base_are_those_of_differences(problems: dict[str, Problem]) -> None:
+def test_derivatives_are_those_of_differences(problems: dict[str, Problem]) -> None:
     motion = problems["third"].motion
     assert isinstance(motion, RivalMotion)
     bent = constants(LEG, b_T=400, b_F=-300, p_T=100, p_F=-50, d_T=1e5, d_F=2e5, w=0.2)
     theta = np.tile([bent[name] for name in AT], (1, len(motion.omega), 1))
-    G = motion.by_base(theta[0])
+    D, G = motion.response(theta, None)[1], motion.by_base(theta[0])
+
+    def read(nudge: np.ndarray) -> np.ndarray:
+        return motion.response(theta + nudge, None)[0]
+
+    for name in (*LEG.__dataclass_fields__, *EXTRA):
+        nudge = 1e-5 * abs(bent[name]) * np.eye(len(AT))[AT[name]]
+        expected = (read(nudge) - read(-nudge)) / (2 * nudge.sum())
+        assert np.abs(D[..., AT[name]] - expected).max() < 1e-5 * np.abs(expected).max(), name
     count, base = G.shape[2] // 2, motion.base
     for place, turn in ((1, 1), (1 + count, 1j)):
         nudge = 1e-5 * turn * np.eye(base.shape[1])[1]

@@ -59,6 +59,19 @@ def test_a_slow_channel_is_told_with_what_it_costs(held: bool, own_rate: float) 
     assert ("degrees late" in text) is held
 
 
+@pytest.mark.parametrize(("noise", "seen"), [(0.06, True), (3.0, False)])
+def test_a_held_channel_of_160_hz_is_seen_in_noise(noise: float, seen: bool) -> None:
+    made = sine(np.floor(TIME * 160 + 1e-9) / 160, 11.7, 25.0) + np.random.default_rng(3).normal(0, noise, TIME.size)
+    slow = samples.slow(made)
+    assert (slow is not None) is seen
+    assert slow is None or (slow.held, slow.interval, slow.age) == (True, 6.25, 3.0)
+
+
+def test_a_held_channel_of_250_hz_is_10_8_degrees_late() -> None:
+    text = found(np.repeat(sine(TIME[::4], 11.7, 25.0), 4))
+    assert "sampled at 250 Hz" in text and "10.8 degrees late" in text and "delay_s = 0.0015" in text
+
+
 @pytest.mark.parametrize(("share", "seen"), [(0.3, True), (0.05, True), (0.01, False)])
 def test_lost_samples_that_were_filled_by_the_one_before(share: float, seen: bool) -> None:
     """The mean age of the samples is the delay that a fit finds."""

@@ -6,6 +6,7 @@ import pytest
 import statsmodels.formula.api as smf
 from scipy import stats
 from statsmodels.stats.anova import AnovaRM, anova_lm
+from statsmodels.stats.multitest import multipletests
 
 from fasbody.exceptions import RecordingError
 from fasbody.transmissibility import statistics
@@ -36,6 +37,12 @@ def test_one_way_between_two_levels_is_the_t_test_squared() -> None:
     t = stats.ttest_ind(LEVELS[:, 0], LEVELS[:, 1])
     assert (v.F, v.p) == (pytest.approx(t.statistic**2), pytest.approx(t.pvalue))
     assert v.effect == pytest.approx(t.statistic**2 / (t.statistic**2 + 38))
+
+
+def test_repeated_measures_between_two_levels_is_the_paired_t_test() -> None:
+    v = statistics.repeated_measures(LEVELS[:, :2])
+    t = stats.ttest_rel(LEVELS[:, 0], LEVELS[:, 1])
+    assert (v.F, v.p, v.epsilon) == (pytest.approx(t.statistic**2), pytest.approx(t.pvalue), 1.0)
 
 
 def test_repeated_measures_sees_what_subjects_hide_from_the_one_way_test() -> None:
@@ -120,3 +127,12 @@ def test_levels_that_nothing_connects_are_not_compared() -> None:
         statistics.repeated_measures(apart)
     with pytest.raises(RecordingError, match="at two levels, not 2"):
         statistics.repeated_measures(with_holes(LEVELS[:3], (0, 0), (0, 1)))
+
+
+def test_holm_by_hand() -> None:
+    assert statistics.holm([0.01, 0.04, 0.03]) == pytest.approx([0.03, 0.06, 0.06])
+
+
+def test_holm_equals_statsmodels() -> None:
+    p = RNG.uniform(0, 0.2, 36)
+    np.testing.assert_allclose(statistics.holm(p), multipletests(p, method="holm")[1], rtol=1e-12)

@@ -102,12 +102,30 @@ def test_sixteen_fits_at_one_frequency_are_a_chain_of_loads() -> None:
         assert np.log(choice.odds) == pytest.approx(abs(np.log(p[0] / p[1])), rel=1e-8)
 
 
+def test_one_clear_fit_carries_the_others() -> None:
+    """Only 20 Hz unloaded decides by itself; continuity carries its branch to the neighbours, with falling odds."""
+    clear = track(fits(deviance=lambda f, m: (0.0, 60.0) if (f, m) == (20.0, 0.0) else (0.0, 0.0)))
+    by = {c.key: c for c in clear.choices}
+    assert by["20-0"].branch == STIFF_ANKLE
+    assert all(c.likelier == STIFF_ANKLE for c in clear.choices)
+    assert by["20-0"].odds > by["30-0"].odds > 1
+    assert clear.overall[STIFF_ANKLE] > 1e6
+
+
 def test_smoothness_alone_decides_nothing_overall() -> None:
     nothing = track(fits())
     assert {c.branch for c in nothing.choices} == {"undecided"}
     assert nothing.overall[STIFF_ANKLE] < 10
     assert "undecided" in nothing.sentence
     assert all(c.odds < 10 for c in nothing.choices)
+
+
+def test_a_misled_fit_is_put_right() -> None:
+    """One fit prefers the mirror by 6; the others prefer the truth by 15 each."""
+    both = fits((10.0, 12.0, 15.0, 18.0), (0.0,), lambda f, m: (6.0, 0.0) if f == 15.0 else (0.0, 15.0))
+    assert both[2].branches[0].name == STIFF_PAD
+    told = track(both)
+    assert [c.likelier for c in told.choices] == [STIFF_ANKLE] * 4
 
 
 @pytest.mark.parametrize(
@@ -152,6 +170,16 @@ def test_pooled_fits_are_chained_over_the_load() -> None:
     assert [c.likelier for c in told.choices] == [STIFF_ANKLE] * 3
     assert told.choices[0].odds > told.choices[1].odds > 1
     assert told.choices[0].frequency_hz is None
+
+
+def test_repeats_at_one_place_add_up() -> None:
+    """Two trials under each load that each say 10 decide what one cannot; a repeat is linked to a repeat."""
+    one = fits((20.0, 30.0), (0.0,), lambda f, m: (0.0, 10.0 if f == 20 else 0.0))
+    once, twice = track(one[:1]), track([one[0], one[0], one[1], one[1]])
+    assert np.log(once.choices[0].odds) == pytest.approx(5.0)
+    assert np.log(twice.choices[0].odds) > 9
+    assert twice.choices[0].branch == STIFF_ANKLE
+    assert once.choices[0].branch == "undecided"
 
 
 def test_a_prior_is_read() -> None:
