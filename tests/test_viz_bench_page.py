@@ -470,6 +470,25 @@ def test_no_legend_column_or_point_is_cut(opened: Any, tmp_path: Path) -> None:
         before = page(tall)
         page("bench.plots.size.plot.setCursor({ left: bench.plots.size.plot.valToPos(10, 'x'), top: 20 })")
         assert "1.5" in page("bench.plots.size.tip.textContent") and page(tall) == before
+
+        # of one abscissa they share a cursor; each opens to full size, by its button or its title, and closes
+        page.resize(1440, 900)
+        page.settle()
+        page.page.locator("#fit_plots .u-over").first.hover()
+        assert page("['lag', 'chi', 'trace'].map(k => bench.plots[k].plot.cursor.left >= 0)") == [True, True, False]
+        for strip, plot in (("fit", "bench.plots.lag"), ("motion", "plots.curve")):
+            page(f"tab('{strip}')")
+            figure = page.page.locator(f"#{strip}_plots figure").nth(1)
+            drawn = f"{plot}.plot.width"
+            page.settle()
+            narrow = page(drawn)
+            for act in (figure.get_by_role("button", name="full size").click, figure.locator("b").dblclick):
+                act()
+                page.settle()
+                assert page(drawn) > 1000 and page("document.querySelectorAll('figure.whole').length") == 1
+                page.page.keyboard.press("Escape")
+                page.settle()
+                assert page(drawn) == narrow
         assert page.complaints == []
 
 

@@ -72,6 +72,7 @@ openTask("model");
 
 const TABS = ["recordings", "signals", "motion", "fit", "rivals", "pair"];
 function tab(name) {
+  Plot.close();
   for (const id of TABS) { byId(`${id}_plots`).hidden = id !== name; byId(`tab_${id}`).setAttribute("aria-pressed", id === name); }
   viewSignals();
 }
