@@ -59,6 +59,43 @@ def test_what_to_do_next_and_the_fit_are_in_sight_in_every_task(opened: Any, tmp
 
 
 @pytest.mark.long
+def test_the_focus_goes_on_and_a_reload_comes_back(opened: Any, tmp_path: Any) -> None:
+    with served("--model", "foot_arch", folder=tmp_path) as url:
+        page = Watched(opened, url, (800, 600))
+        for name, then, focus in (
+            ("bundled", "bench.rows.length === 12 && !bench.unread && motion && !busy", "start_fit"),
+            ("two_masses", "model.name === 'two_dof' && motion && !busy", "start_fit"),
+            ("start_fit", "bench.running", "stop_fit"),
+        ):
+            page("byId('starts').value = 2")
+            page.page.locator(f"#{name}").focus()
+            page.page.keyboard.press("Enter")
+            page.until(then)
+            assert page("document.activeElement.id") == focus
+        page.until("bench.found && !bench.running && motion && !busy")
+        assert page("document.activeElement.id") == "start_fit"
+
+        page("openTask('take'), tab('recordings')")  # no plot is seen, and none is written
+        for kind in ("SVG", "PNG", "CSV"):
+            page.page.get_by_role("button", name=kind, exact=True).click()
+            page.until("byId('data_state').textContent.startsWith('No plot is seen')")
+            page("busyWith('')")
+        for task, strip in (("model", "motion"), ("fit", "fit")):
+            page(f"openTask('{task}'), tab('{strip}'), showBranch(1)")
+            page.page.reload()
+            page.until("window.stats && stats.motions > 0 && bench.found && bench.rows.length === 12")
+            assert page("[bench.task, TABS.find(id => !byId(`${id}_plots`).hidden), bench.branch]") == [task, strip, 1]
+
+        page("openTask('data')")
+        page.page.locator("#clear").click()
+        page.until("!bench.rows.length")
+        assert page("byId('next').textContent").endswith("Drop recordings anywhere on this page to fit again.")
+        page("openTask('model')")
+        assert page("byId('showing').textContent").count("No graphics card draws this page") == 1
+        assert page.complaints == []
+
+
+@pytest.mark.long
 def test_light_and_dark_as_the_system_has_it_or_as_the_button_says(opened: Any, tmp_path: Any) -> None:
     with served("--model", "two_dof", folder=tmp_path) as url:
         page = Watched(opened, url, (1000, 700))

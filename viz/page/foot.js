@@ -36,6 +36,7 @@ function buildControls(offered) {
   rows.ride = button(looks, "Ride with the table", () => ride(!stage.riding), "The table is drawn at rest: its motion is subtracted");
   ride(stage.riding);
   themeButton(looks);
+  if (SOFTWARE) picture.append(element("p", "No graphics card draws this page: its picture is coarser where that is slow, and while a fit runs fewer pictures are drawn.", { className: "hint" }));
   if (model.feet.b) rows.apart = button(looks, "Side by side", () => apart(!stage.apart));
   if (rows.apart) apart(stage.apart, false);
   takeAwaySection(stage, () => "foot", {
@@ -298,7 +299,7 @@ function showAt(share) {
 }
 
 // Where the processor draws, a running fit needs it more, and only a few pictures are drawn [ms between two].
-const CALM = 250, SOFTWARE = drawnBySoftware(stage.renderer.getContext());
+const CALM = 250, SOFTWARE = !stage.blind && drawnBySoftware(stage.renderer.getContext());
 let painted = 0;
 function drawnBySoftware(gl) {
   const about = gl.getExtension("WEBGL_debug_renderer_info");
@@ -322,7 +323,7 @@ function tick(now) {
     }
     if (stage.viewer.needs_render) stage.render();
     fresh = false;
-    if (arrived) {  // reading a pixel waits for the picture
+    if (arrived && !stage.blind) {  // reading a pixel waits for the picture
       const gl = stage.renderer.getContext();
       gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
       stats.drawn.push(performance.now() - asked);

@@ -19,8 +19,8 @@ function takeAwaySection(stage, name, { page = null, film, scene }) {
     fresh = true;
   };
   if (page) button(row, "Offline page", page, "one file for a colleague: opens without a network, and its sliders still move");
-  button(row, "Picture", () => stage.save(`${name()}.png`), "PNG of what is drawn");
-  button(row, "Film", wait("recording the film", done => recordFilm(stage, name(), film(), done)), "webm of the motion, recorded as it plays");
+  if (!stage.blind) button(row, "Picture", () => stage.save(`${name()}.png`), "PNG of what is drawn");
+  if (!stage.blind) button(row, "Film", wait("recording the film", done => recordFilm(stage, name(), film(), done)), "webm of the motion, recorded as it plays");
   button(row, "3-D scene", wait("writing", () => download(`${name()}.glb`, sceneGlb(stage, scene()))), "glTF (.glb) with the motion, for Blender and other viewers");
   if (!Plot.all.length) { plots.remove(); return; }
   plots.append("Plots ");
