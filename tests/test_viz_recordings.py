@@ -144,6 +144,10 @@ def test_unit_in_doubt_is_unticked_the_foot_rests_and_a_unit_mends_it(opened: An
             "byId('error').textContent"
         )
         assert page("Object.values(plots).map(p => p.series.length)") == [0, 0, 0, 0]
+        assert page("[byId('tick_all').textContent, byId('tick_all').disabled]") == ["tick all", True]
+        page.page.locator("#step").click()  # there is nothing to step through, and nothing that was measured is drawn
+        page.page.keyboard.press(".")
+        assert page("stage.feet.measured.segments.some(s => s.node.visible)") is False
 
         page.page.get_by_label("which recordings").select_option("in doubt")
         typed(page, "unit of these", "furlong")

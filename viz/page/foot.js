@@ -115,7 +115,7 @@ function apart(on, look = true) {
   rows.apart.setAttribute("aria-pressed", on);
   if (look) stage.view(stage.viewed);
 }
-const firstFoot = () => Object.values(motion.feet)[0], motionLength = () => (motion ? firstFoot().duration : 1), stepping = () => firstFoot().frames;
+const firstFoot = () => Object.values(motion.feet)[0], motionLength = () => (motion ? firstFoot().duration : 1), stepping = () => (motion ? firstFoot().frames : 1);
 
 // ---- the server -----------------------------------------------------------------------------------------------------
 let busy = false, wanted = false;
