@@ -208,7 +208,7 @@ function forget() { busy = true; motion = null; stage.feet = {}; stage.viewer.de
 // There is no motion: the feet at rest, and nothing of an earlier motion beside them.
 function showAtRest(sentence) {
   const still = ([name, foot]) => [name, { frames: 1, duration: 1, periodic: true, bodies: foot.bodies.flatMap(() => Array(6).fill(0)), loops: {} }];
-  stage.pose({ feet: Object.fromEntries(Object.entries(model.feet).map(still)) }, 0, 1);
+  stage.pose({ feet: Object.fromEntries(Object.entries(model.feet).filter(([name]) => name !== "measured").map(still)) }, 0, 1);
   tell([model.feet.a.title, model.recorded ? model.excitation : "", sentence]);
   for (const plot of Object.values(plots)) { plot.none(sentence); plot.marks([]); }
   byId("legend").replaceChildren();
