@@ -23,7 +23,6 @@ const MASSES = new Set(["m_S", "m_F", "m_T", "added_mass"]);
 function showProgress({ running, what, done, total, seconds }) {
   bench.running = running;
   advise();
-  byId("stop_fit").hidden = !running;
   const bar = byId("fit_progress");
   bar.hidden = !running;
   if (total) Object.assign(bar, { max: total, value: done }); else bar.removeAttribute("value");
@@ -44,6 +43,7 @@ function receiveFit(document_) {
   drawHistory();
   if (document_.script) { byId("script").textContent = document_.script; byId("script_box").hidden = false; }
   drawFit();
+  if (another && document_.data) tab("fit");
   if (!window.EXPORTED && another) { showBranch(0); openTask("fit"); }
   keepState();
   stats.fitted = performance.now() - bench.asked;
@@ -133,7 +133,6 @@ function drawFit() {
   if (!found || !found.data) return;
   byId("tabs").hidden = byId("tab_fit").hidden = false;
   if (!bench.plots) {
-    tab("fit");
     const into = byId("fit_plots");
     bench.plots = { size: new Plot(into, "transmissibility, fitted", "frequency [Hz]", "", { wide: true }), lag: new Plot(into, "phase lag behind the base [°]", "frequency [Hz]", ""),
       trace: new Plot(into, FIT_TITLES.trace, "time [ms]", ""), residual: new Plot(into, FIT_TITLES.residual, "time [ms]", ""), chi: new Plot(into, FIT_TITLES.chi, "frequency [Hz]", "") };

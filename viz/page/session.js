@@ -12,7 +12,9 @@ function recall() {
   if (window.EXPORTED || !kept || kept.key !== KEY || kept.name !== model.name) return false;
   Object.assign(state, kept.state);
   Object.assign(bench, kept.bench);
-  if (kept.task) openTask(kept.task);
+  bench.count = kept.held;
+  openTask(kept.task);
+  tab(kept.held && ["recordings", "signals", "fit"].includes(kept.pane) ? kept.pane : "motion");
   bench.unticked = new Set(kept.off);
   return true;
 }

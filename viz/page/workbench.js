@@ -42,14 +42,20 @@ function advise() {
   const verdict = fit && { decided: `decided: ${fit.branches[0].name}`, undecided: "the branch is undecided", "not compared": "one branch" }[fit.verdict];
   const parts = !bench.rows.length && !fit ? ["Drop recordings anywhere on this page, or try the example."] : [
     fit ? `Fit ${(+fit.fit_percent).toFixed(1)} %${verdict ? `; ${verdict}` : ""}.` : `${count} of ${bench.rows.length} recordings ticked.`,
-    byId("stale").hidden ? "" : "Out of date; fit again.",
+    !bench.rows.length ? "Drop recordings anywhere on this page to fit again." : byId("stale").hidden ? "" : "Out of date; fit again.",
     doubtful ? `${doubtful} in an uncertain unit: confirm it in the table.` : "",
     bare ? `${bare} without body mass: type it above the table for all, or in the table.` : "",
     slow && !fit ? `This model has ${free} constants${2 * count < free ? ", too many for so few recordings" : ""}; its fit takes a minute or more.` : ""];
   byId("next").textContent = parts.filter(Boolean).join(" ");
+  const held = /** @type {any} */ (document.activeElement);
   byId("two_masses").hidden = !slow;
-  byId("bundled").hidden = bench.rows.length > 0;
+  byId("bundled").hidden = bench.rows.length > 0 && !bench.unread;
+  byId("stop_fit").hidden = !bench.running;
   for (const id of ["start_fit", "start_rivals"]) byId(id).disabled = bench.running || !count || bench.unread > 0;
+  if (held.closest("#bar .row") && (held.hidden || held.disabled)) {  // its button is gone: the focus goes on to the next one
+    const next = ["stop_fit", "start_fit"].map(byId).find(b => !b.hidden && !b.disabled) || byId("tasks").querySelector("[aria-pressed=true]");
+    next.focus();
+  }
 }
 
 // Tasks of the column beside the foot, one of which is open; Fit and what to do next stand above them.
@@ -75,6 +81,7 @@ function tab(name) {
   Plot.close();
   for (const id of TABS) { byId(`${id}_plots`).hidden = id !== name; byId(`tab_${id}`).setAttribute("aria-pressed", id === name); }
   viewSignals();
+  keepState();
 }
 for (const id of TABS) byId(`tab_${id}`).onclick = () => tab(id);
 byId("start_fit").onclick = askFit;
