@@ -57,11 +57,12 @@ function drawTable() {
   scope.replaceChildren(...scopes.map(([name, n]) => element("option", `${name} (${n})`, { value: name })));
   scope.value = scopes.some(([name]) => name === chosen) ? chosen : scopes.length ? scopes[0][0] : "";
   byId("tick_all").textContent = allTicked() ? "untick all" : "tick all";
+  byId("tick_all").disabled = !bench.chosen.size && !bench.rows.some(sound);
   byId("tab_recordings").hidden = byId("tab_signals").hidden = !bench.rows.length;
   byId("tabs").hidden = !bench.rows.length && byId("tab_fit").hidden && byId("tab_rivals").hidden;
 }
 function focusCell(id, key) { const cell = byId("recordings").querySelector(`input[data-id="${id}"][data-key="${key}"]`); if (cell) cell.focus(); }
-const allTicked = () => bench.rows.every(row => bench.chosen.has(row.id) || !sound(row));
+const allTicked = () => bench.chosen.size > 0 && bench.rows.every(row => bench.chosen.has(row.id) || !sound(row));
 const inScope = () => bench.rows.filter(row => ({ ticked: bench.chosen.has(row.id), "in doubt": row.doubt, all: true })[byId("scope").value]);
 
 let lastTick = -1;
