@@ -179,7 +179,7 @@ function drawMatrix() {
   const cell = (row, repeats) => {
     const td = element("td");
     if (!row) return td;
-    const fit = fitOf(row), known = typeof fit === "number", pick = element("button", known ? fit.toFixed(0) : "·");
+    const fit = fitOf(row), known = typeof fit === "number", pick = element("button", known ? fit.toFixed(1) : "·");
     const again = repeats.length > 1 ? ` (${repeats.indexOf(row) + 1} of ${repeats.length} at ${number(row.frequency_hz)} Hz)` : "";
     pick.title = `${row.file}${again}${known ? `: fit ${fit.toFixed(1)} %` : ""}`;
     pick.setAttribute("aria-label", pick.title);
