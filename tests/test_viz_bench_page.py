@@ -299,8 +299,11 @@ def test_typed_numbers_are_taken_as_meant_or_a_sentence_says_why_not(opened: Any
         for text, sentence in (("heavy", '"heavy" is not a number.'), ("7000", "kg; it must lie between")):
             cell.fill(text)
             cell.press("Enter")
-            page.until(f"complaints.includes({json.dumps(sentence)})")
+            page.until(f"byId('recordings').querySelector('.status').textContent.includes({json.dumps(sentence)})")
+            assert page("[...document.querySelectorAll('[aria-invalid]')].map(e => e.value)") == [text]
             assert page("[model.recorded, bench.rows[0].body_mass_kg]") == [True, None]  # it is as it was
+        cell.press("Escape")
+        assert page("[...byId('recordings').rows].map(r => r.className)") == [""] * 3 and cell.input_value() == ""
         cell.fill("70,5")
         cell.press("Enter")
         page.until("bench.rows[0].body_mass_kg === 70.5 && motion && !busy && !complaints")

@@ -107,7 +107,7 @@ function cellField(row, key, label) {
   const take = () => { if (input.value.trim() !== is) fill([[id, input.value]], key, input); };
   input.onchange = take;
   input.onkeydown = event => {
-    if (event.key === "Escape") input.value = is;
+    if (event.key === "Escape") { input.value = is; drawTable(); }
     if (event.key !== "Enter") return;
     const next = bench.rows[bench.rows.findIndex(r => r.id === id) + 1];
     if (next) focusCell(next.id, key); else input.blur();
@@ -121,18 +121,34 @@ function cellField(row, key, label) {
   return input;
 }
 
+// A cell keeps what cannot be taken, and its row says why; the next drawing of the table brings its value back.
+function refuse(input, text) {
+  const tr = input.closest("tr");
+  input.classList.add("refused");
+  input.setAttribute("aria-invalid", "true");
+  if (!tr) { complain(text); return; }
+  const reason = element("span", text, { id: "refused" });
+  reason.setAttribute("role", "alert");
+  input.setAttribute("aria-describedby", "refused");
+  tr.className = "wrong";
+  tr.querySelector(".status").replaceChildren(reason);
+}
+/** @type {any} the cell whose text the server has */
+let sentCell = null;
+
 // Texts for one column, each checked before any is sent.
 function fill(texts, key, input) {
   const changes = [];
   for (const [id, text] of texts) {
     const v = key === "unit" || !text.trim() ? text.trim() : typedNumber(text);
-    if (key !== "unit" && typeof v === "string" && v) { input.classList.add("refused"); complain(v); return; }
+    if (key !== "unit" && typeof v === "string" && v) { if (texts.length > 1 && input.closest("tr")) complain(v); else refuse(input, v); return; }
     changes.push([id, { [key]: v }]);
   }
   input.classList.remove("refused");
-  if (changes.length) correct(changes);
+  input.removeAttribute("aria-invalid");
+  if (changes.length) correct(changes, changes.length === 1 ? input.closest("td") && input : null);
 }
-function correct(changes) { tellServer("correct", { changes }, changes.length > 1 ? `reading ${changes.length} recordings` : "reading"); }
+function correct(changes, cell = null) { sentCell = cell; tellServer("correct", { changes }, changes.length > 1 ? `reading ${changes.length} recordings` : "reading"); }
 function ticksChanged() {
   drawTable();
   if (bench.chosen.size) byId("scope").value = "ticked";  // who ticks means these

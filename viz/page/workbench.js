@@ -119,6 +119,7 @@ function receiveComplaint({ text, of }) {
   const open_ = of === "correct" && formOf(bench.corrected);
   if (of === "correct") bench.corrected = -1;
   if (open_) { complain(""); open_.remark(text); return; }
+  if (of === "correct" && sentCell && sentCell.isConnected) { complain(""); refuse(sentCell, text); return; }
   if (of === "save") byId("editor_state").textContent = "not saved";
   complain(text);
 }
