@@ -117,6 +117,7 @@ class Plot {
   drawLoopsAndLimits(u) {
     const ink = u.ctx;
     ink.save();
+    ink.setLineDash([]);  // of the last curve
     ink.beginPath();
     ink.rect(u.bbox.left, u.bbox.top, u.bbox.width, u.bbox.height);
     ink.clip();
