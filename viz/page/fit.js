@@ -82,7 +82,7 @@ function drawEstimates() {
     const interval = b => { const own = b.rows[k] || row; return (own.interval || number(own.value)).replace(" ± ", " ±\u00a0").replace(" to ", "\u00a0to "); };
     if (row.unit) name.append(" ", element("small", row.unit));
     const atRest = b => { const own = (b.rows[k] || row).at_rest; return own ? { title: `at rest ${own}` } : {}; };
-    tr.append(name, ...branches.map(b => element("td", interval(b), atRest(b))), element("td", row.known.replace(/identi(?=fi)/, "identi\u00ad")));
+    tr.append(name, ...branches.map(b => element("td", interval(b), atRest(b))), element("td", row.known));
     return tr;
   }));
 }
