@@ -91,7 +91,6 @@ function drawEstimates() {
 function forgetFit() {
   Object.assign(bench, { fit: null, found: null, fitNumber: 0, branch: 0 });
   byId("script_box").hidden = byId("tab_fit").hidden = true;
-  byId("tabs").hidden = byId("tab_rivals").hidden && !bench.rows.length;
   if (!byId("fit_plots").hidden) tab("motion");
   drawMatrix();
   drawHistory();
@@ -131,7 +130,7 @@ const FIT_TITLES = { trace: "malleolus [m/s²]", residual: "residual [m/s²]", c
 function drawFit() {
   const found = bench.found;
   if (!found || !found.data) return;
-  byId("tabs").hidden = byId("tab_fit").hidden = false;
+  byId("tab_fit").hidden = false;
   if (!bench.plots) {
     const into = byId("fit_plots");
     bench.plots = { size: new Plot(into, "transmissibility, fitted", "frequency [Hz]", "", { wide: true }), lag: new Plot(into, "phase lag behind the base [°]", "frequency [Hz]", ""),
@@ -213,7 +212,7 @@ function showRivals({ columns, rows, notes, adequate, script }) {
     tr.append(...texts.map((text, k) => element(k ? tag : "th", text, k && tag === "td" ? {} : { scope: k ? "col" : "row" })));
     return tr;
   };
-  byId("compared").hidden = byId("tabs").hidden = byId("tab_rivals").hidden = false;
+  byId("compared").hidden = byId("tab_rivals").hidden = false;
   byId("no_fit").hidden = true;
   openTask("fit");
   byId("rivals_sentence").textContent = [sentence, ...more].join(" ");

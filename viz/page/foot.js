@@ -237,7 +237,7 @@ function draw() {
   const seriesLabel = n => [model.feet.b ? model.feet[n].title : "", n === "a" ? worn : ""].filter(Boolean).join(" · ");
   plots.traces.set([
     { label: "base", colour: BASE, x, y: whole(first.base) },
-    ...feet.filter(([n]) => n !== "measured" || !seen).map(([n, f]) => ({ label: n === "a" && worn ? `malleolus · ${worn}` : seriesName(n), colour: colourOf(n), x, y: whole(f.malleolus), dashed: n !== "a" })),
+    ...feet.filter(([n]) => n !== "measured" || !seen).map(([n, f]) => ({ label: n === "a" && worn ? worn : seriesName(n), colour: colourOf(n), x, y: whole(f.malleolus), dashed: n !== "a" })),
     ...(seen ? [{ label: "measured", colour: SEEN, x: seen.time.map(t => 1e3 * t), y: seen.malleolus, points: 3 }] : []),
   ]);
   const curves = feet.filter(([n]) => n !== "measured");
@@ -267,7 +267,9 @@ function legend() {
     if (!loops[key]) continue;
     const top = largest(motion, key).toPrecision(3), item = document.createElement("div"), bar = document.createElement("i");
     bar.style.background = `linear-gradient(90deg, ${RAMPS[ramp].join(", ")})`;
-    item.append(title, bar);
+    const [part, change] = title.split(":");
+    item.append(part, element("span", `:${change}`), bar);
+    item.title = title;
     const ends = document.createElement("p");
     for (const textContent of [`−${top} N`, "0", `+${top} N`]) ends.append(Object.assign(document.createElement("span"), { textContent }));
     item.append(ends);

@@ -42,7 +42,7 @@ function showComparison({ columns, rows, independent, fits }) {
   };
   const caption = element("caption", independent ? "" : "Both fits have recordings in common, so their differences have no interval.");
   byId("pair").replaceChildren(caption, line("th", columns), ...rows.map(texts => line("td", texts.slice(1, 3).includes("–") ? [...texts.slice(0, 3), "–"] : texts)));
-  byId("tabs").hidden = byId("tab_pair").hidden = false;
+  byId("tab_pair").hidden = false;
   tab("pair");
   const into = byId("pair_plots"), by = (a, b) => a.frequency_hz - b.frequency_hz;
   bench.pair ||= { size: new Plot(into, "transmissibility of two fits", "frequency [Hz]", ""), lag: new Plot(into, "phase lag of two fits [°]", "frequency [Hz]", "") };

@@ -44,7 +44,7 @@ const CELLS = { added_mass_kg: "load [kg]", body_mass_kg: "body mass [kg]", unit
 function drawTable() {
   const table = byId("recordings"), held = /** @type {any} */ (document.activeElement), place = held && held.dataset.key && table.contains(held) ? [held.dataset.id, held.dataset.key] : null;
   const forms = new Map([...table.querySelectorAll("form")].map(box => [+box.dataset.id, box])), head = element("tr");
-  head.append(...["fit", "file", "Hz", "seconds", ...Object.values(CELLS), "status", "more"].map(text => element("th", text, { scope: "col" })));
+  head.append(...["fit", "file", "Hz", "seconds", "load [kg]", "body [kg]", "unit", "status", "more"].map(text => element("th", text, { scope: "col" })));
   table.replaceChildren(head);
   for (const row of bench.rows) {
     table.append(recordingRow(row));
@@ -58,8 +58,7 @@ function drawTable() {
   scope.value = scopes.some(([name]) => name === chosen) ? chosen : scopes.length ? scopes[0][0] : "";
   byId("tick_all").textContent = allTicked() ? "untick all" : "tick all";
   byId("tick_all").disabled = !bench.chosen.size && !bench.rows.some(sound);
-  byId("tab_recordings").hidden = byId("tab_signals").hidden = !bench.rows.length;
-  byId("tabs").hidden = !bench.rows.length && byId("tab_fit").hidden && byId("tab_rivals").hidden;
+  placeTable();
 }
 function focusCell(id, key) { const cell = byId("recordings").querySelector(`input[data-id="${id}"][data-key="${key}"]`); if (cell) cell.focus(); }
 const allTicked = () => bench.chosen.size > 0 && bench.rows.every(row => bench.chosen.has(row.id) || !sound(row));
@@ -215,6 +214,7 @@ function drawMatrix() {
     return Array.from({ length: Math.max(...cells.map(repeats => repeats.length)) }, (_, k) =>
       line(k ? `repeat ${k + 1}` : name, "row", cells.map(repeats => cell(repeats[k], repeats))));
   });
+  box.style.setProperty("--columns", String(columns.length));
   const hertz = columns.map(([row]) => element("th", String(+row.frequency_hz.toFixed(1)), { scope: "col" }));
   box.replaceChildren(element("caption", "fit of each recording [%]"), line("Hz", "col", hertz), ...lines);
   nameBranch();

@@ -76,14 +76,28 @@ for (const [name, label] of Object.entries(TASKS)) {
 }
 openTask("model");
 
-const TABS = ["recordings", "signals", "motion", "fit", "rivals", "pair"];
+// Plots and table below the foot, one of which is open, or none; where there is room the table has the column beside it.
+const TABS = ["recordings", "signals", "motion", "fit", "rivals", "pair"], roomy = matchMedia("(min-width: 1250px)");
+let strip = "motion";
 function tab(name) {
+  if (name === "recordings" && roomy.matches) { openTask("data"); return; }
+  strip = name;
   Plot.close();
   for (const id of TABS) { byId(`${id}_plots`).hidden = id !== name; byId(`tab_${id}`).setAttribute("aria-pressed", id === name); }
+  placeTable();
   viewSignals();
   keepState();
 }
-for (const id of TABS) byId(`tab_${id}`).onclick = () => tab(id);
+function placeTable() {
+  const table = byId("recordings_plots"), aside = roomy.matches, none = !bench.rows.length, into = byId(aside ? "data" : "plots");
+  if (table.parentElement !== into) into.append(table);
+  if (aside) table.hidden = none;
+  byId("tab_recordings").hidden = aside || none;
+  byId("tab_signals").hidden = none;
+}
+roomy.onchange = () => { if (!roomy.matches) tab(strip); else if (strip === "recordings") tab("motion"); else placeTable(); };
+for (const id of TABS) Object.assign(byId(`tab_${id}`), { title: "once more: fold it away", onclick: () => tab(strip === id ? "" : id) });
+if (innerWidth > 700 && innerHeight >= 560 && innerHeight < 640) tab("");  // the foot has half of a low window
 byId("start_fit").onclick = askFit;
 byId("two_masses").onclick = () => tellServer("choose", { name: "two_dof" });
 byId("start_rivals").onclick = () => { tellServer("rivals", { numbers: ticked(), said: {} }); };
