@@ -199,7 +199,7 @@ def test_from_a_dropped_file_to_the_mirror_foot(opened: Any, tmp_path: Path) -> 
             "const named = all('button').map(b => b.title).filter(t => t.includes(' of 2'));"
             "return [texts('td button'), texts('th'), named]; }"
         )
-        assert cells == ["·", "99", "·", "98", "·", "·", "·"]
+        assert cells == ["·", "98.7", "·", "97.5", "·", "·", "·"]
         assert heads == ["Hz", "10", "20", "30", "no load", "repeat 2", "+ 2.3 kg"]
         assert named == ["20hz_0.csv (1 of 2 at 20 Hz): fit 98.7 %", "b/20hz_0b.csv (2 of 2 at 20.04 Hz): fit 97.5 %"]
         for width in (1600, 1100, 800, 420):

@@ -25,7 +25,8 @@ IN_SIGHT = """id => (r => r.width > 0 && r.top >= 0 && r.bottom <= innerHeight &
 #: Rows of the table of recordings that are seen whole.
 ROWS = """() => {
   const box = byId("recordings_plots").getBoundingClientRect(), low = Math.min(innerHeight, box.bottom) + 1;
-  return [...byId("recordings").querySelectorAll("tr[data-id]")].filter(tr => tr.getBoundingClientRect().bottom <= low).length;
+  const rows = [...byId("recordings").querySelectorAll("tr[data-id]")];
+  return rows.filter(tr => tr.getBoundingClientRect().bottom <= low).length;
 }"""
 #: Share of the window that the foot has.
 SHARE = "(r => r.width * r.height / innerWidth / innerHeight)(byId('pane').getBoundingClientRect())"
@@ -59,8 +60,8 @@ def test_what_to_do_next_and_the_fit_are_in_sight_in_every_task(opened: Any, tmp
                 page("scrollTo(0, 0)")
         page.resize(1440, 900)
         page("openTask('data'), tab('motion')")
-        page.settle()
-        assert page(ROWS) == 12 and page("plots.curve.pane.clientHeight") > 100  # the table has the column beside the foot
+        page.settle()  # the table has the column beside the foot
+        assert page(ROWS) == 12 and page("plots.curve.pane.clientHeight") > 100
         page.resize(800, 600)
         for strip in ("motion", "signals", "recordings"):
             page(f"tab('{strip}')")
@@ -73,8 +74,8 @@ def test_what_to_do_next_and_the_fit_are_in_sight_in_every_task(opened: Any, tmp
                 page.until("viewed.plots && viewed.plots.base.series.length")
                 assert page(IN_SIGHT.replace("byId(id)", "viewed.plots.base.pane"), "")
         assert page(ROWS) >= 3
-        status = "[...document.querySelectorAll('#recordings td.status')].filter(e => e.scrollWidth > e.clientWidth).length"
-        assert page(status) == 0
+        status = "[...document.querySelectorAll('#recordings td.status')]"
+        assert page(f"{status}.filter(e => e.scrollWidth > e.clientWidth).length") == 0
         assert page.complaints == []
 
 
