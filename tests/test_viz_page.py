@@ -229,10 +229,18 @@ def test_exported_page_needs_no_server(opened: Any, tmp_path: Path) -> None:
     assert page.complaints == []
     assert page.addresses[0].startswith("file:") and all(a.startswith(("data:", "blob:")) for a in page.addresses[1:])
 
-    # where WebGL is off, the page says so
-    page.page.add_init_script("HTMLCanvasElement.prototype.getContext = () => null")
+    # where WebGL is off, the page says so, and all but the picture works
+    page.page.add_init_script(
+        "const all = HTMLCanvasElement.prototype.getContext; HTMLCanvasElement.prototype.getContext ="
+        "function (kind, ...more) { return kind.includes('webgl') ? null : all.call(this, kind, ...more); }"
+    )
     page.page.reload()
-    assert "WebGL is off or missing" in page("byId('state').textContent")
+    page.until("window.stats && stats.motions > 0 && stats.frames > 2 && plots.curve.series.length")
+    assert page("byId('pane').innerText").startswith("This browser cannot draw in three dimensions: WebGL is off")
+    page.page.locator("#frequency").fill("33")
+    page.until("motion.feet.a.duration === 1 / 33")
+    assert "Picture" not in page("byId('taking').textContent")
+    assert page.complaints == ["THREE.WebGLRenderer: Error creating WebGL context."]
 
 
 @pytest.mark.long

@@ -144,6 +144,10 @@ def test_unit_in_doubt_is_unticked_the_foot_rests_and_a_unit_mends_it(opened: An
             "byId('error').textContent"
         )
         assert page("Object.values(plots).map(p => p.series.length)") == [0, 0, 0, 0]
+        assert page("[byId('tick_all').textContent, byId('tick_all').disabled]") == ["tick all", True]
+        page.page.locator("#step").click()  # there is nothing to step through, and nothing that was measured is drawn
+        page.page.keyboard.press(".")
+        assert page("stage.feet.measured.segments.some(s => s.node.visible)") is False
 
         page.page.get_by_label("which recordings").select_option("in doubt")
         typed(page, "unit of these", "furlong")
@@ -152,6 +156,7 @@ def test_unit_in_doubt_is_unticked_the_foot_rests_and_a_unit_mends_it(opened: An
         page.until("ticked().length === 2 && motion && !busy && model.recorded")
         assert [row[6] for row in page(TABLE)[:2]] == ["mm/s^2"] * 2
         assert page("motion.feet.measured.ratio") == pytest.approx(1.312, abs=2e-3)  # as recorded in m/s^2
+        assert page("stage.feet.measured.segments.every(s => s.node.visible)")
         assert page("byId('error').hidden")
 
         typed(page, "unit of volts.csv", "100 mV/g")

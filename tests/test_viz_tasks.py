@@ -22,6 +22,14 @@ SMALL = """() => {
 IN_SIGHT = """id => (r => r.width > 0 && r.top >= 0 && r.bottom <= innerHeight && r.right <= innerWidth
   && byId(id).contains(document.elementFromPoint(r.left + r.width / 2, r.top + r.height / 2)))(
   byId(id).getBoundingClientRect())"""
+#: Rows of the table of recordings that are seen whole.
+ROWS = """() => {
+  const box = byId("recordings_plots").getBoundingClientRect(), low = Math.min(innerHeight, box.bottom) + 1;
+  const rows = [...byId("recordings").querySelectorAll("tr[data-id]")];
+  return rows.filter(tr => tr.getBoundingClientRect().bottom <= low).length;
+}"""
+#: Share of the window that the foot has.
+SHARE = "(r => r.width * r.height / innerWidth / innerHeight)(byId('pane').getBoundingClientRect())"
 #: Lightness of a colour from 0 to 1: of the page, and of what is written on it.
 LIGHTNESS = """() => {
   const ink = document.createElement("canvas").getContext("2d", { willReadFrequently: true });
@@ -50,11 +58,65 @@ def test_what_to_do_next_and_the_fit_are_in_sight_in_every_task(opened: Any, tmp
                 shown = page("[...document.querySelectorAll('section[data-task]')].filter(s => s.checkVisibility())")
                 assert len(shown) >= 1 and page(SMALL) == [], (width, task)
                 page("scrollTo(0, 0)")
+        page.resize(1440, 900)
+        page("openTask('data'), tab('motion')")
+        page.settle()  # the table has the column beside the foot
+        assert page(ROWS) == 12 and page("plots.curve.pane.clientHeight") > 100
         page.resize(800, 600)
-        page("tab('motion')")
+        for strip in ("motion", "signals", "recordings"):
+            page(f"tab('{strip}')")
+            page.settle()
+            assert page("byId('pane').clientHeight") >= 300  # the foot has half of what is beside the column
+            assert page("document.documentElement.scrollWidth") <= 800
+            if strip == "motion":
+                assert page("plots.traces.pane.clientHeight") > 60
+            if strip == "signals":
+                page.until("viewed.plots && viewed.plots.base.series.length")
+                assert page(IN_SIGHT.replace("byId(id)", "viewed.plots.base.pane"), "")
+        assert page(ROWS) >= 3
+        status = "[...document.querySelectorAll('#recordings td.status')]"
+        assert page(f"{status}.filter(e => e.scrollWidth > e.clientWidth).length") == 0
+        assert page.complaints == []
+
+
+@pytest.mark.long
+def test_the_focus_goes_on_and_a_reload_comes_back(opened: Any, tmp_path: Any) -> None:
+    with served("--model", "foot_arch", folder=tmp_path) as url:
+        page = Watched(opened, url, (800, 600))
+        assert page(SHARE) >= 0.5  # in a low window the plots are folded away at first
+        page.page.locator("#tab_motion").click()
         page.settle()
-        assert page("byId('pane').clientHeight") >= 300  # the foot has half of a low window
-        assert page("document.documentElement.scrollWidth") <= 800
+        assert 0.3 < page(SHARE) < 0.4 and page("Plot.seen().length") == 4
+        for name, then, focus in (
+            ("bundled", "bench.rows.length === 12 && !bench.unread && motion && !busy", "start_fit"),
+            ("two_masses", "model.name === 'two_dof' && motion && !busy", "start_fit"),
+            ("start_fit", "bench.running", "stop_fit"),
+        ):
+            page("byId('starts').value = 2")
+            page.page.locator(f"#{name}").focus()
+            page.page.keyboard.press("Enter")
+            page.until(then)
+            assert page("document.activeElement.id") == focus
+        page.until("bench.found && !bench.running && motion && !busy")
+        assert page("document.activeElement.id") == "start_fit"
+
+        page("openTask('take'), tab('recordings')")  # no plot is seen, and none is written
+        for kind in ("SVG", "PNG", "CSV"):
+            page.page.get_by_role("button", name=kind, exact=True).click()
+            page.until("byId('data_state').textContent.startsWith('No plot is seen')")
+            page("busyWith('')")
+        for task, strip in (("model", "motion"), ("fit", "fit")):
+            page(f"openTask('{task}'), tab('{strip}'), showBranch(1)")
+            page.page.reload()
+            page.until("window.stats && stats.motions > 0 && bench.found && bench.rows.length === 12")
+            assert page("[bench.task, strip, bench.branch]") == [task, strip, 1]
+
+        page("openTask('data')")
+        page.page.locator("#clear").click()
+        page.until("!bench.rows.length")
+        assert page("byId('next').textContent").endswith("Drop recordings anywhere on this page to fit again.")
+        page("openTask('model')")
+        assert page("byId('showing').textContent").count("No graphics card draws this page") == 1
         assert page.complaints == []
 
 

@@ -132,6 +132,7 @@ class Feet extends Stage {
     const beside = names.filter(name => name !== "measured"), wide = this.apart ? APART * (beside.length - 1) : 0;
     names.forEach((name, order) => {
       const foot = this.feet[name], shown = motion.feet[name];
+      if (name === "measured") for (const s of foot.segments) s.node.visible = Boolean(shown);  // nothing is measured at rest
       if (!shown) return;
       const aside = this.apart && name !== "measured" ? -APART * order : 0;
       const table = this.table(name), carried = table < 0 ? [0, 0, 0] : blend(shown, at, table);

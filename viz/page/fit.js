@@ -23,7 +23,6 @@ const MASSES = new Set(["m_S", "m_F", "m_T", "added_mass"]);
 function showProgress({ running, what, done, total, seconds }) {
   bench.running = running;
   advise();
-  byId("stop_fit").hidden = !running;
   const bar = byId("fit_progress");
   bar.hidden = !running;
   if (total) Object.assign(bar, { max: total, value: done }); else bar.removeAttribute("value");
@@ -44,6 +43,7 @@ function receiveFit(document_) {
   drawHistory();
   if (document_.script) { byId("script").textContent = document_.script; byId("script_box").hidden = false; }
   drawFit();
+  if (another && document_.data) tab("fit");
   if (!window.EXPORTED && another) { showBranch(0); openTask("fit"); }
   keepState();
   stats.fitted = performance.now() - bench.asked;
@@ -82,7 +82,7 @@ function drawEstimates() {
     const interval = b => { const own = b.rows[k] || row; return (own.interval || number(own.value)).replace(" ± ", " ±\u00a0").replace(" to ", "\u00a0to "); };
     if (row.unit) name.append(" ", element("small", row.unit));
     const atRest = b => { const own = (b.rows[k] || row).at_rest; return own ? { title: `at rest ${own}` } : {}; };
-    tr.append(name, ...branches.map(b => element("td", interval(b), atRest(b))), element("td", row.known.replace(/identi(?=fi)/, "identi\u00ad")));
+    tr.append(name, ...branches.map(b => element("td", interval(b), atRest(b))), element("td", row.known));
     return tr;
   }));
 }
@@ -91,7 +91,6 @@ function drawEstimates() {
 function forgetFit() {
   Object.assign(bench, { fit: null, found: null, fitNumber: 0, branch: 0 });
   byId("script_box").hidden = byId("tab_fit").hidden = true;
-  byId("tabs").hidden = byId("tab_rivals").hidden && !bench.rows.length;
   if (!byId("fit_plots").hidden) tab("motion");
   drawMatrix();
   drawHistory();
@@ -131,9 +130,8 @@ const FIT_TITLES = { trace: "malleolus [m/s²]", residual: "residual [m/s²]", c
 function drawFit() {
   const found = bench.found;
   if (!found || !found.data) return;
-  byId("tabs").hidden = byId("tab_fit").hidden = false;
+  byId("tab_fit").hidden = false;
   if (!bench.plots) {
-    tab("fit");
     const into = byId("fit_plots");
     bench.plots = { size: new Plot(into, "transmissibility, fitted", "frequency [Hz]", "", { wide: true }), lag: new Plot(into, "phase lag behind the base [°]", "frequency [Hz]", ""),
       trace: new Plot(into, FIT_TITLES.trace, "time [ms]", ""), residual: new Plot(into, FIT_TITLES.residual, "time [ms]", ""), chi: new Plot(into, FIT_TITLES.chi, "frequency [Hz]", "") };
@@ -214,7 +212,7 @@ function showRivals({ columns, rows, notes, adequate, script }) {
     tr.append(...texts.map((text, k) => element(k ? tag : "th", text, k && tag === "td" ? {} : { scope: k ? "col" : "row" })));
     return tr;
   };
-  byId("compared").hidden = byId("tabs").hidden = byId("tab_rivals").hidden = false;
+  byId("compared").hidden = byId("tab_rivals").hidden = false;
   byId("no_fit").hidden = true;
   openTask("fit");
   byId("rivals_sentence").textContent = [sentence, ...more].join(" ");

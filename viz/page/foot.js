@@ -36,6 +36,7 @@ function buildControls(offered) {
   rows.ride = button(looks, "Ride with the table", () => ride(!stage.riding), "The table is drawn at rest: its motion is subtracted");
   ride(stage.riding);
   themeButton(looks);
+  if (SOFTWARE) picture.append(element("p", "No graphics card draws this page: its picture is coarser where that is slow, and while a fit runs fewer pictures are drawn.", { className: "hint" }));
   if (model.feet.b) rows.apart = button(looks, "Side by side", () => apart(!stage.apart));
   if (rows.apart) apart(stage.apart, false);
   takeAwaySection(stage, () => "foot", {
@@ -114,7 +115,7 @@ function apart(on, look = true) {
   rows.apart.setAttribute("aria-pressed", on);
   if (look) stage.view(stage.viewed);
 }
-const firstFoot = () => Object.values(motion.feet)[0], motionLength = () => (motion ? firstFoot().duration : 1), stepping = () => firstFoot().frames;
+const firstFoot = () => Object.values(motion.feet)[0], motionLength = () => (motion ? firstFoot().duration : 1), stepping = () => (motion ? firstFoot().frames : 1);
 
 // ---- the server -----------------------------------------------------------------------------------------------------
 let busy = false, wanted = false;
@@ -207,7 +208,7 @@ function forget() { busy = true; motion = null; stage.feet = {}; stage.viewer.de
 // There is no motion: the feet at rest, and nothing of an earlier motion beside them.
 function showAtRest(sentence) {
   const still = ([name, foot]) => [name, { frames: 1, duration: 1, periodic: true, bodies: foot.bodies.flatMap(() => Array(6).fill(0)), loops: {} }];
-  stage.pose({ feet: Object.fromEntries(Object.entries(model.feet).map(still)) }, 0, 1);
+  stage.pose({ feet: Object.fromEntries(Object.entries(model.feet).filter(([name]) => name !== "measured").map(still)) }, 0, 1);
   tell([model.feet.a.title, model.recorded ? model.excitation : "", sentence]);
   for (const plot of Object.values(plots)) { plot.none(sentence); plot.marks([]); }
   byId("legend").replaceChildren();
@@ -236,7 +237,7 @@ function draw() {
   const seriesLabel = n => [model.feet.b ? model.feet[n].title : "", n === "a" ? worn : ""].filter(Boolean).join(" · ");
   plots.traces.set([
     { label: "base", colour: BASE, x, y: whole(first.base) },
-    ...feet.filter(([n]) => n !== "measured" || !seen).map(([n, f]) => ({ label: n === "a" && worn ? `malleolus · ${worn}` : seriesName(n), colour: colourOf(n), x, y: whole(f.malleolus), dashed: n !== "a" })),
+    ...feet.filter(([n]) => n !== "measured" || !seen).map(([n, f]) => ({ label: n === "a" && worn ? worn : seriesName(n), colour: colourOf(n), x, y: whole(f.malleolus), dashed: n !== "a" })),
     ...(seen ? [{ label: "measured", colour: SEEN, x: seen.time.map(t => 1e3 * t), y: seen.malleolus, points: 3 }] : []),
   ]);
   const curves = feet.filter(([n]) => n !== "measured");
@@ -266,7 +267,9 @@ function legend() {
     if (!loops[key]) continue;
     const top = largest(motion, key).toPrecision(3), item = document.createElement("div"), bar = document.createElement("i");
     bar.style.background = `linear-gradient(90deg, ${RAMPS[ramp].join(", ")})`;
-    item.append(title, bar);
+    const [part, change] = title.split(":");
+    item.append(part, element("span", `:${change}`), bar);
+    item.title = title;
     const ends = document.createElement("p");
     for (const textContent of [`−${top} N`, "0", `+${top} N`]) ends.append(Object.assign(document.createElement("span"), { textContent }));
     item.append(ends);
@@ -298,7 +301,7 @@ function showAt(share) {
 }
 
 // Where the processor draws, a running fit needs it more, and only a few pictures are drawn [ms between two].
-const CALM = 250, SOFTWARE = drawnBySoftware(stage.renderer.getContext());
+const CALM = 250, SOFTWARE = !stage.blind && drawnBySoftware(stage.renderer.getContext());
 let painted = 0;
 function drawnBySoftware(gl) {
   const about = gl.getExtension("WEBGL_debug_renderer_info");
@@ -322,7 +325,7 @@ function tick(now) {
     }
     if (stage.viewer.needs_render) stage.render();
     fresh = false;
-    if (arrived) {  // reading a pixel waits for the picture
+    if (arrived && !stage.blind) {  // reading a pixel waits for the picture
       const gl = stage.renderer.getContext();
       gl.readPixels(0, 0, 1, 1, gl.RGBA, gl.UNSIGNED_BYTE, new Uint8Array(4));
       stats.drawn.push(performance.now() - asked);

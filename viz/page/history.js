@@ -41,21 +41,21 @@ function showComparison({ columns, rows, independent, fits }) {
     return tr;
   };
   const caption = element("caption", independent ? "" : "Both fits have recordings in common, so their differences have no interval.");
-  byId("pair").replaceChildren(caption, line("th", columns), ...rows.map(texts => line("td", texts)));
-  byId("tabs").hidden = byId("tab_pair").hidden = false;
+  byId("pair").replaceChildren(caption, line("th", columns), ...rows.map(texts => line("td", texts.slice(1, 3).includes("–") ? [...texts.slice(0, 3), "–"] : texts)));
+  byId("tab_pair").hidden = false;
   tab("pair");
   const into = byId("pair_plots"), by = (a, b) => a.frequency_hz - b.frequency_hz;
   bench.pair ||= { size: new Plot(into, "transmissibility of two fits", "frequency [Hz]", ""), lag: new Plot(into, "phase lag of two fits [°]", "frequency [Hz]", "") };
   const size = [], lag = [];
-  fits.forEach((fit, k) => {
-    const colour = [ANKLE, OTHER][k], [name] = fit.name.split(",");
+  fits.forEach((fit, k) => {  // the second one is dashed, its points are smaller: it may lie over the first; paler under a load
+    const [name] = fit.name.split(",");
     for (const load of [...new Set(fit.data.map(r => r.added_mass_kg))].sort((a, b) => a - b)) {
       const data = fit.data.filter(r => r.added_mass_kg === load).sort(by), curve = fit.curves.filter(r => r.added_mass_kg === load && r.branch === fit.branch).sort(by);
-      const label = load ? `${name}, ${number(load)} kg` : name, dashed = load > 0;
+      const label = `${name}${load ? `, ${number(load)} kg` : ""}${k ? " (dashed)" : ""}`, dashed = k > 0, colour = [[OTHER, ANKLE], PALE][+(load > 0)][k];
       const x = data.map(r => r.frequency_hz), u = curve.map(r => r.frequency_hz), lags = points => unwrapped(points.map(r => r.phase_lag_deg));
-      size.push({ label: "", colour, x, y: data.map(r => r.transmissibility), low: data.map(r => r.lower), high: data.map(r => r.upper), points: true });
+      size.push({ label: "", colour, x, y: data.map(r => r.transmissibility), low: data.map(r => r.lower), high: data.map(r => r.upper), points: [8, 4][k] });
       size.push({ label, colour, x: u, y: curve.map(r => r.transmissibility), dashed });
-      lag.push({ label: "", colour, x, y: lags(data), points: true }, { label, colour, x: u, y: lags(curve), dashed });
+      lag.push({ label: "", colour, x, y: lags(data), points: [8, 4][k] }, { label, colour, x: u, y: lags(curve), dashed });
     }
   });
   bench.pair.size.set(size, [0, 1.1 * Math.max(1, ...size.map(s => largestOf(s.y)))]);

@@ -1,4 +1,5 @@
-// Plots on uPlot: lines, points with limits, and loops; drag zooms, a double click shows all, ⤓ saves the numbers.
+// Plots on uPlot: lines, points with limits, and loops; drag zooms, a double click shows all, ⤓ saves the
+// numbers, ⤢ or a double click on the title opens the plot over the others. Those of one abscissa share a cursor.
 "use strict";
 // Colours of the dark page as they are on paper, and on a light page.
 const PRINT = { "#ffb454": "#b45f06", "#6cb6ff": "#1f6fb4", "#7ee0a1": "#1a7f45", "#e58fc4": "#a8327a", "#f3e37c": "#8a7a00", "#cfe6ff": "#3b72a6", "#ffe6c4": "#94642f", "#d4f5df": "#437d5a", "#f6d6ea": "#96567a", "#fbf5cf": "#75692a", "#8fa3b8": "#5a6b7c", "#ffffff": "#14202b" };
@@ -10,7 +11,7 @@ class Plot {
   static all = [];
   static seen() { return Plot.all.filter(plot => plot.plot && !plot.box.hidden && plot.pane.clientWidth > 0); }
 
-  title = ""; x = ""; y = ""; loop = false; whole = false; log = false; sync = ""; key = "";
+  title = ""; x = ""; y = ""; loop = false; whole = false; log = false; key = "";
   /** @type {Series[]} */ series = [];
   /** @type {[number, number] | null} */ range = null;
   /** @type {[number, number] | null} a part of the abscissa; what is beside it is faded */ used = null;
@@ -21,18 +22,19 @@ class Plot {
   /** @type {any} */ head;
   /** @type {any} */ pane;
 
-  // Args: the element to go into; title; names of the axes; whether it is a loop; twice as wide; of whole numbers; with
-  // a logarithmic ordinate; and the name of plots that share a cursor.
-  constructor(parent, title, x, y, { loop = false, wide = false, whole = false, log = false, sync = "" } = {}) {
-    Object.assign(this, { title, x, y, loop, whole, log, sync });
+  // Args: the element to go into; title; names of the axes; whether it is a loop; twice as wide; of whole numbers; and
+  // with a logarithmic ordinate.
+  constructor(parent, title, x, y, { loop = false, wide = false, whole = false, log = false } = {}) {
+    Object.assign(this, { title, x, y, loop, whole, log });
     this.box = document.createElement("figure");
     this.box.className = wide ? "wide" : "";
-    this.box.innerHTML = "<figcaption><b></b><button type=button title='the numbers as CSV' aria-label='save the numbers as CSV'>⤓</button><span></span></figcaption><div></div>";
+    this.box.innerHTML = "<figcaption><b></b><button type=button title='the numbers as CSV' aria-label='save the numbers as CSV'>⤓</button><button type=button title='full size; Escape closes it' aria-label='full size' aria-pressed=false>⤢</button><span></span></figcaption><div></div>";
     [this.head, this.pane] = this.box.children;
     this.head.firstChild.textContent = this.head.firstChild.title = title;
     this.pane.setAttribute("role", "img");
     this.pane.setAttribute("aria-label", `${title} over ${x}`);
     this.head.children[1].onclick = () => download(`${title.replace(/\W+/g, "_")}.csv`, this.csv());
+    this.head.children[2].onclick = this.head.firstChild.ondblclick = () => this.open();
     this.instead = Object.assign(document.createElement("p"), { hidden: true });
     this.tip = Object.assign(document.createElement("div"), { className: "tip", hidden: true });
     this.pane.append(this.instead, this.tip);
@@ -46,6 +48,13 @@ class Plot {
     this.title = this.head.firstChild.textContent = this.head.firstChild.title = title;
     this.pane.setAttribute("aria-label", `${title} over ${this.x}`);
   }
+  // Over the foot and the other plots, or back in its place; not two at once.
+  open(on = !this.box.classList.contains("whole")) {
+    if (on) Plot.close();
+    this.box.classList.toggle("whole", on);
+    this.head.children[2].setAttribute("aria-pressed", on);
+  }
+  static close() { for (const plot of Plot.all) plot.open(false); }
   none(sentence) {
     this.set([]);
     this.instead.textContent = sentence;
@@ -91,7 +100,7 @@ class Plot {
       return low === null ? [0, 1] : high > low || this.whole ? [low - room, high + room] : [low - 1, high + 1];
     };
     this.plot = new uPlot({
-      ...this.size(), legend: { show: false }, padding: [6, 14, 0, 0], cursor: { ...(this.sync ? { sync: { key: this.sync } } : {}), y: false, points: { size: 6 }, drag: { x: !this.loop, y: this.loop } },
+      ...this.size(), legend: { show: false }, padding: [6, 14, 0, 0], cursor: { ...(this.loop ? {} : { sync: { key: this.x, filters: { sub: () => this.pane.clientWidth > 0 } } }), y: false, points: { size: 6 }, drag: { x: !this.loop, y: this.loop } },
       scales: { x: { time: false, range: across }, y: this.log ? { distr: 3 } : { range: shown } },
       axes: [{ ...axis(this.across(), 20), ...(this.whole ? { incrs: [1, 2, 5, 10, 20, 50, 100] } : {}) }, { ...axis(this.y, 38), ...(this.log ? { values: (u, marks) => marks.map(v => tickText(v)) } : {}), size: (u, texts) => Math.max(38, 8 + 6.3 * Math.max(...(texts || []).map(text => text.length))) }],
       series: [{}, ...this.series.map(s => ({
@@ -108,6 +117,7 @@ class Plot {
   drawLoopsAndLimits(u) {
     const ink = u.ctx;
     ink.save();
+    ink.setLineDash([]);  // of the last curve
     ink.beginPath();
     ink.rect(u.bbox.left, u.bbox.top, u.bbox.width, u.bbox.height);
     ink.clip();
@@ -178,6 +188,7 @@ class Plot {
   }
 }
 
+addEventListener("keydown", event => { if (event.key === "Escape") Plot.close(); });
 function largestOf(values) { return values.reduce((m, v) => Math.max(m, Math.abs(v)), 0); }
 function tickText(v, digits = 3) { return v === null ? "" : Math.abs(v) >= 1e5 ? v.toExponential(Math.max(0, digits - 3)) : String(+v.toPrecision(digits)).replace("-", "−"); }
 

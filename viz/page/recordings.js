@@ -44,7 +44,7 @@ const CELLS = { added_mass_kg: "load [kg]", body_mass_kg: "body mass [kg]", unit
 function drawTable() {
   const table = byId("recordings"), held = /** @type {any} */ (document.activeElement), place = held && held.dataset.key && table.contains(held) ? [held.dataset.id, held.dataset.key] : null;
   const forms = new Map([...table.querySelectorAll("form")].map(box => [+box.dataset.id, box])), head = element("tr");
-  head.append(...["fit", "file", "Hz", "seconds", ...Object.values(CELLS), "status", "more"].map(text => element("th", text, { scope: "col" })));
+  head.append(...["fit", "file", "Hz", "seconds", "load [kg]", "body [kg]", "unit", "status", "more"].map(text => element("th", text, { scope: "col" })));
   table.replaceChildren(head);
   for (const row of bench.rows) {
     table.append(recordingRow(row));
@@ -57,11 +57,11 @@ function drawTable() {
   scope.replaceChildren(...scopes.map(([name, n]) => element("option", `${name} (${n})`, { value: name })));
   scope.value = scopes.some(([name]) => name === chosen) ? chosen : scopes.length ? scopes[0][0] : "";
   byId("tick_all").textContent = allTicked() ? "untick all" : "tick all";
-  byId("tab_recordings").hidden = byId("tab_signals").hidden = !bench.rows.length;
-  byId("tabs").hidden = !bench.rows.length && byId("tab_fit").hidden && byId("tab_rivals").hidden;
+  byId("tick_all").disabled = !bench.chosen.size && !bench.rows.some(sound);
+  placeTable();
 }
 function focusCell(id, key) { const cell = byId("recordings").querySelector(`input[data-id="${id}"][data-key="${key}"]`); if (cell) cell.focus(); }
-const allTicked = () => bench.rows.every(row => bench.chosen.has(row.id) || !sound(row));
+const allTicked = () => bench.chosen.size > 0 && bench.rows.every(row => bench.chosen.has(row.id) || !sound(row));
 const inScope = () => bench.rows.filter(row => ({ ticked: bench.chosen.has(row.id), "in doubt": row.doubt, all: true })[byId("scope").value]);
 
 let lastTick = -1;
@@ -106,7 +106,7 @@ function cellField(row, key, label) {
   const take = () => { if (input.value.trim() !== is) fill([[id, input.value]], key, input); };
   input.onchange = take;
   input.onkeydown = event => {
-    if (event.key === "Escape") input.value = is;
+    if (event.key === "Escape") { input.value = is; drawTable(); }
     if (event.key !== "Enter") return;
     const next = bench.rows[bench.rows.findIndex(r => r.id === id) + 1];
     if (next) focusCell(next.id, key); else input.blur();
@@ -120,18 +120,34 @@ function cellField(row, key, label) {
   return input;
 }
 
+// A cell keeps what cannot be taken, and its row says why; the next drawing of the table brings its value back.
+function refuse(input, text) {
+  const tr = input.closest("tr");
+  input.classList.add("refused");
+  input.setAttribute("aria-invalid", "true");
+  if (!tr) { complain(text); return; }
+  const reason = element("span", text, { id: "refused" });
+  reason.setAttribute("role", "alert");
+  input.setAttribute("aria-describedby", "refused");
+  tr.className = "wrong";
+  tr.querySelector(".status").replaceChildren(reason);
+}
+/** @type {any} the cell whose text the server has */
+let sentCell = null;
+
 // Texts for one column, each checked before any is sent.
 function fill(texts, key, input) {
   const changes = [];
   for (const [id, text] of texts) {
     const v = key === "unit" || !text.trim() ? text.trim() : typedNumber(text);
-    if (key !== "unit" && typeof v === "string" && v) { input.classList.add("refused"); complain(v); return; }
+    if (key !== "unit" && typeof v === "string" && v) { if (texts.length > 1 && input.closest("tr")) complain(v); else refuse(input, v); return; }
     changes.push([id, { [key]: v }]);
   }
   input.classList.remove("refused");
-  if (changes.length) correct(changes);
+  input.removeAttribute("aria-invalid");
+  if (changes.length) correct(changes, changes.length === 1 ? input.closest("td") && input : null);
 }
-function correct(changes) { tellServer("correct", { changes }, changes.length > 1 ? `reading ${changes.length} recordings` : "reading"); }
+function correct(changes, cell = null) { sentCell = cell; tellServer("correct", { changes }, changes.length > 1 ? `reading ${changes.length} recordings` : "reading"); }
 function ticksChanged() {
   drawTable();
   if (bench.chosen.size) byId("scope").value = "ticked";  // who ticks means these
@@ -178,7 +194,7 @@ function drawMatrix() {
   const cell = (row, repeats) => {
     const td = element("td");
     if (!row) return td;
-    const fit = fitOf(row), known = typeof fit === "number", pick = element("button", known ? fit.toFixed(0) : "·");
+    const fit = fitOf(row), known = typeof fit === "number", pick = element("button", known ? fit.toFixed(1) : "·");
     const again = repeats.length > 1 ? ` (${repeats.indexOf(row) + 1} of ${repeats.length} at ${number(row.frequency_hz)} Hz)` : "";
     pick.title = `${row.file}${again}${known ? `: fit ${fit.toFixed(1)} %` : ""}`;
     pick.setAttribute("aria-label", pick.title);
@@ -198,6 +214,7 @@ function drawMatrix() {
     return Array.from({ length: Math.max(...cells.map(repeats => repeats.length)) }, (_, k) =>
       line(k ? `repeat ${k + 1}` : name, "row", cells.map(repeats => cell(repeats[k], repeats))));
   });
+  box.style.setProperty("--columns", String(columns.length));
   const hertz = columns.map(([row]) => element("th", String(+row.frequency_hz.toFixed(1)), { scope: "col" }));
   box.replaceChildren(element("caption", "fit of each recording [%]"), line("Hz", "col", hertz), ...lines);
   nameBranch();

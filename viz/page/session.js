@@ -3,7 +3,7 @@
 function keepState() {
   if (window.EXPORTED || !model || !bench.session || bench.lost) return;
   const { fitNumber, branch, free, bounds, task } = bench, off = bench.rows.map(row => row.id).filter(id => !bench.chosen.has(id));
-  try { sessionStorage.setItem("fasbody", JSON.stringify({ key: KEY, name: model.name, state, bench: { fitNumber, branch, free, bounds }, task, off, held: bench.rows.length })); } catch { /* no room, or not allowed */ }
+  try { sessionStorage.setItem("fasbody", JSON.stringify({ key: KEY, name: model.name, state, bench: { fitNumber, branch, free, bounds }, task, strip, off, held: bench.rows.length })); } catch { /* no room, or not allowed */ }
 }
 function recall() {
   let kept = null;
@@ -12,7 +12,9 @@ function recall() {
   if (window.EXPORTED || !kept || kept.key !== KEY || kept.name !== model.name) return false;
   Object.assign(state, kept.state);
   Object.assign(bench, kept.bench);
-  if (kept.task) openTask(kept.task);
+  bench.count = kept.held;
+  openTask(kept.task);
+  tab(["rivals", "pair"].includes(kept.strip) || (kept.strip && !kept.held) ? "motion" : kept.strip);
   bench.unticked = new Set(kept.off);
   return true;
 }

@@ -17,8 +17,8 @@ function showSignals({ number: id, traces, spectra, seconds, rate_hz, part_s, us
   if (!row) return;
   busyWith("");
   if (!viewed.plots) {
-    const plot = (title, x, more) => new Plot(into, title, x, "", more);
-    viewed.plots = { base: plot("base [m/s²]", "time [s]", { sync: "signals" }), sensors: plot("malleolus [m/s²]", "time [s]", { sync: "signals" }), spectrum: plot("amplitude spectrum [m/s²]", "frequency [Hz]", { log: true }) };
+    const plot = (title, x, more = {}) => new Plot(into, title, x, "", more);
+    viewed.plots = { base: plot("base [m/s²]", "time [s]"), sensors: plot("malleolus [m/s²]", "time [s]"), spectrum: plot("amplitude spectrum [m/s²]", "frequency [Hz]", { log: true }) };
     for (const name of ["base", "sensors"]) { viewed.plots[name].box.classList.add("trace"); viewed.plots[name].zoomed = showRange; }
   }
   viewed.seconds = seconds;

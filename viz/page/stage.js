@@ -18,10 +18,11 @@ class Stage {
     this.views = views;
     try {
       this.renderer = new THREE.WebGLRenderer({ antialias: QUALITY !== "low", preserveDrawingBuffer: true });
-    } catch (error) {
-      byId("state").textContent = "This browser cannot draw in three dimensions: WebGL is off or missing. " +
-        "Turn on hardware acceleration in its settings, or use another browser.";
-      throw error;
+    } catch {  // all but the picture works
+      this.renderer = { domElement: document.createElement("canvas"), shadowMap: {}, setPixelRatio() {}, setSize() {}, render() {} };
+      this.blind = true;
+      const text = "This browser cannot draw in three dimensions: WebGL is off or missing. Turn on hardware acceleration in its settings, or use another browser. All else works.";
+      pane.append(Object.assign(document.createElement("p"), { textContent: text, className: "blind" }));
     }
     const r = this.renderer;
     r.shadowMap.enabled = true;

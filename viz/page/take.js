@@ -19,8 +19,8 @@ function takeAwaySection(stage, name, { page = null, film, scene }) {
     fresh = true;
   };
   if (page) button(row, "Offline page", page, "one file for a colleague: opens without a network, and its sliders still move");
-  button(row, "Picture", () => stage.save(`${name()}.png`), "PNG of what is drawn");
-  button(row, "Film", wait("recording the film", done => recordFilm(stage, name(), film(), done)), "webm of the motion, recorded as it plays");
+  if (!stage.blind) button(row, "Picture", () => stage.save(`${name()}.png`), "PNG of what is drawn");
+  if (!stage.blind) button(row, "Film", wait("recording the film", done => recordFilm(stage, name(), film(), done)), "webm of the motion, recorded as it plays");
   button(row, "3-D scene", wait("writing", () => download(`${name()}.glb`, sceneGlb(stage, scene()))), "glTF (.glb) with the motion, for Blender and other viewers");
   if (!Plot.all.length) { plots.remove(); return; }
   plots.append("Plots ");
@@ -67,9 +67,15 @@ function filmPlan(seconds, periodic) {
 // ---- plots for print ------------------------------------------------------------------------------------------------
 const PANEL = { width: 300, height: 230, left: 46, right: 12, top: 26, bottom: 36 };
 
+function seenPlots() {
+  const shown = Plot.seen();
+  if (!shown.length) throw new Error("No plot is seen; choose motion or another tab with plots.");
+  return shown;
+}
+
 // The plots that are seen, three beside each other; its text, width and height in CSS pixels.
 function plotsSvg() {
-  const shown = Plot.seen(), columns = shown.length === 4 ? 2 : Math.min(3, shown.length), width = columns * PANEL.width, height = Math.ceil(shown.length / columns) * PANEL.height;
+  const shown = seenPlots(), columns = shown.length === 4 ? 2 : Math.min(3, shown.length), width = columns * PANEL.width, height = Math.ceil(shown.length / columns) * PANEL.height;
   const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
   for (const [key, value] of Object.entries({ width, height, viewBox: `0 0 ${width} ${height}`, "font-family": "Helvetica, Arial, sans-serif", "font-size": 10 })) svg.setAttribute(key, String(value));
   const ground = svg.appendChild(document.createElementNS(svg.namespaceURI, "rect"));
@@ -128,6 +134,6 @@ async function plotsPng() {
 
 function plotsCsv() {
   const quoted = text => `"${text.replaceAll('"', '""')}"`, rows = ["plot,x axis,series,x,y,lower,upper"];
-  for (const plot of Plot.seen()) for (const s of plot.series) s.x.forEach((x, k) => rows.push([quoted(plot.title), quoted(plot.x), quoted(s.label || plot.title), x, s.y[k], s.low ? s.low[k] : "", s.high ? s.high[k] : ""].join(",")));
+  for (const plot of seenPlots()) for (const s of plot.series) s.x.forEach((x, k) => rows.push([quoted(plot.title), quoted(plot.x), quoted(s.label || plot.title), x, s.y[k], s.low ? s.low[k] : "", s.high ? s.high[k] : ""].join(",")));
   return `${rows.join("\n")}\n`;
 }

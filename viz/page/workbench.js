@@ -42,14 +42,20 @@ function advise() {
   const verdict = fit && { decided: `decided: ${fit.branches[0].name}`, undecided: "the branch is undecided", "not compared": "one branch" }[fit.verdict];
   const parts = !bench.rows.length && !fit ? ["Drop recordings anywhere on this page, or try the example."] : [
     fit ? `Fit ${(+fit.fit_percent).toFixed(1)} %${verdict ? `; ${verdict}` : ""}.` : `${count} of ${bench.rows.length} recordings ticked.`,
-    byId("stale").hidden ? "" : "Out of date; fit again.",
+    !bench.rows.length ? "Drop recordings anywhere on this page to fit again." : byId("stale").hidden ? "" : "Out of date; fit again.",
     doubtful ? `${doubtful} in an uncertain unit: confirm it in the table.` : "",
     bare ? `${bare} without body mass: type it above the table for all, or in the table.` : "",
     slow && !fit ? `This model has ${free} constants${2 * count < free ? ", too many for so few recordings" : ""}; its fit takes a minute or more.` : ""];
   byId("next").textContent = parts.filter(Boolean).join(" ");
+  const held = /** @type {any} */ (document.activeElement);
   byId("two_masses").hidden = !slow;
-  byId("bundled").hidden = bench.rows.length > 0;
+  byId("bundled").hidden = bench.rows.length > 0 && !bench.unread;
+  byId("stop_fit").hidden = !bench.running;
   for (const id of ["start_fit", "start_rivals"]) byId(id).disabled = bench.running || !count || bench.unread > 0;
+  if (held.closest("#bar .row") && (held.hidden || held.disabled)) {  // its button is gone: the focus goes on to the next one
+    const next = ["stop_fit", "start_fit"].map(byId).find(b => !b.hidden && !b.disabled) || byId("tasks").querySelector("[aria-pressed=true]");
+    next.focus();
+  }
 }
 
 // Tasks of the column beside the foot, one of which is open; Fit and what to do next stand above them.
@@ -70,12 +76,28 @@ for (const [name, label] of Object.entries(TASKS)) {
 }
 openTask("model");
 
-const TABS = ["recordings", "signals", "motion", "fit", "rivals", "pair"];
+// Plots and table below the foot, one of which is open, or none; where there is room the table has the column beside it.
+const TABS = ["recordings", "signals", "motion", "fit", "rivals", "pair"], roomy = matchMedia("(min-width: 1250px)");
+let strip = "motion";
 function tab(name) {
+  if (name === "recordings" && roomy.matches) { openTask("data"); return; }
+  strip = name;
+  Plot.close();
   for (const id of TABS) { byId(`${id}_plots`).hidden = id !== name; byId(`tab_${id}`).setAttribute("aria-pressed", id === name); }
+  placeTable();
   viewSignals();
+  keepState();
 }
-for (const id of TABS) byId(`tab_${id}`).onclick = () => tab(id);
+function placeTable() {
+  const table = byId("recordings_plots"), aside = roomy.matches, none = !bench.rows.length, into = byId(aside ? "data" : "plots");
+  if (table.parentElement !== into) into.append(table);
+  if (aside) table.hidden = none;
+  byId("tab_recordings").hidden = aside || none;
+  byId("tab_signals").hidden = none;
+}
+roomy.onchange = () => { if (!roomy.matches) tab(strip); else if (strip === "recordings") tab("motion"); else placeTable(); };
+for (const id of TABS) Object.assign(byId(`tab_${id}`), { title: "once more: fold it away", onclick: () => tab(strip === id ? "" : id) });
+if (innerWidth > 700 && innerHeight >= 560 && innerHeight < 640) tab("");  // the foot has half of a low window
 byId("start_fit").onclick = askFit;
 byId("two_masses").onclick = () => tellServer("choose", { name: "two_dof" });
 byId("start_rivals").onclick = () => { tellServer("rivals", { numbers: ticked(), said: {} }); };
@@ -111,6 +133,7 @@ function receiveComplaint({ text, of }) {
   const open_ = of === "correct" && formOf(bench.corrected);
   if (of === "correct") bench.corrected = -1;
   if (open_) { complain(""); open_.remark(text); return; }
+  if (of === "correct" && sentCell && sentCell.isConnected) { complain(""); refuse(sentCell, text); return; }
   if (of === "save") byId("editor_state").textContent = "not saved";
   complain(text);
 }
