@@ -75,7 +75,7 @@ class Columns:
         times = []
         for index, name in enumerate(name.strip().lower() for name in self.names):
             behind = channels.name_and_unit(name)[1]
-            unit = self.units[index].lower() or (behind if name[-1:] in ")]" else "")
+            unit = self.units[index].lower() or (behind if name[-1:] in ")]" else _time_within(name))
             named = behind not in channels.UNITS and _TIMES.search(name)
             times += [index] if (unit in channels.TIME_UNITS if unit else named) else []
         return times
@@ -212,12 +212,18 @@ def _by_unit(columns: Columns) -> tuple[int, str] | None:
     # beside the name, in brackets behind it, behind the name of a time (timestamp_ms), or first (seconds_elapsed)
     for index, name in enumerate(columns.names):
         stem, behind = channels.name_and_unit(name)
-        bracketed = behind if name.strip()[-1:] in ")]" else ""
+        bracketed = behind if name.strip()[-1:] in ")]" else _time_within(name)
         units = [columns.units[index] or bracketed, behind if index in columns.times else "", stem]
         known = (u for u in units if u.lower() in channels.TIME_UNITS and (u != stem or len(u) > _SHORT))
         if unit := next(known, ""):
             return index, unit
     return None
+
+
+def _time_within(name: str) -> str:
+    """A unit of time in brackets within a heading of times: ``Time (s) Run #1``."""
+    units = (unit for unit in re.findall(r"[(\[]\s*([^()\[\]]*?)\s*[)\]]", name) if unit in channels.TIME_UNITS)
+    return next(units, "") if _TIMES.search(name.lower()) else ""
 
 
 def _complete(file: Path, columns: Columns, layout: Layout, chosen: _Chosen) -> None:

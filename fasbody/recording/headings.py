@@ -14,6 +14,7 @@ Programs write, in this order and with all but the names left out at will::
 """
 
 import re
+from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice
@@ -35,6 +36,8 @@ STAMP = re.compile(
 )
 #: Lines in which a header is looked for, and rows of headings, units and counts at most.
 _HEADER_LINES, _HEADING_ROWS = 200, 12
+#: What Excel reads of a separator.
+_OF_EXCEL = re.compile(r'"?sep=', re.IGNORECASE)
 #: What stands in front of a row of names (Qualisys: CHANNEL_NAMES), or of statements below them.
 _TITLE = re.compile(r"[A-Z]+_NAMES|\w+=", re.IGNORECASE)
 _KEY = re.compile(r"[A-Za-z]\w+=?")
@@ -97,27 +100,45 @@ class Headings:
 
 
 def find_header(text: str, score: Callable[[Sequence[str]], int]) -> Header:
-    """The line with most known names; without any the first line that is not a comment.
+    """The line with most known names, and with as many cells as the numbers; without any the first that is no comment.
 
     Args:
         text: of the file.
         score: how many of a line's cells are known names.
     """
-    best, header = 0, Header(1, ",", [""])
+    best, header, rows = (0, False), Header(1, ",", [""]), _usual_row(text)
     for number, line in enumerate(islice(texts.lines(text), _HEADER_LINES), 1):
-        if best and _SAMPLES.fullmatch(line):
+        if (best[0] and _SAMPLES.fullmatch(line)) or _OF_EXCEL.match(line):
             continue
         uncommented = re.sub(r"^\s*(#|%|//)\s*", "", line)  # some write the header as a comment
-        for separator in texts.SEPARATORS:
-            if separator not in uncommented:
-                continue
+        for separator in _separators(uncommented, *rows):
             names = texts.split(uncommented, separator)
-            if score(names) > best:
-                best, header = score(names), Header(number, separator, names)
-        if not best and not header.names[0] and line.strip() and not texts.COMMENT.match(line):
+            found = score(names), (separator, len(names)) == rows
+            if found[0] and found > best:
+                best, header = found, Header(number, separator, names)
+        if not best[0] and not header.names[0] and line.strip() and not texts.COMMENT.match(line):
             separator = texts.separator_of(line)
             header = Header(number, separator, texts.split(line, separator))
     return header
+
+
+def _usual_row(text: str) -> tuple[str, int]:
+    """What separates the cells of most rows of numbers, and how many there are."""
+    rows = Counter[tuple[str, int]]()
+    for line in islice(texts.lines(text), _HEADER_LINES):
+        separator = texts.separator_of(line)
+        cells = texts.split(line, separator)
+        samples = sum(map(is_sample, cells))
+        if samples > 1 and 2 * samples > sum(map(bool, cells)) and not texts.COMMENT.match(line):
+            rows[separator, len(cells)] += 1
+    return max(rows, key=lambda row: rows[row], default=(",", 0))
+
+
+def _separators(line: str, usual: str, count: int) -> list[str]:
+    """By what a line may be separated: only as the rows of numbers are, if that makes as many cells."""
+    if usual in line and len(texts.split(line, usual)) == count:
+        return [usual]
+    return [separator for separator in texts.SEPARATORS if separator in line]
 
 
 def first_number_row(text: str, header: Header, layout: Layout) -> Header | None:
@@ -196,7 +217,7 @@ def read_headings(text: str, header: Header) -> Headings:
             statements += [f"{name} = {cell}" for name, cell in zip(names, cells, strict=True)
                            if texts.numeric(cell)]  # fmt: skip
             units = ["" if texts.numeric(cell) else without_brackets(cell) for cell in cells]
-            while len(units) > len(samples) and not units[-1]:
+            while units and len(units) > len(samples) and not units[-1]:
                 names, units = names[:-1], units[:-1]  # as Rigol: the increment behind the units
         elif _are_counts(cells, samples):
             skipped.append(f"a row of counts ({shown(separator.join(cells))})")
