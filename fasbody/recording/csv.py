@@ -41,6 +41,7 @@ class TextTable:
         passed: what else the file holds, in words.
         takes: how many tables of the file hold the channels.
         footer: lines of words behind the numbers, once these are read.
+        comments: between the numbers, once these are read.
     """
 
     passage: text.Passage
@@ -49,6 +50,7 @@ class TextTable:
     passed: tuple[str, ...] = ()
     takes: int = 1
     footer: list[str] = field(default_factory=list)
+    comments: dict[str, None] = field(default_factory=dict)
 
     @classmethod
     def open(cls, file: Path, layout: Layout, strict: bool = True) -> "TextTable":
@@ -94,12 +96,15 @@ class TextTable:
     @property
     def skipped(self) -> tuple[str, ...]:
         """What of the text is in no use, in words."""
-        return (*self.headings.skipped, *self.footer, *self.passed)
+        comments = tuple(f"a comment ({shown(comment)})" for comment in self.comments)
+        footer = (f"a footer ({shown(line)})" for line in self.footer)
+        return (*self.headings.skipped, *comments, *footer, *self.passed)
 
     def stated(self, uses: Mapping[str, Use]) -> tuple[dict[str, Statements], list[str]]:
         """Statements of the channels in use by lines of words; and remarks on lines that are not understood."""
         names = {key.removesuffix("_m_s2"): self.names[use.index] for key, use in uses.items()}
-        return of_lines(self.headings.beside, self.headings.separator, names)
+        lines = (*self.headings.beside, *self.comments, *self.footer)
+        return of_lines(lines, self.headings.separator, names)
 
     @cached_property
     def first_row(self) -> list[str]:
@@ -287,6 +292,7 @@ def _numbers(table: TextTable, body: str, after: int, indices: Mapping[str, int]
     decimal = "," if any("," in sample[i] for i in indices.values() if i < len(sample)) else "."
     marked = any(mark in body for mark in ("#", "%", "//"))  # a search by pattern takes as long as the parser
     lines = body.split("\n") if marked else []
+    table.comments.update(dict.fromkeys(line.strip() for line in lines if text.COMMENT.match(line)))
     data = ("\n".join(line for line in lines if not text.COMMENT.match(line)) if marked else body).encode()
     _no_wider(table, body, data, after)
     order = list(indices.values())

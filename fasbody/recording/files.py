@@ -19,7 +19,7 @@ from fasbody.recording.csv import FIRST, TextTable, read_table, several_takes
 from fasbody.recording.formats import ENDINGS, READ, ending
 from fasbody.recording.formats.reader import read_series
 from fasbody.recording.formats.series import FormatError, Series, need
-from fasbody.recording.statements import Statements, refuse_unapplied
+from fasbody.recording.statements import Statements, differing, quoted, refuse_unapplied
 from fasbody.recording.text import read_text
 from fasbody.sentences import Sentence, called
 
@@ -138,7 +138,8 @@ def reading(file: Path, layout: Layout | None = None) -> Reading:
     if time_s[-1] < time_s[0]:
         problem = f"its time runs backwards ({time_s[0]:g} s first, {time_s[-1]:g} s last)"
         raise InputFileError(file, problem, "sort the rows by time")
-    remarks = [*decided, *vague, *_denied(columns, time_s), *_other_clocks(source, uses, time_s)]
+    about = {name: s.about for name, s in zip(names, sensors.values(), strict=True)}
+    remarks = [*decided, *quoted(vague), *differing(about, stated), *_denied(columns, time_s), *_other_clocks(source, uses, time_s)]
     clocks |= _stated_clocks(file, sensors, time_s, is_timed, rate)
     if clocks:
         channels["time_s"] = straightened(time_s)

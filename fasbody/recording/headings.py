@@ -292,7 +292,7 @@ def without_footer(text: str, separator: str) -> tuple[str, tuple[str, ...]]:
         end = start
     if not words or end == 0:
         return text, ()
-    return text[:end], tuple(f"a footer ({shown(word)})" for word in reversed(words))
+    return text[:end], tuple(reversed(words))
 
 
 def without_brackets(cell: str) -> str:

@@ -4,12 +4,12 @@ Attributes, properties, metadata, scalars and lines above the numbers are matche
 """
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from fasbody.exceptions import InputFileError, shown
 from fasbody.recording import text
-from fasbody.recording.channels import Channel, Layout
+from fasbody.recording.channels import KNOWN_UNITS, NAMES, Channel, Layout
 from fasbody.sentences import Sentence, called
 
 #: A number, a date or time of the day, or one number for each channel.
@@ -17,15 +17,19 @@ Value = float | str | list[float | str]
 Statements = dict[str, Value]
 _TIMES = frozenset((
     "start", "started", "t0", "x0", "xstart", "tstart", "delay", "delayed", "lag", "lags",
-    "latency", "late", "early", "shift", "shifted", "skew", "trigger", "timestamp",
+    "latency", "late", "early", "shift", "shifted", "skew", "trigger", "timestamp", "toffset", "begin", "pretrigger",
+    "verzögerung", "verzoegerung", "versatz", "laufzeit", "totzeit", "retard", "retardo", "ritardo", "遅延", "延迟",
 ))  # fmt: skip
 _OF_TIME = frozenset((
-    "time", "t", "s", "ms", "us", "ns", "sec", "seconds", "samples",
+    "time", "t", "s", "ms", "us", "ns", "sec", "seconds", "samples", "sync",
 ))  # fmt: skip
+#: Words that together are about the first sample.
+_PAIRS = ({"first", "sample"}, {"time", "stamp"})
 _SCALES = frozenset((
     "gain", "scale", "scaled", "scaling", "factor", "slope", "multiplier", "multiply",
     "multiplied", "divide", "divided", "amplification", "attenuation", "cal", "calibration",
     "sens", "sensitivity", "conversion", "lsb", "resolution",
+    "faktor", "facteur", "fattore", "verstärkung", "verstaerkung", "ganancia", "guadagno", "pga",
 ))  # fmt: skip
 #: Of those the ones that say nothing where they are alike for all channels.
 _OF_CONVERTER = frozenset(("lsb", "resolution"))
@@ -34,6 +38,37 @@ _NEITHER = frozenset((
     "date", "unit", "units", "type", "mode", "id", "serial", "level", "std", "name", "range",
 ))  # fmt: skip
 _CLOCK = re.compile(r"(?:\d{4}-\d\d-\d\d[T ]?|[\d./]{8,10}[T ]+)?\d{1,2}:\d\d(?::\d\d(?:[.,]\d+)?)?Z?|\d{4}-\d\d-\d\d")
+#: What people call the two sensors.
+_CALLED = {
+    "base": ("plate", "table", "shaker", "platte", "tisch", "basis", "both"),
+    "malleolus": (
+        "ankle", "mal", "knöchel", "knoechel", "malléole", "malleole", "maléolo", "maleolo", "malleolo", "tobillo",
+        "cheville", "caviglia", "くるぶし", "both",
+    ),
+}  # fmt: skip
+#: Words that name a sensor, count, sum up or date what is in the file, and change none of its numbers.
+_HARMLESS = frozenset((
+    "channel", "channels", "ch", "name", "names", "label", "title", "sensor", "sensors", "accelerometer", "acceleration",
+    "accel", "acc", "axis", "x", "y", "z", "serial", "sn", "s/n", "no", "nr", "number", "id", "uid", "index", "model",
+    "type", "manufacturer", "min", "max", "mean", "rms", "std", "peak", "average", "minimum", "maximum", "unit", "units",
+    "einheit", "kanal", "kanäle", "time", "data", "and", "of", "the", "at", "on", "position", "location", "node", "coupling",
+    "sensitivity", "sens", "range", "kind", "class", "date", "file", "v", "ai", "column", "quantity", "dof", "direction",
+    "physical", "long", "standard", "samples", "count", "points", "length", "color", "colour",
+))  # fmt: skip
+#: An amount that moves a time, turns a phase or changes a size.
+_AMOUNT = re.compile(
+    r"\d\s*(?:[mnuµμ]?s|m?sec|seconds?|samples?|frames?|db|deg|degrees?|grad|°|%|x|×|fold|times)(?![\w/])"
+    r"|(?<![\w.])[x×*/÷]\s?\d",
+    re.IGNORECASE,
+)
+#: With these words an amount of time is how long or how often something was recorded.
+_LENGTHS = frozenset((
+    "duration", "length", "interval", "period", "dauer", "step", "dt", "increment", "rate", "timebase", "record", "total",
+    "sampling", "average", "averaging", "window", "time", "sweep", "delta", "elapsed", "abtastintervall", "per", "div",
+))  # fmt: skip
+#: Names of remarks, whose words count.
+_REMARKS = frozenset(("comment", "comments", "description", "note", "notes", "remark", "remarks", "bemerkung", "kommentar"))
+_DAY = re.compile(r"[\d./-]{6,10}")
 #: A longer line is no name and number, and would take the pattern long.
 _LONGEST = 160
 _LINE = re.compile(
@@ -47,13 +82,13 @@ def kind(name: str) -> str:
     words = _words(name)
     if words & _NEITHER:
         return ""
-    if words & _TIMES or ("offset" in words and words & _OF_TIME):
+    if words & _TIMES or ("offset" in words and words & _OF_TIME) or any(pair <= words for pair in _PAIRS):
         return "delay_s"
     return "sensitivity" if words & _SCALES else ""
 
 
 def _words(name: str) -> set[str]:
-    return {word.lower() for word in re.findall(r"[A-Z]?[a-z]+\d*|[A-Z]+\d*", name)}
+    return {word.lower() for word in re.findall(r"[A-Z]?[^\W\d_A-Z]+\d*|[A-Z]+\d*", name)}
 
 
 def statements_of(pairs: Mapping[str, object], applied: Sequence[str] = ()) -> Statements:
@@ -76,7 +111,7 @@ def statements_of(pairs: Mapping[str, object], applied: Sequence[str] = ()) -> S
 def of_lines(
     lines: Sequence[str], separator: str, names: Mapping[str, str]
 ) -> tuple[dict[str, Statements], list[str]]:  # fmt: skip
-    """Statements by channel, and the lines that seem to be some and are not understood.
+    """Statements by channel, and the lines that may be some and are not understood.
 
     Args:
         lines: beside the headings.
@@ -95,18 +130,79 @@ def of_lines(
             for statements in made.values():
                 statements[name] = values
             continue
-        mentioned = re.findall(r"[^\W_]+", line.lower())
-        about = [name for name, heading in names.items() if {name, heading.strip().lower()} & {*mentioned}]
-        if not about or not kind(line) or not re.search(r"\d", line) or re.search(r"\d ?m?V/", line):
-            continue
+        mentioned = {*re.findall(r"[^\W_]+", line.lower())}
+        about = [name for name, heading in names.items()
+                 if {name, heading.strip().lower(), *_CALLED.get(name, ())} & mentioned]  # fmt: skip
         match = _LINE.fullmatch(line) if len(line) <= _LONGEST else None
-        if len(about) == 1 and match and kind(match["name"]):
+        clear = kind(line) and not re.search(r"\d ?m?V/", line) and len(about) == 1
+        if clear and match and kind(match["name"]):
             value = match["value"].rstrip(".,:")
-            plain = re.sub(rf"\b{about[0]}\b|{re.escape(names[about[0]])}", "", match["name"], flags=re.IGNORECASE)
+            called = "|".join(map(re.escape, (about[0], *_CALLED.get(about[0], ()))))
+            plain = re.sub(rf"\b(?:{called})\b|{re.escape(names[about[0]])}", "", match["name"], flags=re.IGNORECASE)
             made[about[0]][" ".join(plain.split())] = text.number(value) if text.numeric(value) else value
-        else:
-            vague.append(f"a line says {shown(line)!r}, which is not applied")
+        elif _unlike_cells(line, separator) or _is_amount(line) or (about and _unclear(line, names.values())):
+            vague.append(" ".join(line.split()))
     return made, vague
+
+
+def _unclear(words: str, names: Iterable[str] = ()) -> bool:
+    """Whether words say more than which sensor, unit, number or sum something is."""
+    for name in names:
+        words = words.replace(name, " ")
+    called = {*NAMES, *(word for several in _CALLED.values() for word in several)} - {"both"}
+    tokens = (token.strip("#%/:;,.\"'()[]=") for token in re.split(r"[\s;,:=\t|]+", words))
+    plain = (token for token in tokens if token and token.lower() not in KNOWN_UNITS and not re.search(r"\d", token))
+    left = {word for token in plain if not re.fullmatch(r"m?V/\S+", token) for word in _words(token)}
+    return bool(left - _HARMLESS - called)
+
+
+def _is_amount(line: str) -> bool:
+    return _AMOUNT.search(line) is not None and not _words(line) & _LENGTHS
+
+
+def _unlike_cells(line: str, separator: str) -> bool:
+    """Whether a row names something and has an unlike cell for each channel."""
+    name, *cells = text.split(line, separator) if separator != " " else [""]
+    cells = [cell for cell in cells if not _DAY.fullmatch(cell)]
+    return len(cells) > 1 and len({*cells} - {""}) > 1 and re.search(r"[^\W\d]", name) is not None and _unclear(name)
+
+
+def quoted(lines: Sequence[str]) -> list[str]:
+    """One sentence that quotes what is not understood."""
+    if len(lines) < 2:
+        return [f"a line says {shown(line)!r}, which is not applied" for line in lines]
+    listed = "; ".join(repr(shown(line)) for line in dict.fromkeys(lines))
+    return [f"lines say {listed}, which is not applied"]
+
+
+def told(pairs: Mapping[str, object], applied: Sequence[str] = ()) -> dict[str, str]:
+    """Names and values as text, of those that are words or numbers and not applied."""
+    made = {}
+    for name, value in pairs.items():
+        plain = value.item() if getattr(value, "size", 0) == 1 else value  # type: ignore[attr-defined]
+        plain = plain.decode("utf-8", "replace") if isinstance(plain, bytes) else plain
+        if isinstance(plain, str | int | float) and name.lower() not in applied:
+            made[name] = plain if isinstance(plain, str) else f"{plain:.6g}"
+    return made
+
+
+def differing(about: Mapping[str, Mapping[str, str]], understood: Mapping[str, Statements]) -> list[str]:
+    """A sentence on what a file says of base and malleolus that is not alike, and nothing here applies.
+
+    Args:
+        about: names and values by channel.
+        understood: those that are refused, or answered by study.toml.
+    """
+    base, malleolus = (about.get(name, {}) for name in NAMES[:2])
+    done = {name for statements in understood.values() for name in statements}
+    lines = []
+    for name in dict.fromkeys((*base, *malleolus)):
+        values = [side.get(name, "").strip() for side in (base, malleolus)]
+        words = _words(name)
+        says = any(kind(value) or _is_amount(value) or (words & _REMARKS and _unclear(value)) for value in values)
+        if values[0] != values[1] and name not in done and (says or (_unclear(name) and not words & _REMARKS)):
+            lines.append(f"{shown(name)} = {shown(values[0])!r} with base and {shown(values[1])!r} with malleolus")
+    return [f"says {', '.join(lines)}, which is not applied"] if lines else []
 
 
 def refuse_unapplied(

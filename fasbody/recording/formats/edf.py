@@ -21,9 +21,10 @@ def decode(file: Path) -> list[Series]:
     check_size(file.stat().st_size / 2)
     source = read(file)
     signals = [
-        Series(s.label, s.physical_dimension, np.array(s.data, float), float(s.sampling_frequency))
+        Series(s.label, s.physical_dimension, np.array(s.data, float), float(s.sampling_frequency),
+               about={"prefiltering": s.prefiltering, "transducer_type": s.transducer_type})
         for s in source.signals
-    ]
+    ]  # fmt: skip
     if source.annotations:
         signals.append(passed_over("EDF Annotations", f"{len(source.annotations)} annotations"))
     return signals

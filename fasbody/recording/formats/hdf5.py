@@ -51,7 +51,8 @@ def decode(file: Path) -> list[Series]:
             total += int(np.prod([float(n) for n in item.shape]))
             check_size(total)
             axis = _axis(item) if len(axes) > 1 else ""
-            columns += series.of_variable(name, item[()], dict(item.attrs), _rate(source, name), axis)
+            about = {key: value for folder in _folders(source, name) for key, value in folder.attrs.items()}
+            columns += series.of_variable(name, item[()], about, _rate(source, name), axis)
         columns = _named(source, columns)
     return series.with_rate(columns)
 
@@ -104,10 +105,15 @@ def _no_numbers(item: Any) -> str:
     return "" if item.shape is not None and item.ndim <= 2 else "no vector or matrix"
 
 
+def _folders(source: Any, name: str) -> list[Any]:
+    """The file, the folders above a dataset, and it."""
+    parts = name.split("/")
+    return [source, *(source["/".join(parts[:count])] for count in range(1, len(parts) + 1))]
+
+
 def _rate(source: Any, name: str) -> float | None:
     """The rate [Hz] that a dataset states, or a folder above it."""
-    parts = name.split("/")
-    above = [source, *(source["/".join(parts[:count])] for count in range(1, len(parts) + 1))]
+    above = _folders(source, name)
     stated = ((f"{item.name}/{key}".strip("/"), value) for item in above for key, value in item.attrs.items())
     return series.stated_rate((key, series.number_of(value)) for key, value in stated)
 

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from fasbody.recording.formats.series import FormatError, Series, check_size, passed_over, stated_rate
-from fasbody.recording.statements import statements_of
+from fasbody.recording.statements import statements_of, told
 from fasbody.recording.text import number, numeric
 
 LIBRARY = "pyarrow"
@@ -42,7 +42,7 @@ def _series(field: Any, column: Any, rate_hz: float | None) -> Series:
     if not (types.is_integer(field.type) or types.is_floating(field.type) or types.is_decimal(field.type)):
         return passed_over(field.name, "no column of numbers")
     values = column.cast("float64").to_numpy().astype(float)
-    return Series(field.name, unit, values, rate_hz, stated=statements_of(metadata))
+    return Series(field.name, unit, values, rate_hz, stated=statements_of(metadata), about=told(metadata))
 
 
 def _texts(metadata: Any) -> dict[str, str]:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from fasbody.exceptions import MissingPackageError
-from fasbody.recording.statements import Statements, kind, statements_of
+from fasbody.recording.statements import Statements, kind, statements_of, told
 
 #: Most samples of all channels of a file together: 160 MB of floats, an hour of five channels at 1 kHz.
 MOST_SAMPLES = 20_000_000
@@ -35,6 +35,7 @@ class Series:
         start_s: when the first sample was taken [s], on one clock for the whole file, if stated.
         scaled: by which statement of the file its values were scaled.
         stated: of its time or scale, and not applied.
+        about: what else is said of it, by name.
         group: its sheet, structure or folder.
     """
 
@@ -46,6 +47,7 @@ class Series:
     start_s: float | None = None
     scaled: str = ""
     stated: Statements = field(default_factory=dict)
+    about: dict[str, str] = field(default_factory=dict)
     group: str = ""
 
 
@@ -117,6 +119,8 @@ _ALIKE = 1e-3
 
 #: Attributes that are applied by the CF conventions.
 _SCALES = ("scale_factor", "add_offset")
+#: And by the libraries.
+_INNER = ("_fillvalue", "_netcdf4dimid", "_netcdf4coordinates", "matlab_class", "h5path")
 
 
 def of_variable(
@@ -142,10 +146,12 @@ def of_variable(
         values = np.asarray(values, float) * (1.0 if factor is None else factor) + (offset or 0.0)
     start = next((value for value in starts if value is not None), None)
     scaled = f"scale_factor = {factor:g}" if factor not in (None, 1.0) else ""
-    stated = statements_of(about, (*_SCALES, *STARTS, *RATES, *STEPS))
+    applied = (*_SCALES, *STARTS, *RATES, *STEPS, *_INNER)
+    stated = statements_of(about, applied)
     unit = text_of(about.get("units", about.get("unit", b"")))
     columns = numeric_columns(name, values, unit, rate_hz)
-    return [replace(s, scaled=scaled, stated=stated, start_s=start, group=group) for s in columns]
+    more = told(about, applied)
+    return [replace(s, scaled=scaled, stated=stated, start_s=start, group=group, about=more) for s in columns]
 
 
 def stated_rate(statements: Iterable[tuple[str, float | None]]) -> float | None:

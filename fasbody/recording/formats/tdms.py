@@ -10,7 +10,7 @@ import numpy as np
 
 from fasbody.recording.channels import Channels
 from fasbody.recording.formats.series import FormatError, Series, check_size, number_of, step_of
-from fasbody.recording.statements import statements_of
+from fasbody.recording.statements import statements_of, told
 
 LIBRARY = "nptdms"
 
@@ -40,10 +40,9 @@ def decode(file: Path) -> list[Series]:
             rate = 1 / step if step and step > 0 else None
             stamps.append(channel.properties.get("wf_start_time"))
             offsets.append(number_of(channel.properties.get("wf_start_offset")))
-            about = channel.properties.items()
-            stated = statements_of({key: value for key, value in about if key[:3].lower() not in ("wf_", "ni_")})
+            about = {key: v for key, v in channel.properties.items() if key[:3].lower() not in ("wf_", "ni_")}
             one = Series(channel.name, str(unit), values.astype(float), rate, group=channel.group_name)
-            series.append(replace(one, stated=stated))
+            series.append(replace(one, stated=statements_of(about), about=told(about)))
     starts = _starts(stamps, offsets)
     return [replace(s, start_s=start) for s, start in zip(series, starts, strict=True)]
 
