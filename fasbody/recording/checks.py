@@ -106,6 +106,7 @@ def _judged(recording: Recording) -> tuple[float | None, Recording, list[str]]:
     centred = {name: x - offsets[name] for name, x in channels.items()}
     named = {f"{name}_m_s2": x for name, x in centred.items()}
     recording = recording.with_channels({"time_s": time_s, **named})
+    _no_copy(centred)
     base_hz = find_frequency(recording.time_s, recording.base_m_s2)
     share = narrow_share(recording.time_s, recording.base_m_s2, base_hz)
     _moving(recording, base_hz if share > 0.5 else None)
@@ -129,6 +130,21 @@ def _judged(recording: Recording) -> tuple[float | None, Recording, list[str]]:
     if frequency is not None:
         remarks += _cost(recording, measures, frequency)
     return frequency, recording, remarks
+
+
+#: Two sensors differ at least by this share of their motion.
+_COPY = 1e-5
+
+
+def _no_copy(channels: Mapping[str, np.ndarray]) -> None:
+    """Refuse a malleolus (n,) that is a multiple of the base, sample by sample."""
+    base, malleolus = channels["base"], channels["malleolus"]
+    power = float(base @ base)
+    times = float(base @ malleolus) / power if power > 0 else 0.0
+    if times and np.abs(malleolus - times * base).max() < _COPY * np.abs(malleolus).max():
+        raise RecordingError(
+            f"malleolus_m_s2 is {times:.4g} times base_m_s2, sample by sample: one sensor, written twice; no two move so"
+        )
 
 
 def _possible(time_s: np.ndarray, name: str, values: np.ndarray) -> None:

@@ -15,6 +15,8 @@ from fasbody.sentences import Sentence, called, for_page
 
 #: So many letters as a first word are no unit: min_base is a minimum, second_foot a foot.
 _SHORT = 6
+#: A heading that ends with a unit, known or not: in square brackets, or with a sign of units within round ones.
+_UNIT = re.compile(r"\[[^\[\]]+\]$|\([^()]*[/%.^²][^()]*\)$")
 #: Words of a heading that holds times.
 _TIMES = re.compile(r"(?:^|[\W_\d])(times?|timestamps?|zeit|temps|tiempo|tempo|t|clock)(?=$|[\W_\d])")
 
@@ -159,11 +161,12 @@ def _column_of(
     for index, name in enumerate(columns.names):
         stem, behind = channels.name_and_unit(name)
         if stated.column:
-            behind = behind if stem == channel else channels.heading(name)[1]
+            bracketed = behind if _UNIT.search(name) else channels.heading(name)[1]
+            behind = behind if stem == channel else bracketed
         mine = stem == channel and (channel == "time" or index not in columns.times)
         if not (columns.called(index, stated.column) if stated.column else mine):
             continue
-        unit = _unit(file, channel, behind, columns.units[index], stated.unit, remarks)
+        unit = _unit(file, channel, behind, columns.units[index], stated.unit, remarks, _UNIT.search(name) is not None)
         if channel == "time" and unit and unit.lower() not in channels.TIME_UNITS and not stated.column:
             continue
         candidates.append((index, unit))
@@ -184,7 +187,7 @@ def _column_of(
     return candidates[0] if candidates else None
 
 
-def _unit(file: Path, channel: str, behind: str, beside: str, stated: str, remarks: list[str]) -> str:
+def _unit(file: Path, channel: str, behind: str, beside: str, stated: str, remarks: list[str], bracketed: bool = False) -> str:  # fmt: skip
     """The unit of a channel's numbers: of study.toml, which may overrule the file, or of the file."""
     valid = channels.TIME_UNITS if channel == "time" else channels.ACCELERATIONS | channels.VOLTAGES
     known = [unit for unit in (beside, behind) if unit.lower() in valid]
@@ -193,7 +196,7 @@ def _unit(file: Path, channel: str, behind: str, beside: str, stated: str, remar
             file, f"{channel} is in {beside} (a unit with the column), and its heading says {behind}",
             f"correct one of them, or say which in study.toml ([channels.{channel}] unit = ...)",
         )  # fmt: skip
-    claimed = beside or (behind if behind.lower() in channels.KNOWN_UNITS else "")
+    claimed = beside or (behind if behind.lower() in channels.KNOWN_UNITS or bracketed else "")
     # the standard heading may stand over numbers in volts
     plain = stated.lower() in channels.VOLTAGES and claimed.lower() == "m_s2"
     if stated and claimed and not plain and not _same(valid, stated, claimed):

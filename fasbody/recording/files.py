@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from fasbody.console import write_whole
-from fasbody.exceptions import InputFileError
+from fasbody.exceptions import InputFileError, shown
 from fasbody.recording.channels import NAMES, TIME_UNITS, Channel, Channels, Layout, name_and_unit
 from fasbody.recording.clock import counter_fault, straightened
 from fasbody.recording.columns import Columns, Use, assign, has_channels
@@ -19,8 +19,17 @@ from fasbody.recording.csv import FIRST, TextTable, read_table, several_takes
 from fasbody.recording.formats import ENDINGS, READ, ending
 from fasbody.recording.formats.reader import read_series
 from fasbody.recording.formats.series import FormatError, Series, need
-from fasbody.recording.statements import Statements, differing, quoted, refuse_unapplied
-from fasbody.recording.text import read_text
+from fasbody.recording.statements import (
+    Statements,
+    differing,
+    is_amount,
+    of_lines,
+    quoted,
+    refuse_unapplied,
+    statements_of,
+    told,
+)
+from fasbody.recording.text import number, numeric, read_text
 from fasbody.sentences import Sentence, called
 
 #: Endings of tables that no reader here opens.
@@ -39,6 +48,7 @@ class _SeriesTable:
     columns: Columns
     skipped: tuple[str, ...] = ()
     takes: int = 1
+    said: tuple[str, ...] = ()
 
     @classmethod
     def open(cls, file: Path, layout: Layout) -> "_SeriesTable":
@@ -52,16 +62,17 @@ class _SeriesTable:
             raise InputFileError(file, f"no format has the ending {ending(file)!r}", listed)
         series = read_series(file)
         passed = [f"{s.name!r} is {s.what}" for s in series if s.what]
+        said = tuple(s.about["text"] for s in series if "text" in s.about and s.what)
         series = [s for s in series if not s.what]
         groups = list(dict.fromkeys(s.group for s in series))
         skipped = (f"the other takes ({len(groups) - 1})",)
         parts = [[replace(s, name=s.name.removeprefix(f"{group}/")) for s in series if s.group == group]
                  for group in groups if len(groups) > 1]  # fmt: skip
-        tables = [cls(file, Columns(part, passed), skipped, len(groups)) for part in parts]
+        tables = [cls(file, Columns(part, passed), skipped, len(groups), said) for part in parts]
         takes = [table for table in tables if has_channels(table.columns, layout)]
         if len(takes) > 1 and layout.take is None:
             raise several_takes(file, len(takes), ", ".join(repr(take.columns.series[0].group) for take in takes))
-        return layout.one_of(file, takes) if len(takes) > 1 else cls(file, Columns(series, passed))
+        return layout.one_of(file, takes) if len(takes) > 1 else cls(file, Columns(series, passed), said=said)
 
     def numbers(self, indices: Mapping[str, int]) -> Channels:
         return {key: self.columns.series[index].values for key, index in indices.items()}
@@ -71,7 +82,9 @@ class _SeriesTable:
         return [s.values[:FIRST] for s in self.columns.series]
 
     def stated(self, uses: Mapping[str, Use]) -> tuple[dict[str, Statements], list[str]]:
-        return {key.removesuffix("_m_s2"): self.columns.series[use.index].stated for key, use in uses.items()}, []
+        used = {key.removesuffix("_m_s2"): self.columns.series[use.index] for key, use in uses.items()}
+        _, vague = of_lines(self.said, "\t", {name: s.name for name, s in used.items()})
+        return {name: s.stated for name, s in used.items()}, vague
 
 
 _Source = TextTable | _SeriesTable
@@ -100,7 +113,8 @@ def reading(file: Path, layout: Layout | None = None) -> Reading:
     Args:
         layout: what study.toml says of its channels.
     """
-    layout = beside(file, (layout or Layout()).of(file))
+    given = (layout or Layout()).of(file)
+    layout = beside(file, given)
     source = _opened(file, layout)
     columns = source.columns
     uses, decided = assign(file, columns, layout)
@@ -111,6 +125,10 @@ def reading(file: Path, layout: Layout | None = None) -> Reading:
     rate = None if columns.line and "time_s" in uses else _rate(file, columns, sensors, is_timed, layout)
     stated, vague = source.stated({key: uses[key] for key in sensors})
     names = {key.removesuffix("_m_s2"): s.name for key, s in sensors.items()}
+    about = {name: s.about for name, s in zip(names, sensors.values(), strict=True)}
+    for name, told_of in _of_bids(file, names, layout).items():
+        about[name], stated[name] = about[name] | told(told_of), stated[name] | statements_of(told_of)
+    vague += [name for name in names.values() if is_amount(name)]
     refuse_unapplied(file, stated, names, layout, alike=columns.line is not None)
     if not is_timed:
         _counted(source, uses, rate, layout)
@@ -136,9 +154,7 @@ def reading(file: Path, layout: Layout | None = None) -> Reading:
     if time_s.size < 2:
         raise InputFileError(file, f"holds {time_s.size} samples", "a recording needs at least two")
     if time_s[-1] < time_s[0]:
-        problem = f"its time runs backwards ({time_s[0]:g} s first, {time_s[-1]:g} s last)"
-        raise InputFileError(file, problem, "sort the rows by time")
-    about = {name: s.about for name, s in zip(names, sensors.values(), strict=True)}
+        raise _backwards(file, time_s)
     remarks = [*decided, *quoted(vague), *differing(about, stated), *_denied(columns, time_s), *_other_clocks(source, uses, time_s)]
     clocks |= _stated_clocks(file, sensors, time_s, is_timed, rate)
     if clocks:
@@ -146,9 +162,22 @@ def reading(file: Path, layout: Layout | None = None) -> Reading:
     channels, unlike = layout.aligned(file, channels, clocks)
     used, unused = _ledger(source, uses)
     if not is_timed and (rate or layout.rate_hz) and "base_m_s2" not in clocks:
-        by = "the file" if rate else "study.toml"
+        by = "the file" if rate else "study.toml" if given.rate_hz else "its .json"
         used = (f"time: counted at {rate or layout.rate_hz:.6g} Hz, as {by} says", *used)
     return Reading(channels, used, unused, (*remarks, *filter(None, [unlike])))
+
+
+def _backwards(file: Path, time_s: np.ndarray) -> InputFileError:
+    """A sentence on a time (n,) [s] that ends before it begins."""
+    steps = np.diff(time_s)
+    falls = np.flatnonzero(steps < 0)
+    if falls.size > 1:
+        problem = f"its time runs backwards ({time_s[0]:g} s first, {time_s[-1]:g} s last)"
+        return InputFileError(file, problem, "sort the rows by time")
+    place, back = falls[0], float(np.median(steps) - steps[falls[0]])
+    why = "a counter began anew" if abs(back / 2**32 * 1e6 - 1) < 1e-2 else "its clock was set back"
+    problem = f"its time falls from {time_s[place]:.7g} to {time_s[place + 1]:.7g} s at sample {place + 2}: {why}"
+    return InputFileError(file, problem, f"add {back:.7g} s to the times from there on; do not sort them")
 
 
 def _opened(file: Path, layout: Layout, strict: bool = True) -> _Source:
@@ -429,6 +458,25 @@ def beside(file: Path, layout: Layout) -> Layout:
     if columns and layout.columns:
         return replace(layout, rate_hz=rate or layout.rate_hz)
     return replace(layout, rate_hz=rate or layout.rate_hz, columns=tuple(columns), units=tuple(units))
+
+
+def _of_bids(file: Path, names: Mapping[str, str], layout: Layout) -> dict[str, dict[str, str]]:
+    """What the _channels.tsv of BIDS says of each channel; refused if that is bad, or has another rate."""
+    table = file.with_name(f"{file.name.removesuffix('.gz').removesuffix('.tsv').rpartition('_')[0]}_channels.tsv")
+    if ending(file) != ".tsv" or table == file or not table.is_file():
+        return {}
+    rows = {row["name"] or "": row for row in read_table(table, ("name", "units")).values()}
+    made = {channel: {key: cell or "" for key, cell in rows[name].items()} for channel, name in names.items() if name in rows}
+    for channel, about in made.items():
+        if about.get("status", "").lower() == "bad":
+            why = about.get("status_description", "")
+            problem = f"says that {names[channel]} is bad" + (f" ({shown(why)})" if why else "")
+            raise InputFileError(table, problem, "leave the recording out, or correct its status")
+        stated = about.pop("sampling_frequency", "")
+        if layout.rate_hz and numeric(stated) and abs(number(stated) / layout.rate_hz - 1) > 1e-3:
+            problem = f"says {names[channel]} has a sampling_frequency of {stated} Hz, and its rate is {layout.rate_hz:g} Hz"
+            raise InputFileError(table, problem, "correct one of them")
+    return made
 
 
 def _one_scale(file: Path, channel: str, source: Series, layout: Layout) -> None:

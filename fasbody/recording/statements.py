@@ -53,11 +53,12 @@ _HARMLESS = frozenset((
     "type", "manufacturer", "min", "max", "mean", "rms", "std", "peak", "average", "minimum", "maximum", "unit", "units",
     "einheit", "kanal", "kanäle", "time", "data", "and", "of", "the", "at", "on", "position", "location", "node", "coupling",
     "sensitivity", "sens", "range", "kind", "class", "date", "file", "v", "ai", "column", "quantity", "dof", "direction",
-    "physical", "long", "standard", "samples", "count", "points", "length", "color", "colour",
+    "physical", "long", "standard", "component", "tracked", "point", "placement", "samples", "count", "points", "length", "color", "colour",
 ))  # fmt: skip
 #: An amount that moves a time, turns a phase or changes a size.
 _AMOUNT = re.compile(
-    r"\d\s*(?:[mnuµμ]?s|m?sec|seconds?|samples?|frames?|db|deg|degrees?|grad|°|%|x|×|fold|times)(?![\w/])"
+    r"\d\s*(?:[mnuµμ]?s|m?sec|seconds?|samples?|frames?|db|deg|degrees?|grad|°|%|×|fold|times)(?![\w/])"
+    r"|(?<![\w.])\d+x(?!\w)"
     r"|(?<![\w.])[x×*/÷]\s?\d",
     re.IGNORECASE,
 )
@@ -140,7 +141,7 @@ def of_lines(
             called = "|".join(map(re.escape, (about[0], *_CALLED.get(about[0], ()))))
             plain = re.sub(rf"\b(?:{called})\b|{re.escape(names[about[0]])}", "", match["name"], flags=re.IGNORECASE)
             made[about[0]][" ".join(plain.split())] = text.number(value) if text.numeric(value) else value
-        elif _unlike_cells(line, separator) or _is_amount(line) or (about and _unclear(line, names.values())):
+        elif _unlike_cells(line, separator) or is_amount(line) or (about and _unclear(line, names.values())):
             vague.append(" ".join(line.split()))
     return made, vague
 
@@ -156,7 +157,8 @@ def _unclear(words: str, names: Iterable[str] = ()) -> bool:
     return bool(left - _HARMLESS - called)
 
 
-def _is_amount(line: str) -> bool:
+def is_amount(line: str) -> bool:
+    """Whether words say by how much a time, a phase or a size is changed."""
     return _AMOUNT.search(line) is not None and not _words(line) & _LENGTHS
 
 
@@ -164,7 +166,7 @@ def _unlike_cells(line: str, separator: str) -> bool:
     """Whether a row names something and has an unlike cell for each channel."""
     name, *cells = text.split(line, separator) if separator != " " else [""]
     cells = [cell for cell in cells if not _DAY.fullmatch(cell)]
-    return len(cells) > 1 and len({*cells} - {""}) > 1 and re.search(r"[^\W\d]", name) is not None and _unclear(name)
+    return len(cells) > 1 and cells[-1] and len({*cells}) > 1 and re.search(r"[^\W\d]", name) is not None and _unclear(name)
 
 
 def quoted(lines: Sequence[str]) -> list[str]:
@@ -199,7 +201,7 @@ def differing(about: Mapping[str, Mapping[str, str]], understood: Mapping[str, S
     for name in dict.fromkeys((*base, *malleolus)):
         values = [side.get(name, "").strip() for side in (base, malleolus)]
         words = _words(name)
-        says = any(kind(value) or _is_amount(value) or (words & _REMARKS and _unclear(value)) for value in values)
+        says = any(kind(value) or is_amount(value) or (words & _REMARKS and _unclear(value)) for value in values)
         if values[0] != values[1] and name not in done and (says or (_unclear(name) and not words & _REMARKS)):
             lines.append(f"{shown(name)} = {shown(values[0])!r} with base and {shown(values[1])!r} with malleolus")
     return [f"says {', '.join(lines)}, which is not applied"] if lines else []
@@ -228,8 +230,8 @@ def refuse_unapplied(
         if not odd or (weak and not unlike) or any(keys[channel] & answers for channel in (values if weak else odd)):
             continue
         channel = list(odd)[-1 if weak else 0]
-        example, none = ("100 mV/g", 1) if key == "sensitivity" else ("0.002", 0)
-        setting = called(f"channels.{channel}.{key}", example)
+        none = 1 if key == "sensitivity" else 0
+        setting = called(f"channels.{channel}.{key}", "...")
         hint = Sentence("give ", setting, f" ({none} if they do), or delete the statement")
         raise InputFileError(file, _problem(name, key, odd[channel], names[channel]), hint)
 

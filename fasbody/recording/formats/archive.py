@@ -38,7 +38,6 @@ def _columns(plain: Path, name: str, group: str) -> list[Series]:
         indices = {str(index): index for index in range(len(table.names))}
         columns = table.numbers(indices)
     except InputFileError as error:
-        reason = str(error).partition(": ")[2].rstrip(".")
-        raise FormatError(f"holds {name}, which cannot be read ({reason})") from None
+        return [passed_over(name, f"no table of numbers ({str(error).partition(': ')[2].rstrip('.')})")]
     units = table.columns.units
     return [Series(table.names[int(key)], units[int(key)], values, group=group) for key, values in columns.items()]

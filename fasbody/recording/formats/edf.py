@@ -26,5 +26,6 @@ def decode(file: Path) -> list[Series]:
         for s in source.signals
     ]  # fmt: skip
     if source.annotations:
-        signals.append(passed_over("EDF Annotations", f"{len(source.annotations)} annotations"))
+        said = "; ".join(f"{a.onset:g} s: {a.text}" for a in source.annotations if a.text)
+        signals.append(passed_over("EDF Annotations", f"{len(source.annotations)} annotations", said))
     return signals

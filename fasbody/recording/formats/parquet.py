@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from fasbody.recording.formats.series import FormatError, Series, check_size, passed_over, stated_rate
+from fasbody.recording.formats.series import FormatError, Series, check_size, named_by, passed_over, stated_rate
 from fasbody.recording.statements import statements_of, told
 from fasbody.recording.text import number, numeric
 
@@ -27,10 +27,10 @@ def decode(file: Path) -> list[Series]:
     metadata = _texts(source.schema_arrow.metadata)
     rate = stated_rate((key, number(value)) for key, value in metadata.items() if numeric(value))
     table = source.read(use_threads=False)
-    return [_series(field, table.column(place), rate) for place, field in enumerate(table.schema)]
+    return [_series(field, table.column(place), rate, metadata) for place, field in enumerate(table.schema)]
 
 
-def _series(field: Any, column: Any, rate_hz: float | None) -> Series:
+def _series(field: Any, column: Any, rate_hz: float | None, said: dict[str, str]) -> Series:
     from pyarrow import types
 
     metadata = _texts(field.metadata)
@@ -42,7 +42,8 @@ def _series(field: Any, column: Any, rate_hz: float | None) -> Series:
     if not (types.is_integer(field.type) or types.is_floating(field.type) or types.is_decimal(field.type)):
         return passed_over(field.name, "no column of numbers")
     values = column.cast("float64").to_numpy().astype(float)
-    return Series(field.name, unit, values, rate_hz, stated=statements_of(metadata), about=told(metadata))
+    stated = named_by(field.name, said.items()) | statements_of(metadata)
+    return Series(field.name, unit, values, rate_hz, stated=stated, about=told(metadata))
 
 
 def _texts(metadata: Any) -> dict[str, str]:

@@ -51,9 +51,9 @@ class Series:
     group: str = ""
 
 
-def passed_over(name: str, what: str) -> Series:
-    """Something in a file that is no column of real numbers, to be named in messages."""
-    return Series(name, "", np.empty(0), None, what)
+def passed_over(name: str, what: str, text: str = "") -> Series:
+    """Something in a file that is no column of real numbers, to be named in messages, and what it says."""
+    return Series(name, "", np.empty(0), None, what, about={"text": text} if text else {})
 
 
 def check_size(samples: float, series: int = 1) -> None:
@@ -168,11 +168,15 @@ def stated_rate(statements: Iterable[tuple[str, float | None]]) -> float | None:
     return rates[0][1] if rates else None
 
 
-def with_rate(series: list[Series]) -> list[Series]:
+def with_rate(series: list[Series], said: Mapping[str, Any] | None = None) -> list[Series]:
     """Without the scalars: one that is named like a rate, interval or start is that of the series below its folder.
 
     Simcenter writes them into ``x_values`` beside the ``y_values``. Where no scalar is above a series, those of folders
     that hold nothing else count. Of names that are paths, the folders become groups.
+
+    Args:
+        series: of the file.
+        said: of the whole file.
     """
     scalars = [s for s in series if s.values.size == 1 and not s.what]
     few = [s for s in series if 1 < s.values.size <= _FEW and kind(s.name.rpartition("/")[2])]
@@ -186,17 +190,24 @@ def with_rate(series: list[Series]) -> list[Series]:
 
     rated = []
     for s in kept:
-        stated, about, start = stated_above(s), dict[str, float](), s.start_s
+        stated, start = stated_above(s), s.start_s
         folder, _, name = s.name.rpartition("/")
         for key, value in stated:
-            words = _words(key)
             start = value if start is None and key.rpartition("/")[2].lower() in STARTS else start
-            if any(word in _words(name) and not kind(word) and len(word) > 2 for word in words):  # gain_base, of base_g
-                about["_".join(word for word in words if word not in _words(name) or kind(word))] = value
-        mine = statements_of(about) | listed | s.stated
+        mine = named_by(name, [*(said or {}).items(), *stated]) | listed | s.stated
         rate = s.rate_hz or stated_rate(stated)
         rated.append(replace(s, name=name, group=s.group or folder, rate_hz=rate, start_s=start, stated=mine))
     return rated
+
+
+def named_by(name: str, pairs: Iterable[tuple[str, Any]]) -> Statements:
+    """Statements whose names hold that of a channel, without it: gain_base, of base_g."""
+    about, mine = dict[str, Any](), _words(name)
+    for key, value in pairs:
+        words = _words(key)
+        if any(word in mine and not kind(word) and len(word) > 2 for word in words):
+            about["_".join(word for word in words if word not in mine or kind(word))] = value
+    return statements_of(about)
 
 
 #: Numbers for each of so many channels are statements, not samples.
