@@ -69,13 +69,14 @@ def factor(file: Path, channel: str, unit: str, valid: Mapping[str, float], line
         problem = f"{channel} is in {unit}, a velocity"
         raise InputFileError(file, problem, "differentiate it over time, and write it in m/s^2", line=line)
     # a unit that is near is another unit
-    hint = next((f", did you mean {name!r}?" for name in valid if _plain(name) == _plain(unit)), "")
+    hint = next((f", did you mean {name!r}?" for name in valid if plain(name) == plain(unit)), "")
     listed = ", ".join({size: name for name, size in reversed(list(valid.items()))}.values())
     problem = f"unknown unit of the column {channel!r}: {shown(unit)!r}{hint} (valid: {listed})"
     raise InputFileError(file, problem, line=line)
 
 
-def _plain(unit: str) -> str:
+def plain(unit: str) -> str:
+    """A unit in one of its spellings."""
     return re.sub(r"[\W_]|(?<=s)ec", "", unit.lower().replace("²", "2"))
 
 

@@ -201,12 +201,14 @@ def _unit(file: Path, channel: str, behind: str, beside: str, stated: str, remar
     plain = stated.lower() in channels.VOLTAGES and claimed.lower() == "m_s2"
     if stated and claimed and not plain and not _same(valid, stated, claimed):
         by = Sentence(" as study.toml says", on_page=" as was said here")
-        remarks.append(Sentence(f"{channel} is in {stated}", by, f", though the file says {shown(claimed)}"))
+        remarks.append(Sentence(f"{channel} is in {stated}", by, f", though the file says {shown(claimed.rstrip('.'))}"))
     return stated or beside or behind
 
 
 def _same(valid: Mapping[str, float], one: str, other: str) -> bool:
     one, other = one.lower(), other.lower()
+    if channels.plain(one) == channels.plain(other):
+        return True
     return valid.get(one) == valid.get(other) and (one in channels.VOLTAGES) == (other in channels.VOLTAGES)
 
 

@@ -17,7 +17,7 @@ Value = float | str | list[float | str]
 Statements = dict[str, Value]
 _TIMES = frozenset((
     "start", "started", "t0", "x0", "xstart", "tstart", "delay", "delayed", "lag", "lags",
-    "latency", "late", "early", "shift", "shifted", "skew", "trigger", "timestamp", "toffset", "begin", "pretrigger",
+    "latency", "late", "early", "shift", "shifted", "skew", "trigger", "timestamp", "toffset", "begin", "pretrigger", "deskew",
     "verzögerung", "verzoegerung", "versatz", "laufzeit", "totzeit", "retard", "retardo", "ritardo", "遅延", "延迟",
 ))  # fmt: skip
 _OF_TIME = frozenset((
@@ -53,13 +53,13 @@ _HARMLESS = frozenset((
     "type", "manufacturer", "min", "max", "mean", "rms", "std", "peak", "average", "minimum", "maximum", "unit", "units",
     "einheit", "kanal", "kanäle", "time", "data", "and", "of", "the", "at", "on", "position", "location", "node", "coupling",
     "sensitivity", "sens", "range", "kind", "class", "date", "file", "v", "ai", "column", "quantity", "dof", "direction",
-    "physical", "long", "standard", "component", "tracked", "point", "placement", "samples", "count", "points", "length", "color", "colour",
+    "offset", "bias", "signal", "waveform", "waveforms", "eu", "t", "s", "n", "physical", "long", "standard", "component", "tracked", "point", "placement", "samples", "count", "points", "length", "color", "colour",
 ))  # fmt: skip
 #: An amount that moves a time, turns a phase or changes a size.
 _AMOUNT = re.compile(
-    r"\d\s*(?:[mnuµμ]?s|m?sec|seconds?|samples?|frames?|db|deg|degrees?|grad|°|%|×|fold|times)(?![\w/])"
+    r"\d\s*(?:[mnuµμ]?s|m?sec|seconds?|samples?|frames?|db|deg|degrees?|grad|°|×|fold)(?![\w/])"
     r"|(?<![\w.])\d+x(?!\w)"
-    r"|(?<![\w.])[x×*/÷]\s?\d",
+    r"|(?<![\w.])(?:(?-i:x)|[×*÷])\s?\d",
     re.IGNORECASE,
 )
 #: With these words an amount of time is how long or how often something was recorded.
@@ -67,6 +67,8 @@ _LENGTHS = frozenset((
     "duration", "length", "interval", "period", "dauer", "step", "dt", "increment", "rate", "timebase", "record", "total",
     "sampling", "average", "averaging", "window", "time", "sweep", "delta", "elapsed", "abtastintervall", "per", "div",
 ))  # fmt: skip
+#: With these a row is of when and with which device it was measured.
+_DATED = frozenset(("date", "datum", "serial", "id", "sn"))
 #: Names of remarks, whose words count.
 _REMARKS = frozenset(("comment", "comments", "description", "note", "notes", "remark", "remarks", "bemerkung", "kommentar"))
 _DAY = re.compile(r"[\d./-]{6,10}")
@@ -154,7 +156,7 @@ def _unclear(words: str, names: Iterable[str] = ()) -> bool:
     tokens = (token.strip("#%/:;,.\"'()[]=") for token in re.split(r"[\s;,:=\t|]+", words))
     plain = (token for token in tokens if token and token.lower() not in KNOWN_UNITS and not re.search(r"\d", token))
     left = {word for token in plain if not re.fullmatch(r"m?V/\S+", token) for word in _words(token)}
-    return bool(left - _HARMLESS - called)
+    return bool(left - _HARMLESS - _REMARKS - called)
 
 
 def is_amount(line: str) -> bool:
@@ -166,7 +168,13 @@ def _unlike_cells(line: str, separator: str) -> bool:
     """Whether a row names something and has an unlike cell for each channel."""
     name, *cells = text.split(line, separator) if separator != " " else [""]
     cells = [cell for cell in cells if not _DAY.fullmatch(cell)]
-    return len(cells) > 1 and cells[-1] and len({*cells}) > 1 and re.search(r"[^\W\d]", name) is not None and _unclear(name)
+    while cells and not cells[-1]:
+        cells.pop()
+    cells = cells[1:] if len(cells) > 2 and not cells[0] else cells  # of the time
+    values = {re.sub(r"^\w+:(?=\S)", "", cell) for cell in cells}
+    if len(cells) < 2 or len(values) < 2 or not re.search(r"[^\W\d]", name) or _words(name) & _DATED:
+        return False
+    return _unclear(name) or (bool(_words(name) & _REMARKS) and any(map(_unclear, cells)))
 
 
 def quoted(lines: Sequence[str]) -> list[str]:
