@@ -229,7 +229,7 @@ def _table(passage: text.Passage, layout: Layout, strict: bool) -> TextTable:
         raise InputFileError(file, problem, "name every column, with any word for those that are no channel", line)
     rate, others = headings.read_statements([row for row in islice(text.lines(head), line - 1) if row.strip()])
     units = layout.units or ("",) * len(layout.columns)
-    skipped = tuple(f"a line above the numbers ({shown(row)})" for row in others)
+    skipped = tuple(f"a line above the numbers ({shown(' '.join(row.split()))})" for row in others)
     return TextTable(passage, head, Headings(separator, layout.columns, units, 0, line - 1, skipped, rate, others))
 
 

@@ -18,7 +18,7 @@ from fasbody.recording.columns import Columns, Use, assign, has_channels
 from fasbody.recording.csv import FIRST, TextTable, read_table, several_takes
 from fasbody.recording.formats import ENDINGS, READ, ending
 from fasbody.recording.formats.reader import read_series
-from fasbody.recording.formats.series import FormatError, Series, need
+from fasbody.recording.formats.series import FormatError, Series, named_by, need
 from fasbody.recording.statements import (
     Statements,
     differing,
@@ -128,6 +128,9 @@ def reading(file: Path, layout: Layout | None = None) -> Reading:
     about = {name: s.about for name, s in zip(names, sensors.values(), strict=True)}
     for name, told_of in _of_bids(file, names, layout).items():
         about[name], stated[name] = about[name] | told(told_of), stated[name] | statements_of(told_of)
+    told_by, changing = _told_by_columns(source, uses, names)
+    stated = {name: told_by.get(name, {}) | statements for name, statements in stated.items()}
+    vague += changing
     vague += [name for name in names.values() if is_amount(name)]
     refuse_unapplied(file, stated, names, layout, alike=columns.line is not None)
     if not is_timed:
@@ -477,6 +480,24 @@ def _of_bids(file: Path, names: Mapping[str, str], layout: Layout) -> dict[str, 
             problem = f"says {names[channel]} has a sampling_frequency of {stated} Hz, and its rate is {layout.rate_hz:g} Hz"
             raise InputFileError(table, problem, "correct one of them")
     return made
+
+
+def _told_by_columns(
+    source: _Source, uses: Mapping[str, Use], names: Mapping[str, str]
+) -> tuple[dict[str, Statements], list[str]]:  # fmt: skip
+    """Statements by columns of one number, malleolus_gain, and the headings of those whose number changes."""
+    taken = {use.index for use in uses.values()} | {use.clock for use in uses.values()}
+    constant, changing = dict[str, float](), list[str]()
+    for index, heading in enumerate(source.columns.names):
+        if index in taken or index in source.columns.times or not any(named_by(n, [(heading, 1.0)]) for n in names):
+            continue
+        values = _column(source, index)
+        values = values[np.isfinite(values)]
+        if values.size and np.ptp(values) == 0:
+            constant[heading] = float(values[0])
+        elif values.size:
+            changing.append(heading)
+    return {name: named_by(name, constant.items()) for name in names}, changing
 
 
 def _one_scale(file: Path, channel: str, source: Series, layout: Layout) -> None:

@@ -17,7 +17,7 @@ import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from itertools import islice
+from itertools import islice, pairwise
 from typing import NamedTuple
 
 from fasbody.exceptions import shown
@@ -152,8 +152,10 @@ def first_number_row(text: str, header: Header, layout: Layout) -> Header | None
     if all(is_sample(cell) for cell in header.names if cell):
         return header
     channels = [index for index, name in enumerate(layout.columns) if layout.known([name])]
-    rows = _rows_of_numbers(text, channels) if layout.columns else ()
-    return next((row for row in rows if len(row.names) == len(layout.columns)), None)
+    rows = list(_rows_of_numbers(text, channels)) if layout.columns else []
+    wide = [row for row in rows if len(row.names) == len(layout.columns)]
+    going_on = (row for row, following in pairwise(wide) if following.line == row.line + 1)
+    return next(going_on, wide[0] if wide else None)  # one alone is of the preamble
 
 
 def _rows_of_numbers(text: str, needed: Sequence[int] = ()) -> Iterator[Header]:
@@ -232,7 +234,8 @@ def read_headings(text: str, header: Header) -> Headings:
     rate, others = read_statements([*(row for row in above if row.strip()), *statements])
     if others:
         count = counted(len(others), "line")
-        skipped.append(f"{count} beside the headings ({shown('; '.join(others))})")
+        listed = "; ".join(" ".join(line.split()) for line in others)
+        skipped.append(f"{count} beside the headings ({shown(listed)})")
     return Headings(separator, tuple(names), tuple(units), line, first, tuple(skipped), rate, others)
 
 
@@ -247,11 +250,11 @@ def read_statements(above: Sequence[str]) -> tuple[float | None, tuple[str, ...]
         if rate is not None:
             rates.append(rate)
         elif line.strip(' \t,;#%/-"'):
-            others.append(" ".join(line.split()))
+            others.append(line.rstrip())
     try:
         return stated_rate(rates), tuple(others)
     except FormatError:
-        return None, tuple(line.strip() for line in above if line.strip())
+        return None, tuple(line.rstrip() for line in above if line.strip())
 
 
 def _stated_rate(line: str) -> tuple[str, float] | None:

@@ -17,7 +17,7 @@ Value = float | str | list[float | str]
 Statements = dict[str, Value]
 _TIMES = frozenset((
     "start", "started", "t0", "x0", "xstart", "tstart", "delay", "delayed", "lag", "lags",
-    "latency", "late", "early", "shift", "shifted", "skew", "trigger", "timestamp", "toffset", "begin", "pretrigger", "deskew",
+    "latency", "late", "early", "shift", "shifted", "skew", "trigger", "timestamp", "toffset", "begin", "pretrigger", "timedelay", "deskew",
     "verzögerung", "verzoegerung", "versatz", "laufzeit", "totzeit", "retard", "retardo", "ritardo", "遅延", "延迟",
 ))  # fmt: skip
 _OF_TIME = frozenset((
@@ -53,7 +53,7 @@ _HARMLESS = frozenset((
     "type", "manufacturer", "min", "max", "mean", "rms", "std", "peak", "average", "minimum", "maximum", "unit", "units",
     "einheit", "kanal", "kanäle", "time", "data", "and", "of", "the", "at", "on", "position", "location", "node", "coupling",
     "sensitivity", "sens", "range", "kind", "class", "date", "file", "v", "ai", "column", "quantity", "dof", "direction",
-    "offset", "bias", "signal", "waveform", "waveforms", "eu", "t", "s", "n", "physical", "long", "standard", "component", "tracked", "point", "placement", "samples", "count", "points", "length", "color", "colour",
+    "header", "headers", "input", "labels", "string", "zeit", "temps", "tiempo", "counts", "offset", "bias", "signal", "waveform", "waveforms", "eu", "t", "s", "n", "physical", "long", "standard", "component", "tracked", "point", "placement", "samples", "count", "points", "length", "color", "colour",
 ))  # fmt: skip
 #: An amount that moves a time, turns a phase or changes a size.
 _AMOUNT = re.compile(
@@ -71,7 +71,7 @@ _LENGTHS = frozenset((
 _DATED = frozenset(("date", "datum", "serial", "id", "sn"))
 #: Names of remarks, whose words count.
 _REMARKS = frozenset(("comment", "comments", "description", "note", "notes", "remark", "remarks", "bemerkung", "kommentar"))
-_DAY = re.compile(r"[\d./-]{6,10}")
+_DAY = re.compile(r"\d+([./-])\d+\1\d+")
 #: A longer line is no name and number, and would take the pattern long.
 _LONGEST = 160
 _LINE = re.compile(
@@ -123,7 +123,7 @@ def of_lines(
     """
     made: dict[str, Statements] = {channel: {} for channel in names}
     vague = []
-    for line in lines:
+    for line in _whole(lines, separator):
         cells = text.split(line, separator)
         name, *cells = cells if len(cells) > 2 else line.split() or [""]
         values = [text.number(cell) if text.numeric(cell) else cell for cell in cells if cell]
@@ -148,6 +148,19 @@ def of_lines(
     return made, vague
 
 
+def _whole(lines: Sequence[str], separator: str) -> list[str]:
+    """Lines with a name that stands alone above its values in front of these."""
+    made: list[str] = []
+    for line in lines:
+        alone = bool(made) and separator not in made[-1] and re.fullmatch(r"\W*[^\W\d].*", made[-1]) is not None
+        below = separator != " " and (line.startswith(separator) or (separator in line and made[-1:] and made[-1][-1] == ":"))
+        if alone and below:
+            made[-1] += line if line.startswith(separator) else f"{separator}{line}"
+        else:
+            made.append(line)
+    return made
+
+
 def _unclear(words: str, names: Iterable[str] = ()) -> bool:
     """Whether words say more than which sensor, unit, number or sum something is."""
     for name in names:
@@ -167,12 +180,12 @@ def is_amount(line: str) -> bool:
 def _unlike_cells(line: str, separator: str) -> bool:
     """Whether a row names something and has an unlike cell for each channel."""
     name, *cells = text.split(line, separator) if separator != " " else [""]
-    cells = [cell for cell in cells if not _DAY.fullmatch(cell)]
+    cells = [c for c in cells if not _DAY.fullmatch(c) and (not re.search(r"[^\W\d]", c) or _unclear(c) or re.search(r"\d", c))]
     while cells and not cells[-1]:
         cells.pop()
     cells = cells[1:] if len(cells) > 2 and not cells[0] else cells  # of the time
     values = {re.sub(r"^\w+:(?=\S)", "", cell) for cell in cells}
-    if len(cells) < 2 or len(values) < 2 or not re.search(r"[^\W\d]", name) or _words(name) & _DATED:
+    if len(cells) < 2 or len(values) < 2 or not re.search(r"[^\W\d]", name) or _words(line) & _DATED:
         return False
     return _unclear(name) or (bool(_words(name) & _REMARKS) and any(map(_unclear, cells)))
 
