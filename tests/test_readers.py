@@ -182,3 +182,50 @@ def test_what_a_number_is_does_not_depend_on_what_was_imported(tmp_path: Path) -
     for cell in ("1_0", "NA"):
         with pytest.raises(InputFileError, match=f"line 5: base_m_s2 is '{cell}', not a number"):
             read_csv(write(tmp_path, table() + f"0.003,{cell},1\n"))
+
+
+@pytest.mark.parametrize(
+    ("head", "separator"),
+    [
+        ("abs time (s)\tbase\tmalleolus\tfoot\ns\tm/s^2\tg\tm/s^2", "\t"),
+        ("Elapsed time (s)\tbase [m/s^2]\tmalleolus [g]\tfoot [m/s^2]", "\t"),
+        ('"Time","10:21:33 AM"\n"rel. time [s]","base [m/s^2]","malleolus [g]","foot pad [m/s^2]"', ","),
+        ("sep=;\nRun time;base;malleolus;foot\ns;m/s^2;g;m/s^2", ";"),
+        ("# units: time, base and malleolus, foot\ntime_s,base_m_s2,malleolus_g,foot_m_s2", ","),
+        ("# time_s base_m_s2 malleolus_g foot_m_s2", " "),
+    ],
+)
+def test_the_rows_say_what_separates_the_headings(tmp_path: Path, head: str, separator: str) -> None:
+    rows = "\n".join(separator.join(f"{x:g}" for x in (*row, 7.0)) for row in ROWS)
+    channels = read_csv(write(tmp_path, f"{head}\n{rows}\n"))
+    columns = np.column_stack([channels[key] for key in ("time_s", "base_m_s2", "malleolus_m_s2")])
+    np.testing.assert_allclose(columns, ROWS * (1, 1, 9.80665), rtol=1e-12)
+
+
+def test_a_separator_of_excel_above_a_trailing_one(tmp_path: Path) -> None:
+    head = "sep=\t\nTime\tAcc A\tAcc B\t\nms\tm/(s^2)\tm/(s^2)\t\n"
+    rows = "".join(f"{i}.0\t{i % 7}.5\t{i % 5}.5\t\n" for i in range(9))
+    layout = Layout.from_toml(tmp_path, {"base": {"column": "Acc A"}, "malleolus": {"column": "Acc B"}})
+    assert read_csv(write(tmp_path, head + rows), layout)["time_s"][-1] == pytest.approx(0.008)
+
+
+@pytest.mark.parametrize("unit", ["mm/s", "a.u.", "% FS", "m/s^2"])
+def test_a_unit_that_study_toml_overrules_is_named(tmp_path: Path, unit: str) -> None:
+    file = write(tmp_path, table(header=f"time_s,base [m/s^2],malleolus [{unit}]"))
+    layout = Layout.from_toml(file, {"malleolus": {"column": 3, "unit": "m/s^2"}})
+    warnings = reading(file, layout).warnings
+    assert bool(warnings) == (unit != "m/s^2") and all("though the file says" in text for text in warnings)
+
+
+@pytest.mark.parametrize(
+    ("times", "says"),
+    [
+        ([4294.965, 4294.966, 4294.967, 0.0, 0.001, 0.002], "a counter began anew; add 4294.968 s"),
+        ([7200.0, 7201.0, 7202.0, 3603.0, 3604.0], "its clock was set back; add 3600 s to the times from there on; do not"),
+        ([5.0, 4.0, 3.0, 2.0], "sort the rows by time"),
+    ],
+)
+def test_times_that_fall_back(tmp_path: Path, times: list[float], says: str) -> None:
+    rows = np.array([[t, 1.5 * i, -i] for i, t in enumerate(times)])
+    with pytest.raises(InputFileError, match=says):
+        read_csv(write(tmp_path, table(rows=rows)))

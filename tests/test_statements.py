@@ -28,7 +28,9 @@ def text(file: Path, head: str) -> Path:
     [
         ("trigger_delay_s", "delay_s"), ("firstTimestamp_us", "delay_s"), ("t0", "delay_s"), ("LSB", "sensitivity"),
         ("time_offset", "delay_s"), ("offset", ""), ("calibration_date", ""), ("Gain", "sensitivity"),
-        ("start", "delay_s"),
+        ("start", "delay_s"), ("first_sample_index", "delay_s"), ("sync_offset", "delay_s"), ("time_stamp", "delay_s"),
+        ("toffset", "delay_s"), ("pretrigger_samples", "delay_s"), ("begin", "delay_s"), ("*TIMEDELAY", "delay_s"),
+        ("Verzögerung", "delay_s"), ("retardo", "delay_s"), ("Verstärkung", "sensitivity"), ("samples", ""),
         ("trigger_level", ""), ("scaled_units", ""), ("locale", ""), ("restart_count", ""),
     ],
 )  # fmt: skip
@@ -46,6 +48,8 @@ def test_kinds_of_statements(name: str, key: str) -> None:
         ("Calibration base: 1.000\nCalibration malleolus: 0.500", "Calibration = 0.5 with"),
         ("# multiply malleolus by 0.5", "multiply by = 0.5 with"),
         ("# note: malleolus channel lags 5.0 ms (wireless)", "lags = 5 with"),
+        ("# Laufzeit Knöchel 5 ms", "Laufzeit = 5 with"), ("*TIMEDELAY\n,0,0.006", "TIMEDELAY = 0, 0.006 for"),
+        ("# Start malleolus: 2026-03-02T10:15:00.004Z", "Start = 2026-03-02T10:15:00.004 with"),
     ],
 )
 def test_lines_that_differ_between_channels(tmp_path: Path, head: str, says: str) -> None:
@@ -62,6 +66,9 @@ def test_lines_that_differ_between_channels(tmp_path: Path, head: str, says: str
         "Start base: 10:15\nStart malleolus: 10:15", "Start time: 3/2/2026 10:15:00 AM",
         "Sensitivity base: 100 mV/g\nSensitivity malleolus: 98 mV/g", "Channel 1: base\nChannel 2: malleolus",
         "Calibration date,2024,2025", "Horizontal Scale,0.8", "# malleolus sensor: 352C33, 5 g",
+        "Channel,base,malleolus", "Units,m/s^2,g", "Serial number,4711,4712", "Max,1.2,3.4", "Filter,CFC 180,CFC 180",
+        "Duration: 2.0 s", "COMMENT,,base,malleolus", "Vertical Offset,CH1:0.0,CH2:0.0", "Date,2024-03-05,2024-03-06",
+        ";Title, X16-1D, Build date, Jan 1",
     ],
 )  # fmt: skip
 def test_lines_that_say_nothing_of_the_response(tmp_path: Path, head: str) -> None:
@@ -180,3 +187,99 @@ def test_a_rate_with_something_behind_it_does_not_count(tmp_path: Path, line: st
     with pytest.raises(InputFileError, match="give sampling_rate_hz"):
         Recording.read(file)
     assert Recording.read(file, layout=Layout(rate_hz=1000.0)).rate_hz == pytest.approx(1000)
+
+
+@pytest.mark.parametrize(
+    "line",
+    [
+        "# ankle: 40 Hz RC low-pass in the cable", "# only base is calibrated", "# latency of the ankle unit: 4 ms",
+        "# sync error between loggers: 5 ms", "Low pass [Hz],none,50", "Status,OK,overload", "Kommentar,,Kabel defekt",
+        "# td_mal=0.004", "Time,10:21:33.000,10:21:33.004", "# amplifier at +6.02 dB", "# both started by hand",
+    ],
+)  # fmt: skip
+@pytest.mark.parametrize("place", ["above", "between", "below"])
+def test_lines_that_are_not_understood_are_quoted(tmp_path: Path, line: str, place: str) -> None:
+    if place != "above" and line[0] != "#":
+        return
+    file = text(tmp_path / "r.csv", line if place == "above" else "")
+    if place != "above":
+        rows = file.read_text().splitlines()
+        rows.insert(1000 if place == "between" else len(rows), line)
+        file.write_text("\n".join(rows))
+    (warning,) = Recording.read(file).warnings
+    assert line in warning and warning.endswith("which is not applied.")
+
+
+def test_several_lines_are_quoted_in_one_warning(tmp_path: Path) -> None:
+    file = text(tmp_path / "r.csv", "# Filter base: none\n# Filter malleolus: analog low-pass")
+    (warning,) = Recording.read(file).warnings
+    assert "'# Filter base: none'; '# Filter malleolus" in warning
+
+
+@pytest.mark.parametrize(
+    ("key", "values", "quoted"),
+    [
+        ("filter_cutoff_hz", (None, 40.0), "'' with base and '40' with malleolus"),
+        ("status", ("ok", "overload"), "'ok' with base and 'overload'"), ("status", ("ok", "ok"), ""),
+        ("serial_number", (4711, 4712), ""), ("description", ("base sensor", "malleolus sensor"), ""),
+        ("description", ("", "cable broken"), "cable broken"), ("rms", (1.0, 2.0), ""),
+    ],
+)  # fmt: skip
+def test_attributes_that_differ_are_quoted(tmp_path: Path, key: str, values: tuple, quoted: str) -> None:
+    file = tmp_path / "r.h5"
+    with h5py.File(file, "w") as out:
+        out.attrs["fs"] = 1000.0
+        for name, samples, value in zip(("base_m_s2", "malleolus_m_s2"), (BASE, MALLEOLUS), values, strict=True):
+            out[name] = samples
+            if value is not None:
+                out[name].attrs[key] = value
+    warnings = Recording.read(file).warnings
+    assert len(warnings) == bool(quoted) and (not quoted or f"{key} = " in warnings[0] and quoted in warnings[0])
+
+
+def test_start_times_as_text_are_not_dropped(tmp_path: Path) -> None:
+    file = tmp_path / "r.h5"
+    with h5py.File(file, "w") as out:
+        out.attrs["fs"] = 1000.0
+        for name, samples, at in (("base_m_s2", BASE, "0"), ("malleolus_m_s2", MALLEOLUS, "4")):
+            out[name] = samples
+            out[name].attrs["start_time"] = f"2026-03-02T10:15:00.00{at}"
+    with pytest.raises(InputFileError, match=r"start_time = 2026-03-02T10:15:00\.004 with"):
+        Recording.read(file)
+
+
+@pytest.mark.parametrize(("gain", "says"), [("2", "gain = 2 with"), ("1", "")])
+def test_a_column_of_one_number(tmp_path: Path, gain: str, says: str) -> None:
+    file = text(tmp_path / "r.csv", "")
+    head, *rows = file.read_text().split()
+    file.write_text("\n".join([f"{head},malleolus_gain", *(f"{row},{gain}" for row in rows)]))
+    layout = Layout.from_toml(file, {"malleolus": {"column": "malleolus_m_s2"}})
+    if says:
+        with pytest.raises(InputFileError, match=says):
+            Recording.read(file, layout=layout)
+    else:
+        assert Recording.read(file, layout=layout).warnings == ()
+
+
+@pytest.mark.parametrize(
+    ("columns", "cells", "says"),
+    [
+        ("latency_s", ("0", "0.005"), "latency_s = 0.005 with"), ("status", ("good", "bad"), "says that m is bad"),
+        ("sampling_frequency", ("1000", "500"), "a sampling_frequency of 500 Hz, and its rate is 1000 Hz"),
+        ("status", ("good", "good"), ""), ("sampling_frequency", ("1000", "1000"), ""),
+    ],
+)  # fmt: skip
+def test_columns_of_bids(tmp_path: Path, columns: str, cells: tuple[str, str], says: str) -> None:
+    file = tmp_path / "a_motion.tsv"
+    file.write_text("\n".join(f"{b:.5f}\t{m:.5f}" for b, m in zip(BASE, MALLEOLUS, strict=True)))
+    (tmp_path / "a_motion.json").write_text('{"SamplingFrequency": 1000}')
+    (tmp_path / "a_channels.tsv").write_text(
+        f"name\tunits\t{columns}\nb\tm/s^2\t{cells[0]}\nm\tm/s^2\t{cells[1]}\n"
+    )
+    layout = Layout.from_toml(file, {"base": {"column": "b"}, "malleolus": {"column": "m"}})
+    if says:
+        with pytest.raises(InputFileError, match=says):
+            Recording.read(file, layout=layout)
+    else:
+        recording = Recording.read(file, layout=layout)
+        assert recording.warnings == () and "as its .json says" in recording.used[0]

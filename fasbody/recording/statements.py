@@ -76,7 +76,7 @@ _DAY = re.compile(r"\d+([./-])\d+\1\d+")
 _LONGEST = 160
 _LINE = re.compile(
     r"\W*(?P<name>(?:[^\d=]|(?<=[A-Za-z])\d)*?[^\W\d]\d?\W*?)[\s:=,;]+"
-    r"(?P<value>[-+]?\d[\d:.,]*(?:[eE][-+]?\d+)?)\s*(?P<unit>[^\d]*)"
+    r"(?P<value>(?:\d{4}-\d\d-\d\d[T ])?[-+]?\d[\d:.,]*(?:[eE][-+]?\d+)?)\s*(?P<unit>[^\d]*)"
 )
 
 
@@ -184,9 +184,11 @@ def _unlike_cells(line: str, separator: str) -> bool:
     while cells and not cells[-1]:
         cells.pop()
     cells = cells[1:] if len(cells) > 2 and not cells[0] else cells  # of the time
-    values = {re.sub(r"^\w+:(?=\S)", "", cell) for cell in cells}
+    values = {re.sub(r"^[^\W\d]\w*:(?=\S)", "", cell) for cell in cells}
     if len(cells) < 2 or len(values) < 2 or not re.search(r"[^\W\d]", name) or _words(line) & _DATED:
         return False
+    if all(":" in value and _CLOCK.fullmatch(value) for value in values):
+        return True
     return _unclear(name) or (bool(_words(name) & _REMARKS) and any(map(_unclear, cells)))
 
 

@@ -146,7 +146,7 @@ def of_variable(
         values = np.asarray(values, float) * (1.0 if factor is None else factor) + (offset or 0.0)
     start = next((value for value in starts if value is not None), None)
     scaled = f"scale_factor = {factor:g}" if factor not in (None, 1.0) else ""
-    applied = (*_SCALES, *STARTS, *RATES, *STEPS, *_INNER)
+    applied = (*_SCALES, *(key for key in STARTS if numbers[key] is not None), *RATES, *STEPS, *_INNER)
     stated = statements_of(about, applied)
     unit = text_of(about.get("units", about.get("unit", b"")))
     columns = numeric_columns(name, values, unit, rate_hz)
