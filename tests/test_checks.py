@@ -39,6 +39,18 @@ def test_excitation_frequency_is_found(frequency: float) -> None:
     assert found.warnings == ()
 
 
+@pytest.mark.parametrize(("factor", "noise", "copied"), [(1.0, 0.0, True), (1.2, 5e-7, True), (1.2, 1e-3, False)])
+def test_a_malleolus_that_is_the_base_is_refused(factor: float, noise: float, copied: bool) -> None:
+    r = good()
+    other = factor * r.base_m_s2 + np.random.default_rng(0).normal(0, noise, N)
+    copy = replace(r, malleolus_m_s2=other)
+    if copied:
+        with pytest.raises(RecordingError, match=rf"is {factor:g} times base_m_s2, sample by sample: one sensor"):
+            checked(copy)
+    else:
+        assert checked(copy).condition.frequency_hz == pytest.approx(20.0, abs=1e-3)
+
+
 def test_broadband_is_none() -> None:
     rng = np.random.default_rng(0)
     r = Recording(T, rng.normal(0, 5, N), rng.normal(0, 5, N))

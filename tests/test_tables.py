@@ -8,7 +8,7 @@ import pytest
 from test_account import LATE, TIME, G, base, malleolus, mapped, read, right
 
 from fasbody.exceptions import InputFileError
-from fasbody.recording.files import read_one
+from fasbody.recording.files import read_one, reading
 from fasbody.recording.merge import merge
 
 B, M = base(TIME), malleolus(TIME)
@@ -126,3 +126,75 @@ def test_streams_of_rattlesnake(tmp_path: Path) -> None:
     right(read(tmp_path / "a.nc4", "[study]\ntake = 1\n" + toml))
     second = read(tmp_path / "a.nc4", "[study]\ntake = 2\n" + toml)
     assert second.malleolus_m_s2 == pytest.approx(2 * M)
+
+
+def test_a_text_without_a_table_in_an_archive_is_left_out(tmp_path: Path) -> None:
+    rows = "".join(f"{t:.9g},{b:.9g},{m:.9g}\n" for t, b, m in zip(TIME, base(TIME), malleolus(TIME), strict=True))
+    with zipfile.ZipFile(tmp_path / "r.zip", "w") as packed:
+        packed.writestr("Metadata.csv", "device,rate\niPhone,x\n")
+        packed.writestr("Table.csv", f"time_s,base_m_s2,malleolus_m_s2\n{rows}")
+    result = reading(tmp_path / "r.zip")
+    assert result.warnings == () and any("'Metadata.csv' is no table" in text for text in result.unused)
+
+
+def of_edf(file: Path, filters: tuple[str, str], note: str) -> tuple[str, ...]:
+    """What is remarked on an EDF file with these prefilters and an annotation."""
+    edfio = pytest.importorskip("edfio", reason="edfio is of the extra formats")
+    t = np.arange(2000) / 1000
+    signals = [
+        edfio.EdfSignal(move(t), 1000, label=name, physical_dimension="m/s2", prefiltering=text)
+        for name, move, text in zip(("base", "malleolus"), (base, malleolus), filters, strict=True)
+    ]
+    edfio.Edf(signals, annotations=[edfio.EdfAnnotation(0.5, None, note)]).write(file)
+    return reading(file).warnings
+
+
+def test_prefilters_and_annotations_of_edf(tmp_path: Path) -> None:
+    alike, file = ("LP:50Hz", "LP:50Hz"), tmp_path / "r.edf"
+    assert of_edf(file, alike, "start") == ()
+    (fallen,) = of_edf(file, alike, "malleolus sensor fell off")
+    (filtered,) = of_edf(file, ("", "LP:50Hz"), "start")
+    assert "malleolus sensor fell off" in fallen and "prefiltering = '' with base and 'LP:50Hz'" in filtered
+
+
+@pytest.mark.parametrize(("word", "quoted"), [("factor", True), ("serial", False)])
+def test_a_sheet_of_words(tmp_path: Path, word: str, quoted: bool) -> None:
+    openpyxl = pytest.importorskip("openpyxl")
+    book = openpyxl.Workbook()
+    book.active.append(["time_s", "base_m_s2", "malleolus_m_s2"])
+    for row in zip(TIME.tolist(), base(TIME).tolist(), malleolus(TIME).tolist(), strict=True):
+        book.active.append(row)
+    sheet = book.create_sheet("calibration")
+    for row in (["channel", word], ["base", 1], ["malleolus", 1.25]):
+        sheet.append(row)
+    book.save(tmp_path / "r.xlsx")
+    result = reading(tmp_path / "r.xlsx")
+    assert any("the sheet calibration" in text for text in result.unused)
+    assert [word in text for text in result.warnings] == [True] * quoted
+
+
+@pytest.mark.parametrize("key", ["malleolus_latency_s", "exported_by"])
+def test_metadata_of_parquet_that_name_a_channel(tmp_path: Path, key: str) -> None:
+    pyarrow = pytest.importorskip("pyarrow")
+    parquet = pytest.importorskip("pyarrow.parquet")
+    columns = {"time_s": TIME, "base_m_s2": base(TIME), "malleolus_m_s2": malleolus(TIME)}
+    parquet.write_table(pyarrow.table(columns).replace_schema_metadata({key: "0.005"}), tmp_path / "r.parquet")
+    if key == "exported_by":
+        assert reading(tmp_path / "r.parquet").warnings == ()
+        return
+    with pytest.raises(InputFileError, match=r"latency_s = 0\.005 with 'malleolus_m_s2'"):
+        reading(tmp_path / "r.parquet")
+
+
+@pytest.mark.parametrize("gap", ["\t", ""])
+def test_blank_cells_between_channels_of_labview(tmp_path: Path, gap: str) -> None:
+    head = [
+        "LabVIEW Measurement\t", "X_Columns\tMulti", "***End_of_Header***\t", f"Channels\t2\t{gap}\t",
+        f"Y_Unit_Label\tm/s^2\t{gap}g", f"Date\t2026/03/02\t{gap}2026/03/02", f"Time\t10:15:00\t{gap}10:15:00",
+        f"X0\t0\t{gap}0", f"Delta_X\t0.001\t{gap}0.001", "***End_of_Header***\t\t", "X_Value\tbase\tX_Value\tmalleolus",
+    ]  # fmt: skip
+    rows = [f"{t:.6f}\t{b:.9g}\t{t:.6f}\t{m / G:.9g}"
+            for t, b, m in zip(TIME, base(TIME), malleolus(TIME), strict=True)]  # fmt: skip
+    (tmp_path / "r.lvm").write_text("\n".join([*head, *rows]))
+    channels = reading(tmp_path / "r.lvm").channels
+    assert channels["malleolus_m_s2"] == pytest.approx(malleolus(channels["time_s"]), abs=1e-4)

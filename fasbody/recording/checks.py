@@ -143,7 +143,8 @@ def _no_copy(channels: Mapping[str, np.ndarray]) -> None:
     times = float(base @ malleolus) / power if power > 0 else 0.0
     if times and np.abs(malleolus - times * base).max() < _COPY * np.abs(malleolus).max():
         raise RecordingError(
-            f"malleolus_m_s2 is {times:.4g} times base_m_s2, sample by sample: one sensor, written twice; no two move so"
+            f"malleolus_m_s2 is {times:.4g} times base_m_s2, sample by sample: one sensor, written "
+            "twice; no two move so."
         )
 
 

@@ -187,7 +187,9 @@ def _column_of(
     return candidates[0] if candidates else None
 
 
-def _unit(file: Path, channel: str, behind: str, beside: str, stated: str, remarks: list[str], bracketed: bool = False) -> str:  # fmt: skip
+def _unit(
+    file: Path, channel: str, behind: str, beside: str, stated: str, remarks: list[str], bracketed: bool
+) -> str:  # fmt: skip
     """The unit of a channel's numbers: of study.toml, which may overrule the file, or of the file."""
     valid = channels.TIME_UNITS if channel == "time" else channels.ACCELERATIONS | channels.VOLTAGES
     known = [unit for unit in (beside, behind) if unit.lower() in valid]
@@ -201,7 +203,8 @@ def _unit(file: Path, channel: str, behind: str, beside: str, stated: str, remar
     plain = stated.lower() in channels.VOLTAGES and claimed.lower() == "m_s2"
     if stated and claimed and not plain and not _same(valid, stated, claimed):
         by = Sentence(" as study.toml says", on_page=" as was said here")
-        remarks.append(Sentence(f"{channel} is in {stated}", by, f", though the file says {shown(claimed.rstrip('.'))}"))
+        by_file = shown(claimed.rstrip("."))
+        remarks.append(Sentence(f"{channel} is in {stated}", by, f", though the file says {by_file}"))
     return stated or beside or behind
 
 

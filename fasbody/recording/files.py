@@ -158,7 +158,8 @@ def reading(file: Path, layout: Layout | None = None) -> Reading:
         raise InputFileError(file, f"holds {time_s.size} samples", "a recording needs at least two")
     if time_s[-1] < time_s[0]:
         raise _backwards(file, time_s)
-    remarks = [*decided, *quoted(vague), *differing(about, stated), *_denied(columns, time_s), *_other_clocks(source, uses, time_s)]
+    remarks = [*decided, *quoted(vague), *differing(about, stated), *_denied(columns, time_s)]
+    remarks += _other_clocks(source, uses, time_s)
     clocks |= _stated_clocks(file, sensors, time_s, is_timed, rate)
     if clocks:
         channels["time_s"] = straightened(time_s)
@@ -469,7 +470,8 @@ def _of_bids(file: Path, names: Mapping[str, str], layout: Layout) -> dict[str, 
     if ending(file) != ".tsv" or table == file or not table.is_file():
         return {}
     rows = {row["name"] or "": row for row in read_table(table, ("name", "units")).values()}
-    made = {channel: {key: cell or "" for key, cell in rows[name].items()} for channel, name in names.items() if name in rows}
+    found = {channel: rows[name] for channel, name in names.items() if name in rows}
+    made = {channel: {key: cell or "" for key, cell in row.items()} for channel, row in found.items()}
     for channel, about in made.items():
         if about.get("status", "").lower() == "bad":
             why = about.get("status_description", "")
@@ -477,7 +479,8 @@ def _of_bids(file: Path, names: Mapping[str, str], layout: Layout) -> dict[str, 
             raise InputFileError(table, problem, "leave the recording out, or correct its status")
         stated = about.pop("sampling_frequency", "")
         if layout.rate_hz and numeric(stated) and abs(number(stated) / layout.rate_hz - 1) > 1e-3:
-            problem = f"says {names[channel]} has a sampling_frequency of {stated} Hz, and its rate is {layout.rate_hz:g} Hz"
+            two = f"a sampling_frequency of {stated} Hz, and its rate is {layout.rate_hz:g} Hz"
+            problem = f"says {names[channel]} has {two}"
             raise InputFileError(table, problem, "correct one of them")
     return made
 

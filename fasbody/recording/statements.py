@@ -16,9 +16,10 @@ from fasbody.sentences import Sentence, called
 Value = float | str | list[float | str]
 Statements = dict[str, Value]
 _TIMES = frozenset((
-    "start", "started", "t0", "x0", "xstart", "tstart", "delay", "delayed", "lag", "lags",
-    "latency", "late", "early", "shift", "shifted", "skew", "trigger", "timestamp", "toffset", "begin", "pretrigger", "timedelay", "deskew",
-    "verzögerung", "verzoegerung", "versatz", "laufzeit", "totzeit", "retard", "retardo", "ritardo", "遅延", "延迟",
+    "start", "started", "t0", "x0", "xstart", "tstart", "delay", "delayed", "lag", "lags", "latency", "late",
+    "early", "shift", "shifted", "skew", "trigger", "timestamp", "toffset", "begin", "pretrigger", "timedelay",
+    "deskew", "verzögerung", "verzoegerung", "versatz", "laufzeit", "totzeit", "retard", "retardo", "ritardo",
+    "遅延", "延迟",
 ))  # fmt: skip
 _OF_TIME = frozenset((
     "time", "t", "s", "ms", "us", "ns", "sec", "seconds", "samples", "sync",
@@ -48,12 +49,15 @@ _CALLED = {
 }  # fmt: skip
 #: Words that name a sensor, count, sum up or date what is in the file, and change none of its numbers.
 _HARMLESS = frozenset((
-    "channel", "channels", "ch", "name", "names", "label", "title", "sensor", "sensors", "accelerometer", "acceleration",
-    "accel", "acc", "axis", "x", "y", "z", "serial", "sn", "s/n", "no", "nr", "number", "id", "uid", "index", "model",
-    "type", "manufacturer", "min", "max", "mean", "rms", "std", "peak", "average", "minimum", "maximum", "unit", "units",
-    "einheit", "kanal", "kanäle", "time", "data", "and", "of", "the", "at", "on", "position", "location", "node", "coupling",
-    "sensitivity", "sens", "range", "kind", "class", "date", "file", "v", "ai", "column", "quantity", "dof", "direction",
-    "header", "headers", "input", "labels", "string", "zeit", "temps", "tiempo", "counts", "offset", "bias", "signal", "waveform", "waveforms", "eu", "t", "s", "n", "physical", "long", "standard", "component", "tracked", "point", "placement", "samples", "count", "points", "length", "color", "colour",
+    "channel", "channels", "ch", "name", "names", "label", "title", "sensor", "sensors", "accelerometer",
+    "acceleration", "accel", "acc", "axis", "x", "y", "z", "serial", "sn", "s/n", "no", "nr", "number", "id",
+    "uid", "index", "model", "type", "manufacturer", "min", "max", "mean", "rms", "std", "peak", "average",
+    "minimum", "maximum", "unit", "units", "einheit", "kanal", "kanäle", "time", "data", "and", "of", "the",
+    "at", "on", "position", "location", "node", "coupling", "sensitivity", "sens", "range", "kind", "class",
+    "date", "file", "v", "ai", "column", "quantity", "dof", "direction", "header", "headers", "input", "labels",
+    "string", "zeit", "temps", "tiempo", "counts", "offset", "bias", "signal", "waveform", "waveforms", "eu",
+    "t", "s", "n", "physical", "long", "standard", "component", "tracked", "point", "placement", "samples",
+    "count", "points", "length", "color", "colour",
 ))  # fmt: skip
 #: An amount that moves a time, turns a phase or changes a size.
 _AMOUNT = re.compile(
@@ -64,13 +68,16 @@ _AMOUNT = re.compile(
 )
 #: With these words an amount of time is how long or how often something was recorded.
 _LENGTHS = frozenset((
-    "duration", "length", "interval", "period", "dauer", "step", "dt", "increment", "rate", "timebase", "record", "total",
-    "sampling", "average", "averaging", "window", "time", "sweep", "delta", "elapsed", "abtastintervall", "per", "div",
+    "duration", "length", "interval", "period", "dauer", "step", "dt", "increment", "rate", "timebase",
+    "record", "total", "sampling", "average", "averaging", "window", "time", "sweep", "delta", "elapsed",
+    "abtastintervall", "per", "div",
 ))  # fmt: skip
 #: With these a row is of when and with which device it was measured.
 _DATED = frozenset(("date", "datum", "serial", "id", "sn"))
 #: Names of remarks, whose words count.
-_REMARKS = frozenset(("comment", "comments", "description", "note", "notes", "remark", "remarks", "bemerkung", "kommentar"))
+_REMARKS = frozenset((
+    "comment", "comments", "description", "note", "notes", "remark", "remarks", "bemerkung", "kommentar",
+))  # fmt: skip
 _DAY = re.compile(r"\d+([./-])\d+\1\d+")
 #: A longer line is no name and number, and would take the pattern long.
 _LONGEST = 160
@@ -141,9 +148,11 @@ def of_lines(
         if clear and match and kind(match["name"]):
             value = match["value"].rstrip(".,:")
             called = "|".join(map(re.escape, (about[0], *_CALLED.get(about[0], ()))))
-            plain = re.sub(rf"\b(?:{called})\b|{re.escape(names[about[0]])}", "", match["name"], flags=re.IGNORECASE)
+            mine = rf"\b(?:{called})\b|{re.escape(names[about[0]])}"
+            plain = re.sub(mine, "", match["name"], flags=re.IGNORECASE)
             made[about[0]][" ".join(plain.split())] = text.number(value) if text.numeric(value) else value
-        elif _unlike_cells(line, separator) or is_amount(line) or (about and _unclear(line, names.values())):
+        elif _differ(line, separator) or is_amount(line) or (about and not _alike(line, separator)
+                                                             and _unclear(line, names.values())):  # fmt: skip
             vague.append(" ".join(line.split()))
     return made, vague
 
@@ -153,8 +162,8 @@ def _whole(lines: Sequence[str], separator: str) -> list[str]:
     made: list[str] = []
     for line in lines:
         alone = bool(made) and separator not in made[-1] and re.fullmatch(r"\W*[^\W\d].*", made[-1]) is not None
-        below = separator != " " and (line.startswith(separator) or (separator in line and made[-1:] and made[-1][-1] == ":"))
-        if alone and below:
+        below = line.startswith(separator) or (separator in line and made[-1:] and made[-1][-1] == ":")
+        if alone and below and separator != " ":
             made[-1] += line if line.startswith(separator) else f"{separator}{line}"
         else:
             made.append(line)
@@ -164,7 +173,7 @@ def _whole(lines: Sequence[str], separator: str) -> list[str]:
 def _unclear(words: str, names: Iterable[str] = ()) -> bool:
     """Whether words say more than which sensor, unit, number or sum something is."""
     for name in names:
-        words = words.replace(name, " ")
+        words = re.sub(rf"(?<!\w){re.escape(name)}(?!\w)", " ", words)
     called = {*NAMES, *(word for several in _CALLED.values() for word in several)} - {"both"}
     tokens = (token.strip("#%/:;,.\"'()[]=") for token in re.split(r"[\s;,:=\t|]+", words))
     plain = (token for token in tokens if token and token.lower() not in KNOWN_UNITS and not re.search(r"\d", token))
@@ -177,19 +186,36 @@ def is_amount(line: str) -> bool:
     return _AMOUNT.search(line) is not None and not _words(line) & _LENGTHS
 
 
-def _unlike_cells(line: str, separator: str) -> bool:
+def _differ(line: str, separator: str) -> bool:
     """Whether a row names something and has an unlike cell for each channel."""
     name, *cells = text.split(line, separator) if separator != " " else [""]
-    cells = [c for c in cells if not _DAY.fullmatch(c) and (not re.search(r"[^\W\d]", c) or _unclear(c) or re.search(r"\d", c))]
+    clocks = [cell for cell in cells if ":" in cell and _CLOCK.fullmatch(cell)]
+    if len(clocks) > 1 and len(clocks) == sum(map(bool, cells)):
+        return len({*clocks}) > 1
+    cells = [cell for cell in cells if cell not in clocks and not _DAY.match(cell) and _says(cell)]
     while cells and not cells[-1]:
         cells.pop()
     cells = cells[1:] if len(cells) > 2 and not cells[0] else cells  # of the time
-    values = {re.sub(r"^[^\W\d]\w*:(?=\S)", "", cell) for cell in cells}
-    if len(cells) < 2 or len(values) < 2 or not re.search(r"[^\W\d]", name) or _words(line) & _DATED:
+    if len(cells) < 2 or len({*map(_bare, cells)}) < 2 or not re.search(r"[^\W\d]", name) or _words(line) & _DATED:
         return False
-    if all(":" in value and _CLOCK.fullmatch(value) for value in values):
-        return True
     return _unclear(name) or (bool(_words(name) & _REMARKS) and any(map(_unclear, cells)))
+
+
+def _alike(line: str, separator: str) -> bool:
+    """Whether a row has the same in a cell for each channel."""
+    _, *cells = text.split(line, separator) if separator != " " else [""]
+    filled = [_bare(cell) for cell in cells if cell]
+    return len(filled) > 1 and len({*filled}) == 1
+
+
+def _bare(cell: str) -> str:
+    """A cell without the name of its channel, as ``CH1:0.5``."""
+    return re.sub(r"^[^\W\d]\w*:(?=\S)", "", cell)
+
+
+def _says(cell: str) -> bool:
+    """Whether a cell is more than a name or a unit."""
+    return not re.search(r"[^\W\d]", cell) or re.search(r"\d", cell) is not None or _unclear(cell)
 
 
 def quoted(lines: Sequence[str]) -> list[str]:

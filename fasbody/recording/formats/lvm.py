@@ -51,7 +51,8 @@ def _segment(
     x_columns = about.get("X_Columns", ["One"])[0].lower()
     names = [cell.strip() for cell in heading]
     if x_columns == "multi":  # an empty cell over each column of times
-        header = {key: cells[::2] if len(cells) > 2 and not any(cells[1::2]) else cells for key, cells in header.items()}
+        apart = {key: len(cells) > 2 and not any(cells[1::2]) for key, cells in header.items()}
+        header = {key: cells[::2] if apart[key] else cells for key, cells in header.items()}
     count = int(header.get("Channels", ["0"])[0] or 0)
     body = [row for row in rows if any(cell.strip() for cell in row)]
     check_size(len(body) * max(1, len(names)), len(names))

@@ -39,8 +39,7 @@ def _columns(sheet: str, rows: list[tuple[Any, ...]]) -> list[Series]:
     if first is None:
         worded = next((i for i, row in enumerate(rows[:_HEADER_ROWS]) if sum(map(_number_in_words, row)) >= 2), None)
         if worded is None:
-            cells = (str(cell) for row in rows[:_HEADER_ROWS] for cell in row if cell is not None)
-            said = " ".join(cells)
+            said = " ".join(str(cell) for row in rows[:_HEADER_ROWS] for cell in row if cell is not None)
             return [passed_over(f"the sheet {sheet}", "no table of numbers", said)] if said else []
         raise FormatError(
             f"the sheet {sheet!r} keeps its numbers as text (row {worded + 1}); make them numbers in Excel"
