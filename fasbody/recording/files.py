@@ -48,7 +48,7 @@ class _SeriesTable:
     columns: Columns
     skipped: tuple[str, ...] = ()
     takes: int = 1
-    said: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
     @classmethod
     def open(cls, file: Path, layout: Layout) -> "_SeriesTable":
@@ -62,17 +62,17 @@ class _SeriesTable:
             raise InputFileError(file, f"no format has the ending {ending(file)!r}", listed)
         series = read_series(file)
         passed = [f"{s.name!r} is {s.what}" for s in series if s.what]
-        said = tuple(s.about["text"] for s in series if "text" in s.about and s.what)
+        notes = tuple(s.about["text"] for s in series if "text" in s.about and s.what)
         series = [s for s in series if not s.what]
         groups = list(dict.fromkeys(s.group for s in series))
         skipped = (f"the other takes ({len(groups) - 1})",)
         parts = [[replace(s, name=s.name.removeprefix(f"{group}/")) for s in series if s.group == group]
                  for group in groups if len(groups) > 1]  # fmt: skip
-        tables = [cls(file, Columns(part, passed), skipped, len(groups), said) for part in parts]
+        tables = [cls(file, Columns(part, passed), skipped, len(groups), notes) for part in parts]
         takes = [table for table in tables if has_channels(table.columns, layout)]
         if len(takes) > 1 and layout.take is None:
             raise several_takes(file, len(takes), ", ".join(repr(take.columns.series[0].group) for take in takes))
-        return layout.one_of(file, takes) if len(takes) > 1 else cls(file, Columns(series, passed), said=said)
+        return layout.one_of(file, takes) if len(takes) > 1 else cls(file, Columns(series, passed), notes=notes)
 
     def numbers(self, indices: Mapping[str, int]) -> Channels:
         return {key: self.columns.series[index].values for key, index in indices.items()}
@@ -83,7 +83,7 @@ class _SeriesTable:
 
     def stated(self, uses: Mapping[str, Use]) -> tuple[dict[str, Statements], list[str]]:
         used = {key.removesuffix("_m_s2"): self.columns.series[use.index] for key, use in uses.items()}
-        _, vague = of_lines(self.said, "\t", {name: s.name for name, s in used.items()})
+        _, vague = of_lines(self.notes, "\t", {name: s.name for name, s in used.items()})
         return {name: s.stated for name, s in used.items()}, vague
 
 
@@ -113,8 +113,8 @@ def reading(file: Path, layout: Layout | None = None) -> Reading:
     Args:
         layout: what study.toml says of its channels.
     """
-    given = (layout or Layout()).of(file)
-    layout = beside(file, given)
+    by_study = (layout or Layout()).of(file)
+    layout = beside(file, by_study)
     source = _opened(file, layout)
     columns = source.columns
     uses, decided = assign(file, columns, layout)
@@ -126,10 +126,10 @@ def reading(file: Path, layout: Layout | None = None) -> Reading:
     stated, vague = source.stated({key: uses[key] for key in sensors})
     names = {key.removesuffix("_m_s2"): s.name for key, s in sensors.items()}
     about = {name: s.about for name, s in zip(names, sensors.values(), strict=True)}
-    for name, told_of in _of_bids(file, names, layout).items():
-        about[name], stated[name] = about[name] | told(told_of), stated[name] | statements_of(told_of)
-    told_by, changing = _told_by_columns(source, uses, names)
-    stated = {name: told_by.get(name, {}) | statements for name, statements in stated.items()}
+    for name, about_one in _of_bids(file, names, layout).items():
+        about[name], stated[name] = about[name] | told(about_one), stated[name] | statements_of(about_one)
+    by_columns, changing = _told_by_columns(source, uses, names)
+    stated = {name: by_columns.get(name, {}) | statements for name, statements in stated.items()}
     vague += changing
     vague += [name for name in names.values() if is_amount(name)]
     refuse_unapplied(file, stated, names, layout, alike=columns.line is not None)
@@ -166,7 +166,7 @@ def reading(file: Path, layout: Layout | None = None) -> Reading:
     channels, unlike = layout.aligned(file, channels, clocks)
     used, unused = _ledger(source, uses)
     if not is_timed and (rate or layout.rate_hz) and "base_m_s2" not in clocks:
-        by = "the file" if rate else "study.toml" if given.rate_hz else "its .json"
+        by = "the file" if rate else "study.toml" if by_study.rate_hz else "its .json"
         used = (f"time: counted at {rate or layout.rate_hz:.6g} Hz, as {by} says", *used)
     return Reading(channels, used, unused, (*remarks, *filter(None, [unlike])))
 
@@ -470,8 +470,8 @@ def _of_bids(file: Path, names: Mapping[str, str], layout: Layout) -> dict[str, 
     if ending(file) != ".tsv" or table == file or not table.is_file():
         return {}
     rows = {row["name"] or "": row for row in read_table(table, ("name", "units")).values()}
-    found = {channel: rows[name] for channel, name in names.items() if name in rows}
-    made = {channel: {key: cell or "" for key, cell in row.items()} for channel, row in found.items()}
+    listed = {channel: rows[name] for channel, name in names.items() if name in rows}
+    made = {channel: {key: cell or "" for key, cell in row.items()} for channel, row in listed.items()}
     for channel, about in made.items():
         if about.get("status", "").lower() == "bad":
             why = about.get("status_description", "")

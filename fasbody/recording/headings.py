@@ -113,9 +113,9 @@ def find_header(text: str, score: Callable[[Sequence[str]], int]) -> Header:
         uncommented = re.sub(r"^\s*(#|%|//)\s*", "", line)  # some write the header as a comment
         for separator in _separators(uncommented, *rows):
             names = texts.split(uncommented, separator)
-            found = score(names), (separator, len(names)) == rows
-            if found[0] and found > best:
-                best, header = found, Header(number, separator, names)
+            rank = score(names), (separator, len(names)) == rows
+            if rank[0] and rank > best:
+                best, header = rank, Header(number, separator, names)
         if not best[0] and not header.names[0] and line.strip() and not texts.COMMENT.match(line):
             separator = texts.separator_of(line)
             header = Header(number, separator, texts.split(line, separator))
@@ -153,9 +153,9 @@ def first_number_row(text: str, header: Header, layout: Layout) -> Header | None
         return header
     channels = [index for index, name in enumerate(layout.columns) if layout.known([name])]
     rows = list(_rows_of_numbers(text, channels)) if layout.columns else []
-    wide = [row for row in rows if len(row.names) == len(layout.columns)]
-    going_on = (row for row, following in pairwise(wide) if following.line == row.line + 1)
-    return next(going_on, wide[0] if wide else None)  # one alone is of the preamble
+    fitting = [row for row in rows if len(row.names) == len(layout.columns)]
+    going_on = (row for row, following in pairwise(fitting) if following.line == row.line + 1)
+    return next(going_on, fitting[0] if fitting else None)  # one alone is of the preamble
 
 
 def _rows_of_numbers(text: str, needed: Sequence[int] = ()) -> Iterator[Header]:

@@ -26,6 +26,6 @@ def decode(file: Path) -> list[Series]:
         for s in source.signals
     ]  # fmt: skip
     if source.annotations:
-        said = "; ".join(f"{a.onset:g} s: {a.text}" for a in source.annotations if a.text)
-        signals.append(passed_over("EDF Annotations", f"{len(source.annotations)} annotations", said))
+        notes = "; ".join(f"{a.text} (at {a.onset:g})" for a in source.annotations if a.text)
+        signals.append(passed_over("EDF Annotations", f"{len(source.annotations)} annotations", notes))
     return signals

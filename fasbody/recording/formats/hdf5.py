@@ -53,8 +53,8 @@ def decode(file: Path) -> list[Series]:
             axis = _axis(item) if len(axes) > 1 else ""
             about = {key: value for folder in _folders(source, name) for key, value in folder.attrs.items()}
             columns += series.of_variable(name, item[()], about, _rate(source, name), axis)
-        columns, said = _named(source, columns), dict(source.attrs)
-    return series.with_rate(columns, said)
+        columns, notes = _named(source, columns), dict(source.attrs)
+    return series.with_rate(columns, notes)
 
 
 def _axis(item: Any) -> str:

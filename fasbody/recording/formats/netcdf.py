@@ -27,7 +27,7 @@ def decode(file: Path) -> list[Series]:
     series, total = list[Series](), 0
     with netcdf_file(file, mmap=False, maskandscale=False) as source:
         check_size(0, len(source.variables))
-        said = dict(source._attributes)
+        notes = dict(source._attributes)
         axes = {variable.dimensions[0] for variable in source.variables.values() if variable.dimensions}
         for name, variable in source.variables.items():
             values = np.asarray(variable.data)
@@ -35,4 +35,4 @@ def decode(file: Path) -> list[Series]:
             check_size(total)
             axis = variable.dimensions[0] if len(axes) > 1 and variable.dimensions else ""
             series += of_variable(name, values, variable._attributes, group=axis)
-    return with_rate(series, said)
+    return with_rate(series, notes)

@@ -30,7 +30,7 @@ def decode(file: Path) -> list[Series]:
     return [_series(field, table.column(place), rate, metadata) for place, field in enumerate(table.schema)]
 
 
-def _series(field: Any, column: Any, rate_hz: float | None, said: dict[str, str]) -> Series:
+def _series(field: Any, column: Any, rate_hz: float | None, notes: dict[str, str]) -> Series:
     from pyarrow import types
 
     metadata = _texts(field.metadata)
@@ -42,7 +42,7 @@ def _series(field: Any, column: Any, rate_hz: float | None, said: dict[str, str]
     if not (types.is_integer(field.type) or types.is_floating(field.type) or types.is_decimal(field.type)):
         return passed_over(field.name, "no column of numbers")
     values = column.cast("float64").to_numpy().astype(float)
-    stated = named_by(field.name, said.items()) | statements_of(metadata)
+    stated = named_by(field.name, notes.items()) | statements_of(metadata)
     return Series(field.name, unit, values, rate_hz, stated=stated, about=told(metadata))
 
 

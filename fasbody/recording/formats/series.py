@@ -35,7 +35,7 @@ class Series:
         start_s: when the first sample was taken [s], on one clock for the whole file, if stated.
         scaled: by which statement of the file its values were scaled.
         stated: of its time or scale, and not applied.
-        about: what else is said of it, by name.
+        about: what else the file says of it, by name.
         group: its sheet, structure or folder.
     """
 
@@ -168,7 +168,7 @@ def stated_rate(statements: Iterable[tuple[str, float | None]]) -> float | None:
     return rates[0][1] if rates else None
 
 
-def with_rate(series: list[Series], said: Mapping[str, Any] | None = None) -> list[Series]:
+def with_rate(series: list[Series], notes: Mapping[str, Any] | None = None) -> list[Series]:
     """Without the scalars: one that is named like a rate, interval or start is that of the series below its folder.
 
     Simcenter writes them into ``x_values`` beside the ``y_values``. Where no scalar is above a series, those of folders
@@ -176,7 +176,7 @@ def with_rate(series: list[Series], said: Mapping[str, Any] | None = None) -> li
 
     Args:
         series: of the file.
-        said: of the whole file.
+        notes: of the whole file.
     """
     scalars = [s for s in series if s.values.size == 1 and not s.what]
     few = [s for s in series if 1 < s.values.size <= _FEW and kind(s.name.rpartition("/")[2])]
@@ -194,7 +194,7 @@ def with_rate(series: list[Series], said: Mapping[str, Any] | None = None) -> li
         folder, _, name = s.name.rpartition("/")
         for key, value in stated:
             start = value if start is None and key.rpartition("/")[2].lower() in STARTS else start
-        mine = named_by(name, [*(said or {}).items(), *stated]) | listed | s.stated
+        mine = named_by(name, [*(notes or {}).items(), *stated]) | listed | s.stated
         rate = s.rate_hz or stated_rate(stated)
         rated.append(replace(s, name=name, group=s.group or folder, rate_hz=rate, start_s=start, stated=mine))
     return rated

@@ -39,8 +39,8 @@ def _columns(sheet: str, rows: list[tuple[Any, ...]]) -> list[Series]:
     if first is None:
         worded = next((i for i, row in enumerate(rows[:_HEADER_ROWS]) if sum(map(_number_in_words, row)) >= 2), None)
         if worded is None:
-            said = " ".join(str(cell) for row in rows[:_HEADER_ROWS] for cell in row if cell is not None)
-            return [passed_over(f"the sheet {sheet}", "no table of numbers", said)] if said else []
+            notes = " ".join(str(cell) for row in rows[:_HEADER_ROWS] for cell in row if cell is not None)
+            return [passed_over(f"the sheet {sheet}", "no table of numbers", notes)] if notes else []
         raise FormatError(
             f"the sheet {sheet!r} keeps its numbers as text (row {worded + 1}); make them numbers in Excel"
         )
