@@ -214,6 +214,9 @@ def test_several_lines_are_quoted_in_one_warning(tmp_path: Path) -> None:
     file = text(tmp_path / "r.csv", "# Filter base: none\n# Filter malleolus: analog low-pass")
     (warning,) = Recording.read(file).warnings
     assert "'# Filter base: none'; '# Filter malleolus" in warning
+    many = text(tmp_path / "m.csv", "\n".join(f"# ankle slipped {i}" for i in range(9)))
+    (warning,) = Recording.read(many).warnings
+    assert "slipped 5' and 3 more, which" in warning
 
 
 @pytest.mark.parametrize(

@@ -27,6 +27,8 @@ from fasbody.sentences import Sentence
 FIRST = 500
 #: Longer texts are parsed by pandas, several times as fast as numpy's parser; importing it costs what this long takes.
 _LONG = 5_000_000
+#: So many comments between the numbers are read.
+_COMMENTS = 1000
 _PLAIN = b"0123456789+-.eE,;|\t\n "
 
 
@@ -292,7 +294,9 @@ def _numbers(table: TextTable, body: str, after: int, indices: Mapping[str, int]
     decimal = "," if any("," in sample[i] for i in indices.values() if i < len(sample)) else "."
     marked = any(mark in body for mark in ("#", "%", "//"))  # a search by pattern takes as long as the parser
     lines = body.split("\n") if marked else []
-    table.comments.update(dict.fromkeys(line.strip() for line in lines if text.COMMENT.match(line)))
+    room = max(0, _COMMENTS - len(table.comments))
+    comments = (line.strip() for line in lines if text.COMMENT.match(line))
+    table.comments.update(dict.fromkeys(islice(comments, room)))
     data = ("\n".join(line for line in lines if not text.COMMENT.match(line)) if marked else body).encode()
     _no_wider(table, body, data, after)
     order = list(indices.values())

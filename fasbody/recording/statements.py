@@ -79,6 +79,8 @@ _REMARKS = frozenset((
     "comment", "comments", "description", "note", "notes", "remark", "remarks", "bemerkung", "kommentar",
 ))  # fmt: skip
 _DAY = re.compile(r"\d+([./-])\d+\1\d+")
+#: So many lines are quoted.
+_QUOTED = 6
 #: A longer line is no name and number, and would take the pattern long.
 _LONGEST = 160
 _LINE = re.compile(
@@ -219,11 +221,13 @@ def _says(cell: str) -> bool:
 
 
 def quoted(lines: Sequence[str]) -> list[str]:
-    """One sentence that quotes what is not understood."""
-    if len(lines) < 2:
-        return [f"a line says {shown(line)!r}, which is not applied" for line in lines]
-    listed = "; ".join(repr(shown(line)) for line in dict.fromkeys(lines))
-    return [f"lines say {listed}, which is not applied"]
+    """One sentence that quotes what is not understood, the first of it where it is much."""
+    distinct = list(dict.fromkeys(lines))
+    if len(distinct) < 2:
+        return [f"a line says {shown(line)!r}, which is not applied" for line in distinct]
+    listed = "; ".join(repr(shown(line)) for line in distinct[:_QUOTED])
+    more = f" and {len(distinct) - _QUOTED} more" if len(distinct) > _QUOTED else ""
+    return [f"lines say {listed}{more}, which is not applied"]
 
 
 def told(pairs: Mapping[str, object], applied: Sequence[str] = ()) -> dict[str, str]:
