@@ -1,13 +1,15 @@
 """The page's server: the loopback only, no caller from another site, simulations off the event loop.
 
-It answers with the page's files and one stream for each page, only with the session's key: see `Guarded`.
-It runs in the process of the command. Each wait has a limit: a simulation its computing time (`viz.motion.PATIENCE`),
-a silent page its pings, the start of a browser `OPENING`, the last connections `PARTING`.
+It answers with the page's files and one stream for each page, only with the session's key: see `Guarded`. A notebook
+may show the page in a frame, and bring it under its own name. It runs in the process of the command. Each wait has a
+limit: a simulation its computing time (`viz.motion.PATIENCE`), a silent page its pings, the start of a browser
+`OPENING`, the last connections `PARTING`.
 """
 
 import asyncio
 import contextlib
 import json
+import re
 import secrets
 import signal
 import sys
@@ -28,7 +30,7 @@ import tornado.websocket
 from fasbody.console import console, print_json
 from fasbody.exceptions import FasError, SettingError
 from viz.bench import PRIVATE, Bench
-from viz.display import Display, file_of, files, markup, page_json
+from viz.display import Display, file_of, files, markup, page_json, with_token
 from viz.exported import html
 from viz.settings import settings_from
 from viz.uploads import LARGEST as LARGEST_FILE
@@ -50,11 +52,16 @@ LOOKING = 2.0
 OPENING, PARTING = 15.0, 2.0
 #: The answer to a request without the session's key.
 REFUSED = "Open the address that the command printed: its token is missing, or belongs to an earlier session.\n"
+#: And in a notebook, which may have come under a name that nobody gave.
+ELSEWHERE = 'If the notebook is on another machine, give its address: viz.show(foot, origin="https://hub.example.org").\n'
 #: No script but ours and no address but this server; meshcat's control panel writes styles into the page.
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; "
-    "connect-src 'self' ws://{host}; font-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    "connect-src 'self' ws://{host} wss://{host}; font-src data:; base-uri 'none'; form-action 'none'; "
+    "frame-ancestors {frames}"
 )
+#: Origins of a notebook on this machine, of which any port may be its own.
+LOCAL = (f"http://{ADDRESS}:*", "http://localhost:*")
 
 
 async def serve(
@@ -87,14 +94,18 @@ class Server:
         show: what is shown.
         port: 0 takes a free one.
         bench: what a page may do beyond moving sliders.
+        frames: origins of notebooks that may show the page in a frame, or bring it under their own name as
+            jupyter-server-proxy does; none for a page of its own.
 
     Attributes:
         key: of the session; the token of its address, and what a page sends with each change.
         origin: scheme, name and port.
     """
 
-    def __init__(self, show: Display, port: int = 0, bench: Bench | None = None) -> None:
-        self.show = show
+    def __init__(
+        self, show: Display, port: int = 0, bench: Bench | None = None, frames: Iterable[str] = ()
+    ) -> None:
+        self.show, self.frames = show, tuple(frames)
         self.bench = bench
         self.key = secrets.token_urlsafe(24)
         self._key_once = ""
@@ -229,6 +240,11 @@ class Server:
         """Whether a key is this session's."""
         return secrets.compare_digest(key.encode(errors="replace"), self.key.encode())
 
+    def knows(self, host: str, origin: str | None) -> bool:
+        """Whether a request came under a name of the server, or of a notebook's, and from no page of another origin."""
+        names = [("http", name) for name in self.hosts] + [frame.split("://") for frame in self.frames]
+        return any(_is_name(host, name) and origin in (None, f"{scheme}://{host}") for scheme, name in names)
+
     def admits(self, token: str) -> bool:
         """Whether the token of an address opens the page."""
         if self._key_once and secrets.compare_digest(token.encode(errors="replace"), self._key_once.encode()):
@@ -287,7 +303,8 @@ class Guarded(tornado.web.RequestHandler):
     """A request handler that answers only under the server's names, and only with the session's key.
 
     The address that the command prints carries the key; from then on a cookie does. Browsers share cookies between
-    ports, so its name has the port.
+    ports, so its name has the port. In a frame they may keep none, and under a notebook's name others would get it:
+    there each address carries the key.
     """
 
     def initialize(self, server: "Server", name: str = "") -> None:
@@ -300,15 +317,15 @@ class Guarded(tornado.web.RequestHandler):
         An Origin must be scheme, name and port of this very request. Tornado asks `check_origin` only where name or
         port differ, so that https would pass.
         """
-        origin = self.request.headers.get("Origin")
-        if self.request.host not in self.server.hosts or not (origin is None or self.is_same_origin(origin)):
+        if not self.server.knows(self.request.host, self.request.headers.get("Origin")):
             raise tornado.web.HTTPError(403)
         cookie = f"fasbody-{self.server.port}"
         if self.server.is_session_key(self.get_cookie(cookie) or ""):
             return
         if not self.server.admits(self.get_query_argument("token", "")):
             raise tornado.web.HTTPError(403)
-        self.set_cookie(cookie, self.server.key, httponly=True, samesite="Lax")
+        if self.request.host in self.server.hosts:
+            self.set_cookie(cookie, self.server.key, httponly=True, samesite="Lax")
 
     def write_error(self, status_code: int, **more: Any) -> None:
         """A refusal is one sentence."""
@@ -316,30 +333,30 @@ class Guarded(tornado.web.RequestHandler):
             super().write_error(status_code, **more)
             return
         self.set_header("Content-Type", "text/plain; charset=utf-8")
-        self.finish(REFUSED)
-
-    def is_same_origin(self, origin: str) -> bool:
-        """Whether an origin is this server under the name of the request."""
-        return origin == f"http://{self.request.host}"
+        self.finish(REFUSED + (ELSEWHERE if self.server.frames else ""))
 
 
 class Page(Guarded):
     """One of the page's files."""
 
     def set_default_headers(self) -> None:
-        """No caching, no framing, no guessing of types."""
+        """No caching, no guessing of types."""
         self.set_header("Cache-Control", "no-store")
-        self.set_header("Content-Security-Policy", POLICY.format(host=self.request.host))
         self.set_header("X-Content-Type-Options", "nosniff")
         self.set_header("Referrer-Policy", "no-referrer")
         self.set_header("Server", "fasbody")
 
     def get(self) -> None:
-        """The file."""
+        """The file, which nothing but a notebook may frame."""
+        frames = " ".join(self.server.frames) or "'none'"
+        self.set_header("Content-Security-Policy", POLICY.format(host=self.request.host, frames=frames))
         kinds = {".html": "text/html", ".js": "text/javascript", ".css": "text/css"}
         self.set_header("Content-Type", f"{kinds[Path(self.name).suffix]}; charset=utf-8")
-        page = self.name.endswith(".html")
-        self.write(markup(self.name, self.server.key) if page else file_of(self.name).read_bytes())
+        if not self.name.endswith(".html"):
+            self.write(file_of(self.name).read_bytes())
+            return
+        text = markup(self.name, self.server.key)
+        self.write(with_token(text, self.server.key) if self.server.frames else text)
 
 
 @tornado.web.stream_request_body
@@ -403,7 +420,7 @@ class Stream(Guarded, tornado.websocket.WebSocketHandler):
 
     def check_origin(self, origin: str) -> bool:
         """Only a page of this server may connect."""
-        return self.is_same_origin(origin)
+        return self.server.knows(self.request.host, origin)
 
     def open(self, *_: str, **__: str) -> None:
         """Send the whole scene, then what the model is."""
@@ -450,6 +467,11 @@ class Stream(Guarded, tornado.websocket.WebSocketHandler):
             self.on_close()
             return
         written.add_done_callback(lambda done: done.cancelled() or done.exception())  # a page that left is no error
+
+
+def _is_name(host: str, name: str) -> bool:
+    """Whether a request's host is a name, where ``*`` stands for any port."""
+    return host == name or (name.endswith(":*") and re.fullmatch(re.escape(name[:-2]) + r"(:\d+)?", host) is not None)
 
 
 class _Only:
