@@ -247,6 +247,37 @@ def test_unit_of_a_study_is_corrected_and_its_masses_stay(bench: Bench) -> None:
     assert bench.recordings.sources[0].read().base_m_s2.std() == pytest.approx(1e3 * first)
 
 
+@pytest.mark.parametrize(
+    ("heads", "volts"),
+    [
+        (("base_mV", "malleolus_mV"), 1e-3), (("base [mV]", "malleolus [mV]"), 1e-3), (("base_uV", "malleolus_uV"), 1e-6),
+        (("base_V", "malleolus_V"), 1.0), (("base_m_s2", "malleolus_m_s2"), 1.0),
+    ],
+)  # fmt: skip
+def test_sensitivity_is_of_the_voltage_that_a_heading_names(bench: Bench, heads: tuple[str, str], volts: float) -> None:
+    bench.keep("right.csv", FILES["20hz_0kg.csv"].encode())
+    text = scaled(FILES["20hz_0kg.csv"], 0.1 / 9.80665 / volts, ",".join(("time_s", *heads)))
+    bench.keep("volts.csv", text.encode())
+    dropped(bench, ["right.csv", "volts.csv"])
+    bench.correct({1: {"unit": "100 mV/g"}})
+    right, read = (bench.recordings.sources[number].read() for number in (0, 1))
+    assert read.base_m_s2.std() == pytest.approx(right.base_m_s2.std(), rel=1e-6)
+    assert bench.recordings.rows[1]["doubt"] == ""
+    for nothing in ("0 mV/g", "1e-400 mV/g", "1e999 mV/g", "0"):
+        with pytest.raises(FasError, match="sensitivity"):
+            bench.correct({1: {"unit": nothing}})
+
+
+def test_typed_unit_is_believed_of_a_weak_motion_and_not_of_an_impossible_one(bench: Bench) -> None:
+    for name, factor in (("weak.csv", 0.1), ("huge.csv", 1e3)):
+        bench.keep(name, scaled(FILES["20hz_0kg.csv"], factor).encode())
+    dropped(bench, ["weak.csv", "huge.csv"])
+    assert all(bench.recordings.rows[number]["doubt"] for number in (0, 1))
+    bench.correct({number: {"unit": "m/s^2"} for number in (0, 1)})
+    rows = bench.recordings.rows
+    assert rows[0]["doubt"] == "" and "check its unit" in rows[1]["doubt"]
+
+
 def test_kept_study_holds_what_is_known_of_its_channels(bench: Bench, tmp_path: Path) -> None:
     dropped(bench)
     bench.correct({0: {"body_mass_kg": 60}})

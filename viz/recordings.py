@@ -70,7 +70,7 @@ class Recordings:
         self._warnings[number] = judgement["warnings"]
         return row | {key: judgement.get(key) for key in _JUDGED} | {
             "problem": for_page(judgement["problem"]), "warnings": list(map(for_page, judgement["warnings"])),
-            "doubt": "" if source.unit else self.doubt([number]),
+            "doubt": for_page(unit_in_doubt([judgement["warnings"]], stated=bool(source.unit))),
             "label": recording.file, "origin": recording.origin, "subject": condition.subject,
             "unit": source.unit or _unit_of(recording),
             "body_mass_kg": condition.body_mass_kg, "added_mass_kg": condition.added_mass_kg,

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from fasbody.exceptions import FasError, InputFileError, SettingError
-from fasbody.recording.channels import NAMES, VOLTAGES, Layout, heading
+from fasbody.recording.channels import NAMES, VOLTAGES, Layout
 from fasbody.recording.condition import plausible
 from fasbody.recording.file_names import body_mass_in_name, load_in_name
 from fasbody.recording.files import columns_of
@@ -164,7 +164,8 @@ class Source:
         """Keys of a channel whose unit was given, or a data sheet's sensitivity: "100 mV/g" is of numbers in volts."""
         if not text[:1].isdigit():
             return {"unit": text} if text else {}
-        in_volts = any((c["unit"] or heading(c["name"])[1]).lower() in VOLTAGES for c in self.columns())
+        columns = columns_of(self.path)
+        in_volts = any(columns.claimed(k).lower() in VOLTAGES for k in range(len(columns.names)))
         return {"sensitivity": text} | ({} if in_volts else {"unit": "V"})
 
 

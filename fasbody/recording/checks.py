@@ -519,13 +519,15 @@ def gathered(texts: Sequence[str]) -> list[str]:
     return [first if text == like_g[0] else text for text in texts if text == like_g[0] or text not in like_g]
 
 
-def unit_in_doubt(warnings: Iterable[Sequence[str]]) -> str:
+def unit_in_doubt(warnings: Iterable[Sequence[str]], stated: bool = False) -> str:
     """That the values of recordings seem to have another unit, in a sentence; nothing where they do not.
 
     Args:
         warnings: of the checks, for each recording.
+        stated: a person gave the unit, who is believed that a motion is weak, and not that it is impossible.
     """
-    doubts = [[text for text in texts if code_of(text) in (_IN_G, UNIT_IN_DOUBT)] for texts in warnings]
+    codes = [UNIT_IN_DOUBT] if stated else [_IN_G, UNIT_IN_DOUBT]
+    doubts = [[text for text in texts if code_of(text) in codes] for texts in warnings]
     first, *others = [texts[-1] for texts in doubts if texts] or [""]
     more = f" The same in {len(others)} more recordings." if len(others) > 1 else ""
     return Sentence(first, more, code=UNIT_IN_DOUBT)
