@@ -250,8 +250,8 @@ def test_unit_of_a_study_is_corrected_and_its_masses_stay(bench: Bench) -> None:
 @pytest.mark.parametrize(
     ("heads", "volts"),
     [
-        (("base_mV", "malleolus_mV"), 1e-3), (("base [mV]", "malleolus [mV]"), 1e-3), (("base_uV", "malleolus_uV"), 1e-6),
-        (("base_V", "malleolus_V"), 1.0), (("base_m_s2", "malleolus_m_s2"), 1.0),
+        (("base_mV", "malleolus_mV"), 1e-3), (("base [mV]", "malleolus [mV]"), 1e-3),
+        (("base_uV", "malleolus_uV"), 1e-6), (("base_V", "malleolus_V"), 1.0), (("base_m_s2", "malleolus_m_s2"), 1.0),
     ],
 )  # fmt: skip
 def test_sensitivity_is_of_the_voltage_that_a_heading_names(bench: Bench, heads: tuple[str, str], volts: float) -> None:

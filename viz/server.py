@@ -32,6 +32,7 @@ from fasbody.exceptions import FasError, SettingError
 from viz.bench import PRIVATE, Bench
 from viz.display import Display, file_of, files, markup, page_json, with_token
 from viz.exported import html
+from viz.motion import UNWANTED, UnwantedError, still_wanted
 from viz.settings import settings_from
 from viz.uploads import LARGEST as LARGEST_FILE
 
@@ -114,6 +115,8 @@ class Server:
         self.pages: set[Stream] = set()
         self.visited = asyncio.Event()  # a page was here, even if it left before its browser's starter came back
         self._pool = ThreadPoolExecutor(1, "simulation")
+        self._asked: set[_Asked] = set()  # motions that pages wait for
+        self.tasks: set[asyncio.Task[None]] = set()  # what pages asked for
         self._prepared = False  # what the first long recording needs is loaded
         try:
             self._sockets = tornado.netutil.bind_sockets(port, address=ADDRESS)
@@ -164,8 +167,10 @@ class Server:
         try:
             await self._ended.wait()
         finally:
-            for task in tasks:
+            for task in (*tasks, *self.tasks):
                 task.cancel()
+            for asked in self._asked:
+                asked.stop.set()
             http.stop()
             for page in list(self.pages):
                 page.close(1001, "the viewer has ended")
@@ -179,24 +184,40 @@ class Server:
         """End `run`."""
         self._ended.set()
 
-    async def answer(self, message: dict[str, Any]) -> str:
-        """Simulate for the settings of a page's message."""
-        loop = asyncio.get_running_loop()
-        answer = await loop.run_in_executor(self._pool, self._answer, message)
+    async def answer(self, message: dict[str, Any], page: "Stream") -> str:
+        """Simulate for the settings of a page's message; nothing where its next message comes before that is done.
+
+        An action comes first: what is computed is left, and begun again after it.
+        """
+        loop, mine = asyncio.get_running_loop(), _Asked()
+        page.asked.replaced = True
+        page.asked.stop.set()
+        page.asked = mine
+        self._asked.add(mine)
+        answer = None
+        while answer is None and not mine.replaced:
+            mine.stop.clear()
+            answer = await loop.run_in_executor(self._pool, self._answer, message, mine.stop)
+        self._asked.discard(mine)
         if self.bench is not None and not self._prepared:  # while the first motion is displayed
             self._prepared = True
             prepare = threading.Thread(target=self.bench.prepare, name="prepare", daemon=True)
             loop.call_later(LOOKING, prepare.start)
-        return answer
+        return answer or ""
 
-    def _answer(self, message: dict[str, Any]) -> str:
-        started = time.perf_counter()
+    def _answer(self, message: dict[str, Any], stop: threading.Event) -> str | None:
+        started, before = time.perf_counter(), UNWANTED.set(stop)
         try:
+            still_wanted()
             answer = self.show.answer(settings_from(message))
+        except UnwantedError:
+            return None
         except FasError as error:
             answer = {"type": "error", "text": error.on_page()}
         except Exception as error:  # a bug: reported, or the page would repeat the request
             answer = {"type": "error", "text": _bug(error)}
+        finally:
+            UNWANTED.reset(before)
         number = message.get("request")
         answer |= {"request": number if isinstance(number, int) else None, "seconds": time.perf_counter() - started}
         return page_json(answer)
@@ -209,6 +230,8 @@ class Server:
             page.send(page_json(complaint | {"text": "this page belongs to another session; reload it."}))
             return
         before = self.show.files()
+        for asked in self._asked:
+            asked.stop.set()
         try:
             documents = await asyncio.get_running_loop().run_in_executor(self._pool, self.bench.act, message)
         except Exception as error:
@@ -297,6 +320,13 @@ class Server:
             alone = 0.0 if self.pages else alone + 0.2
         console.print("the last page was closed")
         self.stop()
+
+
+class _Asked:
+    """A motion that a page waits for: whether to stop computing it, and whether the page has asked for another."""
+
+    def __init__(self) -> None:
+        self.stop, self.replaced = threading.Event(), False
 
 
 class Guarded(tornado.web.RequestHandler):
@@ -414,7 +444,12 @@ class Made(Guarded):
 
 
 class Stream(Guarded, tornado.websocket.WebSocketHandler):
-    """One page: it gets the scene, the model, and a motion for every request."""
+    """One page: it gets the scene, the model, and a motion for its last request."""
+
+    def initialize(self, server: "Server", name: str = "") -> None:
+        """Called by tornado."""
+        super().initialize(server, name)
+        self.asked = _Asked()
 
     _forget: Callable[[], None] = staticmethod(lambda: None)
 
@@ -441,23 +476,33 @@ class Stream(Guarded, tornado.websocket.WebSocketHandler):
             self.send(page_json(document))
 
     def on_close(self) -> None:
-        """Forget the page."""
+        """Forget the page, and what is computed for it."""
         self.server.pages.discard(self)
+        self.asked.replaced = True
+        self.asked.stop.set()
         self._forget()
 
-    async def on_message(self, message: str | bytes) -> None:
-        """A request for a motion."""
+    def on_message(self, message: str | bytes) -> None:
+        """A request for a motion, or for an action; the next one is read before this one is answered."""
         try:
             request = json.loads(message)
             kind = request["type"]
         except (ValueError, TypeError, KeyError, RecursionError):
             self.close(1003, "not understood")
             return
-        with contextlib.suppress(asyncio.CancelledError):  # the server has ended meanwhile
-            if kind == "simulate":
-                self.send(await self.server.answer(request))
-            elif self.server.bench is not None:
-                await self.server.act(self, request)
+        if kind == "simulate":
+            work = self._simulate(request)
+        elif self.server.bench is not None:
+            work = self.server.act(self, request)
+        else:
+            return
+        task = asyncio.create_task(work)
+        self.server.tasks.add(task)
+        task.add_done_callback(self.server.tasks.discard)
+
+    async def _simulate(self, request: dict[str, Any]) -> None:
+        if answer := await self.server.answer(request, self):
+            self.send(answer)
 
     def send(self, message: str | bytes) -> None:
         """Write, and forget a page that has gone."""
