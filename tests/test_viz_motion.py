@@ -1,6 +1,7 @@
 """The shown motion is the model's: against harmonic balance, the linear equations, an energy balance."""
 
 import json
+from threading import Event
 
 import numpy as np
 import pytest

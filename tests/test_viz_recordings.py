@@ -16,8 +16,10 @@ from viewer import Watched, served
 from fasbody.exceptions import FasError
 from fasbody.recording.file_names import body_mass_in_name, load_in_name
 from fasbody.recording.study import BUNDLED, Study
+from fasbody.sentences import begun, called
 from viz.archive import packed
 from viz.bench import Bench
+from viz.signals import signals
 
 NAMES = ("10hz_0kg.csv", "20hz_0kg.csv", "25hz_2.3kg.csv")
 FILES = {file: (BUNDLED / "recordings" / file).read_text() for file in NAMES}
@@ -276,6 +278,43 @@ def test_typed_unit_is_believed_of_a_weak_motion_and_not_of_an_impossible_one(be
     bench.correct({number: {"unit": "m/s^2"} for number in (0, 1)})
     rows = bench.recordings.rows
     assert rows[0]["doubt"] == "" and "check its unit" in rows[1]["doubt"]
+
+
+def test_seconds_lie_inside_the_recording_and_what_is_refused_is_not_fitted(bench: Bench) -> None:
+    dropped(bench)
+    source, row = bench.recordings.sources, bench.recordings.rows
+    pairs = {(-1, 99): (None, None), (0.5, 99): (0.5, None), (-1, 0.5): (None, 0.5), (0, 1): (None, 1)}
+    for given, kept in pairs.items():
+        bench.correct({0: dict(zip(("start_s", "end_s"), given, strict=True))})
+        assert (source[0].start_s, source[0].end_s) == kept == (row[0]["start_s"], row[0]["end_s"])
+    assert not signals(source[0])["refused"]
+    with pytest.raises(FasError, match="give two times between 0 and"):
+        bench.correct({0: {"start_s": 50, "end_s": 99}})
+    for end, refused in ((None, False), (0.32, True)):
+        bench.correct({0: {"start_s": 0.3, "end_s": end}})
+        bench.use(0)
+        seen = bench.show.answer(bench.show.settings)["feet"]["measured"]
+        assert (seen["fit_percent"] is None) == bool(row[0]["problem"]) == refused
+        assert signals(source[0])["refused"] == refused
+
+
+def test_sentences_of_the_table_name_its_own_cells(bench: Bench) -> None:
+    texts = {
+        "empty.csv": "", "weak.csv": scaled(FILES["20hz_0kg.csv"], 0.1),
+        "volts.csv": scaled(FILES["20hz_0kg.csv"], 1, "time_s,base [V],malleolus [V]"),
+    }  # fmt: skip
+    for name, text in texts.items():
+        bench.keep(name, text.encode())
+    dropped(bench, list(texts))
+    empty, weak, volts = (bench.recordings.rows[number] for number in range(3))
+    assert empty["unread"].startswith("is empty") and "empty.csv" not in empty["unread"]
+    assert weak["doubt"].endswith("is it in g? Then type g as its unit in the table.") and weak["believed"]
+    assert volts["unread"] == "base is in V; give its sensitivity as its unit in the table, “100 mV/g”."
+    with pytest.raises(FasError) as refused:
+        bench.keep("a.exe", b"")
+    assert str(refused.value).count(".zip") == 1
+    assert begun(called("compare_rivals")).on_page == "The button Rivals"
+    assert begun(called("compare_rivals")) == "fasbody rivals"
 
 
 def test_kept_study_holds_what_is_known_of_its_channels(bench: Bench, tmp_path: Path) -> None:

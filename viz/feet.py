@@ -370,6 +370,8 @@ class Show:
             bodies[:, 1, 1] = np.interp(model.time + delay_s, even, lift)
             measured = np.interp(model.time + delay_s, time, recording.malleolus_m_s2)
             answer |= {"malleolus": _flat(measured, 4), "fit_percent": fit_percent(measured, model.malleolus)}
+        if self.excitation.refused:
+            answer["fit_percent"] = None
         return answer | {"bodies": _flat(bodies, 8)}
 
     def _table(self) -> str:

@@ -157,7 +157,10 @@ class Source:
         source = replace(self, channels={name: table for name, table in channels.items() if table}, **numbers)
         source._layout()
         if (source.start_s, source.end_s) != (self.start_s, self.end_s):
-            source.read()
+            part = source.read().part_s
+            if part is not None:  # what lies beyond the ends is none of it
+                first = source.start_s if source.start_s is not None and source.start_s > 0 else None
+                source = replace(source, start_s=first, end_s=source.end_s if source.end_s == part[1] else None)
         return source
 
     def _unit(self, text: str) -> dict[str, str]:

@@ -42,6 +42,9 @@ _COARSE = 5e-3
 #: other values.
 _IN_G, UNIT_IN_DOUBT = "in g", "unit in doubt"
 _CHECK_UNIT = "check its unit."
+_LIKE_G = Sentence(
+    "is it in g? Then name the column base_g.", on_page="is it in g? Then type g as its unit in the table."
+)
 #: A passive foot lags behind its base; it may seem to lead by so much where loggers take channels one by one [deg].
 _LEAD_DEG = 1.0
 #: By how much more a sine of a person who repeats to 5 % may seem to lead, two standard deviations [deg].
@@ -395,7 +398,7 @@ def _level(recording: Recording, frequency: float) -> Iterator[str]:
         like_g = 0.2 < abs(base) <= 2
         yield Sentence(
             f"the base amplitude is {abs(base):.3g} m/s^2 at {frequency:.4g} Hz (the thesis: 8.95); ",
-            "is it in g? Then name the column base_g." if like_g else _CHECK_UNIT,
+            _LIKE_G if like_g else _CHECK_UNIT,
             code=_IN_G if like_g else UNIT_IN_DOUBT,
         )
     lead = np.degrees(np.angle(ratio))
