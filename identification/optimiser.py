@@ -501,7 +501,7 @@ def _annealed(
             population = population.joined(rest.pop(0)[1])
         problem = goal if arrived else goal.with_repeatability(level)
         waiting = sum(len(group.Q) for _, group in rest)
-        levels = max(0.0, np.log(level / max(goal.repeatability, _LEVEL)) / np.log(fall))  # to go
+        levels = max(0.0, np.log(max(level, _LEVEL) / max(goal.repeatability, _LEVEL)) / np.log(fall))
         full = 0.0 if arrived else 1 + np.ceil(levels)
         go.expect(len(population.Q) * (full + _NEAR_END) + waiting, go.after)
         population = go.down(problem, population, _PROMISED if arrived else _ON_THE_WAY)

@@ -53,7 +53,7 @@ def markup(page: str, key: str = "") -> str:
 def with_token(html: str, key: str) -> str:
     """A page whose scripts and styles are asked for with the key."""
     for pattern in (SCRIPT, STYLE):
-        html = pattern.sub(lambda found: found[0].replace(found[1], f"{found[1]}?token={key}"), html)
+        html = pattern.sub(lambda tag: tag[0].replace(tag[1], f"{tag[1]}?token={key}"), html)
     return html
 
 

@@ -141,11 +141,11 @@ def _frames(origin: str | None) -> tuple[str, ...]:
     public = os.environ.get("JUPYTERHUB_PUBLIC_URL") if origin is None else origin
     if public is None:
         return LOCAL
-    found = _ORIGIN.match(public)
-    if found is None:
+    match = _ORIGIN.match(public)
+    if match is None:
         valid = 'as in "https://hub.example.org"'
         raise SettingError(setting="origin", quantity="the origin of the notebook", value=public, valid=valid)
-    return (found[1].lower(),)
+    return (match[1].lower(),)
 
 
 def show(
