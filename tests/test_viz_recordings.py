@@ -87,7 +87,9 @@ def test_table_is_filled_many_at_once_and_kept_as_a_study(opened: Any, tmp_path:
         }"""
         page(paste, ["load [kg] of 20hz_0kg.csv", "1.5\r\nx\r\n"])
         assert page("complaints") == '"x" is not a number.'
-        page(paste, ["load [kg] of 20hz_0kg.csv", "1.5\r\n4.5\r\n9\r\n"])  # more than there are rows
+        page(paste, ["load [kg] of 20hz_0kg.csv", "1.5\t70\n4.5\t71"])
+        assert page("complaints") == "These are two columns; paste one at a time."
+        page(paste, ["load [kg] of 20hz_0kg.csv", "1.5\r\n4.5 kg\r\n9\r\n"])  # more than there are rows
         page.until("bench.rows.map(row => row.added_mass_kg).join() === '0,1.5,4.5'")
         typed(page, "load [kg] of 20hz_0kg.csv", "0")
         page.until("bench.rows[1].added_mass_kg === 0")

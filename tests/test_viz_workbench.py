@@ -236,6 +236,19 @@ def test_fit_is_out_of_date_when_an_included_file_changes(tmp_path: Path) -> Non
         bench.close()
 
 
+def test_progress_has_steps_share_and_time_left(bench: Bench) -> None:
+    told: list[dict[str, Any]] = []
+    bench.send = told.append
+    bench.fits._state |= {"running": True, "what": "reading the recordings"}
+    for done, total in ((0, 1000), (300, 1000), (300, 2000), (1150, 2000)):
+        bench.fits.receive({"type": "progress", "what": "searching", "done": done, "total": total})
+    assert [(d["what"], d["done"], d["total"]) for d in told[1:3]] == [("searching", 300, 1000), ("searching", 300, 2000)]
+    assert [d["share"] for d in told] == pytest.approx([0.0, 0.3, 0.3, 0.65])
+    assert all(d["left_s"] is None or d["left_s"] >= 0 for d in told)
+    bench.fits.receive({"type": "problem", "of": "fit", "text": "no end"})
+    assert {"share": 0.0, "left_s": None, "total": 0}.items() <= bench.fits.progress().items()
+
+
 def test_report_that_fails_leaves_a_running_fit(bench: Bench) -> None:
     told: list[dict[str, Any]] = []
     bench.send = told.append
