@@ -1,6 +1,5 @@
 // The workbench: recordings in, a fit of them, what it found. All of it is done by the server, as a script would do it.
 "use strict";
-const KEY = /** @type {any} */ (document.querySelector("meta[name=key]") || {}).content || "";
 /** @type {Bench} */
 const bench = {
   // Recordings: as the server lists them, by ids that the session gives once; the one that drives the table, -1 for none.
@@ -103,7 +102,7 @@ byId("two_masses").onclick = () => tellServer("choose", { name: "two_dof" });
 byId("start_rivals").onclick = () => { tellServer("rivals", { numbers: ticked(), said: {} }); };
 byId("stop_fit").onclick = () => tellServer("stop");
 byId("sine").onclick = () => tellServer("sine");
-for (const [id, path] of [["save_report", "/report"], ["save_results", "/results"]]) byId(id).onclick = () => {
+for (const [id, path] of [["save_report", "report"], ["save_results", "results"]]) byId(id).onclick = () => {
     bench.wantedPath = path;
     if (!bench.found) { receiveReport(); return; }  // of a fit that was made before
     tellServer("report", {}, "writing the report");
@@ -111,9 +110,9 @@ for (const [id, path] of [["save_report", "/report"], ["save_results", "/results
 function receiveReport() {
   if (!bench.wantedPath) return;  // another page asked
   busyWith("");
-  if (bench.wantedPath === "/report") {
-    if (!open("/report", "_blank")) byId("data_state").replaceChildren("the report is ready: ", element("a", "open it", { href: "/report", target: "_blank" }));
-  } else if (bench.wantedPath) save(bench.wantedPath, "results.zip");
+  if (bench.wantedPath === "report") {
+    if (!open(own("report"), "_blank")) byId("data_state").replaceChildren("the report is ready: ", element("a", "open it", { href: own("report"), target: "_blank" }));
+  } else if (bench.wantedPath) save(own(bench.wantedPath), "results.zip");
   bench.wantedPath = "";
 }
 
@@ -124,7 +123,7 @@ function takeAway() {
 }
 function saveOfflinePage() {
   busyWith("");
-  save("/take", "foot.html");
+  save(own("take"), "foot.html");
 }
 
 // A sentence in place of what was asked for; nothing waits for that any longer.
@@ -142,7 +141,7 @@ function receiveComplaint({ text, of }) {
 function workbenchReceives(document_) {
   const kinds = {
     data: showRecordings, columns: correctionForm, signals: showSignals, progress: showProgress, fitted: receiveFit, rivals: showRivals, history: showHistory, comparison: showComparison,
-    reported: receiveReport, kept: () => { busyWith(""); save("/study", "study.zip"); }, session_kept: saveSession, session: receiveSession, taken: saveOfflinePage, complaint: receiveComplaint,
+    reported: receiveReport, kept: () => { busyWith(""); save(own("study"), "study.zip"); }, session_kept: saveSession, session: receiveSession, taken: saveOfflinePage, complaint: receiveComplaint,
     // an exported page has no editor
     saved: d => showSaved(d), models: d => listModels(d), checked: d => showCheck(d),
   };
