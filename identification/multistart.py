@@ -62,7 +62,7 @@ def descend(problem: TimeProblem, label: str, z: np.ndarray, tight: bool = False
         label: name of the start.
         z: (n,) full search variable there.
         tight: converge well below the standard errors, for a result to report.
-        work: is told of each step.
+        work: counts the steps.
     """
     p = problem.space.lower.size
     low, high = problem.bounds
@@ -119,7 +119,7 @@ def explore(
     Args:
         problem: what to minimise.
         starts: (label, q0).
-        work: is told of each step, and about how many may still come.
+        work: counts the steps, and about how many may still come.
 
     Returns:
         The descents, best first, and whether they were interrupted.

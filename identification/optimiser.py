@@ -122,7 +122,7 @@ def descend(
         signs: (C,) side of each.
         steps: at most.
         promised: decrease of the sum of squares that is worth no further step.
-        work: is told of each candidate's steps.
+        work: counts each candidate's steps.
     """
     low, high = (np.stack(limit) for limit in zip(*(problem.bounds(s) for s in signs), strict=True))
     Q = np.clip(Q, low, high)
@@ -386,10 +386,11 @@ def search(
         smooth: scatters at which starts begin in turn, the largest first.
         fall: factor by which the scatter falls from one descent to the next.
         steps: of a descent at most; the last one may take five times as many.
-        work: is told of each candidate's steps, and about how many may still come.
+        work: counts the steps of each candidate, and about how many may still come.
         later: steps that come after the search.
     """
-    rng, go = np.random.default_rng(seed), _Descents(steps, work or Work(), later + _NEAR_END * steps * len(signs))
+    rng = np.random.default_rng(seed)
+    descents = _Descents(steps, work or Work(), later + _NEAR_END * steps * len(signs))
     population: Population | None = None
     tried = dict.fromkeys(signs, 0)
     images: set[bytes] = set()
@@ -401,13 +402,13 @@ def search(
         for sign in open_:
             tried[sign] += sum(int(np.sum(group.sign == sign)) for group in fresh)
         last = None if estimate and population is None else problem.scatter
-        go.after = go.last + len(open_) * starts * (beside * (_SCREENING + 1) + steps + 1)
-        problem, ends = _annealed(problem, dict(zip(smooth, fresh, strict=True)), last, fall, go)
+        descents.after = descents.last + len(open_) * starts * (beside * (_SCREENING + 1) + steps + 1)
+        problem, ends = _annealed(problem, dict(zip(smooth, fresh, strict=True)), last, fall, descents)
         population = ends if population is None else population.joined(ends).distinct(most=_KEPT)
-        population = _with_images(problem, population, signs, images, go)
-        population, restless = _improved(problem, population, open_, starts, beside * starts, rng, go)
+        population = _with_images(problem, population, signs, images, descents)
+        population, restless = _improved(problem, population, open_, starts, beside * starts, rng, descents)
         if estimate:
-            problem, population = _settled(problem, population, go)
+            problem, population = _settled(problem, population, descents)
         open_ = [
             sign
             for sign in signs
@@ -417,8 +418,8 @@ def search(
         if not open_:
             break
     assert population is not None
-    go.expect(_NEAR_END * len(signs), later)
-    optima = [_optimum(problem, population, sign, tried[sign], go) for sign in signs]
+    descents.expect(_NEAR_END * len(signs), later)
+    optima = [_optimum(problem, population, sign, tried[sign], descents) for sign in signs]
     return Searched(problem, tuple(sorted(optima, key=lambda o: o.objective)))
 
 
@@ -481,7 +482,7 @@ def _starting(Q: np.ndarray, signs: np.ndarray) -> Population:
 
 
 def _annealed(
-    problem: Problem, groups: Mapping[float, Population], last: Scatter | None, fall: float, go: "_Descents"
+    problem: Problem, groups: Mapping[float, Population], last: Scatter | None, fall: float, descents: "_Descents"
 ) -> tuple[Problem, Population]:
     """Starts followed down to a scatter, each group from its own, to the distinct ends there.
 
@@ -490,7 +491,7 @@ def _annealed(
         groups: starts by the scatter at which they begin.
         last: scatter at which they end; None where it is what the best of them leaves over.
         fall: factor by which it falls.
-        go: down.
+        descents: of the search.
     """
     rest = sorted(groups.items(), key=lambda item: -item[0])
     goal = problem.with_scatter(last or Scatter())
@@ -503,8 +504,8 @@ def _annealed(
         waiting = sum(len(group.Q) for _, group in rest)
         levels = max(0.0, np.log(max(level, _LEVEL) / max(goal.repeatability, _LEVEL)) / np.log(fall))
         full = 0.0 if arrived else 1 + np.ceil(levels)
-        go.expect(len(population.Q) * (full + _NEAR_END) + waiting, go.after)
-        population = go.down(problem, population, _PROMISED if arrived else _ON_THE_WAY)
+        descents.expect(len(population.Q) * (full + _NEAR_END) + waiting, descents.after)
+        population = descents.down(problem, population, _PROMISED if arrived else _ON_THE_WAY)
         population = population.distinct(_ONE, _GO_ON)
         if last is None:
             goal = _reweighed(problem, population)
@@ -523,15 +524,15 @@ def _reweighed(problem: Problem, population: Population) -> Problem:
     return problem.with_scatter(repeatability(problem, best))
 
 
-def _settled(problem: Problem, population: Population, go: "_Descents") -> tuple[Problem, Population]:
+def _settled(problem: Problem, population: Population, descents: "_Descents") -> tuple[Problem, Population]:
     """Ends where the scatter is what the best of them leaves over."""
     for _ in range(_LEVELS):
         after = _reweighed(problem, population)
         if problem.scatter.near(after.scatter, _SETTLED):
             break
         problem = after
-        go.expect(_NEAR_END * len(population.Q), go.last)
-        population = go.down(problem, population).distinct()
+        descents.expect(_NEAR_END * len(population.Q), descents.last)
+        population = descents.down(problem, population).distinct()
     return problem, population
 
 
@@ -541,7 +542,7 @@ class _Descents:
 
     Attributes:
         steps: of each at most.
-        work: is told of each candidate's.
+        work: counts the steps of each candidate.
         last: steps that come when the ends of all rounds are known.
         after: steps that come after the first descents of a round.
     """
@@ -551,9 +552,9 @@ class _Descents:
     last: float
     after: float = 0.0
 
-    def expect(self, descents: float, after: float) -> None:
-        """So many descents of one candidate may still come, and `after` them so many steps."""
-        self.work.expect(descents * (self.steps + 1) + after)
+    def expect(self, count: float, after: float) -> None:
+        """So many descents of a candidate may still come, and after them so many steps."""
+        self.work.expect(count * (self.steps + 1) + after)
 
     def down(self, problem: Problem, population: Population, promised: float = _PROMISED) -> Population:
         """Where candidates come to."""
@@ -562,7 +563,7 @@ class _Descents:
 
 
 def _with_images(
-    problem: Problem, population: Population, signs: tuple[int, ...], done: set[bytes], go: _Descents
+    problem: Problem, population: Population, signs: tuple[int, ...], done: set[bytes], descents: _Descents
 ) -> Population:
     """Ends, with those below the mirror images of each side's best one, where that is new."""
     best = [population.best(sign) for sign in signs if sign]
@@ -572,8 +573,8 @@ def _with_images(
         return population
     images = _starting(problem.variables.image(population.Q[best]), -population.sign[best])
     images = replace(images, hits=0 * images.hits)  # of an end that is there already, its own image is no second find
-    go.expect(len(images.Q), go.after)
-    joined = population.joined(go.down(problem, images)).distinct(most=_KEPT)
+    descents.expect(len(images.Q), descents.after)
+    joined = population.joined(descents.down(problem, images)).distinct(most=_KEPT)
     return replace(joined, hits=np.maximum(joined.hits, 1))
 
 
@@ -584,7 +585,7 @@ def _improved(
     followed: int,
     beside: int,
     rng: np.random.Generator,
-    go: _Descents,
+    descents: _Descents,
 ) -> tuple[Population, list[int]]:
     """Ends, with better ones that lie near them, and the sides whose best end may not be the last.
 
@@ -595,16 +596,16 @@ def _improved(
         followed: starts of a side that go on.
         beside: starts of a side, of which they are the most promising.
         rng: for the starts.
-        go: down.
+        descents: of the search.
     """
     for _ in range(_BATCHES):
         near = _redrawn(problem, population, signs, beside, rng)
         if not len(near.Q):
             return population, []
-        go.expect(followed * len(signs), go.last + (_SCREENING + 1) * len(near.Q))
-        near = _promising(problem, near, followed, go.work)
+        descents.expect(followed * len(signs), descents.last + (_SCREENING + 1) * len(near.Q))
+        near = _promising(problem, near, followed, descents.work)
         before = {sign: population.least(sign) for sign in signs}
-        population = population.joined(go.down(problem, near)).distinct(most=_KEPT)
+        population = population.joined(descents.down(problem, near)).distinct(most=_KEPT)
         signs = [sign for sign in signs if population.least(sign) < before[sign] - SAME]
         if not signs:
             break
@@ -620,10 +621,11 @@ def _promising(problem: Problem, population: Population, count: int, work: Work 
     return replace(population, Q=down.Q, objective=down.objective).rows(np.concatenate(sides))
 
 
-def _optimum(problem: Problem, population: Population, sign: int, tried: int, go: _Descents) -> Optimum:
+def _optimum(problem: Problem, population: Population, sign: int, tried: int, descents: _Descents) -> Optimum:
     """The best of a side's ends, finished."""
     best, side = population.best(sign), population.sign == sign
-    q, objective, converged = finished(problem, population.Q[best], sign, round(_LONGER * go.steps), go.work)
+    longer = round(_LONGER * descents.steps)
+    q, objective, converged = finished(problem, population.Q[best], sign, longer, descents.work)
     near = side & (population.objective < max(population.objective[best], objective) + SAME)
     hits, others = int(population.hits[near].sum()), side & (np.arange(side.size) != best)
     behind = population.behind(sign)

@@ -152,7 +152,7 @@ def fit(
         starts: of a side in a round of the search.
         seed: of the starts.
         allow: for what may be true beside the model; else the nuisances are held.
-        work: is told how far it is.
+        work: counts the steps.
 
     Raises:
         SimulationError: no motion lasts.
