@@ -139,9 +139,10 @@ let sentCell = null;
 function fill(texts, key, input) {
   const changes = [];
   for (const [id, text] of texts) {
-    if (/\S\t/.test(text)) { refuse(input, "These are two columns; paste one at a time."); return; }
+    const two = /\S\t/.test(text) && "These are two columns; paste one at a time.";
     const v = key === "unit" || !text.trim() ? text.trim() : typedNumber(text.replace(/(\d)\s*kg\s*$/i, "$1"));
-    if (key !== "unit" && typeof v === "string" && v) { if (texts.length > 1 && input.closest("tr")) complain(v); else refuse(input, v); return; }
+    const wrong = two || (key !== "unit" && typeof v === "string" && v);
+    if (wrong) { if (texts.length > 1 && input.closest("tr")) complain(wrong); else refuse(input, wrong); return; }
     changes.push([id, { [key]: v }]);
   }
   input.classList.remove("refused");
