@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from recorded_foot import record
 from rich.console import Console
+from scipy.signal import lfilter
 from typer.testing import CliRunner
 
 from fasbody.console import command_line
@@ -177,10 +178,28 @@ def test_intervals_are_withheld_where_residuals_are_not_white() -> None:
     assert figures.bode(found).axes[0].get_legend_handles_labels()[1][0] == "ARX (4, 4, 1) (no valid band)"
 
 
+@pytest.mark.parametrize(
+    ("name", "small", "large"),
+    [("oe", (1, 1, 1), (4, 2, 1)), ("hw", (1, 1, 1, 1, 1), (4, 2, 1, 1, 1)), ("ss", (1,), (4,))],
+)
+def test_residuals_that_depend_on_past_inputs_withhold_intervals_of_every_structure(
+    name: str, small: tuple[int, ...], large: tuple[int, ...]
+) -> None:
+    """The intervals of an output-error plant too small held the truth at an eighth of the frequencies."""
+    rng = np.random.default_rng(21)
+    u = rng.standard_normal(2000)
+    w = lfilter([0, 1, 0.5, 0.2, 0.1], [1, -0.3, 0.1], u)
+    one = Series(u, w + 0.5 * np.std(w) * rng.standard_normal(2000), 1.0, "late")
+    for orders, given in ((small, False), (large, True)):
+        model = identify(one, (name,), {name: orders}).models[name]
+        assert np.isfinite(model.response.gain_std).all() == given
+        assert any("no standard errors or band: its residuals depend" in text for text in model.warnings) != given
+
+
 def test_table_and_csv_give_the_gain_where_the_input_is_strongest() -> None:
     """Two lines, the stronger one where the foot answers less; table, CSV and 95 % interval agree."""
     u = foot.sine(8.0, 2000) + 3.0 * foot.sine(45.0, 2000)
-    found = identify(record(u), ("oe",), {"oe": (2, 2, 1)})
+    found = identify(record(u), ("oe",), {"oe": (4, 4, 1)})
     row = next(csv.DictReader(io.StringIO(report.csv_text([found]))))
     assert float(row["gain_frequency_hz"]) == pytest.approx(45.0, abs=0.5)
     heading = str(report.single_table(found).columns[3].header)

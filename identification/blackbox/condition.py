@@ -58,6 +58,14 @@ class Condition:
             return "the input answers the output (feedback)"
         return "the input is constant but for a few steps" if self.steps else ""
 
+    @property
+    def no_intervals(self) -> dict[str, bool]:
+        """Why no structure has intervals, and whether that holds."""
+        return {
+            "the input may answer the output, which biases every structure a little": self.suspect,
+            "outliers are no noise that a standard error describes": bool(self.spikes),
+        }
+
     def warnings(self) -> list[str]:
         """Sentences on the condition."""
         sentences = []
@@ -73,7 +81,7 @@ class Condition:
             sentences.append(f"the output drifts by {self.drift:.2g} of its standard deviation: --detrend 1 removes it")
         if self.by_prediction:
             sentences.append(f"{self.by_prediction}: orders are chosen by one-step prediction errors and BIC")
-        if self.suspect and not self.feedback:
+        if self.suspect:
             sentences.append("the input may answer the output (weak feedback, or a nonlinear plant): no intervals")
         return sentences
 
@@ -94,7 +102,7 @@ def examine(series: Series) -> Condition:
         unstable = largest_root(np.concatenate([[1.0], theta[:lags]])) > 1.0
     return Condition(
         spikes, _drift(repaired, errors, phi), feedback, few_steps(series.u), unstable,
-        p < SUSPECT or _at_once(phi, y, lags), limit,
+        not feedback and (p < SUSPECT or _at_once(phi, y, lags)), limit,
     )  # fmt: skip
 
 

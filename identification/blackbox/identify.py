@@ -233,6 +233,11 @@ class _Chooser:
         best = min(losses, key=lambda label: losses[label])
         return best if _log_loss(model, self.validation) - losses[best] > WORSE else ""
 
+    def follows_noise(self, model: Single) -> bool:
+        """Whether the simulation errors are so strongly coloured that the plant is partly a model of them."""
+        errors = [series.y - model.simulate(series) for series in self.referee.estimation]
+        return STRONGLY * criteria.whitened_variance(errors) < np.mean(np.concatenate(errors) ** 2)
+
     def _model(self, name: str) -> PolynomialModel:
         return self.select(name).best.model
 
@@ -295,11 +300,11 @@ def _judge(chosen: Selection, chooser: _Chooser, seen: Excitation) -> ChosenMode
     noise = sum(getattr(getattr(model, "orders", None), key, 0) for key in ("na", "nc", "nd"))
     least = chooser.referee.least_delay
     tests = [residual_test(model.residuals(series), series, noise, least) for series in chooser.validation]
-    test = max(tests, key=lambda t: -min(t.cross_p, t.white_p))
+    test = min(tests, key=lambda t: min(t.cross_p, t.white_p))
     warnings = [*model.warnings, *chosen.warnings]
     if len(chosen.delays) > 1:
         warnings.append(f"the delay is not determined: n_k = {' or '.join(map(str, chosen.delays))} fit equally well")
-    why = _no_intervals(model, test, chooser)
+    why = _no_intervals(model, tests, chooser)
     if why:
         warnings.append(f"no standard errors or band: {why}")
         model = _without_intervals(model)
@@ -324,32 +329,22 @@ def _log_loss(model: Single, recordings: Sequence[Series]) -> float:
     return float(len(errors) * np.log(max(float(np.mean(errors**2)), 1e-300)))
 
 
-def _no_intervals(model: Single, test: ResidualTest, chooser: _Chooser) -> str:
-    """Why the standard errors of a model would mislead, or an empty string."""
-    name, state = model.structure.upper(), chooser.state
-    if model.structure in WHITE:
-        if min(test.white_p, test.cross_p) < CALM:
-            return (
-                f"those of {name} are valid only for white residuals that do not depend on past "
-                "inputs"
-            )
-        if isinstance(model, PolynomialModel) and largest_root(model.polynomials[2]) > ON_CIRCLE:
-            return "a zero of the noise model lies on the unit circle, where no linearisation holds"
-        better = chooser.predicts_better(model)
-        if better:
-            return f"{better} predicts the held-out part better, so the noise is not that of {name}"
-    else:
-        if state.feedback:
-            return f"{name} has no noise model, so feedback biases it"
-        errors = [series.y - model.simulate(series) for series in chooser.referee.estimation]
-        whitened = criteria.whitened_variance(errors)
-        if STRONGLY * whitened < np.mean(np.concatenate(errors) ** 2):
-            return f"the errors of {name} are so strongly coloured that it follows them; BJ models them"
-    if state.suspect and not state.feedback:
-        return "the input may answer the output, which biases every structure a little"
-    if state.spikes:
-        return "outliers are no noise that a standard error describes"
-    return ""
+def _no_intervals(model: Single, tests: Sequence[ResidualTest], chooser: _Chooser) -> str:
+    """Every reason why the standard errors of a model would mislead, or an empty string."""
+    name, state, white = model.structure.upper(), chooser.state, model.structure in WHITE
+    calm, better = CALM / len(tests), chooser.predicts_better(model) if white else ""
+    reasons = {
+        f"{name} has no noise model, so feedback biases it": state.feedback and not white,
+        "its residuals depend on past inputs": min(test.cross_p for test in tests) < calm,
+        f"those of {name} are valid only for white residuals": white and min(t.white_p for t in tests) < calm,
+        "a zero of the noise model lies on the unit circle, where no linearisation holds": white
+        and largest_root(model.polynomials[2]) > ON_CIRCLE,
+        f"{better} predicts the held-out part better, so the noise is not that of {name}": better,
+        f"the errors of {name} are so strongly coloured that it follows them; BJ models them": not white
+        and chooser.follows_noise(model),
+        **state.no_intervals,
+    }
+    return "; ".join(text for text, holds in reasons.items() if holds)
 
 
 def _without_intervals(model: Any) -> Any:
