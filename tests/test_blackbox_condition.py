@@ -52,9 +52,14 @@ def test_spikes_are_found_and_mended() -> None:
 
 @pytest.mark.parametrize(("share", "says"), [(0.985, True), (0.995, False)])
 def test_an_overflow_is_no_outlier(share: float, says: bool) -> None:
-    """An output cut at its own 98.5th percentile stands there for 1.5 % of the samples."""
+    """An output cut at its own 98.5th percentile stands there for 1.5 % of the samples: no intervals."""
     series = clean(n=2000)
-    found = condition.examine(replace(series, y=np.minimum(series.y, np.quantile(series.y, share))))
+    cut = replace(series, y=np.minimum(series.y, np.quantile(series.y, share)))
+    found = condition.examine(cut)
+    oe = identify(cut, ("oe",), {"oe": (2, 2, 1)}).models["oe"]
+    assert np.isfinite(oe.response.gain_std).all() != says
+    assert any("no standard errors or band: the output stands at an end" in text
+               for text in oe.warnings) == says  # fmt: skip
     assert any("at an end of its range for 1." in text for text in found.warnings()) == says
     assert not (says and found.spikes)
 

@@ -64,6 +64,7 @@ class Condition:
         return {
             "the input may answer the output, which biases every structure a little": self.suspect,
             "outliers are no noise that a standard error describes": bool(self.spikes),
+            "the output stands at an end of its range": self.limited > 0,
         }
 
     def warnings(self) -> list[str]:

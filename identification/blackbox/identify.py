@@ -337,8 +337,9 @@ def _no_intervals(model: Single, tests: Sequence[ResidualTest], chooser: _Choose
         f"{name} has no noise model, so feedback biases it": state.feedback and not white,
         "its residuals depend on past inputs": min(test.cross_p for test in tests) < calm,
         f"those of {name} are valid only for white residuals": white and min(t.white_p for t in tests) < calm,
-        "a zero of the noise model lies on the unit circle, where no linearisation holds": white
-        and largest_root(model.polynomials[2]) > ON_CIRCLE,
+        "a zero of the noise model lies on the unit circle, where no linearisation holds": isinstance(
+            model, PolynomialModel
+        ) and largest_root(model.polynomials[2]) > ON_CIRCLE,
         f"{better} predicts the held-out part better, so the noise is not that of {name}": better,
         f"the errors of {name} are so strongly coloured that it follows them; BJ models them": not white
         and chooser.follows_noise(model),
