@@ -126,6 +126,13 @@ def test_weak_loops_are_suspected_and_get_no_intervals(colour: float) -> None:
     assert np.isnan(report.models["bj"].response.gain_std).all()
 
 
+@pytest.mark.parametrize(("gain", "least", "most"), [(0.03, 7, 12), (0.0, 0, 1)])
+def test_the_disturbance_itself_shows_weak_loops_under_strong_colour(gain: float, least: int, most: int) -> None:
+    """Single errors and the sample itself show 4 of these 12 loops."""
+    found = sum(condition.examine(weak(gain, 0.9, seed, 3000)).suspect for seed in range(12))
+    assert least <= found <= most
+
+
 @pytest.mark.parametrize(("noise", "suspect"), [(0.3, False), (2.0, True)])
 def test_a_feedthrough_is_one_where_it_is_most_of_the_news(noise: float, suspect: bool) -> None:
     rng = np.random.default_rng(3)

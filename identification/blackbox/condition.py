@@ -89,21 +89,21 @@ class Condition:
 
 def examine(series: Series) -> Condition:
     """The condition of one recording, means removed; empty for one too short for a long ARX model."""
-    lags = min(LAGS, len(series) // 20)
+    lags = _lags(series)
     if lags < 3 or not np.ptp(series.u):
         return Condition()
     limit = limited(series.y)
     repaired, spikes = (series, ()) if limit else mend(series)
     phi, y = _regression(repaired, lags)
-    errors = y - phi @ pem.solve([(phi, y)])
-    share, p = _feedback(repaired, errors, lags)
+    theta = pem.solve([(phi, y)])
+    share, p, faint = _feedback(repaired, y - phi @ theta, theta[:lags])
     feedback, unstable = p < CERTAIN and share > ANSWER, False
     if feedback:  # a controller's u(t) depends on y(t): n_k is 1
         theta = pem.solve([pem.regressors(repaired, Orders(na=lags, nb=lags, nk=1))])
         unstable = largest_root(np.concatenate([[1.0], theta[:lags]])) > 1.0
     return Condition(
-        spikes, _drift(repaired, errors, phi), feedback, few_steps(series.u), unstable,
-        not feedback and (p < SUSPECT or _at_once(phi, y, lags)), limit,
+        spikes, _drift(repaired, phi, y, lags), feedback, few_steps(series.u), unstable,
+        not feedback and (faint < SUSPECT or _at_once(phi, y, lags)), limit,
     )  # fmt: skip
 
 
@@ -120,6 +120,10 @@ def few_steps(u: np.ndarray) -> bool:
     return 0 < places <= STEPS and len(changes) < len(u) / 20
 
 
+def _lags(series: Series) -> int:
+    return min(LAGS, len(series) // 20)
+
+
 def _regression(series: Series, lags: int) -> tuple[np.ndarray, np.ndarray]:
     phi, y = pem.regressors(series, Orders(na=lags, nb=lags + 1, nk=0))
     return np.column_stack([phi, np.ones(len(y))]), y
@@ -132,7 +136,7 @@ def mend(series: Series) -> tuple[Series, tuple[int, ...]]:
     the largest first, and what it measures is taken off (Chen and Liu 1993). Coefficients come from least squares with
     Huber's weights, so that spikes do not shape the model that detects them.
     """
-    lags = min(LAGS, len(series) // 20)
+    lags = _lags(series)
     if lags < 3:
         return series, ()
     y, spikes = series.y.copy(), set[int]()
@@ -164,37 +168,42 @@ def mend(series: Series) -> tuple[Series, tuple[int, ...]]:
     return replace(series, y=y), tuple(sorted(spikes))
 
 
-def _drift(series: Series, errors: np.ndarray, past: np.ndarray) -> float:
+def _drift(series: Series, past: np.ndarray, y: np.ndarray, lags: int) -> float:
     """Size of a line or bow in the output that the input leaves unexplained, where it is certain."""
-    time = np.linspace(-1.0, 1.0, len(errors))
-    _, p = _gain(errors, past, np.column_stack([time, time**2]))
-    if p > CERTAIN:
+    time = np.linspace(-1.0, 1.0, len(y))
+    bow = np.column_stack([time, time**2])
+    if _gain(y, past, bow)[1] > CERTAIN:
         return 0.0
-    lags = (past.shape[1] - 2) // 2
-    theta = pem.solve([(np.column_stack([past, time, time**2]), series.y[len(series) - len(errors) :])])
-    filtered = np.column_stack([time, time**2]) @ theta[-2:]
-    a = np.concatenate([[1.0], theta[:lags]])
+    theta = pem.solve([(np.column_stack([past, bow]), y)])
+    filtered, a = bow @ theta[-2:], np.concatenate([[1.0], theta[:lags]])
     line = filtered / a.sum() if abs(a.sum()) > 1e-6 else lfilter([1.0], a, filtered)
     size = float(np.ptp(line) / np.std(series.y))
     return size if size > 0.2 else 0.0
 
 
-def _feedback(series: Series, errors: np.ndarray, lags: int) -> tuple[float, float]:
+def _feedback(series: Series, errors: np.ndarray, past_y: np.ndarray) -> tuple[float, float, float]:
     """Share of the input's news that errors of the long model predict, and its p-value: the output's way to the input.
 
     Both sides are freed of past inputs first. An input that its past predicts to a hundredth (sines, smooth
-    signals) cannot show it. A weak loop stands out in the last `SHORT` errors, a slow one in more.
+    signals) cannot show it. A weak loop stands out in the last `SHORT` errors, a slow one in more. The last number is
+    the least of these p-values and of that of the disturbance itself, the errors through 1/A of the coefficients
+    `past_y` (lags,): under coloured noise it shows loops that single errors do not.
     """
-    lead = min(10, lags)
-    u = series.u
+    lags = len(past_y)
+    lead, u = min(10, lags), series.u
     past = np.column_stack([shifted(u, 2 * lags, 1)[2 * lags :], np.ones(len(u) - 2 * lags)])
     new = u[2 * lags :] - past @ pem.solve([(past, u[2 * lags :])])
     if np.std(new) < 0.01 * np.std(u):
-        return 0.0, 1.0
-    e = errors[len(errors) - len(new) :]
+        return 0.0, 1.0, 1.0
+    a, first = np.concatenate([[1.0], past_y]), len(errors) - len(new)
+    e = errors[first:]
     ahead = np.column_stack([e[k : len(e) - lead + k] for k in range(lead)])  # e(t - lead) ... e(t - 1)
     share, p = _gain(new[lead:], past[lead:], ahead)
-    return share, min(p, _gain(new[lead:], past[lead:], ahead[:, -SHORT:])[1])
+    p = min(p, _gain(new[lead:], past[lead:], ahead[:, -SHORT:])[1])
+    if largest_root(a) >= 1.0:
+        return share, p, p
+    disturbance = lfilter([1.0], a, errors)[first:-1, None]
+    return share, p, min(p, _gain(new[1:], past[1:], disturbance)[1])
 
 
 def _at_once(phi: np.ndarray, y: np.ndarray, lags: int) -> bool:
