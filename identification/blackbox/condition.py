@@ -8,6 +8,7 @@ from scipy import linalg, stats
 from scipy.signal import lfilter
 
 from fasbody.exceptions import SettingError
+from fasbody.presentation import counted
 from identification.blackbox import pem
 from identification.blackbox.data import Series
 from identification.blackbox.filters import largest_root, shifted
@@ -22,7 +23,7 @@ FAINT = 1e-6  # of the output's standard deviation: smaller errors are those of 
 CERTAIN = 1e-6  # p-value below which drift or feedback is reported: both tests are led astray by a nonlinear plant
 SHORT = 3  # errors in which a weak loop stands out
 SUSPECT = 1e-3  # p-value below which a loop is possible; a nonlinear plant gives such values, too
-MOSTLY = 0.5  # share of the output's news from which the input of the same sample drives it, and does not depend on it
+MOSTLY = 0.5  # share of one's news from which one signal drives the other, and does not depend on it
 FLAT = 0.02  # of the input's reach that a change must exceed to count as a step
 STEPS = 6  # changes of level up to which an input is a step record
 
@@ -39,6 +40,7 @@ class Condition:
         unstable: whether the plant is unstable, held by a loop.
         suspect: whether a loop is possible, too weak to be certain of.
         limited: share of samples at which the output stands at an end of its range.
+        leads: whether the output foretells most of the input's news, as of shifted or swapped channels.
     """
 
     spikes: tuple[int, ...] = ()
@@ -48,10 +50,13 @@ class Condition:
     unstable: bool = False
     suspect: bool = False
     limited: float = 0.0
+    leads: bool = False
 
     @property
     def by_prediction(self) -> str:
         """Why models are compared by one-step errors, not by free simulation; empty where simulation serves."""
+        if self.leads:
+            return "the output comes before the input"
         if self.unstable:
             return "the plant is unstable in a closed loop"
         if self.feedback:
@@ -63,6 +68,7 @@ class Condition:
         """Why no structure has intervals, and whether that holds."""
         return {
             "the input may answer the output, which biases every structure a little": self.suspect,
+            "the output comes before the input": self.leads,
             "outliers are no noise that a standard error describes": bool(self.spikes),
             "the output stands at an end of its range": self.limited > 0,
         }
@@ -72,7 +78,8 @@ class Condition:
         sentences = []
         if self.spikes:
             where = ", ".join(str(k + 1) for k in self.spikes[:5]) + (", ..." if len(self.spikes) > 5 else "")
-            sentences.append(f"{len(self.spikes)} outliers in the output (samples {where}): --robust mends them")
+            some = f"{counted(len(self.spikes), 'outlier')} in the output (at sample {where})"
+            sentences.append(f"{some}: --robust replaces what is a fault of the sensor there")
         if self.limited:
             sentences.append(
                 f"the output stands at an end of its range for {self.limited:.1%} of the samples (overflow, a sensor "
@@ -80,6 +87,9 @@ class Condition:
             )
         if self.drift:
             sentences.append(f"the output drifts by {self.drift:.2g} of its standard deviation: --detrend 1 removes it")
+        if self.leads:
+            cause = "are the channels shifted or swapped, or does only a controller move the input?"
+            sentences.append(f"the output foretells the input: {cause}")
         if self.by_prediction:
             sentences.append(f"{self.by_prediction}: orders are chosen by one-step prediction errors and BIC")
         if self.suspect:
@@ -104,6 +114,7 @@ def examine(series: Series) -> Condition:
     return Condition(
         spikes, _drift(repaired, phi, y, lags), feedback, few_steps(series.u), unstable,
         not feedback and (faint < SUSPECT or _at_once(phi, y, lags)), limit,
+        feedback and share > MOSTLY,
     )  # fmt: skip
 
 
@@ -245,5 +256,5 @@ def together(conditions: Sequence[Condition]) -> Condition:
         tuple(k for one in conditions for k in one.spikes), max(one.drift for one in conditions),
         any(one.feedback for one in conditions), any(one.steps for one in conditions),
         any(one.unstable for one in conditions), any(one.suspect for one in conditions),
-        max(one.limited for one in conditions),
+        max(one.limited for one in conditions), any(one.leads for one in conditions),
     )  # fmt: skip

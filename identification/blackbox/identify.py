@@ -155,7 +155,7 @@ def identify(
     if robust:
         repaired = [condition.mend(series.centred()) for series in pooled]
         count = sum(len(where) for _, where in repaired)
-        notes.append(f"{count} outliers in the output were replaced" if count else "no outliers were found")
+        notes.append(f"outliers replaced in the output: {count}" if count else "no outliers were found")
         pooled = [series for series, _ in repaired]
     if detrend:
         pooled = [condition.detrend(series, detrend) for series in pooled]
@@ -321,6 +321,8 @@ def _judge(chosen: Selection, chooser: _Chooser, seen: Excitation) -> ChosenMode
         )
     if not np.isfinite(chosen.best.fit_percent):
         warnings.append("free simulation diverges, so there is no fit")
+    elif chosen.best.fit_percent < 0:
+        warnings.append("the mean fits the held-out part better: the plant may have changed since the first part")
     return ChosenModel(chosen, test, model.response([]), tuple(warnings) + test.warnings)
 
 
@@ -334,7 +336,7 @@ def _no_intervals(model: Single, tests: Sequence[ResidualTest], chooser: _Choose
     name, state, white = model.structure.upper(), chooser.state, model.structure in WHITE
     calm, better = CALM / len(tests), chooser.predicts_better(model) if white else ""
     reasons = {
-        f"{name} has no noise model, so feedback biases it": state.feedback and not white,
+        f"{name} has no noise model, so feedback biases it": state.feedback and not (white or state.leads),
         "its residuals depend on past inputs": min(test.cross_p for test in tests) < calm,
         f"those of {name} are valid only for white residuals": white and min(t.white_p for t in tests) < calm,
         "a zero of the noise model lies on the unit circle, where no linearisation holds": isinstance(
