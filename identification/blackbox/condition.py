@@ -11,7 +11,7 @@ from fasbody.exceptions import SettingError
 from fasbody.presentation import counted
 from identification.blackbox import pem
 from identification.blackbox.data import Series
-from identification.blackbox.filters import largest_root, shifted
+from identification.blackbox.filters import as_columns, largest_root, shifted
 from identification.blackbox.polynomial import Orders
 
 ANSWER = 0.02  # share of the input's news that errors must foretell: a nonlinear plant in open loop reaches 0.013
@@ -21,6 +21,7 @@ MOST = 0.1  # of all samples that may be spikes; more are the signal
 LIMIT, OFTEN = 1e-4, 0.01  # of its range from its end, and share of samples there: an output that overflows
 FAINT = 1e-6  # of the output's standard deviation: smaller errors are those of rounding
 CERTAIN = 1e-6  # p-value below which drift or feedback is reported: both tests are led astray by a nonlinear plant
+LOOKED_AT = 20_000  # samples of a recording that are examined
 SHORT = 3  # errors in which a weak loop stands out
 SUSPECT = 1e-3  # p-value below which a loop is possible; a nonlinear plant gives such values, too
 MOSTLY = 0.5  # share of one's news from which one signal drives the other, and does not depend on it
@@ -99,22 +100,25 @@ class Condition:
 
 def examine(series: Series) -> Condition:
     """The condition of one recording, means removed; empty for one too short for a long ARX model."""
-    lags = _lags(series)
-    if lags < 3 or not np.ptp(series.u):
+    if series.y.ndim > 1:
+        each = zip(series.y.T, series.outputs, strict=True)
+        return _either([examine(replace(series, y=y, channels=(series.channels[0], name))) for y, name in each])
+    lags, u = _lags(series), as_columns(series.u).T
+    if lags < 3 or not np.ptp(u, axis=1).all():
         return Condition()
     limit = limited(series.y)
     repaired, spikes = (series, ()) if limit else mend(series)
     phi, y = _regression(repaired, lags)
     theta = pem.solve([(phi, y)])
-    share, p, faint = _feedback(repaired, y - phi @ theta, theta[:lags])
-    feedback, unstable = p < CERTAIN and share > ANSWER, False
+    tests = [_feedback(u, one, y - phi @ theta, theta[:lags]) for one in u]
+    feedback, unstable = any(p < CERTAIN and share > ANSWER for share, p, _ in tests), False
     if feedback:  # a controller's u(t) depends on y(t): n_k is 1
         theta = pem.solve([pem.regressors(repaired, Orders(na=lags, nb=lags, nk=1))])
         unstable = largest_root(np.concatenate([[1.0], theta[:lags]])) > 1.0
+    at_once = any(_at_once(phi, y, k) for k in range(lags, phi.shape[1] - 1, lags + 1))
     return Condition(
-        spikes, _drift(repaired, phi, y, lags), feedback, few_steps(series.u), unstable,
-        not feedback and (faint < SUSPECT or _at_once(phi, y, lags)), limit,
-        feedback and share > MOSTLY,
+        spikes, _drift(repaired, phi, y, lags), feedback, all(map(few_steps, u)), unstable,
+        not feedback and (at_once or any(p < SUSPECT for *_, p in tests)), limit, feedback and max(tests)[0] > MOSTLY,
     )  # fmt: skip
 
 
@@ -132,7 +136,7 @@ def few_steps(u: np.ndarray) -> bool:
 
 
 def _lags(series: Series) -> int:
-    return min(LAGS, len(series) // 20)
+    return min(LAGS, len(series) // (20 * len(series.inputs)))
 
 
 def _regression(series: Series, lags: int) -> tuple[np.ndarray, np.ndarray]:
@@ -192,17 +196,17 @@ def _drift(series: Series, past: np.ndarray, y: np.ndarray, lags: int) -> float:
     return size if size > 0.2 else 0.0
 
 
-def _feedback(series: Series, errors: np.ndarray, past_y: np.ndarray) -> tuple[float, float, float]:
-    """Share of the input's news that errors of the long model predict, and its p-value: the output's way to the input.
+def _feedback(inputs: np.ndarray, u: np.ndarray, errors: np.ndarray, past_y: np.ndarray) -> tuple[float, float, float]:
+    """Share of the news of an input (N,) that errors of the long model predict, and its p-value: a way back to it.
 
-    Both sides are freed of past inputs first. An input that its past predicts to a hundredth (sines, smooth
+    Both sides are freed of past inputs (m, N) first. An input that its past predicts to a hundredth (sines, smooth
     signals) cannot show it. A weak loop stands out in the last `SHORT` errors, a slow one in more. The last number is
     the least of these p-values and of that of the disturbance itself, the errors through 1/A of the coefficients
     `past_y` (lags,): under coloured noise it shows loops that single errors do not.
     """
     lags = len(past_y)
-    lead, u = min(10, lags), series.u
-    past = np.column_stack([shifted(u, 2 * lags, 1)[2 * lags :], np.ones(len(u) - 2 * lags)])
+    lead = min(10, lags)
+    past = np.column_stack([*(shifted(one, 2 * lags, 1)[2 * lags :] for one in inputs), np.ones(len(u) - 2 * lags)])
     new = u[2 * lags :] - past @ pem.solve([(past, u[2 * lags :])])
     if np.std(new) < 0.01 * np.std(u):
         return 0.0, 1.0, 1.0
@@ -217,9 +221,9 @@ def _feedback(series: Series, errors: np.ndarray, past_y: np.ndarray) -> tuple[f
     return share, p, min(p, _gain(new[1:], past[1:], disturbance)[1])
 
 
-def _at_once(phi: np.ndarray, y: np.ndarray, lags: int) -> bool:
-    """Whether u(t) explains a little of y(t) beyond the past: a feedthrough or a fast controller."""
-    share, p = _gain(y, np.delete(phi, lags, axis=1), phi[:, lags : lags + 1])
+def _at_once(phi: np.ndarray, y: np.ndarray, k: int) -> bool:
+    """Whether u(t), column k, explains a little of y(t) beyond the past: a feedthrough or a fast controller."""
+    share, p = _gain(y, np.delete(phi, k, axis=1), phi[:, k : k + 1])
     return p < SUSPECT and share < MOSTLY
 
 
@@ -250,8 +254,12 @@ def detrend(series: Series, degree: int) -> Series:
     return replace(series, u=u, y=y)
 
 
-def together(conditions: Sequence[Condition]) -> Condition:
-    """One condition of several recordings: feedback or steps in any count for all."""
+def of(recordings: Sequence[Series]) -> Condition:
+    """One condition of the beginnings of several recordings: feedback or steps in any count for all."""
+    return _either([examine(series.cut(0, min(len(series), LOOKED_AT)).centred()) for series in recordings])
+
+
+def _either(conditions: Sequence[Condition]) -> Condition:
     return Condition(
         tuple(k for one in conditions for k in one.spikes), max(one.drift for one in conditions),
         any(one.feedback for one in conditions), any(one.steps for one in conditions),

@@ -123,6 +123,14 @@ class Series(Tabled):
         centred = replace(self, u=u, y=y)
         return centred.cut(0, middle), centred.cut(middle, len(self))
 
+    def pairs(self) -> list[Self]:
+        """Each output with each input as a recording of its own, the outputs one after another."""
+        u, y = _columns(self.u), _columns(self.y)
+        return [
+            replace(self, u=u[j], y=y[i], channels=(name, output), part=True)
+            for i, output in enumerate(self.outputs) for j, name in enumerate(self.inputs)
+        ]  # fmt: skip
+
     def centred(self) -> Self:
         """The recording less its means: linear models describe motion about the mean."""
         return replace(self, u=self.u - self.u.mean(axis=0), y=self.y - self.y.mean(axis=0))

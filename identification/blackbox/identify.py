@@ -29,7 +29,7 @@ from identification.blackbox.frequency import Rational, Response
 from identification.blackbox.keep import Single
 from identification.blackbox.polynomial import STRUCTURES, Orders, PolynomialModel
 from identification.blackbox.selection import Candidate, Referee, Selection
-from identification.blackbox.validation import CALM, ResidualTest, residual_test
+from identification.blackbox.validation import ResidualTest, failed, residual_test
 
 DEGREES = ((3, 1), (1, 3), (3, 3), (5, 3))  # of the Hammerstein-Wiener polynomials tried
 WHITE = ("arx", "armax", "bj")  # their standard errors assume that e(t) is white; those of OE do not
@@ -39,7 +39,6 @@ STRONGLY = 5.0  # times its whitened variance that noise may have before output 
 FEW = 20  # excitation rank up to which a pulse response cannot be estimated
 #: Half-widths from a resonance at which its curve is drawn.
 AROUND = np.array([-8.0, -4.0, -2.0, -1.0, -0.5, -0.25, 0.0, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0])
-LOOKED_AT = 20_000  # samples of a recording that are examined for drift, spikes and feedback
 
 #: Structure -> orders in the sequence of Table 3.2; structures not named are selected automatically.
 GivenOrders = Mapping[str, tuple[int, ...]]
@@ -162,9 +161,7 @@ def identify(
     parts = [series.split(split) for series in pooled]
     step("excitation")
     seen = excitation.examine([first for first, _ in parts])
-    state = condition.together([
-        condition.examine(series.cut(0, min(len(series), LOOKED_AT)).centred()) for series in pooled
-    ])  # fmt: skip
+    state = condition.of(pooled)
     notes += state.warnings()
     referee = Referee(
         [first for first, _ in parts], state.by_prediction, weak=seen.rank <= FEW, steps=state.steps,
@@ -334,11 +331,10 @@ def _log_loss(model: Single, recordings: Sequence[Series]) -> float:
 def _no_intervals(model: Single, tests: Sequence[ResidualTest], chooser: _Chooser) -> str:
     """Every reason why the standard errors of a model would mislead, or an empty string."""
     name, state, white = model.structure.upper(), chooser.state, model.structure in WHITE
-    calm, better = CALM / len(tests), chooser.predicts_better(model) if white else ""
+    better = chooser.predicts_better(model) if white else ""
     reasons = {
         f"{name} has no noise model, so feedback biases it": state.feedback and not (white or state.leads),
-        "its residuals depend on past inputs": min(test.cross_p for test in tests) < calm,
-        f"those of {name} are valid only for white residuals": white and min(t.white_p for t in tests) < calm,
+        **failed(tests, name if white else ""),
         "a zero of the noise model lies on the unit circle, where no linearisation holds": isinstance(
             model, PolynomialModel
         ) and largest_root(model.polynomials[2]) > ON_CIRCLE,
