@@ -203,7 +203,7 @@ def test_table_and_csv_give_the_gain_where_the_input_is_strongest() -> None:
     row = next(csv.DictReader(io.StringIO(report.csv_text([found]))))
     assert float(row["gain_frequency_hz"]) == pytest.approx(45.0, abs=0.5)
     heading = str(report.single_table(found).columns[3].header)
-    assert heading == f"gain at {float(row['gain_frequency_hz']):.4g} Hz, 95 %"
+    assert heading == f"gain at {float(row['gain_frequency_hz']):.4g} Hz\n(95 %)"
     gain, interval = str(next(report.single_table(found).columns[3].cells)).split(" +- ")
     assert float(gain) == pytest.approx(float(row["gain"]), rel=1e-3)
     assert float(interval) == pytest.approx(1.96 * float(row["gain_std"]), rel=0.2)
@@ -218,5 +218,6 @@ def test_eighty_columns_hold_the_gain_of_every_structure() -> None:
     screen = Console(width=80, record=True, file=io.StringIO())
     screen.print(table)
     rows = screen.export_text().splitlines()
+    assert sum(str(table.columns[3].header).splitlines()[0] in row for row in rows) == 1
     for label, gain in zip(table.columns[0].cells, table.columns[3].cells, strict=True):
         assert sum(str(label) in row and f" {gain} " in row for row in rows) == 1

@@ -157,7 +157,7 @@ def single_table(report: Report) -> Table:
     u, y = series.channels
     title = f"{report.name}: input {u}, output {y}, sample time {series.sample_time:.6g} s"
     table = Table(title=f"{escape(title)}\n{report.excitation}", title_justify="left")
-    at = f"gain at {best.response.frequency_hz[place]:.4g} Hz, 95 %"
+    at = f"gain at {best.response.frequency_hz[place]:.4g} Hz\n(95 %)"
     for heading in ("model", "fit %", "one step %", at, "equal fits"):
         table.add_column(heading, justify="left" if heading == "model" else "right")
     for chosen in report.models.values():
