@@ -150,7 +150,7 @@ def identify(
         if name not in ALL:
             raise SettingError(unknown("structure", name, ALL) + ".", setting="structures")
     pooled = listed(recordings)
-    notes = []
+    notes = [remark for series in pooled for remark in series.remarks]
     if robust:
         repaired = [condition.mend(series.centred()) for series in pooled]
         count = sum(len(where) for _, where in repaired)

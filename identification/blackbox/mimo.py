@@ -248,7 +248,7 @@ def identify(
     whole = replace(recording, u=as_columns(recording.u), y=as_columns(recording.y))
     estimation, validation = whole.split(split)
     state = condition.of([whole])
-    notes = (*dependent(estimation), *state.warnings())
+    notes = (*whole.remarks, *dependent(estimation), *state.warnings())
     models: dict[str, Candidate] = {}
     fits: dict[str, tuple[float, ...]] = {}
     white, independent, warnings = {}, {}, {}
