@@ -168,7 +168,8 @@ def test_what_serves_one_input_and_one_output_alone_is_refused(tmp_path: Path) -
     np.savetxt(path, np.hstack([whole.u, whole.y]), delimiter=",", header="u1,u2,y1,y2", comments="")
     both = [str(path), "--sample-time", "1", "--input", "u1,u2", "--output"]
     for options in (
-        ["y1,y2", "--robust"], ["y1,y2", "--pool"], ["y1,y1"], ["y1,y2", "--split", "2"], ["y1,y2", "--detrend", "9"],
+        ["y1,y2", "--robust"], ["y1,y2", "--input-noise", "1"],
+        ["y1,y2", "--pool"], ["y1,y1"], ["y1,y2", "--split", "2"], ["y1,y2", "--detrend", "9"],
     ):  # fmt: skip
         assert isinstance(CliRunner().invoke(app, [*both, *options]).exception, FasError)
 

@@ -54,6 +54,9 @@ def main(
     pool: Annotated[bool, typer.Option("--pool", help="one model for all recordings")] = False,
     detrend: Annotated[int, typer.Option(help="degree of the polynomials in time to subtract")] = 0,
     robust: Annotated[bool, typer.Option("--robust", help="replace single wrong samples of the output")] = False,
+    input_noise: Annotated[
+        float, typer.Option(help="RMS noise of the input's sensor, in the unit of the input: widens intervals")
+    ] = 0.0,
     json: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
     out: Annotated[
         Path | None, typer.Option(help="folder for report.html, result.json, models.csv, figures and models")
@@ -69,8 +72,8 @@ def main(
     if several:
         from identification.blackbox import mimo
 
-        if pool or robust:
-            raise SettingError("--pool and --robust are for one input and one output.")
+        if pool or robust or input_noise:
+            raise SettingError("--pool, --robust and --input-noise are for one input and one output.")
         if not (names(input) and names(output)):
             raise SettingError("several inputs or outputs need both --input and --output.")
         if len(files) != 1:
@@ -107,7 +110,9 @@ def main(
                 progress.update(task, advance=1, description=f"{name}: {text}")
 
             reports.append(
-                identify(group, chosen, numbers, split, step, detrend=detrend, robust=robust)
+                identify(
+                    group, chosen, numbers, split, step, detrend=detrend, robust=robust, input_noise=input_noise
+                )
             )
     document = report.document(reports)
     if json:

@@ -131,6 +131,7 @@ class Report(Tabled):
 def identify(
     recordings: Series | Sequence[Series], structures: Sequence[str] = DEFAULT, orders: GivenOrders | None = None,
     split: float = 0.5, step: Callable[[str], Any] = lambda text: None, *, detrend: int = 0, robust: bool = False,
+    input_noise: float = 0.0,
 ) -> Report:  # fmt: skip
     """Estimate, select and validate models of all `structures` from one recording or from several pooled.
 
@@ -142,6 +143,7 @@ def identify(
         step: called with what is about to begin.
         detrend: degree of the polynomials in time that are taken off input and output; 0 for the means.
         robust: replace single wrong samples of the output.
+        input_noise: RMS noise of the input's sensor, whose effect widens intervals.
 
     Raises:
         FasError: the recordings cannot be used, or no structure could be estimated.
@@ -180,7 +182,12 @@ def identify(
     if not models:
         raise SettingError("; ".join(failures))
     places = shown_frequencies(seen, [m.best.model for m in models.values()], pooled[0].sample_time)
+    if input_noise:
+        taken = excitation.attenuation(referee.estimation, input_noise)
+        models = {n: replace(m, selection=replace(m.selection, attenuation=taken)) for n, m in models.items()}
     models = {name: replace(m, response=m.selection.curve(places)) for name, m in models.items()}
+    if not input_noise and any(np.isfinite(m.response.gain_std).all() for m in models.values()):
+        notes.append("intervals take the input as measured without noise; --input-noise RMS widens them")
     rational, left_out = _through_points(pooled)
     continuous = not (seen.lines or seen.single_sine)
     band = seen.band_hz[0], seen.band_hz[-1]

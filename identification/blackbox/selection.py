@@ -93,6 +93,7 @@ class Selection:
         alike: labels of the models whose AIC differs by less than 10 / N from the least.
         warnings: sentences for the user.
         rivals: other models of the same data with their Akaike weights, for the uncertainty of the choice itself.
+        attenuation: frequencies [Hz] and the share of the gain that noise of the input's sensor may take there.
     """
 
     candidates: tuple[Candidate, ...]
@@ -100,6 +101,7 @@ class Selection:
     alike: tuple[str, ...]
     warnings: tuple[str, ...]
     rivals: tuple[tuple[float, Any], ...] = ()
+    attenuation: tuple[np.ndarray, np.ndarray] | None = None
 
     @property
     def best(self) -> Candidate:
@@ -113,9 +115,14 @@ class Selection:
         return tuple(sorted({begins(self.best.model), *map(begins, alike)}))
 
     def curve(self, frequency_hz: ArrayLike) -> Response:
-        """Response of the best model; how far the rivals are from it widens the spread (Burnham and Anderson 2002)."""
+        """Response of the best model; how far the rivals are from it widens the spread (Burnham and Anderson 2002).
+
+        So does what noise of the input may take of it.
+        """
         response = self.best.model.response(frequency_hz)
         apart = [np.sqrt(w) * (other.response(frequency_hz).value - response.value) for w, other in self.rivals]
+        if self.attenuation is not None:
+            apart.append(np.interp(response.frequency_hz, *self.attenuation) * response.value)
         more = [np.stack([gap.real, gap.imag], axis=-1)[:, :, None] for gap in apart]
         return replace(response, spread=np.concatenate([response.spread, *more], axis=2))
 
