@@ -92,9 +92,7 @@ def main(
     if out is not None:
         make_folder(out)
     recordings = [
-        series
-        for path in files
-        for series in data.read(path, input=input, output=output, sample_time=sample_time)
+        series for path in files for series in data.read(path, input=input, output=output, sample_time=sample_time)
     ]
     if several:
         _several(recordings[0], chosen, numbers, split, detrend, json, out)
@@ -110,9 +108,7 @@ def main(
                 progress.update(task, advance=1, description=f"{name}: {text}")
 
             reports.append(
-                identify(
-                    group, chosen, numbers, split, step, detrend=detrend, robust=robust, input_noise=input_noise
-                )
+                identify(group, chosen, numbers, split, step, detrend=detrend, robust=robust, input_noise=input_noise)
             )
     document = report.document(reports)
     if json:
@@ -158,8 +154,7 @@ def parse_orders(text: str, structures: tuple[str, ...]) -> dict[str, tuple[int,
             orders[name] = tuple(int(number) for number in numbers.split(","))
         except ValueError as error:
             raise SettingError(
-                f"orders {entry.strip()!r} are not whole numbers; write them as "
-                '"oe=4,4,1;ss=4" or "auto".',
+                f'orders {entry.strip()!r} are not whole numbers; write them as "oe=4,4,1;ss=4" or "auto".',
                 setting="orders",
             ) from error
     return orders

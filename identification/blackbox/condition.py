@@ -80,7 +80,7 @@ class Condition:
         if self.spikes:
             where = ", ".join(str(k + 1) for k in self.spikes[:5]) + (", ..." if len(self.spikes) > 5 else "")
             some = f"{counted(len(self.spikes), 'outlier')} in the output (at sample {where})"
-            sentences.append(f"{some}: --robust replaces what is a fault of the sensor there")
+            sentences.append(f"{some}: --robust (one input, one output) replaces faults of the sensor")
         if self.limited:
             sentences.append(
                 f"the output stands at an end of its range for {self.limited:.1%} of the samples (overflow, a sensor "

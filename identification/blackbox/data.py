@@ -25,9 +25,7 @@ ALL = ("arx", "armax", "bj", "oe", "ss", "hw", "narx")
 DEFAULT = ("arx", "armax", "oe", "bj", "ss", "hw")
 INPUT_OUTPUT = ("base_m_s2", "malleolus_m_s2")  # of a foot's recording
 #: A header of time, alone or with a unit: time_s, "Time (ms)", t [us], timestamp.
-TIME_HEADER = re.compile(
-    r"(?:time\s*stamp|time|t)(?:[\s_.,:/\[(]+(?P<unit>\w+)[\s\])]*)?", re.IGNORECASE
-)
+TIME_HEADER = re.compile(r"(?:time\s*stamp|time|t)(?:[\s_.,:/\[(]+(?P<unit>\w+)[\s\])]*)?", re.IGNORECASE)
 #: A column of a file without a header, by its number.
 UNNAMED = "column {}"
 INPUT_NAMES = (INPUT_OUTPUT[0], "u", "input")
@@ -150,10 +148,7 @@ class Series(Tabled):
         """What makes these arrays no recording at all, as a clause; empty where nothing does."""
         u, y = self.u, self.y
         if min(u.ndim, y.ndim) < 1 or max(u.ndim, y.ndim) > 2 or len(u) != len(y):
-            return (
-                "input and output must be two columns of equal length, not of shapes "
-                f"{u.shape} and {y.shape}"
-            )
+            return f"input and output must be two columns of equal length, not of shapes {u.shape} and {y.shape}"
         if not (np.isfinite(self.sample_time) and self.sample_time > 0):
             return f"the sample time must be a positive number of seconds, not {self.sample_time}"
         if len(u) < SHORTEST:
@@ -162,8 +157,7 @@ class Series(Tabled):
             missing = np.flatnonzero(~(np.abs(signal) < MEASURED))
             if len(missing) == len(signal):
                 return (
-                    f"the {label} has no finite number in {len(signal)} samples; name another "
-                    "column or check the file"
+                    f"the {label} has no finite number in {len(signal)} samples; name another column or check the file"
                 )
             if len(missing):
                 at, value = missing[0] + 1, signal[missing[0]]
@@ -234,9 +228,7 @@ def from_recording(recording: Recording) -> Series:
     return Series(recording.base_m_s2, recording.malleolus_m_s2, seconds, name, INPUT_OUTPUT)
 
 
-def read(
-    path: Path, *, input: str = "", output: str = "", sample_time: float | None = None
-) -> list[Series]:
+def read(path: Path, *, input: str = "", output: str = "", sample_time: float | None = None) -> list[Series]:
     """Every recording at `path`: a CSV file, or a study folder (base to malleolus).
 
     Raises:
@@ -247,14 +239,11 @@ def read(
     return [read_csv(path, input=input, output=output, sample_time=sample_time)]
 
 
-def read_csv(
-    path: Path, *, input: str = "", output: str = "", sample_time: float | None = None
-) -> Series:
+def read_csv(path: Path, *, input: str = "", output: str = "", sample_time: float | None = None) -> Series:
     """A `Series` from a CSV file with named columns, or with two (input, output) or three.
 
-    A column called time or t gives the sample time, in the unit its name carries (s, ms or us;
-    seconds without one). A first column that rises from row to row is never taken for the input
-    unless named.
+    A column called time or t gives the sample time, in the unit its name carries (s, ms or us; seconds without one). A
+    first column that rises from row to row is never taken for the input unless named.
 
     Args:
         path: the file; the first row may name the columns.
@@ -310,9 +299,7 @@ def _never_guess(path: Path, signals: list[str], input: str, output: str) -> Non
     )  # fmt: skip
 
 
-def _time_column(
-    table: TextTable, names: list[str], sample_time: float | None
-) -> tuple[str | None, float]:
+def _time_column(table: TextTable, names: list[str], sample_time: float | None) -> tuple[str | None, float]:
     """Name of the time column and its unit in seconds."""
     for name in names:
         header = TIME_HEADER.fullmatch(name)
@@ -331,16 +318,13 @@ def _time_column(
     if sample_time is None and names[0] != UNNAMED.format(1):
         raise InputFileError(
             table.file,
-            f"its first column {names[0]!r} rises from row to row as a time does, but has no known "
-            "name or unit",
+            f"its first column {names[0]!r} rises from row to row as a time does, but has no known name or unit",
             "call it time_s, time_ms or time_us, or give --sample-time in seconds",
         )
     return names[0], 1.0
 
 
-def _chosen(
-    path: Path, names: list[str], free: list[str], option: str, usual: tuple[str, ...], role: str
-) -> Names:
+def _chosen(path: Path, names: list[str], free: list[str], option: str, usual: tuple[str, ...], role: str) -> Names:
     """The column that an option names, or the columns; without one a usual or the first free."""
     if option in names:
         return option

@@ -10,17 +10,7 @@ import numpy as np
 from fasbody.exceptions import FasError, SettingError, unknown
 from fasbody.presentation import Sheet, Tabled
 from identification import criteria
-from identification.blackbox import (
-    condition,
-    excitation,
-    frequency,
-    narx,
-    nonlinear,
-    pem,
-    search,
-    selection,
-    subspace,
-)
+from identification.blackbox import condition, excitation, frequency, narx, nonlinear, pem, search, selection, subspace
 from identification.blackbox.condition import Condition
 from identification.blackbox.data import ALL, DEFAULT, Series, listed
 from identification.blackbox.excitation import Excitation
@@ -28,11 +18,10 @@ from identification.blackbox.filters import largest_root
 from identification.blackbox.frequency import Rational, Response
 from identification.blackbox.keep import Single
 from identification.blackbox.polynomial import STRUCTURES, Orders, PolynomialModel
-from identification.blackbox.selection import Candidate, Referee, Selection
+from identification.blackbox.selection import NOISE_MODELS, Candidate, Referee, Selection
 from identification.blackbox.validation import ResidualTest, failed, residual_test
 
 DEGREES = ((3, 1), (1, 3), (3, 3), (5, 3))  # of the Hammerstein-Wiener polynomials tried
-WHITE = ("arx", "armax", "bj")  # their standard errors assume that e(t) is white; those of OE do not
 WORSE = 4.0  # N times the log of held-out one-step losses by which another noise model refutes one
 ON_CIRCLE = 0.999  # root of C from which its errors are no Gaussian: such an interval held 20 %
 STRONGLY = 5.0  # times its whitened variance that noise may have before output errors follow it
@@ -231,8 +220,7 @@ class _Chooser:
         """The noise model that predicts held-out data a step ahead decisively better than this one; empty for none."""
         losses = {
             chosen.best.model.label: _log_loss(chosen.best.model, self.validation)
-            for name, chosen in self.done.items()
-            if name in WHITE
+            for name, chosen in self.done.items() if name in NOISE_MODELS
         }
         best = min(losses, key=lambda label: losses[label])
         return best if _log_loss(model, self.validation) - losses[best] > WORSE else ""
@@ -337,14 +325,15 @@ def _log_loss(model: Single, recordings: Sequence[Series]) -> float:
 
 def _no_intervals(model: Single, tests: Sequence[ResidualTest], chooser: _Chooser) -> str:
     """Every reason why the standard errors of a model would mislead, or an empty string."""
-    name, state, white = model.structure.upper(), chooser.state, model.structure in WHITE
+    name, state, white = model.structure.upper(), chooser.state, model.structure in NOISE_MODELS
     better = chooser.predicts_better(model) if white else ""
     reasons = {
         f"{name} has no noise model, so feedback biases it": state.feedback and not (white or state.leads),
         **failed(tests, name if white else ""),
         "a zero of the noise model lies on the unit circle, where no linearisation holds": isinstance(
             model, PolynomialModel
-        ) and largest_root(model.polynomials[2]) > ON_CIRCLE,
+        )
+        and largest_root(model.polynomials[2]) > ON_CIRCLE,
         f"{better} predicts the held-out part better, so the noise is not that of {name}": better,
         f"the errors of {name} are so strongly coloured that it follows them; BJ models them": not white
         and chooser.follows_noise(model),

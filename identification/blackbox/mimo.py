@@ -8,7 +8,6 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import linalg
 
-from fasbody.constants import Z95
 from fasbody.exceptions import RecordingError, SettingError, unknown
 from identification import criteria
 from identification.blackbox import condition, pem, search, subspace
@@ -16,6 +15,7 @@ from identification.blackbox.candidate import Candidate, judge
 from identification.blackbox.condition import Condition
 from identification.blackbox.data import Series
 from identification.blackbox.filters import as_columns, shifted
+from identification.blackbox.frequency import with_interval
 from identification.blackbox.polynomial import Orders
 from identification.blackbox.selection import Referee
 from identification.blackbox.state_space import StateSpace
@@ -57,7 +57,7 @@ class MimoModel(StateSpace):
     theta: np.ndarray
     std_error: np.ndarray
     warnings: tuple[str, ...] = field(default=())
-    spread: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    spread: np.ndarray = field(default_factory=lambda: NONE)
 
     @property
     def label(self) -> str:
@@ -146,16 +146,12 @@ def space(factors: subspace.Subspace, order: int) -> MimoModel:
     recording = factors.recordings[0]
     A, C, warnings = factors.observed(order)
     B, D, K = factors.driven_by(A, C)
-    blank, p = np.zeros((0, 0)), len(C)
-
-    def model(noise: np.ndarray, loss: float) -> MimoModel:
-        return MimoModel(
-            A, B, C, D, K, recording.sample_time, noise, loss, len(recording), "ss", (order,),
-            blank, blank, tuple(warnings),
-        )  # fmt: skip
-
-    errors = model(np.eye(p), np.nan).residuals(recording)
-    return model(errors.T @ errors / len(errors), _loss(errors, recording.y))
+    model = MimoModel(
+        A, B, C, D, K, recording.sample_time, np.eye(len(C)), np.nan, len(recording), "ss", (order,), NONE, NONE,
+        tuple(warnings),
+    )  # fmt: skip
+    errors = model.residuals(recording)
+    return replace(model, noise=errors.T @ errors / len(errors), loss=_loss(errors, recording.y))
 
 
 @dataclass(frozen=True, eq=False)
@@ -193,11 +189,7 @@ class MimoReport:
             gain = np.abs(candidate.model.response(self.frequency_hz)[0])
             std = candidate.model.gain_std(self.frequency_hz)[0]
             for i, output in enumerate(outputs):
-                gains = [
-                    f"{u} {gain[i, j]:.4g}"
-                    + (f" +- {Z95 * std[i, j]:.1g}" if np.isfinite(std[i, j]) else "")
-                    for j, u in enumerate(inputs)
-                ]
+                gains = [f"{u} {with_interval(gain[i, j], std[i, j])}" for j, u in enumerate(inputs)]
                 rows.append(f"    {output}, gain at {self.frequency_hz:.4g} Hz: {', '.join(gains)}")
             rows += [f"    {text}" for text in self.warnings[name]]
         return "\n".join(rows)
@@ -212,9 +204,7 @@ class MimoReport:
                 {
                     "structure": name, "label": c.model.label, "fit_percent": c.fit_percent,
                     "one_step_percent": c.one_step_percent, "parameters": c.model.parameters,
-                    "output_fit_percent": dict(
-                        zip(series.outputs, self.output_fits[name], strict=True)
-                    ),
+                    "output_fit_percent": dict(zip(series.outputs, self.output_fits[name], strict=True)),
                     "poles": [[p.real, p.imag] for p in c.model.poles().astype(complex)],
                     "frequency_hz": self.frequency_hz,
                     "gain": np.abs(c.model.response(self.frequency_hz)[0]),
@@ -234,8 +224,7 @@ def identify(
 ) -> MimoReport:  # fmt: skip
     """Estimate, choose and validate.
 
-    Orders are chosen on the last third of the estimation part; the fits in percent are of the
-    held-out data.
+    Orders are chosen on the last third of the estimation part; the fits in percent are of the held-out data.
 
     Raises:
         SettingError: a structure that has no several outputs here, or invalid orders.
@@ -257,8 +246,6 @@ def identify(
         if len(numbers) != (3 if name == "arx" else 1):
             valid = "3 orders (na, nb, nk)" if name == "arx" else "1 order"
             raise SettingError(f"{name} takes {valid}.", setting="orders")
-        if name == "ss" and not 1 <= numbers[0] <= 40:
-            raise SettingError(f"state-space order {numbers[0]} is not between 1 and 40.")
         is_arx = name == "arx"
         model = arx(estimation, *numbers) if is_arx else space(_factors(estimation, numbers[0]), numbers[0])
         tests, texts = _tested(model, validation, int(state.feedback))
@@ -275,12 +262,9 @@ def identify(
         models[name], warnings[name] = judge(model, [validation]), (*notes, *model.warnings, *texts)
         pairs = zip(validation.y.T, model.simulate(validation).T, strict=True)
         fits[name] = tuple(criteria.fit_percent(y, s) for y, s in pairs)
-    u = whole.u
-    power = np.sum(np.abs(np.fft.rfft(u / u.std(axis=0), axis=0))[1:] ** 2, axis=1)
-    strongest = (int(np.argmax(power)) + 1) / (len(u) * recording.sample_time)
-    return MimoReport(
-        estimation, validation, models, fits, white, independent, warnings, strongest
-    )
+    power = np.sum(np.abs(np.fft.rfft(whole.u / whole.u.std(axis=0), axis=0))[1:] ** 2, axis=1)
+    strongest = (int(np.argmax(power)) + 1) / (len(whole) * recording.sample_time)
+    return MimoReport(estimation, validation, models, fits, white, independent, warnings, strongest)
 
 
 def dependent(recording: Series) -> list[str]:

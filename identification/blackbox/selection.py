@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 ALIKE = 10.0  # difference of N times AIC below which data hardly separate models
 SHORTEST_CHECK = 40  # samples; fewer do not separate models
-NOISE_MODELS = ("arx", "armax", "bj")  # whose one-step errors are to be white
+NOISE_MODELS = ("arx", "armax", "bj")  # whose one-step errors are to be white, for their standard errors, too
 NEGLIGIBLE_WEIGHT = 0.01  # Akaike weight below which a rival is left out
 UNDECIDED = 0.1  # Akaike weight from which another delay is about as likely
 SLIGHTLY = 2.0  # times its whitened variance that noise may have and still count as hardly coloured
