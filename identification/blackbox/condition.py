@@ -101,8 +101,8 @@ class Condition:
 def examine(series: Series) -> Condition:
     """The condition of one recording, means removed; empty for one too short for a long ARX model."""
     if series.y.ndim > 1:
-        each = zip(series.y.T, series.outputs, strict=True)
-        return _either([examine(replace(series, y=y, channels=(series.channels[0], name))) for y, name in each])
+        outputs = zip(series.y.T, series.outputs, strict=True)
+        return _either([examine(replace(series, y=y, channels=(series.channels[0], name))) for y, name in outputs])
     lags, u = _lags(series), as_columns(series.u).T
     if lags < 3 or not np.ptp(u, axis=1).all():
         return Condition()

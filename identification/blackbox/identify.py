@@ -16,9 +16,8 @@ from identification.blackbox.data import ALL, DEFAULT, Series, listed
 from identification.blackbox.excitation import Excitation
 from identification.blackbox.filters import largest_root
 from identification.blackbox.frequency import Rational, Response
-from identification.blackbox.keep import Single
 from identification.blackbox.polynomial import STRUCTURES, Orders, PolynomialModel
-from identification.blackbox.selection import NOISE_MODELS, Candidate, Referee, Selection
+from identification.blackbox.selection import NOISE_MODELS, Candidate, Referee, Selection, Single
 from identification.blackbox.validation import ResidualTest, failed, residual_test
 
 DEGREES = ((3, 1), (1, 3), (3, 3), (5, 3))  # of the Hammerstein-Wiener polynomials tried

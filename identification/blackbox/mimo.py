@@ -302,9 +302,8 @@ def _tested(model: MimoModel, validation: Series, nearest: int) -> tuple[list[Re
     for pair, error in zip(validation.pairs(), np.repeat(errors, len(validation.inputs), axis=1).T, strict=True):
         u, y = pair.channels
         tests.append(residual_test(error, pair, noise, nearest))
-        told = (text.replace("residuals", f"residuals of {y}").replace("past inputs", f"past {u}")
-                for text in tests[-1].warnings)  # fmt: skip
-        texts |= dict.fromkeys(told)
+        for text in tests[-1].warnings:
+            texts[text.replace("residuals", f"residuals of {y}").replace("past inputs", f"past {u}")] = None
     return tests, list(texts)
 
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,10 +13,13 @@ from identification.blackbox.candidate import FITTED, NEGLIGIBLE, Candidate, jud
 from identification.blackbox.data import Series
 from identification.blackbox.filters import outlasting
 from identification.blackbox.frequency import Response
+from identification.blackbox.narx import Narx
+from identification.blackbox.nonlinear import HammersteinWiener
 from identification.blackbox.polynomial import PolynomialModel
+from identification.blackbox.state_space import StateSpaceModel
 
-if TYPE_CHECKING:
-    from identification.blackbox.keep import Single
+#: A model of one input and one output.
+Single = PolynomialModel | StateSpaceModel | HammersteinWiener | Narx
 
 ALIKE = 10.0  # difference of N times AIC below which data hardly separate models
 SHORTEST_CHECK = 40  # samples; fewer do not separate models
@@ -27,7 +30,7 @@ SLIGHTLY = 2.0  # times its whitened variance that noise may have and still coun
 NEARLY = 1.1  # times the least miss in simulation that is as good: errors of a long free motion hang together
 
 
-def charged_poles(model: "Single", samples: int) -> int:
+def charged_poles(model: Single, samples: int) -> int:
     """Poles, those twice whose motion outlasts the record: they may go to any peak of the noise."""
     sizes = np.abs(model.poles())
     return len(sizes) + sum(outlasting(float(size), samples) for size in sizes)
@@ -70,7 +73,7 @@ class Referee:
         """Whether free simulation decides."""
         return not self.reason
 
-    def judge(self, model: "Single") -> Candidate:
+    def judge(self, model: Single) -> Candidate:
         """The model on the data kept for the choice, with its score on those fitted."""
         one_step = model.structure in NOISE_MODELS or not self.simulates
         errors = [model.residuals(s) if one_step else s.y - model.simulate(s) for s in self.fitted]
@@ -127,7 +130,7 @@ class Selection:
         return replace(response, spread=np.concatenate([response.spread, *more], axis=2))
 
 
-def begins(model: "Single") -> int:
+def begins(model: Single) -> int:
     """The lag at which the input of a polynomial or NARX model counts, by two standard errors of B."""
     if not isinstance(model, PolynomialModel):
         return int(getattr(model, "nk", 0))
@@ -154,7 +157,7 @@ def with_rivals(selection: Selection) -> Selection:
     return replace(selection, rivals=tuple((float(w), c.model) for w, c in pairs if w > NEGLIGIBLE_WEIGHT))
 
 
-def coloured(model: "Single", recordings: Sequence[Series]) -> bool:
+def coloured(model: Single, recordings: Sequence[Series]) -> bool:
     """Whether an autoregression foretells more than half of the errors: noise with a colour, or a plant left out."""
     errors = [model.residuals(series) for series in recordings]
     return criteria.whitened_variance(errors) * SLIGHTLY < float(np.mean(np.concatenate(errors) ** 2))
