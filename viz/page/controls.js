@@ -7,7 +7,7 @@ const byId = id => document.getElementById(id);
 // each address has the session's key.
 const KEY = /** @type {any} */ (document.querySelector("meta[name=key]") || {}).content || "";
 const KEYED = window !== window.top || location.pathname !== "/";
-function own(path) {
+function withToken(path) {
   const address = new URL(path, document.baseURI);
   if (KEYED && KEY) address.searchParams.set("token", KEY);
   return address.href;

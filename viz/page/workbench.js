@@ -37,6 +37,7 @@ function advise() {
   if (!model || window.EXPORTED) return;
   const free = model.parameters.filter(p => !MASSES.has(p.name) && bench.free[p.name] !== false).length, count = bench.chosen.size;
   const slow = !model.quick && bench.rows.length > 0, bare = bench.rows.filter(row => bench.chosen.has(row.id) && !row.body_mass_kg).length;
+  const unloaded = bench.rows.every(row => !bench.chosen.has(row.id) || !row.added_mass_kg);
   const doubtful = bench.rows.filter(row => row.doubt && !bench.chosen.has(row.id)).length, fit = bench.fit && bench.fit.verdict ? bench.fit : null;
   const verdict = fit && { decided: `decided: ${fit.branches[0].name}`, undecided: "the branch is undecided", "not compared": "one branch" }[fit.verdict];
   const parts = !bench.rows.length && !fit ? ["Drop recordings anywhere on this page, or try the example."] : [
@@ -44,6 +45,7 @@ function advise() {
     !bench.rows.length ? "Drop recordings anywhere on this page to fit again." : byId("stale").hidden ? "" : "Out of date; fit again.",
     doubtful ? `${doubtful} in an uncertain unit: confirm it in the table.` : "",
     bare ? `${bare} without body mass: type it above the table for all, or in the table.` : "",
+    !fit && count > 1 && unloaded ? "All loads are 0 kg: fill in the column if the knee carried one." : "",
     slow && !fit ? `This model has ${free} constants${2 * count < free ? ", too many for so few recordings" : ""}; its fit takes a minute or more.` : ""];
   byId("next").textContent = parts.filter(Boolean).join(" ");
   const held = /** @type {any} */ (document.activeElement);
@@ -111,8 +113,8 @@ function receiveReport() {
   if (!bench.wantedPath) return;  // another page asked
   busyWith("");
   if (bench.wantedPath === "report") {
-    if (!open(own("report"), "_blank")) byId("data_state").replaceChildren("the report is ready: ", element("a", "open it", { href: own("report"), target: "_blank" }));
-  } else if (bench.wantedPath) save(own(bench.wantedPath), "results.zip");
+    if (!open(withToken("report"), "_blank")) byId("data_state").replaceChildren("the report is ready: ", element("a", "open it", { href: withToken("report"), target: "_blank" }));
+  } else if (bench.wantedPath) save(withToken(bench.wantedPath), "results.zip");
   bench.wantedPath = "";
 }
 
@@ -123,7 +125,7 @@ function takeAway() {
 }
 function saveOfflinePage() {
   busyWith("");
-  save(own("take"), "foot.html");
+  save(withToken("take"), "foot.html");
 }
 
 // A sentence in place of what was asked for; nothing waits for that any longer.
@@ -141,7 +143,7 @@ function receiveComplaint({ text, of }) {
 function workbenchReceives(document_) {
   const kinds = {
     data: showRecordings, columns: correctionForm, signals: showSignals, progress: showProgress, fitted: receiveFit, rivals: showRivals, history: showHistory, comparison: showComparison,
-    reported: receiveReport, kept: () => { busyWith(""); save(own("study"), "study.zip"); }, session_kept: saveSession, session: receiveSession, taken: saveOfflinePage, complaint: receiveComplaint,
+    reported: receiveReport, kept: () => { busyWith(""); save(withToken("study"), "study.zip"); }, session_kept: saveSession, session: receiveSession, taken: saveOfflinePage, complaint: receiveComplaint,
     // an exported page has no editor
     saved: d => showSaved(d), models: d => listModels(d), checked: d => showCheck(d),
   };
