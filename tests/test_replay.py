@@ -57,7 +57,7 @@ def test_a_best_fit_that_no_step_follows_is_refused(foot: Foot, monkeypatch: pyt
         raise UnstableError("two_dof")
 
     monkeypatch.setattr(Batch, "run", unstable)
-    with pytest.raises(SimulationError, match=r"unstable at the best fit, steps of .*\(--bounds\) or estimate fewer"):
+    with pytest.raises(SimulationError, match=r"unstable at the best fit, even in steps .*\(--bounds\) or estimate"):
         replay(foot, made, at(made))
     assert tried[0] == pytest.approx(16 * tried[-1])
 

@@ -42,7 +42,7 @@ ACCELERATION, WITH_CHANGES = 1.0, 1e-4
 SHARES = (1.0, 1e-1, 1e-2, 1e-3, 1e-4)
 #: Shares of a difference over which slopes about rest are compared, by how much they may differ, and by how much less
 #: over the smaller ones: a tenth where the force is smooth. The rounding of a stiff force is below the last.
-_NEARER, _SAME, _SMOOTH, _ROUNDED = (1.0, 1e-1, 1e-2), 1e-3, 0.2, 1e-5
+_NEARER, _SAME, _SMOOTH, _ROUNDED = (1.0, 1e-1, 1e-2), 1e-3, 0.2, 1e-4
 #: Time after which what falls has come to rest [s].
 _FALL = 2.0
 #: Difference in a parameter as a share of its size, and in harmonics of the base [m/s^2].
