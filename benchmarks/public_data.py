@@ -44,11 +44,20 @@ SKIPPED = 1000
 
 
 def fetch(folder: Path) -> None:
-    """Clone what is not there."""
+    """Clone what is not there.
+
+    Raises:
+        InputFileError: git or the network does not give it.
+    """
     for source in SOURCES:
         place = folder / Path(source).name
         if not place.is_dir():
-            subprocess.run(["git", "clone", "--quiet", "--depth", "1", source, str(place)], check=True)
+            try:
+                command = ["git", "clone", "--quiet", "--depth", "1", source, str(place)]
+                subprocess.run(command, check=True, capture_output=True, text=True)
+            except (OSError, subprocess.CalledProcessError) as error:
+                said = (getattr(error, "stderr", "") or str(error)).strip().splitlines()[-1]
+                raise InputFileError(place, f"cannot be fetched from {source} ({said})", "try again") from error
 
 
 def columns(folder: Path, name: str) -> np.ndarray:

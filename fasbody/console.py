@@ -16,6 +16,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from datetime import timedelta
 from multiprocessing import resource_tracker
 from pathlib import Path
 from types import FrameType
@@ -23,10 +24,18 @@ from typing import TYPE_CHECKING, Any
 
 from rich.console import Console
 from rich.markup import escape
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    Progress,
+    ProgressColumn,
+    TextColumn,
+    TimeElapsedColumn,
+    TimeRemainingColumn,
+)
 
 from fasbody.exceptions import FasError, InputFileError, SettingError, Stopped
-from fasbody.progress import Advance
+from fasbody.progress import Advance, Pace
 from fasbody.usage import option_of, sentence
 
 if TYPE_CHECKING:
@@ -284,11 +293,13 @@ def make_folder(path: Path) -> Path:
 
 
 @contextmanager
-def progress_bar() -> Iterator[Progress]:
-    """A progress bar on stderr; into a pipe it writes nothing, even where colours are forced."""
-    columns = (
-        TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn(),
-    )  # fmt: skip
+def progress_bar(*more: ProgressColumn) -> Iterator[Progress]:
+    """A progress bar on stderr, with number and time left unless other columns are given.
+
+    Into a pipe it writes nothing, even where colours are forced.
+    """
+    more = more or (MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn())
+    columns = (TextColumn("{task.description}"), BarColumn(), *more)
     drawn = console.is_terminal and console.file.isatty()
     with Progress(*columns, console=console, transient=True, disable=not drawn) as progress:
         yield progress
@@ -297,10 +308,14 @@ def progress_bar() -> Iterator[Progress]:
 @contextmanager
 def stages() -> Iterator[Advance]:
     """A progress bar of work in stages: yields a callback that takes the stage, what is done, and the total."""
-    with progress_bar() as progress:
-        task = progress.add_task("reading", total=None)
+    pace = Pace()
+    steps, left = (TextColumn(f"{{task.fields[{field}]}}") for field in ("steps", "left"))
+    with progress_bar(steps, TimeElapsedColumn(), left) as progress:
+        task = progress.add_task("reading", total=None, steps="", left="")
 
         def advance(what: str, done: int, total: int) -> None:
-            progress.update(task, description=what, completed=done, total=total)
+            pace.at(done, total)
+            left = "" if pace.left_s is None else f"about {timedelta(seconds=round(pace.left_s))} left"
+            progress.update(task, description=what, completed=pace.share, total=1.0, steps=f"{done}/{total}", left=left)
 
         yield advance

@@ -23,7 +23,7 @@ SETTINGS: Mapping[str, tuple[str, str]] = {
     "channels.unit": ('study.toml [channels.{channel}] unit = "{value}"', "its unit with “…”"),
     "channels.sensitivity": (
         'study.toml channels.{channel}.sensitivity = "{value}"',
-        "its sensitivity with “…”",
+        "its sensitivity as its unit in the table, “{value}”",
     ),
     "channels.delay_s": ("study.toml channels.{channel}.delay_s = {value}", "its delay with “…”"),
     "channels.sign": ("study.toml: sign", "“…” changes it"),
@@ -86,6 +86,11 @@ def code_of(text: str) -> str:
 def reason_of(text: str) -> str:
     """A text without the name of the file that it is about, where it knows that."""
     return text.reason if isinstance(text, Sentence) else text
+
+
+def begun(text: Sentence) -> Sentence:
+    """What the page begins a sentence with; a terminal writes a command as it is typed."""
+    return Sentence(text, on_page=text.on_page[:1].upper() + text.on_page[1:])
 
 
 def called(setting: str, value: object = "") -> Sentence:

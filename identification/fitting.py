@@ -11,7 +11,7 @@ from threadpoolctl import ThreadpoolController
 
 from fasbody.exceptions import SettingError
 from fasbody.foot.model import Foot
-from fasbody.progress import Advance, silent
+from fasbody.progress import Advance, Work, silent
 from fasbody.recording.recording import UNSTATED, Recording
 from fasbody.recording.study import Study
 from identification import branches, steady
@@ -31,6 +31,9 @@ _TRUSTS_NOT = (
     "only where all recordings are settled sines, at several frequencies."
 )
 
+#: What a fit of steady recordings takes after the search: replays, intervals.
+_AFTER = 0.3
+
 
 def fit_foot(
     study: Study | Recording | Iterable[Recording],
@@ -49,7 +52,8 @@ def fit_foot(
         study: a study, or one or more recordings as read; they are checked here.
         foot: the model.
         settings: how to fit.
-        advance: called with what is done, how many of how many, for a progress bar.
+        advance: called with the stage, the steps done and about how many there are in all stages; see
+            `fasbody.progress.Pace`.
         interruptible: Ctrl-C ends the exploration only, and the result rests on the starts done.
         **chosen: fields of `Settings`, in place of those of `settings`.
 
@@ -84,12 +88,12 @@ def fit_foot(
 
 def _steady(setup: Setup, settings: Settings, advance: Advance) -> FitResult:
     """The fit of steady recordings: see steady.py."""
-    problem = setup.problem()
+    problem, work = setup.problem(), Work(advance, _AFTER)
     tells = tells_delay(setup.recordings)
     allow = settings.departures and tells and any(item.kind != "delay" for item in problem.variables.nuisances)
-    fitted = steady.fit(problem, setup.foot, settings.starts, settings.seed, allow, advance)
+    fitted = steady.fit(problem, setup.foot, settings.starts, settings.seed, allow, work)
     data = setup.recordings
-    built = [steady.branch_of(fitted, solution, data, setup.foot) for solution in fitted.solutions]
+    built = steady.branches_of(fitted, data, setup.foot, work)
     rank = excitation_rank(data)
     enough = allow or rank >= len(setup.space.free)
     loads = len({recording.condition.added_mass_kg for recording in data})

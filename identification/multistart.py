@@ -1,6 +1,6 @@
 """Multi-start search: descents of a problem from many starts by the trust-region-reflective method."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -8,6 +8,7 @@ import numpy as np
 
 from fasbody.exceptions import SimulationError
 from fasbody.foot.model import Foot
+from fasbody.progress import Work
 from fasbody.recording.checks import UNIT_IN_DOUBT, unit_in_doubt
 from fasbody.recording.recording import Recording
 from fasbody.recording.sources import together
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
 ZERO = 1e-9
 #: Evaluations after which a descent is given up.
 _MOST = 200
+#: Steps that a descent is expected to take before one has been made.
+_USUAL = 30
 #: So many samples have a cost as large, of which 1e-7 is a thousandth of what a standard error changes.
 _LONG = 5000
 
@@ -51,7 +54,7 @@ class Descent:
     unstable: bool
 
 
-def descend(problem: TimeProblem, label: str, z: np.ndarray, tight: bool = False) -> Descent:
+def descend(problem: TimeProblem, label: str, z: np.ndarray, tight: bool = False, work: Work | None = None) -> Descent:
     """Minimise the cost, Eqs. (4.35) to (4.41), from one start.
 
     Args:
@@ -59,6 +62,7 @@ def descend(problem: TimeProblem, label: str, z: np.ndarray, tight: bool = False
         label: name of the start.
         z: (n,) full search variable there.
         tight: converge well below the standard errors, for a result to report.
+        work: counts the steps.
     """
     p = problem.space.lower.size
     low, high = problem.bounds
@@ -69,6 +73,8 @@ def descend(problem: TimeProblem, label: str, z: np.ndarray, tight: bool = False
     before = problem.evaluations
 
     def ended(intermediate_result: "OptimizeResult") -> None:  # a valley of zeros is as flat as it is long
+        if work is not None:
+            work.did()
         if 2 * intermediate_result.cost <= ZERO * problem.size:
             raise StopIteration
 
@@ -106,24 +112,25 @@ def lost(foot: Foot, space: Space, descents: Sequence[Descent], recordings: Sequ
 
 
 def explore(
-    problem: TimeProblem, starts: Iterable[tuple[str, np.ndarray]], advance: Callable[[], None] = lambda: None
+    problem: TimeProblem, starts: Sequence[tuple[str, np.ndarray]], work: Work | None = None
 ) -> tuple[list[Descent], bool]:
     """Descend from every start; Ctrl-C keeps what is done.
 
     Args:
         problem: what to minimise.
         starts: (label, q0).
-        advance: called after each, for a progress bar.
+        work: counts the steps, and about how many may still come.
 
     Returns:
         The descents, best first, and whether they were interrupted.
     """
     done: list[Descent] = []
-    interrupted = False
+    interrupted, work = False, work or Work()
     try:
-        for label, q0 in starts:
-            done.append(descend(problem, label, problem.start(q0)))
-            advance()
+        for number, (label, q0) in enumerate(starts):
+            work.expect(_USUAL * (len(starts) - number))
+            work.might(_USUAL)
+            done.append(descend(problem, label, problem.start(q0), work=work))
     except KeyboardInterrupt:
         if not done:
             raise

@@ -7,12 +7,13 @@ Those go on of which a few steps promise most, and new ones begin for as long as
 of a side goes on until its best end was found twice, or says that it is not exhausted.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import ndtri
 
+from fasbody.progress import Work
 from identification.repeatability import repeatability
 from identification.residual import Evaluation, Problem, Scatter
 
@@ -42,6 +43,8 @@ SMOOTH = (0.5, 0.1, 0.02)
 _LEVEL, _KEPT, _GO_ON = 1e-4, 6, 4
 #: How near the scatter is to what its best end leaves over, and rounds of that at most.
 _SETTLED, _LEVELS = 0.05, 16
+#: Share of its steps that a descent usually takes which begins beside its end.
+_NEAR_END = 0.2
 #: Steps of the last descent over those of others, and the decrease that is worth no further step there.
 _LONGER, _EXACTLY = 5.0, 1e-5
 #: Least and largest damping of a step.
@@ -108,8 +111,9 @@ class Descended:
 
 
 def descend(
-    problem: Problem, Q: np.ndarray, signs: np.ndarray, steps: int = STEPS, promised: float = _PROMISED
-) -> Descended:
+    problem: Problem, Q: np.ndarray, signs: np.ndarray, steps: int = STEPS, promised: float = _PROMISED,
+    work: Work | None = None,
+) -> Descended:  # fmt: skip
     """Damped Gauss-Newton steps of many candidates at once, between bounds, along valleys that bend (`bent`).
 
     Args:
@@ -118,11 +122,15 @@ def descend(
         signs: (C,) side of each.
         steps: at most.
         promised: decrease of the sum of squares that is worth no further step.
+        work: counts each candidate's steps.
     """
     low, high = (np.stack(limit) for limit in zip(*(problem.bounds(s) for s in signs), strict=True))
     Q = np.clip(Q, low, high)
     at, rests = np.arange(len(Q)), np.zeros(len(Q), bool)  # the candidates that still move; those at rest
     now = problem.evaluate(Q)
+    if work is not None:
+        work.might((steps + 1) * len(Q))
+        work.did(len(Q))
     objective = now.objective
     damping, factor, promise = np.full(len(Q), 1e-2), np.full(len(Q), 2.0), np.full(len(Q), np.inf)
     bend = np.zeros((len(Q), Q.shape[1], Q.shape[1]))
@@ -137,6 +145,8 @@ def descend(
         at, damping, factor, now, A, g = at[go], damping[go], factor[go], now.rows(go), A[go], g[go]
         trial, foretold = bounded_step(A + bend[at], g, Q[at], low[at], high[at], damping)
         after = problem.evaluate(trial, now)
+        if work is not None:
+            work.did(len(at))
         gain = np.where(after.moves, objective[at] - after.objective, -1.0)
         better = gain > 0
         bend[at[better]] = bent(bend[at], trial - Q[at], now.jacobian, after)[better]
@@ -244,7 +254,7 @@ def bent(bend: np.ndarray, step: np.ndarray, jacobian: np.ndarray, after: Evalua
 
 
 def finished(
-    problem: Problem, q: np.ndarray, sign: int, steps: int = round(_LONGER * STEPS)
+    problem: Problem, q: np.ndarray, sign: int, steps: int = round(_LONGER * STEPS), work: Work | None = None
 ) -> tuple[np.ndarray, float, bool]:
     """The end of a descent from q (n,), far below a standard error.
 
@@ -252,7 +262,7 @@ def finished(
         the place (n,), its sum of squares, and whether a further step promises next to nothing: a valley whose floor is
         flat need not be followed to its end.
     """
-    down = descend(problem, q[None], np.array([sign]), steps, _EXACTLY)
+    down = descend(problem, q[None], np.array([sign]), steps, _EXACTLY, work)
     return down.Q[0], float(down.objective[0]), bool(abs(down.left[0]) < _PROMISED)
 
 
@@ -355,7 +365,8 @@ def search(
     smooth: tuple[float, ...] = SMOOTH,
     fall: float = FALL,
     steps: int = STEPS,
-    advance: Callable[[int, int], None] = lambda done, total: None,
+    work: Work | None = None,
+    later: float = 0.0,
 ) -> Searched:
     """The best end of each side, and how well recordings repeat.
 
@@ -375,27 +386,29 @@ def search(
         smooth: scatters at which starts begin in turn, the largest first.
         fall: factor by which the scatter falls from one descent to the next.
         steps: of a descent at most; the last one may take five times as many.
-        advance: called with rounds done and their number.
+        work: counts the steps of each candidate, and about how many may still come.
+        later: steps that come after the search.
     """
     rng = np.random.default_rng(seed)
+    descents = _Descents(steps, work or Work(), later + _NEAR_END * steps * len(signs))
     population: Population | None = None
     tried = dict.fromkeys(signs, 0)
     images: set[bytes] = set()
     open_ = list(signs)
     for number in range(rounds):
-        advance(number, rounds)
         fresh = [_fresh(problem, open_, count, rng) for count in _shares(starts, smooth)]
         if first is not None and number == 0:
             fresh[-1] = fresh[-1].joined(_everywhere(first, signs))
         for sign in open_:
             tried[sign] += sum(int(np.sum(group.sign == sign)) for group in fresh)
         last = None if estimate and population is None else problem.scatter
-        problem, ends = _annealed(problem, dict(zip(smooth, fresh, strict=True)), last, fall, steps)
+        descents.after = descents.last + len(open_) * starts * (beside * (_SCREENING + 1) + steps + 1)
+        problem, ends = _annealed(problem, dict(zip(smooth, fresh, strict=True)), last, fall, descents)
         population = ends if population is None else population.joined(ends).distinct(most=_KEPT)
-        population = _with_images(problem, population, signs, images, steps)
-        population, restless = _improved(problem, population, open_, starts, beside * starts, rng, steps)
+        population = _with_images(problem, population, signs, images, descents)
+        population, restless = _improved(problem, population, open_, starts, beside * starts, rng, descents)
         if estimate:
-            problem, population = _settled(problem, population, steps)
+            problem, population = _settled(problem, population, descents)
         open_ = [
             sign
             for sign in signs
@@ -405,7 +418,8 @@ def search(
         if not open_:
             break
     assert population is not None
-    optima = [_optimum(problem, population, sign, tried[sign], steps) for sign in signs]
+    descents.expect(_NEAR_END * len(signs), later)
+    optima = [_optimum(problem, population, sign, tried[sign], descents) for sign in signs]
     return Searched(problem, tuple(sorted(optima, key=lambda o: o.objective)))
 
 
@@ -468,7 +482,7 @@ def _starting(Q: np.ndarray, signs: np.ndarray) -> Population:
 
 
 def _annealed(
-    problem: Problem, groups: Mapping[float, Population], last: Scatter | None, fall: float, steps: int
+    problem: Problem, groups: Mapping[float, Population], last: Scatter | None, fall: float, descents: "_Descents"
 ) -> tuple[Problem, Population]:
     """Starts followed down to a scatter, each group from its own, to the distinct ends there.
 
@@ -477,7 +491,7 @@ def _annealed(
         groups: starts by the scatter at which they begin.
         last: scatter at which they end; None where it is what the best of them leaves over.
         fall: factor by which it falls.
-        steps: of a descent at most.
+        descents: of the search.
     """
     rest = sorted(groups.items(), key=lambda item: -item[0])
     goal = problem.with_scatter(last or Scatter())
@@ -487,7 +501,11 @@ def _annealed(
         while rest and (arrived or rest[0][0] > 0.99 * level):
             population = population.joined(rest.pop(0)[1])
         problem = goal if arrived else goal.with_repeatability(level)
-        population = _down(problem, population, steps, _PROMISED if arrived else _ON_THE_WAY)
+        waiting = sum(len(group.Q) for _, group in rest)
+        levels = max(0.0, np.log(max(level, _LEVEL) / max(goal.repeatability, _LEVEL)) / np.log(fall))
+        full = 0.0 if arrived else 1 + np.ceil(levels)
+        descents.expect(len(population.Q) * (full + _NEAR_END) + waiting, descents.after)
+        population = descents.down(problem, population, _PROMISED if arrived else _ON_THE_WAY)
         population = population.distinct(_ONE, _GO_ON)
         if last is None:
             goal = _reweighed(problem, population)
@@ -506,25 +524,46 @@ def _reweighed(problem: Problem, population: Population) -> Problem:
     return problem.with_scatter(repeatability(problem, best))
 
 
-def _settled(problem: Problem, population: Population, steps: int) -> tuple[Problem, Population]:
+def _settled(problem: Problem, population: Population, descents: "_Descents") -> tuple[Problem, Population]:
     """Ends where the scatter is what the best of them leaves over."""
     for _ in range(_LEVELS):
         after = _reweighed(problem, population)
         if problem.scatter.near(after.scatter, _SETTLED):
             break
         problem = after
-        population = _down(problem, population, steps).distinct()
+        descents.expect(_NEAR_END * len(population.Q), descents.last)
+        population = descents.down(problem, population).distinct()
     return problem, population
 
 
-def _down(problem: Problem, population: Population, steps: int, promised: float = _PROMISED) -> Population:
-    """Where candidates come to."""
-    down = descend(problem, population.Q, population.sign, steps, promised)
-    return replace(population, Q=down.Q, objective=down.objective)
+@dataclass(eq=False)
+class _Descents:
+    """How the descents of a search go.
+
+    Attributes:
+        steps: of each at most.
+        work: counts the steps of each candidate.
+        last: steps that come when the ends of all rounds are known.
+        after: steps that come after the first descents of a round.
+    """
+
+    steps: int
+    work: Work
+    last: float
+    after: float = 0.0
+
+    def expect(self, count: float, after: float) -> None:
+        """So many descents of a candidate may still come, and after them so many steps."""
+        self.work.expect(count * (self.steps + 1) + after)
+
+    def down(self, problem: Problem, population: Population, promised: float = _PROMISED) -> Population:
+        """Where candidates come to."""
+        down = descend(problem, population.Q, population.sign, self.steps, promised, self.work)
+        return replace(population, Q=down.Q, objective=down.objective)
 
 
 def _with_images(
-    problem: Problem, population: Population, signs: tuple[int, ...], done: set[bytes], steps: int
+    problem: Problem, population: Population, signs: tuple[int, ...], done: set[bytes], descents: _Descents
 ) -> Population:
     """Ends, with those below the mirror images of each side's best one, where that is new."""
     best = [population.best(sign) for sign in signs if sign]
@@ -534,7 +573,8 @@ def _with_images(
         return population
     images = _starting(problem.variables.image(population.Q[best]), -population.sign[best])
     images = replace(images, hits=0 * images.hits)  # of an end that is there already, its own image is no second find
-    joined = population.joined(_down(problem, images, steps)).distinct(most=_KEPT)
+    descents.expect(len(images.Q), descents.after)
+    joined = population.joined(descents.down(problem, images)).distinct(most=_KEPT)
     return replace(joined, hits=np.maximum(joined.hits, 1))
 
 
@@ -545,7 +585,7 @@ def _improved(
     followed: int,
     beside: int,
     rng: np.random.Generator,
-    steps: int,
+    descents: _Descents,
 ) -> tuple[Population, list[int]]:
     """Ends, with better ones that lie near them, and the sides whose best end may not be the last.
 
@@ -556,34 +596,36 @@ def _improved(
         followed: starts of a side that go on.
         beside: starts of a side, of which they are the most promising.
         rng: for the starts.
-        steps: of a descent at most.
+        descents: of the search.
     """
     for _ in range(_BATCHES):
         near = _redrawn(problem, population, signs, beside, rng)
         if not len(near.Q):
             return population, []
-        near = _promising(problem, near, followed)
+        descents.expect(followed * len(signs), descents.last + (_SCREENING + 1) * len(near.Q))
+        near = _promising(problem, near, followed, descents.work)
         before = {sign: population.least(sign) for sign in signs}
-        population = population.joined(_down(problem, near, steps)).distinct(most=_KEPT)
+        population = population.joined(descents.down(problem, near)).distinct(most=_KEPT)
         signs = [sign for sign in signs if population.least(sign) < before[sign] - SAME]
         if not signs:
             break
     return population, signs
 
 
-def _promising(problem: Problem, population: Population, count: int) -> Population:
+def _promising(problem: Problem, population: Population, count: int, work: Work | None = None) -> Population:
     """So many of each side that a few steps bring, or promise to bring, farthest down."""
-    down = descend(problem, population.Q, population.sign, _SCREENING)
+    down = descend(problem, population.Q, population.sign, _SCREENING, work=work)
     promised = np.where(np.isfinite(down.left), down.objective - down.left, np.inf)
     order = np.argsort(promised)
     sides = [order[population.sign[order] == sign][:count] for sign in np.unique(population.sign)]
     return replace(population, Q=down.Q, objective=down.objective).rows(np.concatenate(sides))
 
 
-def _optimum(problem: Problem, population: Population, sign: int, tried: int, steps: int) -> Optimum:
+def _optimum(problem: Problem, population: Population, sign: int, tried: int, descents: _Descents) -> Optimum:
     """The best of a side's ends, finished."""
     best, side = population.best(sign), population.sign == sign
-    q, objective, converged = finished(problem, population.Q[best], sign, round(_LONGER * steps))
+    longer = round(_LONGER * descents.steps)
+    q, objective, converged = finished(problem, population.Q[best], sign, longer, descents.work)
     near = side & (population.objective < max(population.objective[best], objective) + SAME)
     hits, others = int(population.hits[near].sum()), side & (np.arange(side.size) != best)
     behind = population.behind(sign)

@@ -16,6 +16,7 @@ from fasbody.foot.damper import MAXWELL
 from fasbody.foot.model import Foot, load
 from fasbody.foot.shaker import harmonics
 from fasbody.foot.simulate import Batch
+from fasbody.sentences import Sentence, called
 from identification.engines.mujoco import Coordinates
 from identification.residual import Problem
 
@@ -120,8 +121,6 @@ def _resolved(
         try:
             out = batch.run(motion.controls(h, _PERIODS * n)[None], h, qpos, qvel, start[2])
         except SimulationError:
-            if halved == _HALVINGS:
-                raise
             continue
         last = np.stack([out.outputs[name][0, -n:] for name in sensors])
         Y = 2 / n * np.fft.rfft(last)[:, 1 : _LINES + 1]
@@ -131,7 +130,10 @@ def _resolved(
             best = run
         if difference < RESOLVED:
             break
-    if best is None or best.difference > _LEFT:
+    if best is None:
+        text = f"{batch.foot.name}: MuJoCo is unstable at the best fit, even in steps of {h:.1g} s. Narrow the bounds ("
+        raise SimulationError(Sentence(text, called("bounds"), ") or estimate fewer constants (", called("free"), ")."))
+    if best.difference > _LEFT:
         raise _lost(batch.foot, frequency_hz)
     return best
 

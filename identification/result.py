@@ -12,7 +12,7 @@ from fasbody.exceptions import SettingError, unknown
 from fasbody.foot.parameters import of_channel, symbol_and_unit
 from fasbody.presentation import Presented, Sheet, Tabled, readable
 from fasbody.recording.recording import UNSTATED, Recording
-from fasbody.sentences import Sentence, called
+from fasbody.sentences import Sentence, begun, called
 from identification.branches import misses
 from identification.contact import Contact
 from identification.contact import summary as lifted
@@ -419,7 +419,7 @@ class FitResult(Presented):
                 "The model does not follow the recordings: it deviates from them by "
                 f"{100 * self.departures.repeatability:.2g} %, and 2 to 5 % is assumed as usual for people. No "
                 f"constant is reported. {self._to_check} ",
-                called("compare_rivals"),
+                begun(called("compare_rivals")),
                 " compares other models. ",
             )
         if p is None or p >= UNLIKELY:

@@ -14,7 +14,7 @@ from scipy.special import chdtrc
 
 from fasbody.exceptions import SimulationError
 from fasbody.foot.model import Foot
-from fasbody.progress import Advance, silent
+from fasbody.progress import Work
 from fasbody.recording.known import Known
 from fasbody.recording.recording import Recording
 from identification import branches, optimiser
@@ -67,6 +67,8 @@ _SETTINGS = {
 _HELD = (0.02,)
 #: Change of the sum of squares below which twice the harmonics say the same, and harmonics at most.
 _ENOUGH, _MOST_HARMONICS = 0.01, 48
+#: Where in what comes after the search its parts begin, of which the intervals take longest.
+_EXACT_AFTER, _INTERVALS_AFTER = 0.2, 0.4
 EXACT = ", model assumed exact"
 #: Beyond its bounds by this factor a spring or damper is as good as rigid or absent.
 _FURTHER = 100.0
@@ -140,7 +142,7 @@ def problem_of(
 
 
 def fit(
-    problem: Problem, foot: Foot, starts: int, seed: int, allow: bool, advance: Advance = silent
+    problem: Problem, foot: Foot, starts: int, seed: int, allow: bool, work: Work | None = None
 ) -> Fitted:
     """Search, hold, and replay.
 
@@ -150,11 +152,13 @@ def fit(
         starts: of a side in a round of the search.
         seed: of the starts.
         allow: for what may be true beside the model; else the nuisances are held.
-        advance: called with what is done, how many of how many.
+        work: counts the steps.
 
     Raises:
         SimulationError: no motion lasts.
     """
+    work = work or Work()
+    work.stage = "searching"
     variables = problem.variables
     signs = (1, -1) if variables.ratio is not None else (0,)
     held = variables.held([item.kind for item in variables.nuisances if item.kind != "delay"])
@@ -163,14 +167,13 @@ def fit(
     settings = _SETTINGS[variables.two_mass]
     search = optimiser.search(
         problem if allow else exact, signs, starts=min(starts, settings.starts), seed=seed, estimate=allow,
-        first=first, rounds=settings.rounds, smooth=settings.smooth, **settings.descent,
-        advance=lambda done, total: advance("searching both branches", done, total),
+        first=first, rounds=settings.rounds, smooth=settings.smooth, **settings.descent, work=work,
     )  # fmt: skip
     solutions = [Solution(SIDES[o.sign], search.problem, o) for o in search.optima]
     solutions = [_with_enough_harmonics(solution) for solution in solutions]
     replays, kept, left_out, reasons = {}, [], [], []
     for number, solution in enumerate(solutions):
-        advance("replaying in MuJoCo", number, len(solutions))
+        work.after("replaying in MuJoCo", _EXACT_AFTER * number / len(solutions))
         try:
             replays[solution.branch] = replay(foot, solution.problem, solution.q)
             kept.append(solution)
@@ -179,7 +182,7 @@ def fit(
             reasons.append(error)
     if not kept:
         raise reasons[0]
-    advance("the model assumed exact", 0, 1)
+    work.after("fitting the model assumed exact", _EXACT_AFTER)
     alone = _held_ends(search.problem.with_held(held).with_scatter(Scatter()), kept) if allow else {}
     return Fitted(tuple(kept), alone, replays, tuple(left_out))
 
@@ -208,6 +211,16 @@ def _held_ends(exact: Problem, solutions: Sequence[Solution]) -> dict[str, Solut
 
 
 # what is said of it
+
+
+def branches_of(fitted: Fitted, recordings: Sequence[Recording], foot: Foot, work: Work) -> list[Branch]:
+    """All branches as a result has them."""
+    built: list[Branch] = []
+    for solution in fitted.solutions:
+        rest = (1 - _INTERVALS_AFTER) * len(built) / len(fitted.solutions)
+        work.after("computing intervals", _INTERVALS_AFTER + rest)
+        built.append(branch_of(fitted, solution, recordings, foot))
+    return built
 
 
 def branch_of(fitted: Fitted, solution: Solution, recordings: Sequence[Recording], foot: Foot) -> Branch:

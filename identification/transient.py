@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from fasbody.exceptions import PeriodicMotionError, SimulationError
-from fasbody.progress import Advance
+from fasbody.progress import Advance, Work
 from fasbody.sentences import Sentence, called
 from identification import branches, multistart, steady
 from identification.branches import STIFF_ANKLE, STIFF_PAD
@@ -27,6 +27,8 @@ from identification.time_problem import TimeProblem
 
 #: Ends of a branch whose mirror images are entered, and by which share of the cost they must differ.
 _IMAGES, _APART = 4, 1e-2
+#: Share of a fit that comes after the exploration.
+_AFTER = 0.5
 #: One of so many random places is descended from.
 _SCREENED = 3
 _PASSED_OVER = "The best end of the {name} branch was passed over: its motion does not last in MuJoCo."
@@ -68,7 +70,7 @@ def fit(
         seed: of the random ones.
         threads: 0 for all cores.
         replay: as `estimate.Settings`.
-        advance: called with what is done, how many of how many.
+        advance: called with the stage, the steps done and about how many there are.
         interruptible: Ctrl-C ends the exploration only, and the result rests on the starts done.
 
     Raises:
@@ -80,7 +82,8 @@ def fit(
     if not setup.why_not:
         masses = [recording.condition.masses for recording in setup.recordings]
         ratio = branches.ratio(masses, setup.foot.values())
-    descents, interrupted = _explored(setup, domain, ratio, starts, seed, advance)
+    work = Work(advance, _AFTER)
+    descents, interrupted = _explored(setup, domain, ratio, starts, seed, work)
     if interrupted and not interruptible:
         raise KeyboardInterrupt
     warnings: list[str] = []
@@ -91,7 +94,7 @@ def fit(
     ends = _of_each_branch(domain, space, ratio, descents)
     certified, left_out = [], []
     for number, (name, descents_of_side) in enumerate(ends.items()):
-        advance("converging in MuJoCo", number, len(ends))
+        work.after("converging in MuJoCo", number / len(ends))
         best, skipped = certify_first(domain, name, descents_of_side)
         if best:
             certified.append(best)
@@ -112,23 +115,23 @@ Explored = tuple[list[Descent], bool]
 
 
 def _explored(
-    setup: Setup, domain: TimeDomain, ratio: float | None, starts: int, seed: int, advance: Advance
+    setup: Setup, domain: TimeDomain, ratio: float | None, starts: int, seed: int, work: Work
 ) -> Explored:
     """Steady recordings on their harmonics where the model has a periodic motion, all others sample by sample."""
     if is_steady(setup.recordings):
         try:
-            return _on_harmonics(setup, domain, ratio, starts, seed, advance)
+            return _on_harmonics(setup, domain, ratio, starts, seed, work)
         except PeriodicMotionError:  # what touches, stops, slips or lifts off has no harmonics that fall
             pass
-    return _on_samples(setup, domain, ratio, starts, seed, advance)
+    return _on_samples(setup, domain, ratio, starts, seed, work)
 
 
 def _on_harmonics(
-    setup: Setup, domain: TimeDomain, ratio: float | None, starts: int, seed: int, advance: Advance
+    setup: Setup, domain: TimeDomain, ratio: float | None, starts: int, seed: int, work: Work
 ) -> Explored:
     """The ends of a steady fit with the nuisances held, as descents in the time domain that have yet to begin."""
     problem, space = setup.problem(), setup.space
-    fitted = steady.fit(problem, setup.foot, starts, seed, False, advance)
+    fitted = steady.fit(problem, setup.foot, starts, seed, False, work)
     descents = []
     for solution in fitted.solutions:
         values = solution.foot(0) | {
@@ -143,7 +146,7 @@ def _on_harmonics(
 
 
 def _on_samples(
-    setup: Setup, domain: TimeDomain, ratio: float | None, starts: int, seed: int, advance: Advance
+    setup: Setup, domain: TimeDomain, ratio: float | None, starts: int, seed: int, work: Work
 ) -> Explored:
     """Descents from the model's values, their mirror image, and the random places that begin lowest on each side."""
     space, values, problem = setup.space, setup.foot.values(), domain.problem()
@@ -153,8 +156,8 @@ def _on_samples(
         places.append(("mirror of the model", space.to_q(space.theta(branches.mirrored(values, ratio)))))
     random = [(f"random {i + 1}", space.random(rng)) for i in range(starts - len(places))]
     places += _lowest(problem, random, lambda q: _side(space, ratio, space.to_theta(q)))
-    counter = iter(range(1, len(places) + 1))
-    return multistart.explore(problem, places[:starts], lambda: advance("exploring starts", next(counter), len(places)))
+    work.stage = "exploring starts"
+    return multistart.explore(problem, places[:starts], work)
 
 
 def _lowest(problem: TimeProblem, places: Sequence[Place], side: Callable[[np.ndarray], str]) -> list[Place]:

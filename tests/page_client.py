@@ -17,11 +17,11 @@ WAIT = 300.0
 Client = Callable[[Server], Coroutine[Any, Any, None]]
 
 
-def serve(show: Show, client: Client) -> None:
+def serve(show: Show, client: Client, bench: Bench | None = None) -> None:
     """Run a client against a server, then stop it; the server must end by itself."""
 
     async def both() -> None:
-        server = Server(show)
+        server = Server(show, bench=bench)
         running = asyncio.create_task(server.run())
         try:
             await asyncio.wait_for(client(server), WAIT)

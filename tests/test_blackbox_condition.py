@@ -47,14 +47,19 @@ def test_spikes_are_found_and_mended() -> None:
     repaired, found = condition.mend(replace(series, y=y))
     assert set(found) == set(where)
     assert np.abs(repaired.y - series.y).max() < 0.5 * sigma
-    assert "5 outliers in the output (samples 101, 334, 335" in condition.examine(replace(series, y=y)).warnings()[0]
+    assert "5 outliers in the output (at sample 101, 334, 335" in condition.examine(replace(series, y=y)).warnings()[0]
 
 
 @pytest.mark.parametrize(("share", "says"), [(0.985, True), (0.995, False)])
 def test_an_overflow_is_no_outlier(share: float, says: bool) -> None:
-    """An output cut at its own 98.5th percentile stands there for 1.5 % of the samples."""
+    """An output cut at its own 98.5th percentile stands there for 1.5 % of the samples: no intervals."""
     series = clean(n=2000)
-    found = condition.examine(replace(series, y=np.minimum(series.y, np.quantile(series.y, share))))
+    cut = replace(series, y=np.minimum(series.y, np.quantile(series.y, share)))
+    found = condition.examine(cut)
+    oe = identify(cut, ("oe",), {"oe": (2, 2, 1)}).models["oe"]
+    assert np.isfinite(oe.response.gain_std).all() != says
+    assert any("no standard errors or band: the output stands at an end" in text
+               for text in oe.warnings) == says  # fmt: skip
     assert any("at an end of its range for 1." in text for text in found.warnings()) == says
     assert not (says and found.spikes)
 
@@ -83,6 +88,26 @@ def test_feedback_and_unstable_plants_in_a_loop() -> None:
     assert found.models["arx"].best.one_step_percent > 50 and not np.isfinite(found.models["arx"].best.fit_percent)
     assert np.isnan(found.models["oe"].response.gain_std).all()
     assert any("feedback biases it" in text for text in found.models["oe"].warnings)
+
+
+@pytest.mark.parametrize("late", [0, 1, 3])
+def test_an_output_that_comes_before_its_input_is_no_unstable_plant(late: int) -> None:
+    """Channels shifted by more than the delay, or swapped (0), look like a loop that only a controller moves."""
+    series = clean()
+    u, y = (series.u[:-late], series.y[late:]) if late else (series.y, series.u)
+    found = condition.examine(Series(u, y, 1.0, "shifted").centred())
+    text = " ".join(found.warnings())
+    assert found.leads == (late != 1) == ("are the channels shifted or swapped" in text)
+    assert "unstable" not in text and (found.leads or found == Condition())
+
+
+@pytest.mark.parametrize(("pole", "says"), [(0.9, False), (0.2, True)])
+def test_a_plant_that_changes_between_the_parts_is_named(pole: float, says: bool) -> None:
+    series = clean()
+    other = lfilter([0, -1.0, 0.5], np.poly([pole * np.exp(0.5j), pole * np.exp(-0.5j)]).real, series.u)
+    y = np.r_[series.y[:600], other[600:] if says else series.y[600:]]
+    texts = identify(replace(series, y=y), ("oe",), {"oe": (2, 2, 1)}).models["oe"].warnings
+    assert any("the plant may have changed" in text for text in texts) == says
 
 
 @pytest.mark.long
@@ -119,6 +144,13 @@ def test_weak_loops_are_suspected_and_get_no_intervals(colour: float) -> None:
     report = identify(weak(0.1, 0.0, 0), ("bj",), {"bj": (3, 0, 1, 2, 0)})
     assert any("input may answer the output" in text for text in report.models["bj"].warnings)
     assert np.isnan(report.models["bj"].response.gain_std).all()
+
+
+@pytest.mark.parametrize(("gain", "least", "most"), [(0.03, 7, 12), (0.0, 0, 1)])
+def test_the_disturbance_itself_shows_weak_loops_under_strong_colour(gain: float, least: int, most: int) -> None:
+    """Single errors and the sample itself show 4 of these 12 loops."""
+    found = sum(condition.examine(weak(gain, 0.9, seed, 3000)).suspect for seed in range(12))
+    assert least <= found <= most
 
 
 @pytest.mark.parametrize(("noise", "suspect"), [(0.3, False), (2.0, True)])

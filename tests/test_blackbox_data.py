@@ -30,6 +30,7 @@ Y = foot.linear_output(U)
         (U, np.exp(0.1 * np.arange(200)), "grows from beginning to end"),
         (U, 0.1 * np.exp(0.03 * np.arange(200)) * np.sin(np.arange(200)), "grows from beginning"),
         (U, Y[:-1], "of equal length"),
+        (U, np.where(np.arange(200) == 9, 1e308, Y), r"'speed' is 1e\+308, which nothing measures, at sample 10"),
     ],
 )
 def test_useless_data_get_one_sentence_with_the_channel(
@@ -105,6 +106,23 @@ def test_csv_of_many_forms(
     assert series.channels == (names[place], names[place - 1 if columns[-1] is not Y else place + 1])
 
 
+@pytest.mark.parametrize(
+    ("header", "step", "options", "says"),
+    [
+        ("time", 10.0, {}, True), ("time_s", 10.0, {}, False), ("time", 0.01, {}, False), ("time_ms", 10.0, {}, False),
+        ("time", 10.0, {"sample_time": 10.0}, False),
+    ],
+)  # fmt: skip
+def test_a_time_without_unit_is_remarked_where_it_may_be_in_another(
+    tmp_path: Path, header: str, step: float, options: dict, says: bool
+) -> None:
+    table = np.column_stack([step * np.arange(200), U, Y])
+    np.savetxt(tmp_path / "a.csv", table, delimiter=",", header=f"{header},u,y", comments="")
+    series = data.read_csv(tmp_path / "a.csv", **options)
+    assert series.remarks == ("'time' is read as seconds, 0.1 Hz; --sample-time overrides it",) * says
+    assert ("read as seconds" in " ".join(identify(series, ("oe",), {"oe": (2, 2, 1)}).notes)) == says
+
+
 def test_study_folder_keeps_the_corrections_of_its_study(tmp_path: Path) -> None:
     folder = tmp_path / "recordings"
     folder.mkdir()
@@ -129,8 +147,10 @@ ROWS = "".join(f"{k},{k % 5},{k % 7}\n" for k in range(50))
         ("", {}, "is empty"),
         ("u,y\n" + "1,2\n2,3\n" * 20, {}, "has no time column"),
         ("time_s,u\n0,1\n1,2\n", {}, "has no column left for the output"),
-        ("time_s,u,y\n0,1,1\n1,2,1\n1,2,3\n", {}, "does not increase"),
-        ("time_s,u,y\n0,1,1\n1,2,1\n5,2,3\n6,1,2\n", {}, "not sampled uniformly"),
+        ("time_s,u,y\n", {}, "has 0 rows of numbers; 20 are needed"),
+        ("time_s,u,y\n0,1,1\n1,2,1\n1,2,3\n", {}, "line 4: .*does not increase from row to row: 1 s after 1 s"),
+        ("time_s,u,y\n0,1,1\n# lost\n1,2,1\n5,2,3\n6,1,2\n", {}, "line 5: is not sampled uniformly: a step of 4 s"),
+        ("time_s,u,y\n0,1,1\n1,2,1e308\n", {}, r"line 3: y is 1e\+308, which nothing measures"),
         ("u,y\n1,x\n2,3\n", {"sample_time": 1.0}, "not a number"),
         ("force,speed\n1,2\n2,3\n", {"input": "forces", "sample_time": 1.0}, "did you mean 'force'"),
         ("time_fortnight,u,y\n" + ROWS, {}, "unit of the time column"),

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from recorded_foot import record
 from rich.console import Console
+from scipy.signal import lfilter
 from typer.testing import CliRunner
 
 from fasbody.console import command_line
@@ -177,14 +178,51 @@ def test_intervals_are_withheld_where_residuals_are_not_white() -> None:
     assert figures.bode(found).axes[0].get_legend_handles_labels()[1][0] == "ARX (4, 4, 1) (no valid band)"
 
 
+@pytest.mark.parametrize(
+    ("name", "small", "large"),
+    [("oe", (1, 1, 1), (4, 2, 1)), ("hw", (1, 1, 1, 1, 1), (4, 2, 1, 1, 1)), ("ss", (1,), (4,))],
+)
+def test_residuals_that_depend_on_past_inputs_withhold_intervals_of_every_structure(
+    name: str, small: tuple[int, ...], large: tuple[int, ...]
+) -> None:
+    """The intervals of an output-error plant too small held the truth at an eighth of the frequencies."""
+    rng = np.random.default_rng(21)
+    u = rng.standard_normal(2000)
+    w = lfilter([0, 1, 0.5, 0.2, 0.1], [1, -0.3, 0.1], u)
+    one = Series(u, w + 0.5 * np.std(w) * rng.standard_normal(2000), 1.0, "late")
+    for orders, given in ((small, False), (large, True)):
+        model = identify(one, (name,), {name: orders}).models[name]
+        assert np.isfinite(model.response.gain_std).all() == given
+        assert any("no standard errors or band: its residuals depend" in text for text in model.warnings) != given
+
+
+def test_noise_of_the_input_widens_intervals_where_it_is_given() -> None:
+    """A sensor with 30 % noise lowers the gain by 8 %, and no test of one recording shows it."""
+    rng = np.random.default_rng(0)
+    u, f = rng.standard_normal(2000), np.linspace(0.02, 0.45, 20)
+    w = lfilter([0, 1, 0.5], [1, -1.5, 0.8], u)
+    noisy = u + 0.3 * rng.standard_normal(2000)
+    one = Series(noisy, w + 0.02 * np.std(w) * rng.standard_normal(2000), 1.0, "noisy")
+    shift = np.exp(-2j * np.pi * f)
+    truth = np.abs((shift + 0.5 * shift**2) / (1 - 1.5 * shift + 0.8 * shift**2))
+    for noise, least, most in ((0.0, 0.0, 0.3), (0.3, 0.9, 1.0)):
+        found = identify(one, ("bj",), {"bj": (2, 2, 2, 2, 1)}, input_noise=noise)
+        at = found.models["bj"].selection.curve(f)
+        assert least <= np.mean(np.abs(np.abs(at.value) - truth) < 1.96 * at.gain_std) <= most
+        assert any("--input-noise RMS widens them" in text for text in found.notes) == (noise == 0.0)
+    with pytest.raises(SettingError, match="input noise 2 is not between 0 and the standard deviation 1") as caught:
+        identify(one, ("oe",), {"oe": (2, 2, 1)}, input_noise=2.0)
+    assert caught.value.setting == "input_noise"
+
+
 def test_table_and_csv_give_the_gain_where_the_input_is_strongest() -> None:
     """Two lines, the stronger one where the foot answers less; table, CSV and 95 % interval agree."""
     u = foot.sine(8.0, 2000) + 3.0 * foot.sine(45.0, 2000)
-    found = identify(record(u), ("oe",), {"oe": (2, 2, 1)})
+    found = identify(record(u), ("oe",), {"oe": (4, 4, 1)})
     row = next(csv.DictReader(io.StringIO(report.csv_text([found]))))
     assert float(row["gain_frequency_hz"]) == pytest.approx(45.0, abs=0.5)
     heading = str(report.single_table(found).columns[3].header)
-    assert heading == f"gain at {float(row['gain_frequency_hz']):.4g} Hz, 95 %"
+    assert heading == f"gain at {float(row['gain_frequency_hz']):.4g} Hz\n(95 %)"
     gain, interval = str(next(report.single_table(found).columns[3].cells)).split(" +- ")
     assert float(gain) == pytest.approx(float(row["gain"]), rel=1e-3)
     assert float(interval) == pytest.approx(1.96 * float(row["gain_std"]), rel=0.2)
@@ -199,5 +237,6 @@ def test_eighty_columns_hold_the_gain_of_every_structure() -> None:
     screen = Console(width=80, record=True, file=io.StringIO())
     screen.print(table)
     rows = screen.export_text().splitlines()
+    assert sum(str(table.columns[3].header).splitlines()[0] in row for row in rows) == 1
     for label, gain in zip(table.columns[0].cells, table.columns[3].cells, strict=True):
         assert sum(str(label) in row and f" {gain} " in row for row in rows) == 1

@@ -1,6 +1,7 @@
 """Several inputs and outputs: state space and ARX against a plant of known truth."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -97,6 +98,37 @@ def test_residuals_name_the_signals_and_withhold_intervals() -> None:
     assert np.isnan(report.models["arx"].model.gain_std(0.1)).all()
 
 
+def answered(gain: float, delay: int, n: int = 1500) -> Series:
+    """An ARX plant of two inputs, the first of which a controller moves where `gain` is not zero."""
+    rng = np.random.default_rng(0)
+    (u1, u2), e, y = rng.standard_normal((2, n)), 0.5 * rng.standard_normal(n), np.zeros(n)
+    for t in range(n):
+        y[t] = e[t] + (0.8 * y[t - 1] if t else 0.0) + (u1[t - delay] + 0.7 * u2[t - delay] if t >= delay else 0.0)
+        u1[t] -= gain * y[t]
+    return Series(np.column_stack([u1, u2]), y[:, None], 1.0, "answered", (("u1", "u2"), ("y",)))
+
+
+@pytest.mark.parametrize(("gain", "delay"), [(0.0, 1), (0.4, 1), (0.0, 6)])
+def test_feedback_and_delays_of_several_inputs(gain: float, delay: int) -> None:
+    """In the loop the delay 0 would fit the controller: its intervals held a fifth."""
+    report = mimo.identify(answered(gain, delay), ("arx", "ss"))
+    arx, f = report.models["arx"].model, np.linspace(0.02, 0.45, 20)
+    shift = np.exp(-2j * np.pi * f)
+    gains = np.abs(np.outer(1 / (1 - 0.8 * shift), [1.0, 0.7]))
+    assert delay - 1 <= arx.numbers[2] <= delay
+    assert np.all(np.abs(np.abs(arx.response(f))[:, 0] - gains) < 3 * arx.gain_std(f)[:, 0])
+    assert any("(feedback)" in text for text in report.warnings["arx"]) == (gain > 0)
+    assert ("feedback biases this model" in report.warnings["ss"]) == (gain > 0)
+
+
+@pytest.mark.parametrize("end", [np.inf, 1.5])
+def test_an_output_at_the_end_of_its_range_has_no_intervals_with_several_inputs(end: float) -> None:
+    series = answered(0.0, 1)
+    one = mimo.identify(replace(series, y=np.clip(series.y, -end, end)), ("arx",), {"arx": (1, 1, 1)})
+    assert np.isnan(one.models["arx"].model.gain_std(0.1)).all() == (end < np.inf)
+    assert any("no intervals" in t and "an end of its range" in t for t in one.warnings["arx"]) == (end < np.inf)
+
+
 def test_files_with_several_signals_are_never_guessed(tmp_path: Path) -> None:
     """u1 is not identified to u2 unasked; named, the command estimates the whole."""
     record = plant(400, 0.05)
@@ -125,7 +157,8 @@ def test_what_serves_one_input_and_one_output_alone_is_refused(tmp_path: Path) -
     np.savetxt(path, np.hstack([whole.u, whole.y]), delimiter=",", header="u1,u2,y1,y2", comments="")
     both = [str(path), "--sample-time", "1", "--input", "u1,u2", "--output"]
     for options in (
-        ["y1,y2", "--robust"], ["y1,y2", "--pool"], ["y1,y1"], ["y1,y2", "--split", "2"], ["y1,y2", "--detrend", "9"],
+        ["y1,y2", "--robust"], ["y1,y2", "--input-noise", "1"],
+        ["y1,y2", "--pool"], ["y1,y1"], ["y1,y2", "--split", "2"], ["y1,y2", "--detrend", "9"],
     ):  # fmt: skip
         assert isinstance(CliRunner().invoke(app, [*both, *options]).exception, FasError)
 

@@ -13,7 +13,7 @@ from fasbody.cell.analysis import Analysis, analyse
 from fasbody.cell.assembly import assemble
 from fasbody.cell.materials import preset
 from fasbody.cell.mesh import MeshSize, TetMesh
-from fasbody.cell.meshfile import read_mesh, write_browser, write_vtu
+from fasbody.cell.meshfile import read_mesh, read_surface, write_browser, write_vtu
 from fasbody.exceptions import InputFileError, SettingError
 from simulator.bodies import block, cell
 
@@ -130,7 +130,7 @@ def test_a_coarse_stl_is_meshed_anew_at_the_size(tmp_path: Path) -> None:
     bad = trimesh.creation.box((10, 8, 12)).triangles.copy()
     bad[3, 1] = np.nan
     trimesh.Trimesh(bad.reshape(-1, 3), np.arange(36).reshape(-1, 3), process=False).export(tmp_path / "nan.stl")
-    with pytest.raises(InputFileError, match=r"1 triangles with corners .* not finite .*\(the first is triangle 3\)"):
+    with pytest.raises(InputFileError, match=r"1 triangle with corners .* not finite .*\(the first is triangle 3\)"):
         read_mesh(tmp_path / "nan.stl")
 
 
@@ -161,10 +161,40 @@ def test_files_that_are_no_cells(tmp_path: Path, capfd: pytest.CaptureFixture[st
         read_mesh(tmp_path / "flat.vtu")
     mesh = block()
     points = mesh.points_um.copy()
+    points[7, 1] = np.nan
+    meshio.Mesh(points, [("tetra", mesh.tets)]).write(tmp_path / "nan.vtu")
+    with pytest.raises(InputFileError, match=r"has 1 point whose .* not finite .*\(the first is number 7 from 0\)"):
+        read_mesh(tmp_path / "nan.vtu")
+    lacking = np.delete(mesh.tets, _innermost(mesh), 0)
+    meshio.Mesh(mesh.points_um, [("tetra", lacking)]).write(tmp_path / "lacking.vtu")
+    with pytest.raises(InputFileError, match=r"outer surface branches: .* to \(.*\) um\): neighbouring elements must"):
+        read_mesh(tmp_path / "lacking.vtu")
+    points = mesh.points_um.copy()
     points[(points == 1).all(axis=1)] = 1.0, 3.0, 1.0  # the middle node, above the lid
     meshio.Mesh(points, [("tetra", mesh.tets)]).write(tmp_path / "folded.vtu")
     with pytest.raises(InputFileError, match=r"folded\.vtu: tetrahedra overlap at \d+ faces"):
         read_mesh(tmp_path / "folded.vtu")
+
+
+@pytest.mark.parametrize(
+    ("keep", "says"),
+    [
+        (slice(None, 342), "is cut off: 342 bytes, where its 12 triangles need 684"),
+        (slice(0), "holds no triangles"),
+        (b"time_s,u,y\n" * 20, "is text, but no STL"),
+        (b"solid box\n facet normal", "is text that holds no whole triangle"),
+        (slice(None), ""),
+    ],
+)
+def test_what_is_no_stl_is_named(tmp_path: Path, keep: slice | bytes, says: str) -> None:
+    file = tmp_path / "box.stl"
+    trimesh.creation.box((30, 20, 10)).export(file)
+    file.write_bytes(keep if isinstance(keep, bytes) else file.read_bytes()[keep])
+    if not says:
+        assert len(read_surface(file, 1.0).faces) == 12
+        return
+    with pytest.raises(InputFileError, match=rf"box\.stl: {says}"):
+        read_surface(file, 1.0)
 
 
 def test_tetrahedra_are_taken_whichever_way_they_are_numbered(tmp_path: Path) -> None:

@@ -218,6 +218,34 @@ def test_a_motion_that_is_wrong_is_refused(monkeypatch: pytest.MonkeyPatch) -> N
         simulate(HARD_STOP.foot(), harmonics(HZ, [2.0], PERIODS / HZ), step=5e-4)
 
 
+SHIPPED_PAD = 'name="fat_pad" stiffness="1.0e5" damping="800" user="4.25 800 -50 100"'
+STRAP = """<tendon><fixed name="strap" springlength="{} 0.3" stiffness="{}"><joint joint="fat_pad" coef="1"/></fixed>
+</tendon></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "linear"),
+    [
+        ("</mujoco>", STRAP.format(0, "3e4"), False),
+        ("</mujoco>", STRAP.format(-1e-4, "3e4"), True),
+        ("</mujoco>", STRAP.format(0, "10"), True),  # a ten-thousandth of the pad
+        (SHIPPED_PAD, SHIPPED_PAD.replace("4.25 800 -50 100", "1 1e5 30 1.5 0.5 0 -1"), False),
+        (SHIPPED_PAD, 'name="fat_pad" user="4.23 900 1.5 60 1 0.7 0.02 0.2"', False),
+        (SHIPPED_PAD, 'name="fat_pad" user="4.23 900 1.5 60 1 1 0.02 0.2"', True),
+        (SHIPPED_PAD, SHIPPED_PAD.replace('stiffness="1.0e5"', 'stiffness="1.0e5 0 1e9"'), True),
+    ],
+)
+def test_a_force_without_a_slope_at_rest_has_no_small_motion(old: str, new: str, linear: bool) -> None:
+    """A strap that pulls only, and powers of stretch or rate; beside a strap that is slack or weak, and smooth laws."""
+    assert old in mjcf.text("two_dof")
+    foot = load(mjcf.text("two_dof").replace(old, new))
+    if linear:
+        Linear(foot)
+    else:
+        with pytest.raises(SimulationError, match="joint 'fat_pad' has another spring or damper as soon as the foot"):
+            Linear(foot)
+
+
 @pytest.mark.parametrize(
     ("gap", "linear"), [(1e-9, True), (1e-11, False), (0.0, False), (-1e-11, False), (-1e-9, True)]
 )

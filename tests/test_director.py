@@ -208,7 +208,7 @@ def test_least_uncertainty_is_that_of_the_scale_of_all_masses() -> None:
     stiffness, losses = 1 / STIFFNESS_STD**2, 2 / LOSS_STD**2
     precision = 1 / SHANK_STD**2 + 1 / FOOT_STD**2 + 1 / 0.15**2 + stiffness + losses
     for width in director.for_ever().half_width.values():
-        assert width == pytest.approx(np.sinh(0.5 * 1.96 / np.sqrt(precision)), rel=3e-3)
+        assert width == pytest.approx(np.sinh(0.5 * 1.96 / np.sqrt(precision)), rel=1e-2)
 
 
 def test_what_is_half_normal_widens_an_interval_on_one_side() -> None:

@@ -173,6 +173,15 @@ def test_pads_of_another_law_are_linear_for_small_motion() -> None:
     assert measured == pytest.approx(float(np.abs(transmissibility(arch, np.array(f)))), rel=1e-3)
 
 
+def test_a_range_of_an_activation_is_refused_by_name() -> None:
+    """MuJoCo keeps it while it steps only, so harmonic balance would follow another foot."""
+    exo = '<general name="exo" joint="talocrural" dyntype="filter" dynprm="0.01" gainprm="50" {}/>'
+    text = mjcf.text("two_dof").replace("</actuator>", exo + "</actuator>")
+    assert load(text.format('ctrlrange="1 2"')).model.na == 1
+    with pytest.raises(ModelError, match="actuator 'exo' has an actrange, which MuJoCo keeps while it steps only"):
+        load(text.format('actrange="1 2"'))
+
+
 def test_a_law_declares_its_parameters_where_the_element_has_none() -> None:
     """The leg's pad had a stiffness and a damping that it no longer has."""
     plain = 'name="fat_pad" stiffness="1.633e5" damping="47.6"'

@@ -115,10 +115,12 @@ def test_truncated_and_mislabelled(tmp_path: Path, ending: str) -> None:
 
 def test_a_reader_that_hangs_or_dies_is_replaced(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "r.h5").write_bytes(sound(tmp_path, "h5"))
+    assert Recording.read(tmp_path / "r.h5").time_s.size == 300
+    assert reader._child is not None
+    reader._child.process.send_signal(signal.SIGSTOP)
     with pytest.raises(InputFileError, match="within 0 s"):
         reader.read_series(tmp_path / "r.h5", patience_s=0.0)
     assert Recording.read(tmp_path / "r.h5").time_s.size == 300
-    assert reader._child is not None
     reader._child.process.kill()
     reader._child.process.wait()
     assert Recording.read(tmp_path / "r.h5").time_s.size == 300

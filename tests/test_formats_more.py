@@ -86,6 +86,7 @@ def test_broken_files_and_missing_libraries_end_in_a_sentence(
     if ending == "xlsx":
         with pytest.raises(MissingPackageError, match=r"^openpyxl is not installed: .*, or save the sheet as CSV\.$"):
             files.reading(file)
+        (tmp_path / "r.xls").write_bytes(b"\xd0\xcf")
         with pytest.raises(InputFileError, match=r"no format has the ending '\.xls'; save the sheet as \.xlsx or as"):
             files.reading(tmp_path / "r.xls")
     with pytest.raises(MissingPackageError, match=r"pip install 'fasbody\[formats\]' \(in a clone: pip"):

@@ -1,10 +1,13 @@
 """Descents against a problem whose minimum is known, and what an interruption keeps."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
 from fasbody.foot.model import Foot
+from fasbody.progress import Work
 from identification.multistart import descend, explore
 from identification.parameters import space_of
 
@@ -51,22 +54,25 @@ def test_descent_ends_at_the_bounded_minimum(foot: Foot, b: float) -> None:
 
 
 def test_exploring_sorts_and_survives_an_interruption(foot: Foot) -> None:
-    problem, count = Quadratic(foot, 2.0), 0
+    problem = Quadratic(foot, 2.0)
+    steps: list[tuple[str, int, int]] = []
 
-    def advance() -> None:
-        nonlocal count
-        count += 1
-        if count == 2:
+    def advance(*step: str | int) -> None:
+        steps.append(step)  # type: ignore[arg-type]
+        if len(steps) == most:
             raise KeyboardInterrupt
 
-    starts = [(f"{i}", np.full(2, float(i))) for i in range(5)]
-    done, interrupted = explore(problem, starts, advance)
+    starts, most = [(f"{i}", np.full(2, float(i))) for i in range(5)], 0
+    explore(problem, starts[:2], Work(advance))
+    most, steps = len(steps) + 2, []  # in the third descent
+    done, interrupted = explore(problem, starts, Work(advance))
     assert interrupted
     assert len(done) == 2
     done, interrupted = explore(problem, starts)
     assert not interrupted
     assert [d.cost for d in done] == sorted(d.cost for d in done)
     assert len(done) == 5
+    assert all(now[1] >= before[1] and now[1] <= now[2] for before, now in pairwise(steps))
 
 
 def test_an_interruption_before_the_first_result_is_one(foot: Foot) -> None:
@@ -75,4 +81,4 @@ def test_an_interruption_before_the_first_result_is_one(foot: Foot) -> None:
         yield
 
     with pytest.raises(KeyboardInterrupt):
-        explore(Quadratic(foot, 2.0), starts())
+        explore(Quadratic(foot, 2.0), starts())  # type: ignore[arg-type]

@@ -5,8 +5,9 @@ import pytest
 from steady_cases import BENT, BOTH, problem, recorded, session
 from test_time_domain import ANKLE_STOPPED
 
-from fasbody.exceptions import SimulationError
+from fasbody.exceptions import SimulationError, UnstableError
 from fasbody.foot.model import Foot
+from fasbody.foot.simulate import Batch
 from identification import steady
 from identification.branches import STIFF_ANKLE, STIFF_PAD
 from identification.fitting import fit_foot
@@ -46,6 +47,19 @@ def test_a_rollout_stays_on_the_orbit(foot: Foot, relaxes: bool) -> None:
     read, r = residual(made, q, run)
     np.testing.assert_allclose(read, made.predicted(q), atol=2e-4 * np.abs(read).max())
     assert r @ r == pytest.approx(np.sum(made.evaluate(q[None]).residual[0, : made.size] ** 2), rel=0.05)
+
+
+def test_a_best_fit_that_no_step_follows_is_refused(foot: Foot, monkeypatch: pytest.MonkeyPatch) -> None:
+    made, tried = problem([recorded(BENT, 25.0)]), []
+
+    def unstable(batch: Batch, controls: Array, step: float, *_: Array) -> None:
+        tried.append(step)
+        raise UnstableError("two_dof")
+
+    monkeypatch.setattr(Batch, "run", unstable)
+    with pytest.raises(SimulationError, match=r"unstable at the best fit, even in steps .*\(--bounds\) or estimate"):
+        replay(foot, made, at(made))
+    assert tried[0] == pytest.approx(16 * tried[-1])
 
 
 def test_traces_are_what_the_recording_has(foot: Foot) -> None:

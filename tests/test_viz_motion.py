@@ -1,6 +1,7 @@
 """The shown motion is the model's: against harmonic balance, the linear equations, an energy balance."""
 
 import json
+from threading import Event
 
 import numpy as np
 import pytest
@@ -20,7 +21,7 @@ from fasbody.recording.recording import Recording
 from fasbody.recording.study import BUNDLED
 from viz.excitation import Excitation
 from viz.feet import Show
-from viz.motion import Motion, periodic_motion, transient_motion, without_drift
+from viz.motion import UNWANTED, Motion, UnwantedError, periodic_motion, transient_motion, without_drift
 from viz.settings import Settings
 
 
@@ -305,3 +306,9 @@ def test_computing_has_its_limit(monkeypatch: pytest.MonkeyPatch) -> None:
         periodic_motion(foot, Settings(20.0))
     monkeypatch.setattr("viz.motion.PATIENCE", 20.0)
     assert periodic_motion(foot, Settings(20.0)).periodic
+    unwanted = Event()
+    unwanted.set()
+    before = UNWANTED.set(unwanted)
+    with pytest.raises(UnwantedError):
+        periodic_motion(foot, Settings(20.0))
+    UNWANTED.reset(before)

@@ -16,8 +16,10 @@ from viewer import Watched, served
 from fasbody.exceptions import FasError
 from fasbody.recording.file_names import body_mass_in_name, load_in_name
 from fasbody.recording.study import BUNDLED, Study
+from fasbody.sentences import begun, called
 from viz.archive import packed
 from viz.bench import Bench
+from viz.signals import signals
 
 NAMES = ("10hz_0kg.csv", "20hz_0kg.csv", "25hz_2.3kg.csv")
 FILES = {file: (BUNDLED / "recordings" / file).read_text() for file in NAMES}
@@ -85,7 +87,9 @@ def test_table_is_filled_many_at_once_and_kept_as_a_study(opened: Any, tmp_path:
         }"""
         page(paste, ["load [kg] of 20hz_0kg.csv", "1.5\r\nx\r\n"])
         assert page("complaints") == '"x" is not a number.'
-        page(paste, ["load [kg] of 20hz_0kg.csv", "1.5\r\n4.5\r\n9\r\n"])  # more than there are rows
+        page(paste, ["load [kg] of 20hz_0kg.csv", "1.5\t70\n4.5\t71"])
+        assert page("complaints") == "These are two columns; paste one at a time."
+        page(paste, ["load [kg] of 20hz_0kg.csv", "1.5\r\n4.5 kg\r\n9\r\n"])  # more than there are rows
         page.until("bench.rows.map(row => row.added_mass_kg).join() === '0,1.5,4.5'")
         typed(page, "load [kg] of 20hz_0kg.csv", "0")
         page.until("bench.rows[1].added_mass_kg === 0")
@@ -250,6 +254,74 @@ def test_unit_of_a_study_is_corrected_and_its_masses_stay(bench: Bench) -> None:
     first = bench.recordings.sources[0].read().base_m_s2.std()
     bench.correct({0: {"unit": ""}})
     assert bench.recordings.sources[0].read().base_m_s2.std() == pytest.approx(1e3 * first)
+
+
+@pytest.mark.parametrize(
+    ("heads", "volts"),
+    [
+        (("base_mV", "malleolus_mV"), 1e-3), (("base [mV]", "malleolus [mV]"), 1e-3),
+        (("base_uV", "malleolus_uV"), 1e-6), (("base_V", "malleolus_V"), 1.0), (("base_m_s2", "malleolus_m_s2"), 1.0),
+    ],
+)  # fmt: skip
+def test_sensitivity_is_of_the_voltage_that_a_heading_names(bench: Bench, heads: tuple[str, str], volts: float) -> None:
+    bench.keep("right.csv", FILES["20hz_0kg.csv"].encode())
+    text = scaled(FILES["20hz_0kg.csv"], 0.1 / 9.80665 / volts, ",".join(("time_s", *heads)))
+    bench.keep("volts.csv", text.encode())
+    dropped(bench, ["right.csv", "volts.csv"])
+    bench.correct({1: {"unit": "100 mV/g"}})
+    right, read = (bench.recordings.sources[number].read() for number in (0, 1))
+    assert read.base_m_s2.std() == pytest.approx(right.base_m_s2.std(), rel=1e-6)
+    assert bench.recordings.rows[1]["doubt"] == ""
+    for nothing in ("0 mV/g", "1e-400 mV/g", "1e999 mV/g", "0"):
+        with pytest.raises(FasError, match="sensitivity"):
+            bench.correct({1: {"unit": nothing}})
+
+
+def test_typed_unit_is_believed_of_a_weak_motion_and_not_of_an_impossible_one(bench: Bench) -> None:
+    for name, factor in (("weak.csv", 0.1), ("huge.csv", 1e3)):
+        bench.keep(name, scaled(FILES["20hz_0kg.csv"], factor).encode())
+    dropped(bench, ["weak.csv", "huge.csv"])
+    assert all(bench.recordings.rows[number]["doubt"] for number in (0, 1))
+    bench.correct({number: {"unit": "m/s^2"} for number in (0, 1)})
+    rows = bench.recordings.rows
+    assert rows[0]["doubt"] == "" and "check its unit" in rows[1]["doubt"]
+
+
+def test_seconds_lie_inside_the_recording_and_what_is_refused_is_not_fitted(bench: Bench) -> None:
+    dropped(bench)
+    source, row = bench.recordings.sources, bench.recordings.rows
+    pairs = {(-1, 99): (None, None), (0.5, 99): (0.5, None), (-1, 0.5): (None, 0.5), (0, 1): (None, 1)}
+    for given, kept in pairs.items():
+        bench.correct({0: dict(zip(("start_s", "end_s"), given, strict=True))})
+        assert (source[0].start_s, source[0].end_s) == kept == (row[0]["start_s"], row[0]["end_s"])
+    assert not signals(source[0])["refused"]
+    with pytest.raises(FasError, match="give two times between 0 and"):
+        bench.correct({0: {"start_s": 50, "end_s": 99}})
+    for end, refused in ((None, False), (0.32, True)):
+        bench.correct({0: {"start_s": 0.3, "end_s": end}})
+        bench.use(0)
+        seen = bench.show.answer(bench.show.settings)["feet"]["measured"]
+        assert (seen["fit_percent"] is None) == bool(row[0]["problem"]) == refused
+        assert signals(source[0])["refused"] == refused
+
+
+def test_sentences_of_the_table_name_its_own_cells(bench: Bench) -> None:
+    texts = {
+        "empty.csv": "", "weak.csv": scaled(FILES["20hz_0kg.csv"], 0.1),
+        "volts.csv": scaled(FILES["20hz_0kg.csv"], 1, "time_s,base [V],malleolus [V]"),
+    }  # fmt: skip
+    for name, text in texts.items():
+        bench.keep(name, text.encode())
+    dropped(bench, list(texts))
+    empty, weak, volts = (bench.recordings.rows[number] for number in range(3))
+    assert empty["unread"].startswith("is empty") and "empty.csv" not in empty["unread"]
+    assert weak["doubt"].endswith("is it in g? Then type g as its unit in the table.") and weak["believed"]
+    assert volts["unread"] == "base is in V; give its sensitivity as its unit in the table, “100 mV/g”."
+    with pytest.raises(FasError) as refused:
+        bench.keep("a.exe", b"")
+    assert str(refused.value).count(".zip") == 1
+    assert begun(called("compare_rivals")).on_page == "The button Rivals"
+    assert begun(called("compare_rivals")) == "fasbody rivals"
 
 
 def test_kept_study_holds_what_is_known_of_its_channels(bench: Bench, tmp_path: Path) -> None:

@@ -3,7 +3,9 @@
 import asyncio
 import json
 import struct
+import time
 from socket import SO_LINGER, SOL_SOCKET
+from typing import Any
 
 import pytest
 
@@ -14,9 +16,11 @@ import tornado.websocket
 from page_client import WAIT, ask, at, documents, leave, serve, status, upgrade
 
 from fasbody.exceptions import SettingError
+from viz.bench import Bench
 from viz.feet import Show
+from viz.motion import still_wanted
 from viz.server import REFUSED, Server
-from viz.settings import settings_from
+from viz.settings import Settings, settings_from
 
 
 @pytest.fixture(scope="module")
@@ -159,6 +163,46 @@ def test_failure_of_our_own_is_told_and_the_page_stays(show: Show, monkeypatch: 
         await leave(socket)
 
     serve(show, client)
+
+
+def test_long_motion_makes_way(show: Show, monkeypatch: pytest.MonkeyPatch) -> None:
+    """For the same page's next one, and for an action, after which it is computed again."""
+    began: list[float] = []
+    answer = show.answer
+
+    def slow(settings: Settings) -> dict[str, Any]:
+        began.append(settings.frequency)
+        while settings.frequency == 5 and len(began) < 3:  # as one that does not settle
+            still_wanted()
+            time.sleep(0.01)
+        return answer(settings)
+
+    async def client(server: Server) -> None:
+        socket = await ask(server.url, 0)
+        asked = {"type": "simulate", "peak_to_peak": 17.9, "added_mass": 0}
+        await socket.write_message(json.dumps(asked | {"request": 1, "frequency": 5}))
+        while len(began) < 1:
+            await asyncio.sleep(0.01)
+        act = {"type": "sine", "key": server.key}
+        await socket.write_message(json.dumps(act))
+        assert (await documents(socket, "data"))["shown"] == -1  # before the motion
+        while len(began) < 2:
+            await asyncio.sleep(0.01)
+        await socket.write_message(json.dumps(asked | {"request": 2, "frequency": 20}))
+        assert (await documents(socket, "motion"))["request"] == 2
+        assert began == [5, 5, 20]
+        began.clear()
+        await socket.write_message(json.dumps(asked | {"request": 3, "frequency": 5}))
+        while len(began) < 1:
+            await asyncio.sleep(0.01)
+        await leave(socket)  # nobody waits for it
+        other = await ask(server.url, 0)
+        await other.write_message(json.dumps(asked | {"request": 0, "frequency": 20}))
+        assert (await documents(other, "motion"))["request"] == 0
+        await leave(other)
+
+    monkeypatch.setattr(show, "answer", slow)
+    serve(show, client, Bench(show))
 
 
 def test_scene_keeps_the_last_of_each_property(show: Show) -> None:

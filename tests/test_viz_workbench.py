@@ -102,7 +102,7 @@ def test_columns_and_units_are_corrected_in_the_form(bench: Bench) -> None:
     text = "\n".join(["t,left,right", *(f"{float(t) * 1e3:.3f},{-float(a) / 9.80665:.9f},{b}" for t, a, b, *_ in rows)])
     bench.keep("odd.csv", text.encode())
     (listed,) = dropped(bench, ["odd.csv"])
-    assert "odd.csv" in listed["rows"][0]["unread"]
+    assert "names no channel" in listed["rows"][0]["unread"]
     (form,) = bench.columns(0)
     assert [column["name"] for column in form["columns"]] == ["t", "left", "right"]
     said = {"channels": {
@@ -147,7 +147,7 @@ def test_hostile_files_of_every_format_are_a_sentence_each(bench: Bench) -> None
         bench.keep("broken.zip", bytes(3000))
     (listed,) = dropped(bench, names)
     assert len(listed["rows"]) == len(names)
-    assert all(row["unread"].startswith("broken") for row in listed["rows"])  # without the session's folder
+    assert all(row["unread"] and str(bench.folder) not in row["unread"] for row in listed["rows"])
     assert bench.current == -1
 
 
@@ -234,6 +234,19 @@ def test_fit_is_out_of_date_when_an_included_file_changes(tmp_path: Path) -> Non
         assert "the model's file was changed" in bench.document()["stale"]
     finally:
         bench.close()
+
+
+def test_progress_has_steps_share_and_time_left(bench: Bench) -> None:
+    told: list[dict[str, Any]] = []
+    bench.send = told.append
+    bench.fits._state |= {"running": True, "what": "reading the recordings"}
+    for done, total in ((0, 1000), (300, 1000), (300, 2000), (1150, 2000)):
+        bench.fits.receive({"type": "progress", "what": "searching", "done": done, "total": total})
+    assert [(d["done"], d["total"]) for d in told[1:3]] == [(300, 1000), (300, 2000)]
+    assert [d["share"] for d in told] == pytest.approx([0.0, 0.3, 0.3, 0.65])
+    assert all(d["left_s"] is None or d["left_s"] >= 0 for d in told)
+    bench.fits.receive({"type": "problem", "of": "fit", "text": "no end"})
+    assert {"share": 0.0, "left_s": None, "total": 0}.items() <= bench.fits.progress().items()
 
 
 def test_report_that_fails_leaves_a_running_fit(bench: Bench) -> None:

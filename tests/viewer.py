@@ -106,14 +106,14 @@ def served(*options: str, module: str = "viz.foot", folder: Path = ROOT) -> Iter
 
 
 @contextmanager
-def browser() -> Iterator[Any]:
-    """Headless Chromium; skips where there is none."""
+def browser(*more: str) -> Iterator[Any]:
+    """Headless Chromium, with more options; skips where there is none."""
     path = chromium()
     if path is None:
         pytest.skip("no Chromium on this machine (apt-get install chromium)")
     sync_api = pytest.importorskip("playwright.sync_api", reason="pip install 'fasbody[dev]'")
     with sync_api.sync_playwright() as playwright:
-        opened = playwright.chromium.launch(executable_path=path, args=list(CHROMIUM), timeout=1000 * PATIENCE)
+        opened = playwright.chromium.launch(executable_path=path, args=[*CHROMIUM, *more], timeout=1000 * PATIENCE)
         try:
             yield opened
         finally:

@@ -231,8 +231,8 @@ class Bench:
             SettingError: it is no longer here, or a channel of it stands still.
         """
         recording = self.recordings.read(number)
-        doubt = self.recordings.rows[number]["doubt"]
-        return self._drive(replace(Excitation.recorded(recording), doubt=doubt), number)
+        row, excitation = self.recordings.rows[number], Excitation.recorded(recording)
+        return self._drive(replace(excitation, doubt=row["doubt"], refused=bool(row["problem"])), number)
 
     def sine(self) -> list[Document]:
         """Shake the foot by a sine again."""

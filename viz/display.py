@@ -50,6 +50,13 @@ def markup(page: str, key: str = "") -> str:
     return templates.get_template(page).render(key=key)
 
 
+def with_token(html: str, key: str) -> str:
+    """A page whose scripts and styles are asked for with the key."""
+    for pattern in (SCRIPT, STYLE):
+        html = pattern.sub(lambda tag: tag[0].replace(tag[1], f"{tag[1]}?token={key}"), html)
+    return html
+
+
 def page_json(document: Any) -> str:
     """A document as a page reads it: JSON, which has no NaN and no infinity; null stands for them."""
     try:

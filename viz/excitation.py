@@ -93,6 +93,7 @@ class Excitation(Tabled):
         steady: its periodic part, if it has one.
         window: first and last second of `base` that are shown.
         doubt: why no motion is to be made of it, in a sentence.
+        refused: no fit takes the recording, and so none is compared with it.
     """
 
     base: BaseMotion | None = None
@@ -100,6 +101,7 @@ class Excitation(Tabled):
     steady: Steady | None = None
     window: tuple[float, float] = field(default=(0.0, np.inf))
     doubt: str = ""
+    refused: bool = False
 
     @property
     def periodic(self) -> bool:

@@ -19,7 +19,16 @@ from viz.anatomy import assets
 from viz.anatomy.rest import SEGMENTS, Carried, ExtraGeoms, Frame, carried, extra_geoms, frames, name_of, reach
 from viz.excitation import Excitation
 from viz.load import files_of, load_foot
-from viz.motion import CURVE, FRAMES, Motion, periodic_motion, transient_motion, watched, without_drift
+from viz.motion import (
+    CURVE,
+    FRAMES,
+    Motion,
+    periodic_motion,
+    still_wanted,
+    transient_motion,
+    watched,
+    without_drift,
+)
 from viz.scene import Hub
 from viz.settings import WORDS, Settings, can_add_mass
 
@@ -288,6 +297,7 @@ class Show:
     def _motions(self, settings: Settings) -> dict[str, Motion]:
         motions, excitation = {}, self.excitation
         for name, foot in self.feet.items():
+            still_wanted()
             mine = self._settings_of(name, settings)
             if excitation.base is not None:
                 motions[name] = transient_motion(foot, mine, excitation.base, excitation.window)
@@ -360,6 +370,8 @@ class Show:
             bodies[:, 1, 1] = np.interp(model.time + delay_s, even, lift)
             measured = np.interp(model.time + delay_s, time, recording.malleolus_m_s2)
             answer |= {"malleolus": _flat(measured, 4), "fit_percent": fit_percent(measured, model.malleolus)}
+        if self.excitation.refused:
+            answer["fit_percent"] = None
         return answer | {"bodies": _flat(bodies, 8)}
 
     def _table(self) -> str:

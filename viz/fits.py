@@ -6,11 +6,14 @@ from pathlib import Path
 from typing import Any
 
 from fasbody.exceptions import SettingError
+from fasbody.progress import Pace
 from fasbody.recording.checks import UNIT_IN_DOUBT
 from viz.job import Job
 from viz.worker import Send, Worker
 
 Document = dict[str, Any]
+#: Where no job is: nothing is done, of nothing.
+_NOTHING: Document = {"running": False, "what": "", "done": 0, "total": 0, "share": 0.0, "left_s": None}
 _LOADING = "loading the solver, which is compiled at its first use"
 
 
@@ -32,7 +35,7 @@ class Fits:
         self._worker: Worker | None = None
         self._warm = False  # the worker has compiled what it needs
         self._state: Document = {}
-        self._began = 0.0
+        self._began, self._pace = 0.0, Pace()
         self.job: Job | None = None
         self.reporting = False
         self._idle()
@@ -58,7 +61,7 @@ class Fits:
         self.job, self._began = job, time.monotonic()
         self._ask({"do": "rivals" if job.rivals else "fit", "job": job.document()})
         what = "reading the recordings" if self._warm else _LOADING
-        self._state = {"running": True, "what": what, "done": 0, "total": 0}
+        self._state = _NOTHING | {"running": True, "what": what}
 
     def report(self, job: Job, folder: Path) -> None:
         """Write the report of a fit."""
@@ -90,7 +93,7 @@ class Fits:
         return {"type": "progress", **self._state, "seconds": time.monotonic() - self._began if self.running else 0}
 
     def _idle(self, what: str = "") -> None:
-        self._state = {"running": False, "what": what, "done": 0, "total": 0}
+        self._state = _NOTHING | {"what": what}
 
     def receive(self, document: Document) -> None:
         """Handle a document of the process, in the listening thread."""
@@ -101,7 +104,11 @@ class Fits:
                 self._state["what"] = "reading the recordings"
                 self._send(self.progress())
         elif kind == "progress":
+            if not self._state["total"]:
+                self._pace = Pace()  # what was loaded before says nothing of the rest
+            self._pace.at(document["done"], document["total"])
             self._state |= {name: document[name] for name in ("what", "done", "total")}
+            self._state |= {"share": self._pace.share, "left_s": self._pace.left_s}
             self._send(self.progress())
         elif kind in ("fitted", "rivals"):
             self._idle()

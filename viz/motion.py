@@ -7,7 +7,9 @@ the poses stand the loops, force over extension of fat pad, ankle and fascia.
 
 import time
 from collections.abc import Mapping, Sequence
+from contextvars import ContextVar
 from dataclasses import dataclass, replace
+from threading import Event
 from typing import NamedTuple
 
 import mujoco
@@ -46,8 +48,25 @@ PERIODS, HALVINGS = 120, 8
 STEPS = 2**14
 #: Computing time [s] after which no further period or smaller step is tried.
 PATIENCE = 20.0
+#: Set by whoever waits for a motion no longer.
+UNWANTED: ContextVar[Event | None] = ContextVar("unwanted", default=None)
 #: The transmissibility curve [Hz].
 CURVE = np.linspace(1.0, 60.0, 119)
+
+
+class UnwantedError(Exception):
+    """Nobody waits for the motion any longer."""
+
+
+def still_wanted() -> None:
+    """Go on unless nobody waits.
+
+    Raises:
+        UnwantedError: nobody does.
+    """
+    unwanted = UNWANTED.get()
+    if unwanted is not None and unwanted.is_set():
+        raise UnwantedError
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,6 +223,7 @@ def _repeated(
     foot, h, before = batch.foot, 1 / (f * count), np.inf
     controls, last = harmonics(f, amplitudes, 1 / f).controls(h, count)[None], None
     for _ in range(PERIODS):
+        still_wanted()
         if time.process_time() - began > PATIENCE:
             message = f"{foot.name}: the motion at {f:g} Hz has not settled in {PATIENCE:g} s; add damping."
             raise _UnsettledError(message)

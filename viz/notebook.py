@@ -1,8 +1,13 @@
 """The viewer from Python: a page beside a notebook or a script, and the same as a file."""
 
 import asyncio
+import os
+import re
 import sys
 import threading
+from html import escape
+from importlib import import_module
+from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -22,16 +27,23 @@ if TYPE_CHECKING:
     from viz.server import Server
 
 
+#: Height of the page in a cell [px].
+_HEIGHT = 640
+#: Scheme, name and port of an address.
+_ORIGIN = re.compile(r"(https?://[a-z0-9.-]+(?::\d+)?)(?:/.*)?$", re.IGNORECASE)
+
+
 class Viewer:
     """A page that is served until `close`, or until Python ends.
 
     Args:
         show: what it shows.
         port: of this machine, 0 takes a free one.
+        frames: origins of the notebook that shows it in a cell.
     """
 
-    def __init__(self, show: Show, port: int = 0) -> None:
-        self.show = show
+    def __init__(self, show: Show, port: int = 0, frames: tuple[str, ...] = ()) -> None:
+        self.show, self._frames = show, frames
         self._server: Server | None = None
         self._ready = threading.Event()
         self._problem: Exception | None = None
@@ -52,7 +64,7 @@ class Viewer:
             from viz.bench import Bench
             from viz.server import Server
 
-            self._server = Server(self.show, port, Bench(self.show))
+            self._server = Server(self.show, port, Bench(self.show), self._frames)
         except ImportError:
             self._problem = MissingPackageError("tornado", "view")
             return
@@ -92,7 +104,48 @@ class Viewer:
         return f"{', '.join(self.show.models_called)} at {self.url}" + ("" if self._thread.is_alive() else " (closed)")
 
     def _repr_html_(self) -> str:
-        return f'<a href="{self.url}" target="_blank">{", ".join(self.show.models_called)}</a>'
+        """The live page, and below it a link for notebooks that allow no frame, as those of VS Code and Colab."""
+        assert self._server is not None
+        if not self._thread.is_alive():
+            return f"<p>{escape(repr(self))}</p>"
+        address, port = self.url, self._server.port
+        if (base := _proxied()) is not None:
+            address = f"{base}proxy/{port}/?token={self._server.key}"
+        address, called = escape(address), escape(", ".join(self.show.models_called))
+        return (
+            f'<iframe src="{address}" title="{called}" style="width: 100%; height: {_HEIGHT}px; border: 0" '
+            f'allow="fullscreen; clipboard-read; clipboard-write"></iframe><p><a href="{address}" target="_blank">'
+            f"{called} in a page of its own</a></p>"
+        )
+
+
+def _proxied() -> str | None:
+    """Where the notebook's server has its addresses, if jupyter-server-proxy brings those of other ports there."""
+    if base := os.environ.get("JUPYTERHUB_SERVICE_PREFIX"):
+        return base
+    if find_spec("jupyter_server_proxy") is None:
+        return None
+    running = import_module("jupyter_server.serverapp").list_running_servers()
+    servers = {str(server["pid"]): str(server["base_url"]) for server in running}
+    return servers.get(os.environ.get("JPY_PARENT_PID", ""), "/")
+
+
+def _frames(origin: str | None) -> tuple[str, ...]:
+    """Origins of the notebook: the one that was given, else those of this machine, and the one of JupyterHub.
+
+    Raises:
+        SettingError: what was given is no origin.
+    """
+    from viz.server import LOCAL
+
+    public = os.environ.get("JUPYTERHUB_PUBLIC_URL") if origin is None else origin
+    if public is None:
+        return LOCAL
+    match = _ORIGIN.match(public)
+    if match is None:
+        valid = 'as in "https://hub.example.org"'
+        raise SettingError(setting="origin", quantity="the origin of the notebook", value=public, valid=valid)
+    return (match[1].lower(),)
 
 
 def show(
@@ -103,11 +156,12 @@ def show(
     excitation: Excitation | None = None,
     frequency: float = 20.0,
     added_mass: float = 0.0,
-    browser: bool = True,
+    browser: bool | None = None,
     port: int = 0,
     wait: bool | None = None,
+    origin: str | None = None,
 ) -> Viewer:
-    """Watch a foot in the browser.
+    """Watch a foot in the browser, or in the cell of a notebook.
 
     Args:
         foot: a model, by name or file, or loaded; or a recording, which shakes the two masses.
@@ -116,20 +170,24 @@ def show(
         excitation: of the base, a sine unless given.
         frequency: of the sine [Hz].
         added_mass: on the knee [kg].
-        browser: open it.
+        browser: open it; unless given, only where no notebook shows it.
         port: of this machine, 0 takes a free one.
         wait: until Ctrl-C; unless given, only where Python would end otherwise, which is in no
             notebook and no prompt.
+        origin: of a notebook on another machine, "https://hub.example.org"; the page comes through its
+            jupyter-server-proxy.
 
     Raises:
         SettingError: a parameter is unknown or outside the bounds that the model declares.
     """
-    viewer = Viewer(_display(foot, result, compare, excitation, frequency, added_mass), port)
-    if browser:
+    in_notebook = "ipykernel" in sys.modules
+    frames = _frames(origin) if in_notebook or origin is not None else ()
+    viewer = Viewer(_display(foot, result, compare, excitation, frequency, added_mass), port, frames)
+    if not in_notebook if browser is None else browser:
         import webbrowser
 
         webbrowser.open(viewer.address_once())
-    interactive = hasattr(sys, "ps1") or bool(sys.flags.interactive) or "ipykernel" in sys.modules
+    interactive = hasattr(sys, "ps1") or bool(sys.flags.interactive) or in_notebook
     if not interactive if wait is None else wait:
         viewer.wait()
     return viewer

@@ -11,7 +11,7 @@ from fasbody.exceptions import FasError, SettingError
 from fasbody.recording.checks import judged, unit_in_doubt
 from fasbody.recording.recording import Recording
 from fasbody.sentences import for_page
-from viz.source import Source, on_page
+from viz.source import Source
 
 Row = dict[str, Any]
 _JUDGED = ("problem", "warnings", "frequency_hz", "samples", "rate_hz", "seconds")
@@ -65,12 +65,14 @@ class Recordings:
             recording = source.read()
             self._latest = source, recording
         except FasError as error:
-            return row | {"unread": on_page(error, self._folders)}
+            return row | {"unread": for_page(error.reason)}
         judgement, condition = judged(recording), recording.condition
+        texts = [judgement["warnings"]]
         self._warnings[number] = judgement["warnings"]
         return row | {key: judgement.get(key) for key in _JUDGED} | {
             "problem": for_page(judgement["problem"]), "warnings": list(map(for_page, judgement["warnings"])),
-            "doubt": "" if source.unit else self.doubt([number]),
+            "doubt": for_page(unit_in_doubt(texts, stated=bool(source.unit))),
+            "believed": not unit_in_doubt(texts, stated=True),  # if a person says that the unit is right
             "label": recording.file, "origin": recording.origin, "subject": condition.subject,
             "unit": source.unit or _unit_of(recording),
             "body_mass_kg": condition.body_mass_kg, "added_mass_kg": condition.added_mass_kg,

@@ -1,13 +1,15 @@
 """The page's server: the loopback only, no caller from another site, simulations off the event loop.
 
-It answers with the page's files and one stream for each page, only with the session's key: see `Guarded`.
-It runs in the process of the command. Each wait has a limit: a simulation its computing time (`viz.motion.PATIENCE`),
-a silent page its pings, the start of a browser `OPENING`, the last connections `PARTING`.
+It answers with the page's files and one stream for each page, only with the session's key: see `Guarded`. A notebook
+may show the page in a frame, and bring it under its own name. It runs in the process of the command. Each wait has a
+limit: a simulation its computing time (`viz.motion.PATIENCE`), a silent page its pings, the start of a browser
+`OPENING`, the last connections `PARTING`.
 """
 
 import asyncio
 import contextlib
 import json
+import re
 import secrets
 import signal
 import sys
@@ -28,8 +30,9 @@ import tornado.websocket
 from fasbody.console import console, print_json
 from fasbody.exceptions import FasError, SettingError
 from viz.bench import PRIVATE, Bench
-from viz.display import Display, file_of, files, markup, page_json
+from viz.display import Display, file_of, files, markup, page_json, with_token
 from viz.exported import html
+from viz.motion import UNWANTED, UnwantedError, still_wanted
 from viz.settings import settings_from
 from viz.uploads import LARGEST as LARGEST_FILE
 
@@ -50,11 +53,16 @@ LOOKING = 2.0
 OPENING, PARTING = 15.0, 2.0
 #: The answer to a request without the session's key.
 REFUSED = "Open the address that the command printed: its token is missing, or belongs to an earlier session.\n"
+#: And in a notebook, which may have come under a name that nobody gave.
+ELSEWHERE = 'If the notebook is on another machine, give its address: viz.show(foot, origin="https://hub.example.org").\n'
 #: No script but ours and no address but this server; meshcat's control panel writes styles into the page.
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; "
-    "connect-src 'self' ws://{host}; font-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+    "connect-src 'self' ws://{host} wss://{host}; font-src data:; base-uri 'none'; form-action 'none'; "
+    "frame-ancestors {frames}"
 )
+#: Origins of a notebook on this machine, of which any port may be its own.
+LOCAL = (f"http://{ADDRESS}:*", "http://localhost:*")
 
 
 async def serve(
@@ -87,14 +95,18 @@ class Server:
         show: what is shown.
         port: 0 takes a free one.
         bench: what a page may do beyond moving sliders.
+        frames: origins of notebooks that may show the page in a frame, or bring it under their own name as
+            jupyter-server-proxy does; none for a page of its own.
 
     Attributes:
         key: of the session; the token of its address, and what a page sends with each change.
         origin: scheme, name and port.
     """
 
-    def __init__(self, show: Display, port: int = 0, bench: Bench | None = None) -> None:
-        self.show = show
+    def __init__(
+        self, show: Display, port: int = 0, bench: Bench | None = None, frames: Iterable[str] = ()
+    ) -> None:
+        self.show, self.frames = show, tuple(frames)
         self.bench = bench
         self.key = secrets.token_urlsafe(24)
         self._key_once = ""
@@ -103,6 +115,8 @@ class Server:
         self.pages: set[Stream] = set()
         self.visited = asyncio.Event()  # a page was here, even if it left before its browser's starter came back
         self._pool = ThreadPoolExecutor(1, "simulation")
+        self._asked: set[_Asked] = set()  # motions that pages wait for
+        self.tasks: set[asyncio.Task[None]] = set()  # what pages asked for
         self._prepared = False  # what the first long recording needs is loaded
         try:
             self._sockets = tornado.netutil.bind_sockets(port, address=ADDRESS)
@@ -153,8 +167,10 @@ class Server:
         try:
             await self._ended.wait()
         finally:
-            for task in tasks:
+            for task in (*tasks, *self.tasks):
                 task.cancel()
+            for asked in self._asked:
+                asked.stop.set()
             http.stop()
             for page in list(self.pages):
                 page.close(1001, "the viewer has ended")
@@ -168,24 +184,40 @@ class Server:
         """End `run`."""
         self._ended.set()
 
-    async def answer(self, message: dict[str, Any]) -> str:
-        """Simulate for the settings of a page's message."""
-        loop = asyncio.get_running_loop()
-        answer = await loop.run_in_executor(self._pool, self._answer, message)
+    async def answer(self, message: dict[str, Any], page: "Stream") -> str:
+        """Simulate for the settings of a page's message; nothing where its next message comes before that is done.
+
+        An action comes first: what is computed is left, and begun again after it.
+        """
+        loop, mine = asyncio.get_running_loop(), _Asked()
+        page.asked.replaced = True
+        page.asked.stop.set()
+        page.asked = mine
+        self._asked.add(mine)
+        answer = None
+        while answer is None and not mine.replaced:
+            mine.stop.clear()
+            answer = await loop.run_in_executor(self._pool, self._answer, message, mine.stop)
+        self._asked.discard(mine)
         if self.bench is not None and not self._prepared:  # while the first motion is displayed
             self._prepared = True
             prepare = threading.Thread(target=self.bench.prepare, name="prepare", daemon=True)
             loop.call_later(LOOKING, prepare.start)
-        return answer
+        return answer or ""
 
-    def _answer(self, message: dict[str, Any]) -> str:
-        started = time.perf_counter()
+    def _answer(self, message: dict[str, Any], stop: threading.Event) -> str | None:
+        started, before = time.perf_counter(), UNWANTED.set(stop)
         try:
+            still_wanted()
             answer = self.show.answer(settings_from(message))
+        except UnwantedError:
+            return None
         except FasError as error:
             answer = {"type": "error", "text": error.on_page()}
         except Exception as error:  # a bug: reported, or the page would repeat the request
             answer = {"type": "error", "text": _bug(error)}
+        finally:
+            UNWANTED.reset(before)
         number = message.get("request")
         answer |= {"request": number if isinstance(number, int) else None, "seconds": time.perf_counter() - started}
         return page_json(answer)
@@ -198,6 +230,8 @@ class Server:
             page.send(page_json(complaint | {"text": "this page belongs to another session; reload it."}))
             return
         before = self.show.files()
+        for asked in self._asked:
+            asked.stop.set()
         try:
             documents = await asyncio.get_running_loop().run_in_executor(self._pool, self.bench.act, message)
         except Exception as error:
@@ -228,6 +262,11 @@ class Server:
     def is_session_key(self, key: str) -> bool:
         """Whether a key is this session's."""
         return secrets.compare_digest(key.encode(errors="replace"), self.key.encode())
+
+    def knows(self, host: str, origin: str | None) -> bool:
+        """Whether a request came under a name of the server, or of a notebook's, and from no page of another origin."""
+        names = [("http", name) for name in self.hosts] + [frame.split("://") for frame in self.frames]
+        return any(_is_name(host, name) and origin in (None, f"{scheme}://{host}") for scheme, name in names)
 
     def admits(self, token: str) -> bool:
         """Whether the token of an address opens the page."""
@@ -283,11 +322,19 @@ class Server:
         self.stop()
 
 
+class _Asked:
+    """A motion that a page waits for: whether to stop computing it, and whether the page has asked for another."""
+
+    def __init__(self) -> None:
+        self.stop, self.replaced = threading.Event(), False
+
+
 class Guarded(tornado.web.RequestHandler):
     """A request handler that answers only under the server's names, and only with the session's key.
 
     The address that the command prints carries the key; from then on a cookie does. Browsers share cookies between
-    ports, so its name has the port.
+    ports, so its name has the port. In a frame they may keep none, and under a notebook's name others would get it:
+    there each address carries the key.
     """
 
     def initialize(self, server: "Server", name: str = "") -> None:
@@ -300,15 +347,15 @@ class Guarded(tornado.web.RequestHandler):
         An Origin must be scheme, name and port of this very request. Tornado asks `check_origin` only where name or
         port differ, so that https would pass.
         """
-        origin = self.request.headers.get("Origin")
-        if self.request.host not in self.server.hosts or not (origin is None or self.is_same_origin(origin)):
+        if not self.server.knows(self.request.host, self.request.headers.get("Origin")):
             raise tornado.web.HTTPError(403)
         cookie = f"fasbody-{self.server.port}"
         if self.server.is_session_key(self.get_cookie(cookie) or ""):
             return
         if not self.server.admits(self.get_query_argument("token", "")):
             raise tornado.web.HTTPError(403)
-        self.set_cookie(cookie, self.server.key, httponly=True, samesite="Lax")
+        if self.request.host in self.server.hosts:
+            self.set_cookie(cookie, self.server.key, httponly=True, samesite="Lax")
 
     def write_error(self, status_code: int, **more: Any) -> None:
         """A refusal is one sentence."""
@@ -316,30 +363,30 @@ class Guarded(tornado.web.RequestHandler):
             super().write_error(status_code, **more)
             return
         self.set_header("Content-Type", "text/plain; charset=utf-8")
-        self.finish(REFUSED)
-
-    def is_same_origin(self, origin: str) -> bool:
-        """Whether an origin is this server under the name of the request."""
-        return origin == f"http://{self.request.host}"
+        self.finish(REFUSED + (ELSEWHERE if self.server.frames else ""))
 
 
 class Page(Guarded):
     """One of the page's files."""
 
     def set_default_headers(self) -> None:
-        """No caching, no framing, no guessing of types."""
+        """No caching, no guessing of types."""
         self.set_header("Cache-Control", "no-store")
-        self.set_header("Content-Security-Policy", POLICY.format(host=self.request.host))
         self.set_header("X-Content-Type-Options", "nosniff")
         self.set_header("Referrer-Policy", "no-referrer")
         self.set_header("Server", "fasbody")
 
     def get(self) -> None:
-        """The file."""
+        """The file, which nothing but a notebook may frame."""
+        frames = " ".join(self.server.frames) or "'none'"
+        self.set_header("Content-Security-Policy", POLICY.format(host=self.request.host, frames=frames))
         kinds = {".html": "text/html", ".js": "text/javascript", ".css": "text/css"}
         self.set_header("Content-Type", f"{kinds[Path(self.name).suffix]}; charset=utf-8")
-        page = self.name.endswith(".html")
-        self.write(markup(self.name, self.server.key) if page else file_of(self.name).read_bytes())
+        if not self.name.endswith(".html"):
+            self.write(file_of(self.name).read_bytes())
+            return
+        text = markup(self.name, self.server.key)
+        self.write(with_token(text, self.server.key) if self.server.frames else text)
 
 
 @tornado.web.stream_request_body
@@ -397,13 +444,18 @@ class Made(Guarded):
 
 
 class Stream(Guarded, tornado.websocket.WebSocketHandler):
-    """One page: it gets the scene, the model, and a motion for every request."""
+    """One page: it gets the scene, the model, and a motion for its last request."""
+
+    def initialize(self, server: "Server", name: str = "") -> None:
+        """Called by tornado."""
+        super().initialize(server, name)
+        self.asked = _Asked()
 
     _forget: Callable[[], None] = staticmethod(lambda: None)
 
     def check_origin(self, origin: str) -> bool:
         """Only a page of this server may connect."""
-        return self.is_same_origin(origin)
+        return self.server.knows(self.request.host, origin)
 
     def open(self, *_: str, **__: str) -> None:
         """Send the whole scene, then what the model is."""
@@ -424,23 +476,33 @@ class Stream(Guarded, tornado.websocket.WebSocketHandler):
             self.send(page_json(document))
 
     def on_close(self) -> None:
-        """Forget the page."""
+        """Forget the page, and what is computed for it."""
         self.server.pages.discard(self)
+        self.asked.replaced = True
+        self.asked.stop.set()
         self._forget()
 
-    async def on_message(self, message: str | bytes) -> None:
-        """A request for a motion."""
+    def on_message(self, message: str | bytes) -> None:
+        """A request for a motion, or for an action; the next one is read before this one is answered."""
         try:
             request = json.loads(message)
             kind = request["type"]
         except (ValueError, TypeError, KeyError, RecursionError):
             self.close(1003, "not understood")
             return
-        with contextlib.suppress(asyncio.CancelledError):  # the server has ended meanwhile
-            if kind == "simulate":
-                self.send(await self.server.answer(request))
-            elif self.server.bench is not None:
-                await self.server.act(self, request)
+        if kind == "simulate":
+            work = self._simulate(request)
+        elif self.server.bench is not None:
+            work = self.server.act(self, request)
+        else:
+            return
+        task = asyncio.create_task(work)
+        self.server.tasks.add(task)
+        task.add_done_callback(self.server.tasks.discard)
+
+    async def _simulate(self, request: dict[str, Any]) -> None:
+        if answer := await self.server.answer(request, self):
+            self.send(answer)
 
     def send(self, message: str | bytes) -> None:
         """Write, and forget a page that has gone."""
@@ -450,6 +512,11 @@ class Stream(Guarded, tornado.websocket.WebSocketHandler):
             self.on_close()
             return
         written.add_done_callback(lambda done: done.cancelled() or done.exception())  # a page that left is no error
+
+
+def _is_name(host: str, name: str) -> bool:
+    """Whether a request's host is a name, where ``*`` stands for any port."""
+    return host == name or (name.endswith(":*") and re.fullmatch(re.escape(name[:-2]) + r"(:\d+)?", host) is not None)
 
 
 class _Only:

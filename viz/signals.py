@@ -5,6 +5,7 @@ from typing import Any
 
 import numpy as np
 
+from fasbody.recording.checks import judged
 from viz.source import Source
 
 #: Most points of a trace and of a spectrum that the page gets.
@@ -33,7 +34,7 @@ def signals(source: Source) -> dict[str, Any]:
         spectra[name] = {"frequency_hz": frequency[kept].tolist(), "m_s2": amplitude[kept].tolist()}
     return {
         "traces": traces, "spectra": spectra, "seconds": float(time[-1]), "rate_hz": whole.rate_hz,
-        "part_s": part.part_s, "used": whole.used, "unused": whole.unused,
+        "part_s": part.part_s, "refused": bool(judged(part)["problem"]), "used": whole.used, "unused": whole.unused,
     }  # fmt: skip
 
 

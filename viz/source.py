@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from fasbody.exceptions import FasError, InputFileError, SettingError
-from fasbody.recording.channels import NAMES, VOLTAGES, Layout, heading
+from fasbody.recording.channels import NAMES, VOLTAGES, Layout
 from fasbody.recording.condition import plausible
 from fasbody.recording.file_names import body_mass_in_name, load_in_name
 from fasbody.recording.files import columns_of
@@ -157,14 +157,18 @@ class Source:
         source = replace(self, channels={name: table for name, table in channels.items() if table}, **numbers)
         source._layout()
         if (source.start_s, source.end_s) != (self.start_s, self.end_s):
-            source.read()
+            part = source.read().part_s
+            if part is not None:  # what lies beyond the ends is none of it
+                first = source.start_s if source.start_s is not None and source.start_s > 0 else None
+                source = replace(source, start_s=first, end_s=source.end_s if source.end_s == part[1] else None)
         return source
 
     def _unit(self, text: str) -> dict[str, str]:
         """Keys of a channel whose unit was given, or a data sheet's sensitivity: "100 mV/g" is of numbers in volts."""
         if not text[:1].isdigit():
             return {"unit": text} if text else {}
-        in_volts = any((c["unit"] or heading(c["name"])[1]).lower() in VOLTAGES for c in self.columns())
+        columns = columns_of(self.path)
+        in_volts = any(columns.claimed(k).lower() in VOLTAGES for k in range(len(columns.names)))
         return {"sensitivity": text} | ({} if in_volts else {"unit": "V"})
 
 

@@ -41,7 +41,7 @@ def _keep(folder: Path, name: str, content: bytes) -> str:
         raise SettingError(f"{name[:80]!r} is no name for a file; use printable characters, with no dot in front.")
     file = PurePosixPath(kept)
     if not _is_read(Path(kept)):
-        valid = ", ".join((*TEXTS, *READ, ".zip"))
+        valid = ", ".join(dict.fromkeys((*TEXTS, *READ, ".zip")))
         raise SettingError(f"{file.name}: no format has the ending {ending(Path(kept))!r}; valid: {valid}.")
     if len(content) > LARGEST:
         raise SettingError(f"{file.name} is larger than {LARGEST // 1_000_000} MB; split it into recordings.")

@@ -9,6 +9,7 @@ import os
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -25,6 +26,8 @@ from viz.source import Source, on_page
 Send = Callable[[dict[str, Any]], None]
 #: Points of a trace that the page gets, and the periods of it.
 POINTS, PERIODS = 400, 3
+#: Seconds between reports of progress at least.
+_OFTEN = 0.2
 
 
 class Worker:
@@ -134,7 +137,6 @@ def _fit(job: Job, tell: Callable[[Mapping[str, Any]], None]) -> Any:
 
     recordings = [source.read() for source in job.sources.values()]
     foot = load_foot(job.model).with_values(job.values)
-    tell({"type": "progress", "what": "exploring starts", "done": 0, "total": job.settings.get("starts", 4)})
     result = fit_foot(recordings, foot, advance=_advance(tell), **job.settings)
     result = result.with_source(together([r.file for r in recordings]))
     result = replace(result, provenance={**result.provenance, "model": job.model})
@@ -170,8 +172,13 @@ def _rivals(job: Job, tell: Callable[[Mapping[str, Any]], None]) -> None:
 
 
 def _advance(tell: Callable[[Mapping[str, Any]], None]) -> Callable[[str, int, int], None]:
+    last = -1.0, ""
+
     def advance(what: str, done: int, total: int) -> None:
-        tell({"type": "progress", "what": what, "done": done, "total": total})
+        nonlocal last
+        if what != last[1] or time.monotonic() - last[0] > _OFTEN:
+            last = time.monotonic(), what
+            tell({"type": "progress", "what": what, "done": done, "total": total})
 
     return advance
 

@@ -14,7 +14,9 @@ from numpy.typing import NDArray
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
+from fasbody.cell.surface import check_closed
 from fasbody.exceptions import MeshError, SettingError
+from fasbody.presentation import counted
 
 if TYPE_CHECKING:
     import trimesh
@@ -160,7 +162,7 @@ class TetMesh:
                     f"number {int(np.argmax(bad))})."
                 )
         if folded := self._folded():
-            raise MeshError(f"tetrahedra overlap at {folded} faces: both neighbours lie on the same side.")
+            raise MeshError(f"tetrahedra overlap at {counted(folded, 'face')}: both neighbours lie on the same side.")
         skin = self.points_um[np.unique(self.surface.faces)]
         reach = SAME_PLACE * float(np.ptp(skin, axis=0).max())
         if double := len(cKDTree(skin).query_pairs(reach)):
@@ -175,8 +177,7 @@ class TetMesh:
         _, number = connected_components(links, directed=False)
         if (bodies := len(np.unique(number[self.tets[:, 0]]))) > 1:
             raise MeshError(f"{bodies} bodies share no nodes: analyse one at a time, or join them.")
-        if not self.surface.is_watertight:
-            raise MeshError("the mesh's outer surface is open or branched: neighbouring elements must share faces.")
+        check_closed("mesh's outer ", self.surface, "neighbouring elements must share faces")
         return self
 
     def _folded(self) -> int:

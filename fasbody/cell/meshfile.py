@@ -14,6 +14,7 @@ from fasbody.cell.mesh import NUCLEUS, MeshSize, TetMesh
 from fasbody.cell.mesher import sized_mesh
 from fasbody.console import console, to_json, write_whole
 from fasbody.exceptions import InputFileError, MeshError, SettingError, required
+from fasbody.presentation import counted
 
 if TYPE_CHECKING:
     from fasbody.cell.analysis import ModalAnalysis
@@ -162,8 +163,10 @@ def read_tetrahedra(file: Path, um_per_unit: float) -> tuple[TetMesh, tuple[Grou
     tets = np.concatenate(cells[TETRAHEDRA])
     used, renumbered = np.unique(tets, return_inverse=True)
     points = np.asarray(content.points[used], dtype=np.float64) * um_per_unit
-    if not np.isfinite(points).all():
-        raise InputFileError(file, "has points that are not finite numbers")
+    bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
+    if bad.size:
+        problem = f"has {counted(bad.size, 'point')} whose coordinates are not finite numbers"
+        raise InputFileError(file, f"{problem} (the first is number {used[bad[0]]} from 0)", "correct or remesh it")
     number = np.full(len(content.points), -1)
     number[used] = np.arange(len(used))
     corners = np.concatenate([np.empty((0, 3), dtype=np.int64), *(number[cell[:, :3]] for cell in cells[TRIANGLES])])
@@ -214,16 +217,28 @@ def read_surface(file: Path, um_per_unit: float) -> Any:
         text = f"cannot be read as {file.suffix[1:].upper()} ({error})"
         raise InputFileError(file, text) from error
     if faces == 0:
-        raise InputFileError(file, "holds no triangles")
+        raise InputFileError(file, _no_triangles(file), "export it again as STL or OBJ")
     bad = np.flatnonzero(~np.isfinite(surface.triangles).all(axis=(1, 2)))
     if bad.size:
-        text = f"has {bad.size} triangles with corners that are not finite numbers"
+        text = f"has {counted(bad.size, 'triangle')} with corners that are not finite numbers"
         raise InputFileError(file, f"{text} (the first is triangle {bad[0]})")
     surface.merge_vertices(merge_tex=True, merge_norm=True)
     a, b, c = surface.faces.T
     surface.update_faces((a != b) & (b != c) & (c != a))
     surface.apply_scale(um_per_unit)
     return surface
+
+
+def _no_triangles(file: Path) -> str:
+    """What a file is from which no triangle was read, as a clause."""
+    data = file.read_bytes()
+    if file.suffix.lower() != ".stl" or not data.strip():
+        return "holds no triangles"
+    if data.isascii() and b"\0" not in data:
+        return "is text that holds no whole triangle" if data.lstrip().startswith(b"solid") else "is text, but no STL"
+    whole = 84 + 50 * int.from_bytes(data[80:84], "little")  # header, count, triangles
+    cut = f"is cut off: {len(data)} bytes, where its {(whole - 84) // 50} triangles need {whole}"
+    return cut if len(data) < whole else "holds no triangles"
 
 
 def write_vtu(file: Path, analysis: "ModalAnalysis", tags: Sequence[int] = (0, 1), unit_um: float = 1) -> Path:

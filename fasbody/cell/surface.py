@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from fasbody.exceptions import MeshError
+from fasbody.presentation import counted
 
 if TYPE_CHECKING:
     import trimesh
@@ -35,26 +36,31 @@ def rounded(surface: "trimesh.Trimesh") -> float:
     return float((turn * squares / (6 * length)).sum()) / volume(surface)
 
 
-def check_closed(whose: str, surface: "trimesh.Trimesh") -> None:
+def check_closed(whose: str, surface: "trimesh.Trimesh", remedy: str = "mend it there, as with MeshLab") -> None:
     """Every edge must belong to two triangles, which face the same side.
 
     Args:
         whose: surface, before the word; empty for the body's.
         surface: to check.
+        remedy: what to do about it.
 
     Raises:
         MeshError: it branches, is open, or is inside out in places.
     """
-    _, count = np.unique(surface.edges_sorted, axis=0, return_counts=True)
-    if many := int((count > 2).sum()):
-        text = f"{many} edges belong to more than two triangles"
-        raise MeshError(f"the {whose}surface branches: {text}.")
-    if many := int((count == 1).sum()):
-        text = f"{many} edges belong to one triangle only"
-        raise MeshError(f"the {whose}surface is not closed: {text}.")
+    edges, count = np.unique(surface.edges_sorted, axis=0, return_counts=True)
+    for bad, what, owners in ((count > 2, "branches", "more than two triangles"),
+                              (count == 1, "is not closed", "one triangle only")):  # fmt: skip
+        if bad.any():
+            many = counted(int(bad.sum()), "edge belongs", "edges belong")
+            ends = " to ".join(_place(point) for point in surface.vertices[edges[np.argmax(bad)]])
+            raise MeshError(f"the {whose}surface {what}: {many} to {owners} (the first from {ends} um): {remedy}.")
     if not surface.is_winding_consistent:
         text = "neighbouring triangles face opposite sides"
         raise MeshError(f"the {whose}surface is inside out in places: {text}.")
+
+
+def _place(point: NDArray[np.float64]) -> str:
+    return "(" + ", ".join(f"{value:.6g}" for value in point) + ")"
 
 
 def check_pieces(surface: "trimesh.Trimesh") -> None:

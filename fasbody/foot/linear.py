@@ -29,11 +29,11 @@ class Linear:
 
     def __init__(self, foot: Foot) -> None:
         self.foot, self._balance = foot, Balance(foot)
-        self._rest, self._slopes, kinks = small_motion(self._balance)
-        if kinks:
+        self._rest, self._slopes, changes = small_motion(self._balance)
+        if changes:
             raise SimulationError(
-                f"{foot.name}: {' and '.join(kinks)} touches, stops or slips as soon as the foot moves at all, so that "
-                "small motion about its pose of rest is not linear; press it, or leave a gap."
+                f"{foot.name}: {changes} as soon as the foot moves at all, so that small motion about its pose of rest "
+                "is not linear; press it, or leave a gap."
             )
 
     def transmissibility(self, frequency_hz: Array, sensor: str = "malleolus") -> Array:

@@ -74,7 +74,6 @@ DRIVES = (
     Field("actuator_dyntype", 0, "dyntype", _ASKED),
     Field("actuator_gainprm", 0, "gainprm", _ASKED),
     Field("actuator_armature", 0, "armature", _ASKED),
-    Field("actuator_actlimited", 0, "actrange", _ASKED),
 )
 #: Fields that only show.
 _DRAWN = ("_rgba", "cam_", "light_", "mat_", "tex_", "mesh_", "skin_", "hfield_", "bvh_", "geom_aabb", "_user", "text_")
@@ -120,6 +119,11 @@ def check_fields(model: mujoco.MjModel, name: str) -> None:
         raise ModelError(
             f"{name}: {element_name(model, 'actuator', number)} integrates its control, so that any mean of it "
             "repeats; write a <position>, or a <general> without dyntype."
+        )
+    for number in map(int, np.flatnonzero(model.actuator_actlimited)):
+        raise ModelError(
+            f"{name}: {element_name(model, 'actuator', number)} has an actrange, which MuJoCo keeps while it steps "
+            "only; limit its control by ctrlrange, or its force by forcerange."
         )
     read = np.isin(model.sensor_type, [getattr(mujoco.mjtSensor, f"mjSENS_{kind}") for kind in READ])
     for field in SENSED:

@@ -20,7 +20,7 @@ def standing(foot: Foot) -> np.ndarray:
     return small_motion(Balance(foot))[0]
 
 
-def small_motion(balance: Balance) -> tuple[np.ndarray, np.ndarray, list[str]]:
+def small_motion(balance: Balance) -> tuple[np.ndarray, np.ndarray, str]:
     """The pose (nq,) in which a foot stands, and there what `slopes_at_rest` returns.
 
     Raises:
@@ -32,8 +32,8 @@ def small_motion(balance: Balance) -> tuple[np.ndarray, np.ndarray, list[str]]:
     return balance.state(x)[0], *slopes_at_rest(balance, x)
 
 
-def slopes_at_rest(balance: Balance, x: np.ndarray) -> tuple[np.ndarray, list[str]]:
-    """Derivatives (3, r, n) of the engine's rows about rest, and what is about to touch, stop or slip there.
+def slopes_at_rest(balance: Balance, x: np.ndarray) -> tuple[np.ndarray, str]:
+    """Derivatives (3, r, n) of the engine's rows about rest, and what changes there at once, in words; often nothing.
 
     Args:
         balance: of the foot, with the parameters at which it rests.
@@ -48,9 +48,11 @@ def slopes_at_rest(balance: Balance, x: np.ndarray) -> tuple[np.ndarray, list[st
     motion[0, 0, balance.free] = x
     with callbacks():
         slopes, kinks = balance.engine.exact_slopes(motion)[:, 0], balance.engine.kinks(motion)
+        corners = [] if kinks else balance.engine.corners(motion)
     if not kinks:
         _check_stable(balance, slopes)
-    return slopes, kinks
+    changes = (kinks, "touches, stops or slips"), (corners, "has another spring or damper")
+    return slopes, "".join(f"{' and '.join(names)} {does}" for names, does in changes if names)
 
 
 def _check_stable(balance: Balance, slopes: np.ndarray) -> None:

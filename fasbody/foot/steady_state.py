@@ -27,7 +27,7 @@ from fasbody.foot.damper import DAMPER
 from fasbody.foot.engine import callbacks
 from fasbody.foot.harmonic_balance import MOST_HARMONICS, Fourier, Solution, multipliers, periodic, rest
 from fasbody.foot.model import Foot, can_change
-from fasbody.foot.model_fields import constraint_name
+from fasbody.foot.model_fields import constraint_name, element_name
 from fasbody.foot.parameters import Fitted
 
 Array = np.ndarray
@@ -40,6 +40,9 @@ ACCELERATION, WITH_CHANGES = 1.0, 1e-4
 #: Shares of a difference that are tried where something can lift or slip, until nothing does within it. A stiff contact
 #: that is pressed lightly slips at 1e-4 m/s.
 SHARES = (1.0, 1e-1, 1e-2, 1e-3, 1e-4)
+#: Shares of a difference over which slopes about rest are compared, by how much they may differ, and by how much less
+#: over the smaller ones: a tenth where the force is smooth. The rounding of a stiff force is below the last.
+_NEARER, _SAME, _SMOOTH, _ROUNDED = (1.0, 1e-1, 1e-2), 1e-3, 0.2, 1e-4
 #: Time after which what falls has come to rest [s].
 _FALL = 2.0
 #: Difference in a parameter as a share of its size, and in harmonics of the base [m/s^2].
@@ -99,6 +102,25 @@ class Engine:
         beside = beside.reshape(3, 3 * nv, self.size)
         still, *moved = self._acting(np.concatenate([motion, motion + beside, motion - beside], axis=1))
         return sorted({name for acting in moved for name, _ in acting.items() ^ still.items()})
+
+    def corners(self, motion: Array) -> list[str]:
+        """Joints about which the force has no slope at one instant (3, 1, c): one on each side, or ever more."""
+        nv, sizes = self.model.nv, np.array([POSITION, RATE])
+        steps = np.multiply.outer(np.multiply.outer(sizes, _NEARER), [1.0, -1.0])
+        beside = np.zeros((3, *steps.shape, nv, self.size))
+        for order in range(2):
+            beside[order, order, ..., :nv] = steps[order, ..., None, None] * np.eye(nv)
+        near = motion + beside.reshape(3, -1, self.size)
+        forces = self.rows(near)[:, :nv].reshape(*steps.shape, nv, nv)
+        slopes = (forces - self.rows(motion)[0, :nv]) / steps[..., None, None]
+        coarse, fine = (np.ptp(part, axis=(1, 2)) for part in (slopes[:, :2], slopes[:, 1:]))
+        size = np.abs(slopes).max((1, 2))
+        least = np.maximum(_SAME * size.max(-1, keepdims=True), _ROUNDED * size.max(-2, keepdims=True))
+        apart = ((fine > least) & (fine > _SMOOTH * coarse)).any(2)
+        (still,) = self.constraints(motion)  # what touches within a step is a kink elsewhere
+        apart &= np.reshape([acting == still for acting in self.constraints(near)], (*steps.shape, nv)).all((1, 2))
+        joints = self.model.dof_jntid[np.flatnonzero(apart.any(0))]
+        return [element_name(self.model, "joint", int(joint)) for joint in dict.fromkeys(joints.tolist())]
 
     def _acting(self, motion: Array) -> Iterator[dict[str, tuple[int, ...]]]:
         """The constraints that push or hold at each instant, by kind and name, and on which side each of their rows."""

@@ -35,7 +35,7 @@ ACCELERATIONS = UNITS | {
 _LENGTHS = {"mm": 1e-3, "cm": 1e-2, "dm": 0.1, "um": 1e-6, "µm": 1e-6, "μm": 1e-6, "ft": 0.3048, "in": 0.0254}
 ACCELERATIONS |= {f"{name}/{squared}": m for name, m in _LENGTHS.items() for squared in ("s^2", "s2", "s²")}
 _VELOCITY = re.compile(r"[a-zµμ]+ ?/ ?(?:s|sec|min|h)", re.IGNORECASE)
-VOLTAGES = {"v": 1.0, "mv": 1e-3, "volt": 1.0, "volts": 1.0}
+VOLTAGES = {"v": 1.0, "mv": 1e-3, "uv": 1e-6, "µv": 1e-6, "μv": 1e-6, "volt": 1.0, "volts": 1.0}
 KNOWN_UNITS = frozenset(ACCELERATIONS | VOLTAGES | TIME_UNITS)
 _SENSITIVITY = re.compile(
     r"\s*([-+.\deE]+)\s*(m?V)\s*/\s*(?P<open>\()?\s*(g|m\s*/\s*s(?:(?:\^|\*\*)?2|²))\s*(?(open)\))\s*", re.IGNORECASE
@@ -57,8 +57,11 @@ def heading(name: str) -> tuple[str, str]:
     stem, unit = name_and_unit(name)
     if unit in KNOWN_UNITS and name.strip().strip('"')[-1:] in ")]":
         return stem, unit
-    behind = (unit for unit in sorted(UNITS, key=len, reverse=True) if name.strip().lower().endswith(f"_{unit}"))
-    return name.strip().lower(), next(behind, "")
+    name = name.strip()
+    units = [unit for unit in sorted(UNITS | VOLTAGES, key=len, reverse=True) if name.lower().endswith(f"_{unit}")]
+    if units == ["v"] and not name.endswith("V"):  # acc_v may be vertical
+        units = []
+    return name.lower(), next(iter(units), "")
 
 
 def factor(file: Path, channel: str, unit: str, valid: Mapping[str, float], line: int | None = None) -> float:
@@ -84,7 +87,10 @@ def volts_per_m_s2(file: Path, name: str, text: str) -> float:
     """Sensitivity in V per m/s^2 from a data sheet's "100 mV/g"."""
     try:
         number, unit, _, per = _SENSITIVITY.fullmatch(text).groups()  # type: ignore[union-attr]
-        return float(number) * VOLTAGES[unit.lower()] / (GRAVITY if per.lower() == "g" else 1.0)
+        volts = float(number) * VOLTAGES[unit.lower()]
+        if not 0 < abs(volts) < np.inf:
+            raise ValueError
+        return volts / (GRAVITY if per.lower() == "g" else 1.0)
     except (AttributeError, ValueError):
         place = f"channels.{name}.sensitivity = {text!r}"
         raise InputFileError(file, place, f"valid: {SENSITIVITIES}") from None

@@ -41,6 +41,9 @@ _COARSE = 5e-3
 #: Codes of warnings of a unit that may be wrong: of a base of 0.2 to 2 m/s^2, and of other values.
 _IN_G, UNIT_IN_DOUBT = "in g", "unit in doubt"
 _CHECK_UNIT = "check its unit."
+_LIKE_G = Sentence(
+    "is it in g? Then name the column base_g.", on_page="is it in g? Then type g as its unit in the table."
+)
 #: A passive foot lags behind its base; it may seem to lead by so much where loggers take channels one by one [deg].
 _LEAD_DEG = 1.0
 #: By how much more a sine of a person who repeats to 5 % may seem to lead, two standard deviations [deg].
@@ -402,7 +405,7 @@ def _level(recording: Recording, frequency: float) -> Iterator[str]:
         like_g = 0.2 < abs(base) <= 2
         yield Sentence(
             f"the base amplitude is {abs(base):.3g} m/s^2 at {frequency:.4g} Hz (the thesis: 8.95); ",
-            "is it in g? Then name the column base_g." if like_g else _CHECK_UNIT,
+            _LIKE_G if like_g else _CHECK_UNIT,
             code=_IN_G if like_g else UNIT_IN_DOUBT,
         )
     lead = np.degrees(np.angle(ratio))
@@ -526,13 +529,15 @@ def gathered(texts: Sequence[str]) -> list[str]:
     return [first if text == like_g[0] else text for text in texts if text == like_g[0] or text not in like_g]
 
 
-def unit_in_doubt(warnings: Iterable[Sequence[str]]) -> str:
+def unit_in_doubt(warnings: Iterable[Sequence[str]], stated: bool = False) -> str:
     """That the values of recordings seem to have another unit, in a sentence; nothing where they do not.
 
     Args:
         warnings: of the checks, for each recording.
+        stated: a person gave the unit, who is believed that a motion is weak, and not that it is impossible.
     """
-    doubts = [[text for text in texts if code_of(text) in (_IN_G, UNIT_IN_DOUBT)] for texts in warnings]
+    codes = [UNIT_IN_DOUBT] if stated else [_IN_G, UNIT_IN_DOUBT]
+    doubts = [[text for text in texts if code_of(text) in codes] for texts in warnings]
     first, *others = [texts[-1] for texts in doubts if texts] or [""]
     more = f" The same in {len(others)} more recordings." if len(others) > 1 else ""
     return Sentence(first, more, code=UNIT_IN_DOUBT)

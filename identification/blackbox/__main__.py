@@ -54,6 +54,9 @@ def main(
     pool: Annotated[bool, typer.Option("--pool", help="one model for all recordings")] = False,
     detrend: Annotated[int, typer.Option(help="degree of the polynomials in time to subtract")] = 0,
     robust: Annotated[bool, typer.Option("--robust", help="replace single wrong samples of the output")] = False,
+    input_noise: Annotated[
+        float, typer.Option(help="RMS noise of the input's sensor, in the unit of the input: widens intervals")
+    ] = 0.0,
     json: Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")] = False,
     out: Annotated[
         Path | None, typer.Option(help="folder for report.html, result.json, models.csv, figures and models")
@@ -69,8 +72,8 @@ def main(
     if several:
         from identification.blackbox import mimo
 
-        if pool or robust:
-            raise SettingError("--pool and --robust are for one input and one output.")
+        if pool or robust or input_noise:
+            raise SettingError("--pool, --robust and --input-noise are for one input and one output.")
         if not (names(input) and names(output)):
             raise SettingError("several inputs or outputs need both --input and --output.")
         if len(files) != 1:
@@ -89,9 +92,7 @@ def main(
     if out is not None:
         make_folder(out)
     recordings = [
-        series
-        for path in files
-        for series in data.read(path, input=input, output=output, sample_time=sample_time)
+        series for path in files for series in data.read(path, input=input, output=output, sample_time=sample_time)
     ]
     if several:
         _several(recordings[0], chosen, numbers, split, detrend, json, out)
@@ -107,7 +108,7 @@ def main(
                 progress.update(task, advance=1, description=f"{name}: {text}")
 
             reports.append(
-                identify(group, chosen, numbers, split, step, detrend=detrend, robust=robust)
+                identify(group, chosen, numbers, split, step, detrend=detrend, robust=robust, input_noise=input_noise)
             )
     document = report.document(reports)
     if json:
@@ -153,8 +154,7 @@ def parse_orders(text: str, structures: tuple[str, ...]) -> dict[str, tuple[int,
             orders[name] = tuple(int(number) for number in numbers.split(","))
         except ValueError as error:
             raise SettingError(
-                f"orders {entry.strip()!r} are not whole numbers; write them as "
-                '"oe=4,4,1;ss=4" or "auto".',
+                f'orders {entry.strip()!r} are not whole numbers; write them as "oe=4,4,1;ss=4" or "auto".',
                 setting="orders",
             ) from error
     return orders

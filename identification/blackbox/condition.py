@@ -8,9 +8,10 @@ from scipy import linalg, stats
 from scipy.signal import lfilter
 
 from fasbody.exceptions import SettingError
+from fasbody.presentation import counted
 from identification.blackbox import pem
 from identification.blackbox.data import Series
-from identification.blackbox.filters import largest_root, shifted
+from identification.blackbox.filters import as_columns, largest_root, shifted
 from identification.blackbox.polynomial import Orders
 
 ANSWER = 0.02  # share of the input's news that errors must foretell: a nonlinear plant in open loop reaches 0.013
@@ -20,9 +21,10 @@ MOST = 0.1  # of all samples that may be spikes; more are the signal
 LIMIT, OFTEN = 1e-4, 0.01  # of its range from its end, and share of samples there: an output that overflows
 FAINT = 1e-6  # of the output's standard deviation: smaller errors are those of rounding
 CERTAIN = 1e-6  # p-value below which drift or feedback is reported: both tests are led astray by a nonlinear plant
+LOOKED_AT = 20_000  # samples of a recording that are examined
 SHORT = 3  # errors in which a weak loop stands out
 SUSPECT = 1e-3  # p-value below which a loop is possible; a nonlinear plant gives such values, too
-MOSTLY = 0.5  # share of the output's news from which the input of the same sample drives it, and does not depend on it
+MOSTLY = 0.5  # share of one's news from which one signal drives the other, and does not depend on it
 FLAT = 0.02  # of the input's reach that a change must exceed to count as a step
 STEPS = 6  # changes of level up to which an input is a step record
 
@@ -39,6 +41,7 @@ class Condition:
         unstable: whether the plant is unstable, held by a loop.
         suspect: whether a loop is possible, too weak to be certain of.
         limited: share of samples at which the output stands at an end of its range.
+        leads: whether the output foretells most of the input's news, as of shifted or swapped channels.
     """
 
     spikes: tuple[int, ...] = ()
@@ -48,22 +51,36 @@ class Condition:
     unstable: bool = False
     suspect: bool = False
     limited: float = 0.0
+    leads: bool = False
 
     @property
     def by_prediction(self) -> str:
         """Why models are compared by one-step errors, not by free simulation; empty where simulation serves."""
+        if self.leads:
+            return "the output comes before the input"
         if self.unstable:
             return "the plant is unstable in a closed loop"
         if self.feedback:
             return "the input answers the output (feedback)"
         return "the input is constant but for a few steps" if self.steps else ""
 
+    @property
+    def no_intervals(self) -> dict[str, bool]:
+        """Why no structure has intervals, and whether that holds."""
+        return {
+            "the input may answer the output, which biases every structure a little": self.suspect,
+            "the output comes before the input": self.leads,
+            "outliers are no noise that a standard error describes": bool(self.spikes),
+            "the output stands at an end of its range": self.limited > 0,
+        }
+
     def warnings(self) -> list[str]:
         """Sentences on the condition."""
         sentences = []
         if self.spikes:
             where = ", ".join(str(k + 1) for k in self.spikes[:5]) + (", ..." if len(self.spikes) > 5 else "")
-            sentences.append(f"{len(self.spikes)} outliers in the output (samples {where}): --robust mends them")
+            some = f"{counted(len(self.spikes), 'outlier')} in the output (at sample {where})"
+            sentences.append(f"{some}: --robust (one input, one output) replaces faults of the sensor")
         if self.limited:
             sentences.append(
                 f"the output stands at an end of its range for {self.limited:.1%} of the samples (overflow, a sensor "
@@ -71,30 +88,37 @@ class Condition:
             )
         if self.drift:
             sentences.append(f"the output drifts by {self.drift:.2g} of its standard deviation: --detrend 1 removes it")
+        if self.leads:
+            cause = "are the channels shifted or swapped, or does only a controller move the input?"
+            sentences.append(f"the output foretells the input: {cause}")
         if self.by_prediction:
             sentences.append(f"{self.by_prediction}: orders are chosen by one-step prediction errors and BIC")
-        if self.suspect and not self.feedback:
+        if self.suspect:
             sentences.append("the input may answer the output (weak feedback, or a nonlinear plant): no intervals")
         return sentences
 
 
 def examine(series: Series) -> Condition:
     """The condition of one recording, means removed; empty for one too short for a long ARX model."""
-    lags = min(LAGS, len(series) // 20)
-    if lags < 3 or not np.ptp(series.u):
+    if series.y.ndim > 1:
+        outputs = zip(series.y.T, series.outputs, strict=True)
+        return _either([examine(replace(series, y=y, channels=(series.channels[0], name))) for y, name in outputs])
+    lags, u = _lags(series), as_columns(series.u).T
+    if lags < 3 or not np.ptp(u, axis=1).all():
         return Condition()
     limit = limited(series.y)
     repaired, spikes = (series, ()) if limit else mend(series)
     phi, y = _regression(repaired, lags)
-    errors = y - phi @ pem.solve([(phi, y)])
-    share, p = _feedback(repaired, errors, lags)
-    feedback, unstable = p < CERTAIN and share > ANSWER, False
+    theta = pem.solve([(phi, y)])
+    tests = [_feedback(u, one, y - phi @ theta, theta[:lags]) for one in u]
+    feedback, unstable = any(p < CERTAIN and share > ANSWER for share, p, _ in tests), False
     if feedback:  # a controller's u(t) depends on y(t): n_k is 1
         theta = pem.solve([pem.regressors(repaired, Orders(na=lags, nb=lags, nk=1))])
         unstable = largest_root(np.concatenate([[1.0], theta[:lags]])) > 1.0
+    at_once = any(_at_once(phi, y, k) for k in range(lags, phi.shape[1] - 1, lags + 1))
     return Condition(
-        spikes, _drift(repaired, errors, phi), feedback, few_steps(series.u), unstable,
-        p < SUSPECT or _at_once(phi, y, lags), limit,
+        spikes, _drift(repaired, phi, y, lags), feedback, all(map(few_steps, u)), unstable,
+        not feedback and (at_once or any(p < SUSPECT for *_, p in tests)), limit, feedback and max(tests)[0] > MOSTLY,
     )  # fmt: skip
 
 
@@ -111,6 +135,10 @@ def few_steps(u: np.ndarray) -> bool:
     return 0 < places <= STEPS and len(changes) < len(u) / 20
 
 
+def _lags(series: Series) -> int:
+    return min(LAGS, len(series) // (20 * len(series.inputs)))
+
+
 def _regression(series: Series, lags: int) -> tuple[np.ndarray, np.ndarray]:
     phi, y = pem.regressors(series, Orders(na=lags, nb=lags + 1, nk=0))
     return np.column_stack([phi, np.ones(len(y))]), y
@@ -123,7 +151,7 @@ def mend(series: Series) -> tuple[Series, tuple[int, ...]]:
     the largest first, and what it measures is taken off (Chen and Liu 1993). Coefficients come from least squares with
     Huber's weights, so that spikes do not shape the model that detects them.
     """
-    lags = min(LAGS, len(series) // 20)
+    lags = _lags(series)
     if lags < 3:
         return series, ()
     y, spikes = series.y.copy(), set[int]()
@@ -155,42 +183,47 @@ def mend(series: Series) -> tuple[Series, tuple[int, ...]]:
     return replace(series, y=y), tuple(sorted(spikes))
 
 
-def _drift(series: Series, errors: np.ndarray, past: np.ndarray) -> float:
+def _drift(series: Series, past: np.ndarray, y: np.ndarray, lags: int) -> float:
     """Size of a line or bow in the output that the input leaves unexplained, where it is certain."""
-    time = np.linspace(-1.0, 1.0, len(errors))
-    _, p = _gain(errors, past, np.column_stack([time, time**2]))
-    if p > CERTAIN:
+    time = np.linspace(-1.0, 1.0, len(y))
+    bow = np.column_stack([time, time**2])
+    if _gain(y, past, bow)[1] > CERTAIN:
         return 0.0
-    lags = (past.shape[1] - 2) // 2
-    theta = pem.solve([(np.column_stack([past, time, time**2]), series.y[len(series) - len(errors) :])])
-    filtered = np.column_stack([time, time**2]) @ theta[-2:]
-    a = np.concatenate([[1.0], theta[:lags]])
+    theta = pem.solve([(np.column_stack([past, bow]), y)])
+    filtered, a = bow @ theta[-2:], np.concatenate([[1.0], theta[:lags]])
     line = filtered / a.sum() if abs(a.sum()) > 1e-6 else lfilter([1.0], a, filtered)
     size = float(np.ptp(line) / np.std(series.y))
     return size if size > 0.2 else 0.0
 
 
-def _feedback(series: Series, errors: np.ndarray, lags: int) -> tuple[float, float]:
-    """Share of the input's news that errors of the long model predict, and its p-value: the output's way to the input.
+def _feedback(inputs: np.ndarray, u: np.ndarray, errors: np.ndarray, past_y: np.ndarray) -> tuple[float, float, float]:
+    """Share of the news of an input (N,) that errors of the long model predict, and its p-value: a way back to it.
 
-    Both sides are freed of past inputs first. An input that its past predicts to a hundredth (sines, smooth
-    signals) cannot show it. A weak loop stands out in the last `SHORT` errors, a slow one in more.
+    Both sides are freed of past inputs (m, N) first. An input that its past predicts to a hundredth (sines, smooth
+    signals) cannot show it. A weak loop stands out in the last `SHORT` errors, a slow one in more. The last number is
+    the least of these p-values and of that of the disturbance itself, the errors through 1/A of the coefficients
+    `past_y` (lags,): under coloured noise it shows loops that single errors do not.
     """
+    lags = len(past_y)
     lead = min(10, lags)
-    u = series.u
-    past = np.column_stack([shifted(u, 2 * lags, 1)[2 * lags :], np.ones(len(u) - 2 * lags)])
+    past = np.column_stack([*(shifted(one, 2 * lags, 1)[2 * lags :] for one in inputs), np.ones(len(u) - 2 * lags)])
     new = u[2 * lags :] - past @ pem.solve([(past, u[2 * lags :])])
     if np.std(new) < 0.01 * np.std(u):
-        return 0.0, 1.0
-    e = errors[len(errors) - len(new) :]
+        return 0.0, 1.0, 1.0
+    a, first = np.concatenate([[1.0], past_y]), len(errors) - len(new)
+    e = errors[first:]
     ahead = np.column_stack([e[k : len(e) - lead + k] for k in range(lead)])  # e(t - lead) ... e(t - 1)
     share, p = _gain(new[lead:], past[lead:], ahead)
-    return share, min(p, _gain(new[lead:], past[lead:], ahead[:, -SHORT:])[1])
+    p = min(p, _gain(new[lead:], past[lead:], ahead[:, -SHORT:])[1])
+    if largest_root(a) >= 1.0:
+        return share, p, p
+    disturbance = lfilter([1.0], a, errors)[first:-1, None]
+    return share, p, min(p, _gain(new[1:], past[1:], disturbance)[1])
 
 
-def _at_once(phi: np.ndarray, y: np.ndarray, lags: int) -> bool:
-    """Whether u(t) explains a little of y(t) beyond the past: a feedthrough or a fast controller."""
-    share, p = _gain(y, np.delete(phi, lags, axis=1), phi[:, lags : lags + 1])
+def _at_once(phi: np.ndarray, y: np.ndarray, k: int) -> bool:
+    """Whether u(t), column k, explains a little of y(t) beyond the past: a feedthrough or a fast controller."""
+    share, p = _gain(y, np.delete(phi, k, axis=1), phi[:, k : k + 1])
     return p < SUSPECT and share < MOSTLY
 
 
@@ -221,11 +254,15 @@ def detrend(series: Series, degree: int) -> Series:
     return replace(series, u=u, y=y)
 
 
-def together(conditions: Sequence[Condition]) -> Condition:
-    """One condition of several recordings: feedback or steps in any count for all."""
+def of(recordings: Sequence[Series]) -> Condition:
+    """One condition of the beginnings of several recordings: feedback or steps in any count for all."""
+    return _either([examine(series.cut(0, min(len(series), LOOKED_AT)).centred()) for series in recordings])
+
+
+def _either(conditions: Sequence[Condition]) -> Condition:
     return Condition(
         tuple(k for one in conditions for k in one.spikes), max(one.drift for one in conditions),
         any(one.feedback for one in conditions), any(one.steps for one in conditions),
         any(one.unstable for one in conditions), any(one.suspect for one in conditions),
-        max(one.limited for one in conditions),
+        max(one.limited for one in conditions), any(one.leads for one in conditions),
     )  # fmt: skip

@@ -3,27 +3,29 @@
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import islice
 from pathlib import Path
 from typing import Self
 
 import numpy as np
 
 from fasbody.exceptions import InputFileError, RecordingError, SettingError, unknown
-from fasbody.presentation import Tabled
+from fasbody.presentation import Tabled, counted
+from fasbody.recording import text
 from fasbody.recording.channels import TIME_UNITS, Layout
 from fasbody.recording.csv import TextTable
 from fasbody.recording.recording import Recording
 from fasbody.recording.study import Study
 
+MEASURED = 1e100  # what no sensor measures, and whose square is no number
+SLOW = 1.0  # sample time [s] from which a time column without unit may be in another one
 SHORTEST = 20  # samples; below this not even a first-order model can be validated
 #: Structures that can be estimated, and those that are unless others are named.
 ALL = ("arx", "armax", "bj", "oe", "ss", "hw", "narx")
 DEFAULT = ("arx", "armax", "oe", "bj", "ss", "hw")
 INPUT_OUTPUT = ("base_m_s2", "malleolus_m_s2")  # of a foot's recording
 #: A header of time, alone or with a unit: time_s, "Time (ms)", t [us], timestamp.
-TIME_HEADER = re.compile(
-    r"(?:time\s*stamp|time|t)(?:[\s_.,:/\[(]+(?P<unit>\w+)[\s\])]*)?", re.IGNORECASE
-)
+TIME_HEADER = re.compile(r"(?:time\s*stamp|time|t)(?:[\s_.,:/\[(]+(?P<unit>\w+)[\s\])]*)?", re.IGNORECASE)
 #: A column of a file without a header, by its number.
 UNNAMED = "column {}"
 INPUT_NAMES = (INPUT_OUTPUT[0], "u", "input")
@@ -43,6 +45,7 @@ class Series(Tabled):
         channels: name of the input and of the output; a tuple of names where there are several.
         part: whether it was cut from a whole recording, which alone must be excited: a step or a
             pulse leaves parts without excitation.
+        remarks: sentences on how it was read.
 
     Raises:
         RecordingError: the arrays cannot identify anything; one sentence states why.
@@ -59,6 +62,7 @@ class Series(Tabled):
     name: str = "recording"
     channels: tuple[Names, Names] = ("input", "output")
     part: bool = False
+    remarks: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
         """Keep the arrays as read-only floats and check them."""
@@ -123,6 +127,14 @@ class Series(Tabled):
         centred = replace(self, u=u, y=y)
         return centred.cut(0, middle), centred.cut(middle, len(self))
 
+    def pairs(self) -> list[Self]:
+        """Each output with each input as a recording of its own, the outputs one after another."""
+        u, y = _columns(self.u), _columns(self.y)
+        return [
+            replace(self, u=u[j], y=y[i], channels=(name, output), part=True)
+            for i, output in enumerate(self.outputs) for j, name in enumerate(self.inputs)
+        ]  # fmt: skip
+
     def centred(self) -> Self:
         """The recording less its means: linear models describe motion about the mean."""
         return replace(self, u=self.u - self.u.mean(axis=0), y=self.y - self.y.mean(axis=0))
@@ -136,26 +148,22 @@ class Series(Tabled):
         """What makes these arrays no recording at all, as a clause; empty where nothing does."""
         u, y = self.u, self.y
         if min(u.ndim, y.ndim) < 1 or max(u.ndim, y.ndim) > 2 or len(u) != len(y):
-            return (
-                "input and output must be two columns of equal length, not of shapes "
-                f"{u.shape} and {y.shape}"
-            )
+            return f"input and output must be two columns of equal length, not of shapes {u.shape} and {y.shape}"
         if not (np.isfinite(self.sample_time) and self.sample_time > 0):
             return f"the sample time must be a positive number of seconds, not {self.sample_time}"
         if len(u) < SHORTEST:
             return f"{len(u)} samples are too few; at least {SHORTEST} are needed"
         for label, signal in zip(self._labels(), (*_columns(u), *_columns(y)), strict=True):
-            missing = np.flatnonzero(~np.isfinite(signal))
+            missing = np.flatnonzero(~(np.abs(signal) < MEASURED))
             if len(missing) == len(signal):
                 return (
-                    f"the {label} has no finite number in {len(signal)} samples; name another "
-                    "column or check the file"
+                    f"the {label} has no finite number in {len(signal)} samples; name another column or check the file"
                 )
             if len(missing):
-                return (
-                    f"the {label} is not a finite number at sample {missing[0] + 1} "
-                    f"({len(missing)} of {len(signal)}); cut or mend the gap first"
-                )
+                at, value = missing[0] + 1, signal[missing[0]]
+                what = f"{value:g}, which nothing measures," if np.isfinite(value) else "not a finite number"
+                many = f"({len(missing)} of {len(signal)})"
+                return f"the {label} is {what} at sample {at} {many}; cut or mend the gap first"
         return ""
 
     def _useless(self) -> str:
@@ -220,9 +228,7 @@ def from_recording(recording: Recording) -> Series:
     return Series(recording.base_m_s2, recording.malleolus_m_s2, seconds, name, INPUT_OUTPUT)
 
 
-def read(
-    path: Path, *, input: str = "", output: str = "", sample_time: float | None = None
-) -> list[Series]:
+def read(path: Path, *, input: str = "", output: str = "", sample_time: float | None = None) -> list[Series]:
     """Every recording at `path`: a CSV file, or a study folder (base to malleolus).
 
     Raises:
@@ -233,14 +239,11 @@ def read(
     return [read_csv(path, input=input, output=output, sample_time=sample_time)]
 
 
-def read_csv(
-    path: Path, *, input: str = "", output: str = "", sample_time: float | None = None
-) -> Series:
+def read_csv(path: Path, *, input: str = "", output: str = "", sample_time: float | None = None) -> Series:
     """A `Series` from a CSV file with named columns, or with two (input, output) or three.
 
-    A column called time or t gives the sample time, in the unit its name carries (s, ms or us;
-    seconds without one). A first column that rises from row to row is never taken for the input
-    unless named.
+    A column called time or t gives the sample time, in the unit its name carries (s, ms or us; seconds without one). A
+    first column that rises from row to row is never taken for the input unless named.
 
     Args:
         path: the file; the first row may name the columns.
@@ -265,13 +268,18 @@ def read_csv(
     u_names = _chosen(path, names, signals, input, INPUT_NAMES, "input")
     others = [name for name in signals if name not in _tuple(u_names)]
     y_names = _chosen(path, names, others, output, OUTPUT_NAMES, "output")
+    remarks: tuple[str, ...] = ()
     if sample_time is None:
         if time_name is None:
             valid = "name one 'time_s' or give --sample-time in seconds"
             raise InputFileError(path, "has no time column", valid)
-        sample_time = _sample_time(path, _numbers(table, time_name) * unit)
+        sample_time = _sample_time(table, _numbers(table, time_name) * unit)
+        header = TIME_HEADER.fullmatch(time_name)
+        if sample_time >= SLOW and not (header and header["unit"]):
+            remarks = (f"{time_name!r} is read as seconds, {1 / sample_time:.3g} Hz; --sample-time overrides it",)
     u, y = _numbers(table, u_names), _numbers(table, y_names)
-    return replace(Series(u, y, sample_time, str(path), (u_names, y_names)), name=path.stem)
+    whole = Series(u, y, sample_time, str(path), (u_names, y_names), remarks=remarks)
+    return replace(whole, name=path.stem)
 
 
 def _never_guess(path: Path, signals: list[str], input: str, output: str) -> None:
@@ -291,9 +299,7 @@ def _never_guess(path: Path, signals: list[str], input: str, output: str) -> Non
     )  # fmt: skip
 
 
-def _time_column(
-    table: TextTable, names: list[str], sample_time: float | None
-) -> tuple[str | None, float]:
+def _time_column(table: TextTable, names: list[str], sample_time: float | None) -> tuple[str | None, float]:
     """Name of the time column and its unit in seconds."""
     for name in names:
         header = TIME_HEADER.fullmatch(name)
@@ -312,16 +318,13 @@ def _time_column(
     if sample_time is None and names[0] != UNNAMED.format(1):
         raise InputFileError(
             table.file,
-            f"its first column {names[0]!r} rises from row to row as a time does, but has no known "
-            "name or unit",
+            f"its first column {names[0]!r} rises from row to row as a time does, but has no known name or unit",
             "call it time_s, time_ms or time_us, or give --sample-time in seconds",
         )
     return names[0], 1.0
 
 
-def _chosen(
-    path: Path, names: list[str], free: list[str], option: str, usual: tuple[str, ...], role: str
-) -> Names:
+def _chosen(path: Path, names: list[str], free: list[str], option: str, usual: tuple[str, ...], role: str) -> Names:
     """The column that an option names, or the columns; without one a usual or the first free."""
     if option in names:
         return option
@@ -340,17 +343,35 @@ def _chosen(
 
 def _numbers(table: TextTable, name: Names) -> np.ndarray:
     chosen = _tuple(name)
-    columns = table.numbers({one: table.names.index(one) for one in chosen})
+    with np.errstate(over="ignore", invalid="ignore"):  # 1e308 times a thousand; refused below
+        columns = table.numbers({one: table.names.index(one) for one in chosen})
+    for one, values in columns.items():
+        huge = np.flatnonzero(np.abs(values) >= MEASURED)
+        if len(huge):
+            problem = f"{one} is {values[huge[0]]:g}, which nothing measures"
+            raise InputFileError(table.file, problem, "correct it or cut it off", _line(table, huge[0]))
     return columns[name] if isinstance(name, str) else np.column_stack([columns[n] for n in chosen])
 
 
-def _sample_time(path: Path, time: np.ndarray) -> float:
+def _line(table: TextTable, row: int) -> int:
+    """Number of the line of a file with a row (from 0) of its numbers."""
+    separator = table.headings.separator
+    lines = (line for after, body in table.bodies() for line, _ in text.rows(table.file, body, separator, after))
+    return next(islice(lines, int(row), None))
+
+
+def _sample_time(table: TextTable, time: np.ndarray) -> float:
     steps = np.diff(time)
-    if len(steps) == 0 or not np.isfinite(steps).all() or steps.min() <= 0:
-        problem = "its time column does not increase from row to row"
-        raise InputFileError(path, problem, "give --sample-time instead")
-    step = float((time[-1] - time[0]) / len(steps))
+    if not len(steps):
+        raise InputFileError(table.file, f"has {counted(len(time), 'row')} of numbers", f"{SHORTEST} are needed")
+    back = ~(steps > 0)
+    if back.any():
+        k = int(np.argmax(back)) + 1
+        problem = f"its time column does not increase from row to row: {time[k]:.9g} s after {time[k - 1]:.9g} s"
+        raise InputFileError(table.file, problem, "give --sample-time instead", _line(table, k))
+    step, usual = float((time[-1] - time[0]) / len(steps)), float(np.median(steps))
     if np.abs(steps - step).max() > 0.01 * step + 2e-6:  # 2 us: times written with few decimals
-        valid = "resample it, or give --sample-time if it is"
-        raise InputFileError(path, "is not sampled uniformly", valid)
+        k = int(np.argmax(np.abs(steps - usual))) + 1
+        problem = f"is not sampled uniformly: a step of {steps[k - 1]:.4g} s, where {usual:.4g} s is usual"
+        raise InputFileError(table.file, problem, "resample it, or give --sample-time if it is", _line(table, k))
     return step

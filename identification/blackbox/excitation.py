@@ -4,8 +4,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy import linalg
+from scipy import linalg, signal
 
+from fasbody.exceptions import SettingError
 from identification.blackbox.data import Series, listed
 
 THRESHOLD = 1e-3  # of the largest singular value: weaker directions drown in sensor noise, whatever eps allows
@@ -110,6 +111,27 @@ def _significant_part(series: Series) -> tuple[np.ndarray, np.ndarray]:
     beside = np.convolve(lines, np.ones(5), mode="same") > 0  # a line's lobe behind a Hann window is two bins wide
     band = frequency[lines] if above[beside].sum() > 0.9 * above.sum() else broad
     return np.fft.irfft(np.where(strong, spectrum, 0.0), len(u)), band
+
+
+def attenuation(recordings: Sequence[Series], noise: float) -> tuple[np.ndarray, np.ndarray]:
+    """Frequencies [Hz], and the share of a plant's gain that white noise of the input's sensor takes of its estimate.
+
+    It is S_nn / (S_uu - S_nn), S_uu of the measured input.
+
+    Raises:
+        SettingError: the noise is not smaller than the input.
+    """
+    power = np.mean([np.var(series.u) for series in recordings])
+    if not 0 <= noise**2 < power:
+        raise SettingError(
+            f"input noise {noise:g} is not between 0 and the standard deviation {np.sqrt(power):.4g} of the input.",
+            setting="input_noise",
+        )
+    length, rate = min(256, *(len(series) // 2 for series in recordings)), 1 / recordings[0].sample_time
+    spectra = [signal.welch(series.u, rate, nperseg=length)[1] for series in recordings]
+    frequency = np.fft.rfftfreq(length, 1 / rate)
+    taken = np.minimum(2 * noise**2 / rate / np.maximum(np.mean(spectra, axis=0), 1e-300), 0.9)
+    return frequency[1:], (taken / (1 - taken))[1:]
 
 
 def _gram(u: np.ndarray, lags: int) -> np.ndarray:

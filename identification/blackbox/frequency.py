@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import optimize, signal, stats
 
+from fasbody.constants import Z95
 from fasbody.exceptions import RecordingError, SettingError
 from fasbody.presentation import Tabled
 from fasbody.transmissibility.local import local as local_response
@@ -115,6 +116,11 @@ def _averaged(measured: list[tuple[float, complex, float]]) -> Points:
         means.append((f.mean(), np.sum(weight * G) / weight.sum(), 1.0 / np.sqrt(weight.sum())))
     frequency, value, std = map(np.array, zip(*means, strict=True))
     return Points(frequency, value, std)
+
+
+def with_interval(gain: float, std: float) -> str:
+    """A gain with the half-width of its 95 % interval, where it has one."""
+    return f"{gain:.4g}" + (f" +- {Z95 * std:.1g}" if np.isfinite(std) else "")
 
 
 def local(

@@ -10,36 +10,23 @@ import numpy as np
 from fasbody.exceptions import FasError, SettingError, unknown
 from fasbody.presentation import Sheet, Tabled
 from identification import criteria
-from identification.blackbox import (
-    condition,
-    excitation,
-    frequency,
-    narx,
-    nonlinear,
-    pem,
-    search,
-    selection,
-    subspace,
-)
+from identification.blackbox import condition, excitation, frequency, narx, nonlinear, pem, search, selection, subspace
 from identification.blackbox.condition import Condition
 from identification.blackbox.data import ALL, DEFAULT, Series, listed
 from identification.blackbox.excitation import Excitation
 from identification.blackbox.filters import largest_root
 from identification.blackbox.frequency import Rational, Response
-from identification.blackbox.keep import Single
 from identification.blackbox.polynomial import STRUCTURES, Orders, PolynomialModel
-from identification.blackbox.selection import Candidate, Referee, Selection
-from identification.blackbox.validation import CALM, ResidualTest, residual_test
+from identification.blackbox.selection import NOISE_MODELS, Candidate, Referee, Selection, Single
+from identification.blackbox.validation import ResidualTest, failed, residual_test
 
 DEGREES = ((3, 1), (1, 3), (3, 3), (5, 3))  # of the Hammerstein-Wiener polynomials tried
-WHITE = ("arx", "armax", "bj")  # their standard errors assume that e(t) is white; those of OE do not
 WORSE = 4.0  # N times the log of held-out one-step losses by which another noise model refutes one
 ON_CIRCLE = 0.999  # root of C from which its errors are no Gaussian: such an interval held 20 %
 STRONGLY = 5.0  # times its whitened variance that noise may have before output errors follow it
 FEW = 20  # excitation rank up to which a pulse response cannot be estimated
 #: Half-widths from a resonance at which its curve is drawn.
 AROUND = np.array([-8.0, -4.0, -2.0, -1.0, -0.5, -0.25, 0.0, 0.25, 0.5, 1.0, 2.0, 4.0, 8.0])
-LOOKED_AT = 20_000  # samples of a recording that are examined for drift, spikes and feedback
 
 #: Structure -> orders in the sequence of Table 3.2; structures not named are selected automatically.
 GivenOrders = Mapping[str, tuple[int, ...]]
@@ -132,6 +119,7 @@ class Report(Tabled):
 def identify(
     recordings: Series | Sequence[Series], structures: Sequence[str] = DEFAULT, orders: GivenOrders | None = None,
     split: float = 0.5, step: Callable[[str], Any] = lambda text: None, *, detrend: int = 0, robust: bool = False,
+    input_noise: float = 0.0,
 ) -> Report:  # fmt: skip
     """Estimate, select and validate models of all `structures` from one recording or from several pooled.
 
@@ -143,6 +131,7 @@ def identify(
         step: called with what is about to begin.
         detrend: degree of the polynomials in time that are taken off input and output; 0 for the means.
         robust: replace single wrong samples of the output.
+        input_noise: RMS noise of the input's sensor, whose effect widens intervals.
 
     Raises:
         FasError: the recordings cannot be used, or no structure could be estimated.
@@ -151,20 +140,18 @@ def identify(
         if name not in ALL:
             raise SettingError(unknown("structure", name, ALL) + ".", setting="structures")
     pooled = listed(recordings)
-    notes = []
+    notes = [remark for series in pooled for remark in series.remarks]
     if robust:
         repaired = [condition.mend(series.centred()) for series in pooled]
         count = sum(len(where) for _, where in repaired)
-        notes.append(f"{count} outliers in the output were replaced" if count else "no outliers were found")
+        notes.append(f"outliers replaced in the output: {count}" if count else "no outliers were found")
         pooled = [series for series, _ in repaired]
     if detrend:
         pooled = [condition.detrend(series, detrend) for series in pooled]
     parts = [series.split(split) for series in pooled]
     step("excitation")
     seen = excitation.examine([first for first, _ in parts])
-    state = condition.together([
-        condition.examine(series.cut(0, min(len(series), LOOKED_AT)).centred()) for series in pooled
-    ])  # fmt: skip
+    state = condition.of(pooled)
     notes += state.warnings()
     referee = Referee(
         [first for first, _ in parts], state.by_prediction, weak=seen.rank <= FEW, steps=state.steps,
@@ -183,7 +170,12 @@ def identify(
     if not models:
         raise SettingError("; ".join(failures))
     places = shown_frequencies(seen, [m.best.model for m in models.values()], pooled[0].sample_time)
+    if input_noise:
+        taken = excitation.attenuation(referee.estimation, input_noise)
+        models = {n: replace(m, selection=replace(m.selection, attenuation=taken)) for n, m in models.items()}
     models = {name: replace(m, response=m.selection.curve(places)) for name, m in models.items()}
+    if not input_noise and any(np.isfinite(m.response.gain_std).all() for m in models.values()):
+        notes.append("intervals take the input as measured without noise; --input-noise RMS widens them")
     rational, left_out = _through_points(pooled)
     continuous = not (seen.lines or seen.single_sine)
     band = seen.band_hz[0], seen.band_hz[-1]
@@ -227,11 +219,15 @@ class _Chooser:
         """The noise model that predicts held-out data a step ahead decisively better than this one; empty for none."""
         losses = {
             chosen.best.model.label: _log_loss(chosen.best.model, self.validation)
-            for name, chosen in self.done.items()
-            if name in WHITE
+            for name, chosen in self.done.items() if name in NOISE_MODELS
         }
         best = min(losses, key=lambda label: losses[label])
         return best if _log_loss(model, self.validation) - losses[best] > WORSE else ""
+
+    def follows_noise(self, model: Single) -> bool:
+        """Whether the simulation errors are so strongly coloured that the plant is partly a model of them."""
+        errors = [series.y - model.simulate(series) for series in self.referee.estimation]
+        return STRONGLY * criteria.whitened_variance(errors) < np.mean(np.concatenate(errors) ** 2)
 
     def _model(self, name: str) -> PolynomialModel:
         return self.select(name).best.model
@@ -295,11 +291,11 @@ def _judge(chosen: Selection, chooser: _Chooser, seen: Excitation) -> ChosenMode
     noise = sum(getattr(getattr(model, "orders", None), key, 0) for key in ("na", "nc", "nd"))
     least = chooser.referee.least_delay
     tests = [residual_test(model.residuals(series), series, noise, least) for series in chooser.validation]
-    test = max(tests, key=lambda t: -min(t.cross_p, t.white_p))
+    test = min(tests, key=lambda t: min(t.cross_p, t.white_p))
     warnings = [*model.warnings, *chosen.warnings]
     if len(chosen.delays) > 1:
         warnings.append(f"the delay is not determined: n_k = {' or '.join(map(str, chosen.delays))} fit equally well")
-    why = _no_intervals(model, test, chooser)
+    why = _no_intervals(model, tests, chooser)
     if why:
         warnings.append(f"no standard errors or band: {why}")
         model = _without_intervals(model)
@@ -316,6 +312,8 @@ def _judge(chosen: Selection, chooser: _Chooser, seen: Excitation) -> ChosenMode
         )
     if not np.isfinite(chosen.best.fit_percent):
         warnings.append("free simulation diverges, so there is no fit")
+    elif chosen.best.fit_percent < 0:
+        warnings.append("the mean fits the held-out part better: the plant may have changed since the first part")
     return ChosenModel(chosen, test, model.response([]), tuple(warnings) + test.warnings)
 
 
@@ -324,32 +322,23 @@ def _log_loss(model: Single, recordings: Sequence[Series]) -> float:
     return float(len(errors) * np.log(max(float(np.mean(errors**2)), 1e-300)))
 
 
-def _no_intervals(model: Single, test: ResidualTest, chooser: _Chooser) -> str:
-    """Why the standard errors of a model would mislead, or an empty string."""
-    name, state = model.structure.upper(), chooser.state
-    if model.structure in WHITE:
-        if min(test.white_p, test.cross_p) < CALM:
-            return (
-                f"those of {name} are valid only for white residuals that do not depend on past "
-                "inputs"
-            )
-        if isinstance(model, PolynomialModel) and largest_root(model.polynomials[2]) > ON_CIRCLE:
-            return "a zero of the noise model lies on the unit circle, where no linearisation holds"
-        better = chooser.predicts_better(model)
-        if better:
-            return f"{better} predicts the held-out part better, so the noise is not that of {name}"
-    else:
-        if state.feedback:
-            return f"{name} has no noise model, so feedback biases it"
-        errors = [series.y - model.simulate(series) for series in chooser.referee.estimation]
-        whitened = criteria.whitened_variance(errors)
-        if STRONGLY * whitened < np.mean(np.concatenate(errors) ** 2):
-            return f"the errors of {name} are so strongly coloured that it follows them; BJ models them"
-    if state.suspect and not state.feedback:
-        return "the input may answer the output, which biases every structure a little"
-    if state.spikes:
-        return "outliers are no noise that a standard error describes"
-    return ""
+def _no_intervals(model: Single, tests: Sequence[ResidualTest], chooser: _Chooser) -> str:
+    """Every reason why the standard errors of a model would mislead, or an empty string."""
+    name, state, white = model.structure.upper(), chooser.state, model.structure in NOISE_MODELS
+    better = chooser.predicts_better(model) if white else ""
+    reasons = {
+        f"{name} has no noise model, so feedback biases it": state.feedback and not (white or state.leads),
+        **failed(tests, name if white else ""),
+        "a zero of the noise model lies on the unit circle, where no linearisation holds": isinstance(
+            model, PolynomialModel
+        )
+        and largest_root(model.polynomials[2]) > ON_CIRCLE,
+        f"{better} predicts the held-out part better, so the noise is not that of {name}": better,
+        f"the errors of {name} are so strongly coloured that it follows them; BJ models them": not white
+        and chooser.follows_noise(model),
+        **state.no_intervals,
+    }
+    return "; ".join(text for text, holds in reasons.items() if holds)
 
 
 def _without_intervals(model: Any) -> Any:

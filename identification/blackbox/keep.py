@@ -16,11 +16,11 @@ from identification.blackbox.mimo import MimoModel
 from identification.blackbox.narx import Narx
 from identification.blackbox.nonlinear import HammersteinWiener
 from identification.blackbox.polynomial import Orders, PolynomialModel
+from identification.blackbox.selection import Single
 from identification.blackbox.state_space import StateSpaceModel, innovations
 
 FORMAT = "fasbody black-box model 1"
 KINDS = {kind.__name__: kind for kind in (Orders, PolynomialModel, StateSpaceModel, HammersteinWiener, Narx, MimoModel)}
-Single = PolynomialModel | StateSpaceModel | HammersteinWiener | Narx
 Model = Single | MimoModel
 
 

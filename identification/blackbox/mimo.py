@@ -8,16 +8,18 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy import linalg
 
-from fasbody.constants import Z95
 from fasbody.exceptions import RecordingError, SettingError, unknown
 from identification import criteria
-from identification.blackbox import pem, subspace
-from identification.blackbox.candidate import FITTED, Candidate, judge
+from identification.blackbox import condition, pem, search, subspace
+from identification.blackbox.candidate import Candidate, judge
+from identification.blackbox.condition import Condition
 from identification.blackbox.data import Series
 from identification.blackbox.filters import as_columns, shifted
+from identification.blackbox.frequency import with_interval
 from identification.blackbox.polynomial import Orders
+from identification.blackbox.selection import Referee
 from identification.blackbox.state_space import StateSpace
-from identification.blackbox.validation import ALARM, CALM, residual_test
+from identification.blackbox.validation import ResidualTest, failed, residual_test
 
 STRUCTURES = ("arx", "ss")
 LARGEST = 10  # order up to which models are tried
@@ -55,7 +57,7 @@ class MimoModel(StateSpace):
     theta: np.ndarray
     std_error: np.ndarray
     warnings: tuple[str, ...] = field(default=())
-    spread: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    spread: np.ndarray = field(default_factory=lambda: NONE)
 
     @property
     def label(self) -> str:
@@ -144,16 +146,12 @@ def space(factors: subspace.Subspace, order: int) -> MimoModel:
     recording = factors.recordings[0]
     A, C, warnings = factors.observed(order)
     B, D, K = factors.driven_by(A, C)
-    blank, p = np.zeros((0, 0)), len(C)
-
-    def model(noise: np.ndarray, loss: float) -> MimoModel:
-        return MimoModel(
-            A, B, C, D, K, recording.sample_time, noise, loss, len(recording), "ss", (order,),
-            blank, blank, tuple(warnings),
-        )  # fmt: skip
-
-    errors = model(np.eye(p), np.nan).residuals(recording)
-    return model(errors.T @ errors / len(errors), _loss(errors, recording.y))
+    model = MimoModel(
+        A, B, C, D, K, recording.sample_time, np.eye(len(C)), np.nan, len(recording), "ss", (order,), NONE, NONE,
+        tuple(warnings),
+    )  # fmt: skip
+    errors = model.residuals(recording)
+    return replace(model, noise=errors.T @ errors / len(errors), loss=_loss(errors, recording.y))
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,11 +189,7 @@ class MimoReport:
             gain = np.abs(candidate.model.response(self.frequency_hz)[0])
             std = candidate.model.gain_std(self.frequency_hz)[0]
             for i, output in enumerate(outputs):
-                gains = [
-                    f"{u} {gain[i, j]:.4g}"
-                    + (f" +- {Z95 * std[i, j]:.1g}" if np.isfinite(std[i, j]) else "")
-                    for j, u in enumerate(inputs)
-                ]
+                gains = [f"{u} {with_interval(gain[i, j], std[i, j])}" for j, u in enumerate(inputs)]
                 rows.append(f"    {output}, gain at {self.frequency_hz:.4g} Hz: {', '.join(gains)}")
             rows += [f"    {text}" for text in self.warnings[name]]
         return "\n".join(rows)
@@ -210,9 +204,7 @@ class MimoReport:
                 {
                     "structure": name, "label": c.model.label, "fit_percent": c.fit_percent,
                     "one_step_percent": c.one_step_percent, "parameters": c.model.parameters,
-                    "output_fit_percent": dict(
-                        zip(series.outputs, self.output_fits[name], strict=True)
-                    ),
+                    "output_fit_percent": dict(zip(series.outputs, self.output_fits[name], strict=True)),
                     "poles": [[p.real, p.imag] for p in c.model.poles().astype(complex)],
                     "frequency_hz": self.frequency_hz,
                     "gain": np.abs(c.model.response(self.frequency_hz)[0]),
@@ -232,8 +224,7 @@ def identify(
 ) -> MimoReport:  # fmt: skip
     """Estimate, choose and validate.
 
-    Orders are chosen on the last third of the estimation part; the fits in percent are of the
-    held-out data.
+    Orders are chosen on the last third of the estimation part; the fits in percent are of the held-out data.
 
     Raises:
         SettingError: a structure that has no several outputs here, or invalid orders.
@@ -243,40 +234,40 @@ def identify(
         if name not in STRUCTURES:
             what = "structure for several inputs or outputs"
             raise SettingError(unknown(what, name, STRUCTURES) + ".", setting="structures")
-    u, y = as_columns(recording.u), as_columns(recording.y)
-    estimation, validation = replace(recording, u=u, y=y).split(split)
-    notes = together(estimation)
+    whole = replace(recording, u=as_columns(recording.u), y=as_columns(recording.y))
+    estimation, validation = whole.split(split)
+    state = condition.of([whole])
+    notes = (*whole.remarks, *dependent(estimation), *state.warnings())
     models: dict[str, Candidate] = {}
     fits: dict[str, tuple[float, ...]] = {}
     white, independent, warnings = {}, {}, {}
     for name in structures:
-        numbers = (orders or {}).get(name) or _chosen(name, estimation)
+        numbers = (orders or {}).get(name) or _chosen(name, estimation, state)
         if len(numbers) != (3 if name == "arx" else 1):
             valid = "3 orders (na, nb, nk)" if name == "arx" else "1 order"
             raise SettingError(f"{name} takes {valid}.", setting="orders")
-        if name == "ss" and not 1 <= numbers[0] <= 40:
-            raise SettingError(f"state-space order {numbers[0]} is not between 1 and 40.")
-        model = (
-            arx(estimation, *numbers)
-            if name == "arx"
-            else space(_factors(estimation, numbers[0]), numbers[0])
-        )
-        white[name], independent[name], texts = _tested(model, validation)
-        if name == "arx" and min(white[name].min(), independent[name].min()) < CALM / independent[name].size:
-            texts.append("no intervals: those of ARX are valid only for white, independent residuals")
+        is_arx = name == "arx"
+        model = arx(estimation, *numbers) if is_arx else space(_factors(estimation, numbers[0]), numbers[0])
+        tests, texts = _tested(model, validation, int(state.feedback))
+        shape = len(model.C), model.B.shape[1]
+        white[name] = np.min(np.reshape([test.white_p for test in tests], shape), axis=1)
+        independent[name] = np.reshape([test.cross_p for test in tests], shape)
+        reasons = failed(tests, "ARX") | state.no_intervals
+        why = "; ".join(text for text, holds in reasons.items() if holds)
+        if is_arx and why:
+            texts.append(f"no intervals: {why}")
             model = replace(model, std_error=np.full_like(model.std_error, np.nan), spread=NONE)
+        if not is_arx and state.feedback:
+            texts.append("feedback biases this model")
         models[name], warnings[name] = judge(model, [validation]), (*notes, *model.warnings, *texts)
-        simulated = model.simulate(validation)
-        pairs = zip(validation.y.T, simulated.T, strict=True)
+        pairs = zip(validation.y.T, model.simulate(validation).T, strict=True)
         fits[name] = tuple(criteria.fit_percent(y, s) for y, s in pairs)
-    power = np.sum(np.abs(np.fft.rfft(u / u.std(axis=0), axis=0))[1:] ** 2, axis=1)
-    strongest = (int(np.argmax(power)) + 1) / (len(u) * recording.sample_time)
-    return MimoReport(
-        estimation, validation, models, fits, white, independent, warnings, strongest
-    )
+    power = np.sum(np.abs(np.fft.rfft(whole.u / whole.u.std(axis=0), axis=0))[1:] ** 2, axis=1)
+    strongest = (int(np.argmax(power)) + 1) / (len(whole) * recording.sample_time)
+    return MimoReport(estimation, validation, models, fits, white, independent, warnings, strongest)
 
 
-def together(recording: Series) -> list[str]:
+def dependent(recording: Series) -> list[str]:
     """A sentence on each input that mostly follows from the others, their past and their future.
 
     Raises:
@@ -304,45 +295,40 @@ def together(recording: Series) -> list[str]:
     return notes
 
 
-def _tested(model: MimoModel, validation: Series) -> tuple[np.ndarray, np.ndarray, list[str]]:
-    """Residual tests of each output, with each input, on held-out data."""
-    errors, pairs = model.residuals(validation), np.ndindex(len(model.C), model.B.shape[1])
+def _tested(model: MimoModel, validation: Series, nearest: int) -> tuple[list[ResidualTest], list[str]]:
+    """Residual tests of each output with each input on held-out data, and sentences on them."""
+    errors, texts, tests = model.residuals(validation), dict[str, None](), []
     noise = model.numbers[0] * (len(model.C) if model.structure == "arx" else 1)
-    white, independent = np.ones(len(model.C)), np.ones((len(model.C), model.B.shape[1]))
-    for i, j in pairs:
-        pair = replace(
-            validation, u=validation.u[:, j], y=validation.y[:, i],
-            channels=(validation.inputs[j], validation.outputs[i]),
-        )  # fmt: skip
-        test = residual_test(errors[:, i], pair, noise)
-        white[i], independent[i, j] = test.white_p, test.cross_p
-    texts = [
-        f"residuals of {validation.outputs[i]} are not white (p {white[i]:.1g}): the noise model is "
-        "incomplete"
-        for i in np.flatnonzero(white < ALARM)
-    ]
-    texts += [
-        f"residuals of {validation.outputs[i]} depend on past {validation.inputs[j]} "
-        f"(p {independent[i, j]:.1g}): plant incomplete or nonlinear"
-        for i, j in np.argwhere(independent < ALARM)
-    ]
-    return white, independent, texts
+    for pair, error in zip(validation.pairs(), np.repeat(errors, len(validation.inputs), axis=1).T, strict=True):
+        u, y = pair.channels
+        tests.append(residual_test(error, pair, noise, nearest))
+        for text in tests[-1].warnings:
+            texts[text.replace("residuals", f"residuals of {y}").replace("past inputs", f"past {u}")] = None
+    return tests, list(texts)
 
 
 def _factors(recording: Series, order: int) -> subspace.Subspace:
     return subspace.decompose(recording, max(ROWS, order // len(recording.outputs) + 2))
 
 
-def _chosen(name: str, estimation: Series) -> tuple[int, ...]:
-    """Orders of the fewest coefficients among the models that simulate no worse than the best."""
-    middle = round(FITTED * len(estimation))
-    fitted, check = estimation.cut(0, middle), estimation.cut(middle, len(estimation))
+def _chosen(name: str, estimation: Series, state: Condition) -> tuple[int, ...]:
+    """Orders of the fewest coefficients among the models that simulate no worse than the best.
+
+    Where simulation cannot serve, those of the least BIC. The delays are the least that any pair of signals has, and
+    its neighbours.
+    """
+    referee = Referee([estimation], state.by_prediction, steps=state.steps, least_delay=int(state.feedback))
+    (fitted,), (check,) = referee.fitted, referee.check
     sizes = range(1, LARGEST + 1)
     if name == "arx":
-        trials = [arx(fitted, n, n, nk) for n in sizes for nk in (0, 1)]
+        first = min(search.delay([pair]) for pair in estimation.pairs())
+        delays = {max(nk, referee.least_delay) for nk in (first - 1, first, first + 1)}
+        trials = [arx(fitted, n, n, nk) for n in sizes for nk in sorted(delays)]
     else:
         factors = _factors(fitted, LARGEST)
         trials = [space(factors, n) for n in sizes]
+    if not referee.simulates:
+        return min(trials, key=lambda m: float(criteria.bic(m.loss, m.parameters, m.samples))).numbers
     candidates = [judge(model, [check]) for model in trials]
     best = max(candidates, key=lambda c: c.fit_percent)
     near = [c for c in candidates if c is best or c.no_worse_than(best)]

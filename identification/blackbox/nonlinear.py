@@ -150,9 +150,7 @@ class Errors:
         """Errors at theta (d,), and their derivatives on request."""
         return Linearisation.of((self.of(s, theta, gradient) for s in self.recordings), gradient)
 
-    def of(
-        self, series: Series, theta: np.ndarray, gradient: bool
-    ) -> tuple[np.ndarray, np.ndarray]:
+    def of(self, series: Series, theta: np.ndarray, gradient: bool) -> tuple[np.ndarray, np.ndarray]:
         """Errors (N - first,) of one recording, and their derivatives (N - first, d)."""
         o = self.orders
         b, f, a, c = self.parts(theta)
@@ -181,9 +179,7 @@ class Errors:
     def output(self, w: np.ndarray, c: np.ndarray) -> np.ndarray:
         """g(w), shape (N,)."""
         with np.errstate(over="ignore", invalid="ignore"):
-            return self.output_scale * polynomial.polyval(
-                w / self.output_scale, [c[0], 1.0, *c[1:]]
-            )
+            return self.output_scale * polynomial.polyval(w / self.output_scale, [c[0], 1.0, *c[1:]])
 
     def _slope(self, w: np.ndarray, c: np.ndarray) -> np.ndarray:
         return polynomial.polyval(w / self.output_scale, polynomial.polyder([c[0], 1.0, *c[1:]]))
@@ -227,17 +223,14 @@ def estimate(
     Args:
         recordings: one or many, pooled with an initial state each; means removed.
         orders: n_b, n_f, n_k of the linear block.
-        degrees: of the polynomials at input and output; (1, q) is a Wiener, (p, 1) a Hammerstein
-            model.
+        degrees: of the polynomials at input and output; (1, q) is a Wiener, (p, 1) a Hammerstein model.
         linear: a linear output-error model of the same orders to start from.
 
     Raises:
         SettingError: a degree below one, or more parameters than samples.
     """
     if min(degrees) < 1:
-        raise SettingError(
-            f"degrees {degrees} make no model; a polynomial has degree 1 or more."
-        )
+        raise SettingError(f"degrees {degrees} make no model; a polynomial has degree 1 or more.")
     pooled = listed(recordings)
     start = linear or pem.estimate("oe", pooled, orders)
     u_scale, y_scale = (
@@ -254,11 +247,6 @@ def estimate(
     warnings = [] if converged else ["the iterations ended before the loss had converged"]
     count = min(levels(series.u) for series in pooled)
     if degrees[0] >= count:
-        warnings.append(
-            f"an input of {count:g} levels cannot identify an input polynomial of degree "
-            f"{degrees[0]}"
-        )
+        warnings.append(f"an input of {count:g} levels cannot identify an input polynomial of degree {degrees[0]}")
     linear = PolynomialModel("oe", orders, block, root, at.loss, at.samples, seconds)
-    return HammersteinWiener(
-        linear, bends, out, u_scale, y_scale, at.loss, at.samples, tuple(warnings)
-    )
+    return HammersteinWiener(linear, bends, out, u_scale, y_scale, at.loss, at.samples, tuple(warnings))

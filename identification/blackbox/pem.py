@@ -22,14 +22,7 @@ from identification.blackbox.filters import (
     stabilise,
 )
 from identification.blackbox.least_squares import Linearisation, minimise, spread, triangle
-from identification.blackbox.polynomial import (
-    STRUCTURES,
-    Orders,
-    PolynomialModel,
-    Residuals,
-    pack,
-    unpack,
-)
+from identification.blackbox.polynomial import STRUCTURES, Orders, PolynomialModel, Residuals, pack, unpack
 
 ONE = np.ones(1)
 LONG = 25  # lags of the long ARX model whose residuals stand for e(t)
@@ -47,11 +40,9 @@ def estimate(
         structure: "arx" Eq. (3.5), "armax" Eq. (3.6), "oe" Eq. (3.7) or "bj" Eq. (3.8).
         recordings: one or many, pooled with an initial state each; means removed.
         orders: numbers of coefficients and delay.
-        starts: models that these orders nest, to start from beside the linear estimates; the loss
-            ends below theirs.
+        starts: models that these orders nest, to start from beside the linear estimates; the loss ends below theirs.
         first_row: first sample whose residual counts, where models are compared on the same ones.
-        quick: end within a tenth of a standard error of the minimum and try fewer starts, as a
-            search for orders may.
+        quick: end within a tenth of a standard error of the minimum and try fewer starts, as a search for orders may.
 
     Raises:
         SettingError: unknown structure, or more parameters than samples.
@@ -81,9 +72,7 @@ def estimate(
     if largest_root(c) >= 0.9999:
         warnings.append("a zero of the noise model lies on the unit circle")
     root = spread(at, coloured=structure == "oe")
-    return PolynomialModel(
-        structure, orders, theta, root, at.loss, at.samples, pooled[0].sample_time, tuple(warnings)
-    )
+    return PolynomialModel(structure, orders, theta, root, at.loss, at.samples, pooled[0].sample_time, tuple(warnings))
 
 
 def embedded(model: PolynomialModel, orders: Orders) -> np.ndarray:
@@ -97,9 +86,7 @@ def embedded(model: PolynomialModel, orders: Orders) -> np.ndarray:
         raise SettingError(f"orders {orders} do not nest {o}.")
     a, b, c, d, f = model.polynomials
     lengths = orders.na + 1, orders.nk + orders.nb, orders.nc + 1, orders.nd + 1, orders.nf + 1
-    padded = [
-        np.pad(p, (0, n - len(p))) for p, n in zip((a, b, c, d, f), lengths, strict=True)
-    ]
+    padded = [np.pad(p, (0, n - len(p))) for p, n in zip((a, b, c, d, f), lengths, strict=True)]
     return pack(padded[0], padded[1][orders.nk :], *padded[2:])
 
 
@@ -130,8 +117,7 @@ def _check_length(recordings: Sequence[Series], orders: Orders) -> None:
     times = [series.sample_time for series in recordings]
     if max(times) - min(times) > 1e-6 * max(times):
         raise SettingError(
-            f"recordings with sample times from {min(times):g} to {max(times):g} s cannot be "
-            "pooled; resample them."
+            f"recordings with sample times from {min(times):g} to {max(times):g} s cannot be pooled; resample them."
         )
     for series in recordings:
         if len(series) - orders.first_row <= 2 * orders.parameters:
@@ -151,14 +137,10 @@ def _least_squares(pooled: Sequence[Series], orders: Orders, first_row: int) -> 
     a = np.concatenate([[1.0], theta[: orders.na]])
     warnings = pole_warnings(a, min(map(len, pooled)))
     seconds = pooled[0].sample_time
-    return PolynomialModel(
-        "arx", orders, theta, spread(at), at.loss, at.samples, seconds, tuple(warnings)
-    )
+    return PolynomialModel("arx", orders, theta, spread(at), at.loss, at.samples, seconds, tuple(warnings))
 
 
-def regressors(
-    series: Series, orders: Orders, first_row: int | None = None
-) -> tuple[np.ndarray, np.ndarray]:
+def regressors(series: Series, orders: Orders, first_row: int | None = None) -> tuple[np.ndarray, np.ndarray]:
     """Regressor matrix [-y lags, u lags] and the output beside it, Eq. (3.5), from a row on.
 
     Args:
@@ -246,9 +228,7 @@ def grid(recordings: Series | Sequence[Series], na_max: int = 15, nb_max: int = 
     return Grid(loss, samples)
 
 
-def _families(
-    structure: str, recordings: Sequence[Series], orders: Orders
-) -> list[list[np.ndarray]]:
+def _families(structure: str, recordings: Sequence[Series], orders: Orders) -> list[list[np.ndarray]]:
     """Coefficients (d,) of ARMAX or OE models to start from, in families with different minima."""
     o = orders
     if structure == "oe":
@@ -262,28 +242,21 @@ def _families(
     return [*families, [_hannan_rissanen(recordings, o)]]
 
 
-def _with_noise_model(
-    recordings: Sequence[Series], orders: Orders, plant: np.ndarray
-) -> list[list[np.ndarray]]:
+def _with_noise_model(recordings: Sequence[Series], orders: Orders, plant: np.ndarray) -> list[list[np.ndarray]]:
     """Starts of a BJ model from an output-error plant: white noise, and a model of what is left."""
     _, num, _, _, f = unpack(plant, Orders(nb=orders.nb, nf=orders.nf, nk=orders.nk))
     skip = min(min(map(len, recordings)) // 4, 200)  # the start-up is not noise
     noises = [(s.y - lfilter(num, f, s.u))[skip:] for s in recordings]
     white = np.eye(1, orders.nc + 1)[0], np.eye(1, orders.nd + 1)[0]
     b = num[orders.nk :]
-    return [
-        [pack(ONE, b, c, d, f)] for c, d in (white, _noise_model(noises, orders.nc, orders.nd))
-    ]
+    return [[pack(ONE, b, c, d, f)] for c, d in (white, _noise_model(noises, orders.nc, orders.nd))]
 
 
-def _plants(
-    recordings: Sequence[Series], orders: Orders
-) -> list[list[tuple[np.ndarray, np.ndarray]]]:
+def _plants(recordings: Sequence[Series], orders: Orders) -> list[list[tuple[np.ndarray, np.ndarray]]]:
     """Two families of pairs (B without delay, F) for an output-error plant.
 
-    Steiglitz and McBride's iteration (least squares on data filtered by the last 1/F), in time and,
-    for inputs that excite a part of the band only, on the excited lines of the spectrum, where
-    noise elsewhere cannot pull.
+    Steiglitz and McBride's iteration (least squares on data filtered by the last 1/F), in time and, for inputs that
+    excite a part of the band only, on the excited lines of the spectrum, where noise elsewhere cannot pull.
     """
     lines = [_excited_lines(series) for series in recordings]
     shift, U, Y = (np.concatenate(column) for column in zip(*lines, strict=True))
@@ -306,24 +279,17 @@ def _plant(theta: np.ndarray, nf: int) -> tuple[np.ndarray, np.ndarray]:
     return theta[nf:], stabilise(np.concatenate([[1.0], theta[:nf]]))
 
 
-def _iterated(
-    recordings: Sequence[Series], orders: Orders
-) -> list[tuple[np.ndarray, np.ndarray]]:
+def _iterated(recordings: Sequence[Series], orders: Orders) -> list[tuple[np.ndarray, np.ndarray]]:
     """B and F after four and after eight of Steiglitz and McBride's steps."""
     arx, f, steps = Orders(na=orders.nf, nb=orders.nb, nk=orders.nk), ONE, []
     for _ in range(9):
-        filtered = [
-            replace(s, u=lfilter(ONE, f, s.u), y=lfilter(ONE, f, s.y), part=True)
-            for s in recordings
-        ]
+        filtered = [replace(s, u=lfilter(ONE, f, s.u), y=lfilter(ONE, f, s.y), part=True) for s in recordings]
         b, f = _plant(solve([regressors(series, arx) for series in filtered]), orders.nf)
         steps.append((b, f))
     return steps[4::4]
 
 
-def _long_plant(
-    recordings: Sequence[Series], orders: Orders
-) -> tuple[np.ndarray, np.ndarray]:
+def _long_plant(recordings: Sequence[Series], orders: Orders) -> tuple[np.ndarray, np.ndarray]:
     """B and stable A of a long ARX model, whose plant coloured noise does not bias."""
     lags = min(LONG, min(map(len, recordings)) // 8)
     long = Orders(na=lags, nb=lags, nk=orders.nk)
@@ -331,9 +297,7 @@ def _long_plant(
     return b, stabilise(a, 0.9999)
 
 
-def _realised(
-    num: np.ndarray, den: np.ndarray, orders: Orders
-) -> tuple[np.ndarray, np.ndarray]:
+def _realised(num: np.ndarray, den: np.ndarray, orders: Orders) -> tuple[np.ndarray, np.ndarray]:
     """B and stable F of the largest modes in the Hankel matrix of a plant's pulse response."""
     size = max(2 * LONG, 2 * orders.nf + 2)
     pulse = lfilter(num, den, np.eye(1, 2 * size + orders.nk + 1)[0])[orders.nk :]
@@ -396,11 +360,7 @@ def noise_orders(noises: list[np.ndarray], largest: int) -> tuple[int, int]:
     return min(scores, key=lambda key: scores[key])
 
 
-def whitened(
-    recordings: Sequence[Series], noises: Sequence[np.ndarray], order: int
-) -> list[Series]:
+def whitened(recordings: Sequence[Series], noises: Sequence[np.ndarray], order: int) -> list[Series]:
     """Recordings filtered so that noises (N_i,) like those given come out white."""
     _, d = _noise_model(list(noises), 0, order)
-    return [
-        replace(s, u=lfilter(d, ONE, s.u), y=lfilter(d, ONE, s.y), part=True) for s in recordings
-    ]
+    return [replace(s, u=lfilter(d, ONE, s.u), y=lfilter(d, ONE, s.y), part=True) for s in recordings]

@@ -7,8 +7,8 @@ import numpy as np
 from rich.markup import escape
 from rich.table import Table
 
-from fasbody.constants import Z95
 from fasbody.presentation import Sheet, inline, picture
+from identification.blackbox.frequency import with_interval
 from identification.blackbox.identify import ChosenModel, Report, finite
 from identification.blackbox.keep import named
 from identification.blackbox.polynomial import STRUCTURES
@@ -157,17 +157,14 @@ def single_table(report: Report) -> Table:
     u, y = series.channels
     title = f"{report.name}: input {u}, output {y}, sample time {series.sample_time:.6g} s"
     table = Table(title=f"{escape(title)}\n{report.excitation}", title_justify="left")
-    at = f"gain at {best.response.frequency_hz[place]:.4g} Hz, 95 %"
+    at = f"gain at {best.response.frequency_hz[place]:.4g} Hz\n(95 %)"
     for heading in ("model", "fit %", "one step %", at, "equal fits"):
         table.add_column(heading, justify="left" if heading == "model" else "right")
     for chosen in report.models.values():
         c, response = chosen.best, chosen.response
         fit = f"{c.fit_percent:.2f}" if np.isfinite(c.fit_percent) else "-"
-        gain = "-"
-        if np.isfinite(response.value[place]):
-            gain = f"{abs(response.value[place]):.4g}"
-            if np.isfinite(response.gain_std[place]):
-                gain += f" +- {Z95 * response.gain_std[place]:.1g}"
+        gain = abs(response.value[place])
+        gain = with_interval(gain, response.gain_std[place]) if np.isfinite(gain) else "-"
         fit, alike = f"[bold]{fit}[/]" if chosen is best else fit, len(chosen.selection.alike)
         table.add_row(c.model.label, fit, f"{c.one_step_percent:.2f}", gain, str(alike))
     return table

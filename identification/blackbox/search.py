@@ -105,9 +105,7 @@ def climb(
     return replace(chosen, warnings=(*chosen.warnings, *search.failed))
 
 
-def neighbours(
-    o: Orders, steps: Sequence[dict[str, int]], least_delay: int
-) -> Iterator[Orders]:
+def neighbours(o: Orders, steps: Sequence[dict[str, int]], least_delay: int) -> Iterator[Orders]:
     """Orders one step away that make a model whose noise orders are not above the largest."""
     for step in steps:
         counts = {name: getattr(o, name) + change for name, change in step.items()}
@@ -301,8 +299,7 @@ def delay(recordings: Sequence[Series], *, far: bool = True) -> int:
 
     Args:
         recordings: estimation data, means removed.
-        far: whether the input is rich enough for a long ARX model; for sines 1 to 5 are compared by
-            output error alone.
+        far: whether the input is rich enough for a long ARX model; for sines 1 to 5 are compared by output error alone.
     """
     read = _leading_zeros(recordings) if far else 0
     if far and read < 2:

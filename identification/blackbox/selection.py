@@ -13,19 +13,24 @@ from identification.blackbox.candidate import FITTED, NEGLIGIBLE, Candidate, jud
 from identification.blackbox.data import Series
 from identification.blackbox.filters import outlasting
 from identification.blackbox.frequency import Response
-from identification.blackbox.keep import Single as Model
+from identification.blackbox.narx import Narx
+from identification.blackbox.nonlinear import HammersteinWiener
 from identification.blackbox.polynomial import PolynomialModel
+from identification.blackbox.state_space import StateSpaceModel
+
+#: A model of one input and one output.
+Single = PolynomialModel | StateSpaceModel | HammersteinWiener | Narx
 
 ALIKE = 10.0  # difference of N times AIC below which data hardly separate models
 SHORTEST_CHECK = 40  # samples; fewer do not separate models
-NOISE_MODELS = ("arx", "armax", "bj")  # whose one-step errors are to be white
+NOISE_MODELS = ("arx", "armax", "bj")  # whose one-step errors are to be white, for their standard errors, too
 NEGLIGIBLE_WEIGHT = 0.01  # Akaike weight below which a rival is left out
 UNDECIDED = 0.1  # Akaike weight from which another delay is about as likely
 SLIGHTLY = 2.0  # times its whitened variance that noise may have and still count as hardly coloured
 NEARLY = 1.1  # times the least miss in simulation that is as good: errors of a long free motion hang together
 
 
-def charged_poles(model: Model, samples: int) -> int:
+def charged_poles(model: Single, samples: int) -> int:
     """Poles, those twice whose motion outlasts the record: they may go to any peak of the noise."""
     sizes = np.abs(model.poles())
     return len(sizes) + sum(outlasting(float(size), samples) for size in sizes)
@@ -68,7 +73,7 @@ class Referee:
         """Whether free simulation decides."""
         return not self.reason
 
-    def judge(self, model: Model) -> Candidate:
+    def judge(self, model: Single) -> Candidate:
         """The model on the data kept for the choice, with its score on those fitted."""
         one_step = model.structure in NOISE_MODELS or not self.simulates
         errors = [model.residuals(s) if one_step else s.y - model.simulate(s) for s in self.fitted]
@@ -91,6 +96,7 @@ class Selection:
         alike: labels of the models whose AIC differs by less than 10 / N from the least.
         warnings: sentences for the user.
         rivals: other models of the same data with their Akaike weights, for the uncertainty of the choice itself.
+        attenuation: frequencies [Hz] and the share of the gain that noise of the input's sensor may take there.
     """
 
     candidates: tuple[Candidate, ...]
@@ -98,6 +104,7 @@ class Selection:
     alike: tuple[str, ...]
     warnings: tuple[str, ...]
     rivals: tuple[tuple[float, Any], ...] = ()
+    attenuation: tuple[np.ndarray, np.ndarray] | None = None
 
     @property
     def best(self) -> Candidate:
@@ -111,14 +118,19 @@ class Selection:
         return tuple(sorted({begins(self.best.model), *map(begins, alike)}))
 
     def curve(self, frequency_hz: ArrayLike) -> Response:
-        """Response of the best model; how far the rivals are from it widens the spread (Burnham and Anderson 2002)."""
+        """Response of the best model; how far the rivals are from it widens the spread (Burnham and Anderson 2002).
+
+        So does what noise of the input may take of it.
+        """
         response = self.best.model.response(frequency_hz)
         apart = [np.sqrt(w) * (other.response(frequency_hz).value - response.value) for w, other in self.rivals]
+        if self.attenuation is not None:
+            apart.append(np.interp(response.frequency_hz, *self.attenuation) * response.value)
         more = [np.stack([gap.real, gap.imag], axis=-1)[:, :, None] for gap in apart]
         return replace(response, spread=np.concatenate([response.spread, *more], axis=2))
 
 
-def begins(model: Model) -> int:
+def begins(model: Single) -> int:
     """The lag at which the input of a polynomial or NARX model counts, by two standard errors of B."""
     if not isinstance(model, PolynomialModel):
         return int(getattr(model, "nk", 0))
@@ -145,7 +157,7 @@ def with_rivals(selection: Selection) -> Selection:
     return replace(selection, rivals=tuple((float(w), c.model) for w, c in pairs if w > NEGLIGIBLE_WEIGHT))
 
 
-def coloured(model: Model, recordings: Sequence[Series]) -> bool:
+def coloured(model: Single, recordings: Sequence[Series]) -> bool:
     """Whether an autoregression foretells more than half of the errors: noise with a colour, or a plant left out."""
     errors = [model.residuals(series) for series in recordings]
     return criteria.whitened_variance(errors) * SLIGHTLY < float(np.mean(np.concatenate(errors) ** 2))

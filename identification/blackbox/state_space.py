@@ -191,9 +191,7 @@ def innovations(model: PolynomialModel | StateSpaceModel) -> StateSpaceModel:
     A[:, 0] -= den[1:]
     B, C, K = num[1:] - den[1:] * num[0], np.eye(size - 1)[0], noise[1:] - den[1:]
     x0, unknown = np.zeros(size - 1), np.zeros(0)
-    return StateSpaceModel(
-        A, B, C, float(num[0]), K, model.sample_time, x0, model.loss, model.samples, unknown, model
-    )
+    return StateSpaceModel(A, B, C, float(num[0]), K, model.sample_time, x0, model.loss, model.samples, unknown, model)
 
 
 def run(

@@ -14,16 +14,9 @@ from identification.blackbox.least_squares import project_states, spread, triang
 from identification.blackbox.pem import Residuals, long_errors
 from identification.blackbox.pem import estimate as estimate_polynomial
 from identification.blackbox.polynomial import Orders, PolynomialModel
-from identification.blackbox.state_space import (
-    StateSpaceModel,
-    driven,
-    free_responses,
-    unit_responses,
-)
+from identification.blackbox.state_space import StateSpaceModel, driven, free_responses, unit_responses
 
-UNREFINED = (
-    "plain subspace estimate without standard errors, for those of its linearisation would be too small"
-)
+UNREFINED = "plain subspace estimate without standard errors, for those of its linearisation would be too small"
 BLOCK_ROWS = 16  # about 15 beats 30 on band-limited input; one more than the largest order requested
 
 
@@ -72,10 +65,7 @@ class Subspace:
         outputs = [as_columns(series.y) for series in self.recordings]
         B, D = self._gains(A, C, inputs, outputs, direct=True)
         errors = [as_columns(e) for e in long_errors(self.recordings, 2 * self.block_rows)]
-        left = [
-            y - driven(A, B, C, u) - u @ D.T - e
-            for u, y, e in zip(inputs, outputs, errors, strict=True)
-        ]
+        left = [y - driven(A, B, C, u) - u @ D.T - e for u, y, e in zip(inputs, outputs, errors, strict=True)]
         K, _ = self._gains(A, C, errors, left, direct=False)
         stable = np.abs(np.linalg.eigvals(A - K @ C)).max() < 1.0
         return B, D, K if stable else np.zeros_like(K)
@@ -110,9 +100,8 @@ class Subspace:
 
         Args:
             order: number of states, less than the number of block rows.
-            refine: improve the plant by output-error iterations started from it. Without them there
-                are no standard errors: the error is larger than a linearisation of the output
-                error gives.
+            refine: improve the plant by output-error iterations started from it. Without them there are no standard
+                errors: the error is larger than a linearisation of the output error gives.
         """
         A, C, warnings = self.observed(order)
         B, D, K = self.driven_by(A, C)
@@ -139,9 +128,7 @@ class Subspace:
         errors = np.concatenate([model.residuals(series) for series in self.recordings])
         return replace(model, loss=float(errors @ errors / len(errors)), samples=len(errors))
 
-    def _transfer(
-        self, A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray
-    ) -> PolynomialModel:
+    def _transfer(self, A: np.ndarray, B: np.ndarray, C: np.ndarray, D: np.ndarray) -> PolynomialModel:
         """The plant as output-error polynomial with the covariance of its linearisation."""
         f = np.poly(A).real
         b = np.poly(A - B @ C).real + (D[0, 0] - 1.0) * f
@@ -167,8 +154,7 @@ def _stable(A: np.ndarray) -> tuple[np.ndarray, list[str]]:
         for p in values[np.abs(values) > 0.999] if p.imag >= 0
     )  # fmt: skip
     return (vectors * inside @ np.linalg.inv(vectors)).real, [
-        f"A was scaled to be stable: pole {moved} moved to modulus 0.999, so there are no standard "
-        "errors"
+        f"A was scaled to be stable: pole {moved} moved to modulus 0.999, so there are no standard errors"
     ]
 
 

@@ -1,5 +1,6 @@
 """Residual tests: whiteness, and independence of the past inputs."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -46,6 +47,16 @@ class ResidualTest:
         if self.cross_p < ALARM:
             sentences.append(f"residuals depend on past inputs (p {self.cross_p:.1g}): plant incomplete or nonlinear")
         return tuple(sentences)
+
+
+def failed(tests: Sequence[ResidualTest], white: str = "") -> dict[str, bool]:
+    """Why residuals allow no intervals, and whether that holds; `white` is a structure that needs white ones."""
+    calm = CALM / len(tests)
+    return {
+        "its residuals depend on past inputs": min(test.cross_p for test in tests) < calm,
+        f"those of {white} are valid only for white residuals": white != ""
+        and min(test.white_p for test in tests) < calm,
+    }
 
 
 def residual_test(errors: np.ndarray, series: Series, parameters: int = 0, nearest: int = 0) -> ResidualTest:

@@ -33,7 +33,7 @@ function buildControls() {
   meshButton = button(looks, "Mesh", () => showLines(!state.lines), "M");
   meshButton.setAttribute("aria-pressed", state.lines);
   takeAwaySection(stage, () => `${(cell.body || "cell").replace(/\.\w+$/, "").replace(/\W+/g, "_")}-mode-${state.mode}`, {
-    page: !window.EXPORTED && (() => save("/take", "cell.html")),
+    page: !window.EXPORTED && (() => save(withToken("take"), "cell.html")),
     film: () => ({ ...filmPlan(motionLength() * state.slow, true), drawAt: showAt }),
     scene: () => ({ keys: KEYS, seconds: motionLength() * state.slow, periodic: true, unit: (cell.body ? 1e-6 : 1e-3) / cell.scale,
       pose: share => { time = share * motionLength(); pose(); } }),

@@ -3,6 +3,16 @@
 /** @type {(id: string) => any} an element of the page's template, of whatever kind it is */
 const byId = id => document.getElementById(id);
 
+// An address of the page's server, below that of a notebook which brings it. There, and in a frame, no cookie opens it:
+// each address has the session's key.
+const KEY = /** @type {any} */ (document.querySelector("meta[name=key]") || {}).content || "";
+const KEYED = window !== window.top || location.pathname !== "/";
+function withToken(path) {
+  const address = new URL(path, document.baseURI);
+  if (KEYED && KEY) address.searchParams.set("token", KEY);
+  return address.href;
+}
+
 // What is read or made, and which share of it is done, where that is known; all of it leaves a note without a bar.
 function busyWith(text, share = NaN) {
   byId("data_state").textContent = text;

@@ -4,7 +4,7 @@ async function upload(files) {
   complain("");
   const send = async ({ file, name }) => {
     busyWith(`reading ${name}`);
-    const answer = await fetch(`/upload?name=${encodeURIComponent(name)}`, { method: "POST", headers: { "X-Key": KEY }, body: file }).catch(() => null);
+    const answer = await fetch(withToken(`upload?name=${encodeURIComponent(name)}`), { method: "POST", headers: { "X-Key": KEY }, body: file }).catch(() => null);
     const known = answer && (answer.headers.get("Content-Type") || "").startsWith("application/json");
     const said = known ? await answer.json() : { text: answer && answer.status === 403 ? OTHER_SESSION : `${name} could not be sent; it may be larger than 64 MB.` };
     if (said.text) complain([complaints, said.text].filter(Boolean).join("\n"));

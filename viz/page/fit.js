@@ -20,18 +20,20 @@ byId("starts").oninput = () => { if (!byId("starts").classList.contains("refused
 const ticked = () => [...bench.chosen].sort((a, b) => a - b);
 const MASSES = new Set(["m_S", "m_F", "m_T", "added_mass"]);
 
-function showProgress({ running, what, done, total, seconds }) {
+function showProgress({ running, what, done, total, share, left_s, seconds }) {
   bench.running = running;
   advise();
   const bar = byId("fit_progress");
   bar.hidden = !running;
-  if (total) Object.assign(bar, { max: total, value: done }); else bar.removeAttribute("value");
-  byId("fit_state").textContent = what ? `${what}${total ? `: ${done} of ${total} done` : ""}` : "";
+  if (total) Object.assign(bar, { max: 1, value: share }); else bar.removeAttribute("value");
+  byId("fit_state").textContent = what;
+  const left = left_s === null ? "" : `, about ${left_s < 90 ? `${Math.ceil(left_s)} s` : `${Math.round(left_s / 60)} min`} left`;
+  bench.fitSteps = total ? `, ${done} of about ${total} steps${left}` : "";
   bench.fitBegan = running ? performance.now() - 1000 * seconds : 0;
   showSeconds();
 }
 // Seconds of what runs; no part of the line that is read aloud.
-function showSeconds() { byId("fit_seconds").textContent = bench.fitBegan ? `${Math.floor((performance.now() - bench.fitBegan) / 1000)} s` : ""; }
+function showSeconds() { byId("fit_seconds").textContent = bench.fitBegan ? `${Math.floor((performance.now() - bench.fitBegan) / 1000)} s${bench.fitSteps}` : ""; }
 if (!window.EXPORTED) setInterval(showSeconds, 1000);
 
 /** @param {Fitted} document_ */

@@ -118,7 +118,8 @@ function apart(on, look = true) {
 const firstFoot = () => Object.values(motion.feet)[0], motionLength = () => (motion ? firstFoot().duration : 1), stepping = () => (motion ? firstFoot().frames : 1);
 
 // ---- the server -----------------------------------------------------------------------------------------------------
-let busy = false, wanted = false;
+let busy = false, wanted = false, again = 0;
+const PATIENT = 1000;  // [ms] after which a newer request takes the place of one that is computed
 function ask() {
   if (window.EXPORTED) {
     const answer = motion && liveAnswer();
@@ -126,7 +127,12 @@ function ask() {
     return;
   }
   if (!socket || socket.readyState !== 1) return;
-  if (busy) { wanted = true; return; }
+  if (busy && performance.now() - asked < PATIENT) {
+    wanted = true;
+    clearTimeout(again);
+    again = setTimeout(() => { if (wanted) { wanted = false; ask(); } }, PATIENT);
+    return;
+  }
   busy = true;
   asked = performance.now();
   request += 1;

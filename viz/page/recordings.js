@@ -85,7 +85,7 @@ function recordingRow(row) {
   const text = row.unread || row.problem || row.doubt || (shown ? row.warnings.join(" ") : "");
   if (readable(row) && row.warnings.length) status.append(element("span", row.doubt ? "⚠ in doubt: " : `⚠ ${row.warnings.length} warning${row.warnings.length > 1 ? "s" : ""} `, { title: row.warnings[0], className: "mark" }));
   status.append(text || (row.warnings.length ? "" : "sound"));
-  if (row.doubt) status.append(" ", titled(element("button", "it is right"), `the numbers of ${row.file} are in ${row.unit}`, () => correct([[id, { unit: row.unit }]])));
+  if (row.doubt && row.believed) status.append(" ", titled(element("button", "it is right"), `the numbers of ${row.file} are in ${row.unit}`, () => correct([[id, { unit: row.unit }]])));
   const more = titled(element("button", "…", { className: "more" }), `channels, units and masses of ${row.file}`, () => { const open_ = formOf(id); if (open_) open_.closest("tr").remove(); else tellServer("columns", { number: id }); });
   const away = titled(element("button", "×", { className: "more" }), `remove ${row.file}`, () => tellServer("remove", { numbers: [id] }));
   const at = row.frequency_hz ? number(row.frequency_hz) : readable(row) ? "broadband" : "";
@@ -139,8 +139,10 @@ let sentCell = null;
 function fill(texts, key, input) {
   const changes = [];
   for (const [id, text] of texts) {
-    const v = key === "unit" || !text.trim() ? text.trim() : typedNumber(text);
-    if (key !== "unit" && typeof v === "string" && v) { if (texts.length > 1 && input.closest("tr")) complain(v); else refuse(input, v); return; }
+    const two = /\S\t/.test(text) && "These are two columns; paste one at a time.";
+    const v = key === "unit" || !text.trim() ? text.trim() : typedNumber(text.replace(/(\d)\s*kg\s*$/i, "$1"));
+    const wrong = two || (key !== "unit" && typeof v === "string" && v);
+    if (wrong) { if (texts.length > 1 && input.closest("tr")) complain(wrong); else refuse(input, wrong); return; }
     changes.push([id, { [key]: v }]);
   }
   input.classList.remove("refused");

@@ -24,7 +24,7 @@ function pageState() {
   const { free, bounds, branch } = bench;
   return { ticked: ticked(), free, bounds, branch, starts: +byId("starts").value, state };
 }
-function saveSession() { busyWith(""); save("/session", "session.zip"); }
+function saveSession() { busyWith(""); save(withToken("session"), "session.zip"); }
 function receiveSession({ page, ids, note }) {
   bench.chosen = new Set(page.ticked.map(id => ids[id]).filter(id => id !== undefined));
   Object.assign(bench, { free: page.free, bounds: page.bounds, branch: page.branch });

@@ -12,7 +12,7 @@ function viewSignals() {
 }
 
 /** @param {Signals} document_ */
-function showSignals({ number: id, traces, spectra, seconds, rate_hz, part_s, used, unused }) {
+function showSignals({ number: id, traces, spectra, seconds, rate_hz, part_s, refused, used, unused }) {
   const row = bench.rows.find(r => r.id === id), into = byId("signals_plots");
   if (!row) return;
   busyWith("");
@@ -30,7 +30,7 @@ function showSignals({ number: id, traces, spectra, seconds, rate_hz, part_s, us
   plots.sensors.set(names.map((name, k) => series(colours[k % colours.length], names.length > 1 ? name : "", sensors[name])));
   plots.spectrum.set(Object.entries(spectra).map(([name, s]) => ({ label: name, colour: name === "base" ? BASE : colours[names.indexOf(name) % colours.length], x: s.frequency_hz, y: s.m_s2 })));
   showRange(...(part_s || [0, seconds]));
-  byId("signals_file").textContent = `${row.file}: ${number(seconds)} s at ${number(rate_hz)} Hz${part_s ? `, of which ${number(part_s[0])} to ${number(part_s[1])} s are fitted` : ""}`;
+  byId("signals_file").textContent = `${row.file}: ${number(seconds)} s at ${number(rate_hz)} Hz${part_s ? `, of which ${number(part_s[0])} to ${number(part_s[1])} s are ${refused ? "chosen" : "fitted"}` : ""}`;
   byId("all_seconds").disabled = !part_s;
   byId("signals_used").replaceChildren(...used.map(text => element("li", text)), element("li", unused.length ? `not used: ${unused.join("; ")}` : "no other columns"));
 }

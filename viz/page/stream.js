@@ -4,12 +4,12 @@ let socket = null, wait = 300;
 
 // Connect, and again whenever the connection is lost; the scene goes to the viewer, documents to `received`.
 function connect(stage, opened, received) {
-  socket = new WebSocket(`ws://${location.host}/stream`);
+  socket = new WebSocket(withToken("stream").replace(/^http/, "ws"));
   socket.binaryType = "arraybuffer";
   socket.onopen = () => { wait = 300; opened(); };
   socket.onclose = async () => {
     byId("state").textContent = "connection lost, trying again";
-    const answer = await fetch("style.css").catch(() => null);
+    const answer = await fetch(withToken("style.css")).catch(() => null);
     if (answer && answer.status === 403) { byId("state").textContent = "connection lost"; say(await answer.text()); return; }  // of another session
     setTimeout(() => connect(stage, opened, received), wait);
     wait = Math.min(2 * wait, 5000);
@@ -32,8 +32,9 @@ async function start(stage, opened, received, order, before = async () => {}) {
   for (const name of order) if (own[name]) received(own[name]);
 }
 
-// The cookie has the token from now on, so the address can be seen by others.
+// The cookie has the token from now on, so the address can be seen by others; a page without one keeps it.
 function hideToken() {
+  if (KEYED) return;
   const address = new URL(location.href);
   address.searchParams.delete("token");
   history.replaceState(history.state, "", address);

@@ -20,7 +20,7 @@ interface Motion { type: "motion"; feet: Record<string, FootMotion>; held: Recor
 
 // A recording of the table.
 interface Row {
-  id: number; file: string; label?: string; subject?: string; unread: string; problem: string; doubt: string; warnings: string[]; unit: string;
+  id: number; file: string; label?: string; subject?: string; unread: string; problem: string; doubt: string; believed?: boolean; warnings: string[]; unit: string;
   frequency_hz?: number | null; samples?: number; rate_hz?: number; seconds?: number; start_s: number | null; end_s: number | null;
   body_mass_kg: number | null; added_mass_kg: number | null;
 }
@@ -28,7 +28,7 @@ interface Recordings { session: string; rows: Row[]; shown: number; stale: strin
 interface Signal { time_s: number[]; m_s2: number[]; }
 interface Signals {
   number: number; traces: Record<string, Signal>; spectra: Record<string, { frequency_hz: number[]; m_s2: number[] }>; seconds: number; rate_hz: number;
-  part_s: [number, number] | null; used: string[]; unused: string[];
+  part_s: [number, number] | null; refused: boolean; used: string[]; unused: string[];
 }
 
 interface Constant { name: string; unit: string; key: string; value: number; known: string; interval?: string; lower?: number; upper?: number; at_rest?: string; }

@@ -1,6 +1,5 @@
 // The workbench: recordings in, a fit of them, what it found. All of it is done by the server, as a script would do it.
 "use strict";
-const KEY = /** @type {any} */ (document.querySelector("meta[name=key]") || {}).content || "";
 /** @type {Bench} */
 const bench = {
   // Recordings: as the server lists them, by ids that the session gives once; the one that drives the table, -1 for none.
@@ -38,6 +37,7 @@ function advise() {
   if (!model || window.EXPORTED) return;
   const free = model.parameters.filter(p => !MASSES.has(p.name) && bench.free[p.name] !== false).length, count = bench.chosen.size;
   const slow = !model.quick && bench.rows.length > 0, bare = bench.rows.filter(row => bench.chosen.has(row.id) && !row.body_mass_kg).length;
+  const unloaded = bench.rows.every(row => !bench.chosen.has(row.id) || !row.added_mass_kg);
   const doubtful = bench.rows.filter(row => row.doubt && !bench.chosen.has(row.id)).length, fit = bench.fit && bench.fit.verdict ? bench.fit : null;
   const verdict = fit && { decided: `decided: ${fit.branches[0].name}`, undecided: "the branch is undecided", "not compared": "one branch" }[fit.verdict];
   const parts = !bench.rows.length && !fit ? ["Drop recordings anywhere on this page, or try the example."] : [
@@ -45,6 +45,7 @@ function advise() {
     !bench.rows.length ? "Drop recordings anywhere on this page to fit again." : byId("stale").hidden ? "" : "Out of date; fit again.",
     doubtful ? `${doubtful} in an uncertain unit: confirm it in the table.` : "",
     bare ? `${bare} without body mass: type it above the table for all, or in the table.` : "",
+    !fit && count > 1 && unloaded ? "All loads are 0 kg: fill in the column if the knee carried one." : "",
     slow && !fit ? `This model has ${free} constants${2 * count < free ? ", too many for so few recordings" : ""}; its fit takes a minute or more.` : ""];
   byId("next").textContent = parts.filter(Boolean).join(" ");
   const held = /** @type {any} */ (document.activeElement);
@@ -103,7 +104,7 @@ byId("two_masses").onclick = () => tellServer("choose", { name: "two_dof" });
 byId("start_rivals").onclick = () => { tellServer("rivals", { numbers: ticked(), said: {} }); };
 byId("stop_fit").onclick = () => tellServer("stop");
 byId("sine").onclick = () => tellServer("sine");
-for (const [id, path] of [["save_report", "/report"], ["save_results", "/results"]]) byId(id).onclick = () => {
+for (const [id, path] of [["save_report", "report"], ["save_results", "results"]]) byId(id).onclick = () => {
     bench.wantedPath = path;
     if (!bench.found) { receiveReport(); return; }  // of a fit that was made before
     tellServer("report", {}, "writing the report");
@@ -111,9 +112,9 @@ for (const [id, path] of [["save_report", "/report"], ["save_results", "/results
 function receiveReport() {
   if (!bench.wantedPath) return;  // another page asked
   busyWith("");
-  if (bench.wantedPath === "/report") {
-    if (!open("/report", "_blank")) byId("data_state").replaceChildren("the report is ready: ", element("a", "open it", { href: "/report", target: "_blank" }));
-  } else if (bench.wantedPath) save(bench.wantedPath, "results.zip");
+  if (bench.wantedPath === "report") {
+    if (!open(withToken("report"), "_blank")) byId("data_state").replaceChildren("the report is ready: ", element("a", "open it", { href: withToken("report"), target: "_blank" }));
+  } else if (bench.wantedPath) save(withToken(bench.wantedPath), "results.zip");
   bench.wantedPath = "";
 }
 
@@ -124,7 +125,7 @@ function takeAway() {
 }
 function saveOfflinePage() {
   busyWith("");
-  save("/take", "foot.html");
+  save(withToken("take"), "foot.html");
 }
 
 // A sentence in place of what was asked for; nothing waits for that any longer.
@@ -142,7 +143,7 @@ function receiveComplaint({ text, of }) {
 function workbenchReceives(document_) {
   const kinds = {
     data: showRecordings, columns: correctionForm, signals: showSignals, progress: showProgress, fitted: receiveFit, rivals: showRivals, history: showHistory, comparison: showComparison,
-    reported: receiveReport, kept: () => { busyWith(""); save("/study", "study.zip"); }, session_kept: saveSession, session: receiveSession, taken: saveOfflinePage, complaint: receiveComplaint,
+    reported: receiveReport, kept: () => { busyWith(""); save(withToken("study"), "study.zip"); }, session_kept: saveSession, session: receiveSession, taken: saveOfflinePage, complaint: receiveComplaint,
     // an exported page has no editor
     saved: d => showSaved(d), models: d => listModels(d), checked: d => showCheck(d),
   };
