@@ -27,7 +27,7 @@ from fasbody.recording.statements import (
     quoted,
     refuse_unapplied,
     statements_of,
-    told,
+    texts_of,
 )
 from fasbody.recording.text import number, numeric, read_text
 from fasbody.sentences import Sentence, called
@@ -127,8 +127,8 @@ def reading(file: Path, layout: Layout | None = None) -> Reading:
     names = {key.removesuffix("_m_s2"): s.name for key, s in sensors.items()}
     about = {name: s.about for name, s in zip(names, sensors.values(), strict=True)}
     for name, about_one in _of_bids(file, names, layout).items():
-        about[name], stated[name] = about[name] | told(about_one), stated[name] | statements_of(about_one)
-    by_columns, changing = _told_by_columns(source, uses, names)
+        about[name], stated[name] = about[name] | texts_of(about_one), stated[name] | statements_of(about_one)
+    by_columns, changing = _stated_by_columns(source, uses, names)
     stated = {name: by_columns.get(name, {}) | statements for name, statements in stated.items()}
     vague += changing
     vague += [name for name in names.values() if is_amount(name)]
@@ -485,7 +485,7 @@ def _of_bids(file: Path, names: Mapping[str, str], layout: Layout) -> dict[str, 
     return made
 
 
-def _told_by_columns(
+def _stated_by_columns(
     source: _Source, uses: Mapping[str, Use], names: Mapping[str, str]
 ) -> tuple[dict[str, Statements], list[str]]:  # fmt: skip
     """Statements by columns of one number, malleolus_gain, and the headings of those whose number changes."""

@@ -230,7 +230,7 @@ def quoted(lines: Sequence[str]) -> list[str]:
     return [f"lines say {listed}{more}, which is not applied"]
 
 
-def told(pairs: Mapping[str, object], applied: Sequence[str] = ()) -> dict[str, str]:
+def texts_of(pairs: Mapping[str, object], applied: Sequence[str] = ()) -> dict[str, str]:
     """Names and values as text, of those that are words or numbers and not applied."""
     made = {}
     for name, value in pairs.items():

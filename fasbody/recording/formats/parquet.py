@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from fasbody.recording.formats.series import FormatError, Series, check_size, named_by, passed_over, stated_rate
-from fasbody.recording.statements import statements_of, told
+from fasbody.recording.statements import statements_of, texts_of
 from fasbody.recording.text import number, numeric
 
 LIBRARY = "pyarrow"
@@ -43,7 +43,7 @@ def _series(field: Any, column: Any, rate_hz: float | None, notes: dict[str, str
         return passed_over(field.name, "no column of numbers")
     values = column.cast("float64").to_numpy().astype(float)
     stated = named_by(field.name, notes.items()) | statements_of(metadata)
-    return Series(field.name, unit, values, rate_hz, stated=stated, about=told(metadata))
+    return Series(field.name, unit, values, rate_hz, stated=stated, about=texts_of(metadata))
 
 
 def _texts(metadata: Any) -> dict[str, str]:

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from fasbody.exceptions import MissingPackageError
-from fasbody.recording.statements import Statements, kind, statements_of, told
+from fasbody.recording.statements import Statements, kind, statements_of, texts_of
 
 #: Most samples of all channels of a file together: 160 MB of floats, an hour of five channels at 1 kHz.
 MOST_SAMPLES = 20_000_000
@@ -150,7 +150,7 @@ def of_variable(
     stated = statements_of(about, applied)
     unit = text_of(about.get("units", about.get("unit", b"")))
     columns = numeric_columns(name, values, unit, rate_hz)
-    more = told(about, applied)
+    more = texts_of(about, applied)
     return [replace(s, scaled=scaled, stated=stated, start_s=start, group=group, about=more) for s in columns]
 
 

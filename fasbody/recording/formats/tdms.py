@@ -10,7 +10,7 @@ import numpy as np
 
 from fasbody.recording.channels import Channels
 from fasbody.recording.formats.series import FormatError, Series, check_size, number_of, step_of
-from fasbody.recording.statements import statements_of, told
+from fasbody.recording.statements import statements_of, texts_of
 
 LIBRARY = "nptdms"
 
@@ -42,7 +42,7 @@ def decode(file: Path) -> list[Series]:
             offsets.append(number_of(channel.properties.get("wf_start_offset")))
             about = {key: v for key, v in channel.properties.items() if key[:3].lower() not in ("wf_", "ni_")}
             one = Series(channel.name, str(unit), values.astype(float), rate, group=channel.group_name)
-            series.append(replace(one, stated=statements_of(about), about=told(about)))
+            series.append(replace(one, stated=statements_of(about), about=texts_of(about)))
     starts = _starts(stamps, offsets)
     return [replace(s, start_s=start) for s, start in zip(series, starts, strict=True)]
 
