@@ -64,7 +64,7 @@ def descend(problem: TimeProblem, label: str, z: np.ndarray, tight: bool = False
         tight: converge well below the standard errors, for a result to report.
         work: counts the steps.
     """
-    p = problem.space.lower.size
+    p, work = problem.space.lower.size, work or Work()
     low, high = problem.bounds
     inside = np.clip(z, low + 1e-9 * (high - low), high - 1e-9 * (high - low))  # the method starts inside its bounds
     tolerance = 1e-7 if problem.size > _LONG else 1e-10 if tight else 1e-8  # of the cost: far below a standard error
@@ -73,8 +73,7 @@ def descend(problem: TimeProblem, label: str, z: np.ndarray, tight: bool = False
     before = problem.evaluations
 
     def ended(intermediate_result: "OptimizeResult") -> None:  # a valley of zeros is as flat as it is long
-        if work is not None:
-            work.did()
+        work.did()
         if 2 * intermediate_result.cost <= ZERO * problem.size:
             raise StopIteration
 

@@ -128,9 +128,9 @@ def descend(
     Q = np.clip(Q, low, high)
     at, rests = np.arange(len(Q)), np.zeros(len(Q), bool)  # the candidates that still move; those at rest
     now = problem.evaluate(Q)
-    if work is not None:
-        work.might((steps + 1) * len(Q))
-        work.did(len(Q))
+    work = work or Work()
+    work.might((steps + 1) * len(Q))
+    work.did(len(Q))
     objective = now.objective
     damping, factor, promise = np.full(len(Q), 1e-2), np.full(len(Q), 2.0), np.full(len(Q), np.inf)
     bend = np.zeros((len(Q), Q.shape[1], Q.shape[1]))
@@ -145,8 +145,7 @@ def descend(
         at, damping, factor, now, A, g = at[go], damping[go], factor[go], now.rows(go), A[go], g[go]
         trial, foretold = bounded_step(A + bend[at], g, Q[at], low[at], high[at], damping)
         after = problem.evaluate(trial, now)
-        if work is not None:
-            work.did(len(at))
+        work.did(len(at))
         gain = np.where(after.moves, objective[at] - after.objective, -1.0)
         better = gain > 0
         bend[at[better]] = bent(bend[at], trial - Q[at], now.jacobian, after)[better]

@@ -53,14 +53,19 @@ with Generator(sys.argv[1], 115200) as g:
 """
 
 
+def driving(instrument: Instrument, stderr: int) -> subprocess.Popen[bytes]:
+    """A driver in a process of its own, with the output on."""
+    driver = subprocess.Popen(
+        [sys.executable, "-c", DRIVER, instrument.port], env=ENVIRONMENT, stdout=subprocess.PIPE, stderr=stderr
+    )
+    assert driver.stdout is not None and driver.stdout.readline() == b"on\n" and instrument.shaker.on
+    return driver
+
+
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT])
 def test_output_goes_off_when_the_driver_dies(tmp_path: Path, number: signal.Signals) -> None:
     with Instrument(tmp_path) as instrument:
-        driver = subprocess.Popen(
-            [sys.executable, "-c", DRIVER, instrument.port], env=ENVIRONMENT, stdout=subprocess.PIPE,
-            stderr=subprocess.DEVNULL,
-        )  # fmt: skip
-        assert driver.stdout is not None and driver.stdout.readline() == b"on\n" and instrument.shaker.on
+        driver = driving(instrument, subprocess.DEVNULL)
         time.sleep(0.2)  # past the guard's start, which does not matter: its pipe is there from the beginning
         driver.send_signal(number)
         driver.wait()
@@ -205,11 +210,7 @@ def test_guard_acts_on_silence_and_on_the_end_of_the_driver(said: bytes, closes:
 def test_driver_that_is_stopped_leaves_no_output_on(tmp_path: Path) -> None:
     """SIGSTOP cannot be caught; the guard switches off through the port that the stopped process still holds."""
     with Instrument(tmp_path) as instrument:
-        driver = subprocess.Popen(
-            [sys.executable, "-c", DRIVER, instrument.port], env=ENVIRONMENT, stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-        )  # fmt: skip
-        assert driver.stdout is not None and driver.stdout.readline() == b"on\n" and instrument.shaker.on
+        driver = driving(instrument, subprocess.PIPE)
         driver.send_signal(signal.SIGSTOP)
         deadline = time.monotonic() + 300
         while instrument.shaker.on:

@@ -80,6 +80,18 @@ def test_a_line_that_is_not_understood_is_quoted(tmp_path: Path) -> None:
     assert "says '# base scaled; malleolus in LSB of 0.0039 g', which is not applied" in read.warnings[0]
 
 
+def attributed(tmp_path: Path, key: str, values: tuple) -> Path:
+    """An HDF5 file whose base and malleolus have an attribute each, or none."""
+    file = tmp_path / "r.h5"
+    with h5py.File(file, "w") as out:
+        out.attrs["fs"] = 1000.0
+        for name, samples, value in zip(("base_m_s2", "malleolus_m_s2"), (BASE, MALLEOLUS), values, strict=True):
+            out[name] = samples
+            if value is not None:
+                out[name].attrs[key] = value
+    return file
+
+
 @pytest.mark.parametrize(
     ("key", "values", "refused"),
     [
@@ -90,12 +102,7 @@ def test_a_line_that_is_not_understood_is_quoted(tmp_path: Path) -> None:
     ],
 )  # fmt: skip
 def test_attributes_of_hdf5(tmp_path: Path, key: str, values: tuple, refused: bool) -> None:
-    file = tmp_path / "r.h5"
-    with h5py.File(file, "w") as out:
-        out.attrs["fs"] = 1000.0
-        for name, samples, value in zip(("base_m_s2", "malleolus_m_s2"), (BASE, MALLEOLUS), values, strict=True):
-            out[name] = samples
-            out[name].attrs[key] = value
+    file = attributed(tmp_path, key, values)
     if not refused:
         assert Recording.read(file).warnings == ()
         return
@@ -229,14 +236,7 @@ def test_several_lines_are_quoted_in_one_warning(tmp_path: Path) -> None:
     ],
 )  # fmt: skip
 def test_attributes_that_differ_are_quoted(tmp_path: Path, key: str, values: tuple, quoted: str) -> None:
-    file = tmp_path / "r.h5"
-    with h5py.File(file, "w") as out:
-        out.attrs["fs"] = 1000.0
-        for name, samples, value in zip(("base_m_s2", "malleolus_m_s2"), (BASE, MALLEOLUS), values, strict=True):
-            out[name] = samples
-            if value is not None:
-                out[name].attrs[key] = value
-    warnings = Recording.read(file).warnings
+    warnings = Recording.read(attributed(tmp_path, key, values)).warnings
     assert len(warnings) == bool(quoted) and (not quoted or f"{key} = " in warnings[0])
     assert not quoted or quoted in warnings[0]
 

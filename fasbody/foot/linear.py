@@ -11,7 +11,7 @@ import numpy as np
 
 from fasbody.exceptions import SimulationError
 from fasbody.foot.model import Foot
-from fasbody.foot.rest import small_motion
+from fasbody.foot.rest import corners_at_rest, resting, slopes_at_rest
 from fasbody.foot.steady_state import Balance
 
 Array = np.ndarray
@@ -29,11 +29,16 @@ class Linear:
 
     def __init__(self, foot: Foot) -> None:
         self.foot, self._balance = foot, Balance(foot)
-        self._rest, self._slopes, changes = small_motion(self._balance)
-        if changes:
+        x = resting(self._balance)
+        self._rest = self._balance.state(x)[0]
+        self._slopes, names = slopes_at_rest(self._balance, x)
+        does = "touches, stops or slips"
+        if not names:
+            names, does = corners_at_rest(self._balance, x), "has another spring or damper"
+        if names:
             raise SimulationError(
-                f"{foot.name}: {changes} as soon as the foot moves at all, so that small motion about its pose of rest "
-                "is not linear; press it, or leave a gap."
+                f"{foot.name}: {' and '.join(names)} {does} as soon as the foot moves at all, so that small motion "
+                "about its pose of rest is not linear; press it, or leave a gap."
             )
 
     def transmissibility(self, frequency_hz: Array, sensor: str = "malleolus") -> Array:

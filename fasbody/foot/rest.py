@@ -17,23 +17,26 @@ def standing(foot: Foot) -> np.ndarray:
     Raises:
         SimulationError: there is none, the foot topples from it, or a damper is negative there.
     """
-    return small_motion(Balance(foot))[0]
+    balance = Balance(foot)
+    x = resting(balance)
+    slopes_at_rest(balance, x)
+    return balance.state(x)[0]
 
 
-def small_motion(balance: Balance) -> tuple[np.ndarray, np.ndarray, str]:
-    """The pose (nq,) in which a foot stands, and there what `slopes_at_rest` returns.
+def resting(balance: Balance) -> np.ndarray:
+    """Coordinates and activations (n,) at rest, without the base's.
 
     Raises:
-        SimulationError: see `standing`.
+        SimulationError: there is no such pose.
     """
-    foot, x = balance.foot, balance.rest({})
+    x = balance.rest({})
     if x is None:
-        raise SimulationError(f"{foot.name}: nothing carries it: no pose was found in which it rests.")
-    return balance.state(x)[0], *slopes_at_rest(balance, x)
+        raise SimulationError(f"{balance.foot.name}: nothing carries it: no pose was found in which it rests.")
+    return x
 
 
-def slopes_at_rest(balance: Balance, x: np.ndarray) -> tuple[np.ndarray, str]:
-    """Derivatives (3, r, n) of the engine's rows about rest, and what changes there at once, in words; often nothing.
+def slopes_at_rest(balance: Balance, x: np.ndarray) -> tuple[np.ndarray, list[str]]:
+    """Derivatives (3, r, n) of the engine's rows about rest, and what is about to touch, stop or slip there.
 
     Args:
         balance: of the foot, with the parameters at which it rests.
@@ -44,15 +47,25 @@ def slopes_at_rest(balance: Balance, x: np.ndarray) -> tuple[np.ndarray, str]:
             nothing is about to touch.
     """
     check_dampers(balance.foot, balance.state(x)[0][None], balance.model.jnt_user[None])
-    motion = np.zeros((3, 1, balance.engine.size))
-    motion[0, 0, balance.free] = x
+    motion = _at_rest(balance, x)
     with callbacks():
         slopes, kinks = balance.engine.exact_slopes(motion)[:, 0], balance.engine.kinks(motion)
-        corners = [] if kinks else balance.engine.corners(motion)
     if not kinks:
         _check_stable(balance, slopes)
-    changes = (kinks, "touches, stops or slips"), (corners, "has another spring or damper")
-    return slopes, "".join(f"{' and '.join(names)} {does}" for names, does in changes if names)
+    return slopes, kinks
+
+
+def corners_at_rest(balance: Balance, x: np.ndarray) -> list[str]:
+    """Joints about which a spring or damper has no slope at rest (n,); see `Engine.corners`."""
+    with callbacks():
+        return balance.engine.corners(_at_rest(balance, x))
+
+
+def _at_rest(balance: Balance, x: np.ndarray) -> np.ndarray:
+    """One instant (3, 1, c) of the engine, at rest."""
+    motion = np.zeros((3, 1, balance.engine.size))
+    motion[0, 0, balance.free] = x
+    return motion
 
 
 def _check_stable(balance: Balance, slopes: np.ndarray) -> None:

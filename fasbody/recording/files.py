@@ -437,8 +437,7 @@ def beside(file: Path, layout: Layout) -> Layout:
     """
     if ending(file) != ".tsv":
         return layout
-    stem = file.name.removesuffix(".gz").removesuffix(".tsv")
-    sidecar, table = file.with_name(f"{stem}.json"), file.with_name(f"{stem.rpartition('_')[0]}_channels.tsv")
+    sidecar = file.with_name(f"{_bids_stem(file)}.json")
     if not sidecar.is_file():
         return layout
     try:
@@ -455,23 +454,33 @@ def beside(file: Path, layout: Layout) -> Layout:
             sidecar, f"SamplingFrequency is {rate:g} Hz, and study.toml says sampling_rate_hz = {layout.rate_hz:g}",
             "correct one of them",
         )  # fmt: skip
-    if not columns and table.is_file() and table != file:
-        listed = read_table(table, ("name", "units"))
-        columns, units = ([row[key] or "" for row in listed.values()] for key in ("name", "units"))
+    if not columns:
+        _, rows = _bids_channels(file)
+        columns, units = ([row[key] for row in rows] for key in ("name", "units"))
     units = ["" if unit.lower() == "n/a" else unit for unit in units]
     if columns and layout.columns:
         return replace(layout, rate_hz=rate or layout.rate_hz)
     return replace(layout, rate_hz=rate or layout.rate_hz, columns=tuple(columns), units=tuple(units))
 
 
+def _bids_stem(file: Path) -> str:
+    return file.name.removesuffix(".gz").removesuffix(".tsv")
+
+
+def _bids_channels(file: Path) -> tuple[Path, list[dict[str, str]]]:
+    """The _channels.tsv beside a .tsv of BIDS, and its rows; none where there is no such table."""
+    table = file.with_name(f"{_bids_stem(file).rpartition('_')[0]}_channels.tsv")
+    if ending(file) != ".tsv" or table == file or not table.is_file():
+        return table, []
+    rows = read_table(table, ("name", "units")).values()
+    return table, [{key: cell or "" for key, cell in row.items()} for row in rows]
+
+
 def _of_bids(file: Path, names: Mapping[str, str], layout: Layout) -> dict[str, dict[str, str]]:
     """What the _channels.tsv of BIDS says of each channel; refused if that is bad, or has another rate."""
-    table = file.with_name(f"{file.name.removesuffix('.gz').removesuffix('.tsv').rpartition('_')[0]}_channels.tsv")
-    if ending(file) != ".tsv" or table == file or not table.is_file():
-        return {}
-    rows = {row["name"] or "": row for row in read_table(table, ("name", "units")).values()}
-    listed = {channel: rows[name] for channel, name in names.items() if name in rows}
-    made = {channel: {key: cell or "" for key, cell in row.items()} for channel, row in listed.items()}
+    table, listed = _bids_channels(file)
+    rows = {row["name"]: row for row in listed}
+    made = {channel: rows[name] for channel, name in names.items() if name in rows}
     for channel, about in made.items():
         if about.get("status", "").lower() == "bad":
             why = about.get("status_description", "")
