@@ -9,16 +9,14 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Any
 
-import mujoco
 import numpy as np
 
 from fasbody.constants import Z95
 from fasbody.exceptions import FasError, SimulationError
 from fasbody.foot.damper import damping
-from fasbody.foot.engine import callbacks
 from fasbody.foot.hysteresis import Cycle, cycle, of_orbits
+from fasbody.foot.linear import Linear
 from fasbody.foot.model import Foot
-from fasbody.foot.rest import standing
 from fasbody.foot.steady_state import Balance
 from fasbody.foot.two_dof import TwoDof
 from fasbody.foot.two_mass import PARAMETERS, Orbits, parameters, resolved
@@ -289,16 +287,12 @@ def _read(view: View, values: Mapping[str, float], f: np.ndarray, U: np.ndarray,
     return np.asarray(T[0, :, 0, 0] * (Y + rock[0, :, 0, 0]))
 
 
-def poles(A: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Natural frequencies (k,) [Hz] and damping ratios (k,) of the pairs of eigenvalues of A (n, n), lowest first.
+def modes_of(eigenvalues: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Natural frequencies (k,) [Hz] and damping ratios (k,) of the pairs of eigenvalues [1/s], lowest first.
 
     A pair p is a factor s^2 + 2 zeta w s + w^2 of the characteristic polynomial, so that w = |p| and
     zeta = -Re p / |p|. Two real eigenvalues, of a mode that does not swing, are such a factor with zeta above one.
     """
-    return _pairs(np.linalg.eigvals(A))
-
-
-def _pairs(eigenvalues: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     swinging = eigenvalues[eigenvalues.imag > 0]
     real = np.sort(np.abs(eigenvalues[eigenvalues.imag == 0].real))
     pairs = [(abs(p), -p.real / abs(p)) for p in swinging]
@@ -317,7 +311,7 @@ def small_motion(values: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
     """
     A = TwoDof.from_values(values).state_space()[0]
     if not (values.get("r_T") or values.get("r_F")):
-        return poles(A)
+        return modes_of(np.linalg.eigvals(A))
     tau = values["tau"]
     whole = np.zeros((6, 6))
     whole[:4, :4] = A
@@ -327,34 +321,7 @@ def small_motion(values: Mapping[str, float]) -> tuple[np.ndarray, np.ndarray]:
     whole[2:4, 4:] = [[-sum_, one], [one, -one]]
     eigenvalues = np.linalg.eigvals(whole)
     relaxes = np.lexsort([np.abs(eigenvalues + 1 / tau), np.abs(eigenvalues.imag) > 0])[:2]
-    return _pairs(np.delete(eigenvalues, relaxes))
-
-
-def linearised(foot: Foot, step: float = 1e-6) -> np.ndarray:
-    """A (2 n, 2 n) of small motion of a model about rest, its base held: positions [m, rad] first, then their rates.
-
-    Central differences of the accelerations that MuJoCo computes, laws included.
-    """
-    model, rest = foot.model, standing(foot)
-    data = mujoco.MjData(model)
-    free = [i for i in range(model.nv) if model.dof_armature[i] < 1e6]  # the base is the shaker's
-    n = len(free)
-
-    def acceleration(x: np.ndarray) -> np.ndarray:
-        data.qpos[:], data.qvel[:] = rest, 0.0
-        move = np.zeros(model.nv)
-        move[free] = x[:n]
-        mujoco.mj_integratePos(model, data.qpos, move, 1.0)
-        data.qvel[free] = x[n:]
-        mujoco.mj_forward(model, data)
-        return data.qacc[free].copy()
-
-    A = np.zeros((2 * n, 2 * n))
-    A[:n, n:] = np.eye(n)
-    with callbacks():
-        for i, nudge in enumerate(step * np.eye(2 * n)):
-            A[n:, i] = (acceleration(nudge) - acceleration(-nudge)) / (2 * step)
-    return A
+    return modes_of(np.delete(eigenvalues, relaxes))
 
 
 #: Limits that are further apart than this factor from the value say nothing: then there are none.
@@ -382,10 +349,13 @@ def _modes(evidence: "Evidence", view: View) -> Iterator[Row]:
         def logarithms(q: np.ndarray, number: int = number) -> np.ndarray:
             values = view.foot(number, q)
             declared = {name: value for name, value in values.items() if name in foot.parameters}
-            f, zeta = small_motion(values) if two_mass else poles(linearised(foot.with_values(declared)))
+            f, zeta = small_motion(values) if two_mass else modes_of(Linear(foot.with_values(declared)).eigenvalues())
             return np.log(np.concatenate([f[:_MODES], np.maximum(zeta[:_MODES], 1e-12)]))
 
-        centre, half = logarithms(view.q), view.half_width(logarithms)
+        try:
+            centre, half = logarithms(view.q), view.half_width(logarithms)
+        except SimulationError:  # what touches or stops at rest has no small motion that is linear
+            return
         with np.errstate(over="ignore"):  # a mode of which nothing is known reaches to infinity
             value, low, high = np.exp(centre), np.exp(centre - half), np.exp(centre + half)
         count = centre.size // 2

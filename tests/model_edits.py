@@ -18,6 +18,7 @@ from arch_copies import reshaped
 import mjcf
 from fasbody.arch.bones import Arch
 from fasbody.arch.linear import transmissibility
+from fasbody.exceptions import SimulationError
 from fasbody.foot.hysteresis import cycle
 from fasbody.foot.linear import Linear
 from fasbody.foot.model import Foot, load
@@ -26,7 +27,6 @@ from fasbody.foot.simulate import simulate
 from fasbody.foot.steady_state import Balance
 from fasbody.foot.two_mass import orbits, parameters
 from fasbody.leg.chain import Leg
-from identification.derived_quantities import linearised
 from identification.engines.twin import SHANK as ON_SHANK
 from identification.engines.twin import carriers
 from simulator import mount
@@ -146,7 +146,10 @@ def stepped(file: Path) -> dict[str, complex]:
     if foot.step < 2e-4:  # an arch
         fading, step = 0.6 if thigh else 0.2, 1e-4  # a thigh on its seat goes on for long
     else:
-        slowest = -np.linalg.eigvals(linearised(foot)).real.max()
+        try:
+            slowest = -Linear(foot).eigenvalues().real.max()
+        except SimulationError:  # what touches or stops at rest
+            slowest = 0.0
         fading, step = 12 / max(slowest, 11.0), 5e-4
     run = simulate(foot, harmonics(HZ, [PEAK], fading + 2 / HZ), step=step)
     return {"T": _first(run.malleolus[0], step) / _first(run.base[0], step)}
@@ -175,7 +178,7 @@ def energies(file: Path) -> dict[str, complex]:
 
 def swings(file: Path) -> dict[str, complex]:
     """Natural frequencies that a fit reports."""
-    return {"singular": np.linalg.eigvals(linearised(opened(file)))}
+    return {"singular": Linear(opened(file)).eigenvalues()}
 
 
 def drawn(file: Path) -> dict[str, complex]:

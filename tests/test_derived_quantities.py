@@ -10,6 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from fasbody.foot.hysteresis import cycle
+from fasbody.foot.linear import Linear
 from fasbody.foot.model import Foot
 from fasbody.foot.shaker import harmonics
 from fasbody.foot.two_dof import TwoDof
@@ -17,7 +18,7 @@ from fasbody.foot.two_mass import PARAMETERS, parameters, resolved
 from fasbody.recording.harmonics import fit_harmonics
 from fasbody.recording.study import BUNDLED
 from identification import report
-from identification.derived_quantities import _views, derived, linearised, poles, small_motion, work_slopes
+from identification.derived_quantities import _views, derived, modes_of, small_motion, work_slopes
 from identification.estimates import IF_TRUE, WHATEVER
 from identification.harmonics import Line
 from identification.replay import relaxing
@@ -36,7 +37,7 @@ def values(fitted: FitResult) -> dict[str, float]:
 
 def test_modes_are_the_eigenvalues_of_the_linearised_mjcf(fitted: FitResult, foot: Foot) -> None:
     own = {name: value for name, value in values(fitted).items() if name in foot.parameters}
-    s = np.linalg.eigvals(linearised(foot.with_values(own)))
+    s = Linear(foot.with_values(own)).eigenvalues()
     modes = [m for m in derived(fitted).modes if m["basis"] == IF_TRUE and m["branch"] == fitted.best.name]
     assert len(modes) == 2
     product = np.ones_like(s)
@@ -49,7 +50,7 @@ def test_modes_are_the_eigenvalues_of_the_linearised_mjcf(fitted: FitResult, foo
 def test_modes_that_do_not_swing_are_a_pair_of_real_eigenvalues() -> None:
     A = np.zeros((4, 4))
     A[:2, 2:], A[2:, :2], A[2:, 2:] = np.eye(2), -np.diag([100.0, 1e4]), -np.diag([4.0, 500.0])
-    f, zeta = poles(A)
+    f, zeta = modes_of(np.linalg.eigvals(A))
     assert 2 * np.pi * f == pytest.approx([10, 100])
     assert zeta == pytest.approx([0.2, 2.5])
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from fasbody.exceptions import SimulationError
 from fasbody.foot.model import Foot
-from fasbody.foot.rest import corners_at_rest, resting, slopes_at_rest
+from fasbody.foot.rest import corners_at_rest, eigenvalues, resting, slopes_at_rest
 from fasbody.foot.steady_state import Balance
 
 Array = np.ndarray
@@ -54,6 +54,11 @@ class Linear:
         s = 2j * np.pi * frequency_hz * np.arange(1, U.size + 1)
         x, nv = U[:, None] * self._motion(s), self._rest.size
         return self._rest + x[:, :nv].real.sum(0), (s @ x[:, :nv]).real, x[:, nv:].real.sum(0)
+
+    def eigenvalues(self) -> Array:
+        """(k,) of the motion while the base is held [1/s], each conjugate pair a mode that swings."""
+        free = self._balance.free
+        return eigenvalues(self._slopes[:, free][..., free])[0]
 
     def _dynamic(self, s: Array) -> Array:
         """Dynamic stiffness (n, r, c) at complex frequencies (n,) [1/s]."""

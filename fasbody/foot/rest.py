@@ -69,20 +69,26 @@ def _at_rest(balance: Balance, x: np.ndarray) -> np.ndarray:
 
 
 def _check_stable(balance: Balance, slopes: np.ndarray) -> None:
-    from scipy.linalg import eig
-
-    K, C, M = (part[np.ix_(balance.free, balance.free)] for part in slopes)
-    none, one = np.zeros_like(K), np.eye(len(K))
-    growth, vectors = eig(np.block([[none, one], [-K, -C]]), np.block([[one, none], [none, M]]))
-    growth = np.where(np.isfinite(growth) & (np.abs(growth) < _FASTEST), growth.real, -np.inf)
-    if growth.max() > _TOPPLES:
-        moves = int(balance.free[np.abs(vectors[: len(K), growth.argmax()]).argmax()])
+    values, vectors = eigenvalues(slopes[:, balance.free][..., balance.free])
+    if values.real.max(initial=0.0) > _TOPPLES:
+        moves = int(balance.free[np.abs(vectors[: len(balance.free), values.real.argmax()]).argmax()])
         model = balance.model
         name = model.joint(int(model.dof_jntid[moves])).name if moves < model.nv else "an activation"
         raise SimulationError(
             f"{balance.foot.name}: it topples about joint {name!r}: gravity and springs balance in an unstable pose "
             "only; make the joint stiffer than the weight above it."
         )
+
+
+def eigenvalues(slopes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Eigenvalues (k,) [1/s] of K + s C + s^2 M (3, n, n) and their vectors (2 n, k); none of what has no mass."""
+    from scipy.linalg import eig
+
+    K, C, M = slopes
+    none, one = np.zeros_like(K), np.eye(len(K))
+    values, vectors = eig(np.block([[none, one], [-K, -C]]), np.block([[one, none], [none, M]]))
+    moves = np.isfinite(values) & (np.abs(values) < _FASTEST)
+    return values[moves], vectors[:, moves]
 
 
 def carrier(foot: Foot) -> str:
