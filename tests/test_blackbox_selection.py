@@ -80,10 +80,10 @@ def test_residual_tests_find_colour_and_a_missing_plant() -> None:
     assert residual_test(coloured, Series(u, coloured, 1.0)).white_p < 1e-6
     late = e + 0.5 * np.roll(u, 3)
     test = residual_test(late, Series(u, late, 1.0))
-    assert test.cross_p < 1e-6 and "depend on past inputs" in test.warnings[-1]
+    assert test.cross_p < 1e-6 and "depend on past inputs" in test.warnings()[-1]
     assert test.cross_lags[np.argmax(np.abs(test.cross))] == 3
     only = residual_test(e, Series(u, e + 1e-9 * u, 1.0))
-    assert only.warnings == ()
+    assert only.warnings() == ()
 
 
 def test_independence_test_on_sines() -> None:

@@ -44,6 +44,13 @@ def test_interval_of_a_difference_covers_as_often_as_it_says() -> None:
     assert np.all(np.abs(hits / n - 0.95) < 0.02)
 
 
+@pytest.mark.parametrize("independent", [True, False])
+def test_of_what_is_withheld_there_is_no_difference_either(independent: bool) -> None:
+    withheld, given = {"value": 3.0, "interval": "–"}, row(2.0, 1.0, 3.0)
+    assert _difference([withheld, given], independent) == _difference([given, None], independent) == "–"
+    assert _difference([given, row(3.0)], independent) == "-1"
+
+
 def test_two_fits_side_by_side(bench: Bench) -> None:
     """The same recording in both leaves no interval of the difference, whatever its file is called."""
     dropped(bench)

@@ -137,14 +137,14 @@ def _interval(row: Mapping[str, Any] | None) -> str:
 
 
 def _difference(entries: list[Mapping[str, Any] | None], independent: bool) -> str:
-    """The first constant less the second one.
+    """The first constant less the second one, if both are reported.
 
     Errors of independent estimates add as squares, those below and above separately, since intervals may be lopsided
     (Zou and Donner, Statistics in Medicine 27, 2008, 1693-1702).
     """
-    if entries[0] is None or entries[1] is None:
+    a, b = entries
+    if a is None or b is None or "–" in (_interval(a), _interval(b)):
         return "–"
-    a, b = entries[0], entries[1]
     value = a["value"] - b["value"]
     if not (independent and "lower" in a and "lower" in b):
         return readable(value, 3)

@@ -65,14 +65,18 @@ class Condition:
         return "the input is constant but for a few steps" if self.steps else ""
 
     @property
-    def no_intervals(self) -> dict[str, bool]:
-        """Why no structure has intervals, and whether that holds."""
-        return {
-            "the input may answer the output, which biases every structure a little": self.suspect,
-            "the output comes before the input": self.leads,
-            "outliers are no noise that a standard error describes": bool(self.spikes),
-            "the output stands at an end of its range": self.limited > 0,
-        }
+    def no_intervals(self) -> list[str]:
+        """Why no structure has intervals."""
+        reasons = []
+        if self.suspect:
+            reasons.append("the input may answer the output, which biases every structure a little")
+        if self.leads:
+            reasons.append("the output comes before the input")
+        if self.spikes:
+            reasons.append("outliers are no noise that a standard error describes")
+        if self.limited:
+            reasons.append("the output stands at an end of its range")
+        return reasons
 
     def warnings(self) -> list[str]:
         """Sentences on the condition."""

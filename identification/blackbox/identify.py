@@ -314,7 +314,7 @@ def _judge(chosen: Selection, chooser: _Chooser, seen: Excitation) -> ChosenMode
         warnings.append("free simulation diverges, so there is no fit")
     elif chosen.best.fit_percent < 0:
         warnings.append("the mean fits the held-out part better: the plant may have changed since the first part")
-    return ChosenModel(chosen, test, model.response([]), tuple(warnings) + test.warnings)
+    return ChosenModel(chosen, test, model.response([]), (*warnings, *test.warnings()))
 
 
 def _log_loss(model: Single, recordings: Sequence[Series]) -> float:
@@ -326,19 +326,16 @@ def _no_intervals(model: Single, tests: Sequence[ResidualTest], chooser: _Choose
     """Every reason why the standard errors of a model would mislead, or an empty string."""
     name, state, white = model.structure.upper(), chooser.state, model.structure in NOISE_MODELS
     better = chooser.predicts_better(model) if white else ""
-    reasons = {
-        f"{name} has no noise model, so feedback biases it": state.feedback and not (white or state.leads),
-        **failed(tests, name if white else ""),
-        "a zero of the noise model lies on the unit circle, where no linearisation holds": isinstance(
-            model, PolynomialModel
-        )
-        and largest_root(model.polynomials[2]) > ON_CIRCLE,
-        f"{better} predicts the held-out part better, so the noise is not that of {name}": better,
-        f"the errors of {name} are so strongly coloured that it follows them; BJ models them": not white
-        and chooser.follows_noise(model),
-        **state.no_intervals,
-    }
-    return "; ".join(text for text, holds in reasons.items() if holds)
+    reasons = failed(tests, name if white else "")
+    if state.feedback and not (white or state.leads):
+        reasons.insert(0, f"{name} has no noise model, so feedback biases it")
+    if isinstance(model, PolynomialModel) and largest_root(model.polynomials[2]) > ON_CIRCLE:
+        reasons.append("a zero of the noise model lies on the unit circle, where no linearisation holds")
+    if better:
+        reasons.append(f"{better} predicts the held-out part better, so the noise is not that of {name}")
+    if not white and chooser.follows_noise(model):
+        reasons.append(f"the errors of {name} are so strongly coloured that it follows them; BJ models them")
+    return "; ".join([*reasons, *state.no_intervals])
 
 
 def _without_intervals(model: Any) -> Any:

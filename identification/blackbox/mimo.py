@@ -252,10 +252,9 @@ def identify(
         shape = len(model.C), model.B.shape[1]
         white[name] = np.min(np.reshape([test.white_p for test in tests], shape), axis=1)
         independent[name] = np.reshape([test.cross_p for test in tests], shape)
-        reasons = failed(tests, "ARX") | state.no_intervals
-        why = "; ".join(text for text, holds in reasons.items() if holds)
-        if is_arx and why:
-            texts.append(f"no intervals: {why}")
+        reasons = [*failed(tests, "ARX"), *state.no_intervals]
+        if is_arx and reasons:
+            texts.append(f"no intervals: {'; '.join(reasons)}")
             model = replace(model, std_error=np.full_like(model.std_error, np.nan), spread=NONE)
         if not is_arx and state.feedback:
             texts.append("feedback biases this model")
@@ -302,8 +301,7 @@ def _tested(model: MimoModel, validation: Series, nearest: int) -> tuple[list[Re
     for pair, error in zip(validation.pairs(), np.repeat(errors, len(validation.inputs), axis=1).T, strict=True):
         u, y = pair.channels
         tests.append(residual_test(error, pair, noise, nearest))
-        for text in tests[-1].warnings:
-            texts[text.replace("residuals", f"residuals of {y}").replace("past inputs", f"past {u}")] = None
+        texts |= dict.fromkeys(tests[-1].warnings(f"residuals of {y}", f"past {u}"))
     return tests, list(texts)
 
 

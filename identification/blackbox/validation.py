@@ -38,25 +38,29 @@ class ResidualTest:
     white_p: float
     cross_p: float
 
-    @property
-    def warnings(self) -> tuple[str, ...]:
-        """Sentences for the user; the second matters more: the plant is incomplete."""
+    def warnings(self, of: str = "residuals", past: str = "past inputs") -> tuple[str, ...]:
+        """Sentences for the user; the second matters more: the plant is incomplete.
+
+        Args:
+            of: what was tested.
+            past: what it must not depend on.
+        """
         sentences = []
         if self.white_p < ALARM:
-            sentences.append(f"residuals are not white (Ljung-Box p {self.white_p:.1g}): the noise model is incomplete")
+            sentences.append(f"{of} are not white (Ljung-Box p {self.white_p:.1g}): the noise model is incomplete")
         if self.cross_p < ALARM:
-            sentences.append(f"residuals depend on past inputs (p {self.cross_p:.1g}): plant incomplete or nonlinear")
+            sentences.append(f"{of} depend on {past} (p {self.cross_p:.1g}): plant incomplete or nonlinear")
         return tuple(sentences)
 
 
-def failed(tests: Sequence[ResidualTest], white: str = "") -> dict[str, bool]:
-    """Why residuals allow no intervals, and whether that holds; `white` is a structure that needs white ones."""
-    calm = CALM / len(tests)
-    return {
-        "its residuals depend on past inputs": min(test.cross_p for test in tests) < calm,
-        f"those of {white} are valid only for white residuals": white != ""
-        and min(test.white_p for test in tests) < calm,
-    }
+def failed(tests: Sequence[ResidualTest], white: str = "") -> list[str]:
+    """Why residuals allow no intervals; `white` is a structure that needs white ones."""
+    calm, reasons = CALM / len(tests), []
+    if min(test.cross_p for test in tests) < calm:
+        reasons.append("its residuals depend on past inputs")
+    if white and min(test.white_p for test in tests) < calm:
+        reasons.append(f"those of {white} are valid only for white residuals")
+    return reasons
 
 
 def residual_test(errors: np.ndarray, series: Series, parameters: int = 0, nearest: int = 0) -> ResidualTest:
