@@ -42,8 +42,7 @@ class Orbits:
         foot: (B, H) harmonics of the foot's acceleration [m/s^2].
         converged: (B,) whether there is such a motion. Where there is none, the motion that grows with the base ends
             at a fold below the full one: a damper that bends takes no more power than it takes there.
-        slopes: (B, 2, H, 13) derivatives of shank and foot to the parameters; None where not requested.
-        stretch_slopes: (B, 2, H, 13) derivatives of the stretches.
+        stretch_slopes: (B, 2, H, 13) derivatives of the stretches to the parameters; None where not requested.
         force_by_stretch: (B, 2, 2 H, 2 H) of the joint forces.
     """
 
@@ -53,9 +52,21 @@ class Orbits:
     shank: np.ndarray
     foot: np.ndarray
     converged: np.ndarray
-    slopes: np.ndarray | None
     stretch_slopes: np.ndarray | None
     force_by_stretch: np.ndarray
+
+    @property
+    def _s2(self) -> np.ndarray:
+        """(B, H) -(h w)^2."""
+        return -((self.omega[:, None] * np.arange(1, self.shank.shape[1] + 1)) ** 2)
+
+    @property
+    def slopes(self) -> np.ndarray | None:
+        """(B, 2, H, 13) derivatives of shank and foot to the parameters; None where not requested."""
+        if self.stretch_slopes is None:
+            return None
+        foot = self._s2[..., None] * self.stretch_slopes[:, 1]
+        return np.stack([foot + self._s2[..., None] * self.stretch_slopes[:, 0], foot], 1)
 
     def by_base(self) -> np.ndarray:
         """Derivatives (B, 2, 2 H, 2 H) of shank and foot, real parts before imaginary ones, to the base's harmonics."""
@@ -64,10 +75,9 @@ class Orbits:
         unit[2 * H :] = np.eye(2 * H)
         system = _System(self.theta, self.omega, np.zeros_like(self.shank), slopes=False)
         moved = -system.solved(self.force_by_stretch, np.broadcast_to(unit, (B, 4 * H, 2 * H)))
-        dT = self.force_by_stretch[:, 0] @ moved[:, : 2 * H]
-        dF = self.force_by_stretch[:, 1] @ moved[:, 2 * H :]
-        m_S, m_F = (self.theta[:, _AT[n], None, None] for n in ("m_S", "m_F"))
-        return np.stack([-dT / m_S, (dT - dF) / m_F], 1)
+        s2 = np.tile(self._s2, 2)[..., None]
+        foot = np.eye(2 * H) + s2 * moved[:, 2 * H :]
+        return np.stack([foot + s2 * moved[:, : 2 * H], foot], 1)
 
     def states(self) -> np.ndarray:
         """(B, 4) z_1, z_2 [m] and their rates [m/s] at the beginning of a period."""
@@ -342,49 +352,27 @@ def _newton(system: _System, Z: np.ndarray, tolerance: float, passes: int) -> Or
             going = going[left]
             Z[going] += ahead[left]
         F, z, G, e, K, X = state
-        D = system.by_parameter(Z, F, z, G, e) if system.slopes else None
-        if D is not None:
-            X = np.concatenate([X, -system.solved(K, _real(system.by_parameter_of_balance(F, D)))], -1)
-        return _orbits_of(system, Z, F, K, X, D, done)
+        dZ = None
+        if system.slopes:
+            D = system.by_parameter(Z, F, z, G, e)
+            dZ = _complex(-system.solved(K, _real(system.by_parameter_of_balance(F, D))))
+        return _orbits_of(system, Z + _complex(X[..., 0]), K, dZ, done)
 
 
 def _solve(J: np.ndarray, right: np.ndarray) -> np.ndarray:
     """Solutions (B, n, k), NaN where a matrix is singular or not finite."""
-    good = np.isfinite(J).all((1, 2)) & np.isfinite(right).all((1, 2))
-    J, right = np.where(good[:, None, None], J, np.eye(J.shape[1])), np.where(good[:, None, None], right, np.nan)
-    try:
-        return np.linalg.solve(J, right)
-    except np.linalg.LinAlgError:  # one of them is singular
-        return np.stack([_solve_one(j, r) for j, r in zip(J, right, strict=True)])
-
-
-def _solve_one(J: np.ndarray, right: np.ndarray) -> np.ndarray:
     try:
         return np.linalg.solve(J, right)
     except np.linalg.LinAlgError:
-        return np.full_like(right, np.nan)
+        if len(J) == 1:
+            return np.full_like(right, np.nan)
+        return np.concatenate([_solve(j[None], r[None]) for j, r in zip(J, right, strict=True)])
 
 
-def _orbits_of(
-    system: _System, Z: np.ndarray, F: np.ndarray, K: np.ndarray, X: np.ndarray, D: np.ndarray | None, done: np.ndarray
-) -> Orbits:
-    n = 2 * system.H
-    aS, aF = system.aS[..., None], system.aF[..., None]
-
-    def following(x: np.ndarray) -> np.ndarray:
-        """What the joint forces (B, 2, H, k) change by where the stretches change by x (B, 4 H, k)."""
-        return _complex(np.concatenate([K[:, 0] @ x[:, :n], K[:, 1] @ x[:, n:]], 1))
-
-    F = F + following(X[..., :1])[..., 0]
-    slopes = dZ = None
-    if D is not None:
-        dF = D + following(X[..., 1:])
-        slopes = np.stack([-aS * dF[:, 0], aF * (dF[:, 0] - dF[:, 1])], 1)
-        slopes[:, 0, :, _AT["m_S"]] += F[:, 0] * system.aS**2
-        slopes[:, 1, :, _AT["m_F"]] -= (F[:, 0] - F[:, 1]) * system.aF**2
-        dZ = _complex(X[..., 1:])
-    shank, foot = -system.aS * F[:, 0], system.aF * (F[:, 0] - F[:, 1])
-    return Orbits(system.omega, system.theta, Z + _complex(X[..., 0]), shank, foot, done, slopes, dZ, K)
+def _orbits_of(system: _System, Z: np.ndarray, K: np.ndarray, dZ: np.ndarray | None, done: np.ndarray) -> Orbits:
+    """Motions of stretches Z: the foot moves with the base and by the pad's stretch, the shank by the ankle's, too."""
+    foot = system.base + system.s**2 * Z[:, 1]
+    return Orbits(system.omega, system.theta, Z, foot + system.s**2 * Z[:, 0], foot, done, dZ, K)
 
 
 def _grown(system: _System, tolerance: float) -> Orbits:
