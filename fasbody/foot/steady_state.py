@@ -41,8 +41,11 @@ ACCELERATION, WITH_CHANGES = 1.0, 1e-4
 #: that is pressed lightly slips at 1e-4 m/s.
 SHARES = (1.0, 1e-1, 1e-2, 1e-3, 1e-4)
 #: Shares of a difference over which slopes about rest are compared, by how much they may differ, and by how much less
-#: over the smaller ones: a tenth where the force is smooth. The rounding of a stiff force is below the last.
-_NEARER, _SAME, _SMOOTH, _ROUNDED = (1.0, 1e-1, 1e-2), 1e-3, 0.2, 1e-4
+#: over the smaller ones: a tenth where the force is smooth.
+_NEARER, _SAME, _SMOOTH = (1.0, 1e-1, 1e-2), 1e-3, 0.2
+#: Places beside the smallest difference at which a force lies on a line but for its rounding, by which it is known, and
+#: the rounding of a slope at most over that.
+_BESIDE, _ROUNDED = (1.0, 1.01, 1.02), 20.0
 #: Time after which what falls has come to rest [s].
 _FALL = 2.0
 #: Difference in a parameter as a share of its size, and in harmonics of the base [m/s^2].
@@ -105,17 +108,19 @@ class Engine:
 
     def corners(self, motion: Array) -> list[str]:
         """Joints about which the force has no slope at one instant (3, 1, c): one on each side, or ever more."""
-        nv, sizes = self.model.nv, np.array([POSITION, RATE])
-        steps = np.multiply.outer(np.multiply.outer(sizes, _NEARER), [1.0, -1.0])
+        nv, shares = self.model.nv, np.array([*_NEARER[:-1], *(_NEARER[-1] * x for x in _BESIDE)])
+        steps = np.multiply.outer(np.multiply.outer([POSITION, RATE], shares), [1.0, -1.0])
         beside = np.zeros((3, *steps.shape, nv, self.size))
         for order in range(2):
             beside[order, order, ..., :nv] = steps[order, ..., None, None] * np.eye(nv)
         near = motion + beside.reshape(3, -1, self.size)
         forces = self.rows(near)[:, :nv].reshape(*steps.shape, nv, nv)
-        slopes = (forces - self.rows(motion)[0, :nv]) / steps[..., None, None]
+        last = len(_NEARER) - 1
+        rounding = np.abs(np.diff(forces[:, last:], n=2, axis=1)).max((1, 2, 3)) / steps[:, last, :1]
+        slopes = ((forces - self.rows(motion)[0, :nv]) / steps[..., None, None])[:, : last + 1]
         coarse, fine = (np.ptp(part, axis=(1, 2)) for part in (slopes[:, :2], slopes[:, 1:]))
-        size = np.abs(slopes).max((1, 2))
-        least = np.maximum(_SAME * size.max(-1, keepdims=True), _ROUNDED * size.max(-2, keepdims=True))
+        size = np.abs(slopes).max((1, 2)).max(-1, keepdims=True)
+        least = np.maximum(_SAME * size, _ROUNDED * rounding[:, None])
         apart = ((fine > least) & (fine > _SMOOTH * coarse)).any(2)
         (still,) = self.constraints(motion)  # what touches within a step is a kink elsewhere
         apart &= np.reshape([acting == still for acting in self.constraints(near)], (*steps.shape, nv)).all((1, 2))
