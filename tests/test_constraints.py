@@ -247,7 +247,7 @@ def test_a_force_without_a_slope_at_rest_has_no_small_motion(old: str, new: str,
 
 
 def test_rounding_of_a_stiff_closure_is_no_corner() -> None:
-    """An arch that carries its own weight: its forces are rounded to 1e-4 N, ten times what a step of 1e-8 m changes."""
+    """An arch that carries its own weight: its forces are rounded to 1e-4 N, ten times a step of 1e-8 m."""
     Linear(load(mjcf.text("foot_arch").replace('gravity="0 0 0"', 'gravity="0 -9.81 0"')))
 
 
