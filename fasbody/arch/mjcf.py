@@ -303,8 +303,11 @@ def _check_tendons(data: mujoco.MjData, index: Index, name: str) -> None:
             raise ModelError(f"{name}: {element_name(model, 'tendon', t)} pulls, and the equations lack it; remove it.")
     for tendon in (*PADS, FASCIA):
         t = index["tendon", tendon]
-        if np.abs(model.tendon_lengthspring[t] - model.tendon_length0[t]).max() > TOLERANCE:
-            raise ModelError(f"{name}: tendon {tendon!r} has a spring that pulls at rest; remove its springlength.")
+        low, high = model.tendon_lengthspring[t] - model.tendon_length0[t]
+        if max(abs(low), abs(high)) > TOLERANCE:
+            slack = low <= TOLERANCE and high >= -TOLERANCE
+            does = "is slack over a part of its way, where the equations have a spring" if slack else "pulls at rest"
+            raise ModelError(f"{name}: the spring of tendon {tendon!r} {does}; remove its springlength.")
     fascia = index["tendon", FASCIA]
     if _at_rest(model, "tendon", fascia, name)[1] or _law(model, "tendon", fascia)[0]:
         raise ModelError(
