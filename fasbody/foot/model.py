@@ -797,9 +797,12 @@ def can_be_constrained(model: mujoco.MjModel) -> bool:
 
 def can_change(model: mujoco.MjModel) -> bool:
     """Whether anything in a model can touch, stop or slip."""
-    touches = np.bitwise_and.outer(model.geom_contype, model.geom_conaffinity).any() or model.npair or model.nflex
     limited = model.jnt_limited.any() or model.tendon_limited.any()
-    return bool(touches or limited or model.dof_frictionloss.any() or model.tendon_frictionloss.any())
+    return bool(_can_touch(model) or limited or model.dof_frictionloss.any() or model.tendon_frictionloss.any())
+
+
+def _can_touch(model: mujoco.MjModel) -> bool:
+    return bool(np.bitwise_and.outer(model.geom_contype, model.geom_conaffinity).any() or model.npair or model.nflex)
 
 
 def check_free(model: mujoco.MjModel, name: str) -> None:
@@ -822,7 +825,7 @@ def check_free(model: mujoco.MjModel, name: str) -> None:
         for number in np.flatnonzero(friction):
             element = getattr(model, kind)(model.dof_jntid[number] if kind == "joint" else number).name
             raise ModelError(f"{name}: {kind} {element!r} has dry friction, which no linear equation has.")
-    if np.bitwise_and.outer(model.geom_contype, model.geom_conaffinity).any() or model.npair or model.nflex:
+    if _can_touch(model):
         raise ModelError(
             f'{name}: geoms can touch, which no linear equation has; use contype="0" conaffinity="0" and no <pair>.'
         )

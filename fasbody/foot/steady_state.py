@@ -18,6 +18,7 @@ import copy
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -365,14 +366,8 @@ class Orbit:
         return bool(np.abs(self.multipliers[0]) < 1)
 
 
-@dataclass(frozen=True)
-class Loose:
-    """What no spring holds: why a foot stands nowhere.
-
-    Attributes:
-        text: a sentence.
-        falls: weight or the table move it; else it stays wherever it is.
-    """
+class Loose(NamedTuple):
+    """Why a foot stands nowhere: a sentence, and whether weight moves what is loose, which else stays where it is."""
 
     text: str
     falls: bool
