@@ -319,6 +319,7 @@ def test_a_shoe_of_another_file_is_followed_or_refused(edited: Edit, way: str, d
         geom = spec.body("foot").add_body(name="a_shoe").add_geom(name="a_sole", size=[0.1, 0, 0], density=density)
         geom.mass = 0.0 if default else np.nan
     model = file if way == "attach" else spec
+    assert (file.with_name("shoe.xml") in mjcf.parts(file)) == (way == "attach")  # the page reads it again, too
     if default:
         with pytest.raises(ModelError, match=r"geom 'a_sole' has the density|body 'a_shoe' weighs nothing"):
             load(model)

@@ -41,7 +41,7 @@ _WATERY = re.compile(r"""\sdensity\s*=\s*["']\s*(1000(\.0*)?|1e3)\s*["']""")
 #: The actuator that is the static load of a model without gravity.
 WEIGHT = "weight"
 #: What lets the compiler change masses and inertias.
-_BOUNDS = ("boundmass", "boundinertia", "balanceinertia")
+_BOUNDS, _WEIGHS = ("boundmass", "boundinertia", "balanceinertia"), ("mass", "inertia")
 #: Parts of the physics that no model may switch off.
 _NEEDED = ("spring", "damper", "gravity", "equality", "actuation", "sensor")
 
@@ -335,20 +335,27 @@ def _check_bounds(spec: mujoco.MjSpec, compiled: mujoco.MjModel, name: str) -> N
                 setattr(body.compiler, bound, 0)
     if not used:
         return
-    by = f"<compiler {' '.join(sorted(used))}>"
+    by, advice = f"<compiler {' '.join(sorted(used))}>", "write at the body what is meant, and leave the attribute out."
     try:
         unbound = plain.compile()
     except ValueError as error:
-        clause = compiler_complaint(str(error))[0]
-        raise ModelError(f"{name}: {by} covers what cannot be ({clause}); write what can be.") from None
-    for quantity in ("mass", "inertia"):
-        stated, taken = getattr(unbound, f"body_{quantity}"), getattr(compiled, f"body_{quantity}")
-        for i in np.flatnonzero(np.any(stated != taken, axis=-1) if stated.ndim > 1 else stated != taken):
-            numbers, more = (" ".join(f"{x:g}" for x in np.ravel(values[i])) for values in (stated, taken))
-            raise ModelError(
-                f"{name}: body {compiled.body(i).name!r} has the {quantity} {numbers}, and {by} makes it {more}; write "
-                "at the body what is meant, and leave the attribute out."
-            )
+        clause = compiler_complaint(str(error))[0].partition(";")[0]
+        body = re.match(r"'([^']*)'", clause)
+        given = [f"{part} {_listed(getattr(compiled.body(body[1]), part))}" for part in _WEIGHS if body]
+        takes = " and ".join(given) or "something else"
+        raise ModelError(f"{name}: body {clause}, where {by} takes {takes}; {advice}") from None
+    for quantity in _WEIGHS:
+        for i in range(compiled.nbody):
+            stated, taken = (_listed(getattr(model.body(i), quantity)) for model in (unbound, compiled))
+            if stated != taken:
+                raise ModelError(
+                    f"{name}: body {compiled.body(i).name!r} has the {quantity} {stated}, and {by} makes it {taken}; "
+                    f"{advice}"
+                )
+
+
+def _listed(numbers: np.ndarray) -> str:
+    return " ".join(f"{number:g}" for number in numbers)
 
 
 def check(model: mujoco.MjModel, name: str) -> Foot:
