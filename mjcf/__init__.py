@@ -14,7 +14,7 @@ SHAKER = _FOLDER / "shaker.xml"
 _SHAKER = re.compile(r"""^ *<include file="[^"]*shaker\.xml"\s*/>\n""", re.MULTILINE)
 _CONTENT = re.compile(r"<mujoco>\n(.*)</mujoco>", re.DOTALL)
 _COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
-_INCLUDE = re.compile(r"""<include\s[^>]*?\bfile\s*=\s*["']([^"']+)["']""")
+_INCLUDE = re.compile(r"""<(?:include|model)\s[^>]*?\bfile\s*=\s*["']([^"']+)["']""")
 
 
 def names() -> list[str]:
@@ -50,7 +50,7 @@ def whole(model: str) -> str:
 
 
 def included(model: str) -> list[str]:
-    """Files that MJCF includes, as it names them."""
+    """Files that MJCF includes or attaches models of, as it names them."""
     return _INCLUDE.findall(without_comments(model))
 
 
@@ -60,7 +60,7 @@ def without_comments(model: str) -> str:
 
 
 def parts(file: Path) -> list[Path]:
-    """An MJCF file and those that it includes and that exist, absolute, the file first.
+    """An MJCF file and those that it includes or attaches and that exist, absolute, the file first.
 
     MuJoCo looks beside the main file, then beside the one that includes.
     """

@@ -148,7 +148,7 @@ def stepped(file: Path) -> dict[str, complex]:
     else:
         try:
             slowest = -Linear(foot).eigenvalues().real.max()
-        except SimulationError:  # what touches or stops at rest
+        except SimulationError:  # it rests nowhere, or touches there
             slowest = 0.0
         fading, step = 12 / max(slowest, 11.0), 5e-4
     run = simulate(foot, harmonics(HZ, [PEAK], fading + 2 / HZ), step=step)
@@ -429,7 +429,7 @@ TWO_DOF = (
           truth=chain(replace(FOOT, c=800 * np.exp(-50 * (x := FOOT.mass * G / 1e5)) * np.cos(100 * x)), SHANK, at=1),
           leg="gravity"),
     _edit("two_dof", "no body lighter than 2 kg", ('angle="radian"', 'angle="radian" boundmass="2"'),
-          truth=chain(replace(FOOT, mass=2.0), SHANK, at=1)),
+          load="body 'base' has the mass 1, and <compiler boundmass> makes it 2"),
     _edit("two_dof", "a shank welded to the foot",
           (TENDONS, '<equality><weld name="weld" body1="shank" body2="foot" solref="-1e7 -1e4" solimp="0.9999 0.9999 0.001"/>'
            '</equality>' + TENDONS), truth=replace(chain(replace(FOOT, mass=FOOT.mass + SHANK.mass), at=0), singular=None),
@@ -578,6 +578,8 @@ SENSED = '<framelinacc name="malleolus" objtype="site" objname="malleolus"/>'
 LEVEL = '<accelerometer name="malleolus" site="malleolus"/>'
 
 
+IN_SHOE = (IN_FOOT, IN_FOOT + '<body name="shoe"><geom size="0.1"/></body>')
+WHEEL = '<body name="wheel"><joint name="spin" type="hinge" axis="0 0 1"/><inertial pos="0 0 0" mass="0.1" diaginertia="1e-4 1e-4 1e-4"/></body><site name="foot" '
 WALL = '<geom name="wall" type="box" size="0.01 0.3 0.1" pos="-0.11 0 0"/>'
 HEEL = '<geom name="heel" type="sphere" size="0.04" pos="-0.06 0.02 0"/><site name="foot" '
 
@@ -603,6 +605,11 @@ def _rubbing() -> complex:
 def _without(*parameters: str) -> tuple[tuple[str, str], ...]:
     lines = mjcf.text("two_dof").splitlines()
     return tuple((line + "\n", "") for line in lines if any(f'<text name="{name}"' in line for name in parameters))
+
+
+def _loose(words: str) -> dict[str, str]:
+    """What needs a pose of rest says these words."""
+    return dict.fromkeys(("balance", "fit", "energy", "modes", "curve", "viewer"), words)
 
 
 FRESH = (
@@ -702,6 +709,26 @@ FRESH = (
           ('<joint name="fat_pad"', '<joint name="press" axis="1 0 0" stiffness="2e3" damping="20"/><joint name="fat_pad"'),
           (TENDONS, '<contact><pair geom1="heel" geom2="wall" friction="0.8 0.8"/></contact>' + TENDONS),
           **dict.fromkeys(("curve", "viewer"), "the contact of geom 'heel' and geom 'wall' touches, stops or slips as soon")),
+    _edit("two_dof", "a bound below all masses in place of none", ('angle="radian"', 'angle="radian" boundmass="0.5"'), truth=chain(FOOT, SHANK, at=1)),
+    _edit("two_dof", "inertias raised", ('angle="radian"', 'angle="radian" boundinertia="5e-3"'),
+          load="body 'foot' has the inertia 0.001 0.001 0.001, and <compiler boundinertia> makes it 0.005"),
+    _edit("two_dof", "an inertia that is balanced", ('angle="radian"', 'angle="radian" balanceinertia="true"'),
+          ('"1e-3 1e-3 1e-3"', '"1e-3 1e-3 5e-3"'), load="body 'foot': inertia must satisfy .*, where <compiler balanceinertia> takes mass 1.05227 and inertia 0.00233333 0.00233333"),
+    _edit("two_dof", "a shoe of a geom without mass", IN_SHOE, load="body 'shoe' weighs nothing"),
+    _edit("two_dof", "a shoe that is only drawn in place of none", (IN_SHOE[0], IN_SHOE[1].replace("size", 'density="0" size')), truth=chain(FOOT, SHANK, at=1)),
+    _edit("two_dof", "a wheel that turns freely", ('<site name="foot" ', WHEEL),
+          truth=chain(replace(FOOT, mass=FOOT.mass + 0.1), SHANK, at=1), leg="joint 'spin'", **_loose("brings joint 'spin' back")),
+    _edit("two_dof", "a foot without a spring", (FAT_PAD, 'name="fat_pad" damping="800"'), *_without("k_F", "c_21", "c_22", "c_23"),
+          simulate="nothing carries joint 'fat_pad'", **_loose("nothing carries joint 'fat_pad'")),
+    _edit("two_dof", "a state that nothing brings back", (ACTUATORS, '<general name="exo" joint="talocrural" dyntype="user" actdim="1"/>' + ACTUATORS),
+          truth=chain(FOOT, SHANK, at=1), leg="actuator 'exo'", **_loose("brings actuator 'exo' back")),
+    _edit("two_dof", "a Maxwell element at the pad", (ACTUATORS, '<general name="relax" joint="fat_pad" dyntype="user" actdim="1" gainprm="0" '
+          'biastype="user" biasprm="3 7e4 0.006"/>' + ACTUATORS), ("</custom>", '<text name="tau" data="s | 1e-3 | 1 | actuator relax biasprm 2 | made"/></custom>'),
+          truth=replace(chain(replace(FOOT, k=1e5 + 7e4 * 6e-3 * S / (1 + 6e-3 * S)), SHANK, at=1), singular=None), leg="actuator 'relax'"),
+    _edit("two_dof", "a servo that drives the ankle away", (ACTUATORS, f'<general {SERVO} gainprm="0" biastype="affine" biasprm="0 2e5 0"/>' + ACTUATORS),
+          simulate="topples about joint 'talocrural': actuator 'servo' drives"),
+    _edit("foot_arch", "a fascia that is slack", ('name="plantar_aponeurosis" stiffness="15e3"', 'name="plantar_aponeurosis" stiffness="15e3" springlength="0 0.17"'),
+          arch="tendon 'plantar_aponeurosis' is slack over a part"),
     _edit("foot_arch", "a step of 1 ms", ('timestep="1e-4"', 'timestep="1e-3"'), truth=arch()),
 )  # fmt: skip
 

@@ -1,12 +1,15 @@
 """The force laws against closed forms: exponential integrals, differences, quadrature of the hereditary integral."""
 
 import math
+import re
+from pathlib import Path
 
 import numpy as np
 import pytest
 from scipy.integrate import quad
 from scipy.special import exp1
 
+import mjcf
 from fasbody.foot import damper
 from fasbody.foot.damper import algebraic_force, damping
 
@@ -102,6 +105,12 @@ def test_native_damping_is_a_share_of_the_same_damper() -> None:
 def test_laws_say_their_equation_and_fit_the_user_field() -> None:
     assert [law.code for law in damper.LAWS] == [4.22, 3, 4.23, 4.24, 1, 2, 4.25]
     assert all(1 + len(law.parameters) <= damper.USER_SIZE for law in damper.LAWS)
+
+
+def test_the_page_of_the_models_has_each_law_with_its_constants_in_their_order() -> None:
+    rows = re.findall(r"^\| `([\d.]+ [^`]+)` \|", (Path(mjcf.__file__).parent / "README.md").read_text(), re.MULTILINE)
+    laws = [" ".join([law.equation, *(parameter.split()[0] for parameter in law.parameters)]) for law in damper.LAWS]
+    assert sorted(rows) == sorted(laws)
 
 
 @pytest.mark.parametrize("user", [

@@ -295,6 +295,47 @@ def test_a_shoe_without_weight_is_refused_wherever_its_density_stands(edited: Ed
         load(edited(("<default>", '<default><default class="shoe"><geom density="1000"/></default>')))
 
 
+ATTACHED = (
+    '<mujoco model="shoe">{}<worldbody><body name="shoe"><geom name="sole" size="0.1" {}/></body></worldbody></mujoco>'
+)
+ATTACHES = (
+    ("<worldbody>", '<asset><model name="shoe" file="shoe.xml"/></asset><worldbody>'),
+    ('<site name="foot" ', '<attach model="shoe" body="shoe" prefix="a_"/><site name="foot" '),
+)
+MASSLESS = '<default><geom mass="0"/></default>'
+
+
+@pytest.mark.parametrize("default", [MASSLESS, ""], ids=["massless class", "no class"])
+@pytest.mark.parametrize("density", [300, 1000])
+@pytest.mark.parametrize("way", ["attach", "MjSpec", "add_geom"])
+def test_a_shoe_of_another_file_is_followed_or_refused(edited: Edit, way: str, density: int, default: str) -> None:
+    child, weighs = ATTACHED.format(default, f'density="{density}"'), density * 4 / 3 * np.pi * 0.1**3
+    file = edited(*ATTACHES) if way == "attach" else edited()
+    file.with_name("shoe.xml").write_text(child)
+    spec = mujoco.MjSpec.from_file(str(file))
+    if way == "MjSpec":
+        spec.body("foot").add_frame().attach_body(mujoco.MjSpec.from_string(child).body("shoe"), "a_", "")
+    elif way == "add_geom":
+        geom = spec.body("foot").add_body(name="a_shoe").add_geom(name="a_sole", size=[0.1, 0, 0], density=density)
+        geom.mass = 0.0 if default else np.nan
+    model = file if way == "attach" else spec
+    assert (file.with_name("shoe.xml") in mjcf.parts(file)) == (way == "attach")  # the page reads it again, too
+    if default:
+        with pytest.raises(ModelError, match=r"geom 'a_sole' has the density|body 'a_shoe' weighs nothing"):
+            load(model)
+    else:
+        assert load(model).model.body("a_shoe").mass[0] == pytest.approx(weighs)
+
+
+def test_a_bound_that_another_file_brings_is_refused(edited: Edit) -> None:
+    file, child = edited(*ATTACHES), ATTACHED.format('<compiler boundmass="{}"/>', 'mass="0.3"')
+    file.with_name("shoe.xml").write_text(child.format("0.2"))
+    assert load(file).model.body("a_shoe").mass[0] == 0.3
+    file.with_name("shoe.xml").write_text(child.format("2.00"))
+    with pytest.raises(ModelError, match=r"body 'a_shoe' has the mass 0\.3, and <compiler boundmass> makes it 2"):
+        load(file)
+
+
 def test_a_kv_that_is_written_and_a_mass_that_only_slides_are_followed(edited: Edit) -> None:
     actuator = '<general name="shaker_a3" joint="base" gainprm="0"/>'
     load(edited((actuator, actuator + '<position name="hold" joint="talocrural" kp="5e4" kv="90"/>')))

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from pathlib import Path
 
+import mujoco
 import numpy as np
 import oracle
 import pytest
@@ -11,6 +12,7 @@ import thesis
 import mjcf
 from fasbody.exceptions import SettingError, SimulationError, UnstableError
 from fasbody.foot import shaker
+from fasbody.foot.engine import SHAKER_CONTROLS, callbacks
 from fasbody.foot.model import Foot, can_be_constrained, load
 from fasbody.foot.simulate import Batch, simulate
 from fasbody.foot.steady_state import Balance
@@ -257,9 +259,7 @@ SOFT = ARCH.replace('damping="2" user="4.25 2 0 0"', 'damping="0.2" user="4.25 0
 SOFT_ANKLE = ARCH.replace('joint name="talocrural" stiffness="1e6"', 'joint name="talocrural" stiffness="1e5"')
 
 
-@pytest.mark.parametrize(
-    ("text", "step"), [(ARCH, "2.5e-4"), (SOFT_ANKLE, "2.5e-4"), (ARCH, "2e-3"), (SOFT, "2.5e-4")]
-)
+@pytest.mark.parametrize(("text", "step"), [(ARCH, "2.5e-4"), (SOFT_ANKLE, "2.5e-4"), (ARCH, "2e-3"), (SOFT, "2.5e-4")])
 def test_the_stated_error_bounds_the_true_one(text: str, step: str) -> None:
     """Of the arch two errors fall at different rates, or the first step diverges; harmonic balance has no step."""
     foot, hz = load(text.replace('timestep="1e-4"', f'timestep="{step}"')), 40.0
@@ -295,6 +295,31 @@ def test_the_pose_of_rest_is_found_once(monkeypatch: pytest.MonkeyPatch, name: s
     monkeypatch.setattr(Batch, "standing", lambda self, step: calls.append(step) or standing(self, step))
     simulate(load(name), shaker.sine(20.0, 0.01), accept=None)
     assert len(calls) == searched
+
+
+TIES = {
+    "joint": '<equality><joint joint1="talocrural" joint2="fat_pad"/></equality>',
+    "tendon": '<tendon><fixed name="both"><joint joint="fat_pad" coef="1"/><joint joint="talocrural" coef="-1"/>'
+    '</fixed></tendon><equality><tendon tendon1="both"/></equality>',
+    "connect": '<equality><connect body1="shank" body2="foot" anchor="0 0 0"/></equality>',
+}
+
+
+@pytest.mark.parametrize("hz", [10.0, 25.0, 45.0])
+@pytest.mark.parametrize("tie", TIES)
+def test_the_stated_error_is_that_of_plain_mujoco_at_a_tenth_of_the_step(tie: str, hz: float) -> None:
+    foot, motion = load(mjcf.text("two_dof").replace("</mujoco>", TIES[tie] + "</mujoco>")), shaker.sine(hz, 0.2)
+    run = simulate(foot, motion, step=2e-3)
+    model, steps = foot.with_values({}, step=2e-4).model, 10
+    data, fine = mujoco.MjData(model), []
+    data.qpos[foot.base], data.qvel[foot.base] = motion.start or (0.0, 0.0)
+    with callbacks():
+        for controls in motion.controls(2e-4, steps * run.time.size):
+            data.ctrl[foot.shaker :][:SHAKER_CONTROLS] = controls
+            mujoco.mj_step(model, data)
+            fine.append(float(foot.sensors["malleolus"].read(data.sensordata)))
+    off = np.std(run.malleolus[0] - fine[::steps]) / np.std(fine[::steps])
+    assert run.step_s == 2e-3 and off < 1.05 * run.step_error < 1e-3
 
 
 def test_the_step_of_runge_kutta_is_fine(foot: Foot) -> None:

@@ -419,8 +419,36 @@ def test_a_foot_that_does_not_stand_in_the_pose_of_its_file(name: str, old: str,
 
 def test_nothing_carries_a_foot_without_springs() -> None:
     text = mjcf.text("two_dof").replace(PAD, "").replace(*GRAVITY)
-    with pytest.raises(SimulationError, match="nothing carries it"):
+    with pytest.raises(SimulationError, match="nothing carries joint 'fat_pad'"):
         standing(load(text))
+
+
+@pytest.mark.parametrize("gravity", ["0 0 0", "0 -9.81 0"])
+@pytest.mark.parametrize("beside", [False, True], ids=["on the table", "beside it"])
+def test_a_foot_in_free_fall_is_refused_by_its_joint(gravity: str, beside: bool) -> None:
+    """Also where it never was on the table."""
+    text = mjcf.text("two_dof").replace(GRAVITY[0], f'gravity="{gravity}"').replace(PAD, "")
+    if beside:
+        text = text.replace('<body name="foot"', '</body><body name="foot"').replace(
+            "</body>\n  </worldbody>", "</worldbody>"
+        )
+    foot = load("\n".join(line for line in text.splitlines() if "joint fat_pad" not in line))
+    with pytest.raises(SimulationError, match="nothing carries joint 'fat_pad'"):
+        simulate(foot, harmonics(20.0, [1.0], 0.2))
+
+
+@pytest.mark.parametrize(("at", "stands"), [(0.06, True), (0.5, False)], ids=["on the table", "off its edge"])
+@pytest.mark.parametrize("slides", ["", '<joint name="slip" axis="1 0 0"/>'], ids=["guided", "on friction"])
+def test_what_a_contact_carries_is_simulated(at: float, stands: bool, slides: str) -> None:
+    sole = f'<geom name="sole" type="box" size="0.1 0.02 0.04" pos="{at} 0 0"/><site name="foot" '
+    text = mjcf.text("two_dof").replace(*GRAVITY).replace(PAD + "/>", "/>" + slides).replace('<site name="foot" ', sole)
+    text = text.replace("<sensor>", '<contact><pair geom1="table" geom2="sole"/></contact><sensor>')
+    foot = load("\n".join(line for line in text.splitlines() if "joint fat_pad" not in line))
+    if stands:
+        assert np.ptp(simulate(foot, harmonics(20.0, [1.0], 0.3)).qpos[..., 1]) < 1e-3
+    else:
+        with pytest.raises(SimulationError, match="nothing carries joint 'fat_pad'"):
+            simulate(foot, harmonics(20.0, [1.0], 0.3))
 
 
 @pytest.mark.parametrize(("stiffness", "stands"), [(7.0, False), (9.0, True)])

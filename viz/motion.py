@@ -17,9 +17,9 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from fasbody.exceptions import PeriodicMotionError, SimulationError, UnstableError
-from fasbody.foot.damper import algebraic_force
 from fasbody.foot.engine import callbacks
 from fasbody.foot.harmonic_balance import Fourier
+from fasbody.foot.hysteresis import stretched
 from fasbody.foot.linear import Linear
 from fasbody.foot.model import Foot
 from fasbody.foot.parameters import names
@@ -334,34 +334,6 @@ def watched(model: mujoco.MjModel) -> dict[str, list[tuple[str, int]]]:
     return {label: elements for label, elements in by_label.items() if elements}
 
 
-def loop_point(model: mujoco.MjModel, data: mujoco.MjData, kind: str, i: int) -> tuple[float, float]:
-    """Extension [m] and tensile force [N] of a joint or tendon: spring, damper, law, and actuators that act on it."""
-    if kind == "joint":
-        q, v = model.jnt_qposadr[i], model.jnt_dofadr[i]
-        x, x_dot, spring = data.qpos[q] - model.qpos_spring[q], data.qvel[v], data.qpos[q] - model.qpos_spring[q]
-        rows = model.jnt_stiffness[i], model.jnt_stiffnesspoly[i], model.dof_damping[v], model.dof_dampingpoly[v]
-        user, through = model.jnt_user, mujoco.mjtTrn.mjTRN_JOINT
-    else:
-        x, x_dot = data.ten_length[i] - model.tendon_length0[i], data.ten_velocity[i]
-        low, high = model.tendon_lengthspring[i]
-        spring = data.ten_length[i] - np.clip(data.ten_length[i], low, high)
-        rows = (model.tendon_stiffness[i], model.tendon_stiffnesspoly[i],
-                model.tendon_damping[i], model.tendon_dampingpoly[i])  # fmt: skip
-        user, through = model.tendon_user, mujoco.mjtTrn.mjTRN_TENDON
-    k, more_k, c, more_c = (np.ravel(row) for row in rows)
-    force = _polynomial(k[0], more_k, spring, spring) + _polynomial(c[0], more_c, x_dot, abs(x_dot))
-    if user.shape[1]:
-        force -= algebraic_force(user[i], x, x_dot, float(c[0]))
-    on = np.flatnonzero((model.actuator_trntype == through) & (model.actuator_trnid[:, 0] == i))
-    outputs = model.actuator_outadr[on]  # such as the branch of the aponeurosis, or a pad with a memory
-    return float(x), float(force - np.sum(data.actuator_force[outputs] * model.actuator_gear[outputs, 0]))
-
-
-def _polynomial(first: float, more: Array, x: float, size: float) -> float:
-    """MuJoCo's force of a spring, size = x, or of a damper, size = |x|: x (first + more_0 size + more_1 size^2)."""
-    return float(x * (first + sum(factor * size**power for power, factor in enumerate(more, 1))))
-
-
 class States(NamedTuple):
     """Positions (n, nq), velocities (n, nv) and activations (n, na) that are shown."""
 
@@ -391,8 +363,8 @@ def _posed(linear: Linear, states: States, time: Array, duration: float, base: A
             mujoco.mj_forward(model, data)
             position[row], quaternion[row] = data.xpos[index], data.xquat[index]
             for label, elements in watched_elements.items():
-                rows = [loop_point(model, data, kind, i) for kind, i in elements]
-                loops[label][:, row] = np.mean([x for x, _ in rows]), np.sum([force for _, force in rows])
+                x, _, pull = np.transpose([stretched(data, kind, i) for kind, i in elements])
+                loops[label][:, row] = x.mean(), pull.sum()
     still = np.tile([rest[name].quaternion for name in bodies], (len(time), 1))
     turned = Rotation.from_quat(quaternion.reshape(-1, 4), scalar_first=True)  # about the world's axes
     turn = (turned * Rotation.from_quat(still, scalar_first=True).inv()).as_rotvec().reshape(position.shape)

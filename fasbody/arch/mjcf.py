@@ -303,8 +303,11 @@ def _check_tendons(data: mujoco.MjData, index: Index, name: str) -> None:
             raise ModelError(f"{name}: {element_name(model, 'tendon', t)} pulls, and the equations lack it; remove it.")
     for tendon in (*PADS, FASCIA):
         t = index["tendon", tendon]
-        if np.abs(model.tendon_lengthspring[t] - model.tendon_length0[t]).max() > TOLERANCE:
-            raise ModelError(f"{name}: tendon {tendon!r} has a spring that pulls at rest; remove its springlength.")
+        low, high = model.tendon_lengthspring[t] - model.tendon_length0[t]
+        if max(abs(low), abs(high)) > TOLERANCE:
+            slack = low <= TOLERANCE and high >= -TOLERANCE
+            does = "is slack over a part of its way, where the equations have a spring" if slack else "pulls at rest"
+            raise ModelError(f"{name}: the spring of tendon {tendon!r} {does}; remove its springlength.")
     fascia = index["tendon", FASCIA]
     if _at_rest(model, "tendon", fascia, name)[1] or _law(model, "tendon", fascia)[0]:
         raise ModelError(
@@ -325,7 +328,7 @@ def _check_actuators(model: mujoco.MjModel, index: Index, name: str) -> None:
         elif kind != mujoco.mjtTrn.mjTRN_JOINT or target not in base:
             raise ModelError(
                 f"{name}: actuator {called!r} acts on the arch, but the equations have only {BRANCH!r} beside the "
-                "springs and dampers; remove it (a pad with a memory, law 4.22, cannot be followed)."
+                "springs and dampers; remove it (laws with a memory, 4.22 and 3, are such actuators, too)."
             )
 
 

@@ -7,18 +7,19 @@ damper's force, and in a closed cycle the two must be equal: the imbalance is pr
 - The two-mass foot: harmonic balance in closed form, many feet at once, springs that relax included. The shaker's force
   is the rate of change of the momentum on the base.
 - Any other MJCF foot with a `talocrural` and a `fat_pad` (joint or tendon, or the pads of foot_arch): harmonic balance
-  on MuJoCo's inverse dynamics. The force of each part comes from the model with all other parts silenced, so any law
-  of MuJoCo or of the callbacks is allowed. The shaker's force is that on the table.
+  on MuJoCo's inverse dynamics. The force of each part is that of its spring, damper, law and actuators, whichever of
+  MuJoCo's or the callbacks'. The shaker's force is that on the table.
 """
 
-import copy
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import mujoco
 import numpy as np
+from numpy.polynomial.polynomial import polyval
 
 from fasbody.exceptions import ModelError, SimulationError
+from fasbody.foot.damper import algebraic_force
 from fasbody.foot.engine import callbacks
 from fasbody.foot.model import Foot
 from fasbody.foot.parameters import names
@@ -32,11 +33,6 @@ PARTS: Mapping[str, tuple[tuple[str, ...], ...]] = {
     "ankle": (("talocrural",),),
     "fat_pad": (("fat_pad",), ("heel_pad", "forefoot_pad")),
 }
-_PASSIVE = tuple(
-    f"{element}_{quantity}{kind}"
-    for element, quantity in (("jnt", "stiffness"), ("dof", "damping"), ("tendon", "stiffness"), ("tendon", "damping"))
-    for kind in ("", "poly")
-)
 
 
 @dataclass(frozen=True, eq=False)
@@ -164,23 +160,17 @@ def _forces(
         parts: elements by kind and number.
     """
     model, data = balance.model, mujoco.MjData(balance.model)
-    alone = {
-        (part, i): mujoco.MjData(_silenced(model, *element))
-        for part, row in parts.items()
-        for i, element in enumerate(row)
-    }
-    x = {key: np.empty((3, motion.shape[1])) for key in alone}
+    x = {(part, i): np.empty((3, motion.shape[1])) for part, row in parts.items() for i in range(len(row))}
     power = np.empty(motion.shape[1])
     for k, (position, velocity, acceleration) in enumerate(motion.swapaxes(0, 1)):
-        for state in (data, *alone.values()):
-            state.qpos[:], state.act[:] = model.qpos0 + position[: model.nv], position[model.nv :]
-            state.qvel[:], state.qacc[:] = velocity[: model.nv], acceleration[: model.nv]
-            mujoco.mj_inverse(state.model, state)
-            mujoco.mj_fwdActuation(state.model, state)
+        data.qpos[:], data.act[:] = model.qpos0 + position[: model.nv], position[model.nv :]
+        data.qvel[:], data.qacc[:] = velocity[: model.nv], acceleration[: model.nv]
+        mujoco.mj_inverse(model, data)
+        mujoco.mj_fwdActuation(model, data)
         force = data.qfrc_passive + data.qfrc_actuator + data.qfrc_constraint
         power[k] = -np.delete(force * data.qvel, balance.base).sum()
-        for (part, i), silent in alone.items():
-            x[part, i][:, k] = _state(silent, *parts[part][i])
+        for part, i in x:
+            x[part, i][:, k] = stretched(data, *parts[part][i])
     return x, power
 
 
@@ -195,39 +185,30 @@ def _elements(foot: Foot, part: str) -> list[tuple[str, int]]:
     raise ModelError(f"{foot.name}: no joint or tendon is called {valid}, so it has no {part.replace('_', ' ')} loop.")
 
 
-def _silenced(model: mujoco.MjModel, kind: str, number: int) -> mujoco.MjModel:
-    """A copy in which only one joint or tendon has springs, dampers and laws, and neither fluid nor gravcomp pushes."""
-    silent = copy.copy(model)
-    silent.opt.viscosity = silent.opt.density = 0.0
-    silent.body_gravcomp[:] = 0.0
-    keep = {("jnt" if kind == "joint" else "tendon"): number}
-    if kind == "joint":
-        keep["dof"] = int(model.jnt_dofadr[number])
-    for field in (*_PASSIVE, "jnt_user", "tendon_user"):
-        rows = getattr(silent, field)
-        kept = keep.get(field.partition("_")[0])
-        rows[[i for i in range(len(rows)) if i != kept]] = 0.0
-    return silent
+def stretched(data: mujoco.MjData, kind: str, number: int) -> tuple[float, float, float]:
+    """Extension [m] of a joint or tendon, its rate and its pull [N]: of spring, damper, law and actuators on it.
 
-
-def _state(data: mujoco.MjData, kind: str, number: int) -> tuple[float, float, float]:
-    """Extension, its rate and the force [N] with which a part pulls its ends together, all others being silent."""
-    model = data.model
+    Args:
+        data: its forces computed, under `callbacks`.
+        kind: ``joint`` or ``tendon``.
+        number: of the element.
+    """
+    model, i, v = data.model, number, number
     if kind == "joint":
-        q, v = int(model.jnt_qposadr[number]), int(model.jnt_dofadr[number])
-        x, x_dot, pull = data.qpos[q] - model.qpos0[q], data.qvel[v], -data.qfrc_passive[v]
+        v, through, user = model.jnt_dofadr[i], mujoco.mjtTrn.mjTRN_JOINT, model.jnt_user
+        x = spring = data.qpos[model.jnt_qposadr[i]] - model.qpos_spring[model.jnt_qposadr[i]]
+        x_dot, of, on = data.qvel[v], "jnt", "dof"
     else:
-        row = slice(model.ten_J_rowadr[number], model.ten_J_rowadr[number] + model.ten_J_rownnz[number])
-        J, at = data.ten_J[row], model.ten_J_colind[row]
-        x, x_dot = data.ten_length[number] - model.tendon_length0[number], data.ten_velocity[number]
-        pull = -float(J @ data.qfrc_passive[at]) / float(J @ J)
-    return float(x), float(x_dot), float(pull) - _driven(data, kind, number)
-
-
-def _driven(data: mujoco.MjData, kind: str, number: int) -> float:
-    """Force [N] of the actuators on a part: the pad law 4.22 has a memory, so it is one."""
-    model = data.model
-    through = mujoco.mjtTrn.mjTRN_JOINT if kind == "joint" else mujoco.mjtTrn.mjTRN_TENDON
-    on_part = (model.actuator_trntype == through) & (model.actuator_trnid[:, 0] == number)
-    outputs = model.actuator_outadr[np.flatnonzero(on_part)]
-    return float(np.sum(data.actuator_force[outputs] * model.actuator_gear[outputs, 0]))
+        through, user, of, on = mujoco.mjtTrn.mjTRN_TENDON, model.tendon_user, "tendon", "tendon"
+        x, x_dot = data.ten_length[i] - model.tendon_length0[i], data.ten_velocity[i]
+        spring = data.ten_length[i] - np.clip(data.ten_length[i], *model.tendon_lengthspring[i])
+    k, c = (
+        [*np.ravel(getattr(model, field)[j]), *getattr(model, f"{field}poly")[j]]
+        for field, j in ((f"{of}_stiffness", i), (f"{on}_damping", v))
+    )
+    pull = spring * polyval(spring, k) + x_dot * polyval(abs(x_dot), c)
+    if user.shape[1]:
+        pull -= algebraic_force(user[i], x, x_dot, float(c[0]))
+    acts = (model.actuator_trntype == through) & (model.actuator_trnid[:, 0] == i)
+    outputs = model.actuator_outadr[acts]  # such as the branch of the aponeurosis, or a pad with a memory
+    return float(x), float(x_dot), float(pull - data.actuator_force[outputs] @ model.actuator_gear[outputs, 0])

@@ -2,9 +2,10 @@
 
 import copy
 import re
-from collections.abc import Callable, Container, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -39,6 +40,8 @@ _DENSE = re.compile(r"<geom(?=[^>]*\sdensity\s*=)[^>]*>")
 _WATERY = re.compile(r"""\sdensity\s*=\s*["']\s*(1000(\.0*)?|1e3)\s*["']""")
 #: The actuator that is the static load of a model without gravity.
 WEIGHT = "weight"
+#: What lets the compiler change masses and inertias.
+_BOUNDS, _WEIGHS = ("boundmass", "boundinertia", "balanceinertia"), ("mass", "inertia")
 #: Parts of the physics that no model may switch off.
 _NEEDED = ("spring", "damper", "gravity", "equality", "actuation", "sensor")
 
@@ -168,7 +171,8 @@ def load(model: str | Path | mujoco.MjSpec, name: str = "") -> Foot:
     if isinstance(model, mujoco.MjSpec):
         return _checked(lambda: model, "MjSpec")
     if isinstance(model, str) and model.lstrip().startswith("<"):
-        dense = _dense("MJCF text", model)
+        files = [part for name in mjcf.included(model) if Path(name).is_file() for part in mjcf.parts(Path(name))]
+        dense = _dense("MJCF text", model, *(part.read_text(errors="replace") for part in files))
         return _checked(lambda: mujoco.MjSpec.from_string(model, _shaker(model)), "MJCF text", dense=dense)
     file = mjcf.path(str(model)) if str(model) in shipped else Path(model)
     if not file.is_file():
@@ -195,7 +199,7 @@ def _shaker(text: str, folder: Path | None = None) -> dict[str, bytes]:
 
 
 def _dense(of: str, *texts: str) -> set[tuple[int, str]]:
-    """Line and name of each geom whose density is written in MJCF, or in what it includes.
+    """Line and name of each geom whose density is written in MJCF, or in what it includes or attaches.
 
     MuJoCo does not say whether a geom's 1000 kg/m^3 are written or its default.
     """
@@ -215,7 +219,7 @@ def _dense(of: str, *texts: str) -> set[tuple[int, str]]:
 
 def _checked(
     read: Callable[[], mujoco.MjSpec], place: str | Path, name: str = "",
-    dense: Container[tuple[int, str]] = (),
+    dense: Collection[tuple[int, str]] = (),
 ) -> Foot:  # fmt: skip
     """The foot that MuJoCo makes of a model; without a name it has the one in its MJCF.
 
@@ -233,6 +237,7 @@ def _checked(
             spec = read()
             _check_masses(spec, name or spec.modelname, dense)
             compiled = spec.compile()
+            _check_bounds(spec, compiled, name or spec.modelname)
             xml = "" if spec.meshes or spec.hfields or spec.textures else spec.to_xml()
     except ValueError as error:
         clause, line = compiler_complaint(str(error))
@@ -248,8 +253,8 @@ def _check_derived(spec: mujoco.MjSpec, foot: Foot) -> None:
         affine = actuator.biastype == mujoco.mjtBias.mjBIAS_AFFINE
         if affine and actuator.biasprm[2] > 0 and actuator.gainprm[0] == -actuator.biasprm[1]:  # MuJoCo's rule
             raise ModelError(
-                f"{foot.name}: the kv of actuator {actuator.name!r} follows from its dampratio and the mass in the "
-                "file only, and not from other values of a parameter; write kv."
+                f"{foot.name}: the kv of actuator {actuator.name!r} follows from its dampratio, as which MuJoCo takes "
+                "a positive biasprm, and the mass in the file only, and not from other values of a parameter; write kv."
             )
     for joint in spec.joints:
         if np.any(joint.springdamper):
@@ -283,20 +288,20 @@ def _called(model: mujoco.MjModel) -> str:
     return str(model.names.partition(b"\0")[0].decode())
 
 
-def _check_masses(spec: mujoco.MjSpec, name: str, dense: Container[tuple[int, str]]) -> None:
+def _check_masses(spec: mujoco.MjSpec, name: str, dense: Collection[tuple[int, str]]) -> None:
     """Refuse masses that MuJoCo ignores without a warning, or also spreads over the table."""
     if spec.compiler.settotalmass > 0:
         raise ModelError(
             f'{name}: <compiler settotalmass="{spec.compiler.settotalmass:g}"/> scales all masses until they come to '
             "that with the table's; write the masses of the bodies."
         )
-    by_geoms = spec.compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
-    for body in spec.bodies:
+    for body in spec.bodies[1:]:
+        by_geoms = body.compiler.inertiafromgeom == mujoco.mjtInertiaFromGeom.mjINERTIAFROMGEOM_TRUE
+        stated = body.explicitinertial and not by_geoms
         for geom in body.geoms:
-            line = int((re.search(r"\d+", geom.info) or "0")[0])
-            written = geom.density != _WATER or (line, geom.name) in dense
-            density = f"density {geom.density:g}" if written else ""
-            if body.explicitinertial and not by_geoms and (geom.mass > 0 or density):
+            written = geom.density != _WATER or _is_among(geom, dense)
+            density = f"density {geom.density:g}" if written and geom.density else ""
+            if stated and (geom.mass > 0 or density):
                 quantity, ruled = density or f"mass {geom.mass:g}", f"body {body.name!r} has an <inertial>"
             elif density and not np.isnan(geom.mass):
                 ruled = f'its mass is written, too: mass="{geom.mass:g}", maybe of a default class'
@@ -307,6 +312,49 @@ def _check_masses(spec: mujoco.MjSpec, name: str, dense: Container[tuple[int, st
             raise ModelError(
                 f"{name}: {of} has the {quantity}, which counts for nothing, as {ruled}; write the mass there."
             )
+        if body.geoms and not body.explicitinertial and all(geom.density and geom.mass == 0 for geom in body.geoms):
+            raise ModelError(
+                f'{name}: body {body.name!r} weighs nothing, as each of its geoms has mass="0", maybe of a default '
+                'class; write their masses, or density="0" where one is only drawn.'
+            )
+
+
+def _is_among(geom: Any, written: Collection[tuple[int, str]]) -> bool:
+    """Whether a geom is one of some lines and names; one that was attached has a longer name."""
+    line = int((re.search(r"\d+", geom.info) or "0")[0])
+    return any(at == line and (geom.name.endswith(name) if name else not geom.name) for at, name in written)
+
+
+def _check_bounds(spec: mujoco.MjSpec, compiled: mujoco.MjModel, name: str) -> None:
+    """Refuse masses and inertias that the compiler raises or balances."""
+    used = {bound for body in spec.bodies for bound in _BOUNDS if getattr(body.compiler, bound)}
+    if not used:
+        return
+    plain = spec.copy()
+    for body in plain.bodies:
+        for bound in used:
+            setattr(body.compiler, bound, 0)
+    by, advice = f"<compiler {' '.join(sorted(used))}>", "write at the body what is meant, and leave the attribute out."
+    try:
+        unbound = plain.compile()
+    except ValueError as error:
+        clause = compiler_complaint(str(error))[0].partition(";")[0]
+        body = re.match(r"'([^']*)'", clause)
+        masses = [f"{part} {_listed(getattr(compiled.body(body[1]), part))}" for part in _WEIGHS if body]
+        takes = " and ".join(masses) or "something else"
+        raise ModelError(f"{name}: body {clause}, where {by} takes {takes}; {advice}") from None
+    for quantity in _WEIGHS:
+        for i in range(compiled.nbody):
+            stated, taken = (_listed(getattr(model.body(i), quantity)) for model in (unbound, compiled))
+            if stated != taken:
+                raise ModelError(
+                    f"{name}: body {compiled.body(i).name!r} has the {quantity} {stated}, and {by} makes it {taken}; "
+                    f"{advice}"
+                )
+
+
+def _listed(numbers: np.ndarray) -> str:
+    return " ".join(f"{number:g}" for number in numbers)
 
 
 def check(model: mujoco.MjModel, name: str) -> Foot:
@@ -755,9 +803,12 @@ def can_be_constrained(model: mujoco.MjModel) -> bool:
 
 def can_change(model: mujoco.MjModel) -> bool:
     """Whether anything in a model can touch, stop or slip."""
-    touches = np.bitwise_and.outer(model.geom_contype, model.geom_conaffinity).any() or model.npair or model.nflex
     limited = model.jnt_limited.any() or model.tendon_limited.any()
-    return bool(touches or limited or model.dof_frictionloss.any() or model.tendon_frictionloss.any())
+    return bool(_can_touch(model) or limited or model.dof_frictionloss.any() or model.tendon_frictionloss.any())
+
+
+def _can_touch(model: mujoco.MjModel) -> bool:
+    return bool(np.bitwise_and.outer(model.geom_contype, model.geom_conaffinity).any() or model.npair or model.nflex)
 
 
 def check_free(model: mujoco.MjModel, name: str) -> None:
@@ -780,7 +831,7 @@ def check_free(model: mujoco.MjModel, name: str) -> None:
         for number in np.flatnonzero(friction):
             element = getattr(model, kind)(model.dof_jntid[number] if kind == "joint" else number).name
             raise ModelError(f"{name}: {kind} {element!r} has dry friction, which no linear equation has.")
-    if np.bitwise_and.outer(model.geom_contype, model.geom_conaffinity).any() or model.npair or model.nflex:
+    if _can_touch(model):
         raise ModelError(
             f'{name}: geoms can touch, which no linear equation has; use contype="0" conaffinity="0" and no <pair>.'
         )

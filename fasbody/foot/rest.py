@@ -1,10 +1,12 @@
 """The pose in which a foot stands: gravity and springs that pull at rest are balanced, the table held."""
 
+import mujoco
 import numpy as np
 
 from fasbody.exceptions import SimulationError
 from fasbody.foot.engine import callbacks
 from fasbody.foot.model import Foot
+from fasbody.foot.model_fields import element_name
 from fasbody.foot.steady_state import Balance, check_dampers
 
 #: Growth of a motion from which a pose is unstable, and of what has no mass at the most [1/s].
@@ -31,7 +33,8 @@ def resting(balance: Balance) -> np.ndarray:
     """
     x = balance.rest({})
     if x is None:
-        raise SimulationError(f"{balance.foot.name}: nothing carries it: no pose was found in which it rests.")
+        loose = balance.loose({})
+        raise SimulationError(loose.text if loose else f"{balance.foot.name}: no pose was found in which it rests.")
     return x
 
 
@@ -50,8 +53,8 @@ def slopes_at_rest(balance: Balance, x: np.ndarray) -> tuple[np.ndarray, list[st
     motion = _at_rest(balance, x)
     with callbacks():
         slopes, kinks = balance.engine.exact_slopes(motion)[:, 0], balance.engine.kinks(motion)
-    if not kinks:
-        _check_stable(balance, slopes)
+        if not kinks:
+            _check_stable(balance, motion, slopes)
     return slopes, kinks
 
 
@@ -68,16 +71,30 @@ def _at_rest(balance: Balance, x: np.ndarray) -> np.ndarray:
     return motion
 
 
-def _check_stable(balance: Balance, slopes: np.ndarray) -> None:
+def _check_stable(balance: Balance, motion: np.ndarray, slopes: np.ndarray) -> None:
+    growth, moves = _growth(balance, slopes)
+    if growth <= _TOPPLES:
+        return
+    model, actuation = balance.model, int(mujoco.mjtDisableBit.mjDSBL_ACTUATION)
+    model.opt.disableflags |= actuation
+    alone, _ = _growth(balance, balance.engine.exact_slopes(motion)[:, 0])
+    model.opt.disableflags &= ~actuation
+    part = f"{balance.foot.name}: it topples about {balance.part(moves)}"
+    if alone <= _TOPPLES:
+        others = np.flatnonzero(np.abs(model.actuator_ctrladr - balance.foot.shaker - 2) > 2)
+        names = " or ".join(element_name(model, "actuator", int(a)) for a in others)
+        raise SimulationError(f"{part}: {names} drives it away from rest; lower its gain, or turn its sign.")
+    raise SimulationError(
+        f"{part}: gravity and springs balance in an unstable pose only; make the joint stiffer than the weight above "
+        "it."
+    )
+
+
+def _growth(balance: Balance, slopes: np.ndarray) -> tuple[float, int]:
+    """How fast small motion grows at the most [1/s], and the coordinate that then moves most."""
     values, vectors = eigenvalues(slopes[:, balance.free][..., balance.free])
-    if values.real.max(initial=0.0) > _TOPPLES:
-        moves = int(balance.free[np.abs(vectors[: len(balance.free), values.real.argmax()]).argmax()])
-        model = balance.model
-        name = model.joint(int(model.dof_jntid[moves])).name if moves < model.nv else "an activation"
-        raise SimulationError(
-            f"{balance.foot.name}: it topples about joint {name!r}: gravity and springs balance in an unstable pose "
-            "only; make the joint stiffer than the weight above it."
-        )
+    fastest = int(values.real.argmax())
+    return float(values[fastest].real), int(balance.free[np.abs(vectors[: len(balance.free), fastest]).argmax()])
 
 
 def eigenvalues(slopes: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

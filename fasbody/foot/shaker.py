@@ -47,14 +47,14 @@ class BaseMotion(Tabled):
     jerk: Callable[[np.ndarray], np.ndarray]
     start: tuple[float, float] | None = None
 
-    def controls(self, step: float, count: int, start: float = 0.0) -> np.ndarray:
+    def controls(self, step: float, count: int) -> np.ndarray:
         """Shaker controls of `count` steps: (count, 5) start time [s] and Taylor coefficients a0..a3 of each step.
 
         Time counts in units of `CLOCK`, so that all coefficients are accelerations [m/s^2].
         The cubic agrees with acceleration and jerk at both ends of the step (Hermite), so a spline with knots at the
         steps is reproduced exactly and a smooth motion to fourth order.
         """
-        t = start + step * np.arange(count + 1)
+        t = step * np.arange(count + 1)
         a, j = self.acceleration(t), self.jerk(t)
         rise = (a[1:] - a[:-1]) / step
         columns = (
@@ -66,9 +66,9 @@ class BaseMotion(Tabled):
         )
         return np.column_stack(columns)
 
-    def half_steps(self, step: float, count: int, start: float = 0.0) -> np.ndarray:
+    def half_steps(self, step: float, count: int) -> np.ndarray:
         """The same cubics at the stage times of Runge-Kutta: (2 count + 1,) values half a step apart [m/s^2]."""
-        return at_half_steps(self.controls(step, count, start), step)
+        return at_half_steps(self.controls(step, count), step)
 
 
 def at_half_steps(controls: np.ndarray, step: float) -> np.ndarray:

@@ -349,7 +349,7 @@ class Batch:
             step: [s], which may let no loop be closed as stiffly as the file says.
 
         Raises:
-            SimulationError: one topples from where gravity and springs balance.
+            SimulationError: one falls, or topples from where gravity and springs balance.
         """
         balance, rows = self._balance, self._rows()
         balance.model.eq_solref[self._tied] = self._closing(np.array([step]))[0]
@@ -359,6 +359,8 @@ class Batch:
             x = balance.rest(values)
             if x is not None:
                 slopes_at_rest(balance, x)
+            elif (loose := balance.loose(values)) and loose.falls:
+                raise SimulationError(loose.text)
             known[row] = balance.state(x)
         qpos, act = zip(*(known[row] for row in rows), strict=True)
         return np.array(qpos), np.array(act)
@@ -538,7 +540,6 @@ def _lines(x: np.ndarray, piece: int, size: int, periodic: bool) -> np.ndarray:
     window = 1.0 if periodic else np.sqrt(8 / 3) * np.sin(np.pi * np.arange(piece) / piece) ** 2
     lines: np.ndarray = np.sqrt(2) * np.fft.rfft(x * window, axis=1)[:, : size // 2 + 1] / piece
     return lines
-
 
 
 def _velocity_sensors(foot: Foot) -> dict[str, Sensor]:

@@ -18,6 +18,7 @@ import copy
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import mujoco
 import numpy as np
@@ -48,6 +49,8 @@ _NEARER, _SAME, _SMOOTH = (1.0, 1e-1, 1e-2), 1e-3, 0.2
 _BESIDE, _ROUNDED = (1.0, 1.01, 1.02), 20.0
 #: Time after which what falls has come to rest [s].
 _FALL = 2.0
+#: Stiffness over mass [1/s^2], or share of the largest, below which nothing holds a part, and what counts as a push.
+_LOOSE, _NEARLY_NONE, _PUSHED = 4e-3, 1e-10, 1e-4
 #: Difference in a parameter as a share of its size, and in harmonics of the base [m/s^2].
 PARAMETER, BASE = 3e-4, 1.0
 
@@ -237,8 +240,14 @@ class Shaken:
 
     @cached_property
     def rest(self) -> Array:
-        """See `Balance.rest`; the file's pose where the foot stands in none."""
+        """See `Balance.rest`; the file's pose where the foot stands in none.
+
+        Raises:
+            PeriodicMotionError: it never can.
+        """
         x = self.balance.rest(self.values)
+        if x is None and (loose := self.balance.loose(self.values)):
+            raise PeriodicMotionError(self.name, self.frequency_hz, 0.0, loose.text)
         return np.zeros(len(self.metric)) if x is None else x
 
     @property
@@ -362,6 +371,13 @@ class Orbit:
         return bool(np.abs(self.multipliers[0]) < 1)
 
 
+class Loose(NamedTuple):
+    """Why a foot stands nowhere: a sentence, and whether weight moves what is loose, which else stays where it is."""
+
+    text: str
+    falls: bool
+
+
 #: Systems on either side of another, and how far apart their difference is.
 Pair = tuple[Shaken, Shaken, float]
 
@@ -425,6 +441,45 @@ class Balance:
         """qpos (nq,) and act (na,) of what `rest` returns, the base at zero; of the file's pose for None."""
         whole = np.zeros(self.engine.size) if x is None else np.insert(x, self.base, 0.0)
         return self.model.qpos0 + whole[: self.model.nv], whole[self.model.nv :]
+
+    def loose(self, values: Mapping[str, float]) -> Loose | None:
+        """What keeps a foot that stands nowhere from it; None where every part has a stiffness.
+
+        Weight counts also where the model, about its static pose, has none.
+        """
+        x, motion = self._fallen(values), np.zeros((3, 1, self.engine.size))
+        motion[0, 0, self.free] = x
+        with callbacks():
+            force, stiffness = self.engine.rows(motion)[0], self.engine.slopes(motion)[0, 0]
+        lifted = np.zeros((3, self.model.nv))
+        mujoco.mj_jacSubtreeCom(self.model, self.engine.data, lifted, 0)
+        weight = np.pad(self.model.body_subtreemass[0] * np.array(self.foot.up) @ lifted, (0, self.model.na))
+        inertia = np.diag(self.metric)
+        scale = np.where(inertia > 0, inertia, 1.0) ** -0.5
+        _, sizes, ways = np.linalg.svd(scale[:, None] * stiffness[np.ix_(self.free, self.free)] * scale)
+        free = ways[sizes < max(_LOOSE, _NEARLY_NONE * sizes[0])]
+        if not free.size:
+            return None
+        pushes = np.array([scale * force[self.free], scale * weight[self.free], x / scale])
+        *pushed, moved = np.abs(pushes @ free.T @ free)
+        falls = np.max(pushed, axis=0)
+        if can_change(self.model):  # what a contact carries does not go far
+            falls = np.where(moved > falls * _FALL**2 / 4, falls, 0.0)
+        fallen = bool((falls > _PUSHED).any())
+        parts = np.flatnonzero(falls > _PUSHED if fallen else (free**2).sum(axis=0) > _PUSHED)
+        names = " and ".join(dict.fromkeys(self.part(int(i)) for i in self.free[parts]))
+        text = f"nothing carries {names}: no spring holds it against weight; give it a stiffness."
+        if not fallen:
+            text = f"nothing brings {names} back to one place of rest; give it a stiffness, or step it in time."
+        return Loose(f"{self.foot.name}: {text}", fallen)
+
+    def part(self, coordinate: int) -> str:
+        """The joint or actuator of a coordinate, by kind and name."""
+        model, i = self.model, coordinate - self.model.nv
+        if i < 0:
+            return element_name(model, "dof", coordinate)
+        first, count = model.actuator_actadr, model.actuator_actnum
+        return element_name(model, "actuator", int(np.flatnonzero((first <= i) & (i < first + count))[0]))
 
     def _fallen(self, values: Mapping[str, float]) -> Array:
         """Where `rest` may be: after `_FALL` in the time domain."""
