@@ -9,6 +9,7 @@ of a side goes on until its best end was found twice, or says that it is not exh
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import product
 
 import numpy as np
 from scipy.special import ndtri
@@ -33,6 +34,9 @@ _OUT_AFTER, _OUT = 24, 30.0
 _APART, _SPREAD, _BENDS = (0.05, 1.5), 0.5, (10.0, 200.0)
 #: What is not linear: the dampers' bends, and these groups of nuisances.
 _BENT, _NONLINEAR = ("c_12", "c_13", "c_22", "c_23"), ("mount", "rocking", "relaxation")
+#: Nuisances on which a residual depends so little linearly that each place has a minimum of its own: each combination
+#: of so many places over `_REACH` standard deviations of their priors is tried beside an end.
+_LATTICES, _REACH = ({"rocking frequency": 12, "rocking damping": 3}, {"relaxation time": 8}, {"mount": 6}), 2.0
 #: Share of starts of which one of them is drawn anew; of others, each is with these odds.
 _ALONE, _REDRAWN = 0.6, 0.6
 #: Starts beside ends over random ones, the steps after which as many as these go on, and batches at most.
@@ -455,6 +459,23 @@ def _redrawn(
     return _starting(np.concatenate(groups), np.array(sides, int))
 
 
+def _on_lattices(problem: Problem, population: Population, signs: list[int]) -> Population:
+    """The best end of each side with the nuisances of each of `_LATTICES` at all its places."""
+    v, (mean, _) = problem.variables, problem.variables.prior
+    groups, sides = [np.zeros((0, v.size))], []
+    for sign in signs:
+        best, (low, high) = population.Q[population.best(sign)], problem.bounds(sign)
+        for lattice in _LATTICES:
+            places = [[v.place(item) for item in v.nuisances if item.kind == kind] for kind in lattice]
+            for at in map(list, product(*places)):
+                steps = np.meshgrid(*(np.linspace(-_REACH, _REACH, count) for count in lattice.values()))
+                Q = np.tile(best, (steps[0].size, 1))
+                Q[:, at] = mean[at] + np.stack([step.ravel() for step in steps], 1)
+                groups.append(np.clip(Q, low, high))
+                sides += len(Q) * [sign]
+    return _starting(np.concatenate(groups), np.array(sides, int))
+
+
 def _kinds(problem: Problem) -> list[np.ndarray]:
     """Masks (n,) of variables that are drawn together."""
     v = problem.variables
@@ -601,9 +622,11 @@ def _improved(
         near = _redrawn(problem, population, signs, beside, rng)
         if not len(near.Q):
             return population, []
-        descents.expect(followed * len(signs), descents.last + (_SCREENING + 1) * len(near.Q))
-        near = _promising(problem, near, followed, descents.work)
+        beyond = _on_lattices(problem, population, signs)
+        descents.expect(followed * len(signs), descents.last + (_SCREENING + 1) * (len(near.Q) + len(beyond.Q)))
         before = {sign: population.least(sign) for sign in signs}
+        near = _promising(problem, near, followed, descents.work)
+        near = near.joined(_promising(problem, beyond, followed, descents.work, before))
         population = population.joined(descents.down(problem, near)).distinct(most=_KEPT)
         signs = [sign for sign in signs if population.least(sign) < before[sign] - SAME]
         if not signs:
@@ -611,13 +634,25 @@ def _improved(
     return population, signs
 
 
-def _promising(problem: Problem, population: Population, count: int, work: Work | None = None) -> Population:
-    """So many of each side that a few steps bring, or promise to bring, farthest down."""
+def _promising(
+    problem: Problem, population: Population, count: int, work: Work | None = None,
+    above: Mapping[int, float] | None = None,
+) -> Population:  # fmt: skip
+    """So many of each side that a few steps bring, or promise to bring, farthest down.
+
+    Args:
+        problem: what to minimise.
+        population: starts.
+        count: of a side at most.
+        work: counts the steps.
+        above: of each side the sum of squares that they must promise to fall below, any if there is none.
+    """
     down = descend(problem, population.Q, population.sign, _SCREENING, work=work)
     promised = np.where(np.isfinite(down.left), down.objective - down.left, np.inf)
-    order = np.argsort(promised)
-    sides = [order[population.sign[order] == sign][:count] for sign in np.unique(population.sign)]
-    return replace(population, Q=down.Q, objective=down.objective).rows(np.concatenate(sides))
+    least = np.array([(above or {}).get(sign, np.inf) for sign in population.sign.tolist()])
+    order = [i for i in np.argsort(promised) if promised[i] < least[i] - SAME]
+    sides = [[i for i in order if population.sign[i] == sign][:count] for sign in np.unique(population.sign)]
+    return replace(population, Q=down.Q, objective=down.objective).rows(np.concatenate(sides).astype(int))
 
 
 def _optimum(problem: Problem, population: Population, sign: int, tried: int, descents: _Descents) -> Optimum:
