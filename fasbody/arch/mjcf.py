@@ -328,7 +328,7 @@ def _check_actuators(model: mujoco.MjModel, index: Index, name: str) -> None:
         elif kind != mujoco.mjtTrn.mjTRN_JOINT or target not in base:
             raise ModelError(
                 f"{name}: actuator {called!r} acts on the arch, but the equations have only {BRANCH!r} beside the "
-                "springs and dampers; remove it (a pad with a memory, law 4.22, cannot be followed)."
+                "springs and dampers; remove it (laws with a memory, 4.22 and 3, are such actuators, too)."
             )
 
 

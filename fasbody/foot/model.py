@@ -327,22 +327,21 @@ def _is_among(geom: Any, written: Collection[tuple[int, str]]) -> bool:
 
 def _check_bounds(spec: mujoco.MjSpec, compiled: mujoco.MjModel, name: str) -> None:
     """Refuse masses and inertias that the compiler raises or balances."""
-    plain, used = spec.copy(), set()
-    for body in plain.bodies:
-        for bound in _BOUNDS:
-            if getattr(body.compiler, bound):
-                used.add(bound)
-                setattr(body.compiler, bound, 0)
+    used = {bound for body in spec.bodies for bound in _BOUNDS if getattr(body.compiler, bound)}
     if not used:
         return
+    plain = spec.copy()
+    for body in plain.bodies:
+        for bound in used:
+            setattr(body.compiler, bound, 0)
     by, advice = f"<compiler {' '.join(sorted(used))}>", "write at the body what is meant, and leave the attribute out."
     try:
         unbound = plain.compile()
     except ValueError as error:
         clause = compiler_complaint(str(error))[0].partition(";")[0]
         body = re.match(r"'([^']*)'", clause)
-        given = [f"{part} {_listed(getattr(compiled.body(body[1]), part))}" for part in _WEIGHS if body]
-        takes = " and ".join(given) or "something else"
+        numbers = [f"{part} {_listed(getattr(compiled.body(body[1]), part))}" for part in _WEIGHS if body]
+        takes = " and ".join(numbers) or "something else"
         raise ModelError(f"{name}: body {clause}, where {by} takes {takes}; {advice}") from None
     for quantity in _WEIGHS:
         for i in range(compiled.nbody):
