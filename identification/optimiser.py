@@ -626,7 +626,8 @@ def _improved(
         descents.expect(followed * len(signs), descents.last + (_SCREENING + 1) * (len(near.Q) + len(beyond.Q)))
         before = {sign: population.least(sign) for sign in signs}
         near = _promising(problem, near, followed, descents.work)
-        near = near.joined(_promising(problem, beyond, followed, descents.work, before))
+        if len(beyond.Q):
+            near = near.joined(_promising(problem, beyond, followed, descents.work, before))
         population = population.joined(descents.down(problem, near)).distinct(most=_KEPT)
         signs = [sign for sign in signs if population.least(sign) < before[sign] - SAME]
         if not signs:

@@ -244,3 +244,14 @@ def test_a_fit_follows_a_foot_that_is_tied_to_the_world(tmp_path: Path) -> None:
         assert result[name].value == pytest.approx(foot.values()[name], rel=3e-3)
     with pytest.raises(SimulationError, match="tendon 'rope' ties the foot to the world, and the base of 'recording'"):
         Whole.of(data[0], foot)
+
+
+@pytest.mark.parametrize("domain", ["periodic", "time"])
+def test_a_fit_refuses_a_foot_that_nothing_carries(tmp_path: Path, domain: str) -> None:
+    foot = load(next(edit for edit in EDITS if edit.says == "a foot without a spring").write(tmp_path))
+    t = np.arange(2000) / 2000
+    recording = Recording(
+        t, np.sin(40 * np.pi * t), 1.8 * np.sin(40 * np.pi * t - 0.9), condition=Condition(body_mass_kg=72.57)
+    )
+    with pytest.raises(SimulationError, match="nothing carries joint 'fat_pad'"):
+        fit_foot([recording], foot, free=["k_T"], starts=1, threads=1, departures=False, domain=domain)

@@ -340,8 +340,8 @@ def _check_bounds(spec: mujoco.MjSpec, compiled: mujoco.MjModel, name: str) -> N
     except ValueError as error:
         clause = compiler_complaint(str(error))[0].partition(";")[0]
         body = re.match(r"'([^']*)'", clause)
-        masses = [f"{part} {_listed(getattr(compiled.body(body[1]), part))}" for part in _WEIGHS if body]
-        takes = " and ".join(masses) or "something else"
+        numbers = [f"{part} {_listed(getattr(compiled.body(body[1]), part))}" for part in _WEIGHS if body]
+        takes = " and ".join(numbers) or "something else"
         raise ModelError(f"{name}: body {clause}, where {by} takes {takes}; {advice}") from None
     for quantity in _WEIGHS:
         for i in range(compiled.nbody):

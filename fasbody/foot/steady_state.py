@@ -243,11 +243,13 @@ class Shaken:
         """See `Balance.rest`; the file's pose where the foot stands in none.
 
         Raises:
-            PeriodicMotionError: it never can.
+            SimulationError: it falls.
+            PeriodicMotionError: a part of it rests anywhere.
         """
         x = self.balance.rest(self.values)
         if x is None and (loose := self.balance.loose(self.values)):
-            raise PeriodicMotionError(self.name, self.frequency_hz, 0.0, loose.text)
+            anywhere = PeriodicMotionError(self.name, self.frequency_hz, 0.0, loose.text)
+            raise SimulationError(loose.text) if loose.falls else anywhere
         return np.zeros(len(self.metric)) if x is None else x
 
     @property
@@ -437,6 +439,17 @@ class Balance:
                 x, stands = rest(still, self._fallen(values))
         return x if stands else None
 
+    def carried(self, values: Mapping[str, float]) -> Array | None:
+        """See `rest`.
+
+        Raises:
+            SimulationError: nothing carries the foot.
+        """
+        x = self.rest(values)
+        if x is None and (loose := self.loose(values)) and loose.falls:
+            raise SimulationError(loose.text)
+        return x
+
     def state(self, x: Array | None) -> tuple[Array, Array]:
         """qpos (nq,) and act (na,) of what `rest` returns, the base at zero; of the file's pose for None."""
         whole = np.zeros(self.engine.size) if x is None else np.insert(x, self.base, 0.0)
@@ -533,7 +546,7 @@ class Balance:
             SettingError: an unknown parameter or value, or an invalid base.
             PeriodicMotionError: there is no such motion.
             NotSmoothError: a contact, a stop or dry friction acts in it.
-            SimulationError: a damper is negative about its mean pose.
+            SimulationError: nothing carries the foot, or a damper is negative about its mean pose.
         """
         base = np.atleast_1d(np.asarray(base_harmonics, complex))
         _check(frequency_hz, base)

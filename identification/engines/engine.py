@@ -11,6 +11,7 @@ import numpy as np
 from fasbody.foot.model import Foot
 from fasbody.foot.shaker import at_half_steps, samples
 from fasbody.foot.simulate import check_drift
+from fasbody.foot.steady_state import Balance
 from fasbody.recording.recording import Recording
 from identification.sensors import MALLEOLUS as MALLEOLUS
 
@@ -36,8 +37,10 @@ class Whole:
         """A recording that drives a foot; the step is the model's own where that is finer than LONGEST_STEP.
 
         Raises:
-            SimulationError: the foot is tied to the world, and a recording does not say where its base is.
+            SimulationError: nothing carries the foot, or it is tied to the world, and a recording does not say where
+                its base is.
         """
+        Balance(foot).carried({})
         check_drift(foot, recording.file)
         interval = 1.0 / recording.rate_hz
         return _driven(recording, max(1, int(np.ceil(interval / min(LONGEST_STEP, foot.step) - 1e-6))))
