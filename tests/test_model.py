@@ -341,3 +341,21 @@ def test_a_kv_that_is_written_and_a_mass_that_only_slides_are_followed(edited: E
     load(edited((actuator, actuator + '<position name="hold" joint="talocrural" kp="5e4" kv="90"/>')))
     load(edited(('<inertial pos="0 0.25 0" mass="3.374505" diaginertia="1e-2 1e-2 1e-2"/>', ""),
                 ('<geom name="shank"', '<geom name="shank" mass="3.374505"')))  # fmt: skip
+
+
+def test_two_joints_that_move_one_mass_are_refused() -> None:
+    """Which of them moves nobody knows, unless a mass is between them."""
+    text, shank, joint = mjcf.text("two_dof"), '<body name="shank">', '<joint name="cartilage" stiffness="1e6"/>'
+    with pytest.raises(ModelError, match="joint 'cartilage' and joint 'talocrural' move the same masses"):
+        load(text.replace(shank, shank + joint))
+    mass = '<body name="cartilage"><inertial pos="0 0 0" mass="0.01" diaginertia="1e-5 1e-5 1e-5"/>'
+    apart = text.replace(shank, mass + joint + shank).replace("</body>\n      </body>", "</body></body>\n      </body>")
+    assert load(apart).model.nv == 4
+
+
+def test_numbers_behind_a_law_are_refused() -> None:
+    text, law = mjcf.text("two_dof"), "4.25 800 -50 100"
+    assert text.count(law) == 1
+    with pytest.raises(ModelError, match="joint 'fat_pad' has more numbers than its law"):
+        load(text.replace(law, law + " 7"))
+    load(text.replace(law, law + " 0"))

@@ -2,6 +2,7 @@
 
 import copy
 import re
+import warnings
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -42,6 +43,8 @@ _WATERY = re.compile(r"""\sdensity\s*=\s*["']\s*(1000(\.0*)?|1e3)\s*["']""")
 WEIGHT = "weight"
 #: What lets the compiler change masses and inertias.
 _BOUNDS, _WEIGHS = ("boundmass", "boundinertia", "balanceinertia"), ("mass", "inertia")
+#: Least eigenvalue of a mass matrix whose diagonal is 1: the arch has 4e-3, and rounding makes 1e-16 of none.
+_SINGULAR = 1e-9
 #: Parts of the physics that no model may switch off.
 _NEEDED = ("spring", "damper", "gravity", "equality", "actuation", "sensor")
 
@@ -233,7 +236,8 @@ def _checked(
         InputFileError: it cannot compile it. ModelError: see `load`.
     """
     try:
-        with quiet():  # what MuJoCo has to warn of is refused below, in a sentence
+        with quiet(), warnings.catch_warnings(category=UserWarning, action="ignore"):
+            # what MuJoCo has to warn of is refused below, in a sentence
             spec = read()
             _check_masses(spec, name or spec.modelname, dense)
             compiled = spec.compile()
@@ -391,6 +395,7 @@ def check(model: mujoco.MjModel, name: str) -> Foot:
     check_fields(model, name)
     up = _check_base(model, name, shaker)
     _check_held(model, name)
+    _check_inertia(model, name)
     _check_pads(model, name)
     sensors = accelerometers(model, up)
     for element in REQUIRED["sensor"]:
@@ -434,6 +439,22 @@ def _check_options(model: mujoco.MjModel, name: str) -> None:
         )
     if model.opt.noslip_iterations:
         raise ModelError(f"{name}: <option> has noslip_iterations, which no periodic motion knows; remove it.")
+
+
+def _check_inertia(model: mujoco.MjModel, name: str) -> None:
+    """Require that no joint moves what others move already, without a mass of its own."""
+    M, data = np.zeros((model.nv, model.nv)), reference_pose(model)
+    mujoco.mj_makeM(model, data)
+    mujoco.mj_fullM(model, data, M)
+    size = np.sqrt(np.diag(M))
+    shares, ways = np.linalg.eigh(M / np.outer(size, size))
+    if shares[0] < _SINGULAR:
+        moved = np.flatnonzero(np.abs(ways[:, 0]) > 0.1)
+        alike = " and ".join(dict.fromkeys(element_name(model, "dof", int(i)) for i in moved))
+        raise ModelError(
+            f"{name}: {alike} move the same masses in the same way, so that nobody knows which of them moves; put a "
+            "body with a mass between them, or remove one."
+        )
 
 
 def _check_shaker(model: mujoco.MjModel, name: str, first: int) -> None:
@@ -780,6 +801,9 @@ def _check_law(row: np.ndarray, laws: list[damper.Law], where: str) -> None:
         raise ModelError(f"{where} names the law {row[0]:g} (valid: {valid}).")
     if not np.isfinite(row).all():
         raise ModelError(f"{where} gives a parameter that is no number to the law {law.equation}.")
+    if row[1 + len(law.parameters) :].any():
+        needs = f"{law.equation} {' '.join(law.parameters)}"
+        raise ModelError(f"{where} has more numbers than its law has ({needs}); remove those behind.")
     if law.code == damper.DAMPER and row[1] == 0:
         raise ModelError(f"{where} names the law 4.25 with c1 = 0, no damper; write 4.25 c1 c2 c3, or no user field.")
     if law.code in damper.ONE_SIDED and row[len(law.parameters)] not in (-1, 1):

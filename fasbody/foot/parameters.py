@@ -365,7 +365,8 @@ def _slot(model: "mujoco.MjModel", words: list[str], text: str, where: str) -> t
     if len(words) not in (3, 4) or (words[0], words[2]) not in _FIELDS:
         valid = ", ".join(f"{kind} NAME {attribute}" for kind, attribute in _FIELDS)
         raise ModelError(
-            f"{where} stands at {text.strip()!r}, which is no place (valid: {valid}, with a number behind)."
+            f"{where} stands at {text.strip()!r}, which is no place (valid: {valid}, with a number behind; a NAME has "
+            "no spaces)."
         )
     kind, element, attribute = words[:3]
     if element not in names(model, kind):
