@@ -35,8 +35,10 @@ _APART, _SPREAD, _BENDS = (0.05, 1.5), 0.5, (10.0, 200.0)
 #: What is not linear: the dampers' bends, and these groups of nuisances.
 _BENT, _NONLINEAR = ("c_12", "c_13", "c_22", "c_23"), ("mount", "rocking", "relaxation")
 #: Nuisances on which a residual depends so little linearly that each place has a minimum of its own: each combination
-#: of so many places over `_REACH` standard deviations of their priors is tried beside an end.
+#: of so many places over `_REACH` standard deviations of their priors is tried beside the best ends of a side. What
+#: depends on them linearly follows in one step.
 _LATTICES, _REACH = ({"rocking frequency": 12, "rocking damping": 3}, {"relaxation time": 8}, {"mount": 6}), 2.0
+_ENDS, _ONE_STEP = 2, 1
 #: Share of starts of which one of them is drawn anew; of others, each is with these odds.
 _ALONE, _REDRAWN = 0.6, 0.6
 #: Starts beside ends over random ones, the steps after which as many as these go on, and batches at most.
@@ -460,16 +462,18 @@ def _redrawn(
 
 
 def _on_lattices(problem: Problem, population: Population, signs: list[int]) -> Population:
-    """The best end of each side with the nuisances of each of `_LATTICES` at all its places."""
+    """The best ends of each side with the nuisances of each of `_LATTICES` at all its places."""
     v, (mean, _) = problem.variables, problem.variables.prior
     groups, sides = [np.zeros((0, v.size))], []
     for sign in signs:
-        best, (low, high) = population.Q[population.best(sign)], problem.bounds(sign)
-        for lattice in _LATTICES:
+        low, high = problem.bounds(sign)
+        ends = population.rows(population.sign == sign)
+        ends = ends.rows(np.argsort(ends.objective)[:_ENDS])
+        for end, lattice in product(ends.Q, _LATTICES):
             places = [[v.place(item) for item in v.nuisances if item.kind == kind] for kind in lattice]
             for at in map(list, product(*places)):
                 steps = np.meshgrid(*(np.linspace(-_REACH, _REACH, count) for count in lattice.values()))
-                Q = np.tile(best, (steps[0].size, 1))
+                Q = np.tile(end, (steps[0].size, 1))
                 Q[:, at] = mean[at] + np.stack([step.ravel() for step in steps], 1)
                 groups.append(np.clip(Q, low, high))
                 sides += len(Q) * [sign]
@@ -623,11 +627,12 @@ def _improved(
         if not len(near.Q):
             return population, []
         beyond = _on_lattices(problem, population, signs)
-        descents.expect(followed * len(signs), descents.last + (_SCREENING + 1) * (len(near.Q) + len(beyond.Q)))
+        screening = (_SCREENING + 1) * len(near.Q) + (_ONE_STEP + 1) * len(beyond.Q)
+        descents.expect(followed * len(signs), descents.last + screening)
         before = {sign: population.least(sign) for sign in signs}
         near = _promising(problem, near, followed, descents.work)
         if len(beyond.Q):
-            near = near.joined(_promising(problem, beyond, followed, descents.work, before))
+            near = near.joined(_promising(problem, beyond, followed, descents.work, before, _ONE_STEP))
         population = population.joined(descents.down(problem, near)).distinct(most=_KEPT)
         signs = [sign for sign in signs if population.least(sign) < before[sign] - SAME]
         if not signs:
@@ -637,7 +642,7 @@ def _improved(
 
 def _promising(
     problem: Problem, population: Population, count: int, work: Work | None = None,
-    above: Mapping[int, float] | None = None,
+    above: Mapping[int, float] | None = None, steps: int = _SCREENING,
 ) -> Population:  # fmt: skip
     """So many of each side that a few steps bring, or promise to bring, farthest down.
 
@@ -647,8 +652,9 @@ def _promising(
         count: of a side at most.
         work: counts the steps.
         above: of each side the sum of squares that they must promise to fall below, any if there is none.
+        steps: before they are compared.
     """
-    down = descend(problem, population.Q, population.sign, _SCREENING, work=work)
+    down = descend(problem, population.Q, population.sign, steps, work=work)
     promised = np.where(np.isfinite(down.left), down.objective - down.left, np.inf)
     least = np.array([(above or {}).get(sign, np.inf) for sign in population.sign.tolist()])
     order = [i for i in np.argsort(promised) if promised[i] < least[i] - SAME]
