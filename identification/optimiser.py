@@ -462,10 +462,10 @@ def _redrawn(
 
 
 def _on_lattices(problem: Problem, population: Population, signs: list[int]) -> Population:
-    """The best ends of each side with the nuisances of each of `_LATTICES` at all its places."""
+    """The best ends of each side that may be the better one, with all places of each of `_LATTICES`."""
     v, (mean, _) = problem.variables, problem.variables.prior
     groups, sides = [np.zeros((0, v.size))], []
-    for sign in signs:
+    for sign in (sign for sign in signs if population.behind(sign) < _OUT):
         low, high = problem.bounds(sign)
         ends = population.rows(population.sign == sign)
         ends = ends.rows(np.argsort(ends.objective)[:_ENDS])
