@@ -382,10 +382,7 @@ class Page(Guarded):
         self.set_header("Content-Security-Policy", POLICY.format(host=self.request.host, frames=frames))
         kinds = {".html": "text/html", ".js": "text/javascript", ".css": "text/css"}
         self.set_header("Content-Type", f"{kinds[Path(self.name).suffix]}; charset=utf-8")
-        if not self.name.endswith(".html"):
-            self.write(file_of(self.name).read_bytes())
-            return
-        text = markup(self.name, self.server.key)
+        text = markup(self.name, self.server.key) if self.name.endswith(".html") else file_of(self.name).read_text()
         self.write(with_token(text, self.server.key) if self.server.frames else text)
 
 
