@@ -47,7 +47,9 @@ CANVAS_ALONE = (
 )
 
 #: Pixels of the canvas by pixel of the window.
-DENSITY = "size => { const { renderer, viewer } = fasbody.stage; renderer.setPixelRatio(size); viewer.set_3d_pane_size() }"
+DENSITY = (
+    "size => { const { renderer, viewer } = fasbody.stage; renderer.setPixelRatio(size); viewer.set_3d_pane_size() }"
+)
 
 
 @dataclass(frozen=True)

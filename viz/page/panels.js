@@ -23,7 +23,7 @@ export function tab(name) {
 for (const [name, label] of Object.entries(TASKS)) {
   const b = button(byId("tasks"), label, () => {
     openTask(name);
-    if (innerWidth <= 700) document.querySelector(`section[data-task="${name}"]`).scrollIntoView();  // below the plots
+    if (innerWidth <= 700) document.querySelector(`section[data-task="${name}"]`)?.scrollIntoView();  // below the plots
   });
   b.dataset.name = name;
   b.hidden = Boolean(EXPORTED) && name === "data";
