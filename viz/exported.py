@@ -109,7 +109,8 @@ def html(show: Display, documents: Mapping[str, Any] | None = None) -> str:
 
     def module(_: re.Match[str]) -> str:
         document = page_json(data).replace("<", "\\u003c")
-        return f'<script type="application/json" id="exported">{document}</script>\n<script type="module">{safe(code)}</script>'
+        carried = f'<script type="application/json" id="exported">{document}</script>'
+        return f'{carried}\n<script type="module">{safe(code)}</script>'
 
     page = MODULE.sub(module, page)
     page = SCRIPT.sub(lambda match: f"<script>{safe(file_of(match[1]).read_text())}</script>", page)

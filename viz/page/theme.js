@@ -9,18 +9,17 @@ system.onchange = () => { theme.light = system.matches; };
 export const isLight = () => (theme.chosen ? theme.chosen === "light" : theme.light);
 effect(() => {
   document.documentElement.style.colorScheme = theme.chosen;
-  for (const b of document.querySelectorAll("button.theme")) label(b);
+  const label = labelNow();  // also where no button is there yet
+  for (const b of document.querySelectorAll("button.theme")) b.textContent = label;
 });
 
-/** @param {Element} b */
-function label(b) { b.textContent = isLight() ? "Dark page" : "Light page"; }
+function labelNow() { return isLight() ? "Dark page" : "Light page"; }
 
 /** @param {HTMLElement} parent */
 export function themeButton(parent) {
-  const b = button(parent, "", () => {
+  const b = button(parent, labelNow(), () => {
     theme.chosen = isLight() ? "dark" : "light";
     try { localStorage.setItem("fasbody_theme", theme.chosen); } catch { /* not allowed */ }
   }, "light or dark colours; at first those of the system");
   b.className = "theme";
-  label(b);
 }
