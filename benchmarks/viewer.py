@@ -93,7 +93,7 @@ def _opened(url: str, quality: str) -> Iterator[tuple[Any, Callable[[str], float
                     time.sleep(0.01)
                 return time.perf_counter() - began
 
-            until("window.stats && stats.motions > 0")
+            until("window.fasbody && fasbody.stats.motions > 0")
             yield page, until
         finally:
             browser.close()
@@ -103,45 +103,45 @@ def _page(url: str, quality: str, moves: int = 20) -> tuple[dict[str, float], fl
     """Move the frequency slider: median posed and drawn delays [ms], and pictures a second while playing."""
     with _opened(url, quality) as (page, until):
         page.wait_for_timeout(5000 if quality == "auto" else 500)  # the automatic quality has settled
-        first = page.evaluate("stats.frames")
+        first = page.evaluate("fasbody.stats.frames")
         page.wait_for_timeout(4000)
-        rate = (page.evaluate("stats.frames") - first) / 4
-        page.evaluate("play(false); stats.posed.length = 0; stats.drawn.length = 0")
+        rate = (page.evaluate("fasbody.stats.frames") - first) / 4
+        page.evaluate("fasbody.play(false); fasbody.stats.posed.length = 0; fasbody.stats.drawn.length = 0")
         for k in range(moves):
             page.locator("#frequency").fill(str(12 + 2 * (k % 20)))
-            until(f"stats.drawn.length > {k}")
-        medians = {key: float(np.median(page.evaluate(f"stats.{key}"))) for key in ("posed", "drawn")}
+            until(f"fasbody.stats.drawn.length > {k}")
+        medians = {key: float(np.median(page.evaluate(f"fasbody.stats.{key}"))) for key in ("posed", "drawn")}
     return medians, rate
 
 
 #: Of the bundled recordings those without a load, nine of them, are ticked.
-UNLOADED = "for (const r of bench.rows) if (r.added_mass_kg || !r.subject) bench.chosen.delete(r.id)"
+UNLOADED = "for (const r of fasbody.bench.rows) if (r.added_mass_kg || !r.subject) fasbody.bench.chosen.delete(r.id)"
 
 
 def _workbench(url: str) -> dict[str, float]:
     """Times on the wall [s]: from a dropped file to the moving foot, and from Fit to bands, nine recordings."""
     with _opened(url, "none") as (page, until):
         page.locator("#files").set_input_files(BUNDLED / "recordings" / "20hz_0kg.csv")
-        dropped = until("model.recorded && motion && motion.feet.measured")
+        dropped = until("(({ model, motion }) => model.recorded && motion && motion.feet.measured)(fasbody.page)")
         page.locator("#bundled").click()
-        until("bench.rows.length === 13")
+        until("fasbody.bench.rows.length === 13")
         page.evaluate(UNLOADED)
         page.wait_for_timeout(1000 * READY)  # the fitting process has compiled
         page.locator("#start_fit").click()
-        until("bench.found && !busy")
-        times = {"dropped": dropped, "bands": page.evaluate("stats.fitted") / 1e3}
-        return times | {"fit": page.evaluate("bench.found.seconds")}
+        until("fasbody.bench.found && !fasbody.page.busy")
+        times = {"dropped": dropped, "bands": page.evaluate("fasbody.stats.fitted") / 1e3}
+        return times | {"fit": page.evaluate("fasbody.bench.found.seconds")}
 
 
 def _first_fit(url: str) -> float:
     """Time on the wall [s] from Fit to bands of the same, where it is pressed as soon as the example is listed."""
     with _opened(url, "none") as (page, until):
         page.locator("#bundled").click()
-        until("bench.rows.length === 12")
+        until("fasbody.bench.rows.length === 12")
         page.evaluate(UNLOADED)
         page.locator("#start_fit").click()
-        until("bench.found && !busy")
-        return float(page.evaluate("stats.fitted")) / 1e3
+        until("fasbody.bench.found && !fasbody.page.busy")
+        return float(page.evaluate("fasbody.stats.fitted")) / 1e3
 
 
 def _drawn() -> tuple[float, float]:

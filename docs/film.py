@@ -41,6 +41,8 @@ header { grid-row: 1; padding: 8px 14px 6px 20px; background: #0d131a; border-bo
 """
 COMMON, RARE = 200, 56  # colours: of large parts such as the sky, and of small ones such as the rings
 PERIOD_FRAMES, FRAME_MS = 12, 80
+#: Nothing is computed.
+RESTING = "(({ busy, wanted, motion }) => !busy && !wanted && motion)(fasbody.page)"
 MOMENT = 0.2  # of the first frame, as a share of the period
 #: A folder that is dragged over the page, and let go there: what the desktop's file manager would hand over.
 OVER = """document.body.dispatchEvent(new DragEvent("dragover", { bubbles: true, cancelable: true }))"""
@@ -53,7 +55,7 @@ DROP = """([folder, files]) => {
   const at = inside => files.filter(([path]) => inside ? path.startsWith(inside) : !path.includes("/"))
     .map(([path, text]) => file(path.split("/").pop(), text));
   const study = directory(folder, [...at(""), directory("recordings", at("recordings/"))]);
-  dropped([{ webkitGetAsEntry: () => study }]);
+  import("./files.js").then(files => files.dropped([{ webkitGetAsEntry: () => study }]));
 }"""
 
 
@@ -78,7 +80,7 @@ class Camera:
         """The motion, over so many periods."""
         for _ in range(count):
             for k in range(PERIOD_FRAMES):
-                self.page.evaluate(f"showAt({k / PERIOD_FRAMES}); fresh = true")
+                self.page.evaluate(f"fasbody.showAt({k / PERIOD_FRAMES}); fasbody.clock.fresh = true")
                 self.page.wait_for_timeout(60)
                 self.take()
 
@@ -112,31 +114,32 @@ def shoot(page: Any, url: str) -> Camera:
     """The whole film."""
     page.goto(url)
     camera = Camera(page)
-    camera.until("window.stats && stats.motions > 0")
-    page.evaluate("play(false)")
+    camera.until("window.fasbody && fasbody.stats.motions > 0")
+    page.evaluate("fasbody.play(false)")
     page.add_style_tag(content=SMALL)
-    camera.until("stage.renderer.domElement.clientHeight === byId('pane').clientHeight")
-    page.evaluate(f"showAt({MOMENT}); fresh = true")
+    camera.until("fasbody.stage.renderer.domElement.clientHeight === document.getElementById('pane').clientHeight")
+    page.evaluate(f"fasbody.showAt({MOMENT}); fasbody.clock.fresh = true")
     page.wait_for_timeout(500)
     camera.take(1200)
     page.evaluate(OVER)
     camera.take(700)
     drop(page)
-    camera.until("model.recorded && motion && motion.feet.measured && !busy && bench.rows.length === 12")
+    camera.until("(({ model, motion, busy }) => model.recorded && motion && motion.feet.measured && !busy)(fasbody.page)")
+    camera.until("fasbody.bench.rows.length === 12")
     camera.periods(1)
     page.locator("#start_fit").scroll_into_view_if_needed()
     camera.periods(1)
     page.locator("#start_fit").click()
     camera.take(600)
-    camera.until("bench.found || complaints")
-    camera.until("!busy && !wanted && motion")
-    page.evaluate("byId('sentence').scrollIntoView()")
+    camera.until("fasbody.bench.found || fasbody.page.complaint")
+    camera.until(RESTING)
+    page.evaluate("document.getElementById('sentence').scrollIntoView()")
     camera.sentence = page.locator("#sentence").inner_text()
     camera.periods()
     camera.take(1500)
-    other = page.evaluate("bench.fit.branches.map(b => b.name)")[1]
+    other = page.evaluate("fasbody.bench.fit.branches.map(b => b.name)")[1]
     page.get_by_role("button", name=other).click()
-    camera.until("!busy && !wanted && motion")
+    camera.until(RESTING)
     camera.periods()
     camera.take(1500)
     return camera

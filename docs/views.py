@@ -8,7 +8,7 @@ It drives a headless Chromium and needs the extras view and film. docs/film.py m
 from pathlib import Path
 from typing import Any
 
-from film import drop, served  # beside this file
+from film import RESTING, drop, served  # beside this file
 from playwright.sync_api import sync_playwright
 
 from viz.exported import CHROMIUM, chromium
@@ -27,7 +27,7 @@ def until(page: Any, condition: str) -> None:
 
 def take(page: Any, name: str) -> None:
     """One picture, at rest."""
-    page.evaluate(f"showAt({MOMENT}); fresh = true")
+    page.evaluate(f"fasbody.showAt({MOMENT}); fasbody.clock.fresh = true")
     page.wait_for_timeout(500)
     page.screenshot(path=FIGURES / f"viewer{name}.png")
 
@@ -36,8 +36,8 @@ def opened(browser: Any, url: str, size: dict[str, int]) -> Any:
     """A page whose foot moves, held still."""
     page = browser.new_page(viewport=size, color_scheme="dark")
     page.goto(url)
-    until(page, "window.stats && stats.motions > 0")
-    page.evaluate("play(false)")
+    until(page, "window.fasbody && fasbody.stats.motions > 0")
+    page.evaluate("fasbody.play(false)")
     return page
 
 
@@ -49,15 +49,15 @@ def main() -> None:
             page = opened(browser, url, WIDE)
             page.get_by_role("button", name="Side by side").click()
             page.get_by_role("button", name="corner", exact=True).click()
-            until(page, "!busy && !wanted && motion")
+            until(page, RESTING)
             take(page, "-two")
         with served("--model", "two_dof") as url:
             page = opened(browser, url, LARGE)
             drop(page)
-            until(page, "bench.rows.length === 12 && !busy")
+            until(page, "fasbody.bench.rows.length === 12 && !fasbody.page.busy")
             page.locator("#start_fit").click()
-            until(page, "bench.found || complaints")
-            until(page, "!busy && !wanted && motion")
+            until(page, "fasbody.bench.found || fasbody.page.complaint")
+            until(page, RESTING)
             take(page, "")
         browser.close()
 

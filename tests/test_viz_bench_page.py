@@ -77,15 +77,15 @@ def test_from_a_dropped_file_to_the_mirror_foot(opened: Any, tmp_path: Path) -> 
         # a fit: bands on the sliders, both branches, the words; one button flips to the other foot
         page.page.locator("#starts").fill("2")
         page.page.locator("#start_fit").click()
-        page.until("bench.found || complaints")
-        assert page("complaints") == ""
+        page.until("bench.found || complaint")
+        assert page("complaint") == ""
         page.until("!busy && !wanted && motion")
         assert page("bench.fit.branches.length") == 2
         assert page("byId('reason').textContent").startswith("The data do not decide between")
         assert page("[...byId('parameters').querySelectorAll('.band')].filter(b => !b.hidden).length") == 0
         assert "fit_foot" in page("byId('script').textContent")
         assert page("motion.feet.measured.fit_percent") > 99
-        assert page("bench.task") == "fit"  # which stays in sight with what to do next, whatever is open
+        assert page("task") == "fit"  # which stays in sight with what to do next, whatever is open
         page("openTask('model')")
         page.page.locator("label:has(#parameter_c_12) output").click()
         page.page.locator("#parameters output input").fill("41")
@@ -93,8 +93,8 @@ def test_from_a_dropped_file_to_the_mirror_foot(opened: Any, tmp_path: Path) -> 
         page.until("!busy && !wanted && state.values.c_12 === 41")
         for _ in range(3):  # a lost connection changes nothing that was set, however often
             before = page("stats.motions")
-            page("socket.close()")
-            page.until(f"socket.readyState === 1 && bench.rows.length && !busy && motion && stats.motions > {before}")
+            page("disconnect()")
+            page.until(f"isConnected() && bench.rows.length && !busy && motion && stats.motions > {before}")
         assert not page.complaints and page("[state.values.c_12, bench.fit.branches.length, ticked()]") == [41, 2, [0]]
         page.page.locator("#undo").click()
         first, other = page("bench.fit.branches.map(b => b.values.k_T)")
@@ -172,9 +172,9 @@ def test_from_a_dropped_file_to_the_mirror_foot(opened: Any, tmp_path: Path) -> 
 
         # rivals need three frequencies, and say so
         page.page.locator("#start_rivals").click()
-        page.until("complaints")
-        assert "three or more frequencies" in page("complaints")
-        page(f"showRivals({json.dumps(RIVALS)})")
+        page.until("complaint")
+        assert "three or more frequencies" in page("complaint")
+        page(f"receive({{ ...{json.dumps(RIVALS)}, type: 'rivals' }})")
         shown = page("[...byId('rivals').rows].map(r => [r.className, ...[...r.cells].map(c => c.textContent)])")
         assert shown == [["", "rival", "BIC"], ["", "the model", "0"], ["ruled", "linear dampers", "1.6e+05"]]
         assert page("byId('rivals_sentence').textContent") == "The recordings prefer the model."
@@ -193,7 +193,7 @@ def test_from_a_dropped_file_to_the_mirror_foot(opened: Any, tmp_path: Path) -> 
         cells, heads, named = page(  # at once: the saved model may still come, and clears the fit
             "() => { bench.found = null; bench.fit = { recordings: ["
             "{ file: '20hz_0.csv', fit_percent: 98.7 }, { file: 'b/20hz_0b.csv', fit_percent: 97.5 }] };"
-            f"showRecordings({{ session: bench.session, stale: '', shown: 1, "
+            f"receive({{ type: 'data', session: bench.session, stale: '', shown: 1, "
             f"rows: [...[0, 2.3].flatMap(m => [10, 20, 30].map(f => ({row}))), {again}] }});"
             "const all = q => [...byId('matrix').querySelectorAll(q)], texts = q => all(q).map(b => b.textContent);"
             "const named = all('button').map(b => b.title).filter(t => t.includes(' of 2'));"
@@ -240,7 +240,7 @@ def test_typed_numbers_are_taken_as_meant_or_a_sentence_says_why_not(opened: Any
 
         def said(row: str = "k_F") -> str:
             return str(
-                page(f"[...rows.{row}.querySelectorAll('.remark:not([hidden])')].map(r => r.textContent).join()")
+                page(f"[...sliders.{row}.querySelectorAll('.remark:not([hidden])')].map(r => r.textContent).join()")
             )
 
         low, high = page("(p => [p.lower, p.upper])(model.parameters.find(p => p.name === 'k_F'))")
@@ -251,13 +251,13 @@ def test_typed_numbers_are_taken_as_meant_or_a_sentence_says_why_not(opened: Any
         assert "bound" in typed("-5") and page("state.values.k_F") == low
         assert "may mean 150000 or 150.000" in typed("150,000") and page("state.values.k_F") == low
         assert typed("abc") == '"abc" is not a number.'
-        page("rows.k_T.querySelector('output').click()")  # another field has its own, and takes none away
+        page("sliders.k_T.querySelector('output').click()")  # another field has its own, and takes none away
         page.page.locator("#parameters input[type=text]").fill("x")
         page.page.keyboard.press("Enter")
         assert (said("k_T"), said()) == ('"x" is not a number.', '"abc" is not a number.')
         page.page.locator("#parameter_k_T").press("ArrowRight")
         assert (said("k_T"), said()) == ("", '"abc" is not a number.')
-        page("rows.k_T.home()")
+        page("sliders.k_T.home()")
         page.page.locator("label:has(#parameter_k_F) output").click()  # as it was is right, too
         page.page.keyboard.press("Enter")
         assert said() == ""
@@ -306,11 +306,11 @@ def test_typed_numbers_are_taken_as_meant_or_a_sentence_says_why_not(opened: Any
         assert page("[...byId('recordings').rows].map(r => r.className)") == [""] * 3 and cell.input_value() == ""
         cell.fill("70,5")
         cell.press("Enter")
-        page.until("bench.rows[0].body_mass_kg === 70.5 && motion && !busy && !complaints")
+        page.until("bench.rows[0].body_mass_kg === 70.5 && motion && !busy && !complaint")
 
         # the band is where the thumb would be
         page("openTask('model')")
-        page("rows.k_F.set(1e5), rows.k_F.band([9e4, 1.1e5], '')")
+        page("sliders.k_F.set(1e5), sliders.k_F.band([9e4, 1.1e5], '')")
         left, width = page(
             "(([a, b]) => [b.left + b.width / 2 - a.left, a.width])"
             "([byId('parameter_k_F'), byId('parameter_k_F').parentElement.querySelector('.band')]"
@@ -370,7 +370,7 @@ def listed(page: Watched, *files: str, shown: int, **more: Any) -> None:
          "added_mass_kg": 0, "body_mass_kg": 70, **more}
         for k, file in enumerate(files)
     ]  # fmt: skip
-    page("d => showRecordings({ ...d, session: bench.session })", {"rows": rows, "shown": shown, "stale": ""})
+    page("d => receive({ ...d, type: 'data', session: bench.session })", {"rows": rows, "shown": shown, "stale": ""})
 
 
 def test_plots_of_a_fit_follow_the_branch_and_say_whose_they_are(opened: Any, tmp_path: Path) -> None:
@@ -378,19 +378,19 @@ def test_plots_of_a_fit_follow_the_branch_and_say_whose_they_are(opened: Any, tm
         page = Watched(opened, url, (1600, 900))
         files = ["here/20hz.csv", "25hz.csv", "20hz.csv", "35hz.csv"]
         listed(page, *files, shown=1)
-        page("d => receiveFit(d)", FITTED)
-        titles = "[...['trace', 'residual', 'chi'].map(k => bench.plots[k].title), byId('matrix').caption.textContent]"
+        page("d => receive({ ...d, type: 'fitted' })", FITTED)
+        titles = "[...['trace', 'residual', 'chi'].map(k => fitted.plots[k].title), byId('matrix').caption.textContent]"
         drawn = (
-            "[bench.plots.trace.series[1].y[2], bench.plots.trace.series[1].label, bench.plots.residual.series[0].y[2],"
-            "bench.plots.chi.series[0].y[0], byId('matrix').querySelector('[aria-pressed=true]').textContent]"
+            "[fitted.plots.trace.series[1].y[2], fitted.plots.trace.series[1].label, fitted.plots.residual.series[0].y[2],"
+            "fitted.plots.chi.series[0].y[0], byId('matrix').querySelector('[aria-pressed=true]').textContent]"
         )
         worn = "[plots.pad.series[0].label, plots.ankle.series[0].label, plots.traces.series[1].label]"
         motions = {}
         for name, k, left, fit, chi in (("stiff ankle", 1.2e5, 0.1, 99, 2), ("stiff pad", 9e4, 0.2, 98, 3)):
             page.page.get_by_role("button", name=name).click()
-            page.until(f"motion && !busy && !wanted && state.values.k_T === {k} && drawn === motion")
+            page.until(f"motion && !busy && !wanted && state.values.k_T === {k} && isDrawn()")
             assert all(title.endswith(f" · {name}") for title in page(titles))
-            assert page("bench.plots.trace.series[0].y") == [0, 2, 0]
+            assert page("fitted.plots.trace.series[0].y") == [0, 2, 0]
             assert page(drawn) == [left, f"model, {fit}.0 %", -left, chi, f"{fit}.0"]
             assert page(worn) == [name, name, name]
             known = "identified" if name == "stiff pad" else "not identifiable"
@@ -401,25 +401,23 @@ def test_plots_of_a_fit_follow_the_branch_and_say_whose_they_are(opened: Any, tm
         assert motions["stiff ankle"] != motions["stiff pad"]
         page.page.keyboard.press("Control+z")
         assert all(title.endswith(" · stiff ankle") for title in page(titles))
-        page("rows.k_T.set(1e5), state.values.k_T = 1e5, ask()")  # of neither branch
-        page.until("!busy && !wanted && drawn === motion && !plots.pad.series[0].label")
+        page("sliders.k_T.set(1e5), state.values.k_T = 1e5, ask()")  # of neither branch
+        page.until("!busy && !wanted && isDrawn() && !plots.pad.series[0].label")
         assert page("plots.traces.series[1].label") == "malleolus"
 
         # the same name in another folder is another recording: none is shown, and a sentence says so
         listed(page, *files, shown=2)
-        page("drawTrace()")
-        assert page("[bench.plots.trace.series, bench.plots.residual.series]") == [[], []]
+        assert page("[fitted.plots.trace.series, fitted.plots.residual.series]") == [[], []]
         assert (
             page("[...byId('fit_plots').querySelectorAll('p:not([hidden])')].map(p => p.textContent)")
             == ["20hz.csv is not in this fit."] * 2
         )
         listed(page, *files, shown=0)
-        page("drawTrace()")
-        assert page("bench.plots.trace.series[0].y") == [0, 1, 0]
+        assert page("fitted.plots.trace.series[0].y") == [0, 1, 0]
         assert page("byId('fit_plots').querySelectorAll('p:not([hidden])').length") == 0
 
         # the mirror's dashes lie over the solid curves, and in colours of their own
-        inks = page("bench.plots.size.series.map(s => [Boolean(s.dashed), s.colour])")
+        inks = page("fitted.plots.size.series.map(s => [Boolean(s.dashed), s.colour])")
         assert [dashed for dashed, _ in inks] == sorted(dashed for dashed, _ in inks)
         assert not {ink for dashed, ink in inks if dashed} & {ink for dashed, ink in inks if not dashed}
         assert page.complaints == []
@@ -452,7 +450,7 @@ def test_no_legend_column_or_point_is_cut(opened: Any, tmp_path: Path) -> None:
     with served("--model", "two_dof", folder=tmp_path) as url:
         page = Watched(opened, url, (1600, 900))
         listed(page, *(f"{k}.csv" for k in range(9)), shown=1, subject="16", added_mass_kg=2.3)
-        page("d => receiveFit(d)", FITTED)
+        page("d => receive({ ...d, type: 'fitted' })", FITTED)
         for width in (1600, 1400, 1100, 1024, 800, 420):
             page.resize(width, 900)
             for pane in ("fit", "motion"):
@@ -465,21 +463,21 @@ def test_no_legend_column_or_point_is_cut(opened: Any, tmp_path: Path) -> None:
         assert page("distinct([179.71, 179.72, 179.73])") == ["179.71", "179.72", "179.73"]
         assert page("distinct([0, 0.5, 1])") == ["0", "0.5", "1"]
         page.settle()
-        ends = page("(p => [p.valToPos(10, 'x'), p.over.clientWidth - p.valToPos(50, 'x')])(bench.plots.size.plot)")
+        ends = page("(p => [p.valToPos(10, 'x'), p.over.clientWidth - p.valToPos(50, 'x')])(fitted.plots.size.plot)")
         assert min(ends) >= 3  # half a point
 
         # values under the mouse lie over the curves, and move nothing
-        tall = "bench.plots.size.pane.clientHeight"
+        tall = "fitted.plots.size.pane.clientHeight"
         before = page(tall)
-        page("bench.plots.size.plot.setCursor({ left: bench.plots.size.plot.valToPos(10, 'x'), top: 20 })")
-        assert "1.5" in page("bench.plots.size.tip.textContent") and page(tall) == before
+        page("fitted.plots.size.plot.setCursor({ left: fitted.plots.size.plot.valToPos(10, 'x'), top: 20 })")
+        assert "1.5" in page("fitted.plots.size.tip.textContent") and page(tall) == before
 
         # of one abscissa they share a cursor; each opens to full size, by its button or its title, and closes
         page.resize(1440, 900)
         page.settle()
         page.page.locator("#fit_plots .u-over").first.hover()
-        assert page("['lag', 'chi', 'trace'].map(k => bench.plots[k].plot.cursor.left >= 0)") == [True, True, False]
-        for strip, plot in (("fit", "bench.plots.lag"), ("motion", "plots.curve")):
+        assert page("['lag', 'chi', 'trace'].map(k => fitted.plots[k].plot.cursor.left >= 0)") == [True, True, False]
+        for strip, plot in (("fit", "fitted.plots.lag"), ("motion", "plots.curve")):
             page(f"tab('{strip}')")
             figure = page.page.locator(f"#{strip}_plots figure").nth(1)
             drawn = f"{plot}.plot.width"
@@ -518,16 +516,16 @@ def test_recording_with_warnings_is_marked_while_another_is_shown(opened: Any, t
         # what is being read, or computed, is said until it is there
         assert page("(showRecording(bench.rows[0]), byId('data_state').textContent)") == "reading mm.csv"
         page.until("byId('data_state').textContent === ''")
-        page("asks = ask, ask = () => { busy = true; }")  # a server that answers no more, once it has answered all
+        page("sends = WebSocket.prototype.send, WebSocket.prototype.send = () => {}")  # a server that answers no more, once it has answered all
         told = "byId('state').textContent.endsWith('computing the motion')"
         page.until(f"{told} || (busy || receive({{ ...model, adopt: false }}), false)")
-        page("ask = asks, busy = false, ask()")
+        page("WebSocket.prototype.send = sends, busy = false, ask()")
         page.until("byId('state').textContent.endsWith('no motion to show')")
         page.page.locator("#sine").click()
         page.until("motion && !model.recorded && plots.pad.series.length")
 
         # a command that was started again has nothing of what is here
-        page("showRecordings({ session: 'another', rows: [], shown: -1, stale: '' })")
+        page("receive({ type: 'data', session: 'another', rows: [], shown: -1, stale: '' })")
         assert page("[ticked(), bench.rows]") == [[], []]
         assert "earlier recordings, ticks and fits are gone" in page("byId('error').textContent")
         assert page.complaints == []

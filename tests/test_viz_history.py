@@ -103,26 +103,26 @@ def test_fits_are_listed_compared_and_kept_in_the_session(opened: Any, tmp_path:
         page.open_example()
         page("byId('starts').value = 2")
         for kept in ("row.added_mass_kg === 0", "row.added_mass_kg > 0"):
-            page(f"bench.chosen = new Set(bench.rows.filter(row => {kept}).map(row => row.id)), ticksChanged()")
+            page(f"bench.chosen = new Set(bench.rows.filter(row => {kept}).map(row => row.id))")
             count = page("bench.history.length")
             page.page.locator("#start_fit").click()
             page.until(f"bench.history.length === {count + 1} && !bench.running && bench.fitNumber === {count + 1}")
         items = page.page.locator("#fits li")
         assert items.count() == 2 and "3 recordings" in items.nth(0).inner_text()
         items.nth(1).get_by_role("button", name="compare").click()
-        page.until("bench.pair && !byId('pair_plots').hidden")
+        page.until("fitted.pair && !byId('pair_plots').hidden")
         head = page("[...byId('pair').rows[0].cells].map(cell => cell.textContent)")
         assert head[1].startswith("fit 2, ") and head[3] == "difference, 95 %"
-        names = page("bench.pair.size.series.filter(s => s.label).map(s => s.label)")
+        names = page("fitted.pair.size.series.filter(s => s.label).map(s => s.label)")
         assert names == ["fit 2, 2.3 kg", "fit 1 (dashed)"]
         assert page("[...byId('pair').rows].some(tr => tr.cells[0].textContent.startsWith('k_T'))")
         table = {"columns": ["", "", "", ""], "rows": [["k_T", "–", "1 ± 2", "3"], ["k_F", "1", "2", "-1"]], "fits": []}
-        page("d => showComparison(d)", table)  # of what is withheld there is no difference either
+        page("d => receive({ ...d, type: 'comparison' })", table)  # of what is withheld there is no difference either
         assert page("[...byId('pair').rows].map(r => r.cells[3].textContent)") == ["", "–", "-1"]
         items.nth(1).get_by_role("button", name="fit 1,").click()
         page.until("bench.fitNumber === 1 && byId('fits').children[1].querySelector('[aria-pressed=true]')")
         values = page("state.values.k_T")
-        page("rows.k_T.set(2e5), remember('k_T'), state.values.k_T = 2e5, ask()")
+        page("sliders.k_T.set(2e5), remember('k_T'), setValues({ k_T: 2e5 }), ask()")
         for key, value in (("Control+z", values), ("Control+y", 2e5)):
             page.page.keyboard.press(key)
             assert page("state.values.k_T") == pytest.approx(value)

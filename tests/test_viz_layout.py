@@ -47,7 +47,7 @@ def test_nothing_lies_over_the_foot(page: Watched, size: tuple[int, int]) -> Non
     page.page.set_viewport_size({"width": size[0], "height": size[1]})
     page.until(f"innerWidth === {size[0]} && innerHeight === {size[1]}")
     for message in ("", "my_foot.xml, line 3: MuJoCo cannot compile it."):
-        page(f"say('{message}')")
+        page(f"complaint = '{message}'")
         page.until("stage.renderer.domElement.clientHeight === byId('pane').clientHeight")
         for view in ("medial", "lateral", "front", "above", "behind", "corner"):
             page(f"stage.view('{view}'); showAt(0)")
@@ -99,7 +99,9 @@ def test_scales_words_and_bounds(opened: Any) -> None:
         assert re.search("ankle stiffness k_T", foot)
         assert foot.replace("\u202f", "").split()[-2:] == ["10000", "3000000"]
 
-        legend = page("(fresh = true, legend(), byId('legend').innerText)")
+        page("fresh = true")
+        page.settle()
+        legend = page("byId('legend').innerText")
         assert "change of tension" in legend
         assert [page(f"byId('legend').querySelectorAll('p')[{i}].children[1].textContent") for i in (0, 1)] == [
             "0",
@@ -125,9 +127,9 @@ def test_scales_words_and_bounds(opened: Any) -> None:
         # a bound stops a value: slider, number and sentence say so
         page("state.values.k_F = 1e12; ask()")
         page.until("!busy && !wanted && state.values.k_F === 3e6")
-        assert "k_F is held at its bound" in page("rows.k_F.querySelector('.remark').textContent")
+        assert "k_F is held at its bound" in page("sliders.k_F.querySelector('.remark').textContent")
         assert page("byId('error').hidden")
-        assert page("rows.k_F.querySelector('output').textContent").replace("\u202f", "") == "3000000 N/m"
+        assert page("sliders.k_F.querySelector('output').textContent").replace("\u202f", "") == "3000000 N/m"
 
         # a table at rest: no ratio, no dot
         page.page.locator("#peak_to_peak").fill("0")

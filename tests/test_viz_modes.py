@@ -32,7 +32,7 @@ def test_server_shows_the_cell_and_refuses_strangers(result: Path) -> None:
         assert page.code == 200
         assert "default-src 'none'" in page.headers["Content-Security-Policy"]
         assert b"cell.js" in page.body
-        for name in ("meshcat.js", "stage.js", "controls.js", "stream.js", "cell.js", "style.css"):
+        for name in ("meshcat.js", "stage.js", "playback.js", "stream.js", "cell.js", "style.css"):
             assert (await status(at(server.url, name))).code == 200
         for name in ("foot.js", "cell.html", "cell.npz", "../cell.py"):
             assert (await status(at(server.url, name))).code == 404

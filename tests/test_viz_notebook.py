@@ -32,7 +32,7 @@ from viz.server import ELSEWHERE
 PREFIX = "/user/me/"
 #: Else Chromium looks no name up in these tests.
 NAMED = "--host-resolver-rules=MAP localhost 127.0.0.1"
-MOVES = "typeof stats !== 'undefined' && stats.motions > 0"
+MOVES = "window.fasbody && fasbody.stats.motions > 0"
 
 
 @pytest.fixture
@@ -238,12 +238,12 @@ def test_the_page_moves_in_the_cell(monkeypatch: pytest.MonkeyPatch, proxied: bo
             until(partial(frame.evaluate, MOVES), page)
             assert frame.evaluate("location.origin") == (f"http://{host}:{port}" if proxied else own)
             assert "token=" in frame.evaluate("location.search")  # so that the frame can be loaded again
-            frame.evaluate("upload([{ file: new File(['a,b\\n1,2'], 'x.csv'), name: 'x.csv' }])")
-            until(partial(frame.evaluate, "bench.rows.length"), page)
+            frame.locator("#files").set_input_files({"name": "x.csv", "mimeType": "text/csv", "buffer": b"a,b\n1,2"})
+            until(partial(frame.evaluate, "fasbody.bench.rows.length"), page)
             with page.expect_download() as saved:
-                frame.evaluate("takeAway()")
+                frame.get_by_role("button", name="Offline page").evaluate("b => b.click()")
             assert saved.value.suggested_filename == "foot.html"
-            frame.evaluate("tellServer('remove', { numbers: bench.rows.map(row => row.id) })")
+            frame.locator("#clear").evaluate("b => b.click()")
             assert told == []
             page.close()
 

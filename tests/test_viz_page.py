@@ -95,12 +95,12 @@ def test_foot_in_the_browser(opened: Any) -> None:
                 page.page.locator("label:has(#parameter_k_F) .back").click()
             else:
                 nominal = page(
-                    "rows.k_F.set(model.parameters.find(p => p.name === 'k_F').nominal), byId('parameter_k_F').value"
+                    "sliders.k_F.set(model.parameters.find(p => p.name === 'k_F').nominal), byId('parameter_k_F').value"
                 )
                 page.page.locator("#parameter_k_F").fill(str(int(nominal) - 1))
                 page.page.locator("#parameter_k_F").press("ArrowRight")
             assert page("state.values") == {}, act
-            assert not page("rows.k_F.classList.contains('moved')"), act
+            assert not page("sliders.k_F.classList.contains('moved')"), act
         page.until(f"!busy && !wanted && Math.abs(motion.feet.a.ratio - {heavy}) < 1e-9")
         page.page.locator("#frequency").fill("47.5")
         page.page.locator("label:has(#frequency) .back").click()
@@ -134,7 +134,7 @@ def test_foot_in_the_browser(opened: Any) -> None:
             "() => { const p = Object.getOwnPropertyDescriptor(WebSocket.prototype, 'onmessage');"
             "Object.defineProperty(WebSocket.prototype, 'onmessage', { configurable: true, get: p.get,"
             "set(f) { p.set.call(this, m => setTimeout(() => f.call(this, m), 300)); } });"
-            "window.seen = stats.motions; socket.close(); }"
+            "window.seen = stats.motions; disconnect(); }"
         )
         page.until("stats.motions > window.seen && motion")
         page("showAt(0.2)")
@@ -235,7 +235,7 @@ def test_exported_page_needs_no_server(opened: Any, tmp_path: Path) -> None:
         "function (kind, ...more) { return kind.includes('webgl') ? null : all.call(this, kind, ...more); }"
     )
     page.page.reload()
-    page.until("window.stats && stats.motions > 0 && stats.frames > 2 && plots.curve.series.length")
+    page.until("window.modules && window.fasbody && stats.motions > 0 && stats.frames > 2 && plots.curve.series.length")
     assert page("byId('pane').innerText").startswith("This browser cannot draw in three dimensions: WebGL is off")
     page.page.locator("#frequency").fill("33")
     page.until("motion.feet.a.duration === 1 / 33")

@@ -54,7 +54,7 @@ def scaled(text: str, factor: float, head: str = "") -> str:
 
 def drop(page: Watched, files: dict[str, bytes], count: int) -> None:
     page(DROP, {name: list(content) for name, content in files.items()})
-    page.until(f"bench.rows.length === {count} && byId('data_state').textContent === '' || complaints")
+    page.until(f"bench.rows.length === {count} && byId('data_state').textContent === '' || complaint")
 
 
 def typed(page: Watched, label: str, text: str) -> None:
@@ -86,9 +86,9 @@ def test_table_is_filled_many_at_once_and_kept_as_a_study(opened: Any, tmp_path:
           field.dispatchEvent(new ClipboardEvent("paste", { clipboardData: data, bubbles: true, cancelable: true }));
         }"""
         page(paste, ["load [kg] of 20hz_0kg.csv", "1.5\r\nx\r\n"])
-        assert page("complaints") == '"x" is not a number.'
+        assert page("complaint") == '"x" is not a number.'
         page(paste, ["load [kg] of 20hz_0kg.csv", "1.5\t70\n4.5\t71"])
-        assert page("complaints") == "These are two columns; paste one at a time."
+        assert page("complaint") == "These are two columns; paste one at a time."
         page(paste, ["load [kg] of 20hz_0kg.csv", "1.5\r\n4.5 kg\r\n9\r\n"])  # more than there are rows
         page.until("bench.rows.map(row => row.added_mass_kg).join() === '0,1.5,4.5'")
         typed(page, "load [kg] of 20hz_0kg.csv", "0")
@@ -155,7 +155,7 @@ def test_unit_in_doubt_is_unticked_the_foot_rests_and_a_unit_mends_it(opened: An
 
         page.page.get_by_label("which recordings").select_option("in doubt")
         typed(page, "unit of these", "furlong")
-        page.until("complaints.includes('furlong')")
+        page.until("complaint.includes('furlong')")
         typed(page, "unit of these", "mm/s^2")
         page.until("ticked().length === 2 && motion && !busy && model.recorded")
         assert [row[6] for row in page(TABLE)[:2]] == ["mm/s^2"] * 2
@@ -191,9 +191,9 @@ def test_bar_is_in_sight_and_nothing_is_small(opened: Any, tmp_path: Path) -> No
                 page.until("bench.rows.length === 12 && !busy && motion")
                 assert "takes a minute" in page("byId('next').textContent")
             if step == "fit":
-                page("d => receiveFit(d)", fit)
+                page("d => receive({ ...d, type: 'fitted' })", fit)
                 assert page("byId('next').textContent") == "Fit 98.7 %; the branch is undecided."
-                page("showRecordings({ session: bench.session, rows: bench.rows, shown: 0, stale: 'Out of date.' })")
+                page("receive({ type: 'data', session: bench.session, rows: bench.rows, shown: 0, stale: 'Out of date.' })")
                 assert page("byId('next').textContent").endswith("Out of date; fit again.")
             for size in SIZES:
                 page.resize(*size)

@@ -49,7 +49,7 @@ def test_what_to_do_next_and_the_fit_are_in_sight_in_every_task(opened: Any, tmp
         assert page("byId('next').textContent").startswith("Drop recordings")
         assert page(IN_SIGHT, "bundled") and page("byId('start_fit').disabled")
         page.open_example()  # one click away
-        assert page("[bench.task, document.querySelectorAll('#tasks [aria-pressed=true]').length]") == ["data", 1]
+        assert page("[task, document.querySelectorAll('#tasks [aria-pressed=true]').length]") == ["data", 1]
         for width, height in ((1440, 900), (800, 600), (390, 844)):
             page.resize(width, height)
             for task in TASKS:
@@ -108,8 +108,8 @@ def test_the_focus_goes_on_and_a_reload_comes_back(opened: Any, tmp_path: Any) -
         for task, strip in (("model", "motion"), ("fit", "fit")):
             page(f"openTask('{task}'), tab('{strip}'), showBranch(1)")
             page.page.reload()
-            page.until("window.stats && stats.motions > 0 && bench.found && bench.rows.length === 12")
-            assert page("[bench.task, strip, bench.branch]") == [task, strip, 1]
+            page.until("window.modules && window.fasbody && stats.motions > 0 && bench.found && bench.rows.length === 12")
+            assert page("[task, strip, bench.branch]") == [task, strip, 1]
 
         page("openTask('data')")
         page.page.locator("#clear").click()
@@ -134,7 +134,7 @@ def test_light_and_dark_as_the_system_has_it_or_as_the_button_says(opened: Any, 
         page.page.get_by_role("button", name="Light page").click()
         assert page(LIGHTNESS)[0] > 0.8 and page(stroke) != before
         page.page.reload()
-        page.until("window.stats && stats.motions > 0")
+        page.until("window.modules && window.fasbody && stats.motions > 0")
         assert page(LIGHTNESS)[0] > 0.8  # kept by this browser
         page.page.get_by_role("button", name="Dark page").click()
         assert page(LIGHTNESS)[0] < 0.2
@@ -147,7 +147,7 @@ def test_a_text_beyond_what_the_page_takes_is_said_at_once(opened: Any, tmp_path
         page("openEditor()")
         page("editor.view.dispatch({ changes: { from: 0, insert: `<!--${'x'.repeat(1.2e6)}-->` } })")
         page.until("byId('editor_state').textContent.includes('1.2 MB are too large for this editor')")
-        assert page("socket.readyState") == 1 and page.complaints == []
+        assert page("isConnected()") and page.complaints == []
 
 
 def test_the_token_leaves_the_address_bar_and_a_reload_needs_none(opened: Any, tmp_path: Any) -> None:
@@ -156,10 +156,10 @@ def test_the_token_leaves_the_address_bar_and_a_reload_needs_none(opened: Any, t
         page = Watched(opened, url, (1000, 700))
         assert page("location.search") == "?quality=low" and page("document.cookie") == ""
         page.page.reload()
-        page.until("window.stats && stats.motions > 0")
+        page.until("window.modules && window.fasbody && stats.motions > 0")
         assert page.complaints == []
         page.page.context.clear_cookies()
-        page("socket.close()")
+        page("disconnect()")
         page.until("byId('state').textContent === 'connection lost' && !byId('error').hidden")
         assert page("byId('error').textContent").startswith("Open the address that the command printed")
         page.page.reload()

@@ -1,18 +1,59 @@
-"""The page's scripts by TypeScript's checker: types of the server's documents, misspelt names, wrong arguments."""
+"""The page's modules: what they import, and what TypeScript's checker says of their types, names and arguments."""
 
+import re
 import shutil
 import subprocess
 from pathlib import Path
 
 import pytest
 
-from viz.display import PAGE, SCRIPT
+from viz.display import IMPORT, MODULE, PAGE, joined, markup, modules
 
-TEMPLATES = {"foot": ("page.html", "foot.html"), "cell": ("page.html", "cell.html")}
+PAGES = ("foot.html", "cell.html")
 OPTIONS = (
-    "--noEmit", "--allowJs", "--checkJs", "--skipLibCheck", "--target", "es2022", "--lib", "es2023,dom,dom.iterable",
-    "--strict", "false", "--types", "",
+    "--noEmit", "--allowJs", "--checkJs", "--skipLibCheck", "--target", "es2022", "--module", "es2022",
+    "--moduleResolution", "bundler", "--lib", "es2023,dom,dom.iterable", "--types", "",
 )  # fmt: skip
+#: Modules without a complaint of the strict checker, which others still have.
+STRICT = (
+    "address.js", "advice.js", "colours.js", "corrections.js", "dom.js", "exported.js", "keep.js", "live.js",
+    "made.js", "model.js", "numbers.js", "panels.js", "playback.js", "reactive.js", "recordings.js", "rivals.js", "server.js",
+    "stream.js", "theme.js", "three.js", "values.js",
+)  # fmt: skip
+OWN = sorted(file.name for file in PAGE.glob("*.js"))
+
+
+def test_each_script_of_the_page_is_a_module_that_a_page_runs() -> None:
+    """No script is left with names in the global scope, and the pages name modules and meshcat only."""
+    run = {name for page in PAGES for name in modules(markup(page, "key"))}
+    assert {name for name in run if not name.startswith("vendor/")} == set(OWN)
+    for page in PAGES:
+        assert re.findall(r'<script src="([^"]+)"', markup(page, "key")) == ["meshcat.js"]
+    for name in OWN:
+        text = (PAGE / name).read_text()
+        assert len(IMPORT.findall(text)) == len(re.findall(r"^\s*import\b(?!\()", text, re.MULTILINE)), name
+        assert len(re.findall(r"\b(?:window|globalThis|self)\.\w+ ?=(?!=)|Object\.assign\(window", text)) == (
+            name in ("foot.js", "cell.js")
+        ), name
+
+
+def test_imports_of_modules_go_one_way() -> None:
+    imports = {name: set(IMPORT.findall((PAGE / name).read_text())) & set(OWN) for name in OWN}
+    while free := [name for name, needed in imports.items() if not needed]:
+        imports = {name: needed - set(free) for name, needed in imports.items() if name not in free}
+    assert imports == {}  # what is left imports itself
+
+
+@pytest.mark.parametrize("page", PAGES)
+def test_modules_of_a_page_can_be_joined(page: str, tmp_path: Path) -> None:
+    node = shutil.which("node")
+    if node is None:
+        pytest.skip("no node on this machine (apt-get install nodejs)")
+    file = tmp_path / "joined.mjs"
+    file.write_text(joined(modules(markup(page))))
+    assert re.search(r"^(import|export)\b", file.read_text(), re.MULTILINE) is None
+    run = subprocess.run([node, "--check", file], capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr[:500]
 
 
 @pytest.fixture(scope="module")
@@ -29,32 +70,30 @@ def checker(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder / "node_modules" / ".bin" / "tsc"
 
 
-def complaints(checker: Path, folder: Path, files: list[str]) -> list[str]:
+def complaints(checker: Path, folder: Path, page: str, strict: str = "false") -> list[str]:
+    first = MODULE.findall(markup(page, "key"))
     run = subprocess.run(
-        [checker, *OPTIONS, "types.d.ts", *files], cwd=folder, capture_output=True, text=True, check=False
-    )
+        [checker, *OPTIONS, "--strict", strict, "types.d.ts", *first], cwd=folder, capture_output=True, text=True,
+        check=False,
+    )  # fmt: skip
     assert run.returncode == 0 or run.stdout, run.stderr
     return run.stdout.splitlines()
 
 
-def scripts(page: str) -> list[str]:
-    names = [name for file in TEMPLATES[page] for name in SCRIPT.findall((PAGE / file).read_text())]
-    return [name for name in names if not name.startswith(("vendor/", "meshcat"))]
-
-
 @pytest.mark.long
-@pytest.mark.parametrize("page", TEMPLATES)
-def test_scripts_of_a_page_have_no_type_errors(checker: Path, page: str) -> None:
-    assert complaints(checker, PAGE, scripts(page)) == []
+@pytest.mark.parametrize("page", PAGES)
+def test_modules_of_a_page_have_no_type_errors(checker: Path, page: str) -> None:
+    assert complaints(checker, PAGE, page) == []
+    assert [line for line in complaints(checker, PAGE, page, "true") if line.startswith(STRICT)] == []
 
 
 @pytest.mark.long
 def test_a_misspelt_entry_of_a_document_is_seen(checker: Path, tmp_path: Path) -> None:
-    for file in (*PAGE.glob("*.js"), PAGE / "types.d.ts"):
-        shutil.copy(file, tmp_path)
-    script = tmp_path / "signals.js"
+    folder = tmp_path / "page"
+    shutil.copytree(PAGE, folder)
+    script = folder / "signals.js"
     text = script.read_text()
     assert "row.start_s" in text
     script.write_text(text.replace("row.start_s", "row.begin_s", 1))
-    (line,) = complaints(checker, tmp_path, scripts("foot"))
+    (line,) = complaints(checker, folder, "foot.html")
     assert "begin_s" in line

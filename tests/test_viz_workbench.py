@@ -495,7 +495,7 @@ def test_page_to_take_away_has_the_sliders_where_they_are(bench: Bench) -> None:
     said = {"frequency": 31.0, "peak_to_peak": 9.0, "added_mass": 2.3, "values": {"k_T": 2e5}}
     assert bench.take(said) == [{"type": "taken"}]
     text = (bench.folder / ".foot.html").read_text()
-    data = json.loads(text[text.index("window.EXPORTED = ") + 18 :].partition(";</script>")[0].replace("<\\", "<"))
+    data = json.loads(text.partition('id="exported">')[2].partition("</script>")[0])
     assert (data["model"]["settings"]["frequency"], data["model"]["settings"]["added_mass"]) == (31.0, 2.3)
     assert data["motion"]["feet"]["a"]["duration"] == pytest.approx(1 / 31)
     assert data["live"]["twin"]["values"]["k_F"] == bench.show.feet["a"].values()["k_F"]

@@ -6,6 +6,7 @@ import io
 import json
 import os
 import queue
+import re
 import signal
 import subprocess
 import sys
@@ -120,6 +121,21 @@ def browser(*more: str) -> Iterator[Any]:
             opened.close()
 
 
+#: Everything that the page's modules export, and a short name for an element; an exported page has no modules.
+MODULES = """addEventListener("load", async () => {
+  const files = performance.getEntriesByType("resource").map(entry => entry.name).filter(name => /\\.js(\\?|$)/.test(name));
+  const all = await Promise.all(files.filter(name => !/meshcat/.test(name)).map(name => import(name)));
+  window.modules = Object.assign({ byId: id => document.getElementById(id) }, ...all);
+})"""
+#: An expression that names what modules export, what the page has for those who drive it, and the fields of its state.
+SCOPE = (
+    "with (window.modules ?? {}) with (window.fasbody ?? {}) with (window.fasbody?.page ?? {}) "
+    "with (window.fasbody?.clock ?? {}) with (window.fasbody?.shown ?? {}) { %s }"
+)
+#: The page is there, and has a motion.
+MOVES = "window.modules && window.fasbody && stats.motions > 0"
+
+
 class Watched:
     """A page whose console errors and requests are kept, under its own content-security policy."""
 
@@ -135,12 +151,16 @@ class Watched:
         page.on("pageerror", lambda error: self.complaints.append(str(error)))
         page.on("request", lambda request: self.addresses.append(request.url))
         page.on("websocket", lambda socket: self.addresses.append(socket.url))
+        page.add_init_script(MODULES)
         page.goto(f"{url}{'&' if '?' in url else '?'}quality=low")
-        self.until("window.stats && stats.motions > 0")
+        self.until(MOVES)
         self("play(false)")
 
     def __call__(self, expression: str, argument: Any = None) -> Any:
-        return self.page.evaluate(expression, argument)
+        is_function = re.match(r"(\w+|\([\w, ]*\)) =>", expression)
+        if not is_function:
+            return self.page.evaluate(SCOPE % expression, argument)
+        return self.page.evaluate(f"argument => {{ {SCOPE % f'return ({expression})(argument)'} }}", argument)
 
     def until(self, condition: str) -> None:
         """Wait for a condition by asking; wait_for_function would need the policy lifted."""

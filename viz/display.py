@@ -1,4 +1,8 @@
-"""The interface of what is displayed, for server and export, and the page's files: `page/*.html` extend `page.html`."""
+"""The interface of what is displayed, for server and export, and the page's files.
+
+`page/*.html` extend `page.html`. A page names meshcat's script, its first modules and its styles; the modules import the
+others, each on a line of its own: `import { name, other } from "./file.js";`.
+"""
 
 import json
 import re
@@ -12,9 +16,13 @@ from viz.scene import Hub
 from viz.settings import Settings
 
 PAGE = Path(__file__).parent / "page"
-#: A page names its scripts and styles; server and export take them from there.
+#: Server and export take the names of scripts, modules and styles from the page, and of other modules from a module.
 SCRIPT = re.compile(r'<script src="([^"]+)"></script>')
+MODULE = re.compile(r'<script type="module" src="([^"]+)"></script>')
 STYLE = re.compile(r'<link rel="stylesheet" href="([^"]+)">')
+IMPORT = re.compile(r'^import (?:\{ [^}\n]+ \} from )?"\./([^"\n]+)";$', re.MULTILINE)
+#: What makes a module of a script, beside imports: the word before a declaration, and a vendored file's last line.
+EXPORT = re.compile(r"^export (?:\{ \w+ \};$)?", re.MULTILINE)
 
 
 class Display(Protocol):
@@ -50,11 +58,11 @@ def markup(page: str, key: str = "") -> str:
     return templates.get_template(page).render(key=key)
 
 
-def with_token(html: str, key: str) -> str:
-    """A page whose scripts and styles are asked for with the key."""
-    for pattern in (SCRIPT, STYLE):
-        html = pattern.sub(lambda tag: tag[0].replace(tag[1], f"{tag[1]}?token={key}"), html)
-    return html
+def with_token(text: str, key: str) -> str:
+    """A page or module whose scripts, modules and styles are asked for with the key."""
+    for pattern in (SCRIPT, MODULE, STYLE, IMPORT):
+        text = pattern.sub(lambda tag: tag[0].replace(f'{tag[1]}"', f'{tag[1]}?token={key}"'), text)
+    return text
 
 
 def page_json(document: Any) -> str:
@@ -71,6 +79,26 @@ def file_of(name: str) -> Path:
 
 
 def files(page: str) -> list[str]:
-    """Names of a page's scripts and styles, in order."""
+    """Names of a page's scripts, modules and styles."""
     text = markup(page, "any")
-    return [*SCRIPT.findall(text), *STYLE.findall(text)]
+    return [*SCRIPT.findall(text), *modules(text), *STYLE.findall(text)]
+
+
+def modules(html: str) -> list[str]:
+    """Names of a page's modules, each after those that it imports: the order in which a browser runs them."""
+    names: dict[str, None] = {}
+
+    def visit(name: str) -> None:
+        if name not in names:
+            for imported in IMPORT.findall(file_of(name).read_text()):
+                visit(imported)
+            names.setdefault(name)
+
+    for name in MODULE.findall(html):
+        visit(name)
+    return list(names)
+
+
+def joined(names: list[str]) -> str:
+    """Modules as one, for a page that is a single file; no two of them declare the same name."""
+    return "\n".join(EXPORT.sub("", IMPORT.sub("", file_of(name).read_text())) for name in names)

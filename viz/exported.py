@@ -18,7 +18,7 @@ import numpy as np
 
 from fasbody.console import console, print_json, progress_bar, write_whole
 from fasbody.exceptions import MissingPackageError, SettingError
-from viz.display import SCRIPT, STYLE, Display, file_of, markup, page_json
+from viz.display import MODULE, SCRIPT, STYLE, Display, file_of, joined, markup, modules, page_json
 from viz.motion import PER_CYCLE
 from viz.scene import embedded
 
@@ -44,6 +44,11 @@ CANVAS_ALONE = (
     "aside, footer, header, #legend, #timeline, #error { display: none !important } "
     "body { grid-template: 1fr / 1fr !important } main { display: block !important } "
     "#pane { position: absolute !important; inset: 0 !important }"
+)
+
+#: Pixels of the canvas by pixel of the window.
+DENSITY = (
+    "size => { const { renderer, viewer } = fasbody.stage; renderer.setPixelRatio(size); viewer.set_3d_pane_size() }"
 )
 
 
@@ -96,17 +101,19 @@ def export_to(show: Display, file: Path, *, json: bool = False) -> None:
 def html(show: Display, documents: Mapping[str, Any] | None = None) -> str:
     """One page with scene, motion and code inside; works from file://, offline. `documents` are the exported ones."""
     data = {**(documents or show.exported(live=True)), "scene": embedded(show.hub)}
+    page = markup(show.page)
+    code = joined(modules(page))
 
     def safe(text: str) -> str:
         return text.replace("</script", "<\\/script").replace("<!--", "<\\!--")
 
-    def script(match: re.Match[str]) -> str:
-        name = match[1]
-        code = file_of(name).read_text()
-        before = f"<script>window.EXPORTED = {safe(page_json(data))};</script>\n" if name == "stage.js" else ""
-        return f"{before}<script>{safe(code)}</script>"
+    def module(_: re.Match[str]) -> str:
+        document = page_json(data).replace("<", "\\u003c")
+        carried = f'<script type="application/json" id="exported">{document}</script>'
+        return f'{carried}\n<script type="module">{safe(code)}</script>'
 
-    page = SCRIPT.sub(script, markup(show.page))
+    page = MODULE.sub(module, page)
+    page = SCRIPT.sub(lambda match: f"<script>{safe(file_of(match[1]).read_text())}</script>", page)
     page = STYLE.sub(lambda match: f"<style>{file_of(match[1]).read_text()}</style>", page)
     return page.replace("<head>", f'<head>\n<meta http-equiv="Content-Security-Policy" content="{POLICY}">', 1)
 
@@ -207,8 +214,8 @@ def _frames(show: Display, documents: Mapping[str, Any], film: Film) -> Iterator
 
 
 def _shot(page: Any, share: float) -> bytes:
-    page.evaluate("share => showAt(share)", share)
-    address = page.evaluate("stage.renderer.domElement.toDataURL('image/png')")
+    page.evaluate("share => fasbody.showAt(share)", share)
+    address = page.evaluate("fasbody.stage.renderer.domElement.toDataURL('image/png')")
     return base64.b64decode(address.partition(",")[2])
 
 
@@ -234,10 +241,10 @@ def _browser(show: Display, documents: Mapping[str, Any], size: float = 1.0) -> 
         try:
             page = browser.new_page(viewport={"width": WIDTH, "height": HEIGHT}, bypass_csp=True)
             page.goto(f"{file.as_uri()}?quality=fixed", timeout=LONGEST)
-            page.wait_for_function("window.stats && stats.motions > 0", timeout=LONGEST)
+            page.wait_for_function("window.fasbody && fasbody.stats.motions > 0", timeout=LONGEST)
             page.add_style_tag(content=CANVAS_ALONE)
-            page.evaluate("play(false); window.requestAnimationFrame = () => 0")
-            page.evaluate("size => { stage.renderer.setPixelRatio(size); stage.viewer.set_3d_pane_size() }", size)
+            page.evaluate("fasbody.play(false); window.requestAnimationFrame = () => 0")
+            page.evaluate(DENSITY, size)
             yield page
         finally:
             browser.close()

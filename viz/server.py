@@ -54,7 +54,9 @@ OPENING, PARTING = 15.0, 2.0
 #: The answer to a request without the session's key.
 REFUSED = "Open the address that the command printed: its token is missing, or belongs to an earlier session.\n"
 #: And in a notebook, which may have come under a name that nobody gave.
-ELSEWHERE = 'If the notebook is on another machine, give its address: viz.show(foot, origin="https://hub.example.org").\n'
+ELSEWHERE = (
+    'If the notebook is on another machine, give its address: viz.show(foot, origin="https://hub.example.org").\n'
+)
 #: No script but ours and no address but this server; meshcat's control panel writes styles into the page.
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; "
@@ -103,9 +105,7 @@ class Server:
         origin: scheme, name and port.
     """
 
-    def __init__(
-        self, show: Display, port: int = 0, bench: Bench | None = None, frames: Iterable[str] = ()
-    ) -> None:
+    def __init__(self, show: Display, port: int = 0, bench: Bench | None = None, frames: Iterable[str] = ()) -> None:
         self.show, self.frames = show, tuple(frames)
         self.bench = bench
         self.key = secrets.token_urlsafe(24)
@@ -382,10 +382,7 @@ class Page(Guarded):
         self.set_header("Content-Security-Policy", POLICY.format(host=self.request.host, frames=frames))
         kinds = {".html": "text/html", ".js": "text/javascript", ".css": "text/css"}
         self.set_header("Content-Type", f"{kinds[Path(self.name).suffix]}; charset=utf-8")
-        if not self.name.endswith(".html"):
-            self.write(file_of(self.name).read_bytes())
-            return
-        text = markup(self.name, self.server.key)
+        text = markup(self.name, self.server.key) if self.name.endswith(".html") else file_of(self.name).read_text()
         self.write(with_token(text, self.server.key) if self.server.frames else text)
 
 

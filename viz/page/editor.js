@@ -1,23 +1,33 @@
 // The model: a chooser, and its MJCF in an editor that is checked while it is typed.
-"use strict";
+import { byId, element } from "./dom.js";
+import { clock } from "./playback.js";
+import { effect } from "./reactive.js";
+import { tellServer } from "./server.js";
+import { bench } from "./store.js";
+import { on } from "./stream.js";
+import { isLight } from "./theme.js";
+import { CM } from "./vendor/codemirror.js";
+
 // What is opened: the model's name, its text and its digest as the file had it, and the file's later one where it has
 // become another; unsaved text of other models.
-const editor = { view: null, name: "", file: "", text: "", digest: "", theirs: null, sent: "", quiet: false, timer: 0, drafts: new Map() };
+export const editor = { view: null, name: "", file: "", text: "", digest: "", theirs: null, sent: "", quiet: false, timer: 0, drafts: new Map() };
 const MOST_TEXT = 900000;  // bytes of a model that the server takes from a page
-const typedText = () => (editor.view ? editor.view.state.doc.toString() : editor.text);
+export const typedText = () => (editor.view ? editor.view.state.doc.toString() : editor.text);
 
 // What is shown was typed, here or in another page, and is in no file: its name says so.
-function markDraft(on) {
-  bench.draft = on;
-  for (const option of byId("model_choice").options) option.textContent = option.value.split("/").pop() + (on && option.selected ? " (draft, not saved)" : "");
-  fresh = true;
+effect(markDraft);
+function markDraft() {
+  const { draft } = bench;
+  for (const option of byId("model_choice").options) option.textContent = option.value.split("/").pop() + (draft && option.selected ? " (draft, not saved)" : "");
+  clock.fresh = true;
 }
 
-function listModels({ names, now, file, copy, text, digest, draft: shownDraft }) {
+on("models", ({ names, now, file, copy, text, digest, draft: isDraft }) => {
   const select = byId("model_choice"), known = names.includes(now) ? names : [...names, now];
   select.replaceChildren(...known.map(name => element("option", name.split("/").pop(), { value: name, title: name })));
   select.value = now;
-  markDraft(shownDraft);
+  bench.draft = isDraft;
+  markDraft();
   byId("save_model").title = file ? `to ${file}` : `to ${copy}, a copy in the folder that the command was started in`;
   const mine = typedText(), unsaved = mine !== editor.text;
   if (now !== editor.name) {
@@ -35,7 +45,7 @@ function listModels({ names, now, file, copy, text, digest, draft: shownDraft })
     showConflict(null);
     replaceText(text);
   }
-}
+});
 
 // The text in the editor, without a check of what the server has just sent.
 function replaceText(text) {
@@ -60,7 +70,7 @@ function resolveConflict(text) {
   tellServer("check", { text });
 }
 
-function openEditor() {
+export function openEditor() {
   const pane = byId("editor"), shown = pane.hidden;
   pane.hidden = !shown;
   byId("edit_model").setAttribute("aria-pressed", shown);
@@ -96,6 +106,8 @@ function checkSoon() {
   }, 250);
 }
 
+on("checked", showCheck);
+/** @param {Documents["checked"]} document_ */
 function showCheck({ text, line }) {
   if (!editor.view) return;
   const doc = editor.view.state.doc, at = line && line <= doc.lines ? doc.line(line) : null;
@@ -106,18 +118,18 @@ function showCheck({ text, line }) {
   editor.view.dispatch(CM.setDiagnostics(editor.view.state, marks));
 }
 
-function saveModel() {
+export function saveModel() {
   if (editor.theirs) return;
   clearTimeout(editor.timer);
   editor.sent = typedText();
   byId("editor_state").textContent = "saving";
   tellServer("save", { text: editor.sent, digest: editor.digest });
 }
-function showSaved({ file, text, digest }) {
+on("saved", ({ file, text, digest }) => {
   byId("editor_state").textContent = text || `saved to ${file.split("/").pop()}`;
   byId("editor_state").classList.toggle("wrong", Boolean(text));
   if (file) Object.assign(editor, { name: file, file, text: editor.sent, digest });
-}
+});
 
 byId("model_choice").onchange = event => tellServer("choose", { name: event.target.value });
 byId("edit_model").onclick = openEditor;

@@ -1,9 +1,13 @@
 // The feet on the stage, posed from a motion. Lengths in decimetres.
-"use strict";
+import { blend, largest, quaternion, sample, vector } from "./motion.js";
+import { Stage, rim, shade } from "./stage.js";
+import { THREE } from "./three.js";
+
 // LARGEST: how far anything may be drawn from rest; SEEN_BEST: how far the largest deformation is drawn unless asked.
 // LEVER: what a turn of a bone moves, about [m].
-const SCALE = 10, TABLE = -0.2, LARGEST = 0.5, SEEN_BEST = 0.18, LEVER = 0.06;
-const VIEWS = {
+export const SCALE = 10, TABLE = -0.2;
+const LARGEST = 0.5, SEEN_BEST = 0.18, LEVER = 0.06;
+export const VIEWS = {
   medial: [[0.02, 1.05, 5.8], [0.27, 0.62, 0]], lateral: [[0.45, 1.05, -5.8], [0.27, 0.62, 0]],
   front: [[6.5, 1.87, 1.52], [0.2, 0.48, 0]], above: [[0.3, 5.6, 0.02], [0.3, 0.2, 0]],
   behind: [[-6.0, 1.64, 2.05], [0.1, 0.52, 0]], corner: [[4.05, 2.1, 4.8], [0.24, 0.60, 0]],
@@ -17,7 +21,7 @@ const PADS = { heel_pad: [-0.69, -0.05], forefoot_pad: [0.95, -0.05] };
 // Where the aponeurosis begins and ends.
 const INSERTIONS = { calcaneus_talus: [-0.66, -0.02, 0], metatarsals: [0.98, -0.09, 0] };
 
-class Feet extends Stage {
+export class Feet extends Stage {
   constructor(pane) {
     super(pane, VIEWS);
     this.feet = {};

@@ -1,13 +1,18 @@
 // Files in: what is dropped on the page, or chosen, goes to the server.
-"use strict";
-async function upload(files) {
+import { KEY, withToken } from "./address.js";
+import { busyWith, byId } from "./dom.js";
+import { EXPORTED } from "./exported.js";
+import { OTHER_SESSION, complain, tellServer } from "./server.js";
+import { page } from "./store.js";
+
+export async function upload(files) {
   complain("");
   const send = async ({ file, name }) => {
     busyWith(`reading ${name}`);
     const answer = await fetch(withToken(`upload?name=${encodeURIComponent(name)}`), { method: "POST", headers: { "X-Key": KEY }, body: file }).catch(() => null);
     const known = answer && (answer.headers.get("Content-Type") || "").startsWith("application/json");
     const said = known ? await answer.json() : { text: answer && answer.status === 403 ? OTHER_SESSION : `${name} could not be sent; it may be larger than 64 MB.` };
-    if (said.text) complain([complaints, said.text].filter(Boolean).join("\n"));
+    if (said.text) complain([page.complaint, said.text].filter(Boolean).join("\n"));
     return { names: said.names || [], session: said.session };
   };
   const answers = [], isZip = ({ name }) => name.toLowerCase().endsWith(".zip");
@@ -22,7 +27,7 @@ async function upload(files) {
 }
 
 // What was dropped: files, and whole folders of them.
-async function dropped(items) {
+export async function dropped(items) {
   const found = [];
   async function walk(entry, path) {
     if (entry.isFile) found.push({ name: path + entry.name, file: await new Promise((done, failed) => entry.file(done, failed)) });
@@ -41,7 +46,7 @@ async function dropped(items) {
   await upload(found);
 }
 
-if (!window.EXPORTED) {
+if (!EXPORTED) {
   addEventListener("dragover", event => { event.preventDefault(); document.body.classList.add("dropping"); });
   addEventListener("dragleave", event => { if (!event.relatedTarget) document.body.classList.remove("dropping"); });
   addEventListener("drop", event => { event.preventDefault(); document.body.classList.remove("dropping"); dropped(event.dataTransfer.items); });
@@ -49,6 +54,4 @@ if (!window.EXPORTED) {
     byId(id).onclick = () => byId(picker).click();
     byId(picker).onchange = event => upload([...event.target.files].map(file => ({ file, name: file.webkitRelativePath || file.name })));
   }
-  byId("clear").onclick = () => tellServer("remove", { numbers: bench.rows.map(row => row.id) });
-  byId("bundled").onclick = () => tellServer("bundled", {}, "reading the bundled study");
 }

@@ -1,9 +1,10 @@
 // The scene as binary glTF 2.0: what is seen, with the motion that is shown, for Blender and every other viewer of glTF.
-"use strict";
+import { THREE } from "./three.js";
+
 
 // Args: the stage; keys of the motion, seconds that it lasts, whether it ends as it began; pose(share) poses the scene;
 // metres in a unit of the scene. What bends is sent at every second key, between which viewers go straight.
-function sceneGlb(stage, { keys, seconds, periodic, pose, unit }) {
+export function sceneGlb(stage, { keys, seconds, periodic, pose, unit }) {
   const meshes = [], last = periodic ? keys - 1 : keys;
   const walk = (node, path) => {
     const o = node.object;

@@ -1,11 +1,11 @@
 // A motion between its frames: poses of bodies, samples of forces, and their largest.
-"use strict";
+import { THREE } from "./three.js";
 
-function vector(pose) { return new THREE.Vector3(pose[0], pose[1], pose[2]); }
-function quaternion(pose) { return new THREE.Quaternion(pose[4], pose[5], pose[6], pose[3]); }
+export function vector(pose) { return new THREE.Vector3(pose[0], pose[1], pose[2]); }
+export function quaternion(pose) { return new THREE.Quaternion(pose[4], pose[5], pose[6], pose[3]); }
 
 // Displacement and rotation vector of one body between two frames.
-function blend(shown, at, body) {
+export function blend(shown, at, body) {
   const n = shown.frames, width = shown.bodies.length / n, k = Math.floor(at) % n, u = at - Math.floor(at);
   const next = shown.periodic ? (k + 1) % n : Math.min(k + 1, n - 1), out = [];
   for (let j = 0; j < 6; j++) {
@@ -16,13 +16,13 @@ function blend(shown, at, body) {
 }
 
 // One value of a loop between two frames.
-function sample(values, shown, at) {
+export function sample(values, shown, at) {
   const n = shown.frames, k = Math.floor(at) % n, u = at - Math.floor(at), next = shown.periodic ? (k + 1) % n : Math.min(k + 1, n - 1);
   return values[k] + (values[next] - values[k]) * u;
 }
 
 // Largest change of a loop's force in any foot.
-function largest(motion, loop) {
+export function largest(motion, loop) {
   if (!motion.tops) motion.tops = {};
   if (!(loop in motion.tops)) {
     const forces = Object.values(motion.feet).flatMap(f => (f.loops[loop] ? f.loops[loop].force : []));

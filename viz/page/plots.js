@@ -1,12 +1,16 @@
 // Plots on uPlot: lines, points with limits, and loops; drag zooms, a double click shows all, ⤓ saves the
 // numbers, ⤢ or a double click on the title opens the plot over the others. Those of one abscissa share a cursor.
-"use strict";
-// Colours of the dark page as they are on paper, and on a light page.
-const PRINT = { "#ffb454": "#b45f06", "#6cb6ff": "#1f6fb4", "#7ee0a1": "#1a7f45", "#e58fc4": "#a8327a", "#f3e37c": "#8a7a00", "#cfe6ff": "#3b72a6", "#ffe6c4": "#94642f", "#d4f5df": "#437d5a", "#f6d6ea": "#96567a", "#fbf5cf": "#75692a", "#8fa3b8": "#5a6b7c", "#ffffff": "#14202b" };
+import { PRINT } from "./colours.js";
+import { download, element } from "./dom.js";
+import { distinct, largestOf, tickText } from "./numbers.js";
+import { effect } from "./reactive.js";
+import { isLight } from "./theme.js";
+import { uPlot } from "./vendor/uplot.js";
+
 const tone = colour => (isLight() ? PRINT[colour] || colour : colour);
 const inks = () => (isLight() ? { ink: "#4c5b69", grid: "#d9dfe5" } : { ink: "#93a3b3", grid: "#27323e" });
 
-class Plot {
+export class Plot {
   // All that were made, and those that are seen now.
   static all = [];
   static seen() { return Plot.all.filter(plot => plot.plot && !plot.box.hidden && plot.pane.clientWidth > 0); }
@@ -26,8 +30,7 @@ class Plot {
   // with a logarithmic ordinate.
   constructor(parent, title, x, y, { loop = false, wide = false, whole = false, log = false } = {}) {
     Object.assign(this, { title, x, y, loop, whole, log });
-    this.box = document.createElement("figure");
-    this.box.className = wide ? "wide" : "";
+    this.box = element("figure", "", { className: wide ? "wide" : "" });
     this.box.innerHTML = "<figcaption><b></b><button type=button title='the numbers as CSV' aria-label='save the numbers as CSV'>⤓</button><button type=button title='full size; Escape closes it' aria-label='full size' aria-pressed=false>⤢</button><span></span></figcaption><div></div>";
     [this.head, this.pane] = this.box.children;
     this.head.firstChild.textContent = this.head.firstChild.title = title;
@@ -35,8 +38,8 @@ class Plot {
     this.pane.setAttribute("aria-label", `${title} over ${x}`);
     this.head.children[1].onclick = () => download(`${title.replace(/\W+/g, "_")}.csv`, this.csv());
     this.head.children[2].onclick = this.head.firstChild.ondblclick = () => this.open();
-    this.instead = Object.assign(document.createElement("p"), { hidden: true });
-    this.tip = Object.assign(document.createElement("div"), { className: "tip", hidden: true });
+    this.instead = element("p", "", { hidden: true });
+    this.tip = element("div", "", { className: "tip", hidden: true });
     this.pane.append(this.instead, this.tip);
     parent.append(this.box);
     Plot.all.push(this);
@@ -142,7 +145,7 @@ class Plot {
   // Names of the series under the title; their values under the mouse lie over the curves, so that nothing moves.
   tell(u) {
     const at = u.cursor.idx, known = at !== null && at !== undefined && !this.loop, item = (s, textContent) => {
-      const span = Object.assign(document.createElement("span"), { textContent });
+      const span = element("span", textContent);
       span.style.color = tone(s.colour);
       return span;
     };
@@ -155,7 +158,7 @@ class Plot {
 
   // Dots [x, y, colour] that move with time; the canvas is not drawn again for them.
   marks(dots) {
-    while (this.dots.length < dots.length) { const dot = document.createElement("i"); this.plot.over.append(dot); this.dots.push(dot); }
+    while (this.dots.length < dots.length) { const dot = element("i"); this.plot.over.append(dot); this.dots.push(dot); }
     this.at = dots;
     this.place();
   }
@@ -189,21 +192,4 @@ class Plot {
 }
 
 addEventListener("keydown", event => { if (event.key === "Escape") Plot.close(); });
-function largestOf(values) { return values.reduce((m, v) => Math.max(m, Math.abs(v)), 0); }
-function tickText(v, digits = 3) { return v === null ? "" : Math.abs(v) >= 1e5 ? v.toExponential(Math.max(0, digits - 3)) : String(+v.toPrecision(digits)).replace("-", "−"); }
-
-// Ticks with as many digits as tell them apart.
-function distinct(values) {
-  for (let digits = 3; digits < 9; digits++) {
-    const texts = values.map(v => tickText(v, digits));
-    if (new Set(texts).size === texts.length) return texts;
-  }
-  return values.map(v => tickText(v));
-}
-
-function download(name, content, kind = "text/plain") {
-  const address = URL.createObjectURL(content instanceof Blob ? content : new Blob([content], { type: kind }));
-  save(address, name);
-  setTimeout(() => URL.revokeObjectURL(address), 60000);
-}
-function save(href, name) { Object.assign(document.createElement("a"), { href, download: name }).click(); }
+effect(() => { isLight(); for (const plot of Plot.all) plot.redraw(); });

@@ -1,17 +1,18 @@
 // The stage: meshcat's canvas with our renderer, cameras and quality.
-"use strict";
-const THREE = MeshCat.THREE;
+import { button, byId, element, save } from "./dom.js";
+import { THREE, Viewer } from "./three.js";
+
 // ?quality=fixed keeps the best, low starts with the least, none draws nothing (to measure the rest); otherwise the
 // machine's speed decides.
-const QUALITY = new URLSearchParams(location.search).get("quality");
+export const QUALITY = new URLSearchParams(location.search).get("quality");
 // Colour ramps (sRGB): less to more tension and compression about none of it changed, still to most moved.
-const RAMPS = { tension: ["#2f6fd6", "#e9edf0", "#c2182f"], pressure: ["#2aa79b", "#f6e7b4", "#d9481c"],
+export const RAMPS = { tension: ["#2f6fd6", "#e9edf0", "#c2182f"], pressure: ["#2aa79b", "#f6e7b4", "#d9481c"],
   displacement: ["#3a4fa3", "#2d9fa8", "#8fd36a", "#ffd84d"] };
 
 // Where fog begins and ends, and the width over height of a picture that the cameras' distances are made for.
 const FOG = [6.2, 11.5], WIDEST = 1.35;
 
-class Stage {
+export class Stage {
   // Args: the element to draw in; named cameras, [eye, target] each, the first one is taken.
   constructor(pane, views) {
     this.pane = pane;
@@ -22,7 +23,7 @@ class Stage {
       this.renderer = { domElement: document.createElement("canvas"), shadowMap: {}, setPixelRatio() {}, setSize() {}, render() {} };
       this.blind = true;
       const text = "This browser cannot draw in three dimensions: WebGL is off or missing. Turn on hardware acceleration in its settings, or use another browser. All else works.";
-      pane.append(Object.assign(document.createElement("p"), { textContent: text, className: "blind" }));
+      pane.append(element("p", text, { className: "blind" }));
     }
     const r = this.renderer;
     r.shadowMap.enabled = true;
@@ -30,7 +31,7 @@ class Stage {
     r.outputEncoding = THREE.sRGBEncoding;
     r.toneMapping = THREE.ACESFilmicToneMapping;
     pane.appendChild(r.domElement);
-    this.viewer = new MeshCat.Viewer(pane, false, r);
+    this.viewer = new Viewer(pane, false, r);
     // meshcat makes controls for each object, which nobody sees here, and fails where a scene comes a second time
     Object.getPrototypeOf(this.viewer.scene_tree).create_controls = function () { this.vis_controller = { updateDisplay() {} }; };
     const size = this.viewer.set_3d_pane_size.bind(this.viewer);
@@ -96,21 +97,21 @@ class Stage {
 
   save(name) {
     this.render();
-    const link = document.createElement("a");
-    link.href = this.renderer.domElement.toDataURL("image/png");
-    link.download = name;
-    link.click();
+    save(this.renderer.domElement.toDataURL("image/png"), name);
   }
 }
 
-function shade(ramp, t) {
+/** @param {Stage} stage */
+export function cameras(stage) { for (const name of Object.keys(stage.views)) button(byId("cameras"), name, () => stage.view(name), `camera: ${name}`); }
+
+export function shade(ramp, t) {
   const stops = RAMPS[ramp], x = Math.min(1, Math.max(0, t)) * (stops.length - 1), k = Math.min(stops.length - 2, Math.floor(x));
   const colour = new THREE.Color(stops[k]).lerp(new THREE.Color(stops[k + 1]), x - k);
   return colour.convertSRGBToLinear();
 }
 
 // Transparent where the surface faces the eye, bright at its edge.
-function rim(material, power, least, colour) {
+export function rim(material, power, least, colour) {
   if (material.userData.rim) return;
   material.userData.rim = true;
   material.customProgramCacheKey = () => `rim ${power} ${least} ${colour}`;

@@ -1,9 +1,39 @@
-// Where a page's scene comes from: the server's socket, or the page itself when it was exported.
-"use strict";
-let socket = null, wait = 300;
+// Documents and scene of a page: from the server's socket, or from the page itself when it was exported.
+import { KEYED, withToken } from "./address.js";
+import { byId, say } from "./dom.js";
+import { EXPORTED } from "./exported.js";
+import { batch } from "./reactive.js";
+import { QUALITY } from "./stage.js";
 
-// Connect, and again whenever the connection is lost; the scene goes to the viewer, documents to `received`.
-function connect(stage, opened, received) {
+/** @type {Record<string, (document_: any) => void>} */
+const handlers = {};
+/** @type {WebSocket | null} */
+let socket = null;
+let wait = 300;
+
+/**
+ * What is done with the documents of one type.
+ * @template {keyof Documents} K
+ * @param {K} type
+ * @param {(document_: Documents[K]) => void} handler
+ */
+export function on(type, handler) { handlers[type] = handler; }
+
+/** @param {{ type: string }} document_ */
+export function receive(document_) { batch(() => handlers[document_.type](document_)); }
+
+export const isConnected = () => socket !== null && socket.readyState === WebSocket.OPEN;
+/** @param {object} message */
+export function send(message) { if (socket) socket.send(JSON.stringify(message)); }
+// As when the network fails; it connects again.
+export function disconnect() { if (socket) socket.close(); }
+
+/**
+ * Connect, and again whenever the connection is lost.
+ * @param {import("./stage.js").Stage} stage
+ * @param {() => void} opened
+ */
+function connect(stage, opened) {
   socket = new WebSocket(withToken("stream").replace(/^http/, "ws"));
   socket.binaryType = "arraybuffer";
   socket.onopen = () => { wait = 300; opened(); };
@@ -11,25 +41,29 @@ function connect(stage, opened, received) {
     byId("state").textContent = "connection lost, trying again";
     const answer = await fetch(withToken("style.css")).catch(() => null);
     if (answer && answer.status === 403) { byId("state").textContent = "connection lost"; say(await answer.text()); return; }  // of another session
-    setTimeout(() => connect(stage, opened, received), wait);
+    setTimeout(() => connect(stage, opened), wait);
     wait = Math.min(2 * wait, 5000);
   };
   socket.onmessage = message => {
     if (message.data instanceof ArrayBuffer) { stage.viewer.handle_command_message(message); stage.viewer.set_dirty(); }
-    else received(JSON.parse(message.data));
+    else receive(JSON.parse(message.data));
   };
 }
 
-// Begin a page: from its server, or with what an exported page carries: documents in the order of `order`, once `before`
-// is done.
-async function start(stage, opened, received, order, before = async () => {}) {
+/**
+ * Begin a page: from its server, or with what an exported page carries: documents in the order of `order`, once `before`
+ * is done.
+ * @param {import("./stage.js").Stage} stage
+ * @param {() => void} opened
+ * @param {string[]} order
+ */
+export async function start(stage, opened, order, before = async () => {}) {
   if (QUALITY === "low" || QUALITY === "none") stage.setQuality(0);
-  const own = window.EXPORTED;
-  if (!own) { hideToken(); connect(stage, opened, received); return; }
+  if (!EXPORTED) { hideToken(); connect(stage, opened); return; }
   document.body.classList.add("exported");
-  await unpack(stage, own.scene);
+  await unpack(stage, EXPORTED.scene);
   await before();
-  for (const name of order) if (own[name]) received(own[name]);
+  for (const name of order) if (EXPORTED[name]) receive(EXPORTED[name]);
 }
 
 // The cookie has the token from now on, so the address can be seen by others; a page without one keeps it.
@@ -40,7 +74,11 @@ function hideToken() {
   history.replaceState(history.state, "", address);
 }
 
-// The scene of an exported page: messages behind their lengths, as base64 of gzip.
+/**
+ * The scene of an exported page: messages behind their lengths, as base64 of gzip.
+ * @param {import("./stage.js").Stage} stage
+ * @param {string} text
+ */
 async function unpack(stage, text) {
   const whole = await inflated(text), view = new DataView(whole);
   for (let at = 0; at < whole.byteLength;) {
@@ -50,8 +88,8 @@ async function unpack(stage, text) {
   }
 }
 
-// What base64 of gzip holds.
-async function inflated(text) {
+/** @param {string} text what base64 of gzip holds */
+export async function inflated(text) {
   const packed = Uint8Array.from(atob(text), c => c.charCodeAt(0));
   return new Response(new Blob([packed]).stream().pipeThrough(new DecompressionStream("gzip"))).arrayBuffer();
 }

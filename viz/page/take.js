@@ -1,22 +1,27 @@
 // What a page gives away: a picture, a film, the scene, and its plots for print. All of it is made in the page.
-"use strict";
+import { busyWith, button, byId, download, rowIn } from "./dom.js";
+import { sceneGlb } from "./gltf.js";
+import { clock, play } from "./playback.js";
+import { Plot } from "./plots.js";
+import { plotsCsv, plotsPng, plotsSvg } from "./print.js";
+
 // A film repeats a period until it lasts LEAST seconds, and lasts MOST at the most.
-const LEAST = 4, MOST = 30, KEYS = 24;
+const LEAST = 4, MOST = 30;
+export const KEYS = 24;
 
 // The section's buttons. Args: the stage; name of the files; what the page is able to.
-function takeAwaySection(stage, name, { page = null, film, scene }) {
+export function takeAwaySection(stage, name, { page = null, film, scene }) {
   const box = byId("taking");
   for (const old of box.querySelectorAll(".row")) old.remove();
   const row = rowIn(box), plots = rowIn(box);
   const wait = (text, work) => async b => {
-    const was = { playing, time };
+    const { playing, time } = clock;
     b.disabled = true;
     busyWith(text);
     try { busyWith((await work(share => busyWith(text, share))) || "", 1); } catch (error) { busyWith(error.message, 1); }
     b.disabled = false;
-    time = was.time;
-    play(was.playing);
-    fresh = true;
+    Object.assign(clock, { time, fresh: true });
+    play(playing);
   };
   if (page) button(row, "Offline page", page, "one file for a colleague: opens without a network, and its sliders still move");
   if (!stage.blind) button(row, "Picture", () => stage.save(`${name()}.png`), "PNG of what is drawn");
@@ -59,81 +64,7 @@ async function recordFilm(stage, name, { seconds, repeats, drawAt }, done) {
 }
 
 // How a film goes through a motion of so many seconds on the screen: whole periods, a transient once.
-function filmPlan(seconds, periodic) {
+export function filmPlan(seconds, periodic) {
   if (seconds >= LEAST || !periodic) return { seconds: Math.min(MOST, seconds), repeats: 1 };
   return { seconds, repeats: Math.min(Math.ceil(LEAST / seconds), Math.floor(MOST / seconds)) };
-}
-
-// ---- plots for print ------------------------------------------------------------------------------------------------
-const PANEL = { width: 300, height: 230, left: 46, right: 12, top: 26, bottom: 36 };
-
-function seenPlots() {
-  const shown = Plot.seen();
-  if (!shown.length) throw new Error("No plot is seen; choose motion or another tab with plots.");
-  return shown;
-}
-
-// The plots that are seen, three beside each other; its text, width and height in CSS pixels.
-function plotsSvg() {
-  const shown = seenPlots(), columns = shown.length === 4 ? 2 : Math.min(3, shown.length), width = columns * PANEL.width, height = Math.ceil(shown.length / columns) * PANEL.height;
-  const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
-  for (const [key, value] of Object.entries({ width, height, viewBox: `0 0 ${width} ${height}`, "font-family": "Helvetica, Arial, sans-serif", "font-size": 10 })) svg.setAttribute(key, String(value));
-  const ground = svg.appendChild(document.createElementNS(svg.namespaceURI, "rect"));
-  for (const [key, value] of Object.entries({ width, height, fill: "#ffffff" })) ground.setAttribute(key, String(value));
-  shown.forEach((plot, k) => svgOf(plot, svg, PANEL.width * (k % columns), PANEL.height * Math.floor(k / columns), `clip${k}`));
-  return { text: new XMLSerializer().serializeToString(svg), width, height };
-}
-
-function svgOf(plot, svg, x, y, clip) {
-  const group = svg.appendChild(document.createElementNS(svg.namespaceURI, "g")), { width, height, left, right, top, bottom } = PANEL;
-  group.setAttribute("transform", `translate(${x} ${y})`);
-  const put = (tag, about, /** @type {any} */ text = "", into = group) => {
-    const node = into.appendChild(document.createElementNS(svg.namespaceURI, tag));
-    for (const [key, value] of Object.entries(about)) node.setAttribute(key, value);
-    node.textContent = text;
-    return node;
-  };
-  const { x: across, y: up } = plot.plot.scales, w = width - left - right, h = height - top - bottom, round = v => +v.toFixed(2);
-  const X = v => round(left + w * (v - across.min) / (across.max - across.min)), level = v => (plot.log ? Math.log10(v) : v);
-  const Y = v => round(top + h * (1 - (level(v) - level(up.min)) / (level(up.max) - level(up.min)))), tens = Math.ceil(Math.log10(up.min));
-  put("rect", { x: left, y: top, width: w, height: h }, "", put("clipPath", { id: clip }));
-  for (const v of ticks(across.min, across.max, 6)) {
-    put("path", { d: `M${X(v)} ${top}V${top + h}`, stroke: "#e3e3e3", fill: "none" });
-    put("text", { x: X(v), y: top + h + 13, "text-anchor": "middle" }, tickText(v));
-  }
-  for (const v of plot.log ? Array.from({ length: Math.floor(Math.log10(up.max)) - tens + 1 }, (_, k) => 10 ** (tens + k)) : ticks(up.min, up.max, 6)) {
-    put("path", { d: `M${left} ${Y(v)}H${left + w}`, stroke: "#e3e3e3", fill: "none" });
-    put("text", { x: left - 5, y: Y(v) + 3.5, "text-anchor": "end" }, tickText(v));
-  }
-  put("rect", { x: left, y: top, width: w, height: h, fill: "none", stroke: "#333333" });
-  put("text", { x: left + w / 2, y: top + h + 28, "text-anchor": "middle" }, plot.x);
-  const title = put("text", { x: 4, y: 14 }, plot.title), data = put("g", { "clip-path": `url(#${clip})`, fill: "none", "stroke-width": 1.2 });
-  for (const s of plot.series) {
-    const ink = PRINT[s.colour] || s.colour, known = k => Number.isFinite(s.x[k]) && Number.isFinite(s.y[k]), at = [...s.x.keys()].filter(known);
-    if (s.label) put("tspan", { fill: ink, dx: 8 }, s.label, title);
-    if (s.points) for (const k of at) put("circle", { cx: X(s.x[k]), cy: Y(s.y[k]), r: s.points === true ? 2.6 : s.points / 2, fill: ink }, "", data);
-    else if (at.length) put("path", { d: `M${at.map(k => `${X(s.x[k])} ${Y(s.y[k])}`).join("L")}${plot.loop ? "Z" : ""}`, stroke: ink, ...(s.dashed ? { "stroke-dasharray": "4 3" } : {}) }, "", data);
-    if (s.low) for (const k of at) if (Number.isFinite(s.low[k]) && Number.isFinite(s.high[k])) put("path", { d: `M${X(s.x[k])} ${Y(s.low[k])}V${Y(s.high[k])}`, stroke: ink }, "", data);
-  }
-}
-
-// Round numbers between two, about so many.
-function ticks(low, high, count) {
-  const raw = (high - low) / count, ten = 10 ** Math.floor(Math.log10(raw)), step = [1, 2, 5, 10].map(m => m * ten).find(v => v >= raw), first = Math.ceil(low / step - 1e-9);
-  return Array.from({ length: Math.max(0, Math.floor(high / step + 1e-9) - first + 1) }, (_, k) => +((first + k) * step).toPrecision(12));
-}
-
-async function plotsPng() {
-  const { text, width, height } = plotsSvg(), image = new Image(), address = URL.createObjectURL(new Blob([text], { type: "image/svg+xml" }));
-  await new Promise((done, failed) => { image.onload = done; image.onerror = () => failed(new Error("this browser does not draw the plots; take the SVG")); image.src = address; });
-  const canvas = Object.assign(document.createElement("canvas"), { width: 3 * width, height: 3 * height });
-  canvas.getContext("2d").drawImage(image, 0, 0, canvas.width, canvas.height);
-  URL.revokeObjectURL(address);
-  return new Promise(done => { canvas.toBlob(done, "image/png"); });
-}
-
-function plotsCsv() {
-  const quoted = text => `"${text.replaceAll('"', '""')}"`, rows = ["plot,x axis,series,x,y,lower,upper"];
-  for (const plot of seenPlots()) for (const s of plot.series) s.x.forEach((x, k) => rows.push([quoted(plot.title), quoted(plot.x), quoted(s.label || plot.title), x, s.y[k], s.low ? s.low[k] : "", s.high ? s.high[k] : ""].join(",")));
-  return `${rows.join("\n")}\n`;
 }

@@ -1,5 +1,4 @@
 // The two masses of Eq. 4.29 in the page of an exported file: the periodic motion by shooting.
-"use strict";
 
 // Rates of (z1, z2, z1', z2') under the base acceleration u, into f; returns the forces of ankle and fat pad.
 function rates(x, p, u, f) {
@@ -73,7 +72,7 @@ function linearCurve(p, hertz) {
 }
 
 // The answer to a page's settings, in the form of the server's.
-function twinAnswer(live, state, measured) {
+export function twinAnswer(live, state, measured) {
   const p = { ...live.values, ...state.values }, FRAMES = 64, turn = 2 * Math.PI;
   p[live.carrier] += state.added_mass;
   const f = live.frequency || state.frequency, U = live.harmonics || [[0, -0.5 * state.peak_to_peak]];
@@ -122,27 +121,4 @@ function fitPercent(points, foot) {
     all += (points.malleolus[k] - mean) ** 2;
   });
   return 100 * (1 - Math.sqrt(left / all));
-}
-
-// ---- what an exported page answers itself ----------------------------------------------------------------------------
-const live = { grid: null };
-
-// The next motion: computed here, or the nearest of those that the file holds; null where neither can be.
-function liveAnswer() {
-  const own = EXPORTED.live;
-  if (!own) return null;
-  if (own.twin) return twinAnswer({ ...own.twin, curve_hz: model.curve_hz }, state, motion && motion.feet.measured);
-  if (!live.grid) return null;
-  const near = (list, v) => list.reduce((best, x, k) => (Math.abs(x - v) < Math.abs(list[best] - v) ? k : best), 0);
-  const i = near(own.frequencies, state.frequency), j = near(own.loads, state.added_mass);
-  state.frequency = own.frequencies[i];
-  state.added_mass = own.loads[j];
-  rows.frequency.set(state.frequency);
-  if (rows.mass) rows.mass.set(state.added_mass);
-  return live.grid[j * own.frequencies.length + i];
-}
-
-async function unpackGrid() {
-  const own = EXPORTED.live;
-  if (own && own.grid) live.grid = JSON.parse(new TextDecoder().decode(await inflated(own.grid)));
 }

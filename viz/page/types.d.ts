@@ -1,8 +1,8 @@
-// What a type checker has to know of the page: the documents of the server, and what is no script of the page's own.
+// What a type checker has to know of the page: the documents of the server, and what is no module of the page's own.
 // No browser reads this file.
 
-declare const uPlot: any, CM: any, MeshCat: any;
-declare var EXPORTED: any;  // what an exported page carries; undefined in any other
+declare const MeshCat: any;
+interface Window { fasbody: any; }
 
 interface Parameter { name: string; words: string; unit: string; source: string; lower: number; upper: number; nominal: number; value: number; logarithmic: boolean; }
 interface Model {
@@ -40,6 +40,8 @@ interface Fitted { number: number; at: number; fit: Fit; script: string; data: P
 interface Summary { number: number; at: number; model: string; recordings: string; files: string[]; settings: string; fit: string; verdict: string; constants: string[]; }
 interface Comparison { columns: string[]; rows: string[][]; independent: boolean; fits: { name: string; branch: string; data: Point[]; curves: Point[] }[]; }
 
+interface Rivals { columns: string[]; rows: string[][]; notes: string[]; adequate: boolean[]; script: string; }
+
 interface Series { label: string; colour: string; x: number[]; y: number[]; points?: boolean | number; dashed?: boolean; low?: number[]; high?: number[]; }
 // A slider's row; see `slider`.
 interface Slider extends HTMLLabelElement {
@@ -49,9 +51,24 @@ interface Slider extends HTMLLabelElement {
 
 // Where the sliders of the foot are; `amplify` is null until it is chosen.
 interface State { frequency: number; peak_to_peak: number; added_mass: number; values: Record<string, number>; delay_s: number; slow: number; amplify: number | null; }
-// See `bench`.
+// See `page` and `bench` of store.js.
+interface Page {
+  model: Model; motion: Motion; sliders: Record<string, Slider>; busy: boolean; wanted: boolean;
+  broken: string; problem: string; complaint: string; task: string; strip: string;
+}
 interface Bench {
-  session: string; rows: Row[]; shown: number; lost: boolean; chosen: Set<number>; unticked: Set<number>; fittable: Map<number, boolean>; count: number; unread: number; running: boolean;
-  corrected: number; fit: Fit | null; found: Fitted | null; fitNumber: number; branch: number; plots: Record<string, Plot> | null; history: Summary[]; pair: Record<string, Plot> | null;
-  task: string; free: Record<string, boolean>; bounds: Record<string, [number, number]>; asked: number; fitBegan: number; wantedPath: string; draft: boolean;
+  session: string; rows: Row[]; shown: number; lost: boolean; stale: string; undo: [number, number]; chosen: Set<number>; unticked: Set<number>; fittable: Map<number, boolean>;
+  count: number; unread: number; fit: Fit | null; found: Fitted | null; fitNumber: number; branch: number; history: Summary[]; rivals: Rivals | null;
+  free: Record<string, boolean>; bounds: Record<string, [number, number]>; asked: number; fitBegan: number; running: boolean; draft: boolean;
+}
+
+// What the server sends, by type.
+interface Documents {
+  model: Model; motion: Motion; error: { text: string }; broken: { text: string }; complaint: { text: string; of: string };
+  data: Recordings; signals: Signals; columns: { number: number; columns: { name: string; unit: string }[]; said: any };
+  progress: { running: boolean; what: string; done: number; total: number; share: number; left_s: number | null; seconds: number };
+  fitted: Fitted; rivals: Rivals; history: { fits: Summary[] }; comparison: Comparison;
+  reported: object; taken: object; kept: object; session_kept: object; session: { page: any; ids: Record<number, number>; note: string };
+  models: { names: string[]; now: string; file: string; copy: string; text: string; digest: string; draft: boolean };
+  checked: { text: string; line: number | null }; saved: { text: string; file: string; digest: string };
 }

@@ -1,0 +1,3 @@
+// What an exported page carries; null where a server answers.
+const box = document.getElementById("exported");
+export const EXPORTED = box && JSON.parse(box.textContent || "null");

@@ -1,0 +1,1 @@
+export { batch, effect, signal, untracked } from "@preact/signals-core";
