@@ -124,7 +124,7 @@ def shoot(page: Any, url: str) -> Camera:
     page.evaluate(OVER)
     camera.take(700)
     drop(page)
-    camera.until("(({ model, motion, busy }) => model.recorded && motion && motion.feet.measured && !busy)(fasbody.page)")
+    camera.until("(now => now.model.recorded && now.motion && now.motion.feet.measured && !now.busy)(fasbody.page)")
     camera.until("fasbody.bench.rows.length === 12")
     camera.periods(1)
     page.locator("#start_fit").scroll_into_view_if_needed()

@@ -381,7 +381,8 @@ def test_plots_of_a_fit_follow_the_branch_and_say_whose_they_are(opened: Any, tm
         page("d => receive({ ...d, type: 'fitted' })", FITTED)
         titles = "[...['trace', 'residual', 'chi'].map(k => fitted.plots[k].title), byId('matrix').caption.textContent]"
         drawn = (
-            "[fitted.plots.trace.series[1].y[2], fitted.plots.trace.series[1].label, fitted.plots.residual.series[0].y[2],"
+            "[fitted.plots.trace.series[1].y[2], fitted.plots.trace.series[1].label,"
+            "fitted.plots.residual.series[0].y[2],"
             "fitted.plots.chi.series[0].y[0], byId('matrix').querySelector('[aria-pressed=true]').textContent]"
         )
         worn = "[plots.pad.series[0].label, plots.ankle.series[0].label, plots.traces.series[1].label]"
@@ -516,7 +517,8 @@ def test_recording_with_warnings_is_marked_while_another_is_shown(opened: Any, t
         # what is being read, or computed, is said until it is there
         assert page("(showRecording(bench.rows[0]), byId('data_state').textContent)") == "reading mm.csv"
         page.until("byId('data_state').textContent === ''")
-        page("sends = WebSocket.prototype.send, WebSocket.prototype.send = () => {}")  # a server that answers no more, once it has answered all
+        # a server that answers no more, once it has answered all
+        page("sends = WebSocket.prototype.send, WebSocket.prototype.send = () => {}")
         told = "byId('state').textContent.endsWith('computing the motion')"
         page.until(f"{told} || (busy || receive({{ ...model, adopt: false }}), false)")
         page("WebSocket.prototype.send = sends, busy = false, ask()")

@@ -84,7 +84,8 @@ def test_cell_in_the_browser(opened: Any, result: Path) -> None:
         page.until("document.getElementById('state').textContent.includes('mode 2 of 3: x sway, 27.00 Hz')")
         for lines in (False, True):
             page.page.keyboard.press("m")
-            assert page("[state.lines, document.querySelector('#showing [title=M]').ariaPressed]") == [lines, str(lines).lower()]
+            pressed = "document.querySelector('#showing [title=M]').ariaPressed"
+            assert page(f"[state.lines, {pressed}]") == [lines, str(lines).lower()]
         page.page.locator("#amplitude").fill("0")
         page("showAt(0.25)")
         assert positions(page, "wall") == pytest.approx(parts["wall"][0], abs=1e-5)

@@ -193,7 +193,7 @@ def test_bar_is_in_sight_and_nothing_is_small(opened: Any, tmp_path: Path) -> No
             if step == "fit":
                 page("d => receive({ ...d, type: 'fitted' })", fit)
                 assert page("byId('next').textContent") == "Fit 98.7 %; the branch is undecided."
-                page("receive({ type: 'data', session: bench.session, rows: bench.rows, shown: 0, stale: 'Out of date.' })")
+                page("receive({ ...bench, type: 'data', shown: 0, stale: 'Out of date.' })")
                 assert page("byId('next').textContent").endswith("Out of date; fit again.")
             for size in SIZES:
                 page.resize(*size)

@@ -6,7 +6,7 @@ import pytest
 
 pytest.importorskip("meshcat", reason="needs the extra: pip install 'fasbody[view]'")
 
-from viewer import Watched, served
+from viewer import MOVES, Watched, served
 
 TASKS = ("data", "fit", "model", "take")
 #: Controls below 24 px and texts below 12 px, of what is seen.
@@ -108,7 +108,7 @@ def test_the_focus_goes_on_and_a_reload_comes_back(opened: Any, tmp_path: Any) -
         for task, strip in (("model", "motion"), ("fit", "fit")):
             page(f"openTask('{task}'), tab('{strip}'), showBranch(1)")
             page.page.reload()
-            page.until("window.modules && window.fasbody && stats.motions > 0 && bench.found && bench.rows.length === 12")
+            page.until(f"{MOVES} && bench.found && bench.rows.length === 12")
             assert page("[task, strip, bench.branch]") == [task, strip, 1]
 
         page("openTask('data')")

@@ -123,7 +123,8 @@ def browser(*more: str) -> Iterator[Any]:
 
 #: Everything that the page's modules export, and a short name for an element; an exported page has no modules.
 MODULES = """addEventListener("load", async () => {
-  const files = performance.getEntriesByType("resource").map(entry => entry.name).filter(name => /\\.js(\\?|$)/.test(name));
+  const entries = performance.getEntriesByType("resource").map(entry => entry.name);
+  const files = entries.filter(name => /\\.js(\\?|$)/.test(name));
   const all = await Promise.all(files.filter(name => !/meshcat/.test(name)).map(name => import(name)));
   window.modules = Object.assign({ byId: id => document.getElementById(id) }, ...all);
 })"""

@@ -1,7 +1,7 @@
 """The interface of what is displayed, for server and export, and the page's files.
 
-`page/*.html` extend `page.html`. A page names meshcat's script, its first modules and its styles; the modules import the
-others, each on a line of its own: `import { name, other } from "./file.js";`.
+`page/*.html` extend `page.html`. A page names meshcat's script, its first modules and its styles; the modules import
+the others, each on a line of its own: `import { name, other } from "./file.js";`.
 """
 
 import json
