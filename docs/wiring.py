@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 #: two (0 base, 1 malleolus, None both) and its colour.
 Wire = tuple[str, str, int | None, str]
 ANALOG: list[Wire] = [
-    ("3V3", "VCC", None, "tab:red"), ("GND", "GND", None, "black"), ("D4", "ST (4.7k/10k)", None, "tab:purple"),
+    ("3V3", "VCC", None, "tab:red"), ("GND", "GND", None, "black"), ("D4", "ST, behind divider", None, "tab:purple"),
     ("A0", "Z", 0, "tab:blue"), ("A1", "Z", 1, "tab:orange"),
 ]  # fmt: skip
 SPI: list[Wire] = [
@@ -119,7 +119,8 @@ def main(file: Path | None = None) -> Path:
             figure.savefig(file, metadata={"Date": None} if file.suffix == ".svg" else None, dpi=110)
             return file
         left, right = figure.subplots(1, 2)
-        draw(left, "Analog pair (ADXL335)", ANALOG, "wires that cross without a dot do not touch", reference=True)
+        across = "wires that cross without a dot do not touch\nST of 3.3 V sensors: 4.7 kOhm from D4, 10 kOhm to GND"
+        draw(left, "Analog pair (ADXL335)", ANALOG, across, reference=True)
         note = "ADXL345: no wire to D9. 5 V board: all of D8 to D13\nbut D12 through a level shifter"
         draw(right, "SPI pair (ADXL355, ADXL345)", SPI, note)
         figure.savefig(file, metadata={"Date": None} if file.suffix == ".svg" else None, dpi=110)

@@ -91,4 +91,4 @@ def resolve(arguments: Sequence[str]) -> tuple[Command, list[str]]:
     names = list(dict.fromkeys(word for words in known for word in (words[0], " ".join(words))))
     near = get_close_matches(arguments[0], names, n=3, cutoff=0.6)
     hint = f", did you mean {' or '.join(map(repr, near))}?" if near else ";"
-    raise SettingError(f"unknown command {arguments[0]!r}{hint} --help shows all {len(known)}.")
+    raise SettingError(f"unknown command {arguments[0]!r}{hint} `fasbody` alone lists all {len(known)}.")

@@ -25,8 +25,7 @@ RULE = (
     f"A constant is identified if its standard error is at most {100 * IDENTIFIED:.0f} % of its value, both by the "
     "profile and by the curvature, and if the search found the minimum twice. It is weak up to "
     f"{100 * WEAK:.0f} %, and not identifiable beyond or at a bound. For a constant that may be zero (c_12, c_13, "
-    "c_22, c_23) the standard error is taken relative to a tenth of its largest bound if its value is smaller than "
-    "that."
+    "c_22, c_23) the standard error is divided by its value or by a tenth of its largest bound, whichever is larger."
 )
 #: Share of a mass's standard deviation that the recordings must take away to have weighed it.
 WEIGHED = 0.3

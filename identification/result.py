@@ -438,10 +438,7 @@ class FitResult(Presented):
         usual = "heck the added masses, the body mass and the units"
         if not self.model.endswith(".xml"):
             return f"C{usual} first."
-        return (
-            f"Springs and dampers of {self.model} that are not estimated, such as its pad, may not suit these "
-            f"recordings: fit two_dof for comparison. Also c{usual}."
-        )
+        return f"{self.model} may not suit this foot: fit two_dof for comparison. Also c{usual}."
 
     def sentence(self) -> str:
         """The result in one sentence, with the values of both branches where the data do not decide; a misfit first."""

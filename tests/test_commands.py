@@ -115,7 +115,7 @@ def test_words_name_one_command_each() -> None:
         resolve(["fti"])
     with pytest.raises(SettingError) as far:
         resolve(["nonsense"])
-    assert len(str(far.value)) < 150 and f"--help shows all {len(commands()) - 1}." in str(far.value)
+    assert len(str(far.value)) < 150 and f"`fasbody` alone lists all {len(commands()) - 1}." in str(far.value)
 
 
 def test_a_command_of_the_clone_says_so_where_it_is_not_installed(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -62,12 +62,16 @@ class Peaks(Presented):
             measured = f"{low:g}-{high:g}"
             rows.append((f"{row['added_mass_kg']:g}", cells[0], measured, *cells[1:], f"{row['lowest_mode_hz']:.1f}"))
         columns = (
-            "added mass [kg]", "MB peak [Hz] (height)", "measured [Hz]", "TB peak [Hz] (height)",
-            "TM peak [Hz] (height)", "first mode [Hz]",
+            "load [kg]", "MB", "MB measured", "TB", "TM", "first mode",
         )  # fmt: skip
         missed = [f"{s.pair}, {s.says}" for s, held in zip(STATEMENTS, self.held, strict=True) if not held]
         note = f"{sum(self.held)} of {len(STATEMENTS)} statements hold. Missed: {'; '.join(missed) or 'none'}."
-        return Sheet(f"{self.model}: highest transmissibility in 10-50 Hz", columns, rows, (note,))
+        return Sheet(
+            f"{self.model}: where the transmissibility is highest in 10-50 Hz [Hz], and how high",
+            columns,
+            rows,
+            (note,),
+        )
 
 
 def peaks(leg: Leg, model: str) -> Peaks:

@@ -123,7 +123,7 @@ def show(table: "Table") -> None:
     if stated:
         show_findings(stated, table.origin)
     else:
-        results.print(f"The statements of the thesis are not tested: {why}.")
+        results.print(f"Statistical tests are left out: {why}.")
 
 
 def _at(c: "Curves", f: float) -> str:

@@ -330,7 +330,7 @@ class Naming(Presented):
         heading = ["odds"] if self.enough else []
         columns = ["mechanism", *heading, "criterion over the best", "sum of squares", "time off the table"]
         count = self.seen.plan.frequency_hz.size
-        title = f"{count} sines, {self.seen.posture}"
+        title = f"{counted(count, 'sine')}, {self.seen.posture}"
         return Sheet(title, columns, rows, (self.sentence, *self.notes))
 
 
