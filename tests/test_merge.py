@@ -137,3 +137,14 @@ def test_files_the_wrong_way_round_are_noticed(tmp_path: Path) -> None:
     table, foot = written(tmp_path, "z_m_s2")
     words = ["merge", foot, table, str(tmp_path / "merged.csv"), "--base", "z", "--malleolus", "z"]
     assert "the channels are swapped" in CliRunner().invoke(app, words).output.replace("\n", " ")
+
+
+def test_what_a_loggers_file_states_is_passed_on(tmp_path: Path) -> None:
+    table, foot = written(tmp_path, "z_m_s2")
+    Path(foot).write_text("# ankle: filtered on this logger\n" + Path(foot).read_text())
+    merged = tmp_path / "merged.csv"
+    out = CliRunner().invoke(app, ["merge", table, foot, str(merged), "--base", "z", "--malleolus", "z"]).output
+    quote = "foot.csv: a line says '# ankle: filtered on this logger', which is not applied."
+    assert quote in out.replace("\n", " ")
+    assert quote in json.loads(merged.with_suffix(".json").read_text())["warnings"]
+    assert any(quote in warning for warning in Recording.read(merged).warnings)

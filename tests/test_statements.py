@@ -80,6 +80,66 @@ def test_a_line_that_is_not_understood_is_quoted(tmp_path: Path) -> None:
     assert "says '# base scaled; malleolus in LSB of 0.0039 g', which is not applied" in read.warnings[0]
 
 
+@pytest.mark.parametrize(
+    "line",
+    [
+        "# second channel frequency weighted Wk", "# divide column 3 by two", "# CH2 lags CH1 by seven samples",
+        "# sensor B delayed by a quarter of a period", "# 足首センサは5ms遅延", "# Канал лодыжки задержан",
+        "# Canal 2: 5 мс", "# Export,down-sampled by 2", "# Stored: every 4th sample",
+    ],
+)
+def test_sensors_by_number_or_in_another_language_and_thinned_samples_are_quoted(tmp_path: Path, line: str) -> None:
+    assert any("which is not applied" in says for says in Recording.read(text(tmp_path / "r.csv", line)).warnings)
+
+
+@pytest.mark.parametrize("line", ["# Channel 2: malleolus, m/s^2", "# CH1 serial 4711", "# 2 channels", "# sensor 2 z"])
+def test_numbered_sensors_that_are_only_named_are_not(tmp_path: Path, line: str) -> None:
+    assert Recording.read(text(tmp_path / "r.csv", line)).warnings == ()
+
+
+NOTE = "ankle amplifier gain 2, not corrected"
+HARMLESS = "recorded in room 12"
+
+
+def noted(file: Path, note: str) -> None:
+    """A file of a kind with a remark of its own."""
+    columns = {"time_s": T, "base_m_s2": BASE, "malleolus_m_s2": MALLEOLUS}
+    if file.suffix == ".mat":
+        savemat(file, columns | {"comment": note})
+    elif file.suffix == ".npz":
+        np.savez(file, **columns, README=note)
+    elif file.suffix == ".h5":
+        with h5py.File(file, "w") as out:
+            out.attrs["notes"] = note
+            for name, values in columns.items():
+                out[name] = values
+    elif file.suffix == ".tdms":
+        nptdms = pytest.importorskip("nptdms")
+        channels = [nptdms.ChannelObject("foot", name, values) for name, values in columns.items()]
+        with nptdms.TdmsWriter(str(file)) as out:
+            out.write_segment([nptdms.RootObject({"description": note}), *channels])
+    elif file.suffix == ".parquet":
+        arrow = pytest.importorskip("pyarrow")
+        parquet = pytest.importorskip("pyarrow.parquet")
+        parquet.write_table(arrow.table(columns).replace_schema_metadata({"remark": note}), file)
+    else:
+        with netcdf_file(file, "w") as out:
+            out.comment = note
+            out.createDimension("sample", T.size)
+            for name, values in columns.items():
+                out.createVariable(name, "d", ("sample",))[:] = values
+
+
+@pytest.mark.parametrize("kind_of", [".mat", ".npz", ".h5", ".tdms", ".parquet", ".nc"])
+def test_a_files_remark_of_a_sensor_is_not_passed_over(tmp_path: Path, kind_of: str) -> None:
+    file = tmp_path / f"r{kind_of}"
+    noted(file, NOTE)
+    with pytest.raises(InputFileError, match="amplifier gain = 2 with 'malleolus"):
+        Recording.read(file)
+    noted(file, HARMLESS)
+    assert Recording.read(file).warnings == ()
+
+
 def attributed(tmp_path: Path, key: str, values: tuple) -> Path:
     """An HDF5 file whose base and malleolus have an attribute each, or none."""
     file = tmp_path / "r.h5"

@@ -82,7 +82,7 @@ def phone(file: Path, time_s: np.ndarray, z: np.ndarray) -> None:
 def test_archives_of_phyphox(tmp_path: Path) -> None:
     phone(tmp_path / "a.zip", TIME, B)
     column = "Acceleration z (m/s^2)"
-    time_s, z = read_one(tmp_path / "a.zip", "base", named=column)
+    time_s, z, _ = read_one(tmp_path / "a.zip", "base", named=column)
     assert time_s == pytest.approx(TIME) and z == pytest.approx(B)
     with zipfile.ZipFile(tmp_path / "two.zip", "w") as packed:
         for name, at, move in (("Table", TIME, base), ("Ankle", TIME + LATE, malleolus)):
@@ -103,7 +103,7 @@ def test_two_telephones_are_merged_from_their_archives(tmp_path: Path) -> None:
     shake = np.convolve(rng.standard_normal(t.size + 40), np.hanning(41) / 20, "valid")
     phone(tmp_path / "table.zip", t, shake)
     phone(tmp_path / "foot.zip", t, np.roll(shake, -30))
-    pair = [read_one(tmp_path / f"{name}.zip", which, named="Acceleration z (m/s^2)")
+    pair = [read_one(tmp_path / f"{name}.zip", which, named="Acceleration z (m/s^2)")[:2]
             for name, which in (("table", "base"), ("foot", "malleolus"))]  # fmt: skip
     assert merge(*pair[0], *pair[1]).delay_s == pytest.approx(30 / 400, abs=1e-3)
 

@@ -191,7 +191,8 @@ def test_from_a_dropped_file_to_the_mirror_foot(opened: Any, tmp_path: Path) -> 
             "frequency_hz: 20.04, added_mass_kg: 0 }"
         )
         cells, heads, named = page(  # at once: the saved model may still come, and clears the fit
-            "() => { bench.found = null; bench.fit = { recordings: ["
+            "() => { bench.found = null; bench.fit = { branches: [{ name: 'best', values: {}, rows: [] }], "
+            "warnings: [], recordings: ["
             "{ file: '20hz_0.csv', fit_percent: 98.7 }, { file: 'b/20hz_0b.csv', fit_percent: 97.5 }] };"
             f"receive({{ type: 'data', session: bench.session, stale: '', shown: 1, "
             f"rows: [...[0, 2.3].flatMap(m => [10, 20, 30].map(f => ({row}))), {again}] }});"

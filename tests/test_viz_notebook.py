@@ -241,7 +241,7 @@ def test_the_page_moves_in_the_cell(monkeypatch: pytest.MonkeyPatch, proxied: bo
             frame.locator("#files").set_input_files({"name": "x.csv", "mimeType": "text/csv", "buffer": b"a,b\n1,2"})
             until(partial(frame.evaluate, "fasbody.bench.rows.length"), page)
             with page.expect_download() as saved:
-                frame.get_by_role("button", name="Offline page").evaluate("b => b.click()")
+                frame.get_by_role("button", name="Offline page", include_hidden=True).evaluate("b => b.click()")
             assert saved.value.suggested_filename == "foot.html"
             frame.locator("#clear").evaluate("b => b.click()")
             assert told == []

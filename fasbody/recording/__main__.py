@@ -248,16 +248,17 @@ def merge(
     if target.suffix.lower() != ".csv":
         raise InputFileError(target, f"has the ending {target.suffix!r}", "a merged recording is written as .csv")
     layout = _layout(study, None, None)
-    made = merged(
-        *read_one(table, "base", layout, base), *read_one(foot, "malleolus", layout, malleolus), way, target.name
-    )
+    t, u, of_table = read_one(table, "base", layout, base)
+    s, y, of_foot = read_one(foot, "malleolus", layout, malleolus)
+    made = merged(t, u, s, y, way, target.name)
     made.recording.write(target)
+    warnings = [f"{target.name} is made of two loggers, {made}.", *of_table, *of_foot]
     about = {
         "delay_s": made.delay_s, "delay_std_s": {"malleolus": made.delay_std_s}, "clock": made.clock, "way": made.way,
-        "warnings": [f"{target.name} is made of two loggers, {made}."],
+        "warnings": warnings,
     }  # fmt: skip
     write_whole(target.with_suffix(".json"), to_json(about))
-    _warn(_remarks(made.recording))  # the two files the wrong way round make the malleolus lead
+    _warn([*of_table, *of_foot, *_remarks(made.recording)])  # files the wrong way round make the malleolus lead
     if json_:
         print_json(about)
     else:

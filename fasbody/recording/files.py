@@ -18,7 +18,7 @@ from fasbody.recording.columns import Columns, Use, assign, has_channels
 from fasbody.recording.csv import FIRST, TextTable, read_table, several_takes
 from fasbody.recording.formats import ENDINGS, READ, ending
 from fasbody.recording.formats.reader import read_series
-from fasbody.recording.formats.series import FormatError, Series, named_by, need
+from fasbody.recording.formats.series import REMARK, FormatError, Series, named_by, need
 from fasbody.recording.statements import (
     Statements,
     differing,
@@ -61,8 +61,8 @@ class _SeriesTable:
                 listed = "save the sheet as .xlsx or as .csv, with time_s, base_m_s2, malleolus_m_s2 above its columns"
             raise InputFileError(file, f"no format has the ending {ending(file)!r}", listed)
         series = read_series(file)
-        passed = [f"{s.name!r} is {s.what}" for s in series if s.what]
-        notes = tuple(s.about["text"] for s in series if "text" in s.about and s.what)
+        passed = [f"{s.name!r} is {s.what}" for s in series if s.what not in ("", REMARK)]
+        notes = tuple(line for s in series if s.what for line in s.about.get("text", "").splitlines())
         series = [s for s in series if not s.what]
         groups = list(dict.fromkeys(s.group for s in series))
         skipped = (f"the other takes ({len(groups) - 1})",)
@@ -83,8 +83,8 @@ class _SeriesTable:
 
     def stated(self, uses: Mapping[str, Use]) -> tuple[dict[str, Statements], list[str]]:
         used = {key.removesuffix("_m_s2"): self.columns.series[use.index] for key, use in uses.items()}
-        _, vague = of_lines(self.notes, "\t", {name: s.name for name, s in used.items()})
-        return {name: s.stated for name, s in used.items()}, vague
+        remarked, vague = of_lines(self.notes, "\t", {name: s.name for name, s in used.items()})
+        return {name: s.stated | remarked[name] for name, s in used.items()}, vague
 
 
 _Source = TextTable | _SeriesTable
@@ -396,8 +396,10 @@ def _like_a_time(values: np.ndarray, time_s: np.ndarray) -> bool:
     return even and any(abs(np.median(rise) / step / unit - 1) < 1e-2 for unit in (1, 1e3, 1e6))
 
 
-def read_one(file: Path, channel: str, layout: Layout | None = None, named: str = "") -> tuple[np.ndarray, np.ndarray]:
-    """Time [s] and one channel [m/s^2], (n,) each, of a file that holds no other.
+def read_one(
+    file: Path, channel: str, layout: Layout | None = None, named: str = ""
+) -> tuple[np.ndarray, np.ndarray, tuple[str, ...]]:
+    """Time [s] and one channel [m/s^2], (n,) each, of a file that holds no other, and warnings of what it states.
 
     Args:
         channel: "base" or "malleolus".
@@ -417,8 +419,9 @@ def read_one(file: Path, channel: str, layout: Layout | None = None, named: str 
         column = next((name for name in names if name_and_unit(name)[0] == channel), channel)
     pair = {name: replace(stated, column=column) for name in ("base", "malleolus")}
     time = {"time": layout.channels["time"]} if "time" in layout.channels else {}
-    channels = reading(file, replace(layout, channels=pair | time)).channels
-    return channels["time_s"], channels[f"{channel}_m_s2"]
+    whole = reading(file, replace(layout, channels=pair | time))
+    warnings = tuple(f"{file.name}: {text}." for text in whole.warnings)
+    return whole.channels["time_s"], whole.channels[f"{channel}_m_s2"], warnings
 
 
 def columns_of(file: Path, layout: Layout | None = None) -> Columns:

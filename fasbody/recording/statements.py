@@ -47,6 +47,20 @@ _CALLED = {
         "cheville", "caviglia", "くるぶし", "both",
     ),
 }  # fmt: skip
+#: Beginnings of the malleolus' names in other languages, with the endings that these have, and without spaces.
+_STEMS = (
+    "лодыж", "щиколот", "голен", "enkel", "fotled", "boka", "bokán", "tornozelo", "kostk", "kotník", "nilk", "bilek",
+    "足首", "踝", "발목", "복사뼈", "كاحل", "קרסול", "टखन", "mắt cá",
+)  # fmt: skip
+#: A sensor by its number.
+_NUMBERED = re.compile(
+    r"\b(?:ch(?:annel)?|kanal|canale?|column|spalte|sensor|signal|data|amplifier|voie|imu|accelerometer)[\s._#-]{0,2}"
+    r"(?:\d\b|[ab12]\b|one\b|two\b|three\b)"
+    r"|\b(?:first|second|third|other|zweite[rn]?|erste[rn]?)\s(?:channel|column|sensor|signal|kanal|spalte)",
+    re.IGNORECASE,
+)
+#: Some of the samples were left out, so that a rate is that of the others.
+_THINNED = re.compile(r"decimat|dezim|down-?\s?sampl|\bevery \d+(?:st|nd|rd|th)\b|jede[rns]? \d+\.", re.IGNORECASE)
 #: Words that name a sensor, count, sum up or date what is in the file, and change none of its numbers.
 _HARMLESS = frozenset((
     "channel", "channels", "ch", "name", "names", "label", "title", "sensor", "sensors", "accelerometer",
@@ -61,7 +75,7 @@ _HARMLESS = frozenset((
 ))  # fmt: skip
 #: An amount that moves a time, turns a phase or changes a size.
 _AMOUNT = re.compile(
-    r"\d\s*(?:[mnuµμ]?s|m?sec|seconds?|samples?|frames?|db|deg|degrees?|grad|°|×|fold)(?![\w/])"
+    r"\d\s*(?:[mnuµμ]?s|m?sec|seconds?|samples?|frames?|db|deg|degrees?|grad|°|×|fold|мс\w*|毫秒|ミリ秒|밀리초)(?![A-Za-z\d/])"
     r"|(?<![\w.])\d+x(?!\w)"
     r"|(?<![\w.])(?:(?-i:x)|[×*÷])\s?\d",
     re.IGNORECASE,
@@ -145,6 +159,7 @@ def of_lines(
         mentioned = {*re.findall(r"[^\W_]+", line.lower())}
         about = [name for name, heading in names.items()
                  if {name, heading.strip().lower(), *_CALLED.get(name, ())} & mentioned]  # fmt: skip
+        by_others = _NUMBERED.search(line) is not None or any(stem in line.lower() for stem in _STEMS)
         match = _LINE.fullmatch(line) if len(line) <= _LONGEST else None
         clear = kind(line) and not re.search(r"\d ?m?V/", line) and len(about) == 1
         if clear and match and kind(match["name"]):
@@ -153,8 +168,9 @@ def of_lines(
             mine = rf"\b(?:{called})\b|{re.escape(names[about[0]])}"
             plain = re.sub(mine, "", match["name"], flags=re.IGNORECASE)
             made[about[0]][" ".join(plain.split())] = text.number(value) if text.numeric(value) else value
-        elif _differ(line, separator) or is_amount(line) or (about and not _alike(line, separator)
-                                                             and _unclear(line, names.values())):  # fmt: skip
+        elif _differ(line, separator) or is_amount(line) or _THINNED.search(line) or (
+            (about or by_others) and not _alike(line, separator) and _unclear(line, names.values())
+        ):
             vague.append(" ".join(line.split()))
     return made, vague
 

@@ -11,7 +11,7 @@ from typing import Any, ClassVar, NamedTuple
 import numpy as np
 
 from fasbody.exceptions import RecordingError
-from fasbody.presentation import Presented, Sheet
+from fasbody.presentation import Presented, Sheet, counted
 from fasbody.recording.checks import checked
 from fasbody.recording.harmonics import fit_harmonics
 from fasbody.recording.recording import Recording

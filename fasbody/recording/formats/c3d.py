@@ -1,10 +1,11 @@
 """C3D of motion capture by ezc3d: its analog channels, with label, unit and rate."""
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
-from fasbody.recording.formats.series import FormatError, Series, check_size
+from fasbody.recording.formats.series import FormatError, Series, check_size, remarks
 
 LIBRARY = "ezc3d"
 
@@ -23,12 +24,23 @@ def decode(file: Path) -> list[Series]:
         raise FormatError("has no analog channels (markers are no accelerations); export the accelerometers with it")
     table = values.reshape(-1, values.shape[-1]) if values.ndim < 3 else values[0]
     check_size(table.size, table.shape[0])
+    remarked = remarks({
+        f"{group}:{key}": "; ".join(map(str, item["value"]))
+        for group, items in source["parameters"].items() if group not in ("ANALOG", "POINT", "__METADATA__")
+        for key, item in items.items() if isinstance(item, dict) and _has_words(item.get("value"))
+    })  # fmt: skip
+    texts = [str(x) for x in analog.get("DESCRIPTIONS", {}).get("value", [])]
     labels, units = ([str(x) for x in analog.get(key, {}).get("value", [])] for key in ("LABELS", "UNITS"))
     rate = float(source["header"]["analogs"]["frame_rate"])
     return [
         Series(
             labels[i].strip() if i < len(labels) and labels[i].strip() else f"analog_{i + 1}",
             units[i].strip() if i < len(units) else "", row.copy(), rate if 0 < rate < 1e9 else None,
+            about={"description": texts[i]} if i < len(texts) else {},
         )
         for i, row in enumerate(table)
-    ]  # fmt: skip
+    ] + remarked  # fmt: skip
+
+
+def _has_words(value: Any) -> bool:
+    return isinstance(value, list) and len(value) > 0 and isinstance(value[0], str)

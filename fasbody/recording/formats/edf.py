@@ -4,7 +4,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fasbody.recording.formats.series import FormatError, Series, check_size, passed_over
+from fasbody.recording.formats.series import FormatError, Series, check_size, passed_over, remarks
 
 LIBRARY = "edfio"
 
@@ -28,4 +28,4 @@ def decode(file: Path) -> list[Series]:
     if source.annotations:
         notes = "; ".join(f"{a.text} (at {a.onset:g})" for a in source.annotations if a.text)
         signals.append(passed_over("EDF Annotations", f"{len(source.annotations)} annotations", notes))
-    return signals
+    return signals + remarks({"recording": source.local_recording_identification.replace("_", " ")})

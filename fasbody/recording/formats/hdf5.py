@@ -13,6 +13,8 @@ from fasbody.recording.formats import series
 from fasbody.recording.formats.series import FormatError, Series, check_size, passed_over
 
 LIBRARY = "h5py"
+#: Letters or lines of a text that is read.
+_WORDS = 10_000
 MAGIC = b"\x89HDF\r\n\x1a\n"
 
 
@@ -24,10 +26,13 @@ def decode(file: Path) -> list[Series]:
     total = 0
     with h5py.File(file, "r", locking=False) as source:
         datasets: list[tuple[str, Any]] = []
+        groups: list[Any] = []
 
         def visit(name: str, item: Any) -> bool | None:
             if isinstance(item, h5py.Dataset):
                 datasets.append((name, item))
+            else:
+                groups.append(item)
             return True if len(datasets) > series.MOST_SERIES else None
 
         source.visititems(visit)  # visits hard links only
@@ -44,7 +49,7 @@ def decode(file: Path) -> list[Series]:
                 continue
             what = _no_numbers(item)
             if what or name.startswith("#"):
-                columns += [] if name.startswith("#") else [passed_over(name, what)]
+                columns += [] if name.startswith("#") else [passed_over(name, what, _text(item))]
                 continue
             if item.external or item.is_virtual:
                 raise FormatError(f"keeps the data of {name!r} in other files; save them in the file itself")
@@ -54,7 +59,19 @@ def decode(file: Path) -> list[Series]:
             about = {key: value for folder in _folders(source, name) for key, value in folder.attrs.items()}
             columns += series.of_variable(name, item[()], about, _rate(source, name), axis)
         columns, notes = _named(source, columns), dict(source.attrs)
-    return series.with_rate(columns, notes)
+        remarked = [remark for group in groups for remark in series.remarks(dict(group.attrs))]
+    return series.with_rate(columns, notes) + remarked
+
+
+def _text(item: Any) -> str:
+    """The text of a dataset, "" of any other or a long one."""
+    import h5py
+
+    if item.attrs.get("MATLAB_class", b"") == b"char" and item.dtype.kind == "u" and item.size <= _WORDS:
+        return "".join(map(chr, item[()].ravel(order="F")))
+    if h5py.check_string_dtype(item.dtype) is None or item.shape is None or item.size > _WORDS:
+        return ""
+    return "\n".join(map(str, np.ravel(item.asstr(errors="replace")[()])))
 
 
 def _axis(item: Any) -> str:

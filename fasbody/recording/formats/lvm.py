@@ -7,8 +7,10 @@ from pathlib import Path
 
 import numpy as np
 
-from fasbody.recording.formats.series import FormatError, Series, check_size
+from fasbody.recording.formats.series import FormatError, Series, check_size, remarks
 
+#: Statements of the header that people write.
+_SAYS = ("Description", "Notes", "Project", "Test_Name", "Test_Numbers")
 LIBRARY = "numpy"
 _END = "***End_of_Header***"
 
@@ -74,6 +76,9 @@ def _segment(
         except (IndexError, ValueError):
             return None
 
+    remarked = {key: " ".join(cells) for key, cells in {**about, **header}.items() if key in _SAYS}
+    if names[-1] == "Comment":
+        remarked["Comment"] = "; ".join(row[-1] for row in body if len(row) == len(names))
     units, clocks = header.get("Y_Unit_Label", []), header.get("Time", [])
     days = [_day(cell) for cell in header.get("Date", [])]
     starts = [_seconds(clocks[i], decimal) if i < len(clocks) else 0.0 for i in range(count)]
@@ -88,7 +93,7 @@ def _segment(
             channels.append(Series(f"time {i + 1}", "s", column(place - 1) + starts[i] - starts[0]))
             start = None
         channels.append(Series(names[place], units[i] if i < len(units) else "", column(place), rate, start_s=start))
-    return channels
+    return channels + remarks(remarked)
 
 
 def _day(date: str) -> int:

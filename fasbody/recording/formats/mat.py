@@ -41,7 +41,7 @@ def decode(file: Path) -> list[Series]:
         if name.startswith("__"):
             continue
         size = math.prod(map(float, shape))
-        if (kind in _NUMERIC and len(shape) == 2) or (kind == "struct" and size == 1):
+        if (kind in _NUMERIC and len(shape) == 2) or kind == "char" or (kind == "struct" and size == 1):
             total += size
             check_size(total)
             chosen.append(name)
@@ -67,7 +67,10 @@ def _fields(name: str, values: Any, depth: int = 0) -> list[Series]:
     if kind == "V" and values.dtype.names and values.size == 1 and depth < _DEEPEST:
         record = values.reshape(-1)[0]
         return [s for field in values.dtype.names for s in _fields(f"{name}/{field}", record[field], depth + 1)]
-    what = {"U": "text", "S": "text", "O": "a cell array", "V": "a structure of several"}.get(kind, "no vector")
+    if kind in ("U", "S"):
+        rows = values.reshape(-1, values.shape[-1]) if values.ndim else values.reshape(1, 1)
+        return [passed_over(name, "text", "\n".join("".join(map(str, row)).strip() for row in rows))]
+    what = {"O": "a cell array", "V": "a structure of several"}.get(kind, "no vector")
     return [passed_over(name, what)]
 
 

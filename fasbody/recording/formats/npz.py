@@ -5,9 +5,19 @@ from pathlib import Path
 
 import numpy as np
 
-from fasbody.recording.formats.series import FormatError, Series, check_size, numeric_columns, passed_over, with_rate
+from fasbody.recording.formats.series import (
+    FormatError,
+    Series,
+    check_size,
+    numeric_columns,
+    passed_over,
+    text_of,
+    with_rate,
+)
 
 LIBRARY = "numpy"
+#: Lines of a text that is read.
+_WORDS = 10_000
 
 
 def decode(file: Path) -> list[Series]:
@@ -23,6 +33,9 @@ def decode(file: Path) -> list[Series]:
                 values = source[name]
             except ValueError:  # an array of Python objects
                 series.append(passed_over(name, "no numbers"))
+                continue
+            if values.dtype.kind in "US" and values.size <= _WORDS:
+                series.append(passed_over(name, "text", "\n".join(map(text_of, values.ravel().tolist()))))
                 continue
             series += numeric_columns(name, values)
     return with_rate(series)

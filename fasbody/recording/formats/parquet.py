@@ -6,11 +6,21 @@ from typing import Any
 
 import numpy as np
 
-from fasbody.recording.formats.series import FormatError, Series, check_size, named_by, passed_over, stated_rate
+from fasbody.recording.formats.series import (
+    FormatError,
+    Series,
+    check_size,
+    named_by,
+    passed_over,
+    remarks,
+    stated_rate,
+)
 from fasbody.recording.statements import statements_of, texts_of
 from fasbody.recording.text import number, numeric
 
 LIBRARY = "pyarrow"
+#: What libraries keep there for themselves.
+_OF_LIBRARIES = ("pandas", "ARROW:schema")
 
 
 def decode(file: Path) -> list[Series]:
@@ -27,7 +37,8 @@ def decode(file: Path) -> list[Series]:
     metadata = _texts(source.schema_arrow.metadata)
     rate = stated_rate((key, number(value)) for key, value in metadata.items() if numeric(value))
     table = source.read(use_threads=False)
-    return [_series(field, table.column(place), rate, metadata) for place, field in enumerate(table.schema)]
+    series = [_series(field, table.column(place), rate, metadata) for place, field in enumerate(table.schema)]
+    return series + remarks({key: text for key, text in metadata.items() if key not in _OF_LIBRARIES})
 
 
 def _series(field: Any, column: Any, rate_hz: float | None, notes: dict[str, str]) -> Series:

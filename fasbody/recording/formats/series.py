@@ -56,6 +56,20 @@ def passed_over(name: str, what: str, text: str = "") -> Series:
     return Series(name, "", np.empty(0), None, what, about={"text": text} if text else {})
 
 
+#: What words beside the columns are.
+REMARK = "a remark"
+
+
+def remarks(pairs: Mapping[str, Any]) -> list[Series]:
+    """What a file says in words of itself, to be quoted where it is of a sensor or an amount.
+
+    Args:
+        pairs: names and values; numbers are no words.
+    """
+    texts = ((name, text) for name, text in texts_of(pairs).items() if re.search(r"[^\W\d]", text))
+    return [passed_over(name, REMARK, f"{name}: {text}") for name, text in texts]
+
+
 def check_size(samples: float, series: int = 1) -> None:
     """Refuse what a header announces before it is allocated."""
     if not 0 <= samples <= MOST_SAMPLES:
@@ -197,7 +211,7 @@ def with_rate(series: list[Series], notes: Mapping[str, Any] | None = None) -> l
         mine = named_by(name, [*(notes or {}).items(), *stated]) | listed | s.stated
         rate = s.rate_hz or stated_rate(stated)
         rated.append(replace(s, name=name, group=s.group or folder, rate_hz=rate, start_s=start, stated=mine))
-    return rated
+    return rated + remarks(notes or {})
 
 
 def named_by(name: str, pairs: Iterable[tuple[str, Any]]) -> Statements:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from fasbody.recording.channels import Channels
-from fasbody.recording.formats.series import FormatError, Series, check_size, number_of, step_of
+from fasbody.recording.formats.series import FormatError, Series, check_size, number_of, remarks, step_of
 from fasbody.recording.statements import statements_of, texts_of
 
 LIBRARY = "nptdms"
@@ -26,6 +26,7 @@ def decode(file: Path) -> list[Series]:
     stamps, offsets = list[Any](), list[float | None]()
     with TdmsFile.open(str(file)) as source:
         channels = [c for group in source.groups() for c in group.channels()]
+        remarked = [remark for one in (source, *source.groups()) for remark in remarks(dict(one.properties))]
         check_size(0, len(channels))
         for channel in channels:
             total += len(channel)
@@ -44,7 +45,7 @@ def decode(file: Path) -> list[Series]:
             one = Series(channel.name, str(unit), values.astype(float), rate, group=channel.group_name)
             series.append(replace(one, stated=statements_of(about), about=texts_of(about)))
     starts = _starts(stamps, offsets)
-    return [replace(s, start_s=start) for s, start in zip(series, starts, strict=True)]
+    return [replace(s, start_s=start) for s, start in zip(series, starts, strict=True)] + remarked
 
 
 def _starts(stamps: list[Any], offsets: list[float | None]) -> list[float | None]:

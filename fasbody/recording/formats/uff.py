@@ -9,11 +9,13 @@ import numpy as np
 
 from fasbody.recording.channels import ACCELERATIONS, Channels
 from fasbody.recording.formats.series import FormatError, Series, check_size, step_of, uniform_step
+from fasbody.recording.statements import texts_of
 
 LIBRARY = "pyuff"
 _DELIMITER = re.compile(rb"^ {4}-1[ \t]*\r?$", re.MULTILINE)
 _TIME_RESPONSE, _ACCELERATION, _TIME, _REAL = 1, 12, 17, 4
 #: What a data set can call its ordinate, and no accelerometer measures.
+_LINES = ("id2", "id3", "id4", "id5")
 _MOTIONS = {8: "displacement", 11: "velocity"}
 
 
@@ -55,7 +57,8 @@ def decode(file: Path) -> list[Series]:
             raise FormatError(f"calls {name!r} a {kind_of} and gives its unit as {unit}; correct one of them")
         rate = 1 / step if step and np.isfinite(step) and step > 0 else None
         unit = "" if unit in ("NONE", "*") else unit
-        series.append(Series(name, unit, values.astype(float), rate, start_s=start if rate else None))
+        about = texts_of({key: str(data.get(key, "")).strip() for key in _LINES})
+        series.append(Series(name, unit, values.astype(float), rate, start_s=start if rate else None, about=about))
     names = [s.name for s in series]
     if len({s.rate_hz is None for s in series}) > 1:
         raise FormatError("has channels with a sampling rate and channels with uneven times; resample them to one rate")
