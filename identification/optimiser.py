@@ -470,7 +470,10 @@ def _on_lattices(problem: Problem, population: Population, signs: list[int]) -> 
         ends = population.rows(population.sign == sign)
         ends = ends.rows(np.argsort(ends.objective)[:_ENDS])
         for end, lattice in product(ends.Q, _LATTICES):
-            places = [[v.place(item) for item in v.nuisances if item.kind == kind] for kind in lattice]
+            places = [
+                [v.place(item) for item in v.nuisances if item.kind == kind and not problem.held[v.place(item)]]
+                for kind in lattice
+            ]
             for at in map(list, product(*places)):
                 steps = np.meshgrid(*(np.linspace(-_REACH, _REACH, count) for count in lattice.values()))
                 Q = np.tile(end, (steps[0].size, 1))

@@ -146,6 +146,35 @@ def test_an_end_of_which_nothing_is_drawn_anew_is_no_start(made: Problem, rng: n
     assert restless == [] and after.hits.tolist() == [1]
 
 
+@pytest.mark.parametrize(("behind", "sides"), [(29.0, {1, -1}), (31.0, {1})])
+def test_lattices_surround_the_best_ends_of_a_side_that_may_win(made: Problem, behind: float, sides: set[int]) -> None:
+    """Each start differs from its end in the nuisances of one lattice, between the bounds, and in none that is held."""
+    v = made.variables
+    q = optimiser.random_starts(made, 1, 1, np.random.default_rng(0))[0]
+    places = {1: q, -1: v.image(q)}
+    signs = np.array([1, 1, 1, -1])
+    ends = Population(np.stack([places[s] for s in signs]), signs, np.ones(4, int), np.array([5.0, 6, 7, 5 + behind]))
+    starts = optimiser._on_lattices(made, ends, [1, -1])
+    assert set(starts.sign) == sides and len(starts.Q) == 2 * 50 + 50 * (len(sides) - 1)
+    names = [*v.constants, *(item.kind for item in v.nuisances)]
+    pairs = zip(starts.Q, starts.sign.tolist(), strict=True)
+    changed = {tuple(names[i] for i in np.flatnonzero(row != places[s])) for row, s in pairs}
+    assert {name for row in changed for name in row} == {kind for lattice in optimiser._LATTICES for kind in lattice}
+    assert all(any(set(row) <= set(lattice) for lattice in optimiser._LATTICES) for row in changed)
+    low, high = made.bounds(0)
+    np.testing.assert_array_equal(starts.Q, np.clip(starts.Q, low, high))
+    held = made.with_held(v.held(["rocking damping", "mount", "relaxation time"]))
+    assert not len(optimiser._on_lattices(held, ends, [1, -1]).Q)
+
+
+@pytest.mark.parametrize(("margin", "stays"), [(0.1, True), (-0.1, False)])
+def test_beside_an_end_only_those_go_on_that_promise_a_lower_one(made: Problem, margin: float, stays: bool) -> None:
+    start = Population(optimiser.random_starts(made, 1, 1, np.random.default_rng(1)), *np.array([[1], [1], [9]]))
+    down = descend(made, start.Q, start.sign, 1)
+    above = {1: float(down.objective[0] - down.left[0]) + SAME + margin}
+    assert len(optimiser._promising(made, start, 4, None, above, 1).Q) == stays
+
+
 def test_those_go_on_that_promise_to_come_farthest_down(made: Problem, rng: np.random.Generator) -> None:
     Q = np.concatenate([optimiser.random_starts(made, side, 12, rng) for side in (1, -1)])
     starts = Population(Q, np.repeat([1, -1], 12), np.ones(24, int), np.full(24, np.inf))

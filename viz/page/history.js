@@ -44,7 +44,7 @@ function compareWith(fit) { const branch = shownBranch(); tellServer("compare_fi
 
 on("comparison", ({ columns, rows, independent, fits }) => {
   const caption = element("caption", independent ? "" : "Both fits have recordings in common, so their differences have no interval.");
-  byId("pair").replaceChildren(caption, lineOf(columns, "th"), ...rows.map(texts => lineOf(texts.slice(1, 3).includes("–") ? [...texts.slice(0, 3), "–"] : texts)));
+  byId("pair").replaceChildren(caption, lineOf(columns, "th"), ...rows.map(texts => lineOf(texts)));
   byId("tab_pair").hidden = false;
   tab("pair");
   const into = byId("pair_plots"), /** @type {Series[]} */ size = [], /** @type {Series[]} */ lag = [];
