@@ -16,7 +16,8 @@ from fasbody.console import command_line, progress_bar
 from fasbody.foot import shaker
 from fasbody.foot.model import Foot, load
 from fasbody.foot.simulate import simulate
-from fasbody.foot.two_dof import TwoDof, trajectory
+from fasbody.foot.stepper import trajectory
+from fasbody.foot.two_dof import TwoDof
 from reproduction.check import Check, at_least, at_most, told
 
 RATE_HZ = 1000

@@ -10,7 +10,8 @@ from scipy.linalg import expm
 from scipy.signal import lfilter, max_len_seq, ss2tf
 
 from fasbody.foot import shaker
-from fasbody.foot.two_dof import TwoDof, trajectory
+from fasbody.foot.stepper import trajectory
+from fasbody.foot.two_dof import TwoDof
 from fasbody.recording.condition import foot_mass, shank_mass
 
 BODY_MASS = 70.7  # kg, mean of Table 2.1

@@ -26,7 +26,7 @@ _DAMPER_STD = 1.5
 _LEAST_BEND = 0.1
 _SPRINGS = {"c_11": ("k_T", "r_T"), "c_21": ("k_F", "r_F")}
 _SHANK = ("m_S", "m_T")
-_STEP = 1e-5
+_STEP = 1e-7
 
 
 @dataclass(frozen=True, eq=False)
@@ -319,19 +319,17 @@ class Variables:
     def slopes(self, function, Q: np.ndarray, of: np.ndarray):  # type: ignore[no-untyped-def]
         """Derivatives (..., k) of what a function makes of Q (C, n), an array (C, ...), to k of the variables.
 
-        Differences, central ones or, at a bound, one-sided; all in one array.
+        Differences to one side, inside the bounds, all in one array.
         """
         C, k = len(Q), len(of)
-        low, high = self.bounds
-        steps = _STEP * np.eye(self.size)[of][:, None]
-        above = np.minimum(Q + steps, np.maximum(Q, high))  # (k, C, n)
-        below = np.maximum(Q - steps, np.minimum(Q, low))
-        length = np.take_along_axis(above - below, np.broadcast_to(of[:, None, None], (k, C, 1)), 2)[..., 0]
-        values = function(np.concatenate([above, below]).reshape(2 * k * C, -1))
-        values = values.reshape(2, k, C, *values.shape[1:])
-        difference = np.moveaxis(values[0] - values[1], 0, -1)
-        length = np.where(length == 0, 1.0, length)  # of what cannot change
-        return difference / np.moveaxis(length, 0, -1).reshape(C, *[1] * (difference.ndim - 2), k)
+        low, high = (limit[of] for limit in self.bounds)
+        step = np.where(Q[:, of] + _STEP > high, -_STEP, _STEP)  # (C, k)
+        moved = Q + step.T[..., None] * np.eye(self.size)[of][:, None]  # (k, C, n)
+        values = function(np.concatenate([Q[None], moved]).reshape((k + 1) * C, -1))
+        values = values.reshape(k + 1, C, *values.shape[1:])
+        difference = np.moveaxis(values[1:] - values[0], 0, -1)
+        slope = np.where(high > low, 1 / step, 0.0)  # of what cannot change there is none
+        return difference * slope.reshape(C, *[1] * (difference.ndim - 2), k)
 
     # what is reported
 

@@ -9,7 +9,8 @@ from scipy.optimize import brentq, least_squares
 from fasbody.foot.model import load
 from fasbody.foot.parameters import symbol_and_unit
 from fasbody.foot.shaker import samples
-from fasbody.foot.two_dof import TwoDof, trajectory
+from fasbody.foot.stepper import trajectory
+from fasbody.foot.two_dof import TwoDof
 from fasbody.recording.condition import SUBJECTS, foot_mass, shank_mass
 from fasbody.recording.study import BUNDLED, bundled, read_truth
 from identification.criteria import fit_percent

@@ -6,7 +6,8 @@ from scipy.integrate import quad, solve_ivp
 from fasbody.foot import damper, shaker
 from fasbody.foot.model import load
 from fasbody.foot.simulate import simulate
-from fasbody.foot.two_dof import TwoDof, trajectory
+from fasbody.foot.stepper import trajectory
+from fasbody.foot.two_dof import TwoDof
 from reproduction.check import at_most, exactly, near
 from reproduction.row import Outcome, Rows
 

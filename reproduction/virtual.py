@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 
 from fasbody.foot import shaker
-from fasbody.foot.two_dof import TwoDof, trajectory
+from fasbody.foot.stepper import trajectory
+from fasbody.foot.two_dof import TwoDof
 from fasbody.laboratory.study import FREQUENCIES_HZ, Plan, make
 from fasbody.recording.condition import ADDED_MASSES_KG, foot_mass, shank_mass
 from fasbody.recording.recording import Recording

@@ -41,6 +41,7 @@ def test_native_foot_equals_the_python_twin(foot: Foot) -> None:
 def test_native_laws_equal_the_python_twin(joints: int, tendons: int) -> None:
     """The probe holds every law, a tendon with a law, and the hereditary pad with its activations."""
     model = layout.probe_model(joints, tendons)
+    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT  # a touch would make much of a rounding
     have, want = steps(model, None, 50), steps(model, python_twin(), 50)
     assert (np.abs(have - want) <= 1e-11 * (1e-9 + np.abs(want).max(axis=0))).all()
 

@@ -9,7 +9,8 @@ import pytest
 
 from fasbody.foot.model import Foot, load
 from fasbody.foot.shaker import sine
-from fasbody.foot.two_dof import NAMES, TwoDof, trajectory
+from fasbody.foot.stepper import trajectory
+from fasbody.foot.two_dof import NAMES, TwoDof
 from fasbody.laboratory.foot import TRUTH
 from fasbody.recording.checks import checked
 from identification.engines.certified import CertifiedRollouts

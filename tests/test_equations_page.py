@@ -102,7 +102,7 @@ def test_single_formulas() -> None:
     T = value(formulas("2.5")["T"], {"k": 6e4, "omega": 125.0, "c": 400.0, "m": 4.3})
     assert pytest.approx(sdof.transmissibility(125.0, 4.3, 400.0, 6e4), rel=1e-13) == T
     c = value(formulas("4.25")["c"], {"c_1": 380.0, "c_2": 90.0, "c_3": 140.0, "x": 2e-3})
-    assert c == pytest.approx(damping.py_func(2e-3, 380.0, 90.0, 140.0), rel=1e-13)
+    assert c == pytest.approx(damping(2e-3, 380.0, 90.0, 140.0), rel=1e-13)
     names = {"V": 2.5e-3, "d": 8, "N": 300}
     assert value(formulas("3.17")["FPE"], names) == pytest.approx(criteria.fpe(2.5e-3, 8, 300), rel=1e-13)
     assert value(formulas("3.18")["FPE"], names) == pytest.approx(

@@ -167,7 +167,7 @@ def test_quasi_linear_pad_is_its_hereditary_integral() -> None:
     x = 0.3 * t
     force = LAWS["qlv"].force(t, x, np.full_like(t, 0.3), np.array([A, B, c]))
     rate = lambda s: A * B / THICKNESS_M * 0.3 * np.exp(B * 0.3 * s / THICKNESS_M)  # noqa: E731
-    G = lambda s: damper.relaxation.py_func(s, c, *TAU_S)  # noqa: E731
+    G = lambda s: damper.relaxation(s, c, *TAU_S)  # noqa: E731
     for k in (100, 399):
         wanted = quad(lambda s, end=t[k]: G(end - s) * rate(s), 0.0, t[k], epsabs=1e-10)[0]
         assert force[k] == pytest.approx(wanted, rel=1e-4)
@@ -191,7 +191,7 @@ def test_a_model_takes_a_measured_law(tmp_path: Path, key: str) -> None:
     rest = numbers[-1] * THICKNESS_M
     for x, v in ((0.0, 0.0), (1e-3, 0.2), (-1e-3, -0.1)):
         wanted = LAWS[key].force(np.zeros(1), np.array([rest - x]), np.array([-v]), theta)[0] - F_0
-        assert damper.algebraic_force.py_func(user, x, v, 0.0) == pytest.approx(wanted, rel=1e-9, abs=1e-8)
+        assert damper.algebraic_force(user, x, v, 0.0) == pytest.approx(wanted, rel=1e-9, abs=1e-8)
     foot = load(write_model(tmp_path / "foot.xml", LAWS[key], theta, F_0))
     assert "k_F" not in foot.values() and "k_T" in foot.values()
     np.testing.assert_allclose(foot.model.joint("fat_pad").user, user, rtol=1e-5)

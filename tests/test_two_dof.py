@@ -5,7 +5,8 @@ import oracle
 import pytest
 
 from fasbody.foot import shaker
-from fasbody.foot.two_dof import NAMES, TwoDof, trajectory
+from fasbody.foot.stepper import trajectory
+from fasbody.foot.two_dof import NAMES, TwoDof
 
 
 def foot_of(p: dict[str, float]) -> TwoDof:

@@ -1,7 +1,6 @@
 """How gmsh fills a dome, a ball or a closed surface with tetrahedra, and how many unknowns that makes."""
 
 import io
-import os
 import warnings
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -12,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from scipy.spatial import cKDTree
 
+from fasbody import cache as caches
 from fasbody.cell.dome import Dome
 from fasbody.cell.mesh import CYTOPLASM, EDGES, NUCLEUS, SAME_PLACE, MeshSize, TetMesh
 from fasbody.cell.surface import ROUND, check_closed, check_pieces, volume
@@ -119,8 +119,7 @@ def dome_mesh(dome: Dome, size: MeshSize | None = None, *, cache: Path | None = 
         MissingPackageError: gmsh is not installed.
     """
     size = size or MeshSize()
-    home = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache")
-    store = Store(cache or home / "fasbody" / "cell")
+    store = Store(cache or caches.folder("cell"))
     name = f"{key(program(__name__), astuple(dome), astuple(size))}.npz"
     stored, _ = store.load(name, _unpacked)
     if stored is not None:

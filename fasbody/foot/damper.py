@@ -14,13 +14,17 @@ with d the deformation on that side, S(d) the spring and W the static force that
 
 so they never act on the other side. W = 0 is an element that begins unloaded, as in a model with gravity.
 
-All functions are compiled by numba and serve the native callbacks, the Python twin (`.py_func`) and plots alike.
+The native callbacks compile these functions (native.py); their Python twin and the plots call them as they are.
 """
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
-from numba import njit
+
+
+#: A number, or an array of them.
+Values = Any
 
 
 @dataclass(frozen=True)
@@ -50,6 +54,8 @@ LAWS = (
 DAMPER = LAWS[-1].code
 #: Code of the Maxwell element: its force f obeys f' = k x' - f / tau.
 MAXWELL = 3.0
+#: Code of the quasi-linear viscoelastic pad.
+VISCOELASTIC = 4.22
 #: Codes of the laws that act on one side.
 ONE_SIDED = (1.0, 2.0)
 #: What shapes a law and is no constant of the material: not declared by itself.
@@ -59,35 +65,30 @@ USER_SIZE = 8
 #: Exponentials that stand for the continuous relaxation spectrum of Eq. (4.22).
 BRANCHES = 8
 #: Codes of the laws with a memory, which are actuators, and how many activations each has.
-MEMORY = {4.22: BRANCHES, MAXWELL: 1}
+MEMORY = {VISCOELASTIC: BRANCHES, MAXWELL: 1}
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(BRANCHES)
 
 
-@njit(cache=True)
-def damping(x: float, c1: float, c2: float, c3: float) -> float:
+def damping(x: Values, c1: float, c2: float, c3: float) -> Values:
     """Damping constant [N s/m] at relative displacement x [m]; Eq. (4.32) applies it to ankle and fat pad."""
     return c1 * np.exp(-c2 * x) * np.cos(c3 * x)  # Eq. (4.25)
 
 
-@njit(cache=True)
-def power_law(e: float, e_dot: float, j: float, k: float, l: float, m: float, n: float) -> float:  # noqa: E741
+def power_law(e: Values, e_dot: Values, j: float, k: float, l: float, m: float, n: float) -> Values:  # noqa: E741
     """Compressive force [N] at strain e >= 0 and strain rate e_dot [1/s], exponents corrected (docs/errata.md)."""
     return j * e**k + l * e**m * np.abs(e_dot) ** n * np.sign(e_dot)  # Eq. (4.23)
 
 
-@njit(cache=True)
-def strain_damper(e: float, e_dot: float, E: float, eta: float) -> float:
+def strain_damper(e: Values, e_dot: Values, E: float, eta: float) -> Values:
     """Compressive force [N] at strain e >= 0 and strain rate e_dot [1/s]."""
     return E * e + eta * e * e_dot  # Eq. (4.24), compression positive
 
 
-@njit(cache=True)
-def elastic(e: float, A: float, B: float) -> float:
+def elastic(e: Values, A: float, B: float) -> Values:
     """Elastic function sigma_e of Eq. (4.22) [N]."""
     return A * (np.exp(B * e) - 1.0)
 
 
-@njit(cache=True)
 def relaxation(t: float, c: float, tau_1: float, tau_2: float) -> float:
     """Reduced relaxation function G(t) of Eq. (4.22), its spectrum integrated by quadrature in log(tau)."""
     total = 1.0
@@ -96,19 +97,16 @@ def relaxation(t: float, c: float, tau_1: float, tau_2: float) -> float:
     return total / (1.0 + c * np.log(tau_2 / tau_1))
 
 
-@njit(cache=True)
 def branch_time(i: int, tau_1: float, tau_2: float) -> float:
     """Relaxation time [s] of exponential i, a Gauss-Legendre node in log(tau)."""
     return tau_1 * (tau_2 / tau_1) ** (0.5 * (1.0 + _NODES[i]))
 
 
-@njit(cache=True)
 def branch_weight(i: int, tau_1: float, tau_2: float) -> float:
     """Share of exponential i in the spectrum; the shares sum to log(tau_2/tau_1)."""
     return 0.5 * _WEIGHTS[i] * np.log(tau_2 / tau_1)
 
 
-@njit(cache=True)
 def one_sided(user: np.ndarray, x: float, x_dot: float) -> float:
     """Force [N] along +x of law 1 or 2, about the static state that carries W."""
     if round(user[0]) == 1:
@@ -123,7 +121,6 @@ def one_sided(user: np.ndarray, x: float, x_dot: float) -> float:
     return -side * (max(0.0, spring * (1.0 + eta * side * x_dot)) - W)
 
 
-@njit(cache=True)
 def algebraic_force(user: np.ndarray, x: float, x_dot: float, native_damping: float) -> float:
     """Force [N] along +x of a law without memory.
 
@@ -181,7 +178,6 @@ def at_rest(user: np.ndarray) -> tuple[float, float]:
     return 0.0, 0.0
 
 
-@njit(cache=True)
 def viscoelastic_force(p: np.ndarray, h: np.ndarray, x: float) -> float:
     """Force [N] along +x of the quasi-linear viscoelastic pad, Eq. (4.22), about its relaxed static state.
 
@@ -198,7 +194,6 @@ def viscoelastic_force(p: np.ndarray, h: np.ndarray, x: float) -> float:
     return total / (1.0 + c * np.log(tau_2 / tau_1))
 
 
-@njit(cache=True)
 def viscoelastic_rate(p: np.ndarray, h: np.ndarray, x: float, x_dot: float, i: int) -> float:
     """Rate [N/s] of internal stress i: dh_i/dt = d(sigma_e)/dt - h_i/tau_i, the hereditary integral of Eq. (4.22)."""
     e, e_dot = p[7] - x / p[6], -x_dot / p[6]

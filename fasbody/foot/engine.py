@@ -1,10 +1,9 @@
 """MuJoCo's native callbacks: nonlinear dampers, pad laws and the shaker, without the GIL.
 
-MuJoCo calls a C function for user-defined forces. numba compiles it (`cfunc`), so no C compiler is needed and rollouts
-run on all cores. Callbacks are global to the process: `callbacks()` installs them for a `with` block, and
-the last of such blocks to end, in whichever thread, restores what was there. They act on marked elements only: joints
-and tendons whose `user` field starts with a law's number (damper.py), and actuators whose `biasprm` starts with the
-number of a law or of the shaker.
+MuJoCo calls a C function (native.py) for user-defined forces. Callbacks are global to the process: `callbacks()`
+installs them for a `with` block, and the last of such blocks to end, in whichever thread, restores what was there. They
+act on marked elements only: joints and tendons whose `user` field starts with a law's number (damper.py), and actuators
+whose `biasprm` starts with the number of a law or of the shaker.
 
 The compiled code reads mjModel and mjData by word offsets, which `find_offsets` finds at start-up in the structs of a
 probe model: the addresses of the arrays are known to Python, the words that hold them are their offsets, and a count is
@@ -14,30 +13,24 @@ differently.
 
 import ctypes
 import functools
-import hashlib
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import mujoco
 import numpy as np
-from numba import carray, cfunc, types
-from numba.extending import intrinsic
 
 from fasbody.exceptions import EngineError
 from fasbody.foot import damper
-from fasbody.foot.damper import algebraic_force, viscoelastic_force, viscoelastic_rate
+from fasbody.foot.damper import VISCOELASTIC, algebraic_force, viscoelastic_force, viscoelastic_rate
+from fasbody.foot.native import SHAKER, addresses
 from fasbody.foot.shaker import CLOCK
 
-#: `biasprm[0]` of the actuator that drives the base (shaker.py); its five controls are the step's start time and the
-#: Taylor coefficients a0..a3 of the base acceleration within the step, time in units of its CLOCK.
-SHAKER = 1.0
+#: Controls of the actuator that drives the base: the step's start time, and the Taylor coefficients a0..a3 of the base
+#: acceleration within the step, time in units of its CLOCK.
 SHAKER_CONTROLS = 5
-VISCOELASTIC = 4.22
-_PRM = mujoco.mjNBIAS
 
 _MODEL_ARRAYS = (
     "jnt_user", "jnt_qposadr", "jnt_dofadr", "dof_damping", "qpos_spring", "tendon_user", "tendon_damping",
@@ -52,6 +45,9 @@ _DATA_ARRAYS = (
 MODEL_WORDS = 700
 DATA_WORDS = 20_180
 
+_PASSIVE = ctypes.CFUNCTYPE(None, ctypes.c_void_p, ctypes.c_void_p)
+_ACTUATOR = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_void_p, ctypes.c_void_p, ctypes.c_int)
+
 
 @dataclass(frozen=True)
 class Callbacks:
@@ -63,117 +59,15 @@ class Callbacks:
     warning: Any
 
 
-@intrinsic
-def _pointer(context, address):  # type: ignore[no-untyped-def]
-    """A C pointer from its value as an integer."""
-
-    def codegen(context, builder, signature, args):  # type: ignore[no-untyped-def]
-        return builder.inttoptr(args[0], context.get_value_type(types.voidptr))
-
-    return types.voidptr(types.int64), codegen
-
-
-def _compile(offsets: dict[str, int], stamp: int) -> Callbacks:
-    """Compile the callbacks for one struct layout; `stamp` makes numba's cache follow the laws' source.
-
-    Closures hold plain numbers only: numba's cache is keyed by their values, and a compiled function has none.
-    """
-    NJNT, NTENDON = offsets["njnt"], offsets["ntendon"]
-    NUSER_JNT, NUSER_TENDON = offsets["nuser_jnt"], offsets["nuser_tendon"]
-    JNT_USER, JNT_QPOSADR, JNT_DOFADR = offsets["jnt_user"], offsets["jnt_qposadr"], offsets["jnt_dofadr"]
-    DOF_DAMPING, QPOS_SPRING = offsets["dof_damping"], offsets["qpos_spring"]
-    TEN_USER, TEN_DAMPING, TEN_LENGTH0 = offsets["tendon_user"], offsets["tendon_damping"], offsets["tendon_length0"]
-    ROWNNZ, ROWADR, COLIND = offsets["ten_J_rownnz"], offsets["ten_J_rowadr"], offsets["ten_J_colind"]
-    BIASPRM, CTRLADR, ACTADR = offsets["actuator_biasprm"], offsets["actuator_ctrladr"], offsets["actuator_actadr"]
-    OUTADR, LENGTH0 = offsets["actuator_outadr"], offsets["actuator_length0"]
-    LENGTH, VELOCITY = offsets["actuator_length"], offsets["actuator_velocity"]
-    QPOS, QVEL, ACT, ACT_DOT = offsets["qpos"], offsets["qvel"], offsets["act"], offsets["act_dot"]
-    CTRL, QFRC, TIME = offsets["ctrl"], offsets["qfrc_passive"], offsets["time"]
-    TEN_J, TEN_LENGTH, TEN_VELOCITY = offsets["ten_J"], offsets["ten_length"], offsets["ten_velocity"]
-    USER, PRM, BRANCHES, RELAX, MAXWELL, UNIT = (
-        damper.USER_SIZE,
-        _PRM,
-        damper.BRANCHES,
-        VISCOELASTIC,
-        damper.MAXWELL,
-        CLOCK,
-    )
-    MODEL, DATA, BIG = (MODEL_WORDS,), (DATA_WORDS,), (1 << 20,)
-    f8, i4, i8 = np.float64, np.int32, np.int64
-
-    @cfunc(types.void(types.voidptr, types.voidptr), cache=True)
-    def passive(model, data):  # type: ignore[no-untyped-def]
-        m, d = carray(model, MODEL, i8), carray(data, DATA, i8)
-        qfrc = carray(_pointer(d[QFRC]), BIG, f8)
-        if m[NUSER_JNT] == USER and stamp != 0:
-            user = carray(_pointer(m[JNT_USER]), BIG, f8)
-            qposadr, dofadr = carray(_pointer(m[JNT_QPOSADR]), BIG, i4), carray(_pointer(m[JNT_DOFADR]), BIG, i4)
-            native, rest = carray(_pointer(m[DOF_DAMPING]), BIG, f8), carray(_pointer(m[QPOS_SPRING]), BIG, f8)
-            qpos, qvel = carray(_pointer(d[QPOS]), BIG, f8), carray(_pointer(d[QVEL]), BIG, f8)
-            for j in range(m[NJNT]):
-                if user[j * USER] != 0.0:
-                    q, v = qposadr[j], dofadr[j]
-                    qfrc[v] += algebraic_force(user[j * USER : (j + 1) * USER], qpos[q] - rest[q], qvel[v], native[v])
-        if m[NUSER_TENDON] == USER:
-            user = carray(_pointer(m[TEN_USER]), BIG, f8)
-            native, rest = carray(_pointer(m[TEN_DAMPING]), BIG, f8), carray(_pointer(m[TEN_LENGTH0]), BIG, f8)
-            length, velocity = carray(_pointer(d[TEN_LENGTH]), BIG, f8), carray(_pointer(d[TEN_VELOCITY]), BIG, f8)
-            count, start = carray(_pointer(m[ROWNNZ]), BIG, i4), carray(_pointer(m[ROWADR]), BIG, i4)
-            column, J = carray(_pointer(m[COLIND]), BIG, i4), carray(_pointer(d[TEN_J]), BIG, f8)
-            for t in range(m[NTENDON]):
-                if user[t * USER] != 0.0:
-                    pull = algebraic_force(user[t * USER : (t + 1) * USER], length[t] - rest[t], velocity[t], native[t])
-                    for k in range(start[t], start[t] + count[t]):
-                        qfrc[column[k]] += J[k] * pull
-
-    @cfunc(types.float64(types.voidptr, types.voidptr, types.int32), cache=True)
-    def act_bias(model, data, actuator):  # type: ignore[no-untyped-def]
-        m, d = carray(model, MODEL, i8), carray(data, DATA, i8)
-        p = carray(_pointer(m[BIASPRM] + 8 * PRM * actuator), (PRM,), f8)
-        if p[0] == 1.0 and stamp != 0:  # SHAKER
-            c = carray(_pointer(d[CTRL] + 8 * carray(_pointer(m[CTRLADR]), BIG, i4)[actuator]), (5,), f8)
-            s = (carray(data, DATA, f8)[TIME] - c[0]) / UNIT
-            return c[1] + s * (c[2] + s * (c[3] + s * c[4]))
-        if p[0] == RELAX:
-            h = carray(_pointer(d[ACT] + 8 * carray(_pointer(m[ACTADR]), BIG, i4)[actuator]), (BRANCHES,), f8)
-            out = carray(_pointer(m[OUTADR]), BIG, i4)[actuator]
-            x = carray(_pointer(d[LENGTH]), BIG, f8)[out] - carray(_pointer(m[LENGTH0]), BIG, f8)[out]
-            return viscoelastic_force(p, h, x)
-        if p[0] == MAXWELL:
-            return -carray(_pointer(d[ACT] + 8 * carray(_pointer(m[ACTADR]), BIG, i4)[actuator]), (1,), f8)[0]
-        return 0.0
-
-    @cfunc(types.float64(types.voidptr, types.voidptr, types.int32), cache=True)
-    def act_dyn(model, data, actuator):  # type: ignore[no-untyped-def]
-        m, d = carray(model, MODEL, i8), carray(data, DATA, i8)
-        p = carray(_pointer(m[BIASPRM] + 8 * PRM * actuator), (PRM,), f8)
-        if p[0] == RELAX and stamp != 0:
-            first = carray(_pointer(m[ACTADR]), BIG, i4)[actuator]
-            h = carray(_pointer(d[ACT] + 8 * first), (BRANCHES,), f8)
-            rate = carray(_pointer(d[ACT_DOT] + 8 * first), (BRANCHES,), f8)
-            out = carray(_pointer(m[OUTADR]), BIG, i4)[actuator]
-            x = carray(_pointer(d[LENGTH]), BIG, f8)[out] - carray(_pointer(m[LENGTH0]), BIG, f8)[out]
-            x_dot = carray(_pointer(d[VELOCITY]), BIG, f8)[out]
-            for i in range(BRANCHES):
-                rate[i] = viscoelastic_rate(p, h, x, x_dot, i)
-        if p[0] == MAXWELL:
-            force = carray(_pointer(d[ACT] + 8 * carray(_pointer(m[ACTADR]), BIG, i4)[actuator]), (1,), f8)[0]
-            x_dot = carray(_pointer(d[VELOCITY]), BIG, f8)[carray(_pointer(m[OUTADR]), BIG, i4)[actuator]]
-            return p[1] * x_dot - force / p[2]  # MuJoCo stores what is returned where there is one activation
-        return 0.0
-
-    return Callbacks(passive.ctypes, act_dyn.ctypes, act_bias.ctypes, _quiet.ctypes)
-
-
 @functools.cache
 def native() -> Callbacks:
-    """The compiled callbacks, found, compiled and self-tested once a process.
+    """The compiled callbacks, loaded and self-tested once a process.
 
     Raises:
         EngineError: the installed MuJoCo is laid out differently, or the self-test disagrees.
     """
-    digest = hashlib.sha256(Path(damper.__file__).read_bytes()).digest()
-    compiled = _compile(find_offsets(), int.from_bytes(digest[:4], "big") | 1)
+    at = addresses(find_offsets(), mujoco.mjNBIAS)
+    compiled = Callbacks(_PASSIVE(at["passive"]), _ACTUATOR(at["act_dyn"]), _ACTUATOR(at["act_bias"]), _quiet)
     difference = self_test(compiled)
     if not difference < 1e-12:
         raise EngineError(
@@ -247,13 +141,11 @@ def python_twin() -> Callbacks:
             return float(p[1] * data.actuator_velocity[actuator] - data.act[model.actuator_actadr[actuator]] / p[2])
         return 0.0
 
-    return Callbacks(passive, act_dyn, act_bias, _quiet.ctypes)
+    return Callbacks(passive, act_dyn, act_bias, _quiet)
 
 
-@cfunc(types.void(types.voidptr), cache=True)
-def _quiet(message):  # type: ignore[no-untyped-def]
-    """Discard MuJoCo's printed warnings; simulate.py reads their counters and raises an error."""
-
+#: Discards MuJoCo's printed warnings; simulate.py reads their counters and raises an error.
+_quiet = ctypes.CFUNCTYPE(None, ctypes.c_char_p)(lambda message: None)
 
 _SLOTS: dict[str, tuple[Callable[[], Any], Callable[[Any], None]]] = {
     name: (getattr(mujoco, f"get_mjcb_{name}"), getattr(mujoco, f"set_mjcb_{name}"))
@@ -296,7 +188,7 @@ def _install(chosen: Callbacks) -> None:
 def quiet() -> Iterator[None]:
     """No warning of MuJoCo on the screen or in a MUJOCO_LOG.TXT for the block."""
     before = mujoco.get_mju_user_warning()
-    mujoco.set_mju_user_warning(_quiet.ctypes)
+    mujoco.set_mju_user_warning(_quiet)
     try:
         yield
     finally:

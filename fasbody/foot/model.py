@@ -14,8 +14,9 @@ import numpy as np
 import mjcf
 from fasbody.exceptions import InputFileError, ModelError, unknown
 from fasbody.foot import damper
-from fasbody.foot.engine import SHAKER, SHAKER_CONTROLS, quiet
+from fasbody.foot.engine import SHAKER_CONTROLS, quiet
 from fasbody.foot.model_fields import check_fields, element_name
+from fasbody.foot.native import SHAKER
 from fasbody.foot.parameters import Fitted, Parameters, declared, names
 from fasbody.presentation import Sheet, Tabled, readable
 

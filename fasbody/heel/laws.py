@@ -21,6 +21,8 @@ Array = np.ndarray
 THICKNESS_M = 0.018
 #: Relaxation times of Eq. (4.22) [s], held: a strike of 40 ms at 3 kHz does not identify others.
 TAU_S = (1e-3, 1.0)
+_BRANCH_S = np.array([damper.branch_time(i, *TAU_S) for i in range(damper.BRANCHES)])
+_BRANCH_WEIGHTS = np.array([damper.branch_weight(i, *TAU_S) for i in range(damper.BRANCHES)])
 #: Compression at which the power laws' force is quoted [m]: force and exponent are then nearly
 #: uncorrelated.
 REFERENCE_M = 5e-3
@@ -83,25 +85,25 @@ class HeelLaw:
         x = np.atleast_1d(np.asarray(compression_m, float))
         if self.key == "qlv":
             relaxed = 1.0 + theta[2] * np.log(TAU_S[1] / TAU_S[0])
-            return damper.elastic.py_func(x / THICKNESS_M, theta[0], theta[1]) / relaxed
+            return damper.elastic(x / THICKNESS_M, theta[0], theta[1]) / relaxed
         return self.force(np.arange(x.size, dtype=float), x, np.zeros_like(x), theta)
 
 
 def _quasilinear(t: Array, x: Array, v: Array, theta: Array) -> Array:
     A, B, c = theta
-    sigma = damper.elastic.py_func(np.maximum(x, 0.0) / THICKNESS_M, A, B)
-    return np.maximum(_relaxed(np.asarray(t, float), sigma, c), 0.0)
+    sigma = damper.elastic(np.maximum(x, 0.0) / THICKNESS_M, A, B)
+    return np.maximum(_relaxed(np.asarray(t, float), sigma, c, _BRANCH_S, _BRANCH_WEIGHTS), 0.0)
 
 
 @njit(cache=True)
-def _relaxed(t: Array, sigma: Array, c: float) -> Array:
+def _relaxed(t: Array, sigma: Array, c: float, taus: Array, weights: Array) -> Array:
     """Eq. (4.22): the convolution of each exponential, exact for a stress linear between samples.
 
     A clock that does not rise begins another strike, so that many can stand in one array (n,).
     """
     total = sigma.copy()
-    for i in range(damper.BRANCHES):
-        tau, weight, h = damper.branch_time(i, *TAU_S), damper.branch_weight(i, *TAU_S), 0.0
+    for i in range(taus.size):
+        tau, weight, h = taus[i], weights[i], 0.0
         for k in range(1, t.size):
             if t[k] <= t[k - 1]:  # another strike begins
                 h = 0.0
@@ -115,13 +117,13 @@ def _relaxed(t: Array, sigma: Array, c: float) -> Array:
 
 def _nonlinear(t: Array, x: Array, v: Array, theta: Array) -> Array:
     e = np.maximum(x, 1e-9) / THICKNESS_M
-    force = damper.power_law.py_func(e, v / THICKNESS_M, *theta)  # Eq. (4.23), exponents corrected
+    force = damper.power_law(e, v / THICKNESS_M, *theta)  # Eq. (4.23), exponents corrected
     return np.maximum(force, 0.0)
 
 
 def _strain_damper(t: Array, x: Array, v: Array, theta: Array) -> Array:
     e = np.maximum(x, 0.0) / THICKNESS_M
-    return np.maximum(damper.strain_damper.py_func(e, v / THICKNESS_M, *theta), 0.0)  # Eq. (4.24)
+    return np.maximum(damper.strain_damper(e, v / THICKNESS_M, *theta), 0.0)  # Eq. (4.24)
 
 
 def _power(t: Array, x: Array, v: Array, theta: Array) -> Array:

@@ -11,7 +11,8 @@ from scipy.interpolate import CubicSpline
 
 from fasbody.exceptions import SimulationError
 from fasbody.foot import shaker
-from fasbody.foot.two_dof import TwoDof, trajectory
+from fasbody.foot.stepper import trajectory
+from fasbody.foot.two_dof import TwoDof
 from fasbody.foot.two_mass import parameters, resolved
 from fasbody.laboratory.instrument import Instrument
 from fasbody.laboratory.subject import Tuberosity

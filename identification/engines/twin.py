@@ -8,7 +8,7 @@ import numpy as np
 
 from fasbody.foot.engine import SHAKER_CONTROLS
 from fasbody.foot.model import Foot, can_be_constrained
-from fasbody.foot.two_dof import NAMES, TwoDof, both
+from fasbody.foot.two_dof import NAMES, TwoDof
 from identification.engines.engine import MALLEOLUS, Whole
 
 
@@ -30,6 +30,8 @@ class Twin:
         self, number: int, values: Mapping[str, float], names: Sequence[str], x0: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """See `Engine`: arrays (k n,), (k n, 4 + p)."""
+        from fasbody.foot.stepper import both  # numba, which takes a moment to load
+
         d = self.drives[number]
         full = {**values, **d.masses}
         theta = np.array([full[name] for name in NAMES])
