@@ -68,7 +68,8 @@ def test_one_door(foreign: str) -> None:
 
 #: The rooms of fasbody from the ground up: each imports from the rows above its own, never from beside it or below.
 ROOMS = (
-    ("cache", "constants", "sentences", "progress"), ("exceptions",), ("lazy",), ("usage", "commands"), ("help", "completion"),
+    ("cache", "constants", "sentences", "progress"), ("exceptions",), ("lazy",), ("usage", "commands"),
+    ("help", "completion"),
     ("console",), ("presentation", "runner"), ("page",),
     ("foot",),
     ("arch", "recording", "cell"), ("heel", "laboratory", "transmissibility"), ("acquire", "leg"),

@@ -22,7 +22,6 @@ from typing import Any
 
 import numpy as np
 
-
 #: A number, or an array of them.
 Values = Any
 
