@@ -219,7 +219,7 @@ class Variables:
             sigma, rho = Q[..., self.index["k_T"]], Q[..., self.index["k_F"]]
             return np.asarray(np.exp(sigma + half * (rho + np.log(self.ratio))))
         if name in self._squared:
-            return np.sqrt(np.maximum(Q[..., i] * self.scale[i], _LEAST_BEND**2))
+            return np.sqrt(np.maximum(Q[..., i] * self.scale[i], 0.0) + _LEAST_BEND**2)
         if self.space.free[self._item[name]].logarithmic:
             return np.asarray(np.exp(Q[..., i]))
         return np.asarray(Q[..., i] * self.scale[i])
@@ -371,7 +371,7 @@ class Variables:
                 np.clip(values.get(name, self.model_values[name]), self.space.lower[item], self.space.upper[item])
             )
             if name in self._squared:
-                q[i] = x * x / self.scale[i]
+                q[i] = (x * x - _LEAST_BEND**2) / self.scale[i]
             else:
                 q[i] = np.log(x) if self.space.free[item].logarithmic else x / self.scale[i]
         if self.ratio is not None:
