@@ -6,7 +6,7 @@ RUN := $(VENV)/bin/python
 # where it may not, each of the many processes of the tests takes 5 s to import the packages instead of 2
 unexport PYTHONDONTWRITEBYTECODE
 PIP := $(RUN) -m pip install --quiet --disable-pip-version-check --no-compile --constraint constraints.txt
-COMPILED := fasbody/foot/two_dof.py fasbody/foot/damper.py fasbody/foot/engine.py
+COMPILED := fasbody/foot/damper.py fasbody/foot/engine.py fasbody/foot/native.py
 
 .PHONY: fit view wheel test test-long environment lint suite docs bench reproduce release clean
 
