@@ -142,14 +142,17 @@ def descend(
     bend = np.zeros((len(Q), Q.shape[1], Q.shape[1]))
     for number in range(steps + 1):
         A, g = now.normal
-        left = bounded_step(A, g, Q[at], low[at], high[at], np.full(len(at), LEAST_DAMPING))[1]
+        trial, foretold = bounded_step(A + bend[at], g, Q[at], low[at], high[at], damping)
+        doubt = (foretold < promised) | (number == steps)  # without damping and bend it would fall by more
+        least = np.full(int(doubt.sum()), LEAST_DAMPING)
+        left = foretold.copy()
+        left[doubt] = bounded_step(A[doubt], g[doubt], Q[at[doubt]], low[at[doubt]], high[at[doubt]], least)[1]
         promise[at] = np.where(now.moves, left, np.inf)
         rests[at] = np.abs(promise[at]) < promised
         go = ~rests[at] & (damping < MOST_DAMPING)
         if not go.any() or number == steps:
             break
-        at, damping, factor, now, A, g = at[go], damping[go], factor[go], now.rows(go), A[go], g[go]
-        trial, foretold = bounded_step(A + bend[at], g, Q[at], low[at], high[at], damping)
+        at, damping, factor, now, trial, foretold = at[go], damping[go], factor[go], now.rows(go), trial[go], foretold[go]
         after = problem.evaluate(trial, now)
         work.did(len(at))
         gain = np.where(after.moves, objective[at] - after.objective, -1.0)
