@@ -152,7 +152,8 @@ def descend(
         go = ~rests[at] & (damping < MOST_DAMPING)
         if not go.any() or number == steps:
             break
-        at, damping, factor, now, trial, foretold = at[go], damping[go], factor[go], now.rows(go), trial[go], foretold[go]
+        at, damping, factor, now = at[go], damping[go], factor[go], now.rows(go)
+        trial, foretold = trial[go], foretold[go]
         after = problem.evaluate(trial, now)
         work.did(len(at))
         gain = np.where(after.moves, objective[at] - after.objective, -1.0)
