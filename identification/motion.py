@@ -130,12 +130,12 @@ class TwoMassMotion:
         """See `Motion`."""
         C, R, P = theta.shape
         motions = self.orbits(theta, near)
-        assert motions.slopes is not None and motions.stretch_slopes is not None
-        masses = np.stack([motions.shank, motions.foot], 1)[:, :, : self._count]
-        slopes = motions.slopes[:, :, : self._count]
+        slopes = motions.slopes
+        assert slopes is not None and motions.stretch_slopes is not None
+        masses = np.stack([motions.shank, motions.foot], 1)
         which = self.on_foot.astype(int)
-        Y = masses[:, which].reshape(C, R, len(which), self._count)
-        D = slopes[:, which].reshape(C, R, len(which), self._count, P)
+        Y = masses[:, which, : self._count].reshape(C, R, len(which), self._count)
+        D = slopes[:, which, : self._count].reshape(C, R, len(which), self._count, P)
         H = self.base.shape[1]
         memory = Near(theta, motions.stretch.reshape(C, R, 2, H), motions.stretch_slopes.reshape(C, R, 2, H, P))
         moves = np.asarray(motions.converged.reshape(C, R).all(1))

@@ -247,9 +247,10 @@ class _System:
         C = np.fft.rfft(self.c1 * (1 + e.real), axis=-1) / self.N  # Eq. (4.32)
         H = self.H
         j, l = np.meshgrid(np.arange(H), np.arange(H), indexing="ij")  # noqa: E741
-        less = np.where(j >= l, C[..., np.abs(j - l)], C[..., np.abs(j - l)].conj())
+        less = C.take(np.abs(j - l), -1)
+        less.imag *= np.where(j >= l, 1.0, -1.0)
         P = self.s[:, None, :, None] * less
-        Q = self.s[:, None, :, None] * C[..., j + l + 2]
+        Q = self.s[:, None, :, None] * C.take(j + l + 2, -1)
         P[..., np.arange(H), np.arange(H)] += self.kappa
         up = np.concatenate([(P + Q).real, (Q - P).imag], -1)
         return np.concatenate([up, np.concatenate([(P + Q).imag, (P - Q).real], -1)], -2)
