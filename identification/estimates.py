@@ -170,6 +170,10 @@ class Allowance(Tabled):
         off: how many standard deviations of the prior it lies from where it was expected.
         seen: how many standard errors.
         source: where the prior comes from.
+        kind: of the nuisance.
+        constant: that it changes, "" for none.
+        sensor: whose it is, "" for all.
+        person: whose it is, None for everybody.
     """
 
     name: str
@@ -186,3 +190,6 @@ class Allowance(Tabled):
     seen: float
     source: str
     kind: str = ""
+    constant: str = ""
+    sensor: str = ""
+    person: str | None = None

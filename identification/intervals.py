@@ -351,7 +351,7 @@ class Solution:
                 Allowance(
                     item.name, item.group, item.does, item.unit, item.value(item.mean), item.value(before[0]),
                     item.value(before[1]), item.value(x), item.value(low), item.value(high), (x - item.mean) / item.std,
-                    (x - item.mean) / max(std, 1e-300), item.source, item.kind,
+                    (x - item.mean) / max(std, 1e-300), item.source, item.kind, item.constant, item.sensor, item.person,
                 )
             )  # fmt: skip
         return tuple(rows)

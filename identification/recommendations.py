@@ -14,6 +14,7 @@ from identification.harmonics import Line
 from identification.nuisances import FOOT_STD
 from identification.parameters import MASSES, Space
 from identification.result import UNLIKELY, Branch, Departures, chance
+from identification.sensors import MALLEOLUS
 
 #: Fit below which something is wrong [%], and error of the base above which the shaker is.
 LEAST_FIT, _BASE_ERROR = 85.0, 1e-4
@@ -242,13 +243,7 @@ def _shows(allowance: Allowance) -> bool:
     """Whether the recordings show it: beyond its prior where that is narrow, beyond its standard error elsewhere."""
     if allowance.group in ("masses", "gain", "delay", "drift"):
         return abs(allowance.off) > _FAR
-    return (_parts(allowance)[0] in _SIGNS or allowance.group == "load") and abs(allowance.seen) > _FAR
-
-
-def _parts(allowance: Allowance) -> tuple[str, str]:
-    """What it is, and of which sensor or person; the malleolus has none to its name."""
-    kind, _, whose = allowance.name.partition(" of ")
-    return kind, whose or "malleolus"
+    return (allowance.kind in _SIGNS or allowance.group == "load") and abs(allowance.seen) > _FAR
 
 
 #: Least p at which recordings are said to agree with constants that do not change with the load.
@@ -282,10 +277,12 @@ def _loads(departures: Departures, significant: Sequence[Allowance]) -> list[str
     return [f"The recordings agree with constants that do not change with the load ({gain}).{allows}"]
 
 
-_SIGNS = ("mount", "relaxing k_T", "relaxing k_F", "rocking")
+#: Kinds of nuisances that show what leg or sensor does.
+_SIGNS = ("mount", "relaxing", "rocking")
 
 
-def _owner(whose: str) -> str:
+def _owner(allowance: Allowance) -> str:
+    whose = allowance.person or allowance.sensor or MALLEOLUS[0]
     return f"the {whose}'" if whose.endswith("s") else f"the {whose}'s"
 
 
@@ -294,18 +291,17 @@ def _share(x: float) -> str:
 
 
 def _sign(item: Allowance) -> str:
-    kind, whose = _parts(item)
-    if kind == "mount":
+    if item.kind == "mount":
         low = f"{item.upper**-0.5:.0f}"
         high = f"{item.lower**-0.5:.0f} Hz" if item.lower > 0 else "beyond any"
         return (
-            f"A sign of a sensor on soft tissue: the mount of {_owner(whose)} sensor resonates at "
+            f"A sign of a sensor on soft tissue: the mount of {_owner(item)} sensor resonates at "
             f"{item.value**-0.5:.0f} Hz ({low} to {high}). Tap the sensor to check this (mount in [known] of "
             "study.toml)."
         )
     if item.group == "relaxation":
         return (
-            f"A sign that the spring {item.name.split()[1]} relaxes: its relaxing part is {_share(item.value)} of its "
+            f"A sign that the spring {item.constant} relaxes: its relaxing part is {_share(item.value)} of its "
             f"stiffness at rest ({_share(item.lower)} to {_share(item.upper)})."
         )
     if item.group == "rocking":
@@ -315,7 +311,7 @@ def _sign(item: Allowance) -> str:
         )
     if item.group == "delay":
         return (
-            f"A sign of a wrong model: the delay of {_owner(whose)} channel, {1e3 * item.value:.3g} ms, is "
+            f"A sign of a wrong model: the delay of {_owner(item)} channel, {1e3 * item.value:.3g} ms, is "
             f"{abs(item.off):.1f} standard deviations from the mean of its prior."
         )
     if item.group == "masses":
@@ -324,7 +320,7 @@ def _sign(item: Allowance) -> str:
             "the stated one."
         )
     return (
-        f"A sign of a wrong calibration or model: the {kind} of {_owner(whose)} channel is {_share(item.value)}, "
+        f"A sign of a wrong calibration or model: the {item.kind} of {_owner(item)} channel is {_share(item.value)}, "
         f"{abs(item.off):.1f} standard deviations from the mean of its prior."
     )
 
