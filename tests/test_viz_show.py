@@ -15,11 +15,11 @@ import umsgpack
 import mjcf
 from fasbody.exceptions import FasError
 from fasbody.recording.study import BUNDLED
-from viz import fitted
+from viz import fitted, notebook
 from viz import foot as command
 from viz.excitation import Excitation
 from viz.feet import MEASURED, MODEL, OTHER, Show
-from viz.load import files_of
+from viz.load import files_of, load_foot, name_and_values
 from viz.scene import Hub
 
 RECORDED = BUNDLED / "recordings" / "20hz_0kg.csv"
@@ -277,3 +277,23 @@ def test_a_model_has_what_it_includes_where_mujoco_finds_it(tmp_path: Path) -> N
         (tmp_path / name).write_text(text)
     expected = {"main.xml", "parts/a.xml", "parts/b.xml", "c.xml"}
     assert {file.relative_to(tmp_path).as_posix() for file in files_of(str(tmp_path / "main.xml"))} == expected
+
+
+@pytest.mark.parametrize("name", ["two_dof", "foot_arch@25"])
+def test_a_loaded_model_is_known_by_name_and_values(name: str) -> None:
+    """So the page can fit it; what differs in more than its parameters is shown as it is."""
+    foot = load_foot(name)
+    assert name_and_values(foot) == (name, {})
+    k = next(iter(foot.parameters))
+    value = 1.1 * foot.values()[k]
+    assert name_and_values(foot.with_values({k: value})) == (name, {k: pytest.approx(value)})
+    assert name_and_values(foot.with_values({}, step=1e-5)) is None
+    assert name_and_values(replace(foot, name="of my own")) is None
+
+
+def test_show_of_a_loaded_model_is_that_of_its_name() -> None:
+    foot = load_foot("two_dof").with_values({"k_T": 2e5})
+    made = notebook._display(foot, None, None, None, 20.0, 0.0)
+    assert made.models == ["two_dof"] and made.settings.values == {"k_T": pytest.approx(2e5)}
+    other = foot.with_values({}, step=1e-5)
+    assert notebook._display(other, None, None, None, 20.0, 0.0).models == [other]

@@ -27,7 +27,7 @@ from viz.fitted import fitted
 from viz.history import History
 from viz.job import Answer, Job
 from viz.load import files_of, load_foot
-from viz.model_text import ModelText, is_shipped
+from viz.model_text import CHANGED, ModelText, is_shipped
 from viz.recordings import Recordings
 from viz.session import Session
 from viz.settings import settings_from
@@ -294,7 +294,10 @@ class Bench:
             raise SettingError("choose at least one recording to fit.")
         foot = self.show.feet[MODEL]
         if isinstance(self.show.models[0], Foot):
-            raise SettingError("a model passed from Python cannot be fitted here; use identification.fit_foot.")
+            raise SettingError(
+                f"{CHANGED} so it cannot be fitted here. Use identification.fit_foot, or save the model and show its "
+                "file."
+            )
         if self.model.draft:
             raise SettingError("the model in the editor is not saved yet; save it before you fit.")
         values = dict(asked.get("values", {}))
@@ -411,7 +414,7 @@ class Bench:
             digest: of what was opened in the editor; a file that is another by now is not written over.
 
         Raises:
-            SettingError: it was handed over in Python, or a copy of a shipped model is not sound.
+            SettingError: it was changed in Python, or a copy of a shipped model is not sound.
         """
         saved = self.model.save(text, digest)
         if not saved["file"]:
@@ -427,10 +430,10 @@ class Bench:
         """Write all of this session into one file.
 
         Raises:
-            SettingError: the model was handed over in Python, or its text is not saved.
+            SettingError: the model was changed in Python, or its text is not saved.
         """
         if isinstance(self.show.models[0], Foot):
-            raise SettingError("a model passed from Python cannot be saved in a session.")
+            raise SettingError(f"{CHANGED} so it cannot be saved in a session. Save the model and show its file.")
         if self.model.draft:
             raise SettingError("the model in the editor is not saved yet; save it before you save the session.")
         kept = f"model/{Path(self.model.name).name}" if self.model.file is not None else self.model.name

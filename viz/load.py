@@ -3,6 +3,7 @@
 from math import degrees
 from pathlib import Path
 
+import mujoco
 import numpy as np
 
 import mjcf
@@ -48,6 +49,24 @@ def load_foot(name: str, called: str = "") -> Foot:
     for site, x in (("heel_ground", heel), ("forefoot_ground", heel + arch.l_0)):
         spec.site(site).pos = [x, *spec.site(site).pos[1:]]
     return check(spec.compile(), name)
+
+
+def name_and_values(foot: Foot) -> tuple[str, dict[str, float]] | None:
+    """Name, or file, and values by which a loaded model can be loaded again; None where that would be another model."""
+    if foot.name.partition("@")[0] not in mjcf.names() and not Path(foot.name).is_file():
+        return None
+    again = load_foot(foot.name)
+    before = again.values()
+    values = {name: value for name, value in foot.values().items() if value != before.get(name)}
+    same = np.array_equal(_bytes(again.with_values(values).model), _bytes(foot.with_values(values).model))
+    return (foot.name, values) if same else None
+
+
+def _bytes(model: mujoco.MjModel) -> np.ndarray:
+    """A compiled model as MuJoCo writes it."""
+    file = np.zeros(mujoco.mj_sizeModel(model), np.uint8)
+    mujoco.mj_saveModel(model, None, file)
+    return file
 
 
 def files_of(name: str) -> set[Path]:

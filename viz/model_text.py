@@ -15,6 +15,9 @@ from viz.load import files_of, load_foot
 
 Document = dict[str, Any]
 
+#: Why a loaded model is not known by name and values.
+CHANGED = "this model was changed in Python, or has no file,"
+
 
 class ModelText:
     """The MJCF of a show's first model.
@@ -121,10 +124,10 @@ class ModelText:
             digest: of what was opened in the editor; a file that is another by now is not written over.
 
         Raises:
-            SettingError: the model was handed over in Python, or a copy of a shipped model is not sound.
+            SettingError: the model was changed in Python, or a copy of a shipped model is not sound.
         """
         if isinstance(self.show.models[0], Foot):
-            raise SettingError("a model that was handed over in Python has no file to save.")
+            raise SettingError(f"{CHANGED} so it has no file to save.")
         source = self.file
         if source is not None and source.is_file() and digest != self.digest:
             return {"type": "saved", "file": "", "text": f"{source.name} was changed by another program meanwhile."}
