@@ -10,7 +10,8 @@ from __future__ import annotations
 import linear_foot as foot
 import numpy as np
 
-from identification.blackbox import excitation, frequency, pem, selection, subspace
+from identification.blackbox import excitation, frequency, pem, subspace
+from identification.blackbox.candidate import judge
 from identification.blackbox.data import Series
 from identification.blackbox.keep import Single
 from identification.blackbox.polynomial import Orders
@@ -48,7 +49,7 @@ def single(seed: int = 0) -> list[tuple[str, float, float, float, str]]:
             model: Single = subspace.estimate(estimation, orders[0])
         else:
             model = pem.estimate(structure, estimation, Orders.of(structure, orders))
-        fit = selection.judge(model, [validation]).fit_percent
+        fit = judge(model, [validation]).fit_percent
         warnings = [seen.warning(len(model.poles()) + len(model.zeros()) + 1), *model.warnings]
         errors = worst_error(model, np.array([20.0])), worst_error(model, BAND)
         rows.append((model.label, fit, *errors, "; ".join(filter(None, warnings))))

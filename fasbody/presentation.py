@@ -1,5 +1,6 @@
 """How a result shows itself: at a prompt, in a notebook, as a table of numbers, as a figure, as files."""
 
+import csv
 import math
 import re
 from abc import ABC, abstractmethod
@@ -8,7 +9,7 @@ from dataclasses import dataclass, fields
 from functools import wraps
 from html import escape
 from importlib import import_module
-from io import BytesIO
+from io import BytesIO, StringIO
 from pathlib import Path
 from textwrap import wrap
 from typing import TYPE_CHECKING, Any, ClassVar, ParamSpec, TypeVar, cast
@@ -321,3 +322,18 @@ class Presented(Tabled, ABC):
         rows = table.to_dict("records")
         texts = {f"{name}.csv": table.to_csv(index=False), f"{name}.json": to_json(rows) + "\n"}
         return [write_whole(Path(folder) / file, text) for file, text in texts.items()]
+
+
+def csv_table(rows: Sequence[Mapping[str, Any]]) -> str:
+    """Rows as CSV: numbers of eight digits, nothing where there is no number."""
+    out = StringIO()
+    writer = csv.DictWriter(out, list(rows[0]), lineterminator="\n")
+    writer.writeheader()
+    writer.writerows({name: _csv_cell(value) for name, value in row.items()} for row in rows)
+    return out.getvalue()
+
+
+def _csv_cell(value: Any) -> Any:
+    if isinstance(value, bool) or value is None:
+        return "" if value is None else str(value).lower()
+    return f"{value:.8g}" if isinstance(value, float) else value

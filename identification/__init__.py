@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from identification.blackbox.polynomial import PolynomialModel as PolynomialModel
     from identification.blackbox.state_space import StateSpaceModel as StateSpaceModel
     from identification.estimates import Estimate as Estimate
-    from identification.fitting import Settings as Settings
     from identification.fitting import fit_foot as fit_foot
     from identification.result import Branch as Branch
     from identification.result import FitResult as FitResult
@@ -31,6 +30,7 @@ if TYPE_CHECKING:
     from identification.rivals.compare import compare_rivals as compare_rivals
     from identification.rivals.result import Rival as Rival
     from identification.rivals.result import Rivals as Rivals
+    from identification.setup import Settings as Settings
 
     series_of = from_recording
 else:

@@ -43,6 +43,8 @@ NOT_EXHAUSTED = (
 STIFF_ANKLE, STIFF_PAD = "stiff ankle", "stiff pad"
 #: What a foot and its mirror image exchange.
 EXCHANGED = ("k_T", "k_F", "c_11", "c_21")
+#: The spring beside each of these dampers.
+SPRING_OF = {"c_11": "k_T", "c_21": "k_F"}
 
 
 def misses(chi_square: float, dof: int) -> bool:
@@ -99,11 +101,11 @@ def pinned(at_bound: Mapping[str, bool], values: Mapping[str, float] | None = No
 
 def _nothing(name: str, values: Mapping[str, float]) -> bool:
     """Whether a damper adds less than a hundredth to its spring at 50 Hz."""
-    springs = {"c_11": "k_T", "c_21": "k_F"}
-    if name not in springs:
+    if name not in SPRING_OF:
         return False
-    pair = [next((v for key, v in values.items() if key.startswith(symbol)), None) for symbol in (name, springs[name])]
-    c, k = pair
+    c, k = (
+        next((v for key, v in values.items() if key.startswith(symbol)), None) for symbol in (name, SPRING_OF[name])
+    )
     return c is not None and k is not None and 2 * np.pi * 50 * c < 0.01 * k
 
 
@@ -154,9 +156,6 @@ class Verdict:
     def tied(self) -> bool:
         """Whether the branches are equally likely."""
         return self.word == "undecided" and self.log_likelihood_ratio < TIE
-
-    def __str__(self) -> str:
-        return self.word
 
 
 def judge(

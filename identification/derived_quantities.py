@@ -80,7 +80,7 @@ class View:
         return cls(s.branch, basis, s.q, s.quantile, s.foot, s.slopes, s.spread, s)
 
     @classmethod
-    def of_certified(cls, certified: Certified, evidence: "Evidence", dof: int) -> "View":
+    def of_certified(cls, certified: Certified, evidence: "Evidence") -> "View":
         """Of the time domain."""
         space, descent = evidence.space, certified.descent
         assert space is not None
@@ -175,19 +175,19 @@ def traces(evidence: "Evidence") -> dict[str, list[tuple[np.ndarray, float]]]:
     return runs
 
 
-def _headline(evidence: "Evidence", name: str, dof: int) -> View:
+def _headline(evidence: "Evidence", name: str) -> View:
     """What the parameters of a branch are of."""
     for solution in evidence.solutions:
         if solution.branch == name:
             return View.of_solution(solution, WHATEVER if evidence.exact else IF_TRUE)
-    return next(View.of_certified(c, evidence, dof) for c in evidence.certified if c.name == name)
+    return next(View.of_certified(c, evidence) for c in evidence.certified if c.name == name)
 
 
 def _views(result: FitResult, evidence: "Evidence") -> list[View]:
     """The branches that the data leave open, on each basis that there is, the wider first."""
     views: list[View] = []
     for branch in result.open:
-        views.append(_headline(evidence, branch.name, branch.dof))
+        views.append(_headline(evidence, branch.name))
         if branch.name in evidence.exact:
             views.append(View.of_solution(evidence.exact[branch.name], IF_TRUE))
     return views
@@ -229,7 +229,7 @@ def _curves(result: FitResult, evidence: "Evidence") -> list[Row]:
     """What the malleolus' sensor reads over frequency and load, by branch, of a sine as large as the recorded ones."""
     rows: list[Row] = []
     for branch in result.branches:
-        view = _headline(evidence, branch.name, branch.dof)
+        view = _headline(evidence, branch.name)
         for load, numbers in _by_load(evidence).items():
             lines = sorted((Line.of(evidence.recordings[i]).base for i in numbers), key=lambda b: b.frequency_hz)
             f = np.array([line.frequency_hz for line in lines])

@@ -17,6 +17,8 @@ def label(key: str) -> str:
 
 #: Heads of the two columns of intervals.
 WHATEVER, IF_TRUE = "95 % CI, model and sensor errors included", "95 % CI, model assumed exact"
+#: What a status ends in that assumes the model, the masses and the instrument exact.
+EXACT = ", model assumed exact"
 #: Standard error up to which a parameter counts as identified, and as weakly identified: as a share of its value, or
 #: of a tenth of its range for parameters that may be zero.
 IDENTIFIED, WEAK = 0.1, 0.5

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 
 from fasbody.foot.parameters import symbol_and_unit
 from fasbody.presentation import COLOURS, MARKS, inline, panels, picture, printed
+from fasbody.recording.clock import rate_of
 from fasbody.recording.condition import ADDED_MASSES_KG
 from fasbody.recording.harmonics import fit_harmonics
 from fasbody.transmissibility.estimate import unwrapped
@@ -106,9 +107,9 @@ def traces(result: FitResult) -> Figure:
 
 
 def _window(recording: RecordingFit) -> tuple[float, float]:
-    middle = float(recording.time_s[recording.time_s.size // 2])
-    length = 1.0 if recording.frequency_hz is None else 3 / recording.frequency_hz
-    return (float(recording.time_s[0]), length) if recording.frequency_hz is None else (middle, length)
+    if recording.frequency_hz is None:
+        return float(recording.time_s[0]), 1.0
+    return float(recording.time_s[recording.time_s.size // 2]), 3 / recording.frequency_hz
 
 
 @printed
@@ -166,8 +167,7 @@ def _limits(
 
 def _spectrum_ratio(recording: RecordingFit, trace: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Frequencies (n,) [Hz] and complex ratios (n,) of a broadband trace to the base: H1, 1 Hz apart."""
-    t = recording.time_s
-    estimate = h1(recording.base, trace, (t.size - 1) / (t[-1] - t[0]))
+    estimate = h1(recording.base, trace, rate_of(recording.time_s))
     return estimate.frequency_hz, estimate.H
 
 

@@ -93,7 +93,7 @@ def _steady(setup: Setup, settings: Settings, advance: Advance) -> FitResult:
     allow = settings.departures and tells and any(item.kind != "delay" for item in problem.variables.nuisances)
     fitted = steady.fit(problem, setup.foot, settings.starts, settings.seed, allow, work)
     data = setup.recordings
-    built = steady.branches_of(fitted, data, setup.foot, work)
+    built = steady.branches_of(fitted, data, work)
     rank = excitation_rank(data)
     enough = allow or rank >= len(setup.space.free)
     loads = len({recording.condition.added_mass_kg for recording in data})
@@ -107,7 +107,7 @@ def _steady(setup: Setup, settings: Settings, advance: Advance) -> FitResult:
     best = solutions[0]
     run = fitted.replays[best.branch]
     fits = steady.recordings_of(fitted, best, data)
-    others = [b.departures for b in built[1:] if b.departures] if str(verdict) == "undecided" else []
+    others = [b.departures for b in built[1:] if b.departures] if verdict.word == "undecided" else []
     recommended = advice(built[0], setup.space, rank, data, [f.fit_percent for f in fits], run.base_error, others)
     warnings = (*setup.warnings, *recommended)
     result = FitResult(
@@ -117,7 +117,7 @@ def _steady(setup: Setup, settings: Settings, advance: Advance) -> FitResult:
         domain="periodic",
         branches=tuple(built),
         recordings=fits,
-        verdict=str(verdict),
+        verdict=verdict.word,
         reason=verdict.sentence,
         log_likelihood_ratio=verdict.log_likelihood_ratio,
         excitation_rank=rank,
@@ -181,7 +181,7 @@ def _transient(setup: Setup, settings: Settings, advance: Advance, interruptible
         why = setup.why_not or branches.LEFT_OUT.format(name=search.left_out[0])
         verdict = Verdict("not compared", 0.0, why)
     follow = bool(follows(np.mean(run.fits))) or not branches.misses(first.chi_square, first.dof)
-    if not follow and str(verdict) != "not compared":
+    if not follow and verdict.word != "not compared":
         text = branches.FOLLOWS_LITTLE.format(percent=np.mean(run.fits), least=LEAST_FIT)
         verdict = Verdict("undecided", verdict.log_likelihood_ratio, text)
     certified = list(search.branches)
@@ -199,7 +199,7 @@ def _transient(setup: Setup, settings: Settings, advance: Advance, interruptible
             RecordingFit.of(r, f, y, sensors)
             for r, f, y, sensors in zip(data, run.fits, run.traces, certified[0].sensors(data), strict=True)
         ),
-        verdict=str(verdict),
+        verdict=verdict.word,
         reason=verdict.sentence,
         log_likelihood_ratio=verdict.log_likelihood_ratio,
         excitation_rank=rank,

@@ -58,16 +58,6 @@ class Line:
         """Harmonics of every sensor that is fitted, the malleolus first."""
         return {MALLEOLUS[0]: self.malleolus} | dict(self.others)
 
-    @property
-    def measured(self) -> np.ndarray:
-        """Complex harmonics (k H,) of the k sensors, one sensor behind the other."""
-        return np.concatenate([channel.amplitudes for channel in self.sensors.values()])
-
-    @property
-    def size(self) -> int:
-        """Complex harmonics compared, of all sensors."""
-        return self.count * (1 + len(self.others))
-
 
 @dataclass(frozen=True, eq=False)
 class Measured:

@@ -107,11 +107,6 @@ class Solution:
         """How many standard errors a 95 % interval reaches to each side."""
         return quantile(self.problem.repeatability, self.dof)
 
-    @property
-    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """Bounds (n,) of the search variable."""
-        return self.problem.variables.bounds
-
     # what follows from it
 
     def deviance(self, objective: float) -> float:
@@ -124,7 +119,7 @@ class Solution:
         nu, least = max(2, self.dof), self.optimum.objective
         return float(least + nu * np.log1p(max(0.0, objective - least) / nu))
 
-    def slopes(self, function) -> np.ndarray:  # type: ignore[no-untyped-def]
+    def slopes(self, function: Callable[[np.ndarray], np.ndarray]) -> np.ndarray:
         """(m, n) derivatives of a function (m,) of q (n,), by differences: central ones, one-sided at a bound."""
         low, high = self.problem.variables.bounds
         steps = _STEP * np.eye(self.q.size)
@@ -193,7 +188,7 @@ class Solution:
             upper = min(estimate.upper, estimates[key].upper)
             estimates[key] = replace(estimates[key], at_rest=replace(estimate, upper=upper))
         rows = [J]
-        for i, item in enumerate(variables.nuisances, len(variables.constants)):
+        for i, item in variables.numbered:
             if item.kind == "delay":
                 parameter = delay_of(item.sensor)
                 estimates[parameter.key] = self._delay(item, i, parameter)
@@ -214,23 +209,23 @@ class Solution:
         """
         variables = self.problem.variables
         names = [name for name in variables.constants if name in EXCHANGED]
-        masses = [(i, n) for i, n in enumerate(variables.nuisances, len(variables.constants)) if n.group == "masses"]
+        masses = [(i, n) for i, n in variables.numbered if n.group == "masses"]
         masses = [(i, n) for i, n in masses if n.person is None and not self.problem.held[i]]
         if not (variables.two_mass and self.optimum.converged and np.isfinite(self.covariance).all()):
             return {}
 
-        def of(Q: np.ndarray) -> np.ndarray:
+        def coordinates(Q: np.ndarray) -> np.ndarray:
             values = variables.dynamic(Q)
             constants = (self._forth(name, values[name]) for name in names)
             return np.stack([*constants, self._scale(Q), *(Q[..., i] * item.std for i, item in masses)], -1)
 
-        return self._reaches(of, [*names, SCALE, *(item.name for _, item in masses)])
+        return self._reaches(coordinates, [*names, SCALE, *(item.name for _, item in masses)])
 
-    def _reaches(self, of: Callable[[np.ndarray], np.ndarray], names: Sequence[str]) -> dict[str, np.ndarray]:
+    def _reaches(self, function: Callable[[np.ndarray], np.ndarray], names: Sequence[str]) -> dict[str, np.ndarray]:
         """How far (2,) the profile of each coordinate of a function (..., k) reaches; none of what cannot vary."""
-        std = self.spread(self.slopes(of))
+        std = self.spread(self.slopes(function))
         varies = np.flatnonzero(std)  # masses may be exact, and with them the scale
-        coordinates = Coordinates(lambda Q: of(Q)[..., varies], of(self.q)[varies], std[varies])
+        coordinates = Coordinates(lambda Q: function(Q)[..., varies], function(self.q)[varies], std[varies])
         rise = self.quantile**2 * self.excess
         places = np.stack([self.q, *self.optimum.others])
         reaches = ends(self.problem, places, self.optimum.sign, coordinates, rise, self.quantile)
@@ -276,14 +271,14 @@ class Solution:
         """An estimate from its coordinate, the standard error of that, and how far its profile reaches, if known."""
         item, variables = self._item(name), self.problem.variables
         place = variables._item[name]
-        ends = sorted(self._forth(name, e) for e in (variables.space.lower[place], variables.space.upper[place]))
+        bounds = sorted(self._forth(name, e) for e in (variables.space.lower[place], variables.space.upper[place]))
         if name in variables._squared and variables.space.lower[place] <= 0:
-            ends[0] = 0.0
-        at_bound = bool(min(x - ends[0], ends[1] - x) < _AT_BOUND * (ends[1] - ends[0]))
+            bounds[0] = 0.0
+        at_bound = bool(min(x - bounds[0], bounds[1] - x) < _AT_BOUND * (bounds[1] - bounds[0]))
         below, above = (self.quantile * std if np.isfinite(std) else np.inf,) * 2 if reach is None else reach
-        low, high = (self._back(name, float(np.clip(end, *ends))) for end in (x - below, x + above))
-        nearest = min(ends, key=lambda end: abs(x - end))
-        value = self._back(name, nearest if at_bound else float(np.clip(x, ends[0], ends[1])))
+        low, high = (self._back(name, float(np.clip(end, *bounds))) for end in (x - below, x + above))
+        nearest = min(bounds, key=lambda end: abs(x - end))
+        value = self._back(name, nearest if at_bound else float(np.clip(x, *bounds)))
         # what is called identified is so by curvature and profile
         half = (below + above) / (2 * self.quantile)
         width, widest = (
@@ -304,9 +299,14 @@ class Solution:
             for (name, value), s in zip(values.items(), std, strict=True)
         }
 
-    def _delay(self, item: Nuisance, i: int, parameter: Parameter) -> Estimate:
+    def _nuisance(self, i: int, item: Nuisance) -> tuple[float, float, float, float]:
+        """Value, standard error and 95 % limits, of the logarithm where the prior is of that."""
         x, std = float(self.q[i] * item.std), float(np.sqrt(self.covariance[i, i])) * item.std
         low, high = (float(np.clip(x + sign * self.quantile * std, item.lower, item.upper)) for sign in (-1, 1))
+        return x, std, low, high
+
+    def _delay(self, item: Nuisance, i: int, parameter: Parameter) -> Estimate:
+        x, std, low, high = self._nuisance(i, item)
         at_bound = bool(min(x - item.lower, item.upper - x) < _AT_BOUND * (item.upper - item.lower))
         word = identifiability(x, std, size_that_matters(parameter), at_bound)
         if low <= 0 <= high and word != "not identifiable":
@@ -318,7 +318,7 @@ class Solution:
         variables, masses = self.problem.variables, []
         data = list(variables.recordings)
         loaded = len({float(load) for load in variables.loads}) > 1
-        for i, item in enumerate(variables.nuisances, len(variables.constants)):
+        for i, item in variables.numbered:
             if item.group != "masses":
                 continue
             number = int(np.argmax(variables._acts(item)))
@@ -326,9 +326,8 @@ class Solution:
                 if name not in variables.stated:
                     continue
                 stated = float(variables.stated[name][number])
-                std = float(np.sqrt(self.covariance[i, i]))
-                x = float(self.q[i] * item.std)
-                below, above = self.profiles.get(item.name, np.full(2, self.quantile * std * item.std))
+                x, std, _, _ = self._nuisance(i, item)
+                below, above = self.profiles.get(item.name, np.full(2, self.quantile * std))
                 low, high = (
                     stated * float(np.exp(np.clip(end, item.lower, item.upper))) for end in (x - below, x + above)
                 )
@@ -343,9 +342,8 @@ class Solution:
     def allowances(self) -> tuple[Allowance, ...]:
         """Every nuisance, with what was held possible and what the recordings say of it."""
         rows = []
-        for i, item in enumerate(self.problem.variables.nuisances, len(self.problem.variables.constants)):
-            x, std = float(self.q[i] * item.std), float(np.sqrt(self.covariance[i, i])) * item.std
-            low, high = (float(np.clip(x + sign * self.quantile * std, item.lower, item.upper)) for sign in (-1, 1))
+        for i, item in self.problem.variables.numbered:
+            x, std, low, high = self._nuisance(i, item)
             before = [float(np.clip(item.mean + sign * Z95 * item.std, item.lower, item.upper)) for sign in (-1, 1)]
             rows.append(
                 Allowance(
@@ -359,7 +357,7 @@ class Solution:
     def constant_under_load(self) -> float | None:
         """The sum of squares where no constant follows the load, to second order; None where there is one load."""
         v = self.problem.variables
-        at = [i for i, item in enumerate(v.nuisances, len(v.constants)) if item.group == "load"]
+        at = [i for i, item in v.numbered if item.group == "load"]
         if not at:
             return None
         x = self.q[at]
@@ -372,9 +370,7 @@ class Solution:
         first = float(v.loads.min())
         powers: dict[str, tuple[float, float, float]] = {}
         for name in v.constants:
-            items = [
-                (i, n) for i, n in enumerate(v.nuisances, len(v.constants)) if n.group == "load" and n.constant == name
-            ]
+            items = [(i, n) for i, n in v.numbered if n.group == "load" and n.constant == name]
             if not items or leg <= 0:
                 continue
             at = [i for i, _ in items]

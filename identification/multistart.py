@@ -89,9 +89,9 @@ def descend(problem: TimeProblem, label: str, z: np.ndarray, tight: bool = False
         theta0=problem.space.to_theta(inside[:p]),
         theta=problem.space.to_theta(z[:p]),
         z=z,
-        cost=float(cost),
+        cost=cost,
         evaluations=evaluations,
-        converged=bool(converged),
+        converged=converged,
         unstable=unstable,
     )
 

@@ -375,7 +375,6 @@ def search(
     fall: float = FALL,
     steps: int = STEPS,
     work: Work | None = None,
-    later: float = 0.0,
 ) -> Searched:
     """The best end of each side, and how well recordings repeat.
 
@@ -396,10 +395,9 @@ def search(
         fall: factor by which the scatter falls from one descent to the next.
         steps: of a descent at most; the last one may take five times as many.
         work: counts the steps of each candidate, and about how many may still come.
-        later: steps that come after the search.
     """
     rng = np.random.default_rng(seed)
-    descents = _Descents(steps, work or Work(), later + _NEAR_END * steps * len(signs))
+    descents = _Descents(steps, work or Work(), _NEAR_END * steps * len(signs))
     population: Population | None = None
     tried = dict.fromkeys(signs, 0)
     images: set[bytes] = set()
@@ -427,7 +425,7 @@ def search(
         if not open_:
             break
     assert population is not None
-    descents.expect(_NEAR_END * len(signs), later)
+    descents.expect(_NEAR_END * len(signs), 0.0)
     optima = [_optimum(problem, population, sign, tried[sign], descents) for sign in signs]
     return Searched(problem, tuple(sorted(optima, key=lambda o: o.objective)))
 

@@ -79,11 +79,6 @@ class Space:
         """D theta / d q (p,)."""
         return np.where(self._log, theta, self.scale)
 
-    def at(self, number: int, q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Parameter values (p,), the same for every recording, and their derivatives (p, p) to q."""
-        theta = self.to_theta(q)
-        return theta, np.diag(self.slope(theta))
-
     @property
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """Lower and upper bounds of q, each (p,)."""

@@ -18,6 +18,7 @@ from fasbody.foot.shaker import harmonics
 from fasbody.foot.simulate import Batch
 from fasbody.sentences import Sentence, called
 from identification.engines.mujoco import Coordinates
+from identification.engines.twin import twin_order
 from identification.residual import Problem
 
 #: Periods that are run; the last one is compared with the orbit.
@@ -37,21 +38,12 @@ class Replayed:
     """What MuJoCo made of a candidate.
 
     Attributes:
-        harmonics: (R, S, K) of the motion under each sensor [m/s^2], K at least as many as were measured.
+        harmonics: (R, S, K) of the motion under each sensor [m/s^2], K at least as many as were measured; (S, K) of
+            one recording.
         difference: largest difference of rollout and orbit, as a share of the largest harmonic.
         base_error: largest relative error of the base acceleration that any run realised.
         step: finest step used [s].
     """
-
-    harmonics: np.ndarray
-    difference: float
-    base_error: float
-    step: float
-
-
-@dataclass(frozen=True, eq=False)
-class _Run:
-    """One recording: harmonics (S, K), and how far they are from the orbit."""
 
     harmonics: np.ndarray
     difference: float
@@ -97,8 +89,7 @@ def _ordered(foot: Foot, x: np.ndarray, two_mass: bool, relaxes: bool) -> np.nda
     """States of the two-mass foot (6,), z_1, z_2, their rates and what relaxes, in the order of the model (s,)."""
     if not two_mass:
         return x
-    ankle, pad = (int(foot.model.joint(name).qposadr[0]) for name in ("talocrural", "fat_pad"))
-    order = [0, 1, 2, 3] if ankle < pad else [1, 0, 3, 2]
+    order = twin_order(foot)
     return x[[*order, 4, 5]] if relaxes else x[order]
 
 
@@ -109,7 +100,7 @@ def _resolved(
     start: tuple[np.ndarray, np.ndarray, np.ndarray],
     sensors: Sequence[str],
     expected: np.ndarray,
-) -> _Run:
+) -> Replayed:
     """A few periods of one recording, with a step so fine that the last one is the orbit's, or as near as it comes."""
     steps = max(FEWEST_STEPS, int(np.ceil(1.0 / (frequency_hz * min(LONGEST_STEP, batch.foot.step)) - 1e-6)))
     size, best = np.abs(expected).max(), None
@@ -125,7 +116,7 @@ def _resolved(
         last = np.stack([out.outputs[name][0, -n:] for name in sensors])
         Y = 2 / n * np.fft.rfft(last)[:, 1 : _LINES + 1]
         difference = float(np.abs(Y[:, : expected.shape[1]] - expected).max() / size)
-        run = _Run(Y, difference, out.base_error, h)
+        run = Replayed(Y, difference, out.base_error, h)
         if best is None or difference < best.difference:
             best = run
         if difference < RESOLVED:
@@ -170,16 +161,14 @@ def relaxing(foot: Foot) -> Foot:
 def traces(problem: Problem, q: np.ndarray, run: Replayed) -> list[dict[str, np.ndarray]]:
     """What each sensor of each recording reads at its samples (n,), by the channel that the fit estimates [m/s^2]."""
     K = run.harmonics.shape[-1]
-    T, rock = problem.channel(q[None], K)
-    read = (T * (run.harmonics[None] + rock))[0]
-    rows = []
+    Y, rows = _sensed(problem, q, run.harmonics), []
     for r, line in enumerate(problem.measured.lines):
         recording = line.recording
         time = recording.time_s - recording.time_s[0]
         turning = np.exp(2j * np.pi * line.base.frequency_hz * np.outer(time, np.arange(1, K + 1)))
         rows.append(
             {
-                name: (turning @ read[r, s]).real
+                name: (turning @ Y[r, s]).real
                 for s, name in enumerate(problem.measured.sensors)
                 if problem.measured.valid[r, s].any()
             }
@@ -189,7 +178,11 @@ def traces(problem: Problem, q: np.ndarray, run: Replayed) -> list[dict[str, np.
 
 def residual(problem: Problem, q: np.ndarray, run: Replayed) -> tuple[np.ndarray, np.ndarray]:
     """Harmonics (R, S, H) that the rollout's motion makes the sensors read, and the whitened residual (m,) of them."""
-    H = problem.measured.base.shape[1]
-    T, rock = problem.channel(q[None], H)
-    read = (T * (run.harmonics[None, ..., :H] + rock))[0]
-    return read, problem.whitened(read)
+    Y = _sensed(problem, q, run.harmonics[..., : problem.measured.base.shape[1]])
+    return Y, problem.whitened(Y)
+
+
+def _sensed(problem: Problem, q: np.ndarray, harmonics: np.ndarray) -> np.ndarray:
+    """What the sensors read of motions (R, S, K)."""
+    T, rock = problem.channel(q[None], harmonics.shape[-1])
+    return np.asarray((T * (harmonics[None] + rock))[0])

@@ -1,10 +1,8 @@
 """report.html: everything a fit found on one self-contained page, with its figures and their numbers beside it."""
 
-import csv
 import math
 from collections.abc import Callable, Sequence
 from datetime import date
-from io import StringIO
 from pathlib import Path
 from shlex import join
 from typing import Any
@@ -13,7 +11,7 @@ from markupsafe import Markup
 
 from fasbody import console
 from fasbody.page import templates
-from fasbody.presentation import readable
+from fasbody.presentation import csv_table, readable
 from fasbody.recording.condition import FOOT_MASS_FRACTION, SHANK_MASS_FRACTION
 from identification import figures
 from identification.derived_quantities import Row, derived
@@ -79,7 +77,7 @@ def write(result: FitResult, folder: Path, called: Path | None = None) -> list[P
         if name in _PRINTED:
             files[f"figures/{name}.png"] = figures.save(figure, "png")
     for name, rows in tables(result).items():
-        files[f"figures/{name}.csv"] = table(rows)
+        files[f"figures/{name}.csv"] = csv_table(rows)
     return [console.write_whole(folder / name, text) for name, text in files.items()]
 
 
@@ -114,21 +112,6 @@ def tables(result: FitResult) -> dict[str, Sequence[Row]]:
         ],
     }  # fmt: skip
     return {name: value for name, value in rows.items() if value}
-
-
-def table(rows: Sequence[Row]) -> str:
-    """Rows as CSV: numbers of eight digits, nothing where there is no number."""
-    out = StringIO()
-    writer = csv.DictWriter(out, list(rows[0]), lineterminator="\n")
-    writer.writeheader()
-    writer.writerows({name: _cell(value) for name, value in row.items()} for row in rows)
-    return out.getvalue()
-
-
-def _cell(value: Any) -> Any:
-    if isinstance(value, bool) or value is None:
-        return "" if value is None else str(value).lower()
-    return f"{value:.8g}" if isinstance(value, float) else value
 
 
 def captions(result: FitResult) -> dict[str, str]:

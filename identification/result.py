@@ -10,13 +10,13 @@ import numpy as np
 
 from fasbody.exceptions import SettingError, unknown
 from fasbody.foot.parameters import of_channel, symbol_and_unit
-from fasbody.presentation import Presented, Sheet, Tabled, readable
+from fasbody.presentation import Presented, Sheet, Tabled, csv_table, readable
 from fasbody.recording.recording import UNSTATED, Recording
 from fasbody.sentences import Sentence, begun, called
 from identification.branches import misses
 from identification.contact import Contact
 from identification.contact import summary as lifted
-from identification.estimates import IF_TRUE, WHATEVER, Allowance, Estimate, Mass, label
+from identification.estimates import EXACT, IF_TRUE, WHATEVER, Allowance, Estimate, Mass, label
 from identification.misfit import Misfit
 from identification.parameters import MASSES
 from identification.sensors import SensorFit, summary
@@ -27,7 +27,6 @@ if TYPE_CHECKING:
 
 #: Chance below which the model is said to miss the recordings.
 UNLIKELY = 1e-3
-_EXACT = ", model assumed exact"
 
 
 def chance(p_value: float) -> str:
@@ -392,19 +391,7 @@ class FitResult(Presented):
 
     def csv(self) -> str:
         """parameters.csv: one row a parameter and branch."""
-        rows = [
-            "branch,parameter,value,std_error,lower,upper,at_bound,identifiability,"
-            "lower_if_model_true,upper_if_model_true"
-        ]
-        for branch in self.branches:
-            for key, e in branch.parameters.items():
-                numbers = ",".join(f"{x:.8g}" for x in (e.value, e.std_error, e.lower, e.upper))
-                narrow = e.if_model_true or e
-                rows.append(
-                    f"{branch.name},{key},{numbers},{str(e.at_bound).lower()},{e.identifiability},"
-                    f"{narrow.lower:.8g},{narrow.upper:.8g}"
-                )
-        return "\n".join(rows) + "\n"
+        return csv_table(self.records())
 
     def misfit(self) -> str:
         """That the model misses the recordings, in words; nothing where it does not."""
@@ -454,7 +441,7 @@ class FitResult(Presented):
             goodness = f", {per}" if self.best.dof else ", no degrees of freedom left"
         if self.misfit():  # which gives it
             goodness = ""
-        word = self.verdict if self.departures or self.verdict == "not compared" else f"{self.verdict}{_EXACT}"
+        word = self.verdict if self.departures or self.verdict == "not compared" else f"{self.verdict}{EXACT}"
         word = "no second branch was compared" if word == "not compared" else word
         if self.departures and not self.departures.follows:
             return Sentence(self.misfit(), f"Fit {self.fit_percent:.1f} %; {word}.")
@@ -478,7 +465,7 @@ class FitResult(Presented):
 def trusting(branch: Branch) -> Branch:
     """A branch whose model was assumed exact: its words say so."""
     estimates = {
-        key: e if e.identifiability == "not identifiable" else replace(e, identifiability=e.identifiability + _EXACT)
+        key: e if e.identifiability == "not identifiable" else replace(e, identifiability=e.identifiability + EXACT)
         for key, e in branch.parameters.items()
     }
     return replace(branch, parameters=estimates)

@@ -20,7 +20,7 @@ from fasbody.recording.recording import Recording
 from identification import branches, optimiser
 from identification.branches import STIFF_ANKLE, STIFF_PAD, Recorded, Verdict
 from identification.criteria import fit_percent
-from identification.estimates import Estimate
+from identification.estimates import EXACT, Estimate
 from identification.harmonics import Line, Measured
 from identification.intervals import Solution
 from identification.misfit import Misfit, repeats
@@ -69,10 +69,8 @@ _HELD = (0.02,)
 _ENOUGH, _MOST_HARMONICS = 0.01, 48
 #: Where in what comes after the search its parts begin, of which the intervals take longest.
 _EXACT_AFTER, _INTERVALS_AFTER = 0.2, 0.4
-EXACT = ", model assumed exact"
 #: Beyond its bounds by this factor a spring or damper is as good as rigid or absent.
 _FURTHER = 100.0
-
 
 
 @dataclass(frozen=True, eq=False)
@@ -213,17 +211,17 @@ def _held_ends(exact: Problem, solutions: Sequence[Solution]) -> dict[str, Solut
 # what is said of it
 
 
-def branches_of(fitted: Fitted, recordings: Sequence[Recording], foot: Foot, work: Work) -> list[Branch]:
+def branches_of(fitted: Fitted, recordings: Sequence[Recording], work: Work) -> list[Branch]:
     """All branches as a result has them."""
     built: list[Branch] = []
     for solution in fitted.solutions:
         rest = (1 - _INTERVALS_AFTER) * len(built) / len(fitted.solutions)
         work.after("computing intervals", _INTERVALS_AFTER + rest)
-        built.append(branch_of(fitted, solution, recordings, foot))
+        built.append(branch_of(fitted, solution, recordings))
     return built
 
 
-def branch_of(fitted: Fitted, solution: Solution, recordings: Sequence[Recording], foot: Foot) -> Branch:
+def branch_of(fitted: Fitted, solution: Solution, recordings: Sequence[Recording]) -> Branch:
     """One branch as a result has it: the headline, beside it the model assumed exact, and what was allowed for."""
     run = fitted.replays[solution.branch]
     read, r = residual(solution.problem, solution.q, run)

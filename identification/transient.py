@@ -69,7 +69,7 @@ def fit(
         starts: how many.
         seed: of the random ones.
         threads: 0 for all cores.
-        replay: as `estimate.Settings`.
+        replay: as `setup.Settings`.
         advance: called with the stage, the steps done and about how many there are.
         interruptible: Ctrl-C ends the exploration only, and the result rests on the starts done.
 
@@ -120,15 +120,13 @@ def _explored(
     """Steady recordings on their harmonics where the model has a periodic motion, all others sample by sample."""
     if is_steady(setup.recordings):
         try:
-            return _on_harmonics(setup, domain, ratio, starts, seed, work)
+            return _on_harmonics(setup, domain, starts, seed, work)
         except PeriodicMotionError:  # what touches, stops, slips or lifts off has no harmonics that fall
             pass
     return _on_samples(setup, domain, ratio, starts, seed, work)
 
 
-def _on_harmonics(
-    setup: Setup, domain: TimeDomain, ratio: float | None, starts: int, seed: int, work: Work
-) -> Explored:
+def _on_harmonics(setup: Setup, domain: TimeDomain, starts: int, seed: int, work: Work) -> Explored:
     """The ends of a steady fit with the nuisances held, as descents in the time domain that have yet to begin."""
     problem, space = setup.problem(), setup.space
     fitted = steady.fit(problem, setup.foot, starts, seed, False, work)

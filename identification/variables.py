@@ -14,7 +14,7 @@ import numpy as np
 
 from fasbody.foot.two_mass import PARAMETERS
 from fasbody.recording.recording import Recording
-from identification.branches import EXCHANGED
+from identification.branches import EXCHANGED, SPRING_OF
 from identification.nuisances import Nuisance
 from identification.parameters import MASSES, Space
 
@@ -24,7 +24,6 @@ _BEND = 200.0
 _DAMPER_STD = 1.5
 #: Least c_13 [1/m]: the response is even in it, so its slope to the square is taken here.
 _LEAST_BEND = 0.1
-_SPRINGS = {"c_11": ("k_T", "r_T"), "c_21": ("k_F", "r_F")}
 _SHANK = ("m_S", "m_T")
 _STEP = 1e-7
 
@@ -71,9 +70,13 @@ class Variables:
         return len(self.constants) + self.nuisances.index(nuisance)
 
     @cached_property
+    def numbered(self) -> list[tuple[int, Nuisance]]:
+        """Each nuisance with its place among the variables."""
+        return list(enumerate(self.nuisances, len(self.constants)))
+
+    @cached_property
     def _places(self) -> dict[tuple[str, str, str], int]:
-        p = len(self.constants)
-        return {(item.kind, item.constant, item.sensor): i for i, item in enumerate(self.nuisances, p)}
+        return {(item.kind, item.constant, item.sensor): i for i, item in self.numbered}
 
     def of_kind(self, kind: str, constant: str = "", sensor: str = "") -> int | None:
         """Where the nuisance of a kind stands that belongs to a constant or to a sensor; None where it is held."""
@@ -106,8 +109,7 @@ class Variables:
                 mean[i], std[i] = np.log(self.model_values[name]), _DAMPER_STD
             elif name in ("c_12", "c_22", *self._squared):
                 std[i] = 1.0
-        p = len(self.constants)
-        for i, item in enumerate(self.nuisances, p):
+        for i, item in self.numbered:
             mean[i], std[i] = item.mean / item.std, 1.0
         return mean, std
 
@@ -129,8 +131,7 @@ class Variables:
             (l_T, h_T), (l_F, h_F) = (low[T], high[T]), (low[F], high[F])
             low[T], high[T] = 0.5 * (l_T + l_F), 0.5 * (h_T + h_F)  # sigma
             low[F], high[F] = l_T - h_F - la, h_T - l_F - la  # rho
-        p = len(self.constants)
-        for i, item in enumerate(self.nuisances, p):
+        for i, item in self.numbered:
             low[i], high[i] = item.lower / item.std, item.upper / item.std
         return low, high
 
@@ -224,10 +225,12 @@ class Variables:
             return np.asarray(np.exp(Q[..., i]))
         return np.asarray(Q[..., i] * self.scale[i])
 
-    def relaxation(self, Q: np.ndarray) -> tuple[dict[str, np.ndarray], np.ndarray]:
-        """Shares (...,) of k_T and k_F that relax, and their time (...,) [s]."""
+    def relaxation(self, Q: np.ndarray) -> tuple[dict[str, np.ndarray], np.ndarray, np.ndarray]:
+        """Shares (...,) of k_T and k_F that relax, their time (...,) [s], and the part stiff at mid-band."""
         shares = {k: self.value(Q, self.of_kind("relaxing", k)) for k in ("k_T", "k_F")}
-        return shares, np.exp(self.value(Q, self.of_kind("relaxation time"), np.log(5e-3)))
+        tau = np.exp(self.value(Q, self.of_kind("relaxation time"), np.log(5e-3)))
+        x = 2 * np.pi * self.reference_hz * tau
+        return shares, tau, x * x / (1 + x * x)
 
     @cached_property
     def motion_names(self) -> tuple[str, ...]:
@@ -242,9 +245,7 @@ class Variables:
         R = len(self.recordings)
         values: dict[str, np.ndarray] = {}
         if self.two_mass:
-            shares, tau = self.relaxation(Q)
-            x = 2 * np.pi * self.reference_hz * tau
-            stiffer = x * x / (1 + x * x)
+            shares, tau, stiffer = self.relaxation(Q)
             for name in PARAMETERS[:8]:
                 values[name] = self._constant(Q, name)[..., None]
                 if name in EXCHANGED:
@@ -337,24 +338,22 @@ class Variables:
         """Free constants (...,) by name under the smallest load: dynamic ones at the reference frequency."""
         values = {name: self._constant(Q, name) for name in self.constants}
         if self.two_mass:
-            shares, tau = self.relaxation(Q)
-            x = 2 * np.pi * self.reference_hz * tau
-            for c, (k, _) in _SPRINGS.items():
+            shares, tau, stiffer = self.relaxation(Q)
+            for c, k in SPRING_OF.items():
                 if c in values:  # Im K(i w) / w: the damper and what the spring relaxes
-                    rest = self._constant(Q, k) / (1 + shares[k] * x * x / (1 + x * x))
-                    values[c] = values[c] + rest * shares[k] * tau / (1 + x * x)
+                    rest = self._constant(Q, k) / (1 + shares[k] * stiffer)
+                    values[c] = values[c] + rest * shares[k] * tau * (1 - stiffer)
         return values
 
     def at_rest(self, Q: np.ndarray) -> dict[str, np.ndarray]:
         """Springs and dampers (...,) by name without what relaxes; nothing where no spring may relax."""
         if not self.two_mass or self.of_kind("relaxation time") is None:
             return {}
-        shares, tau = self.relaxation(Q)
-        x = 2 * np.pi * self.reference_hz * tau
+        shares, _, stiffer = self.relaxation(Q)
         values = {}
-        for c, (k, _) in _SPRINGS.items():
+        for c, k in SPRING_OF.items():
             if k in self.index:
-                values[k] = self._constant(Q, k) / (1 + shares[k] * x * x / (1 + x * x))
+                values[k] = self._constant(Q, k) / (1 + shares[k] * stiffer)
             if c in self.index:
                 values[c] = self._constant(Q, c)
         return values

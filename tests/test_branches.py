@@ -73,7 +73,7 @@ def test_a_bound_asks_for_a_second_load_only_where_there_is_one() -> None:
 def test_odds_of_a_thousand_decide(difference: float, decided: bool) -> None:
     """-2 log likelihood differs by 2 log(1000) = 13.8."""
     verdict = judge([STIFF_ANKLE, STIFF_PAD], [100.0, 100.0 + difference], 40.0, 50)
-    assert str(verdict) == ("decided" if decided else "undecided")
+    assert verdict.word == ("decided" if decided else "undecided")
     assert verdict.log_likelihood_ratio == pytest.approx(difference / 2)
     assert ("A second load can" in verdict.sentence) is not decided
     assert not verdict.tied
@@ -97,7 +97,7 @@ def test_a_misfit_weakens_the_verdict() -> None:
 def test_a_branch_on_its_bound_is_not_decided_against() -> None:
     """Its likelihood is the bound's: beyond, it would fit better."""
     verdict = judge(NAMES, [100.0, 500.0], 40.0, 50, ["k_F"])
-    assert str(verdict) == "undecided" and verdict.log_likelihood_ratio == pytest.approx(200)
+    assert verdict.word == "undecided" and verdict.log_likelihood_ratio == pytest.approx(200)
     assert "the stiff pad branch is limited by the bound of k_F" in verdict.sentence
     assert pinned({"k_F_n_per_m": True, "k_T_n_per_m": False, "c_12_per_m": True, "c_11_n_s_per_m": False}) == ["k_F"]
 

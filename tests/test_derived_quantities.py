@@ -15,6 +15,7 @@ from fasbody.foot.model import Foot
 from fasbody.foot.shaker import harmonics
 from fasbody.foot.two_dof import TwoDof
 from fasbody.foot.two_mass import PARAMETERS, parameters, resolved
+from fasbody.presentation import csv_table
 from fasbody.recording.harmonics import fit_harmonics
 from fasbody.recording.study import BUNDLED
 from identification import report
@@ -214,7 +215,7 @@ def test_laws_of_the_dampers_hold_their_constant_at_rest(fitted: FitResult) -> N
 
 def test_tables_are_what_is_drawn(fitted: FitResult) -> None:
     found = report.tables(fitted)
-    rows = list(csv.DictReader(io.StringIO(report.table(found["modes"]))))
+    rows = list(csv.DictReader(io.StringIO(csv_table(found["modes"]))))
     assert [float(row["natural_frequency_hz"]) for row in rows] == pytest.approx(
         [m["natural_frequency_hz"] for m in derived(fitted).modes], rel=1e-7
     )

@@ -12,7 +12,7 @@ import pytest
 from fasbody import console
 from fasbody.foot.parameters import symbol_and_unit
 from identification.estimates import RULE, Estimate, identifiability
-from identification.result import Branch, FitResult, RecordingFit
+from identification.result import Branch, FitResult, RecordingFit, trusting
 
 
 def estimate(value: float, half: float, at_bound: bool = False) -> Estimate:
@@ -97,6 +97,10 @@ def test_csv_holds_every_parameter_of_every_branch() -> None:
     assert float(rows[0]["value"]) == pytest.approx(131_162.2)
     assert rows[0]["at_bound"] == "false"
     assert rows[1]["identifiability"] == "not identifiable"
+    exact = replace(result(), branches=tuple(map(trusting, result().branches)))  # a status with a comma
+    again = list(csv.DictReader(io.StringIO(exact.csv())))
+    assert again[0]["identifiability"] == "identified, model assumed exact"
+    assert [r["upper_if_model_true"] for r in again] == [r["upper_if_model_true"] for r in rows]
 
 
 def test_sentence_and_truth() -> None:

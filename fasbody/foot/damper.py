@@ -68,7 +68,7 @@ MEMORY = {VISCOELASTIC: BRANCHES, MAXWELL: 1}
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(BRANCHES)
 
 
-def damping(x: Values, c1: float, c2: float, c3: float) -> Values:
+def damping(x: Values, c1: Values, c2: Values, c3: Values) -> Values:
     """Damping constant [N s/m] at relative displacement x [m]; Eq. (4.32) applies it to ankle and fat pad."""
     return c1 * np.exp(-c2 * x) * np.cos(c3 * x)  # Eq. (4.25)
 

@@ -19,7 +19,7 @@ import numpy as np
 from numpy.polynomial.polynomial import polyval
 
 from fasbody.exceptions import ModelError, SimulationError
-from fasbody.foot.damper import algebraic_force
+from fasbody.foot.damper import algebraic_force, damping
 from fasbody.foot.engine import callbacks
 from fasbody.foot.model import Foot
 from fasbody.foot.parameters import names
@@ -114,8 +114,7 @@ def of_orbits(orbits: Orbits, base: np.ndarray) -> list[Cycle]:
     forces = []
     for joint, (j, n) in enumerate((("T", 1), ("F", 2))):
         relaxes = (at[f"r_{j}"] * lag / (1 + lag) * orbits.stretch[:, joint]) @ turning
-        c_1, c_2, c_3 = (at[f"c_{n}{i}"] for i in (1, 2, 3))
-        c = c_1 * np.exp(-c_2 * z[:, joint]) * np.cos(c_3 * z[:, joint])  # Eq. (4.32)
+        c = damping(z[:, joint], *(at[f"c_{n}{i}"] for i in (1, 2, 3)))  # Eq. (4.32)
         forces.append(at[f"k_{j}"] * (z[:, joint] + relaxes.real) + c * rate[:, joint])  # Eq. (4.42)
     work = np.mean(np.stack(forces, 1) * rate, axis=2) * period[:, None]
     A = np.zeros((len(period), H), complex)

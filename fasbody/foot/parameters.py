@@ -19,6 +19,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from fasbody.exceptions import ModelError, SettingError, unknown
+from fasbody.foot import damper
 from fasbody.presentation import Tabled
 
 if TYPE_CHECKING:
@@ -251,8 +252,6 @@ def _at_dampers(model: "mujoco.MjModel", items: list[Parameter]) -> list[Paramet
 
     What bends a damper that has no law is dropped.
     """
-    from fasbody.foot.damper import DAMPER  # compiles; names and units are wanted without it
-
     moved: dict[tuple[str, int], tuple[str, int] | None] = {}
     for user, damping, address in (
         ("jnt_user", "dof_damping", model.jnt_dofadr),
@@ -261,7 +260,7 @@ def _at_dampers(model: "mujoco.MjModel", items: list[Parameter]) -> list[Paramet
         laws = getattr(model, user)
         for number, law in enumerate(laws):
             first = number * law.size
-            if law.size and law[0] == DAMPER:
+            if law.size and law[0] == damper.DAMPER:
                 moved[damping, int(address[number])] = user, first + 1
             elif law.size and not law.any():
                 moved |= dict.fromkeys((user, first + column) for column in range(law.size))
@@ -282,8 +281,6 @@ def _follow_laws(model: "mujoco.MjModel", items: list[Parameter]) -> list[Parame
     `fat_pad_E` [N], from a hundredth to a hundred times its value. A stiffness or damping of zero beside a law is no
     parameter.
     """
-    from fasbody.foot import damper  # compiles; names and units are wanted without it
-
     law_parameters: list[Parameter] = []
     for kind, field in (("joint", "jnt_user"), ("tendon", "tendon_user")):
         rows = getattr(model, field)

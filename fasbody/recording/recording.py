@@ -16,6 +16,7 @@ from fasbody.foot.shaker import plain, seconds
 from fasbody.presentation import Sheet, Tabled
 from fasbody.recording import files
 from fasbody.recording.channels import Channel, Channels, Layout
+from fasbody.recording.clock import rate_of
 from fasbody.recording.columns import Columns, assign
 from fasbody.recording.condition import Condition, plausible
 from fasbody.recording.formats.series import Series
@@ -94,7 +95,7 @@ class Recording(Tabled):
     @property
     def rate_hz(self) -> float:
         """Sampling rate [Hz]."""
-        return float((self.time_s.size - 1) / (self.time_s[-1] - self.time_s[0]))
+        return rate_of(self.time_s)
 
     def __str__(self) -> str:
         at = "frequency not stated" if self.condition.frequency_hz is None else f"{self.condition.frequency_hz:g} Hz"

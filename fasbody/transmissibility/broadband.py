@@ -6,6 +6,7 @@ H1, H2 and Hv by Welch's method are available, too, with their resolution error.
 import numpy as np
 
 from fasbody.exceptions import RecordingError, SettingError, unknown
+from fasbody.recording.clock import rate_of
 from fasbody.transmissibility.local import local
 from fasbody.transmissibility.periodic import by_periods, period_of
 from fasbody.transmissibility.response import Response
@@ -33,7 +34,7 @@ def broadband(
     if estimate not in ESTIMATES:
         raise SettingError(f"{unknown('estimate', estimate, ESTIMATES)}.")
     base = channels["base"]
-    rate = (time_s.size - 1) / (time_s[-1] - time_s[0])
+    rate = rate_of(time_s)
     use = np.flatnonzero(excited(base, rate, resolution_hz))
     if not use.size:
         raise RecordingError("base_m_s2 excites no band of frequencies.")

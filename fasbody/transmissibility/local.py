@@ -13,6 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from fasbody.exceptions import RecordingError
+from fasbody.recording.clock import rate_of
 from fasbody.transmissibility.response import Response, widening
 
 #: Order of B and T; that of A is 1, as one resonance is within a window or near it.
@@ -45,7 +46,7 @@ def local(
     Raises:
         RecordingError: too short for a window within the band, or no window with enough lines that the base drives.
     """
-    rate = (time_s.size - 1) / (time_s[-1] - time_s[0])
+    rate = rate_of(time_s)
     half = max(_LEAST, round(resolution_hz * time_s.size / rate))
     full = _windows(channels, frequency_hz, band_hz, resolution_hz, half, rate)
     driven = np.all([np.isfinite(H) for H in full.H.values()], axis=0)

@@ -7,6 +7,7 @@ though both channels are noisy, unlike H1; what the shaker does to both channels
 
 import numpy as np
 
+from fasbody.recording.clock import rate_of
 from fasbody.recording.harmonics import least_squares
 from fasbody.transmissibility.response import Response, widening
 
@@ -101,7 +102,7 @@ def by_periods(
         band_hz: that it excites.
         resolution_hz: lines closer than that are thinned to it.
     """
-    rate = (time_s.size - 1) / (time_s[-1] - time_s[0])
+    rate = rate_of(time_s)
     spectra = {name: _blocks(values, rate, period_s, band_hz[1]) for name, values in channels.items()}
     spectra = _steady(spectra)
     base = spectra["base"]

@@ -2,6 +2,7 @@
 
 import numpy as np
 
+from fasbody.recording.clock import rate_of
 from fasbody.recording.harmonics import find_frequency, narrow_share
 
 #: A step is at least so long [s], and so many periods.
@@ -25,7 +26,7 @@ def steps_of(time_s: np.ndarray, base: np.ndarray) -> list[tuple[slice, float]]:
     """
     from scipy.signal import hilbert, medfilt
 
-    rate = (time_s.size - 1) / (time_s[-1] - time_s[0])
+    rate = rate_of(time_s)
     window = max(8, round(0.25 * rate))
     count = time_s.size // window
     if count < 8:

@@ -1,6 +1,6 @@
-"""Black-box identification of any single-input single-output recording (thesis Chapter 3).
+"""Black-box identification of recordings (thesis Chapter 3).
 
 `fasbody blackbox FILES` is the command; from Python, read a `data.Series`, examine its
 excitation with `excitation.examine`, estimate with `pem.estimate` or `subspace.estimate`, and validate the result with
-`selection.judge` and `validation.residual_test`; `identify.identify` does all of this.
+`candidate.judge` and `validation.residual_test`; `identify.identify` does all of this.
 """

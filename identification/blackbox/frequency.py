@@ -165,7 +165,7 @@ def _lines(series: Series) -> tuple[list[float], list[float]]:
     frequency, harmonics = excitation.single_sine(series)
     if harmonics:
         highest = 0.5 / series.sample_time
-        return [frequency], [h * frequency for h in range(2, 7) if h * frequency < highest]
+        return [frequency], [h * frequency for h in range(2, excitation.HARMONICS + 1) if h * frequency < highest]
     u = series.u - series.u.mean()
     power = np.abs(np.fft.rfft(np.hanning(len(u)) * u)) ** 2
     peaks, _ = signal.find_peaks(power, height=1e-4 * power.max(), distance=3)

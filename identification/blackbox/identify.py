@@ -11,13 +11,14 @@ from fasbody.exceptions import FasError, SettingError, unknown
 from fasbody.presentation import Sheet, Tabled
 from identification import criteria
 from identification.blackbox import condition, excitation, frequency, narx, nonlinear, pem, search, selection, subspace
+from identification.blackbox.candidate import Candidate, judge
 from identification.blackbox.condition import Condition
 from identification.blackbox.data import ALL, DEFAULT, Series, listed
 from identification.blackbox.excitation import Excitation
 from identification.blackbox.filters import largest_root
 from identification.blackbox.frequency import Rational, Response
 from identification.blackbox.polynomial import STRUCTURES, Orders, PolynomialModel
-from identification.blackbox.selection import NOISE_MODELS, Candidate, Referee, Selection, Single
+from identification.blackbox.selection import NOISE_MODELS, Referee, Selection, Single
 from identification.blackbox.validation import ResidualTest, failed, residual_test
 
 DEGREES = ((3, 1), (1, 3), (3, 3), (5, 3))  # of the Hammerstein-Wiener polynomials tried
@@ -235,7 +236,7 @@ class _Chooser:
     def _select(self, name: str) -> Selection:
         referee = self.referee
         if name in self.orders:
-            return Selection((selection.judge(self._given(name, self.orders[name]), self.validation),), 1, (), ())
+            return Selection((judge(self._given(name, self.orders[name]), self.validation),), 1, (), ())
         if name == "arx":
             return search.select_arx(referee, self.delays)
         if name == "oe":
@@ -299,7 +300,7 @@ def _judge(chosen: Selection, chooser: _Chooser, seen: Excitation) -> ChosenMode
     if why:
         warnings.append(f"no standard errors or band: {why}")
         model = _without_intervals(model)
-    judged = selection.judge(model, chooser.validation)
+    judged = judge(model, chooser.validation)
     chosen = replace(chosen, candidates=(judged, *chosen.candidates[1:]))
     plant = len(model.poles()) + len(model.zeros()) + 1  # the coefficients of a proper B/F
     guard = seen.warning(plant) if model.structure != "narx" else ""

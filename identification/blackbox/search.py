@@ -9,11 +9,12 @@ import numpy as np
 from fasbody.exceptions import FasError
 from identification import criteria
 from identification.blackbox import pem, subspace
+from identification.blackbox.candidate import Candidate
 from identification.blackbox.data import Series
 from identification.blackbox.filters import shifted
 from identification.blackbox.least_squares import triangle
 from identification.blackbox.polynomial import Orders, PolynomialModel
-from identification.blackbox.selection import ALIKE, NEARLY, Candidate, Referee, Selection, coloured, rank, with_rivals
+from identification.blackbox.selection import ALIKE, NEARLY, Referee, Selection, coloured, rank, with_rivals
 
 NEAR = range(1, 6)  # n_k compared for sines, whose pulse response is periodic
 DECISIVE = 10.0  # N times the difference of log losses that the delay read may lose by

@@ -16,7 +16,7 @@ from fasbody.recording.recording import Recording
 from identification.sensors import MALLEOLUS as MALLEOLUS
 
 #: Longest time step [s] to begin with. RK4 then errs by 1e-5 of the peak in the median of fitted feet, but by 2 % where
-#: a damper is at its bound under 4.5 kg: domains.py halves it there.
+#: a damper is at its bound under 4.5 kg: time_domain.py halves it there.
 LONGEST_STEP = 5e-4
 
 

@@ -4,30 +4,17 @@ Coordinates are measured from rest and exclude the base, whose own position and 
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 
 import numpy as np
 
 from fasbody.foot.model import Foot
-from fasbody.foot.simulate import Batch, Simulation
+from fasbody.foot.simulate import Batch
 from identification.engines.engine import MALLEOLUS, Whole
 
 #: A displacement [m or rad] and a velocity [m/s or rad/s] typical of a foot, and the share of them that is a nudge:
 #: small against the motion, large against rounding.
 _POSITION, _VELOCITY, _ACTIVATION, _NUDGE = 1e-3, 0.1, 1.0, 1e-4
 _PARAMETER_NUDGE = 1e-6
-
-
-@dataclass(frozen=True, eq=False)
-class Differences:
-    """Outputs of one run: y (k n,) [m/s^2], final states x (s,), and derivatives to states (s) and parameters (p)."""
-
-    y: np.ndarray
-    x: np.ndarray
-    y_by_state: np.ndarray
-    y_by_parameter: np.ndarray
-    x_by_state: np.ndarray
-    x_by_parameter: np.ndarray
 
 
 class Coordinates:
@@ -47,59 +34,9 @@ class Coordinates:
         qvel[:, self._v] = x[:, nq : nq + nv]
         return qpos, qvel, x[:, nq + nv :]
 
-    def final(self, out: Simulation) -> np.ndarray:
-        """States (nsim, s) at the end of a simulation."""
-        rest = self.foot.model.qpos0[self._q]
-        return np.hstack([out.qpos[:, -1, self._q] - rest, out.qvel[:, -1, self._v], out.act[:, -1]])
-
-
-class Columns:
-    """Prepared batch for one foot and a set of parameters.
-
-    Args:
-        foot: the model.
-        names: parameters whose derivatives are wanted.
-        threads: 0 for all cores.
-        sensors: whose outputs are wanted.
-    """
-
-    def __init__(self, foot: Foot, names: Sequence[str], threads: int = 0, sensors: Sequence[str] = MALLEOLUS) -> None:
-        self.foot, self.names, self._coordinates, self.sensors = foot, tuple(names), Coordinates(foot), tuple(sensors)
-        self.scale = self._coordinates.scale
-        self.states = self.scale.size
-        self._batch = Batch(foot, 1 + self.states + len(self.names), threads)
-
-    def run(self, controls: np.ndarray, step: float, values: Mapping[str, float], x0: np.ndarray) -> Differences:
-        """Simulate and difference.
-
-        Args:
-            controls: (n, 5) shaker controls.
-            step: [s].
-            values: all parameters by name; others than the model's are ignored.
-            x0: (s,) initial states.
-        """
-        declared, ns = self.foot.parameters, self.states
-        self._batch.set({k: v for k, v in values.items() if k in declared and k not in self.names})
-        nudge = np.concatenate([_NUDGE * self.scale, np.empty(len(self.names))])
-        for i, name in enumerate(self.names):
-            item = declared[name]
-            # values like c_12 pass through zero: their nudge follows the declared range instead
-            size = abs(values[name]) if item.logarithmic else max(abs(item.lower), abs(item.upper))
-            nudge[ns + i] = _PARAMETER_NUDGE * size
-            column = np.full(self._batch.nsim, float(values[name]))  # a whole number must take the nudge too
-            column[1 + ns + i] += nudge[ns + i]
-            self._batch.set({name: column})
-        start = np.tile(x0, (self._batch.nsim, 1))
-        start[np.arange(1, ns + 1), np.arange(ns)] += nudge[:ns]
-        out = self._batch.run(controls[None], step, *self._coordinates.unpack(start))
-        final = self._coordinates.final(out)
-        y = np.hstack([out.outputs[name] for name in self.sensors])
-        Dy, Dx = (y[1:] - y[0]).T / nudge, (final[1:] - final[0]).T / nudge
-        return Differences(y[0], final[0], Dy[:, :ns], Dy[:, ns:], Dx[:, :ns], Dx[:, ns:])
-
 
 class Rollouts:
-    """Motions of any MJCF foot.
+    """Motions of any MJCF foot, in one batch prepared for a set of parameters.
 
     Args:
         foot: the model.
@@ -117,18 +54,47 @@ class Rollouts:
         threads: int = 0,
         sensors: Sequence[str] = MALLEOLUS,
     ) -> None:
-        self.drives, self.sensors, self.columns = list(drives), tuple(sensors), Columns(foot, names, threads, sensors)
-        self.state_scale = self.columns.scale
+        self.foot, self.drives, self.names, self.sensors = foot, list(drives), tuple(names), tuple(sensors)
+        self._coordinates = Coordinates(foot)
+        self.state_scale = self._coordinates.scale
+        self._batch = Batch(foot, 1 + self.state_scale.size + len(self.names), threads)
 
     def run(
         self, number: int, values: Mapping[str, float], names: Sequence[str], x0: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """See `Engine`: arrays (k n,), (k n, states + p); `names` as at construction."""
         e = self.drives[number]
-        d = self.columns.run(e.controls, e.step, {**values, **e.masses}, x0)
-        derivatives = np.hstack([d.y_by_state, d.y_by_parameter])
-        at = sampled(d.y.size, len(self.sensors), e.stride)
-        return d.y[at], derivatives[at]
+        y, D = self.simulate(e.controls, e.step, {**values, **e.masses}, x0)
+        at = sampled(y.size, len(self.sensors), e.stride)
+        return y[at], D[at]
+
+    def simulate(
+        self, controls: np.ndarray, step: float, values: Mapping[str, float], x0: np.ndarray
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Outputs (k n,) [m/s^2] at every step, and their derivatives (k n, s + p) by differences.
+
+        Args:
+            controls: (n, 5) shaker controls.
+            step: [s].
+            values: all parameters by name; others than the model's are ignored.
+            x0: (s,) initial states.
+        """
+        declared, ns = self.foot.parameters, self.state_scale.size
+        self._batch.set({k: v for k, v in values.items() if k in declared and k not in self.names})
+        nudge = np.concatenate([_NUDGE * self.state_scale, np.empty(len(self.names))])
+        for i, name in enumerate(self.names):
+            item = declared[name]
+            # values like c_12 pass through zero: their nudge follows the declared range instead
+            size = abs(values[name]) if item.logarithmic else max(abs(item.lower), abs(item.upper))
+            nudge[ns + i] = _PARAMETER_NUDGE * size
+            column = np.full(self._batch.nsim, float(values[name]))  # a whole number must take the nudge too
+            column[1 + ns + i] += nudge[ns + i]
+            self._batch.set({name: column})
+        start = np.tile(x0, (self._batch.nsim, 1))
+        start[np.arange(1, ns + 1), np.arange(ns)] += nudge[:ns]
+        out = self._batch.run(controls[None], step, *self._coordinates.unpack(start))
+        y = np.hstack([out.outputs[name] for name in self.sensors])
+        return y[0], (y[1:] - y[0]).T / nudge
 
 
 def sampled(size: int, sensors: int, stride: int) -> np.ndarray:

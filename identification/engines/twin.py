@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 import mujoco
 import numpy as np
 
-from fasbody.foot.engine import SHAKER_CONTROLS
+from fasbody.foot.engine import SHAKER_CONTROLS, callbacks
 from fasbody.foot.model import Foot, can_be_constrained
 from fasbody.foot.two_dof import NAMES, TwoDof
 from identification.engines.engine import MALLEOLUS, Whole
@@ -63,8 +63,6 @@ def twin_applies(foot: Foot, sensors: Sequence[str] = MALLEOLUS) -> bool:
 @functools.lru_cache(maxsize=8)  # a study asks twice for each of its fits
 def carriers(foot: Foot) -> Mapping[str, str]:
     """Which mass of the compiled model each sensor reads; nothing where that is not this model."""
-    from fasbody.foot.engine import callbacks
-
     model = foot.model
     fits: dict[str, set[str]] = {name: {SHANK, FOOT} for name in foot.sensors if name != "base"}
     needed = {*NAMES, "m_S", "m_F"}
