@@ -233,7 +233,7 @@ def _table(passage: text.Passage, layout: Layout, strict: bool) -> TextTable:
         remedy = Sentence(hint, Sentence(columns, on_page="; write it above the numbers"))
         raise InputFileError(file, "has no header line", remedy)
     line, separator, cells = numbers
-    if layout.columns and len(cells) != len(layout.columns):
+    if layout.columns and not headings.fits(cells, layout.columns):
         listed = shown(", ".join(layout.columns))
         problem = f"has {len(cells)} columns, and {len(layout.columns)} are named ({listed})"
         raise InputFileError(file, problem, "name every column, with any word for those that are no channel", line)

@@ -438,7 +438,7 @@ def _like_a_time(values: np.ndarray, time_s: np.ndarray) -> bool:
     """Whether the first values (n,) of a column rise as evenly as a time in s, ms or us does."""
     rise, step = np.diff(values), float(np.median(np.diff(time_s[: max(2, values.size)])))
     even = rise.size > 8 and bool(rise.min() > 0) and np.ptp(rise) < 0.1 * np.median(rise)
-    return even and any(abs(np.median(rise) / step / unit - 1) < 1e-2 for unit in (1, 1e3, 1e6))
+    return even and step > 0 and any(abs(np.median(rise) / step / unit - 1) < 1e-2 for unit in (1, 1e3, 1e6))
 
 
 def read_one(

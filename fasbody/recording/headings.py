@@ -13,6 +13,7 @@ Programs write, in this order and with all but the names left out at will::
 `read_statements` the preamble.
 """
 
+import json
 import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
@@ -159,11 +160,16 @@ def first_number_row(text: str, header: Header, layout: Layout) -> Header | None
         return header
     channels = [index for index, name in enumerate(layout.columns) if layout.known([name])]
     rows = list(_rows_of_numbers(text, channels)) if layout.columns else []
-    fitting = [row for row in rows if len(row.names) == len(layout.columns)]
+    fitting = [row for row in rows if fits(row.names, layout.columns)]
     ends = [i for i, (row, following) in enumerate(pairwise(fitting), 1) if following.line > row.line + 1]
     runs = list(pairwise([0, *ends, len(fitting)])) if fitting else []
     longest = max(runs, key=lambda run: run[1] - run[0], default=None)  # shorter ones are of the preamble
     return None if longest is None else fitting[longest[0]]
+
+
+def fits(cells: Sequence[str], columns: Sequence[str]) -> bool:
+    """Whether there is a cell for each column; a separator behind the last makes one more, which is empty."""
+    return len(cells) == len(columns) or (len(cells) == len(columns) + 1 and not cells[-1])
 
 
 def _rows_of_numbers(text: str, needed: Sequence[int] = ()) -> Iterator[Header]:
@@ -231,11 +237,11 @@ def read_headings(text: str, header: Header) -> Headings:
                 names, units = names[:-1], units[:-1]  # as Rigol: the increment behind the units
         elif _are_counts(cells, samples):
             skipped.append(f"a row of counts ({shown(separator.join(cells))})")
-        elif not titled and len(row) == len(names) > 1 and any(map(is_sample, samples)) and _are_words(cells):
+        elif not titled and len(row) in (1, len(names)) and _are_words(cells) and 1 < len(names) == len(samples):
             skipped.append(f"a row of words ({shown(separator.join(cells))})")
             words.append(separator.join(row))
         elif titled and _KEY.fullmatch(cells[0]):
-            statements.append(" ".join(dict.fromkeys(row)))
+            statements.append(separator.join(dict.fromkeys(row)))
             spans = [unit_behind(cell) for cell in cells[1:]]
             ranges = ["", *spans] if spans and all(spans) else ranges
         else:
@@ -258,15 +264,31 @@ def read_statements(above: Sequence[str]) -> tuple[float | None, tuple[str, ...]
     """
     rates, others = list[tuple[str, float | None]](), list[str]()
     for line in above:
-        rate = _stated_rate(line)
+        pairs = _pairs_of_json(line)
+        rate = next(filter(None, map(_stated_rate, pairs)), None) or _stated_rate(line)
         if rate is not None:
             rates.append(rate)
-        elif line.strip(' \t,;#%/-"'):
+        if (rate is None or pairs) and line.strip(' \t,;#%/-"'):
             others.append(line.rstrip())
     try:
         return stated_rate(rates), tuple(others)
     except FormatError:
         return None, tuple(line.rstrip() for line in above if line.strip())
+
+
+def _pairs_of_json(line: str) -> list[str]:
+    """Names and numbers of a comment that is JSON, however deep."""
+    match = re.fullmatch(r"[\s#%/]*(\{.*\})\s*", line)
+    pairs = list[str]()
+
+    def gather(table: dict[str, object]) -> None:
+        pairs.extend(f"{key}: {value}" for key, value in table.items() if isinstance(value, int | float | str))
+
+    try:
+        json.loads(match[1] if match else "null", object_hook=gather)
+    except (ValueError, RecursionError):
+        return []
+    return pairs
 
 
 def _stated_rate(line: str) -> tuple[str, float] | None:

@@ -32,12 +32,24 @@ def long_series(file: Path) -> list[Series]:
         separator = text.separator_of(line)
         names = text.split(line, separator)
         lower = [name.lower() for name in names]
-        sensor, value = (next((lower.index(x) for x in known if x in lower), None) for known in (_SENSORS, _VALUES))
-        time = next((i for i, name in enumerate(lower) if name_and_unit(name)[0] in _TIMES or name in _TIMES), None)
+        sensor, value = (
+            next((lower.index(x) for x in known if x in lower), None)
+            for known in (_SENSORS, _VALUES)
+        )
+        time = next(
+            (
+                i
+                for i, name in enumerate(lower)
+                if name_and_unit(name)[0] in _TIMES or name in _TIMES
+            ),
+            None,
+        )
         if sensor is not None and value is not None and time is not None:
             first = next((cells for _, cells in text.rows_below(head, number, separator)), [])
             if len(first) > max(sensor, value, time) and not text.numeric(first[sensor]):
-                comments = [line for line in islice(text.lines(head), _LINES) if text.COMMENT.match(line)]
+                comments = [
+                    line for line in islice(text.lines(head), _LINES) if text.COMMENT.match(line)
+                ]
                 remarks = [passed_over("comment", REMARK, comment) for comment in comments]
                 return _series(file, number, separator, names, (sensor, value, time)) + remarks
     return []
@@ -60,20 +72,38 @@ def _series(
             stamped = stamped or seconds is not None
             for cell in (cells[value], *([cells[time]] if seconds is None else [])):
                 if not text.numeric(cell):
-                    raise InputFileError(file, f"its value or time is {shown(cell)!r}, not a number", line=number)
+                    raise InputFileError(
+                        file, f"its value or time is {shown(cell)!r}, not a number", line=number
+                    )
             which = cells[sensor]
-            times.setdefault(which, []).append(text.number(cells[time]) if seconds is None else seconds)
+            times.setdefault(which, []).append(
+                text.number(cells[time]) if seconds is None else seconds
+            )
             values.setdefault(which, []).append(text.number(cells[value]))
-            for known, cell in zip(about.setdefault(which, [set() for _ in names]), cells, strict=True):
+            for known, cell in zip(
+                about.setdefault(which, [set() for _ in names]), cells, strict=True
+            ):
                 if len(known) < 2:
                     known.add(cell)
     made = list[Series]()
     for which, numbers in values.items():
-        pairs = ((name, next(iter(known))) for name, known in zip(names, about[which], strict=True) if len(known) == 1)
+        pairs = (
+            (name, next(iter(known)))
+            for name, known in zip(names, about[which], strict=True)
+            if len(known) == 1
+        )
         says = {name: cell for name, cell in pairs if name and cell and name != names[sensor]}
-        unit = next((says.pop(name) for name in list(says) if name.lower() in ("unit", "units")), "")
+        unit = next(
+            (says.pop(name) for name in list(says) if name.lower() in ("unit", "units")), ""
+        )
         clock = np.array(times[which])
         clock = past_midnight(clock) if stamped else clock
-        made.append(Series("time" if stamped else names[time], "s" if stamped else "", clock, group=which))
-        made.append(Series(which, unit, np.array(numbers), stated=statements_of(says), about=says, group=which))
+        made.append(
+            Series("time" if stamped else names[time], "s" if stamped else "", clock, group=which)
+        )
+        made.append(
+            Series(
+                which, unit, np.array(numbers), stated=statements_of(says), about=says, group=which
+            )
+        )
     return made

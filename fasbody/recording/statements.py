@@ -102,7 +102,7 @@ _LENGTHS = frozenset((
     "abtastintervall", "per", "div",
 ))  # fmt: skip
 #: With these a row is of when and with which device it was measured.
-_DATED = frozenset(("date", "datum", "serial", "id", "sn"))
+_DATED = frozenset(("date", "datum", "serial", "id", "sn", "version", "firmware", "model"))
 #: Names of remarks, whose words count.
 _REMARKS = frozenset((
     "comment", "comments", "description", "note", "notes", "remark", "remarks", "bemerkung", "kommentar",
@@ -121,7 +121,7 @@ _LINE = re.compile(
 def kind(name: str) -> str:
     """The key of study.toml that answers a statement, "delay_s" or "sensitivity"; empty for any other."""
     words = _words(name)
-    if words & _NEITHER:
+    if words & _NEITHER or counts_kept(name):
         return ""
     if words & _TIMES or ("offset" in words and words & _OF_TIME) or any(pair <= words for pair in _PAIRS):
         return "delay_s"
@@ -296,6 +296,8 @@ def _differ(line: str, separator: str) -> bool:
     while cells and not cells[-1]:
         cells.pop()
     cells = cells[1:] if len(cells) > 2 and not cells[0] else cells  # of the time
+    if len(cells) > 1 and not name:
+        return len({*cells}) > 1 and any(map(_unclear, cells))
     if len(cells) < 2 or len({*map(_bare, cells)}) < 2 or not re.search(r"[^\W\d]", name) or _words(line) & _DATED:
         return False
     return _unclear(name) or bool(_words(name) & _OF_SENSORS) or (

@@ -59,7 +59,9 @@ def _notes(book: Any, sheet: Any) -> list[tuple[int, str]]:
 
 def _columns(sheet: str, rows: list[tuple[Any, ...]], notes: list[tuple[int, str]]) -> list[Series]:
     """Below the last row of texts before the first row of numbers; a row of units may stand between."""
-    first = next((i for i, row in enumerate(islice(rows, _HEADER_ROWS)) if sum(map(_numeric, row)) >= 2), None)
+    filled = [i for i, row in enumerate(islice(rows, _HEADER_ROWS)) if sum(map(_numeric, row)) >= 2]
+    # one that begins with a word is a statement, unless all do
+    first = next((i for i in filled if not isinstance(next(filter(None, rows[i]), 0), str)), next(iter(filled), None))
     if first is None:
         worded = next((i for i, row in enumerate(rows[:_HEADER_ROWS]) if sum(map(_number_in_words, row)) >= 2), None)
         if worded is None:
