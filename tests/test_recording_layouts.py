@@ -235,7 +235,11 @@ def test_a_long_table_has_what_it_says_of_each_sensor(tmp_path: Path) -> None:
         read(tmp_path / "c.csv", melted().replace("malleolus_g", "foot_g"))
     with pytest.raises(InputFileError, match="line 2: its value or time is 'x', not a number"):
         read(tmp_path / "d.csv", melted().replace(f"{BASE[0]:.5f}", "x", 1))
-    wide = f"time_s,base_m_s2,malleolus_m_s2,channel,value\n{rows(T, BASE, MALLEOLUS, counted(), counted())}"
+    twice = melted().replace("value\n", "value,axis\n", 1).splitlines()
+    axes = [line if not place else f"{line},{'xz'[place % 2]}" for place, line in enumerate(twice)]
+    with pytest.raises(InputFileError, match="'base_g' is several channels, which the column 'axis' disting"):
+        read(tmp_path / "f.csv", "\n".join([axes[0], *sorted(axes[1:]), *axes[1:]]))
+    wide = f"{HEAD[:-1]},channel,value\n{rows(T, BASE, MALLEOLUS, counted(), counted())}"
     right(read(tmp_path / "e.csv", wide))
 
 

@@ -98,6 +98,13 @@ def _series(
         )
         clock = np.array(times[which])
         clock = past_midnight(clock) if stamped else clock
+        split = [
+            name for index, (name, known) in enumerate(zip(names, about[which], strict=True))
+            if index not in places and len(known) > 1 and not any(map(text.numeric, known))
+        ]  # fmt: skip
+        if split and clock.size > 1 and np.diff(clock).min() <= 0:
+            problem = f"{shown(which)!r} is several channels, which the column {shown(split[0])!r} distinguishes"
+            raise InputFileError(file, problem, "keep the rows of one of them")
         made.append(
             Series("time" if stamped else names[time], "s" if stamped else "", clock, group=which)
         )

@@ -276,7 +276,8 @@ def is_answered(line: str, layout: Layout, names: Mapping[str, str]) -> bool:
         names: headings by channel.
     """
     is_late = kind(line) == "delay_s" or _AMOUNT_OF_TIME.search(line)
-    is_scaled = kind(line) == "sensitivity" or _AMOUNT_OF_SIZE.search(line) or _words(line) & _SCALES
+    words = _words(re.sub(r"\d", " ", line))
+    is_scaled = kind(line) == "sensitivity" or _AMOUNT_OF_SIZE.search(line) or words & _SCALES
     keys = [{"delay_s", "clock"}] if is_late else []
     keys += [{"sensitivity"}] if is_scaled else []
     keys += [{"sign"}] if _TURNED.search(line) else []

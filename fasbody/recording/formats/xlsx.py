@@ -102,8 +102,8 @@ def _columns(sheet: str, rows: list[tuple[Any, ...]], notes: list[tuple[int, str
         values = np.array([np.nan if cell is None else float(cell) for cell in cells])
         series.append(Series(str(name), unit, values, rate))
     named = (f"{header[i] or ''}: {text}" if i < len(header) else text for i, text in notes)
-    remarked = (" ".join(line.split()) if "\t" not in line else line for line in (*lines, *words, *named))
-    return series + [passed_over(sheet, REMARK, line) for line in remarked]
+    texts = ("\t".join(" ".join(cell.split()) for cell in line.split("\t")) for line in (*lines, *words, *named))
+    return [*series, passed_over(sheet, REMARK, "\n".join(texts))]
 
 
 def _numeric(cell: Any) -> bool:
