@@ -88,7 +88,10 @@ def test_lines_beside_the_headings_are_named_and_contradictions_told(tmp_path: P
         read(tmp_path / "b.tsv", IN_G)
     file(tmp_path / "b.tsv", QUALISYS.format(1), [B / G, M / G], "\t")
     overruled = read(tmp_path / "b.tsv", "[study]\nsampling_rate_hz = 500\n" + IN_G)
-    assert "its rate is 500 Hz as study.toml says, though the file says 1000 Hz" in overruled.warnings[0]
+    assert (
+        "its rate is 500 Hz as study.toml says, though the file says 1000 Hz"
+        in overruled.warnings[0]
+    )
     file(tmp_path / "c.csv", "Frequency: 20 Hz\nVibration at 40 Hz\nbase_g,malleolus_g\n", [B / G, M / G])
     with pytest.raises(InputFileError, match="no column 'time_s'"):  # of the shaker, not of the clock
         read(tmp_path / "c.csv")

@@ -1,4 +1,4 @@
-"""Layouts of makers and databases, written as they write them: at once, or with a study.toml of five lines at most."""
+"""Layouts of makers and databases as they write them, at once or with five lines of study.toml."""
 
 import tomllib
 from collections.abc import Callable
@@ -64,10 +64,23 @@ def labchart(units: str = "UnitName=\tm/s^2\tm/s^2\n", span: str = "10.000 V") -
 
 
 def yokogawa() -> str:
-    lines = ("Header Size,16", "Model Name,DL850E", "Comment,", "BlockNumber,1", "TraceName,base,malleolus",
-             "BlockSize,3000,3000", "VUnit,m/s2,m/s2", "SampleRate,1.0E+03,1.0E+03", "HResolution,1.0E-03,1.0E-03",
-             "HOffset,0.0E+00,0.0E+00", "HUnit,s,s", "DisplayBlockSize,3000,3000", "DisplayPointNo.,1,1",
-             "Date,2026/03/02,2026/03/02", "Time,10:11:12.00,10:11:12.00")  # fmt: skip
+    lines = (
+        "Header Size,16",
+        "Model Name,DL850E",
+        "Comment,",
+        "BlockNumber,1",
+        "TraceName,base,malleolus",
+        "BlockSize,3000,3000",
+        "VUnit,m/s2,m/s2",
+        "SampleRate,1.0E+03,1.0E+03",
+        "HResolution,1.0E-03,1.0E-03",
+        "HOffset,0.0E+00,0.0E+00",
+        "HUnit,s,s",
+        "DisplayBlockSize,3000,3000",
+        "DisplayPointNo.,1,1",
+        "Date,2026/03/02,2026/03/02",
+        "Time,10:11:12.00,10:11:12.00",
+    )
     quoted = (f'"{line.partition(",")[0]}",{line.partition(",")[2]}' for line in lines)
     return "\n".join(quoted) + "\n\n" + rows([""] * T.size, BASE, MALLEOLUS)
 
@@ -87,10 +100,14 @@ def influx() -> str:
     )
     times = [f"{at}Z" for at in stamp("%Y-%m-%dT%H:%M:%S")]
     tables = [
-        rows(*([x] * T.size for x in ("", "", str(place))), times, values,
-             *([x] * T.size for x in (name, "vibration", "m/s2")))
+        rows(
+            *([x] * T.size for x in ("", "", str(place))),
+            times,
+            values,
+            *([x] * T.size for x in (name, "vibration", "m/s2")),
+        )
         for place, (name, values) in enumerate((("base", BASE), ("malleolus", MALLEOLUS)))
-    ]  # fmt: skip
+    ]
     return "\n".join(head + table for table in tables)
 
 
@@ -171,14 +188,25 @@ PLUX = '[study]\ncolumns = ["n", "DI", "CH1", "CH2"]\n' + CHANNELS.format(
 @pytest.mark.parametrize(
     ("ending", "made", "toml"),
     [
-        (".txt", labchart, ""), (".csv", yokogawa, ""), (".dat", toa5, ""), (".csv", influx, ""), (".csv", melted, ""),
-        (".csv", grafana, ""), (".csv", timetable, ""), (".csv", dated, ""), (".txt", opensignals, PLUX),
-        (".csv", epochs, CHANNELS.format("A-series", '{sensor=\\"ankle\\"}', more=', unit = "m/s^2"')),
+        (".txt", labchart, ""),
+        (".csv", yokogawa, ""),
+        (".dat", toa5, ""),
+        (".csv", influx, ""),
+        (".csv", melted, ""),
+        (".csv", grafana, ""),
+        (".csv", timetable, ""),
+        (".csv", dated, ""),
+        (".txt", opensignals, PLUX),
+        (
+            ".csv",
+            epochs,
+            CHANNELS.format("A-series", '{sensor=\\"ankle\\"}', more=', unit = "m/s^2"'),
+        ),
         (".csv", gl840, CHANNELS.format("CH1", "CH2", more="")),
         (".csv", gl980, CHANNELS.format("CH1", "CH2", more=', unit = "m/s^2"')),
     ],
     ids=lambda value: getattr(value, "__name__", ""),
-)  # fmt: skip
+)
 def test_a_layout_is_read(tmp_path: Path, ending: str, made: Callable[[], str], toml: str) -> None:
     right(read(tmp_path / f"r{ending}", made(), toml))
     assert len(toml.strip().splitlines()) <= 5
@@ -237,7 +265,9 @@ def test_a_long_table_has_what_it_says_of_each_sensor(tmp_path: Path) -> None:
         read(tmp_path / "d.csv", melted().replace(f"{BASE[0]:.5f}", "x", 1))
     twice = melted().replace("value\n", "value,axis\n", 1).splitlines()
     axes = [line if not place else f"{line},{'xz'[place % 2]}" for place, line in enumerate(twice)]
-    with pytest.raises(InputFileError, match="'base_g' is several channels, which the column 'axis' disting"):
+    with pytest.raises(
+        InputFileError, match="'base_g' is several channels, which the column 'axis' disting"
+    ):
         read(tmp_path / "f.csv", "\n".join([axes[0], *sorted(axes[1:]), *axes[1:]]))
     wide = f"{HEAD[:-1]},channel,value\n{rows(T, BASE, MALLEOLUS, counted(), counted())}"
     right(read(tmp_path / "e.csv", wide))

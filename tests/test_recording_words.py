@@ -1,4 +1,4 @@
-"""What files say in words, names and numbers beside the samples: used, quoted, answered by study.toml, or refused."""
+"""What files say in words and names beside the samples: used, quoted, answered, or refused."""
 
 import tomllib
 from pathlib import Path
@@ -53,14 +53,22 @@ def excel(
 @pytest.mark.parametrize(
     ("about", "says"),
     [
-        ({"notes": {"C1": "glued upside down"}}, "'malleolus_m_s2: glued upside down', which is not applied"),
+        (
+            {"notes": {"C1": "glued upside down"}},
+            "'malleolus_m_s2: glued upside down', which is not applied",
+        ),
         ({"notes": {"C900": "loose from here on"}}, "'malleolus_m_s2: loose from here on'"),
         ({"above": (("ankle sensor 4 ms behind",),)}, "'ankle sensor 4 ms behind'"),
-        ({"above": (("Filter", "none", "20 Hz"),)}, "'Filter none 20 Hz'"), ({"beside": "amp of ankle x2"}, "x2"),
-        ({"sheet": "gain 2x"}, "the name 'gain 2x' says"), ({"sheet": "filtered"}, "the name 'filtered' says"),
-        ({"above": (("Sampling rate", 500),)}, "states 500 Hz, and its time runs at 1000 Hz, which counts"),
+        ({"above": (("Filter", "none", "20 Hz"),)}, "'Filter none 20 Hz'"),
+        ({"beside": "amp of ankle x2"}, "x2"),
+        ({"sheet": "gain 2x"}, "the name 'gain 2x' says"),
+        ({"sheet": "filtered"}, "the name 'filtered' says"),
+        (
+            {"above": (("Sampling rate", 500),)},
+            "states 500 Hz, and its time runs at 1000 Hz, which counts",
+        ),
     ],
-)  # fmt: skip
+)
 def test_words_of_a_workbook_are_quoted(tmp_path: Path, about: dict, says: str) -> None:
     assert says in Recording.read(excel(tmp_path / "r.xlsx", **about)).warnings[0]
 
@@ -68,11 +76,16 @@ def test_words_of_a_workbook_are_quoted(tmp_path: Path, about: dict, says: str) 
 @pytest.mark.parametrize(
     "about",
     [
-        {"notes": {"A1": "since the start"}}, {"notes": {"B1": "serial 4711"}}, {"above": (("Subject", 16),)},
-        {"above": (("Vibration of the foot",), (), ("Sampling rate", 1000))}, {"beside": "tea"},
-        {"sheet": "20 Hz 2.3 kg"}, {"sheet": "unfiltered"}, {"above": (("Gain", 2, 2),)},
+        {"notes": {"A1": "since the start"}},
+        {"notes": {"B1": "serial 4711"}},
+        {"above": (("Subject", 16),)},
+        {"above": (("Vibration of the foot",), (), ("Sampling rate", 1000))},
+        {"beside": "tea"},
+        {"sheet": "20 Hz 2.3 kg"},
+        {"sheet": "unfiltered"},
+        {"above": (("Gain", 2, 2),)},
     ],
-)  # fmt: skip
+)
 def test_words_of_a_workbook_that_change_nothing_are_not(tmp_path: Path, about: dict) -> None:
     assert Recording.read(excel(tmp_path / "r.xlsx", **about)).warnings == ()
 
@@ -149,8 +162,14 @@ def test_rates_of_several_channels_are_not_overruled_by_one(tmp_path: Path) -> N
     nptdms = pytest.importorskip("nptdms")
     channels = [("base", BASE, 1e-3), ("malleolus", MALLEOLUS[::2].copy(), 2e-3)]
     with nptdms.TdmsWriter(str(tmp_path / "r.tdms")) as out:
-        out.write_segment([nptdms.ChannelObject("foot", name, values, {"wf_increment": step, "unit_string": "m/s^2"})
-                           for name, values, step in channels])  # fmt: skip
+        out.write_segment(
+            [
+                nptdms.ChannelObject(
+                    "foot", name, values, {"wf_increment": step, "unit_string": "m/s^2"}
+                )
+                for name, values, step in channels
+            ]
+        )
     with pytest.raises(
         InputFileError, match=r"states rates of its channels.*sampling_rate_hz = 500"
     ):
@@ -266,8 +285,10 @@ def test_lines_that_are_alike_for_both_sensors_are_not_quoted(tmp_path: Path) ->
 def test_numbers_without_a_unit_need_a_sensitivity(tmp_path: Path, unit: str) -> None:
     names = f"time_s,base [{unit}],malleolus [{unit}]"
     file = text(tmp_path / "r.csv", "", names, factor=500)
-    way = rf"base is in {unit}, no unit of acceleration; give how many of them make 1 m/s\^2, a number, in study.toml"
-    with pytest.raises(InputFileError, match=rf"(?i){way} \(\[channels.base\] sensitivity = "):
+    way = rf"base is in {unit}, no unit of acceleration; give how many of them make 1 m/s\^2, a number"
+    with pytest.raises(
+        InputFileError, match=rf"(?i){way}, in study.toml \(\[channels.base\] sensitivity = "
+    ):
         Recording.read(file)
     with pytest.raises(InputFileError, match=r"(?i)no unit of acceleration"):  # volts of what?
         Recording.read(file, layout=layout('[channels.base]\nsensitivity = "100 mV/g"'))

@@ -36,7 +36,7 @@ _LENGTHS = {"mm": 1e-3, "cm": 1e-2, "dm": 0.1, "um": 1e-6, "µm": 1e-6, "μm": 1
 ACCELERATIONS |= {f"{name}/{squared}": m for name, m in _LENGTHS.items() for squared in ("s^2", "s2", "s²")}
 _VELOCITY = re.compile(r"[a-zµμ]+ ?/ ?(?:s|sec|min|h)", re.IGNORECASE)
 VOLTAGES = {"v": 1.0, "mv": 1e-3, "uv": 1e-6, "µv": 1e-6, "μv": 1e-6, "volt": 1.0, "volts": 1.0}
-#: Numbers of a converter, or shares of its range, which are no acceleration until a sensitivity makes them one.
+#: Numbers of a converter, or shares of its range, which a sensitivity makes accelerations.
 RAW = re.compile(r"counts?|cts|raw|lsb|adc|adu|digits?|1|(?:%|percent).*|fs", re.IGNORECASE)
 KNOWN_UNITS = frozenset(ACCELERATIONS | VOLTAGES | TIME_UNITS)
 _SENSITIVITY = re.compile(

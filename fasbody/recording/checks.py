@@ -383,8 +383,8 @@ def _no_code(time_s: np.ndarray, name: str, odd: samples.Odd, offset: float) -> 
     if odd.mark is not None:
         raise RecordingError(
             f"{name}_m_s2 is {odd.mark + offset:.6g} m/s^2 at {odd.spikes.size} places, first at "
-            f"{time_s[odd.spikes[0]]:.4g} s, and near it nowhere else, like a code for missing samples; "
-            "remove or fill them first."
+            f"{time_s[odd.spikes[0]]:.4g} s, and near it nowhere else, like a code for missing "
+            "samples; remove or fill them first."
         )
 
 

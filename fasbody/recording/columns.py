@@ -88,7 +88,7 @@ class Columns:
 
     @property
     def epoch(self) -> tuple[int, str] | None:
-        """The first column of times that states no unit and counts from 1970, and its unit by its size."""
+        """The first column of times that counts from 1970, without a unit, and its unit by size."""
         for index in self.times:
             values = self.series[index].values
             cell = self.first[index] if self.first else f"{values[0]:.0f}" if values.size else ""
@@ -236,7 +236,11 @@ def _by_unit(columns: Columns) -> tuple[int, str] | None:
         stem, behind = channels.name_and_unit(name)
         bracketed = behind if name.strip()[-1:] in ")]" else _time_within(name)
         last = name.lower().rpartition("_")[2]  # time_base_s
-        units = [columns.units[index] or bracketed, *((behind, last) if index in columns.times else ()), stem]
+        units = [
+            columns.units[index] or bracketed,
+            *((behind, last) if index in columns.times else ()),
+            stem,
+        ]
         known = (u for u in units if u.lower() in channels.TIME_UNITS and (u != stem or len(u) > _SHORT))
         if unit := next(known, ""):
             return index, unit
@@ -372,9 +376,14 @@ def _factor(file: Path, columns: Columns, layout: Layout, key: str, unit: str) -
         raise InputFileError(file, f"{channel} has no unit", hint, line=columns.line)
     if channels.RAW.fullmatch(unit):
         if "sensitivity" not in stated.stated or stated.volts:
-            key = Sentence(f"in study.toml ([channels.{channel}] sensitivity = 208.8)", on_page="as its sensitivity")
+            key = Sentence(
+                f"in study.toml ([channels.{channel}] sensitivity = 208.8)",
+                on_page="as its sensitivity",
+            )
             hint = Sentence("give how many of them make 1 m/s^2, a number, ", key)
-            raise InputFileError(file, f"{channel} is in {shown(unit)}, no unit of acceleration", hint, columns.line)
+            raise InputFileError(
+                file, f"{channel} is in {shown(unit)}, no unit of acceleration", hint, columns.line
+            )
         scale = 1.0
     elif unit.lower() in channels.VOLTAGES:
         if stated.sensitivity == 1.0 and not stated.volts:

@@ -96,7 +96,9 @@ class _SeriesTable:
 
     def words(self, uses: Mapping[str, Use]) -> list[str]:
         """What the file says beside the numbers of the columns in use, line by line."""
-        about = (pair for use in uses.values() for pair in self.columns.series[use.index].about.items())
+        about = (
+            pair for use in uses.values() for pair in self.columns.series[use.index].about.items()
+        )
         return [*self.notes, *(f"{name}: {text}" for name, text in about)]
 
     def stated(self, uses: Mapping[str, Use]) -> tuple[dict[str, Statements], list[str]]:
@@ -140,10 +142,20 @@ def reading(file: Path, layout: Layout | None = None) -> Reading:
     uses = {key: use for key, use in uses.items() if key in numbers}
     is_timed = bool({"time", "time_s"} & uses.keys())
     sensors = {key: columns.series[use.index] for key, use in uses.items() if not key.startswith("time")}
-    rate = None if source.tabular and "time_s" in uses else _rate(file, columns, sensors, is_timed, layout)
+    rate = (
+        None
+        if source.tabular and "time_s" in uses
+        else _rate(file, columns, sensors, is_timed, layout)
+    )
     rate, overruled = _overruled(file, rate, sensors, layout)
-    if rate and layout.rate_hz is None and not is_timed and (line := thinned(source.words(uses), rate)):
-        problem = f"states a rate of {rate:.6g} Hz and {shown(line)!r}, and not which of them is of its samples"
+    if (
+        rate
+        and layout.rate_hz is None
+        and not is_timed
+        and (line := thinned(source.words(uses), rate))
+    ):
+        rated = f"states a rate of {rate:.6g} Hz and {shown(line)!r}"
+        problem = f"{rated}, and not which of them is of its samples"
         raise InputFileError(file, problem, Sentence("give ", called("sampling_rate_hz")))
     stated, vague = source.stated({key: uses[key] for key in sensors})
     names = {key.removesuffix("_m_s2"): s.name for key, s in sensors.items()}
@@ -184,8 +196,12 @@ def reading(file: Path, layout: Layout | None = None) -> Reading:
     remarks = [*decided, *overruled, *quoted(vague), *differing(about, stated, layout)]
     remarks += _denied(source, time_s) if is_timed else []
     titles = dict.fromkeys((ending_removed(file), *(s.group for s in sensors.values())))
-    remarks += [f"the name {shown(title)!r} says that its numbers were changed, and nothing is undone"
-                for title in titles if is_treated(title) and not is_answered(title, layout, names)]  # fmt: skip
+    treated = (title for title in titles if is_treated(title))
+    changed = "says that its numbers were changed, and nothing is undone"
+    remarks += [
+        f"the name {shown(title)!r} {changed}"
+        for title in treated if not is_answered(title, layout, names)
+    ]  # fmt: skip
     remarks += _other_clocks(source, uses, time_s)
     clocks |= _stated_clocks(file, sensors, time_s, is_timed, rate)
     if clocks:
@@ -206,9 +222,14 @@ def _overruled(
     if not rate_hz or not ours or abs(rate_hz / ours - 1) <= _SAME_RATE:
         return rate_hz, []
     if len({s.rate_hz for s in sensors.values() if s.rate_hz}) > 1:
-        problem = f"states rates of its channels, {rate_hz:.6g} Hz among them, and study.toml says sampling_rate_hz = "
-        raise InputFileError(file, f"{problem}{ours:.6g}", "delete that of study.toml, or resample them to one rate")
-    return None, [f"its rate is {ours:.6g} Hz as study.toml says, though the file says {rate_hz:.6g} Hz"]
+        problem = f"states rates of its channels, {rate_hz:.6g} Hz among them, and study.toml says "
+        problem += "sampling_rate_hz = "
+        raise InputFileError(
+            file, f"{problem}{ours:.6g}", "delete that of study.toml, or resample them to one rate"
+        )
+    return None, [
+        f"its rate is {ours:.6g} Hz as study.toml says, though the file says {rate_hz:.6g} Hz"
+    ]
 
 
 #: Two rates are alike within this share: a nominal one, and that of a clock.
@@ -231,7 +252,11 @@ def _backwards(file: Path, time_s: np.ndarray) -> InputFileError:
 def _opened(file: Path, layout: Layout, strict: bool = True) -> _Source:
     if ending(file) in TEXTS:
         series = long_series(file) if file.is_file() and not layout.columns else []
-        return _SeriesTable.of(file, series, layout) if series else TextTable.open(file, layout, strict)
+        return (
+            _SeriesTable.of(file, series, layout)
+            if series
+            else TextTable.open(file, layout, strict)
+        )
     return _SeriesTable.open(file, layout)
 
 
@@ -357,7 +382,10 @@ def _rising(source: _Source, index: int, size: int) -> np.ndarray | None:
 
 def _denied(source: _Source, time_s: np.ndarray) -> list[str]:
     """A remark on a rate that a line above the numbers states and their time denies."""
-    rate, span = source.columns.series[0].rate_hz if source.tabular else None, float(time_s[-1] - time_s[0])
+    rate, span = (
+        source.columns.series[0].rate_hz if source.tabular else None,
+        float(time_s[-1] - time_s[0]),
+    )
     counted = (time_s.size - 1) / span if span > 0 else 0.0
     if not rate or not counted or abs(counted / rate - 1) < 1e-2:
         return []
@@ -438,7 +466,11 @@ def _like_a_time(values: np.ndarray, time_s: np.ndarray) -> bool:
     """Whether the first values (n,) of a column rise as evenly as a time in s, ms or us does."""
     rise, step = np.diff(values), float(np.median(np.diff(time_s[: max(2, values.size)])))
     even = rise.size > 8 and bool(rise.min() > 0) and np.ptp(rise) < 0.1 * np.median(rise)
-    return even and step > 0 and any(abs(np.median(rise) / step / unit - 1) < 1e-2 for unit in (1, 1e3, 1e6))
+    return (
+        even
+        and step > 0
+        and any(abs(np.median(rise) / step / unit - 1) < 1e-2 for unit in (1, 1e3, 1e6))
+    )
 
 
 def read_one(

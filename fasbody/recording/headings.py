@@ -39,7 +39,7 @@ STAMP = re.compile(
 )
 #: A number with its unit behind it: ``0.001 sec``.
 _MEASURED = re.compile(r"([-+]?[\d.,]+(?:e[-+]?\d+)?)\s+(\D\S*)", re.IGNORECASE)
-#: A time that counts from 1970, of the years 2001 to 2286, by the first power of ten that it reaches.
+#: Units of a time that counts from 1970, by the power of ten in the years 2001 to 2286.
 _EPOCHS = {9: "s", 12: "ms", 15: "us", 18: "ns"}
 #: Lines in which a header is looked for, and rows of headings, units and counts at most.
 _HEADER_LINES, _HEADING_ROWS = 200, 12
@@ -161,14 +161,20 @@ def first_number_row(text: str, header: Header, layout: Layout) -> Header | None
     channels = [index for index, name in enumerate(layout.columns) if layout.known([name])]
     rows = list(_rows_of_numbers(text, channels)) if layout.columns else []
     fitting = [row for row in rows if fits(row.names, layout.columns)]
-    ends = [i for i, (row, following) in enumerate(pairwise(fitting), 1) if following.line > row.line + 1]
+    ends = [
+        i
+        for i, (row, following) in enumerate(pairwise(fitting), 1)
+        if following.line > row.line + 1
+    ]
     runs = list(pairwise([0, *ends, len(fitting)])) if fitting else []
-    longest = max(runs, key=lambda run: run[1] - run[0], default=None)  # shorter ones are of the preamble
+    longest = max(
+        runs, key=lambda run: run[1] - run[0], default=None
+    )  # shorter ones are of the preamble
     return None if longest is None else fitting[longest[0]]
 
 
 def fits(cells: Sequence[str], columns: Sequence[str]) -> bool:
-    """Whether there is a cell for each column; a separator behind the last makes one more, which is empty."""
+    """Whether there is a cell for each column, and perhaps an empty one behind the last."""
     return len(cells) == len(columns) or (len(cells) == len(columns) + 1 and not cells[-1])
 
 
@@ -209,7 +215,9 @@ def read_headings(text: str, header: Header) -> Headings:
     """
     line, separator, names = header
     samples = first_samples(text, line, separator)
-    titled = bool(_TITLE.fullmatch(names[0])) or (bool(names[0]) and bool(samples) and not samples[0])
+    titled = bool(_TITLE.fullmatch(names[0])) or (
+        bool(names[0]) and bool(samples) and not samples[0]
+    )
     if titled and len(names) == len(samples) + 1:
         names = names[1:]
     names = _spread(names, samples)
@@ -237,7 +245,12 @@ def read_headings(text: str, header: Header) -> Headings:
                 names, units = names[:-1], units[:-1]  # as Rigol: the increment behind the units
         elif _are_counts(cells, samples):
             skipped.append(f"a row of counts ({shown(separator.join(cells))})")
-        elif not titled and len(row) in (1, len(names)) and _are_words(cells) and 1 < len(names) == len(samples):
+        elif (
+            not titled
+            and len(row) in (1, len(names))
+            and _are_words(cells)
+            and 1 < len(names) == len(samples)
+        ):
             skipped.append(f"a row of words ({shown(separator.join(cells))})")
             words.append(separator.join(row))
         elif titled and _KEY.fullmatch(cells[0]):
@@ -254,7 +267,9 @@ def read_headings(text: str, header: Header) -> Headings:
         count = counted(len(others), "line")
         listed = "; ".join(" ".join(line.split()) for line in others)
         skipped.append(f"{count} beside the headings ({shown(listed)})")
-    return Headings(separator, tuple(names), tuple(units), line, first, tuple(skipped), rate, (*others, *words))
+    return Headings(
+        separator, tuple(names), tuple(units), line, first, tuple(skipped), rate, (*others, *words)
+    )
 
 
 def read_statements(above: Sequence[str]) -> tuple[float | None, tuple[str, ...]]:
@@ -282,7 +297,11 @@ def _pairs_of_json(line: str) -> list[str]:
     pairs = list[str]()
 
     def gather(table: dict[str, object]) -> None:
-        pairs.extend(f"{key}: {value}" for key, value in table.items() if isinstance(value, int | float | str))
+        pairs.extend(
+            f"{key}: {value}"
+            for key, value in table.items()
+            if isinstance(value, int | float | str)
+        )
 
     try:
         json.loads(match[1] if match else "null", object_hook=gather)
@@ -360,7 +379,11 @@ def seconds_of(cell: str) -> float | None:
     stamp = STAMP.fullmatch(cell)
     if stamp is None:
         return None
-    hour = int(stamp[1] or 0) if stamp[4] is None else int(stamp[1] or 0) % 12 + 12 * (stamp[4] in "Pp")
+    hour = (
+        int(stamp[1] or 0)
+        if stamp[4] is None
+        else int(stamp[1] or 0) % 12 + 12 * (stamp[4] in "Pp")
+    )
     return 3600 * hour + 60 * int(stamp[2]) + float(stamp[3].replace(",", "."))
 
 
@@ -420,9 +443,13 @@ def _are_units(cells: Sequence[str]) -> bool:
 
 
 def _are_words(cells: Sequence[str]) -> bool:
-    """Whether a row below the headings is no row of numbers: words, or amounts beside words or an empty first cell."""
+    """Whether a row is of words, or of amounts behind a word or an empty cell."""
     numbers = any(texts.numeric(cell) or STAMP.fullmatch(cell) for cell in cells)
-    return not numbers and not unit_behind(cells[0]) and any(re.search(r"[^\W\d]", cell) for cell in cells)
+    return (
+        not numbers
+        and not unit_behind(cells[0])
+        and any(re.search(r"[^\W\d]", cell) for cell in cells)
+    )
 
 
 def _are_counts(cells: Sequence[str], samples: Sequence[str]) -> bool:

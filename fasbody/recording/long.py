@@ -1,4 +1,4 @@
-"""Long tables: a row is one sample of one sensor, which a column names, as InfluxDB and R's melt write them."""
+"""Long tables: a row is one sample of one sensor, as InfluxDB and R's melt write them."""
 
 from collections.abc import Sequence
 from itertools import islice
@@ -58,7 +58,7 @@ def long_series(file: Path) -> list[Series]:
 def _series(
     file: Path, line: int, separator: str, names: Sequence[str], places: tuple[int, int, int]
 ) -> list[Series]:  # fmt: skip
-    """The columns of each sensor from a line on; its cells of other columns are what the file says of it."""
+    """The columns of each sensor from a line on; other columns are what the file says of it."""
     sensor, value, time = places
     times, values = dict[str, list[float]](), dict[str, list[float]]()
     about = dict[str, list[set[str]]]()
@@ -103,7 +103,8 @@ def _series(
             if index not in places and len(known) > 1 and not any(map(text.numeric, known))
         ]  # fmt: skip
         if split and clock.size > 1 and np.diff(clock).min() <= 0:
-            problem = f"{shown(which)!r} is several channels, which the column {shown(split[0])!r} distinguishes"
+            by = f"which the column {shown(split[0])!r} distinguishes"
+            problem = f"{shown(which)!r} is several channels, {by}"
             raise InputFileError(file, problem, "keep the rows of one of them")
         made.append(
             Series("time" if stamped else names[time], "s" if stamped else "", clock, group=which)

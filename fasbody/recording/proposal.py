@@ -14,7 +14,15 @@ import numpy as np
 from fasbody.console import write_whole
 from fasbody.exceptions import FasError, InputFileError
 from fasbody.presentation import counted
-from fasbody.recording.channels import KNOWN_UNITS, NAMES, RAW, TIME_UNITS, VOLTAGES, Layout, name_and_unit
+from fasbody.recording.channels import (
+    KNOWN_UNITS,
+    NAMES,
+    RAW,
+    TIME_UNITS,
+    VOLTAGES,
+    Layout,
+    name_and_unit,
+)
 from fasbody.recording.columns import Columns
 from fasbody.recording.csv import TextTable, read_table
 from fasbody.recording.file_names import common_value, patterns_of, plain_number, stated

@@ -59,19 +59,23 @@ _NUMBERED = re.compile(
     r"|\b(?:first|second|third|other|zweite[rn]?|erste[rn]?)\s(?:channel|column|sensor|signal|kanal|spalte)",
     re.IGNORECASE,
 )
-#: Some of the samples were left out, so that a rate is that of the others; and one of so many was kept.
+#: Some samples were left out, so that a rate may be that before it; and one of so many was kept.
 _THINNING = r"decimat|dezim(?!al)|(?:down|sub)[-_ ]?sampl"
 _THINNED = re.compile(rf"{_THINNING}|\bevery \d+(?:st|nd|rd|th)\b|jede[rns]? \d+\.", re.IGNORECASE)
 _ONE_OF = re.compile(
-    rf"(?:{_THINNING})\D*(?P<factor>\d+)(?![.,]?\d|\s*k?hz)|\bevery (?P<th>\d+)|\bjede[rns]? (?P<te>\d+)", re.IGNORECASE
+    rf"(?:{_THINNING})\D*(?P<factor>\d+)(?![.,]?\d|\s*k?hz)"
+    r"|\bevery (?P<th>\d+)|\bjede[rns]? (?P<te>\d+)",
+    re.IGNORECASE,
 )
 #: Words of a name of a file, sheet or folder whose numbers were changed.
 _TREATED = re.compile(
-    r"filt(?:er|ered|ert)?\d*$|gefiltert|(?:low|high|band|tief|hoch)pass|[lhb]p[f\d]|butterworth|smoothed|detrend|"
-    r"gain|verst(?:ä|ae)rk|attenuat|(?:re|down|sub)sampl|decimat|delayed|shifted|invert|flipped|integrat|"
-    r"differentiat|normali[sz]|uncalibrat"
+    r"filt(?:er|ered|ert)?\d*$|gefiltert|(?:low|high|band|tief|hoch)pass|[lhb]p[f\d]|butterworth|"
+    r"smoothed|detrend|gain|verst(?:ä|ae)rk|attenuat|(?:re|down|sub)sampl|decimat|delayed|shifted|"
+    r"invert|flipped|integrat|differentiat|normali[sz]|uncalibrat"
 )
-_TURNED = re.compile(r"invert|polarit|flipp|upside|revers|\bsigns?\b|vorzeichen|umgekehrt|verpolt", re.IGNORECASE)
+_TURNED = re.compile(
+    r"invert|polarit|flipp|upside|revers|\bsigns?\b|vorzeichen|umgekehrt|verpolt", re.IGNORECASE
+)
 #: Words that name a sensor, count, sum up or date what is in the file, and change none of its numbers.
 _HARMLESS = frozenset((
     "channel", "channels", "ch", "name", "names", "label", "title", "sensor", "sensors", "accelerometer",
@@ -86,11 +90,13 @@ _HARMLESS = frozenset((
 ))  # fmt: skip
 #: An amount that moves a time or turns a phase, and one that changes a size.
 _AMOUNT_OF_TIME = re.compile(
-    r"\d\s*(?:[mnuµμ]?s|m?sec|seconds?|samples?|frames?|deg|degrees?|grad|°|мс\w*|毫秒|ミリ秒|밀리초)(?![A-Za-z\d/])",
+    r"\d\s*(?:[mnuµμ]?s|m?sec|seconds?|samples?|frames?|deg|degrees?|grad|°|мс\w*|毫秒|ミリ秒|밀리초)"
+    r"(?![A-Za-z\d/])",
     re.IGNORECASE,
 )
 _AMOUNT_OF_SIZE = re.compile(
-    r"\d\s*(?:db|×|fold)(?![A-Za-z\d/])|(?<![\w.])\d+x(?!\w)|(?<![\w.])(?:(?-i:x)|[×*÷])\s?\d", re.IGNORECASE
+    r"\d\s*(?:db|×|fold)(?![A-Za-z\d/])|(?<![\w.])\d+x(?!\w)|(?<![\w.])(?:(?-i:x)|[×*÷])\s?\d",
+    re.IGNORECASE,
 )
 #: Of those the ones that count where base and malleolus differ.
 _OF_SENSORS = frozenset(("coupling",))
@@ -180,7 +186,9 @@ def of_lines(
             called = "|".join(map(re.escape, (about[0], *_CALLED.get(about[0], ()))))
             mine = rf"\b(?:{called})\b|{re.escape(names[about[0]])}"
             plain = re.sub(mine, "", match["name"], flags=re.IGNORECASE)
-            made[about[0]][" ".join(plain.split()).strip(" :")] = text.number(value) if text.numeric(value) else value
+            made[about[0]][" ".join(plain.split()).strip(" :")] = (
+                text.number(value) if text.numeric(value) else value
+            )
         elif _differ(line, separator) or is_amount(line) or _is_thinned(line) or (
             (about or by_others) and not _alike(line, separator) and _unclear(line, names.values())
         ):
@@ -200,8 +208,8 @@ def _without_alike(lines: Sequence[str], names: Mapping[str, str]) -> list[str]:
     plain = {line: _nameless(line, names) for line in lines}
     single = {line: about[0] for line in lines if len(about := _about(line, names)) == 1}
     alike = {(plain[line], channel) for line, channel in single.items()}
-    return [line for line in lines
-            if line not in single or any((plain[line], channel) not in alike for channel in NAMES[:2])]  # fmt: skip
+    paired = {line for line in single if all((plain[line], name) in alike for name in NAMES[:2])}
+    return [line for line in lines if line not in paired]
 
 
 def _nameless(line: str, names: Mapping[str, str]) -> str:
@@ -253,7 +261,7 @@ def counts_kept(name: str) -> bool:
 
 
 def thinned(lines: Iterable[str], rate_hz: float) -> str:
-    """The first line by which one sample of several was kept, unless it has the rate [Hz] of those; "" for none."""
+    """The first line by which one sample of several was kept, none of these at the rate [Hz]."""
     for line in lines:
         match = _ONE_OF.search(line)
         is_rate = re.search(rf"\b(?:to|auf)\s+{rate_hz:g}\s*hz", line, re.IGNORECASE)
@@ -268,7 +276,7 @@ def is_treated(name: str) -> bool:
 
 
 def is_answered(line: str, layout: Layout, names: Mapping[str, str]) -> bool:
-    """Whether study.toml states all that a line may be about, of a sensor that it names or, if it names none, of any.
+    """Whether study.toml states all that a line may be about, of a sensor that it names, or of any.
 
     Args:
         line: that is not understood.
@@ -283,7 +291,9 @@ def is_answered(line: str, layout: Layout, names: Mapping[str, str]) -> bool:
     keys += [{"sign"}] if _TURNED.search(line) else []
     if _THINNED.search(line):
         return layout.rate_hz is not None
-    stated = [set(layout.channels.get(name, Channel()).stated) for name in _about(line, names) or names]
+    stated = [
+        set(layout.channels.get(name, Channel()).stated) for name in _about(line, names) or names
+    ]
     return bool(keys) and all(any(key & some for some in stated) for key in keys)
 
 

@@ -15,5 +15,7 @@ def decode(file: Path) -> list[Series]:
         check_size(float(source.frames) * source.channels, source.channels)
         values = source.read(dtype="float64", always_2d=True)
         rate, words = float(source.samplerate), source.copy_metadata()  # such as RIFF's comment
-    columns = [Series(f"channel_{i + 1}", "", values[:, i].copy(), rate) for i in range(values.shape[1])]
+    columns = [
+        Series(f"channel_{i + 1}", "", values[:, i].copy(), rate) for i in range(values.shape[1])
+    ]
     return columns + remarks(words)

@@ -66,7 +66,11 @@ def remarks(pairs: Mapping[str, Any]) -> list[Series]:
     Args:
         pairs: names and values; a number is of interest if it is how many samples one was kept of.
     """
-    texts = ((name, text) for name, text in texts_of(pairs).items() if re.search(r"[^\W\d]", text) or counts_kept(name))
+    texts = (
+        (name, text)
+        for name, text in texts_of(pairs).items()
+        if re.search(r"[^\W\d]", text) or counts_kept(name)
+    )
     return [passed_over(name, REMARK, f"{name}: {text}") for name, text in texts]
 
 
@@ -212,7 +216,9 @@ def with_rate(series: list[Series], notes: Mapping[str, Any] | None = None) -> l
         rate = s.rate_hz or stated_rate(stated)
         rated.append(replace(s, name=name, group=s.group or folder, rate_hz=rate, start_s=start, stated=mine))
     beside = {s.name.rpartition("/")[2]: float(s.values[0]) for s in scalars}
-    return rated + remarks({**(notes or {}), **{name: v for name, v in beside.items() if counts_kept(name)}})
+    return rated + remarks(
+        {**(notes or {}), **{name: v for name, v in beside.items() if counts_kept(name)}}
+    )
 
 
 def named_by(name: str, pairs: Iterable[tuple[str, Any]]) -> Statements:

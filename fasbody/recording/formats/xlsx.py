@@ -1,6 +1,6 @@
 """Excel's .xlsx by openpyxl: the columns below each sheet's header, units in brackets or in a row.
 
-Rows above the header, words beside the numbers and notes of cells are read as the comments of a text.
+Rows above the header, words beside the numbers and notes of cells are read as comments of a text.
 """
 
 import re
@@ -50,7 +50,11 @@ def _notes(book: Any, sheet: Any) -> list[tuple[int, str]]:
 
     archive, path = book._archive, get_rels_path(sheet._worksheet_path)
     parts = get_dependents(archive, path).find(_NOTES) if path in archive.namelist() else ()
-    notes = [note for part in parts for note in CommentSheet.from_tree(fromstring(archive.read(part.target))).comments]
+    notes = [
+        note
+        for part in parts
+        for note in CommentSheet.from_tree(fromstring(archive.read(part.target))).comments
+    ]
     places = [column_index_from_string(coordinate_from_string(place)[0]) - 1 for place, _ in notes]
     # one of a thread has its text behind a hint for older programs
     texts = [note.text.rpartition("Comment:\n")[2] for _, note in notes]
@@ -61,11 +65,16 @@ def _columns(sheet: str, rows: list[tuple[Any, ...]], notes: list[tuple[int, str
     """Below the last row of texts before the first row of numbers; a row of units may stand between."""
     filled = [i for i, row in enumerate(islice(rows, _HEADER_ROWS)) if sum(map(_numeric, row)) >= 2]
     # one that begins with a word is a statement, unless all do
-    first = next((i for i in filled if not isinstance(next(filter(None, rows[i]), 0), str)), next(iter(filled), None))
+    first = next(
+        (i for i in filled if not isinstance(next(filter(None, rows[i]), 0), str)),
+        next(iter(filled), None),
+    )
     if first is None:
         worded = next((i for i, row in enumerate(rows[:_HEADER_ROWS]) if sum(map(_number_in_words, row)) >= 2), None)
         if worded is None:
-            text = " ".join(str(cell) for row in rows[:_HEADER_ROWS] for cell in row if cell is not None)
+            text = " ".join(
+                str(cell) for row in rows[:_HEADER_ROWS] for cell in row if cell is not None
+            )
             return [passed_over(f"the sheet {sheet}", "no table of numbers", text)] if text else []
         raise FormatError(
             f"the sheet {sheet!r} keeps its numbers as text (row {worded + 1}); make them numbers in Excel"
@@ -79,7 +88,9 @@ def _columns(sheet: str, rows: list[tuple[Any, ...]], notes: list[tuple[int, str
     bare = [str(cell or "").strip(" []()") for cell in header]
     if len(heads) > 1 and any(cell.lower() in KNOWN_UNITS for cell in bare):
         units, header = (bare + units)[: len(units)], above.pop(heads[-2])
-    rate, lines = read_statements(["\t".join(str(cell) for cell in row if cell is not None) for row in above])
+    rate, lines = read_statements(
+        ["\t".join(str(cell) for cell in row if cell is not None) for row in above]
+    )
     body = rows[first:]
     while body and not any(cell is not None for cell in body[-1]):
         body.pop()
@@ -102,7 +113,10 @@ def _columns(sheet: str, rows: list[tuple[Any, ...]], notes: list[tuple[int, str
         values = np.array([np.nan if cell is None else float(cell) for cell in cells])
         series.append(Series(str(name), unit, values, rate))
     named = (f"{header[i] or ''}: {text}" if i < len(header) else text for i, text in notes)
-    texts = ("\t".join(" ".join(cell.split()) for cell in line.split("\t")) for line in (*lines, *words, *named))
+    texts = (
+        "\t".join(" ".join(cell.split()) for cell in line.split("\t"))
+        for line in (*lines, *words, *named)
+    )
     return [*series, passed_over(sheet, REMARK, "\n".join(texts))]
 
 
