@@ -211,6 +211,16 @@ def test_comments_of_sound_files(tmp_path: Path, comment: str, quoted: bool) -> 
     assert any(f"'comment: {comment}', which is not applied" in text for text in warnings) is quoted
 
 
+def test_a_sensitivity_that_is_alike_for_both_sensors_answers_no_gain(tmp_path: Path) -> None:
+    soundfile = pytest.importorskip("soundfile")
+    with soundfile.SoundFile(tmp_path / "r.wav", "w", 1000, 2, "FLOAT") as out:
+        out.comment = "ankle: preamp +6 dB"
+        out.write(np.column_stack([BASE, MALLEOLUS]) / 98)
+    assert "+6 dB" in Recording.read(tmp_path / "r.wav", layout=layout(SOUND)).warnings[0]
+    twice = "200 mV/g".join(SOUND.rsplit("100 mV/g", 1))
+    assert Recording.read(tmp_path / "r.wav", layout=layout(twice)).warnings == ()
+
+
 @pytest.mark.parametrize(
     "name",
     [

@@ -13,6 +13,7 @@ Programs write, in this order and with all but the names left out at will::
 `read_statements` the preamble.
 """
 
+import contextlib
 import json
 import re
 from collections import Counter
@@ -71,6 +72,10 @@ _STATED_NAMES = dict.fromkeys(
     ("interval", "sample_interval", "sample_period", "sampling_period", "sample_time",
      "time_step", "delta_x"), "dt"
 )  # fmt: skip
+
+
+#: Lists of JSON that only name the columns.
+_NAMING = frozenset(("column", "label", "sensor", "channel", "name"))
 
 
 class Header(NamedTuple):
@@ -278,12 +283,11 @@ def read_statements(above: Sequence[str]) -> tuple[float | None, tuple[str, ...]
     Where two lines disagree, neither counts.
     """
     rates, others = list[tuple[str, float | None]](), list[str]()
-    for line in above:
-        pairs = _pairs_of_json(line)
-        rate = next(filter(None, map(_stated_rate, pairs)), None) or _stated_rate(line)
+    for line in (part for whole in above for part in _of_json(whole) or [whole]):
+        rate = _stated_rate(line)
         if rate is not None:
             rates.append(rate)
-        if (rate is None or pairs) and line.strip(' \t,;#%/-"'):
+        elif line.strip(' \t,;#%/-"'):
             others.append(line.rstrip())
     try:
         return stated_rate(rates), tuple(others)
@@ -291,23 +295,21 @@ def read_statements(above: Sequence[str]) -> tuple[float | None, tuple[str, ...]
         return None, tuple(line.rstrip() for line in above if line.strip())
 
 
-def _pairs_of_json(line: str) -> list[str]:
-    """Names and numbers of a comment that is JSON, however deep."""
+def _of_json(line: str) -> list[str]:
+    """A line for each name of a comment that is JSON, unless it has tables in a list, or none."""
     match = re.fullmatch(r"[\s#%/]*(\{.*\})\s*", line)
-    pairs = list[str]()
+    made = list[str]()
 
     def gather(table: dict[str, object]) -> None:
-        pairs.extend(
-            f"{key}: {value}"
-            for key, value in table.items()
-            if isinstance(value, int | float | str)
-        )
+        for key, value in table.items():
+            cells = [str(cell) for cell in (value if isinstance(value, list) else [value])]
+            if len(cells) == 1 or key.lower().rstrip("s") not in _NAMING:
+                made.append(f"{key}: {cells[0]}" if len(cells) == 1 else " ".join([key, *cells]))
 
-    try:
-        json.loads(match[1] if match else "null", object_hook=gather)
-    except (ValueError, RecursionError):
-        return []
-    return pairs
+    if match and not re.search(r"\[\s*\{", line):
+        with contextlib.suppress(ValueError, RecursionError):
+            json.loads(match[1], object_hook=gather)
+    return made
 
 
 def _stated_rate(line: str) -> tuple[str, float] | None:

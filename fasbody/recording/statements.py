@@ -114,6 +114,8 @@ _REMARKS = frozenset((
     "comment", "comments", "description", "note", "notes", "remark", "remarks", "bemerkung", "kommentar",
 ))  # fmt: skip
 _DAY = re.compile(r"\d+([./-])\d+\1\d+")
+#: Sensitivities of two sensors of one kind differ by less than this share, and gains by more.
+_ALIKE = 0.1
 #: So many lines are quoted.
 _QUOTED = 6
 #: A longer line is no name and number, and would take the pattern long.
@@ -283,18 +285,26 @@ def is_answered(line: str, layout: Layout, names: Mapping[str, str]) -> bool:
         layout: of study.toml.
         names: headings by channel.
     """
-    is_late = kind(line) == "delay_s" or _AMOUNT_OF_TIME.search(line)
-    words = _words(re.sub(r"\d", " ", line))
-    is_scaled = kind(line) == "sensitivity" or _AMOUNT_OF_SIZE.search(line) or words & _SCALES
-    keys = [{"delay_s", "clock"}] if is_late else []
-    keys += [{"sensitivity"}] if is_scaled else []
-    keys += [{"sign"}] if _TURNED.search(line) else []
-    if _THINNED.search(line):
+    if counts_kept(line):
         return layout.rate_hz is not None
-    stated = [
-        set(layout.channels.get(name, Channel()).stated) for name in _about(line, names) or names
-    ]
-    return bool(keys) and all(any(key & some for some in stated) for key in keys)
+    words = _words(re.sub(r"\d", " ", line))
+    about = (
+        ({"delay_s", "clock"}, kind(line) == "delay_s" or _AMOUNT_OF_TIME.search(line)),
+        ({"sensitivity"}, bool(words & _SCALES) or _AMOUNT_OF_SIZE.search(line)),
+        ({"sign"}, _TURNED.search(line)),
+    )
+    keys = [answers for answers, is_one in about if is_one]
+    channels = [layout.channels.get(name, Channel()) for name in _about(line, names) or names]
+    stated = [{*channel.stated} - _not_of_gain(layout) for channel in channels]
+    return bool(keys) and all(any(answers & some for some in stated) for answers in keys)
+
+
+def _not_of_gain(layout: Layout) -> set[str]:
+    """The key sensitivity, if it is of the sensors alone: alike for base and malleolus, and not 1."""
+    base, malleolus = (layout.channels.get(name, Channel()) for name in NAMES[:2])
+    ratio = abs(base.sensitivity / malleolus.sensitivity)
+    is_alike = base.volts == malleolus.volts and abs(ratio - 1) < _ALIKE
+    return {"sensitivity"} if is_alike and malleolus.sensitivity != 1 else set()
 
 
 def _differ(line: str, separator: str) -> bool:
