@@ -251,7 +251,7 @@ def _backwards(file: Path, time_s: np.ndarray) -> InputFileError:
 
 def _opened(file: Path, layout: Layout, strict: bool = True) -> _Source:
     if ending(file) in TEXTS:
-        series = long_series(file) if file.is_file() and not layout.columns else []
+        series = [] if layout.columns else long_series(file)
         return (
             _SeriesTable.of(file, series, layout)
             if series

@@ -13,10 +13,10 @@ from fasbody.recording.formats.series import REMARK, Series, passed_over
 from fasbody.recording.headings import past_midnight, seconds_of
 from fasbody.recording.statements import statements_of
 
-#: Headings of the column that names the sensor, and of the one with the numbers.
-_SENSORS = ("_field", "field", "variable", "sensor", "channel", "signal", "series", "metric")
-_VALUES = ("_value", "value")
-_TIMES = ("time", "_time", "timestamp")
+#: Headings of the column that names the sensor, of its numbers and of their times.
+_SENSORS = {"_field", "field", "variable", "sensor", "channel", "signal", "series", "metric"}
+_VALUES = {"_value", "value"}
+_TIMES = {"time", "_time", "timestamp"}
 #: Lines in which the headings are looked for, and comments that are read.
 _LINES = 200
 
@@ -27,91 +27,71 @@ def long_series(file: Path) -> list[Series]:
     Args:
         file: a text.
     """
+    if not text.begins_with(file, "value"):
+        return []
     head = next((piece for _, piece in text.Passage(file).pieces()), "")
-    for number, line in enumerate(islice(text.lines(head), _LINES), 1):
+    lines = list(islice(text.lines(head), _LINES))
+    for number, line in enumerate(lines, 1):
         separator = text.separator_of(line)
         names = text.split(line, separator)
-        lower = [name.lower() for name in names]
-        sensor, value = (
-            next((lower.index(x) for x in known if x in lower), None)
-            for known in (_SENSORS, _VALUES)
-        )
-        time = next(
-            (
-                i
-                for i, name in enumerate(lower)
-                if name_and_unit(name)[0] in _TIMES or name in _TIMES
-            ),
-            None,
-        )
-        if sensor is not None and value is not None and time is not None:
-            first = next((cells for _, cells in text.rows_below(head, number, separator)), [])
-            if len(first) > max(sensor, value, time) and not text.numeric(first[sensor]):
-                comments = [
-                    line for line in islice(text.lines(head), _LINES) if text.COMMENT.match(line)
-                ]
-                remarks = [passed_over("comment", REMARK, comment) for comment in comments]
-                return _series(file, number, separator, names, (sensor, value, time)) + remarks
+        stems = [{name.lower(), name_and_unit(name)[0]} for name in names]
+        known = (_SENSORS, _VALUES, _TIMES)
+        places = [i for one in known for i in [i for i, stem in enumerate(stems) if stem & one][:1]]
+        first = next((cells for _, cells in text.rows_below(head, number, separator)), [])
+        if len(places) < len(known) or len(first) != len(names) or text.numeric(first[places[0]]):
+            continue
+        rows = _by_sensor(file, number, separator, names, places)
+        notes = "\n".join(line for line in lines if text.COMMENT.match(line))
+        series = [s for name in rows for s in _columns(file, name, names, places, rows[name])]
+        return [*series, passed_over("comments", REMARK, notes)]
     return []
 
 
-def _series(
-    file: Path, line: int, separator: str, names: Sequence[str], places: tuple[int, int, int]
-) -> list[Series]:  # fmt: skip
-    """The columns of each sensor from a line on; other columns are what the file says of it."""
+def _by_sensor(
+    file: Path, line: int, separator: str, names: Sequence[str], places: Sequence[int]
+) -> dict[str, list[list[str]]]:
+    """The rows of each sensor from a line on."""
+    rows = dict[str, list[list[str]]]()
     sensor, value, time = places
-    times, values = dict[str, list[float]](), dict[str, list[float]]()
-    about = dict[str, list[set[str]]]()
-    stamped = False
     for after, piece in text.Passage(file, line).pieces():
         for number, cells in text.rows(file, piece, separator, after):
-            if cells == list(names):  # once more, above another part
+            if cells == names:  # once more, above another part
                 continue
             cells = [*cells, *[""] * len(names)][: len(names)]
-            seconds = seconds_of(cells[time])
-            stamped = stamped or seconds is not None
-            for cell in (cells[value], *([cells[time]] if seconds is None else [])):
-                if not text.numeric(cell):
-                    raise InputFileError(
-                        file, f"its value or time is {shown(cell)!r}, not a number", line=number
-                    )
-            which = cells[sensor]
-            times.setdefault(which, []).append(
-                text.number(cells[time]) if seconds is None else seconds
-            )
-            values.setdefault(which, []).append(text.number(cells[value]))
-            for known, cell in zip(
-                about.setdefault(which, [set() for _ in names]), cells, strict=True
-            ):
-                if len(known) < 2:
-                    known.add(cell)
-    made = list[Series]()
-    for which, numbers in values.items():
-        pairs = (
-            (name, next(iter(known)))
-            for name, known in zip(names, about[which], strict=True)
-            if len(known) == 1
-        )
-        says = {name: cell for name, cell in pairs if name and cell and name != names[sensor]}
-        unit = next(
-            (says.pop(name) for name in list(says) if name.lower() in ("unit", "units")), ""
-        )
-        clock = np.array(times[which])
-        clock = past_midnight(clock) if stamped else clock
-        split = [
-            name for index, (name, known) in enumerate(zip(names, about[which], strict=True))
-            if index not in places and len(known) > 1 and not any(map(text.numeric, known))
-        ]  # fmt: skip
-        if split and clock.size > 1 and np.diff(clock).min() <= 0:
-            by = f"which the column {shown(split[0])!r} distinguishes"
-            problem = f"{shown(which)!r} is several channels, {by}"
+            is_time = text.numeric(cells[time]) or seconds_of(cells[time]) is not None
+            if not is_time or not text.numeric(cells[value]):
+                odd = shown(cells[value] if is_time else cells[time])
+                problem = f"its value or time is {odd!r}, not a number"
+                raise InputFileError(file, problem, line=number)
+            rows.setdefault(cells[sensor], []).append(cells)
+    return rows
+
+
+def _columns(
+    file: Path, sensor: str, names: Sequence[str], places: Sequence[int], rows: list[list[str]]
+) -> list[Series]:
+    """Time and numbers of a sensor; what other columns have for it alone, the file says of it."""
+    cells = list(zip(*rows, strict=True))
+    _, value, time = places
+    stamps = [seconds_of(cell) for cell in cells[time]]
+    stamped = None not in stamps
+    clock = np.array(stamps if stamped else [_number(cell) for cell in cells[time]], float)
+    clock = past_midnight(clock) if stamped else clock
+    rest = [(names[i], set(cells[i])) for i in range(len(names)) if i not in places]
+    for name, distinct in rest:
+        is_name = 1 < len(distinct) < len(rows) / 2 and not any(map(text.numeric, distinct))
+        if is_name and np.diff(clock).min() <= 0:
+            by = f"which the column {shown(name)!r} distinguishes"
+            problem = f"{shown(sensor)!r} is several channels, {by}"
             raise InputFileError(file, problem, "keep the rows of one of them")
-        made.append(
-            Series("time" if stamped else names[time], "s" if stamped else "", clock, group=which)
-        )
-        made.append(
-            Series(
-                which, unit, np.array(numbers), stated=statements_of(says), about=says, group=which
-            )
-        )
-    return made
+    says = {name: next(iter(distinct)) for name, distinct in rest if name and len(distinct) == 1}
+    unit = next((says.pop(name) for name in [*says] if name.lower() in ("unit", "units")), "")
+    numbers = np.array([text.number(cell) for cell in cells[value]])
+    return [
+        Series(names[time], "s" if stamped else "", clock, group=sensor),
+        Series(sensor, unit, numbers, stated=statements_of(says), about=says, group=sensor),
+    ]
+
+
+def _number(cell: str) -> float:
+    return text.number(cell) if text.numeric(cell) else np.nan
