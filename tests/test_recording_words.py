@@ -10,6 +10,7 @@ from scipy.io import netcdf_file, savemat
 
 from fasbody.exceptions import InputFileError
 from fasbody.recording.channels import Layout
+from fasbody.recording.checks import understood
 from fasbody.recording.recording import Recording
 from fasbody.recording.statements import is_treated
 from fasbody.recording.trials import parsed
@@ -99,6 +100,13 @@ def test_statements_of_a_workbook_are_refused_until_they_are_answered(tmp_path: 
     )
     rated = excel(tmp_path / "b.xlsx", above=(("Gain", "base: 1", "malleolus: 2"),))
     assert "Gain base: 1 malleolus: 2" in Recording.read(rated).warnings[0]
+
+
+def test_a_note_is_shown_of_a_recording_that_cannot_serve(tmp_path: Path) -> None:
+    file = text(tmp_path / "r.csv", "# ankle sensor upside down\n", factor=-1.0)
+    turned = Recording.read(file, layout=layout("[channels.base]\nsign = -1"))
+    row = understood(turned)
+    assert "leads the base" in row["problem"] and "upside down" in row["warnings"][0]
 
 
 def decimated(file: Path, name: str, factor: float) -> Path:

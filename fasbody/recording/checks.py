@@ -572,7 +572,7 @@ def apart(recordings: Sequence[Recording]) -> None:
 
 def judged(recording: Recording) -> dict[str, Any]:
     """Length, rate and excitation; the problem, if any, and the warnings."""
-    row: dict[str, Any] = {"file": recording.file, "problem": "", "warnings": []}
+    row: dict[str, Any] = {"file": recording.file, "problem": "", "warnings": [*recording.warnings]}
     try:
         good = checked(recording)
         row["warnings"] = list(good.warnings)

@@ -88,7 +88,7 @@ def _columns(
     unit = next((says.pop(name) for name in [*says] if name.lower() in ("unit", "units")), "")
     numbers = np.array([text.number(cell) for cell in cells[value]])
     return [
-        Series(names[time], "s" if stamped else "", clock, group=sensor),
+        Series("time" if stamped else names[time], "s" if stamped else "", clock, group=sensor),
         Series(sensor, unit, numbers, stated=statements_of(says), about=says, group=sensor),
     ]
 
