@@ -83,8 +83,11 @@ def test_abscissa_min_of_uff_is_honoured(tmp_path: Path) -> None:
 
 def test_rates_that_disagree_are_both_named(tmp_path: Path) -> None:
     twice = Layout(rate_hz=500.0)
-    with pytest.raises(InputFileError, match=r"rate of 1000 Hz, and study\.toml sampling_rate_hz = 500"):
-        Recording.read(tdms(tmp_path / "r.tdms", sine()), layout=twice)
+    overruled = Recording.read(tdms(tmp_path / "r.tdms", sine()), layout=twice)
+    assert overruled.rate_hz == pytest.approx(500)
+    assert overruled.warnings == (
+        "r.tdms: its rate is 500 Hz as study.toml says, though the file says 1000 Hz.",
+    )
     nearly = Recording.read(tdms(tmp_path / "r.tdms", sine()), layout=Layout(rate_hz=1000.4))
     assert nearly.rate_hz == pytest.approx(1000)  # the file's own clock, not the nominal rate
     np.savetxt(tmp_path / "r.csv", np.column_stack([T, sine(), sine()]), delimiter=",", comments="",

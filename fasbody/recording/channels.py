@@ -36,6 +36,8 @@ _LENGTHS = {"mm": 1e-3, "cm": 1e-2, "dm": 0.1, "um": 1e-6, "µm": 1e-6, "μm": 1
 ACCELERATIONS |= {f"{name}/{squared}": m for name, m in _LENGTHS.items() for squared in ("s^2", "s2", "s²")}
 _VELOCITY = re.compile(r"[a-zµμ]+ ?/ ?(?:s|sec|min|h)", re.IGNORECASE)
 VOLTAGES = {"v": 1.0, "mv": 1e-3, "uv": 1e-6, "µv": 1e-6, "μv": 1e-6, "volt": 1.0, "volts": 1.0}
+#: Numbers of a converter, or shares of its range, which a sensitivity makes accelerations.
+RAW = re.compile(r"counts?|cts|raw|lsb|adc|adu|digits?|1|(?:%|percent).*|fs", re.IGNORECASE)
 KNOWN_UNITS = frozenset(ACCELERATIONS | VOLTAGES | TIME_UNITS)
 _SENSITIVITY = re.compile(
     r"\s*([-+.\deE]+)\s*(m?V)\s*/\s*(?P<open>\()?\s*(g|m\s*/\s*s(?:(?:\^|\*\*)?2|²))\s*(?(open)\))\s*", re.IGNORECASE
@@ -220,13 +222,8 @@ class Layout(Tabled):
 
         Args:
             channels: with ``time_s``, with ``time`` of unknown unit, or without.
-            rate_hz: sampling rate that the file states.
+            rate_hz: sampling rate that the file states, unless study.toml overrules it.
         """
-        if rate_hz and self.rate_hz and abs(rate_hz / self.rate_hz - 1) > _SAME_RATE:
-            raise InputFileError(
-                file, f"states a sampling rate of {rate_hz:.6g} Hz, and study.toml sampling_rate_hz = "
-                f"{self.rate_hz:.6g}", "correct or delete that of study.toml",
-            )  # fmt: skip
         rate = rate_hz or self.rate_hz
         channels = dict(channels)
         time = channels.pop("time", channels.get("time_s"))
@@ -343,6 +340,6 @@ def _channel(file: Path, name: str, stated: object) -> Channel:
         about |= {"sensitivity": volts_per_m_s2(file, name, table.sensitivity), "volts": True}
     if isinstance(table.column, int):
         about["column"] = f"#{table.column}"
-    if table.unit:
+    if table.unit and (name == "time" or not RAW.fullmatch(table.unit)):
         factor(file, name, table.unit, TIME_UNITS if name == "time" else ACCELERATIONS | VOLTAGES)
     return Channel(**about, stated=tuple(sorted(table.model_fields_set)))

@@ -112,8 +112,13 @@ def _judged(recording: Recording) -> tuple[float | None, Recording, list[str]]:
     _no_copy(centred)
     base_hz = find_frequency(recording.time_s, recording.base_m_s2)
     share = narrow_share(recording.time_s, recording.base_m_s2, base_hz)
-    _moving(recording, base_hz if share > 0.5 else None)
-    is_sine = _is_sine(recording, base_hz, share)
+    try:
+        _moving(recording, base_hz if share > 0.5 else None)
+        is_sine = _is_sine(recording, base_hz, share)
+    except RecordingError:  # codes for missing samples can be why
+        for name, values in centred.items():
+            _no_code(recording.time_s, name, samples.odd(values, None), offsets[name])
+        raise
     frequency = base_hz if is_sine else None
     if is_sine:
         remarks += _excitation(recording, base_hz)
@@ -351,12 +356,7 @@ def _odd(recording: Recording, name: str, frequency: float | None, offset: float
     """Refuse marks that stand for missing samples; what spikes and jumps do."""
     t, values = recording.time_s, recording.accelerations[name]
     odd = samples.odd(values, None if frequency is None else (t[-1] - t[0]) * frequency)
-    if odd.mark is not None:
-        raise RecordingError(
-            f"{name}_m_s2 is {odd.mark + offset:.6g} m/s^2 at {odd.spikes.size} places, first at "
-            f"{t[odd.spikes[0]]:.4g} s, and near it nowhere else, like a code for missing samples; "
-            "remove or fill them first."
-        )
+    _no_code(t, name, odd, offset)
     if odd.spikes.size:
         costs = ""
         if frequency is not None:
@@ -375,6 +375,16 @@ def _odd(recording: Recording, name: str, frequency: float | None, offset: float
         yield (
             f"{name}_m_s2 jumps by {odd.size:.3g} m/s^2 at {t[odd.jumps[0]]:.4g} s{more}; "
             "if samples are missing there, all later ones come too early."
+        )
+
+
+def _no_code(time_s: np.ndarray, name: str, odd: samples.Odd, offset: float) -> None:
+    """Refuse a number that stands for missing samples."""
+    if odd.mark is not None:
+        raise RecordingError(
+            f"{name}_m_s2 is {odd.mark + offset:.6g} m/s^2 at {odd.spikes.size} places, first at "
+            f"{time_s[odd.spikes[0]]:.4g} s, and near it nowhere else, like a code for missing "
+            "samples; remove or fill them first."
         )
 
 
@@ -562,7 +572,7 @@ def apart(recordings: Sequence[Recording]) -> None:
 
 def judged(recording: Recording) -> dict[str, Any]:
     """Length, rate and excitation; the problem, if any, and the warnings."""
-    row: dict[str, Any] = {"file": recording.file, "problem": "", "warnings": []}
+    row: dict[str, Any] = {"file": recording.file, "problem": "", "warnings": [*recording.warnings]}
     try:
         good = checked(recording)
         row["warnings"] = list(good.warnings)

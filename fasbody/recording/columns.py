@@ -11,6 +11,7 @@ from fasbody.presentation import Tabled
 from fasbody.recording import channels
 from fasbody.recording.channels import Channel, Layout
 from fasbody.recording.formats.series import Series
+from fasbody.recording.headings import unit_of_epoch
 from fasbody.sentences import Sentence, called, for_page
 
 #: So many letters as a first word are no unit: min_base is a minimum, second_foot a foot.
@@ -29,11 +30,13 @@ class Columns:
         series: what the file says of each; those of a text have no values yet.
         passed: what else the file holds and why it is no column.
         line: of the headings, None if it is no text.
+        first: cells of the first row of numbers of a text.
     """
 
     series: Sequence[Series]
     passed: Sequence[str] = ()
     line: int | None = None
+    first: Sequence[str] = ()
 
     @cached_property
     def names(self) -> list[str]:
@@ -83,6 +86,17 @@ class Columns:
         return times
 
 
+    @property
+    def epoch(self) -> tuple[int, str] | None:
+        """The first column of times that counts from 1970, without a unit, and its unit by size."""
+        for index in self.times:
+            values = self.series[index].values
+            cell = self.first[index] if self.first else f"{values[0]:.0f}" if values.size else ""
+            if not self.units[index] and (unit := unit_of_epoch(cell)):
+                return index, unit
+        return None
+
+
 @dataclass(frozen=True)
 class Use(Tabled):
     """What a column is used for.
@@ -124,7 +138,7 @@ def assign(file: Path, columns: Columns, layout: Layout) -> tuple[dict[str, Use]
             key = f"{channel}_m_s2" if channel != "time" else "time_s" if unit else "time"
             chosen[key] = (index, unit)
     bare = chosen.pop("time", None)  # a time without a unit, which a known rate gives
-    named = _by_unit(columns)
+    named = _by_unit(columns) or (None if columns.clocked or layout.rate_hz else columns.epoch)
     if bare and named is None and not columns.clocked and layout.rate_hz is None:
         hint = Sentence("name the column time_s, time_ms or time_us, or give ", called("channels.time.unit", "s"))
         raise InputFileError(file, f"{columns.names[bare[0]]!r} has no unit", hint, line=columns.line)
@@ -221,7 +235,12 @@ def _by_unit(columns: Columns) -> tuple[int, str] | None:
     for index, name in enumerate(columns.names):
         stem, behind = channels.name_and_unit(name)
         bracketed = behind if name.strip()[-1:] in ")]" else _time_within(name)
-        units = [columns.units[index] or bracketed, behind if index in columns.times else "", stem]
+        last = name.lower().rpartition("_")[2]  # time_base_s
+        units = [
+            columns.units[index] or bracketed,
+            *((behind, last) if index in columns.times else ()),
+            stem,
+        ]
         known = (u for u in units if u.lower() in channels.TIME_UNITS and (u != stem or len(u) > _SHORT))
         if unit := next(known, ""):
             return index, unit
@@ -355,7 +374,18 @@ def _factor(file: Path, columns: Columns, layout: Layout, key: str, unit: str) -
         si_unit = called(f"channels.{channel}.unit", "m/s^2")
         hint = Sentence(f"name the column {channel}_m_s2 or {channel}_g, or give ", si_unit)
         raise InputFileError(file, f"{channel} has no unit", hint, line=columns.line)
-    if unit.lower() in channels.VOLTAGES:
+    if channels.RAW.fullmatch(unit):
+        if "sensitivity" not in stated.stated or stated.volts:
+            key = Sentence(
+                f"in study.toml ([channels.{channel}] sensitivity = 208.8)",
+                on_page="as its sensitivity",
+            )
+            hint = Sentence("give how many of them make 1 m/s^2, a number, ", key)
+            raise InputFileError(
+                file, f"{channel} is in {shown(unit)}, no unit of acceleration", hint, columns.line
+            )
+        scale = 1.0
+    elif unit.lower() in channels.VOLTAGES:
         if stated.sensitivity == 1.0 and not stated.volts:
             hint = Sentence("give ", called(f"channels.{channel}.sensitivity", "100 mV/g"))
             symbol = {"v": "V", "mv": "mV"}.get(unit.lower(), unit)  # of a heading in lower case

@@ -16,7 +16,7 @@ import numpy as np
 
 from fasbody.exceptions import InputFileError, shown
 from fasbody.recording import headings, text
-from fasbody.recording.channels import Channels, Layout
+from fasbody.recording.channels import TIME_UNITS, Channels, Layout
 from fasbody.recording.columns import Columns, Use, has_channels
 from fasbody.recording.formats.series import Series
 from fasbody.recording.headings import Headings
@@ -51,6 +51,7 @@ class TextTable:
     headings: Headings
     passed: tuple[str, ...] = ()
     takes: int = 1
+    tabular = True
     footer: list[str] = field(default_factory=list)
     comments: dict[str, None] = field(default_factory=dict)
 
@@ -89,11 +90,15 @@ class TextTable:
     @cached_property
     def columns(self) -> Columns:
         """Its columns; a time of the day is in seconds."""
-        series = [
-            Series(name, "s" if index in self.stamped else unit, np.empty(0), self.headings.rate_hz)
-            for index, (name, unit) in enumerate(zip(self.names, self.headings.units, strict=True))
+        cells = [*self.first_row, *[""] * len(self.names)]
+        units = ["s" if index in self.stamped else unit or headings.unit_behind(cells[index])
+                 for index, unit in enumerate(self.headings.units)]  # fmt: skip
+        line, rate = self.passage.first + (self.headings.line or 1), self.headings.rate_hz
+        made = [
+            Series(name, unit, np.empty(0), rate)
+            for name, unit in zip(self.names, units, strict=True)
         ]
-        return Columns(series, line=self.passage.first + (self.headings.line or 1))
+        return Columns(made, line=line, first=cells)
 
     @property
     def skipped(self) -> tuple[str, ...]:
@@ -102,11 +107,14 @@ class TextTable:
         footer = (f"a footer ({shown(line)})" for line in self.footer)
         return (*self.headings.skipped, *comments, *footer, *self.passed)
 
+    def words(self, _uses: Mapping[str, Use]) -> list[str]:
+        """The lines of words beside the numbers."""
+        return [*self.headings.beside, *self.comments, *self.footer]
+
     def stated(self, uses: Mapping[str, Use]) -> tuple[dict[str, Statements], list[str]]:
         """Statements of the channels in use by lines of words; and remarks on lines that are not understood."""
         names = {key.removesuffix("_m_s2"): self.names[use.index] for key, use in uses.items()}
-        lines = (*self.headings.beside, *self.comments, *self.footer)
-        return of_lines(lines, self.headings.separator, names)
+        return of_lines(self.words(uses), self.headings.separator, names)
 
     @cached_property
     def first_row(self) -> list[str]:
@@ -134,8 +142,17 @@ class TextTable:
         columns = {name: np.concatenate(parts.pop(name) or [np.empty(0)]) for name in indices}  # the pieces go
         for name, index in rest.items():
             _no_thousands(self, name, index, columns[name])
-        for name in times:  # it passes midnight where the time of the day falls
-            columns[name][1:] += 86_400 * np.cumsum(np.diff(columns[name]) < -43_200)
+        for name, index in times.items():
+            beside = (
+                TIME_UNITS.get(self.names[index + 1].lower())
+                if index + 1 < len(self.names)
+                else None
+            )
+            if (
+                beside and not (columns[name] % 1).any()
+            ):  # whole seconds, and the rest in a column called ms
+                columns[name] = columns[name] + beside * self.numbers({"": index + 1})[""]
+            columns[name] = headings.past_midnight(columns[name])
         return columns
 
     def bodies(self) -> Iterator[tuple[int, str]]:
@@ -225,7 +242,7 @@ def _table(passage: text.Passage, layout: Layout, strict: bool) -> TextTable:
         remedy = Sentence(hint, Sentence(columns, on_page="; write it above the numbers"))
         raise InputFileError(file, "has no header line", remedy)
     line, separator, cells = numbers
-    if layout.columns and len(cells) != len(layout.columns):
+    if layout.columns and not headings.fits(cells, layout.columns):
         listed = shown(", ".join(layout.columns))
         problem = f"has {len(cells)} columns, and {len(layout.columns)} are named ({listed})"
         raise InputFileError(file, problem, "name every column, with any word for those that are no channel", line)
@@ -292,12 +309,16 @@ def _numbers(table: TextTable, body: str, after: int, indices: Mapping[str, int]
     separator, width = table.headings.separator, len(table.names)
     sample = table.first_row
     decimal = "," if any("," in sample[i] for i in indices.values() if i < len(sample)) else "."
-    marked = any(mark in body for mark in ("#", "%", "//"))  # a search by pattern takes as long as the parser
-    lines = body.split("\n") if marked else []
-    room = max(0, _COMMENTS - len(table.comments))
-    comments = (line.strip() for line in lines if text.COMMENT.match(line))
-    table.comments.update(dict.fromkeys(islice(comments, room)))
-    data = ("\n".join(line for line in lines if not text.COMMENT.match(line)) if marked else body).encode()
+    for unit in {headings.unit_behind(sample[i]) for i in indices.values() if i < len(sample)} - {
+        ""
+    }:
+        behind = rf"(?<=\d)\s+{re.escape(unit)}(?=\"?\s*(?:{re.escape(separator)}|$))"
+        body = re.sub(behind, "", body, flags=re.MULTILINE)
+    if any(
+        mark in body for mark in ("#", "%", "//")
+    ):  # a search by pattern takes as long as the parser
+        body = _without_comments(table, body)
+    data = body.encode()
     _no_wider(table, body, data, after)
     order = list(indices.values())
     try:
@@ -310,6 +331,23 @@ def _numbers(table: TextTable, body: str, after: int, indices: Mapping[str, int]
         named = [(name, _at(cells, index)) for name, index in indices.items()]
         kept.append([_number(table.file, name, cell, line) if cell else np.nan for name, cell in named])
     return dict(zip(indices, np.array(kept, float).reshape(-1, len(indices)).T.copy(), strict=True))
+
+
+def _without_comments(table: TextTable, body: str) -> str:
+    """A piece with an empty line for each comment, and without those at the ends of rows."""
+    end, kept, comments = (
+        re.compile(rf"{re.escape(table.headings.separator)}\s*(#[^\t;,]*)$"),
+        list[str](),
+        list[str](),
+    )
+    for line in body.split("\n"):
+        is_whole = text.COMMENT.match(line)
+        match = None if is_whole else end.search(line)
+        comments += [line.strip()] if is_whole else [match[1]] if match else []
+        kept.append("" if is_whole else line[: match.start()] if match else line)
+    room = max(0, _COMMENTS - len(table.comments))
+    table.comments.update(dict.fromkeys(islice(comments, room)))
+    return "\n".join(kept)
 
 
 def _parsed(data: bytes, separator: str, decimal: str, order: Sequence[int], width: int) -> list[np.ndarray]:
@@ -345,11 +383,10 @@ def _seconds(file: Path, body: str, separator: str, index: int, after: int) -> n
     seconds = []
     for line, cells in text.rows(file, body, separator, after):
         cell = _at(cells, index)
-        stamp = headings.STAMP.fullmatch(cell)
-        if stamp is None:
+        time = headings.seconds_of(cell)
+        if time is None:
             raise InputFileError(file, f"time is {shown(cell)!r}, not a time of the day as above it", line=line)
-        hour = int(stamp[1] or 0) if stamp[4] is None else int(stamp[1] or 0) % 12 + 12 * (stamp[4] in "Pp")
-        seconds.append(3600 * hour + 60 * int(stamp[2]) + float(stamp[3].replace(",", ".")))
+        seconds.append(time)
     return np.array(seconds, float)
 
 

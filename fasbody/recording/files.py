@@ -3,7 +3,7 @@
 import importlib
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from pathlib import Path
@@ -16,18 +16,22 @@ from fasbody.recording.channels import NAMES, TIME_UNITS, Channel, Channels, Lay
 from fasbody.recording.clock import counter_fault, straightened
 from fasbody.recording.columns import Columns, Use, assign, has_channels
 from fasbody.recording.csv import FIRST, TextTable, read_table, several_takes
-from fasbody.recording.formats import ENDINGS, READ, ending
+from fasbody.recording.formats import ENDINGS, READ, ending, ending_removed
 from fasbody.recording.formats.reader import read_series
 from fasbody.recording.formats.series import REMARK, FormatError, Series, named_by, need
+from fasbody.recording.long import long_series
 from fasbody.recording.statements import (
     Statements,
     differing,
     is_amount,
+    is_answered,
+    is_treated,
     of_lines,
     quoted,
     refuse_unapplied,
     statements_of,
     texts_of,
+    thinned,
 )
 from fasbody.recording.text import number, numeric, read_text
 from fasbody.sentences import Sentence, called
@@ -60,7 +64,11 @@ class _SeriesTable:
             if ending(file) in _SHEETS:
                 listed = "save the sheet as .xlsx or as .csv, with time_s, base_m_s2, malleolus_m_s2 above its columns"
             raise InputFileError(file, f"no format has the ending {ending(file)!r}", listed)
-        series = read_series(file)
+        return cls.of(file, read_series(file), layout)
+
+    @classmethod
+    def of(cls, file: Path, series: Sequence[Series], layout: Layout) -> "_SeriesTable":
+        """The series of one take where study.toml names it."""
         passed = [f"{s.name!r} is {s.what}" for s in series if s.what not in ("", REMARK)]
         notes = tuple(line for s in series if s.what for line in s.about.get("text", "").splitlines())
         series = [s for s in series if not s.what]
@@ -74,12 +82,24 @@ class _SeriesTable:
             raise several_takes(file, len(takes), ", ".join(repr(take.columns.series[0].group) for take in takes))
         return layout.one_of(file, takes) if len(takes) > 1 else cls(file, Columns(series, passed), notes=notes)
 
+    @property
+    def tabular(self) -> bool:
+        """Whether words stand above the numbers, as in a text."""
+        return ending(self.file) in (".xlsx", ".xlsm")
+
     def numbers(self, indices: Mapping[str, int]) -> Channels:
         return {key: self.columns.series[index].values for key, index in indices.items()}
 
     def sample(self) -> list[np.ndarray]:
         """The first numbers of each column."""
         return [s.values[:FIRST] for s in self.columns.series]
+
+    def words(self, uses: Mapping[str, Use]) -> list[str]:
+        """What the file says beside the numbers of the columns in use, line by line."""
+        about = (
+            pair for use in uses.values() for pair in self.columns.series[use.index].about.items()
+        )
+        return [*self.notes, *(f"{name}: {text}" for name, text in about)]
 
     def stated(self, uses: Mapping[str, Use]) -> tuple[dict[str, Statements], list[str]]:
         used = {key.removesuffix("_m_s2"): self.columns.series[use.index] for key, use in uses.items()}
@@ -122,7 +142,21 @@ def reading(file: Path, layout: Layout | None = None) -> Reading:
     uses = {key: use for key, use in uses.items() if key in numbers}
     is_timed = bool({"time", "time_s"} & uses.keys())
     sensors = {key: columns.series[use.index] for key, use in uses.items() if not key.startswith("time")}
-    rate = None if columns.line and "time_s" in uses else _rate(file, columns, sensors, is_timed, layout)
+    rate = (
+        None
+        if source.tabular and "time_s" in uses
+        else _rate(file, columns, sensors, is_timed, layout)
+    )
+    rate, overruled = _overruled(file, rate, sensors, layout)
+    if (
+        rate
+        and layout.rate_hz is None
+        and not is_timed
+        and (line := thinned(source.words(uses), rate))
+    ):
+        rated = f"states a rate of {rate:.6g} Hz and {shown(line)!r}"
+        problem = f"{rated}, and not which of them is of its samples"
+        raise InputFileError(file, problem, Sentence("give ", called("sampling_rate_hz")))
     stated, vague = source.stated({key: uses[key] for key in sensors})
     names = {key.removesuffix("_m_s2"): s.name for key, s in sensors.items()}
     about = {name: s.about for name, s in zip(names, sensors.values(), strict=True)}
@@ -132,7 +166,8 @@ def reading(file: Path, layout: Layout | None = None) -> Reading:
     stated = {name: by_columns.get(name, {}) | statements for name, statements in stated.items()}
     vague += changing
     vague += [name for name in names.values() if is_amount(name)]
-    refuse_unapplied(file, stated, names, layout, alike=columns.line is not None)
+    vague = [line for line in vague if not is_answered(line, layout, names)]
+    refuse_unapplied(file, stated, names, layout, alike=source.tabular)
     if not is_timed:
         _counted(source, uses, rate, layout)
     numbers, places = _without_gaps(source, uses, numbers)
@@ -158,7 +193,15 @@ def reading(file: Path, layout: Layout | None = None) -> Reading:
         raise InputFileError(file, f"holds {time_s.size} samples", "a recording needs at least two")
     if time_s[-1] < time_s[0]:
         raise _backwards(file, time_s)
-    remarks = [*decided, *quoted(vague), *differing(about, stated), *_denied(columns, time_s)]
+    remarks = [*decided, *overruled, *quoted(vague), *differing(about, stated, layout)]
+    remarks += _denied(source, time_s) if is_timed else []
+    titles = dict.fromkeys((ending_removed(file), *(s.group for s in sensors.values())))
+    treated = (title for title in titles if is_treated(title))
+    changed = "says that its numbers were changed, and nothing is undone"
+    remarks += [
+        f"the name {shown(title)!r} {changed}"
+        for title in treated if not is_answered(title, layout, names)
+    ]  # fmt: skip
     remarks += _other_clocks(source, uses, time_s)
     clocks |= _stated_clocks(file, sensors, time_s, is_timed, rate)
     if clocks:
@@ -169,6 +212,28 @@ def reading(file: Path, layout: Layout | None = None) -> Reading:
         by = "the file" if rate else "study.toml" if by_study.rate_hz else "its .json"
         used = (f"time: counted at {rate or layout.rate_hz:.6g} Hz, as {by} says", *used)
     return Reading(channels, used, unused, (*remarks, *filter(None, [unlike])))
+
+
+def _overruled(
+    file: Path, rate_hz: float | None, sensors: Mapping[str, Series], layout: Layout
+) -> tuple[float | None, list[str]]:  # fmt: skip
+    """The rate [Hz] that a file states, None if study.toml states another; and a remark on that."""
+    ours = layout.rate_hz
+    if not rate_hz or not ours or abs(rate_hz / ours - 1) <= _SAME_RATE:
+        return rate_hz, []
+    if len({s.rate_hz for s in sensors.values() if s.rate_hz}) > 1:
+        problem = f"states rates of its channels, {rate_hz:.6g} Hz among them, and study.toml says "
+        problem += "sampling_rate_hz = "
+        raise InputFileError(
+            file, f"{problem}{ours:.6g}", "delete that of study.toml, or resample them to one rate"
+        )
+    return None, [
+        f"its rate is {ours:.6g} Hz as study.toml says, though the file says {rate_hz:.6g} Hz"
+    ]
+
+
+#: Two rates are alike within this share: a nominal one, and that of a clock.
+_SAME_RATE = 1e-3
 
 
 def _backwards(file: Path, time_s: np.ndarray) -> InputFileError:
@@ -186,7 +251,12 @@ def _backwards(file: Path, time_s: np.ndarray) -> InputFileError:
 
 def _opened(file: Path, layout: Layout, strict: bool = True) -> _Source:
     if ending(file) in TEXTS:
-        return TextTable.open(file, layout, strict)
+        series = [] if layout.columns else long_series(file)
+        return (
+            _SeriesTable.of(file, series, layout)
+            if series
+            else TextTable.open(file, layout, strict)
+        )
     return _SeriesTable.open(file, layout)
 
 
@@ -310,9 +380,12 @@ def _rising(source: _Source, index: int, size: int) -> np.ndarray | None:
     return times if times.size == size > 2 and np.diff(times).min() > 0 else None
 
 
-def _denied(columns: Columns, time_s: np.ndarray) -> list[str]:
-    """A remark on a rate that a line of a text states and its time denies."""
-    rate, span = columns.series[0].rate_hz if columns.line else None, float(time_s[-1] - time_s[0])
+def _denied(source: _Source, time_s: np.ndarray) -> list[str]:
+    """A remark on a rate that a line above the numbers states and their time denies."""
+    rate, span = (
+        source.columns.series[0].rate_hz if source.tabular else None,
+        float(time_s[-1] - time_s[0]),
+    )
     counted = (time_s.size - 1) / span if span > 0 else 0.0
     if not rate or not counted or abs(counted / rate - 1) < 1e-2:
         return []
@@ -393,7 +466,11 @@ def _like_a_time(values: np.ndarray, time_s: np.ndarray) -> bool:
     """Whether the first values (n,) of a column rise as evenly as a time in s, ms or us does."""
     rise, step = np.diff(values), float(np.median(np.diff(time_s[: max(2, values.size)])))
     even = rise.size > 8 and bool(rise.min() > 0) and np.ptp(rise) < 0.1 * np.median(rise)
-    return even and any(abs(np.median(rise) / step / unit - 1) < 1e-2 for unit in (1, 1e3, 1e6))
+    return (
+        even
+        and step > 0
+        and any(abs(np.median(rise) / step / unit - 1) < 1e-2 for unit in (1, 1e3, 1e6))
+    )
 
 
 def read_one(

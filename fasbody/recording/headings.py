@@ -13,12 +13,16 @@ Programs write, in this order and with all but the names left out at will::
 `read_statements` the preamble.
 """
 
+import contextlib
+import json
 import re
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from itertools import islice, pairwise
 from typing import NamedTuple
+
+import numpy as np
 
 from fasbody.exceptions import shown
 from fasbody.presentation import counted
@@ -30,17 +34,21 @@ from fasbody.recording.formats.series import FormatError, stated_rate
 _SAMPLES = re.compile(r"[\s\d.,;|eE+-]*\.[\s\d.,;|eE+-]*")
 #: A time of the day, with or without its date before it; without its hour it has decimals.
 STAMP = re.compile(
-    r"(?:[\d./-]{8,10}[T ]+)?"
+    r"(?:(?:[\d./-]{8,10}|\d{1,2}-[A-Za-z]{3}-\d{4})[T ]+)?"
     r"(?:(\d{1,2}):(?=\d\d:\d\d)|(?=\d\d:\d\d[.,]))(\d\d):(\d\d(?:[.,]\d+)?)"
     r"(?:Z|[+-]\d\d:?\d\d|\s*([AaPp])\.?[Mm]\.?)?"
 )
+#: A number with its unit behind it: ``0.001 sec``.
+_MEASURED = re.compile(r"([-+]?[\d.,]+(?:e[-+]?\d+)?)\s+(\D\S*)", re.IGNORECASE)
+#: Units of a time that counts from 1970, by the power of ten in the years 2001 to 2286.
+_EPOCHS = {9: "s", 12: "ms", 15: "us", 18: "ns"}
 #: Lines in which a header is looked for, and rows of headings, units and counts at most.
 _HEADER_LINES, _HEADING_ROWS = 200, 12
 #: What Excel reads of a separator.
 _OF_EXCEL = re.compile(r'"?sep=', re.IGNORECASE)
 #: What stands in front of a row of names (Qualisys: CHANNEL_NAMES), or of statements below them.
 _TITLE = re.compile(r"[A-Z]+_NAMES|\w+=", re.IGNORECASE)
-_KEY = re.compile(r"[A-Za-z]\w+=?")
+_KEY = re.compile(r"[A-Za-z][\w ]+[=.:]?")
 #: A name, perhaps its unit, and a number with its unit: ``Sampling frequency [Hz],1000``.
 _STATEMENT = re.compile(
     r"^\W*(?P<name>[A-Za-z][A-Za-z_ -]*?)\s*(?:[\[(](?P<of>[^\])]*)[\])])?\s*"
@@ -64,6 +72,10 @@ _STATED_NAMES = dict.fromkeys(
     ("interval", "sample_interval", "sample_period", "sampling_period", "sample_time",
      "time_step", "delta_x"), "dt"
 )  # fmt: skip
+
+
+#: Lists of JSON that only name the columns.
+_NAMING = frozenset(("column", "label", "sensor", "channel", "name"))
 
 
 class Header(NamedTuple):
@@ -153,9 +165,22 @@ def first_number_row(text: str, header: Header, layout: Layout) -> Header | None
         return header
     channels = [index for index, name in enumerate(layout.columns) if layout.known([name])]
     rows = list(_rows_of_numbers(text, channels)) if layout.columns else []
-    fitting = [row for row in rows if len(row.names) == len(layout.columns)]
-    going_on = (row for row, following in pairwise(fitting) if following.line == row.line + 1)
-    return next(going_on, fitting[0] if fitting else None)  # one alone is of the preamble
+    fitting = [row for row in rows if fits(row.names, layout.columns)]
+    ends = [
+        i
+        for i, (row, following) in enumerate(pairwise(fitting), 1)
+        if following.line > row.line + 1
+    ]
+    runs = list(pairwise([0, *ends, len(fitting)])) if fitting else []
+    longest = max(
+        runs, key=lambda run: run[1] - run[0], default=None
+    )  # shorter ones are of the preamble
+    return None if longest is None else fitting[longest[0]]
+
+
+def fits(cells: Sequence[str], columns: Sequence[str]) -> bool:
+    """Whether there is a cell for each column, and perhaps an empty one behind the last."""
+    return len(cells) == len(columns) or (len(cells) == len(columns) + 1 and not cells[-1])
 
 
 def _rows_of_numbers(text: str, needed: Sequence[int] = ()) -> Iterator[Header]:
@@ -195,7 +220,9 @@ def read_headings(text: str, header: Header) -> Headings:
     """
     line, separator, names = header
     samples = first_samples(text, line, separator)
-    titled = bool(_TITLE.fullmatch(names[0]))
+    titled = bool(_TITLE.fullmatch(names[0])) or (
+        bool(names[0]) and bool(samples) and not samples[0]
+    )
     if titled and len(names) == len(samples) + 1:
         names = names[1:]
     names = _spread(names, samples)
@@ -204,7 +231,7 @@ def read_headings(text: str, header: Header) -> Headings:
         groups = _spread(groups, samples)
         names = [f"{group} {name}".strip() for group, name in zip(groups, names, strict=True)]
     units, first = [""] * len(names), line
-    skipped, statements = list[str](), list[str]()
+    skipped, statements, words, ranges = list[str](), list[str](), list[str](), list[str]()
     for number, row in texts.rows_below(text, line, separator):
         cells = _fitted(row, len(names))
         if number > line + _HEADING_ROWS:
@@ -215,7 +242,7 @@ def read_headings(text: str, header: Header) -> Headings:
                      for again, cell in zip(repeated, cells, strict=True)]  # fmt: skip
             names = [f"{name} {cell}".strip() if again else name
                      for again, name, cell in zip(repeated, names, cells, strict=True)]  # fmt: skip
-        elif _are_units(cells):
+        elif _are_units(cells) and not (titled and any(units)):
             statements += [f"{name} = {cell}" for name, cell in zip(names, cells, strict=True)
                            if texts.numeric(cell)]  # fmt: skip
             units = ["" if texts.numeric(cell) else without_brackets(cell) for cell in cells]
@@ -223,20 +250,31 @@ def read_headings(text: str, header: Header) -> Headings:
                 names, units = names[:-1], units[:-1]  # as Rigol: the increment behind the units
         elif _are_counts(cells, samples):
             skipped.append(f"a row of counts ({shown(separator.join(cells))})")
-        elif any(units) and not any(map(is_sample, cells)) and all(cells):
+        elif (
+            not titled
+            and len(row) in (1, len(names))
+            and _are_words(cells)
+            and 1 < len(names) == len(samples)
+        ):
             skipped.append(f"a row of words ({shown(separator.join(cells))})")
+            words.append(separator.join(row))
         elif titled and _KEY.fullmatch(cells[0]):
-            statements.append(" ".join(row))
+            statements.append(separator.join(dict.fromkeys(row)))
+            spans = [unit_behind(cell) for cell in cells[1:]]
+            ranges = ["", *spans] if spans and all(spans) else ranges
         else:
             break
         first = number
+    units = units if any(units) or not ranges else ranges
     above = islice(texts.lines(text), line - (2 if groups else 1))
     rate, others = read_statements([*(row for row in above if row.strip()), *statements])
     if others:
         count = counted(len(others), "line")
         listed = "; ".join(" ".join(line.split()) for line in others)
         skipped.append(f"{count} beside the headings ({shown(listed)})")
-    return Headings(separator, tuple(names), tuple(units), line, first, tuple(skipped), rate, others)
+    return Headings(
+        separator, tuple(names), tuple(units), line, first, tuple(skipped), rate, (*others, *words)
+    )
 
 
 def read_statements(above: Sequence[str]) -> tuple[float | None, tuple[str, ...]]:
@@ -245,7 +283,7 @@ def read_statements(above: Sequence[str]) -> tuple[float | None, tuple[str, ...]
     Where two lines disagree, neither counts.
     """
     rates, others = list[tuple[str, float | None]](), list[str]()
-    for line in above:
+    for line in (part for whole in above for part in _of_json(whole) or [whole]):
         rate = _stated_rate(line)
         if rate is not None:
             rates.append(rate)
@@ -255,6 +293,23 @@ def read_statements(above: Sequence[str]) -> tuple[float | None, tuple[str, ...]
         return stated_rate(rates), tuple(others)
     except FormatError:
         return None, tuple(line.rstrip() for line in above if line.strip())
+
+
+def _of_json(line: str) -> list[str]:
+    """A line for each name of a comment that is JSON, unless it has tables in a list, or none."""
+    match = re.fullmatch(r"[\s#%/]*(\{.*\})\s*", line)
+    made = list[str]()
+
+    def gather(table: dict[str, object]) -> None:
+        for key, value in table.items():
+            cells = [str(cell) for cell in (value if isinstance(value, list) else [value])]
+            if len(cells) == 1 or key.lower().rstrip("s") not in _NAMING:
+                made.append(f"{key}: {cells[0]}" if len(cells) == 1 else " ".join([key, *cells]))
+
+    if match and not re.search(r"\[\s*\{", line):
+        with contextlib.suppress(ValueError, RecursionError):
+            json.loads(match[1], object_hook=gather)
+    return made
 
 
 def _stated_rate(line: str) -> tuple[str, float] | None:
@@ -305,8 +360,38 @@ def without_brackets(cell: str) -> str:
 
 
 def is_sample(cell: str) -> bool:
-    """Whether a cell is a number or a time of the day."""
-    return texts.numeric(cell) or STAMP.fullmatch(cell) is not None
+    """Whether a cell is a number, perhaps with its unit, or a time of the day."""
+    return texts.numeric(cell) or STAMP.fullmatch(cell) is not None or bool(unit_behind(cell))
+
+
+def unit_behind(cell: str) -> str:
+    """The unit behind a number in the same cell; "" where there is none."""
+    match = _MEASURED.fullmatch(cell)
+    return match[2] if match and texts.numeric(match[1]) and match[2].lower() in KNOWN_UNITS else ""
+
+
+def unit_of_epoch(cell: str) -> str:
+    """The unit of a time that counts from 1970, "" of any other."""
+    digits = len(cell.partition(".")[0]) - 1 if re.fullmatch(r"\d+(?:\.\d*)?", cell) else 0
+    return _EPOCHS.get(digits, "")
+
+
+def seconds_of(cell: str) -> float | None:
+    """A time of the day [s]; None of another cell."""
+    stamp = STAMP.fullmatch(cell)
+    if stamp is None:
+        return None
+    hour = (
+        int(stamp[1] or 0)
+        if stamp[4] is None
+        else int(stamp[1] or 0) % 12 + 12 * (stamp[4] in "Pp")
+    )
+    return 3600 * hour + 60 * int(stamp[2]) + float(stamp[3].replace(",", "."))
+
+
+def past_midnight(times: np.ndarray) -> np.ndarray:
+    """Times of the day (n,) [s] that go on after midnight."""
+    return times + 86_400 * np.cumsum(np.diff(times, prepend=times[:1]) < -43_200)
 
 
 def first_samples(text: str, line: int, separator: str) -> list[str]:
@@ -357,6 +442,16 @@ def _are_units(cells: Sequence[str]) -> bool:
     known = sum(word in KNOWN_UNITS for word in words)
     mixed = any(map(texts.numeric, cells)) and is_sample(units[0])
     return known > 0 and 2 * known >= len(words) and not mixed
+
+
+def _are_words(cells: Sequence[str]) -> bool:
+    """Whether a row is of words, or of amounts behind a word or an empty cell."""
+    numbers = any(texts.numeric(cell) or STAMP.fullmatch(cell) for cell in cells)
+    return (
+        not numbers
+        and not unit_behind(cells[0])
+        and any(re.search(r"[^\W\d]", cell) for cell in cells)
+    )
 
 
 def _are_counts(cells: Sequence[str], samples: Sequence[str]) -> bool:

@@ -14,7 +14,15 @@ import numpy as np
 from fasbody.console import write_whole
 from fasbody.exceptions import FasError, InputFileError
 from fasbody.presentation import counted
-from fasbody.recording.channels import KNOWN_UNITS, NAMES, TIME_UNITS, VOLTAGES, Layout, name_and_unit
+from fasbody.recording.channels import (
+    KNOWN_UNITS,
+    NAMES,
+    RAW,
+    TIME_UNITS,
+    VOLTAGES,
+    Layout,
+    name_and_unit,
+)
 from fasbody.recording.columns import Columns
 from fasbody.recording.csv import TextTable, read_table
 from fasbody.recording.file_names import common_value, patterns_of, plain_number, stated
@@ -245,6 +253,9 @@ def _of_one(file: Path, layout: str, missing: list[str]) -> list[str]:
         lines += [quoted(name)] if name_and_unit(name)[0] != channel else []
         if claimed.lower() in VOLTAGES:
             line = '# sensitivity = "100 mV/g"  # needed: the column is in volts'
+            lack(line, f"{table}.sensitivity", f"{name!r} is in {claimed}")
+        elif RAW.fullmatch(claimed):
+            line = "# sensitivity = 208.8  # needed: how many of them make 1 m/s^2"
             lack(line, f"{table}.sensitivity", f"{name!r} is in {claimed}")
         elif claimed.lower() not in KNOWN_UNITS:
             line = '# unit = "m/s^2"  # needed, or g, mg, V ...: the file does not say'

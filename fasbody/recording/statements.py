@@ -59,27 +59,48 @@ _NUMBERED = re.compile(
     r"|\b(?:first|second|third|other|zweite[rn]?|erste[rn]?)\s(?:channel|column|sensor|signal|kanal|spalte)",
     re.IGNORECASE,
 )
-#: Some of the samples were left out, so that a rate is that of the others.
-_THINNED = re.compile(r"decimat|dezim|down-?\s?sampl|\bevery \d+(?:st|nd|rd|th)\b|jede[rns]? \d+\.", re.IGNORECASE)
+#: Some samples were left out, so that a rate may be that before it; and one of so many was kept.
+_THINNING = r"decimat|dezim(?!al)|(?:down|sub)[-_ ]?sampl"
+_THINNED = re.compile(rf"{_THINNING}|\bevery \d+(?:st|nd|rd|th)\b|jede[rns]? \d+\.", re.IGNORECASE)
+_ONE_OF = re.compile(
+    rf"(?:{_THINNING})\D*(?P<factor>\d+)(?![.,]?\d|\s*k?hz)"
+    r"|\bevery (?P<th>\d+)|\bjede[rns]? (?P<te>\d+)",
+    re.IGNORECASE,
+)
+#: Words of a name of a file, sheet or folder whose numbers were changed.
+_TREATED = re.compile(
+    r"filt(?:er|ered|ert)?\d*$|gefiltert|(?:low|high|band|tief|hoch)pass|[lhb]p[f\d]|butterworth|"
+    r"smoothed|detrend|gain|verst(?:ä|ae)rk|attenuat|(?:re|down|sub)sampl|decimat|delayed|shifted|"
+    r"invert|flipped|integrat|differentiat|normali[sz]|uncalibrat"
+)
+_TURNED = re.compile(
+    r"invert|polarit|flipp|upside|revers|\bsigns?\b|vorzeichen|umgekehrt|verpolt", re.IGNORECASE
+)
 #: Words that name a sensor, count, sum up or date what is in the file, and change none of its numbers.
 _HARMLESS = frozenset((
     "channel", "channels", "ch", "name", "names", "label", "title", "sensor", "sensors", "accelerometer",
     "acceleration", "accel", "acc", "axis", "x", "y", "z", "serial", "sn", "s/n", "no", "nr", "number", "id",
     "uid", "index", "model", "type", "manufacturer", "min", "max", "mean", "rms", "std", "peak", "average",
     "minimum", "maximum", "unit", "units", "einheit", "kanal", "kanäle", "time", "data", "and", "of", "the",
-    "at", "on", "position", "location", "node", "coupling", "sensitivity", "sens", "range", "kind", "class",
+    "at", "on", "position", "location", "node", "coupling", "trace", "sensitivity", "sens", "range", "kind", "class",
     "date", "file", "v", "ai", "column", "quantity", "dof", "direction", "header", "headers", "input", "labels",
     "string", "zeit", "temps", "tiempo", "counts", "offset", "bias", "signal", "waveform", "waveforms", "eu",
     "t", "s", "n", "physical", "long", "standard", "component", "tracked", "point", "placement", "samples",
     "count", "points", "length", "color", "colour",
 ))  # fmt: skip
-#: An amount that moves a time, turns a phase or changes a size.
-_AMOUNT = re.compile(
-    r"\d\s*(?:[mnuµμ]?s|m?sec|seconds?|samples?|frames?|db|deg|degrees?|grad|°|×|fold|мс\w*|毫秒|ミリ秒|밀리초)(?![A-Za-z\d/])"
-    r"|(?<![\w.])\d+x(?!\w)"
-    r"|(?<![\w.])(?:(?-i:x)|[×*÷])\s?\d",
+#: An amount that moves a time or turns a phase, and one that changes a size.
+_AMOUNT_OF_TIME = re.compile(
+    r"\d\s*(?:[mnuµμ]?s|m?sec|seconds?|samples?|frames?|deg|degrees?|grad|°|мс\w*|毫秒|ミリ秒|밀리초)"
+    r"(?![A-Za-z\d/])",
     re.IGNORECASE,
 )
+_AMOUNT_OF_SIZE = re.compile(
+    r"\d\s*(?:db|×|fold)(?![A-Za-z\d/])|(?<![\w.])\d+x(?!\w)|(?<![\w.])(?:(?-i:x)|[×*÷])\s?\d",
+    re.IGNORECASE,
+)
+#: Of those the ones that count where base and malleolus differ.
+_OF_SENSORS = frozenset(("coupling",))
+_SWITCHED = frozenset(("on", "off", "yes", "no", "ein", "aus"))
 #: With these words an amount of time is how long or how often something was recorded.
 _LENGTHS = frozenset((
     "duration", "length", "interval", "period", "dauer", "step", "dt", "increment", "rate", "timebase",
@@ -87,12 +108,14 @@ _LENGTHS = frozenset((
     "abtastintervall", "per", "div",
 ))  # fmt: skip
 #: With these a row is of when and with which device it was measured.
-_DATED = frozenset(("date", "datum", "serial", "id", "sn"))
+_DATED = frozenset(("date", "datum", "serial", "id", "sn", "version", "firmware", "model"))
 #: Names of remarks, whose words count.
 _REMARKS = frozenset((
     "comment", "comments", "description", "note", "notes", "remark", "remarks", "bemerkung", "kommentar",
 ))  # fmt: skip
 _DAY = re.compile(r"\d+([./-])\d+\1\d+")
+#: Sensitivities of two sensors of one kind differ by less than this share, and gains by more.
+_ALIKE = 0.1
 #: So many lines are quoted.
 _QUOTED = 6
 #: A longer line is no name and number, and would take the pattern long.
@@ -106,7 +129,7 @@ _LINE = re.compile(
 def kind(name: str) -> str:
     """The key of study.toml that answers a statement, "delay_s" or "sensitivity"; empty for any other."""
     words = _words(name)
-    if words & _NEITHER:
+    if words & _NEITHER or counts_kept(name):
         return ""
     if words & _TIMES or ("offset" in words and words & _OF_TIME) or any(pair <= words for pair in _PAIRS):
         return "delay_s"
@@ -156,9 +179,7 @@ def of_lines(
             for statements in made.values():
                 statements[name] = values
             continue
-        mentioned = {*re.findall(r"[^\W_]+", line.lower())}
-        about = [name for name, heading in names.items()
-                 if {name, heading.strip().lower(), *_CALLED.get(name, ())} & mentioned]  # fmt: skip
+        about = _about(line, names)
         by_others = _NUMBERED.search(line) is not None or any(stem in line.lower() for stem in _STEMS)
         match = _LINE.fullmatch(line) if len(line) <= _LONGEST else None
         clear = kind(line) and not re.search(r"\d ?m?V/", line) and len(about) == 1
@@ -167,12 +188,43 @@ def of_lines(
             called = "|".join(map(re.escape, (about[0], *_CALLED.get(about[0], ()))))
             mine = rf"\b(?:{called})\b|{re.escape(names[about[0]])}"
             plain = re.sub(mine, "", match["name"], flags=re.IGNORECASE)
-            made[about[0]][" ".join(plain.split())] = text.number(value) if text.numeric(value) else value
-        elif _differ(line, separator) or is_amount(line) or _THINNED.search(line) or (
+            made[about[0]][" ".join(plain.split()).strip(" :")] = (
+                text.number(value) if text.numeric(value) else value
+            )
+        elif _differ(line, separator) or is_amount(line) or _is_thinned(line) or (
             (about or by_others) and not _alike(line, separator) and _unclear(line, names.values())
         ):
             vague.append(" ".join(line.split()))
-    return made, vague
+    return made, _without_alike(vague, names)
+
+
+def _about(line: str, names: Mapping[str, str]) -> list[str]:
+    """The channels that a line names."""
+    mentioned = {*re.findall(r"[^\W_]+", line.lower())}
+    return [name for name, heading in names.items()
+            if {name, heading.strip().lower(), *_CALLED.get(name, ())} & mentioned]  # fmt: skip
+
+
+def _without_alike(lines: Sequence[str], names: Mapping[str, str]) -> list[str]:
+    """Lines without those that say the same of base and malleolus, one of each."""
+    plain = {line: _nameless(line, names) for line in lines}
+    single = {line: about[0] for line in lines if len(about := _about(line, names)) == 1}
+    alike = {(plain[line], channel) for line, channel in single.items()}
+    paired = {line for line in single if all((plain[line], name) in alike for name in NAMES[:2])}
+    return [line for line in lines if line not in paired]
+
+
+def _nameless(line: str, names: Mapping[str, str]) -> str:
+    """A line without what tells its channel from another."""
+    called = (*names, *names.values(), *(word for words in _CALLED.values() for word in words))
+    pattern = "|".join(map(re.escape, sorted(called, key=len, reverse=True)))
+    return re.sub(rf"(?<!\w)(?:{pattern})(?!\w)|{_NUMBERED.pattern}", "", line, flags=re.IGNORECASE)
+
+
+def _is_thinned(line: str) -> bool:
+    """Whether samples were left out, by more than every first."""
+    match = _ONE_OF.search(line)
+    return _THINNED.search(line) is not None and not (match and match["factor"] == "1")
 
 
 def _whole(lines: Sequence[str], separator: str) -> list[str]:
@@ -201,7 +253,58 @@ def _unclear(words: str, names: Iterable[str] = ()) -> bool:
 
 def is_amount(line: str) -> bool:
     """Whether words say by how much a time, a phase or a size is changed."""
-    return _AMOUNT.search(line) is not None and not _words(line) & _LENGTHS
+    is_one = _AMOUNT_OF_TIME.search(line) or _AMOUNT_OF_SIZE.search(line)
+    return is_one is not None and not _words(line) & _LENGTHS
+
+
+def counts_kept(name: str) -> bool:
+    """Whether a number of this name is how many samples one was kept of."""
+    return _THINNED.search(name) is not None
+
+
+def thinned(lines: Iterable[str], rate_hz: float) -> str:
+    """The first line by which one sample of several was kept, none of these at the rate [Hz]."""
+    for line in lines:
+        match = _ONE_OF.search(line)
+        is_rate = re.search(rf"\b(?:to|auf)\s+{rate_hz:g}\s*hz", line, re.IGNORECASE)
+        if match and int(match["factor"] or match["th"] or match["te"]) > 1 and not is_rate:
+            return " ".join(line.split())
+    return ""
+
+
+def is_treated(name: str) -> bool:
+    """Whether the name of a file, sheet or folder says that its numbers were changed."""
+    return any(_TREATED.match(word) for word in _words(name))
+
+
+def is_answered(line: str, layout: Layout, names: Mapping[str, str]) -> bool:
+    """Whether study.toml states all that a line may be about, of a sensor that it names, or of any.
+
+    Args:
+        line: that is not understood.
+        layout: of study.toml.
+        names: headings by channel.
+    """
+    if counts_kept(line):
+        return layout.rate_hz is not None
+    words = _words(re.sub(r"\d", " ", line))
+    about = (
+        ({"delay_s", "clock"}, kind(line) == "delay_s" or _AMOUNT_OF_TIME.search(line)),
+        ({"sensitivity"}, bool(words & _SCALES) or _AMOUNT_OF_SIZE.search(line)),
+        ({"sign"}, _TURNED.search(line)),
+    )
+    keys = [answers for answers, is_one in about if is_one]
+    channels = [layout.channels.get(name, Channel()) for name in _about(line, names) or names]
+    stated = [{*channel.stated} - _not_of_gain(layout) for channel in channels]
+    return bool(keys) and all(any(answers & some for some in stated) for answers in keys)
+
+
+def _not_of_gain(layout: Layout) -> set[str]:
+    """The key sensitivity, if it is of the sensors alone: alike for base and malleolus, and not 1."""
+    base, malleolus = (layout.channels.get(name, Channel()) for name in NAMES[:2])
+    ratio = abs(base.sensitivity / malleolus.sensitivity)
+    is_alike = base.volts == malleolus.volts and abs(ratio - 1) < _ALIKE
+    return {"sensitivity"} if is_alike and malleolus.sensitivity != 1 else set()
 
 
 def _differ(line: str, separator: str) -> bool:
@@ -214,9 +317,13 @@ def _differ(line: str, separator: str) -> bool:
     while cells and not cells[-1]:
         cells.pop()
     cells = cells[1:] if len(cells) > 2 and not cells[0] else cells  # of the time
+    if len(cells) > 1 and not name:
+        return len({*cells}) > 1 and any(map(_unclear, cells))
     if len(cells) < 2 or len({*map(_bare, cells)}) < 2 or not re.search(r"[^\W\d]", name) or _words(line) & _DATED:
         return False
-    return _unclear(name) or (bool(_words(name) & _REMARKS) and any(map(_unclear, cells)))
+    return _unclear(name) or bool(_words(name) & _OF_SENSORS) or (
+        bool(_words(name) & _REMARKS) and any(map(_unclear, cells))
+    )  # fmt: skip
 
 
 def _alike(line: str, separator: str) -> bool:
@@ -233,7 +340,8 @@ def _bare(cell: str) -> str:
 
 def _says(cell: str) -> bool:
     """Whether a cell is more than a name or a unit."""
-    return not re.search(r"[^\W\d]", cell) or re.search(r"\d", cell) is not None or _unclear(cell)
+    is_word = re.fullmatch(r"[^\d]*[^\W\d][^\d]*", cell) is not None
+    return not is_word or cell.lower() in _SWITCHED or _unclear(cell)
 
 
 def quoted(lines: Sequence[str]) -> list[str]:
@@ -257,12 +365,15 @@ def texts_of(pairs: Mapping[str, object], applied: Sequence[str] = ()) -> dict[s
     return made
 
 
-def differing(about: Mapping[str, Mapping[str, str]], understood: Mapping[str, Statements]) -> list[str]:
+def differing(
+    about: Mapping[str, Mapping[str, str]], understood: Mapping[str, Statements], layout: Layout
+) -> list[str]:  # fmt: skip
     """A sentence on what a file says of base and malleolus that is not alike, and nothing here applies.
 
     Args:
         about: names and values by channel.
         understood: those that are refused, or answered by study.toml.
+        layout: of study.toml.
     """
     base, malleolus = (about.get(name, {}) for name in NAMES[:2])
     done = {name for statements in understood.values() for name in statements}
@@ -271,8 +382,10 @@ def differing(about: Mapping[str, Mapping[str, str]], understood: Mapping[str, S
         values = [side.get(name, "").strip() for side in (base, malleolus)]
         words = _words(name)
         says = any(kind(value) or is_amount(value) or (words & _REMARKS and _unclear(value)) for value in values)
-        if values[0] != values[1] and name not in done and (says or (_unclear(name) and not words & _REMARKS)):
+        says = says or bool(words & _OF_SENSORS) or (_unclear(name) and not words & _REMARKS)
+        if values[0] != values[1] and name not in done and says:
             lines.append(f"{shown(name)} = {shown(values[0])!r} with base and {shown(values[1])!r} with malleolus")
+    lines = [line for line in lines if not is_answered(line, layout, dict.fromkeys(about, ""))]
     return [f"says {', '.join(lines)}, which is not applied"] if lines else []
 
 

@@ -18,6 +18,8 @@ from fasbody.exceptions import InputFileError
 _LARGEST = 500_000_000
 #: Characters of a piece: much less than a large file, and enough for a parser to be fast.
 PIECE = 16_000_000
+#: Bytes in which a word is looked for before a file is read.
+_START = 65_536
 #: What separates columns, in the order in which they are tried; a blank stands for any run of them.
 SEPARATORS = ("\t", ";", "|", ",", " ")
 #: A line that begins so is a comment.
@@ -67,6 +69,16 @@ class Passage:
                 if start < stop:
                     yield max(at, self.first), piece[start:stop]
                 at += count
+
+
+def begins_with(file: Path, word: str) -> bool:
+    """Whether a word stands near the beginning of a file, whatever its encoding and its case."""
+    try:
+        with _opened(file) as raw:
+            start = raw.read(_START).replace(b"\0", b"")
+    except (OSError, EOFError, zlib.error):
+        return False
+    return word.encode() in start.lower()
 
 
 def _opened(file: Path) -> IO[bytes]:

@@ -2,7 +2,7 @@
 
 from pathlib import Path
 
-from fasbody.recording.formats.series import Series, check_size
+from fasbody.recording.formats.series import Series, check_size, remarks
 
 LIBRARY = "soundfile"
 
@@ -14,5 +14,8 @@ def decode(file: Path) -> list[Series]:
     with soundfile.SoundFile(str(file)) as source:
         check_size(float(source.frames) * source.channels, source.channels)
         values = source.read(dtype="float64", always_2d=True)
-        rate = float(source.samplerate)
-    return [Series(f"channel_{i + 1}", "", values[:, i].copy(), rate) for i in range(values.shape[1])]
+        rate, words = float(source.samplerate), source.copy_metadata()  # such as RIFF's comment
+    columns = [
+        Series(f"channel_{i + 1}", "", values[:, i].copy(), rate) for i in range(values.shape[1])
+    ]
+    return columns + remarks(words)

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from fasbody.exceptions import MissingPackageError
-from fasbody.recording.statements import Statements, kind, statements_of, texts_of
+from fasbody.recording.statements import Statements, counts_kept, kind, statements_of, texts_of
 
 #: Most samples of all channels of a file together: 160 MB of floats, an hour of five channels at 1 kHz.
 MOST_SAMPLES = 20_000_000
@@ -64,9 +64,13 @@ def remarks(pairs: Mapping[str, Any]) -> list[Series]:
     """What a file says in words of itself, to be quoted where it is of a sensor or an amount.
 
     Args:
-        pairs: names and values; numbers are no words.
+        pairs: names and values; a number is of interest if it is how many samples one was kept of.
     """
-    texts = ((name, text) for name, text in texts_of(pairs).items() if re.search(r"[^\W\d]", text))
+    texts = (
+        (name, text)
+        for name, text in texts_of(pairs).items()
+        if re.search(r"[^\W\d]", text) or counts_kept(name)
+    )
     return [passed_over(name, REMARK, f"{name}: {text}") for name, text in texts]
 
 
@@ -211,7 +215,10 @@ def with_rate(series: list[Series], notes: Mapping[str, Any] | None = None) -> l
         mine = named_by(name, [*(notes or {}).items(), *stated]) | listed | s.stated
         rate = s.rate_hz or stated_rate(stated)
         rated.append(replace(s, name=name, group=s.group or folder, rate_hz=rate, start_s=start, stated=mine))
-    return rated + remarks(notes or {})
+    beside = {s.name.rpartition("/")[2]: float(s.values[0]) for s in scalars}
+    return rated + remarks(
+        {**(notes or {}), **{name: v for name, v in beside.items() if counts_kept(name)}}
+    )
 
 
 def named_by(name: str, pairs: Iterable[tuple[str, Any]]) -> Statements:
