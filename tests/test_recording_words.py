@@ -179,7 +179,7 @@ def test_rates_of_several_channels_are_not_overruled_by_one(tmp_path: Path) -> N
             ]
         )
     with pytest.raises(
-        InputFileError, match=r"states rates of its channels.*sampling_rate_hz = 500"
+        InputFileError, match=r"states rates of its channels.*study.toml 500 Hz"
     ):
         Recording.read(tmp_path / "r.tdms", layout=Layout(rate_hz=500.0))
 

@@ -143,14 +143,9 @@ class TextTable:
         for name, index in rest.items():
             _no_thousands(self, name, index, columns[name])
         for name, index in times.items():
-            beside = (
-                TIME_UNITS.get(self.names[index + 1].lower())
-                if index + 1 < len(self.names)
-                else None
-            )
-            if (
-                beside and not (columns[name] % 1).any()
-            ):  # whole seconds, and the rest in a column called ms
+            following = self.names[index + 1 : index + 2]
+            beside = TIME_UNITS.get(following[0].lower()) if following else None
+            if beside and not (columns[name] % 1).any():  # whole seconds, and the rest in a column called ms
                 columns[name] = columns[name] + beside * self.numbers({"": index + 1})[""]
             columns[name] = headings.past_midnight(columns[name])
         return columns
@@ -309,14 +304,11 @@ def _numbers(table: TextTable, body: str, after: int, indices: Mapping[str, int]
     separator, width = table.headings.separator, len(table.names)
     sample = table.first_row
     decimal = "," if any("," in sample[i] for i in indices.values() if i < len(sample)) else "."
-    for unit in {headings.unit_behind(sample[i]) for i in indices.values() if i < len(sample)} - {
-        ""
-    }:
+    units = {headings.unit_behind(sample[i]) for i in indices.values() if i < len(sample)} - {""}
+    for unit in units:
         behind = rf"(?<=\d)\s+{re.escape(unit)}(?=\"?\s*(?:{re.escape(separator)}|$))"
         body = re.sub(behind, "", body, flags=re.MULTILINE)
-    if any(
-        mark in body for mark in ("#", "%", "//")
-    ):  # a search by pattern takes as long as the parser
+    if any(mark in body for mark in ("#", "%", "//")):  # a search by pattern takes as long as the parser
         body = _without_comments(table, body)
     data = body.encode()
     _no_wider(table, body, data, after)
@@ -335,11 +327,8 @@ def _numbers(table: TextTable, body: str, after: int, indices: Mapping[str, int]
 
 def _without_comments(table: TextTable, body: str) -> str:
     """A piece with an empty line for each comment, and without those at the ends of rows."""
-    end, kept, comments = (
-        re.compile(rf"{re.escape(table.headings.separator)}\s*(#[^\t;,]*)$"),
-        list[str](),
-        list[str](),
-    )
+    end = re.compile(rf"{re.escape(table.headings.separator)}\s*(#[^\t;,]*)$")
+    kept, comments = list[str](), list[str]()
     for line in body.split("\n"):
         is_whole = text.COMMENT.match(line)
         match = None if is_whole else end.search(line)

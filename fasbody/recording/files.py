@@ -142,18 +142,11 @@ def reading(file: Path, layout: Layout | None = None) -> Reading:
     uses = {key: use for key, use in uses.items() if key in numbers}
     is_timed = bool({"time", "time_s"} & uses.keys())
     sensors = {key: columns.series[use.index] for key, use in uses.items() if not key.startswith("time")}
-    rate = (
-        None
-        if source.tabular and "time_s" in uses
-        else _rate(file, columns, sensors, is_timed, layout)
-    )
+    stamped = source.tabular and "time_s" in uses
+    rate = None if stamped else _rate(file, columns, sensors, is_timed, layout)
     rate, overruled = _overruled(file, rate, sensors, layout)
-    if (
-        rate
-        and layout.rate_hz is None
-        and not is_timed
-        and (line := thinned(source.words(uses), rate))
-    ):
+    line = thinned(source.words(uses), rate) if rate and layout.rate_hz is None and not is_timed else ""
+    if line:
         rated = f"states a rate of {rate:.6g} Hz and {shown(line)!r}"
         problem = f"{rated}, and not which of them is of its samples"
         raise InputFileError(file, problem, Sentence("give ", called("sampling_rate_hz")))
@@ -222,14 +215,9 @@ def _overruled(
     if not rate_hz or not ours or abs(rate_hz / ours - 1) <= _SAME_RATE:
         return rate_hz, []
     if len({s.rate_hz for s in sensors.values() if s.rate_hz}) > 1:
-        problem = f"states rates of its channels, {rate_hz:.6g} Hz among them, and study.toml says "
-        problem += "sampling_rate_hz = "
-        raise InputFileError(
-            file, f"{problem}{ours:.6g}", "delete that of study.toml, or resample them to one rate"
-        )
-    return None, [
-        f"its rate is {ours:.6g} Hz as study.toml says, though the file says {rate_hz:.6g} Hz"
-    ]
+        problem = f"states rates of its channels, {rate_hz:.6g} Hz among them, and study.toml {ours:.6g} Hz"
+        raise InputFileError(file, problem, "delete that of study.toml, or resample them to one rate")
+    return None, [f"its rate is {ours:.6g} Hz as study.toml says, though the file says {rate_hz:.6g} Hz"]
 
 
 #: Two rates are alike within this share: a nominal one, and that of a clock.
@@ -252,11 +240,7 @@ def _backwards(file: Path, time_s: np.ndarray) -> InputFileError:
 def _opened(file: Path, layout: Layout, strict: bool = True) -> _Source:
     if ending(file) in TEXTS:
         series = [] if layout.columns else long_series(file)
-        return (
-            _SeriesTable.of(file, series, layout)
-            if series
-            else TextTable.open(file, layout, strict)
-        )
+        return _SeriesTable.of(file, series, layout) if series else TextTable.open(file, layout, strict)
     return _SeriesTable.open(file, layout)
 
 
@@ -382,10 +366,7 @@ def _rising(source: _Source, index: int, size: int) -> np.ndarray | None:
 
 def _denied(source: _Source, time_s: np.ndarray) -> list[str]:
     """A remark on a rate that a line above the numbers states and their time denies."""
-    rate, span = (
-        source.columns.series[0].rate_hz if source.tabular else None,
-        float(time_s[-1] - time_s[0]),
-    )
+    rate, span = source.columns.series[0].rate_hz if source.tabular else None, float(time_s[-1] - time_s[0])
     counted = (time_s.size - 1) / span if span > 0 else 0.0
     if not rate or not counted or abs(counted / rate - 1) < 1e-2:
         return []

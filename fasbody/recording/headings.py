@@ -381,11 +381,9 @@ def seconds_of(cell: str) -> float | None:
     stamp = STAMP.fullmatch(cell)
     if stamp is None:
         return None
-    hour = (
-        int(stamp[1] or 0)
-        if stamp[4] is None
-        else int(stamp[1] or 0) % 12 + 12 * (stamp[4] in "Pp")
-    )
+    hour = int(stamp[1] or 0)
+    if stamp[4] is not None:
+        hour = hour % 12 + 12 * (stamp[4] in "Pp")
     return 3600 * hour + 60 * int(stamp[2]) + float(stamp[3].replace(",", "."))
 
 
@@ -447,11 +445,7 @@ def _are_units(cells: Sequence[str]) -> bool:
 def _are_words(cells: Sequence[str]) -> bool:
     """Whether a row is of words, or of amounts behind a word or an empty cell."""
     numbers = any(texts.numeric(cell) or STAMP.fullmatch(cell) for cell in cells)
-    return (
-        not numbers
-        and not unit_behind(cells[0])
-        and any(re.search(r"[^\W\d]", cell) for cell in cells)
-    )
+    return not numbers and not unit_behind(cells[0]) and any(re.search(r"[^\W\d]", cell) for cell in cells)
 
 
 def _are_counts(cells: Sequence[str], samples: Sequence[str]) -> bool:
