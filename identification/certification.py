@@ -7,19 +7,19 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.interpolate import CubicSpline
 
 from fasbody.exceptions import SimulationError
 from fasbody.foot.model import Foot
 from fasbody.foot.simulate import Batch
 from fasbody.recording.recording import Recording
 from identification.criteria import fit_percent
+from identification.delay import delayed
 from identification.engines.certified import CertifiedRollouts
 from identification.engines.engine import Whole
 from identification.engines.mujoco import Coordinates
 from identification.engines.twin import Twin
 from identification.multistart import Descent, descend
-from identification.parameters import DELAY, delay_of
+from identification.parameters import delay_of
 from identification.sensors import MALLEOLUS, SensorFit
 from identification.time_domain import TimeDomain
 from identification.time_problem import TimeProblem
@@ -211,18 +211,13 @@ def replay(
                 apart = np.abs(y - other[MALLEOLUS[0]][: y.size]).max() / np.abs(other[MALLEOLUS[0]]).max()
                 difference = max(difference, float(apart))
                 read = other if part[i] else read
-            t = recordings[i].time_s - recordings[i].time_s[0]
-            traces[i] = _late(t, read[MALLEOLUS[0]], full[i].get(DELAY.name, 0.0))
             for name in sensors:
-                if name in recordings[i].sensors and name not in MALLEOLUS:
-                    others[i][name] = _late(t, read[name], full[i].get(delay_of(name).name, 0.0))
+                if name in recordings[i].sensors:
+                    y = delayed(read[name], recordings[i].rate_hz * full[i].get(delay_of(name).name, 0.0))
+                    others[i][name] = y
+            traces[i] = others[i].pop(MALLEOLUS[0])
     fits = [fit_percent(r.malleolus_m_s2, y) for r, y in zip(recordings, traces, strict=True)]
     return Replay(traces, fits, base_error, difference if twin else None, others)
-
-
-def _late(t: np.ndarray, y: np.ndarray, delay: float) -> np.ndarray:
-    """A trace (n,) at times (n,) [s] as a channel that is late [s] has it."""
-    return CubicSpline(t, y)(t - delay) if delay else y
 
 
 def _period(whole: Whole) -> int:

@@ -40,7 +40,7 @@ class Whole:
             SimulationError: nothing carries the foot, or it is tied to the world, and a recording does not say where
                 its base is.
         """
-        Balance(foot).carried({})
+        _check_carried(foot)
         check_drift(foot, recording.file)
         interval = 1.0 / recording.rate_hz
         return _driven(recording, max(1, int(np.ceil(interval / min(LONGEST_STEP, foot.step) - 1e-6))))
@@ -73,6 +73,11 @@ class Whole:
 
     def __str__(self) -> str:
         return self.recording.file
+
+
+@functools.lru_cache(maxsize=2)  # the same for each recording and branch
+def _check_carried(foot: Foot) -> None:
+    Balance(foot).carried({})
 
 
 @functools.lru_cache(maxsize=2)  # both branches of a fit are run under the same motion
