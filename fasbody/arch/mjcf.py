@@ -11,7 +11,8 @@ import numpy as np
 
 from fasbody.exceptions import ModelError, unknown
 from fasbody.foot import damper
-from fasbody.foot.model import check_constants, check_free, leans, reference_pose
+from fasbody.foot.accelerometers import leans, reference_pose
+from fasbody.foot.model import check_constants, check_free
 from fasbody.foot.model_fields import element_name
 from fasbody.foot.parameters import declared, names
 

@@ -14,7 +14,10 @@ import numpy as np
 import mjcf
 from fasbody.exceptions import InputFileError, ModelError, unknown
 from fasbody.foot import damper
+from fasbody.foot.accelerometers import Sensor, accelerometers, check_sensors, reference_pose
+from fasbody.foot.compiler import compiler_complaint
 from fasbody.foot.engine import SHAKER_CONTROLS, quiet
+from fasbody.foot.law_checks import check_laws
 from fasbody.foot.model_fields import check_fields, element_name
 from fasbody.foot.native import SHAKER
 from fasbody.foot.parameters import Fitted, Parameters, declared, names
@@ -22,8 +25,6 @@ from fasbody.presentation import Sheet, Tabled, readable
 
 #: Elements that every command needs, by kind.
 REQUIRED = {"joint": ("base",), "actuator": ("shaker",), "sensor": ("base", "malleolus"), "site": ("malleolus",)}
-#: Sensors that read an acceleration: in the world's axes, and in those of their site.
-_IN_WORLD, _IN_SITE = mujoco.mjtSensor.mjSENS_FRAMELINACC, mujoco.mjtSensor.mjSENS_ACCELEROMETER
 #: Armature from which a joint is the shaker's table [kg], and how far two tied pads may differ at rest [m].
 HEAVY, CLOSED = 1e6, 1e-6
 #: Improvement at which the solver of constraints stops, and its iterations. MuJoCo divides it by all
@@ -32,8 +33,6 @@ _IMPROVEMENT, _ITERATIONS = 1e-30, 100
 #: How far [m] and fast [m/s] a table is moved to see what ties it to the world, and by how much that may change its
 #: acceleration [1/s^2 or 1/s], and a foot's. Jacobian from which on something pulls.
 _MOVED, _SPEED, _HELD, _FELT, _PULLS = 1e-3, 0.1, 1.0, 0.1, 1e-9
-#: Share of an acceleration that an accelerometer may miss before it counts as leaning.
-_LEANS = 1e-6
 #: Density of a geom that names none [kg/m^3].
 _WATER = 1000.0
 #: Geoms whose density is written.
@@ -48,32 +47,6 @@ _BOUNDS, _WEIGHS = ("boundmass", "boundinertia", "balanceinertia"), ("mass", "in
 _SINGULAR = 1e-9
 #: Parts of the physics that no model may switch off.
 _NEEDED = ("spring", "damper", "gravity", "equality", "actuation", "sensor")
-
-
-@dataclass(frozen=True)
-class Sensor(Tabled):
-    """Where a sensor stands in sensordata, and which way is up in its axes.
-
-    Attributes:
-        name: of the sensor.
-        first: of its three numbers.
-        axis: (3,) along which it is read, positive up.
-        offset: what it reads at rest because of gravity [m/s^2].
-    """
-
-    name: str
-    first: int
-    axis: tuple[float, float, float]
-    offset: float = 0.0
-
-    def read(self, sensordata: np.ndarray) -> np.ndarray:
-        """The vertical reading (...) of sensordata (..., n)."""
-        along = np.flatnonzero(self.axis)
-        if along.size == 1 and self.axis[along[0]] == 1.0:
-            reading: np.ndarray = sensordata[..., self.first + along[0]]
-        else:
-            reading = sensordata[..., self.first : self.first + 3] @ np.array(self.axis)
-        return reading - self.offset if self.offset else reading
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -382,7 +355,7 @@ def check(model: mujoco.MjModel, name: str) -> Foot:
                 f"every foot model needs {needs}."
             )
     check_constants(model, name)
-    _check_laws(model, name)
+    check_laws(model, name)
     _check_options(model, name)
     solve_exactly(model)
     shaker = model.actuator("shaker").id
@@ -402,7 +375,7 @@ def check(model: mujoco.MjModel, name: str) -> Foot:
     for element in REQUIRED["sensor"]:
         if element not in sensors:
             raise ModelError(f"{name}: sensor {element!r} reads no acceleration; make it a framelinacc at a site.")
-    _check_sensors(model, name, sensors)
+    check_sensors(model, name, sensors)
     base = int(model.jnt_qposadr[model.joint("base").id])
     if not can_be_constrained(model):  # MuJoCo then need not look for contacts: a fifth of a step
         model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT
@@ -474,77 +447,6 @@ def _check_shaker(model: mujoco.MjModel, name: str, first: int) -> None:
             raise ModelError(f"{name}: actuator {called!r} has a range, and the table must move as asked; remove it.")
 
 
-def _check_sensors(model: mujoco.MjModel, name: str, sensors: Mapping[str, Sensor]) -> None:
-    """Base and malleolus are sensed where they are, and all by a velocity where the acceleration comes early."""
-    expected = {"base": model.body_weldid[model.jnt_bodyid[model.joint("base").id]]}
-    expected["malleolus"] = model.body_weldid[model.site_bodyid[model.site("malleolus").id]]
-    for sensor, body in expected.items():
-        on = body_of(model, model.sensor(sensor).id)
-        if model.body_weldid[on] != body:
-            place = "the table" if sensor == "base" else "the body of the site 'malleolus'"
-            raise ModelError(f"{name}: sensor {sensor!r} sits on {model.body(on).name!r}; it belongs on {place}.")
-    if model.opt.integrator == mujoco.mjtIntegrator.mjINT_RK4:
-        return
-    data = reference_pose(model)
-    for sensor in sensors:
-        velocity = f"{sensor}_velocity"
-        if sensor == "base":
-            continue
-        if velocity not in names(model, "sensor"):
-            raise ModelError(
-                f"{name}: with another integrator than RK4 accelerations are sensed half a step early; beside "
-                f"{sensor!r} add the sensor {velocity!r}, a framelinvel at the same site."
-            )
-        one, other = model.sensor(sensor).id, model.sensor(velocity).id
-        if leans(data, one, sensors["base"].axis):
-            raise ModelError(
-                f"{name}: sensor {sensor!r} leans, and {velocity!r} reads the vertical; turn its site, or use RK4."
-            )
-        if model.sensor_type[other] != mujoco.mjtSensor.mjSENS_FRAMELINVEL:
-            raise ModelError(
-                f"{name}: sensor {velocity!r} is read in the world's axes; make it a framelinvel at a site."
-            )
-        if model.body_weldid[body_of(model, one)] != model.body_weldid[body_of(model, other)]:
-            on = model.body(body_of(model, other)).name
-            raise ModelError(f"{name}: sensor {velocity!r} sits on {on!r}; it belongs where sensor {sensor!r} is.")
-        if np.abs(_jacobian(data, one) - _jacobian(data, other)).max() > CLOSED:
-            raise ModelError(
-                f"{name}: sensor {velocity!r} sits at another place of {model.body(body_of(model, other)).name!r} than "
-                f"sensor {sensor!r}, and the body turns; put both at one site."
-            )
-
-
-def reference_pose(model: mujoco.MjModel) -> mujoco.MjData:
-    """Frames of bodies, sites and joints where the file puts them."""
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    mujoco.mj_comPos(model, data)
-    return data
-
-
-def _jacobian(data: mujoco.MjData, sensor: int) -> np.ndarray:
-    """How the place of a sensor moves (3, nv) with the joints."""
-    model, kinds = data.model, mujoco.mjtObj
-    places = {
-        int(kinds.mjOBJ_SITE): data.site_xpos, int(kinds.mjOBJ_CAMERA): data.cam_xpos,
-        int(kinds.mjOBJ_GEOM): data.geom_xpos, int(kinds.mjOBJ_BODY): data.xipos, int(kinds.mjOBJ_XBODY): data.xpos,
-    }  # fmt: skip
-    jacobian = np.zeros((3, model.nv))
-    place = places[int(model.sensor_objtype[sensor])][model.sensor_objid[sensor]]
-    mujoco.mj_jac(model, data, jacobian, None, place, body_of(model, sensor))
-    return jacobian
-
-
-def body_of(model: mujoco.MjModel, sensor: int) -> int:
-    """Number of the body that a sensor sits on."""
-    kind, number = model.sensor_objtype[sensor], int(model.sensor_objid[sensor])
-    if kind == mujoco.mjtObj.mjOBJ_SITE:
-        return int(model.site_bodyid[number])
-    if kind == mujoco.mjtObj.mjOBJ_CAMERA:
-        return int(model.cam_bodyid[number])
-    return int(model.geom_bodyid[number]) if kind == mujoco.mjtObj.mjOBJ_GEOM else number
-
-
 def _check_added_mass(model: mujoco.MjModel, parameters: Parameters, name: str) -> None:
     """The added mass goes to one place: that of `added_mass`, or with the shank into m_S or m_T."""
     shank = next((symbol for symbol in ("m_S", "m_T") if symbol in parameters), None)
@@ -577,50 +479,6 @@ def _check_places(model: mujoco.MjModel, parameters: Parameters, name: str) -> N
                     f"{name}: parameter {symbol!r} is {value:g} {parameter.unit} at the first place that its <text> "
                     f"names and {other:g} at another; edit every place alike, or the shares in the <text>."
                 )
-
-
-def leans(data: mujoco.MjData, sensor: int, up: tuple[float, float, float]) -> bool:
-    """Whether a sensor is an accelerometer whose site has no axis along the vertical.
-
-    Args:
-        data: of the model in its `reference_pose`.
-        sensor: its number.
-        up: (3,) the vertical.
-    """
-    in_site = data.model.sensor_type[sensor] == _IN_SITE
-    return bool(in_site and np.abs(_to_site(data, sensor) @ up).max() < 1 - _LEANS)
-
-
-def _to_site(data: mujoco.MjData, sensor: int) -> np.ndarray:
-    """Rotation (3, 3) from the world's axes to those of a sensor's site."""
-    rotation: np.ndarray = data.site_xmat[data.model.sensor_objid[sensor]].reshape(3, 3).T
-    return rotation
-
-
-def accelerometers(model: mujoco.MjModel, up: tuple[float, float, float]) -> dict[str, Sensor]:
-    """The accelerometers of a model by name, read along the vertical.
-
-    A `framelinacc` reads in the world's axes. An `accelerometer` reads in those of its site, and is read along the one
-    that is nearest to the vertical, without correcting the tilt. The contribution of gravity is subtracted.
-
-    Args:
-        model: the compiled model.
-        up: (3,) the vertical.
-    """
-    data, sensors = reference_pose(model), {}
-    for number in range(model.nsensor):
-        kind, first, called = model.sensor_type[number], int(model.sensor_adr[number]), model.sensor(number).name
-        if kind == _IN_WORLD:
-            sensors[called] = Sensor(called, first, up, float(-model.opt.gravity @ up))
-        elif kind == _IN_SITE:
-            turned = _to_site(data, number)
-            seen = turned @ up
-            nearest = int(np.argmax(np.abs(seen)))
-            axis = np.zeros(3)
-            axis[nearest] = np.sign(seen[nearest])
-            x, y, z = (float(part) for part in axis)
-            sensors[called] = Sensor(called, first, (x, y, z), float(-(turned @ model.opt.gravity) @ axis))
-    return sensors
 
 
 def _check_base(model: mujoco.MjModel, name: str, shaker: int) -> tuple[float, float, float]:
@@ -758,69 +616,6 @@ def check_constants(model: mujoco.MjModel, name: str) -> None:
             )
 
 
-def _check_laws(model: mujoco.MjModel, name: str) -> None:
-    """Refuse a law that is unknown or lacks a parameter, so that a mistyped number is never a silent zero force."""
-    memory = [law for law in damper.LAWS if law.code in damper.MEMORY]
-    algebraic = [law for law in damper.LAWS if law.code not in damper.MEMORY]
-    for kind, user in (("joint", model.jnt_user), ("tendon", model.tendon_user)):
-        if user.size and user.shape[1] != damper.USER_SIZE and np.any(user):
-            size = f'nuser_{"jnt" if kind == "joint" else "tendon"}="{damper.USER_SIZE}"'
-            raise ModelError(f"{name}: {kind} user fields have {user.shape[1]} numbers; laws need <size {size}/>.")
-        for element, row in zip(names(model, kind), user, strict=False):
-            if row.any():
-                _check_law(row, algebraic, f"{name}: the user field of {kind} {element!r}")
-    _check_dampers(model, name)
-    for actuator in range(model.nactuator):
-        row, user = model.actuator_biasprm[actuator], model.actuator_biastype[actuator] == mujoco.mjtBias.mjBIAS_USER
-        if user and row[0] in damper.MEMORY:
-            where = f"{name}: the biasprm of actuator {model.actuator(actuator).name!r}"
-            _check_law(row[: damper.USER_SIZE], memory, where)
-            if model.actuator_actnum[actuator] != damper.MEMORY[row[0]]:
-                raise ModelError(f'{where} names the law {row[0]:g}, which needs actdim="{damper.MEMORY[row[0]]}".')
-
-
-def _check_dampers(model: mujoco.MjModel, name: str) -> None:
-    """A damper that stands in the law 4.25 and in `damping`, for MuJoCo alone, must be the same in both."""
-    kinds = (
-        ("joint", model.jnt_user, model.dof_damping[model.jnt_dofadr]),
-        ("tendon", model.tendon_user, model.tendon_damping),
-    )
-    for kind, laws, native in kinds:
-        for i in np.flatnonzero(laws[:, :1] == damper.DAMPER):
-            if native[i] and abs(native[i] - laws[i, 1]) > 1e-6 * laws[i, 1]:
-                raise ModelError(
-                    f"{name}: {kind} {getattr(model, kind)(i).name!r} has damping={native[i]:g} beside "
-                    f"c_1 = {laws[i, 1]:g} of its law 4.25; write the same number in both, or no damping."
-                )
-
-
-def _check_law(row: np.ndarray, laws: list[damper.Law], where: str) -> None:
-    """One law's parameters: pads need positive stiffness, thickness and static strain."""
-    law = next((law for law in laws if law.code == row[0]), None)
-    if law is None:
-        valid = "; ".join(f"{law.equation} {' '.join(law.parameters)}" for law in laws)
-        raise ModelError(f"{where} names the law {row[0]:g} (valid: {valid}).")
-    if not np.isfinite(row).all():
-        raise ModelError(f"{where} gives a parameter that is no number to the law {law.equation}.")
-    if row[1 + len(law.parameters) :].any():
-        needs = f"{law.equation} {' '.join(law.parameters)}"
-        raise ModelError(f"{where} has more numbers than its law has ({needs}); remove those behind.")
-    if law.code == damper.DAMPER and row[1] == 0:
-        raise ModelError(f"{where} names the law 4.25 with c1 = 0, no damper; write 4.25 c1 c2 c3, or no user field.")
-    if law.code in damper.ONE_SIDED and row[len(law.parameters)] not in (-1, 1):
-        raise ModelError(f"{where} gives side = {row[len(law.parameters)]:g} to the law {law.equation}; write 1 for an "
-                         "element that is pulled, -1 for one that is pressed.")  # fmt: skip
-    free = ("eta", "W", "side") if law.code in damper.ONE_SIDED else ("l", "eta", "c", "m", "n")
-    if law.code != damper.DAMPER:
-        for parameter, value in zip(law.parameters, row[1:], strict=False):
-            short = parameter.split()[0]
-            if (value <= 0 and short not in free) or (value < 0 and short in ("eta", "W")):
-                form = f"{law.equation} {' '.join(law.parameters)}"
-                raise ModelError(
-                    f"{where} gives {short} = {value:g} to the law {law.equation}; write {form}, all positive."
-                )
-
-
 def can_be_constrained(model: mujoco.MjModel) -> bool:
     """Whether anything in a model can touch, or has a limit, an equality or dry friction."""
     return bool(model.neq) or can_change(model)
@@ -864,49 +659,3 @@ def check_free(model: mujoco.MjModel, name: str) -> None:
         raise ModelError(f"{name}: <option> has a density or viscosity of what is around, which no equation has.")
 
 
-#: What the compiler's message means; groups of the pattern and of its place fill the clause.
-_MEANINGS = (
-    (r"transmission target '(?P<x>[^']*)' not found", "acts on {x!r}, which is not in the model"),
-    (r"unknown transmission target '(?P<x>[^']*)'", "acts on {x!r}, which is not in the model"),
-    (r"unknown element '(?P<x>[^']*)' in equality", "ties {x!r}, which is not in the model"),
-    (r"(?P<k>site|geom|joint|body) '(?P<x>[^']*)' not found", "names the {k} {x!r}, which is not in the model"),
-    (r"unrecognized name '(?P<x>[^']*)'", "names {x!r}, which is not in the model"),
-    (r"path cannot be empty", "names no sites to run through"),
-    (r"unrecognized attribute: '(?P<x>[^']*)'", "has the attribute {x!r}, which MJCF does not know there"),
-    (r"unrecognized element", "stands where MJCF knows no such element"),
-    (r"bad format in attribute '(?P<x>[^']*)'", "has something other than numbers in the attribute {x!r}"),
-    (r"unknown default class name '(?P<x>[^']*)'", "names the class {x!r}, which no default declares"),
-    (r"repeated name '(?P<x>[^']*)'", "has the name {x!r} a second time"),
-)
-_BROKEN = {
-    "MISMATCHED_ELEMENT": "the element <{x}> that begins there is not closed where it should be",
-    "PARSING_ATTRIBUTE": 'an attribute of <{x}> is not written as name="value"',
-    "PARSING_ELEMENT": 'an element is not written as <name attribute="value">',
-    "PARSING": "an element that begins there or later is never closed",
-    "EMPTY_DOCUMENT": "the file is empty",
-}
-
-
-def compiler_complaint(message: str) -> tuple[str, int | None]:
-    """The clause that says what is wrong with a model, and the line it stands in.
-
-    Args:
-        message: what MuJoCo raised.
-    """
-    text = " ".join(message.split())
-    line_match = re.search(r"[Ll]ine(?: number=|\s)(\d+)", text)
-    line = int(line_match[1]) if line_match else None
-    broken = re.search(r"Error=XML_ERROR_(\w+)", text)
-    if broken:
-        element = re.search(r"XMLElement name=(\S+)", text)
-        clause = _BROKEN.get(broken[1], "its XML is not well-formed").format(x=element[1] if element else "?")
-        return clause, line
-    head, _, place = re.sub(r"^(XML )?Error: ", "", text).partition(" Element ")
-    name = re.search(r"name '([^']*)'", place) or re.match(r"'([^']*)'", place)
-    where = "" if not name else f"{name[1]!r} " if place.startswith("name") else f"<{name[1]}> "
-    for pattern, meaning in _MEANINGS:
-        match = re.search(pattern, head)
-        if match:
-            return where + meaning.format(**match.groupdict()), line
-    plain = re.sub(r" ?\(id = \d+\)|^Schema violation: ", "", head).rstrip(".")
-    return f"{where.strip()}: {plain}" if where else plain, line

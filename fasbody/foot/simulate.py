@@ -12,9 +12,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from fasbody.exceptions import SettingError, SimulationError, UnstableError
+from fasbody.foot.accelerometers import Sensor
 from fasbody.foot.damper import DAMPER
 from fasbody.foot.engine import SHAKER_CONTROLS, callbacks
-from fasbody.foot.model import Foot, Sensor, can_change, held_to_world
+from fasbody.foot.model import Foot, can_change, held_to_world
 from fasbody.foot.parameters import Fitted
 from fasbody.foot.rest import slopes_at_rest
 from fasbody.foot.shaker import BaseMotion

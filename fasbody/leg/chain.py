@@ -18,7 +18,8 @@ import numpy as np
 
 from fasbody.exceptions import ModelError, unknown
 from fasbody.foot import damper
-from fasbody.foot.model import body_of, check_constants, check_free, leans, reference_pose
+from fasbody.foot.accelerometers import body_of, leans, reference_pose
+from fasbody.foot.model import check_constants, check_free
 from fasbody.foot.model_fields import element_name
 from fasbody.foot.parameters import declared, names
 from fasbody.presentation import Tabled
