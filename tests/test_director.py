@@ -417,9 +417,8 @@ def test_no_remedy_is_one_that_is_there(
     plan: Planned, causes: tuple[Cause, ...], open_: bool, sensors: tuple[str, ...], remedy: str
 ) -> None:
     names = ("k_T",) if causes else ()
-    said = nothing_brings(
-        plan.mine, {"k_T": 0.01}, {"k_T": causes}, names, open_, (0.0, 2.3, 4.5), sensors
-    )
+    ever, shaker = replace(plan.mine, asked={"k_T": 0.01}), replace(SHAKER, sensors=sensors)
+    said = nothing_brings(ever, {"k_T": causes}, names, open_, shaker)
     assert said.endswith(remedy)
     remains = "".join(f"(remaining variance: {cause})" for cause in causes)
     assert remains in said and ("remaining variance" in said) == bool(causes)

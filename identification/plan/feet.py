@@ -189,15 +189,14 @@ class Feet:
         self._variables, self._rivals = variables, _departures(variables)
         # derivatives (D, r, n): of the main constants' logarithms, the prior's slope, and units of the departures
         m, L = len(EXCHANGED), variables.slopes(variables.logarithms, seen.q, np.arange(mean.size))
-        units = np.eye(mean.size)[[i for places in self._rivals for i in places]]
-        units = np.broadcast_to(units, (len(true), *units.shape))
+        at = np.array([i for places in self._rivals for i in places], int)
+        units = np.broadcast_to(np.eye(mean.size)[at], (len(true), at.size, mean.size))
         rows = np.concatenate([L, (self._P * true)[:, None], units], axis=1)[:, None]
         # what no recording tells and no constant follows: the kind of a departure of no size, for example
         self._felt = np.flatnonzero(seen.J.any((0, 1, 2)) | rows.any((0, 1, 2)))
         self._rows = rows[..., self._felt]
         self._J = np.ascontiguousarray(seen.J[..., self._felt])
         # rows of the sizes whose priors are half normal, which way they may go, and how far each foot is from there
-        at = np.array([i for places in self._rivals for i in places], int)
         lower, upper = (limit[at] == mean[at] for limit in variables.bounds)
         ends = np.flatnonzero(lower | upper)
         self._one_sided, self._way = m + 1 + ends, np.where(lower, 1.0, -1.0)[ends]

@@ -40,6 +40,7 @@ def repeating(repeatability: float) -> str:
     return f"recordings repeat to {percent(repeatability)}" if repeatability else "recordings repeat exactly"
 
 
-def in_the_way(repeatability: float) -> str:
-    """What more recordings average out, and its verb."""
-    return "noise and scatter between recordings limit" if repeatability else "noise limits"
+def in_the_way(repeatability: float, of: str) -> str:
+    """That what more recordings average out is in the way of something, in a sentence."""
+    what = "Noise and scatter between recordings limit" if repeatability else "Noise limits"
+    return f"{what} {of}."
