@@ -295,12 +295,9 @@ class Director:
         return max(_FOR_EVER, float(noise / _SILENT) ** 2, float(repeatability / _STILL) ** 2)
 
     def times(self, steps: Sequence[Step], names: Sequence[str], branch: bool) -> float:
-        """How often steps must be recorded until some of what is asked is met; infinite where that is never.
+        """How often steps must be recorded until named constants are as asked.
 
-        Args:
-            steps: together, beside what is done.
-            names: of the constants.
-            branch: whether it must be decided as well.
+        If `branch`, that must be decided, too. Infinite where it is never.
         """
         done, more = self._sums(()), self._sums(steps, fresh=True)
 

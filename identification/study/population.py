@@ -184,13 +184,7 @@ def _to_one(odds_log: float) -> str:
 
 
 def constant(name: str, subjects: Sequence[str], logs: np.ndarray, errors: np.ndarray) -> Constant:
-    """The population of one constant.
-
-    Args:
-        name: of it.
-        subjects: (n,) names.
-        logs: (n,) logarithms of its values.
-        errors: (n,) their standard errors.
+    """The population of one constant, from logarithms (n,) of its values and their standard errors.
 
     Raises:
         RecordingError: fewer than four persons, one of them twice, or an error that is not a positive number.
@@ -216,10 +210,7 @@ def populations(documents: Sequence[Document]) -> tuple[list[Population], list[s
     """The populations of a study's pooled fits, a posture and load each, and why there are no others.
 
     Both branches are given where neither is decided. Several persons who make no population have a
-    sentence each; one person has none.
-
-    Args:
-        documents: fits; those that are not pooled are passed over.
+    sentence each; one person has none. Fits that are not pooled are passed over.
     """
     groups: dict[tuple[str, float], list[Document]] = {}
     for fit in documents:

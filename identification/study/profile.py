@@ -86,7 +86,6 @@ class Likelihood:
         q: (n,) where the fit ended.
         bounds: of q.
         places: of the constants and the delay.
-        solution: the fit.
     """
 
     def __init__(self, solution: Solution) -> None:
@@ -98,7 +97,7 @@ class Likelihood:
         low, high = self._problem.bounds()
         self._free, self._whole = high > low, whole
         self._last: tuple[bytes, Evaluation | None] = b"", None
-        self.solution, self.q, self.bounds = solution, whole[self._free], (low[self._free], high[self._free])
+        self.q, self.bounds = whole[self._free], (low[self._free], high[self._free])
         self.places = tuple(self._places())
 
     def _places(self) -> list[Place]:
@@ -135,8 +134,8 @@ class Likelihood:
         return np.asarray(self._evaluated(q).jacobian[0][:, self._free])
 
 
-def profiles_of(solution: Solution, names: Sequence[str] = ()) -> list[Profile]:
-    """Profiles of named parameters of a fit, of all free ones where none are given.
+def profiles_of(solution: Solution, names: Sequence[str]) -> list[Profile]:
+    """Profiles of named parameters of a fit.
 
     Raises:
         SettingError: a parameter that was not free.
@@ -146,7 +145,7 @@ def profiles_of(solution: Solution, names: Sequence[str] = ()) -> list[Profile]:
     for name in names:
         if name not in free:
             raise SettingError(f"{unknown('parameter to profile', name, free)}.")
-    places = [place for place in likelihood.places if place.item.name in (names or free)]
+    places = [place for place in likelihood.places if place.item.name in names]
     enough = solution.problem.size > len(free)
     return profiles(likelihood, places, likelihood.q, solution.excess, enough)
 

@@ -37,12 +37,6 @@ _MODES = {
 def write(out: Path, findings: Findings, title: str, origin: str) -> list[Path]:
     """Write summary.csv, energy.csv, recovery.csv (with a truth), figures/ and report.html.
 
-    Args:
-        out: folder.
-        findings: what the fits say.
-        title: of the study.
-        origin: "synthetic", "measured" or what is known of it.
-
     Returns:
         The files written, the report first, each there whole or not at all.
     """

@@ -194,7 +194,7 @@ def compare_damping(
     Args:
         recordings: of one subject in one posture, which share their constants.
         foot: a model with the dampers of Eq. 4.25.
-        settings: of the fits.
+        settings: of both fits.
 
     Returns:
         Criteria of the laws "linear" and "nonlinear" and which of them each one prefers, as plain
