@@ -273,9 +273,10 @@ class Feet:
         P, L = self._P[self._felt], self._rows[:, 0, : len(EXCHANGED)]
         moved = L @ np.linalg.inv(sums.A + np.diag(P))
         share = (moved**2 * P / (moved * L).sum(-1, keepdims=True)).mean(0)
-        names, kinds = self._variables.names, self._variables.kinds
+        v, felt = self._variables, self._felt
+        kinds = (*v.constants, *(item.kind for item in v.nuisances))
         return {
-            name: [Cause(kinds[self._felt[k]], names[self._felt[k]], float(row[k])) for k in np.argsort(-row)]
+            name: [Cause(kinds[felt[k]], v.names[felt[k]], float(row[k])) for k in np.argsort(-row)]
             for name, row in zip(EXCHANGED, share, strict=True)
         }
 

@@ -99,8 +99,8 @@ class Sight:
 
     def see(
         self, Q: np.ndarray, rival: np.ndarray, held: np.ndarray, scatter: np.ndarray
-    ) -> tuple[Seen, np.ndarray]:
-        """What each step reads of feet and rivals (D, n), and which of both move steadily (D,).
+    ) -> Seen:
+        """What each step reads of feet and rivals (D, n), of those that both move steadily.
 
         Args:
             Q: feet.
@@ -112,7 +112,7 @@ class Sight:
         J, K, missed = (self._by_step(x) for x in (J, K, Z - Y))
         noise, spread = self._variances(Y, scatter)
         noise, spread = self._by_step(noise, np.inf), self._by_step(spread)
-        return Seen(Q, rival, held, J, K, missed, noise, spread, scatter), moves & also
+        return Seen(Q, rival, held, J, K, missed, noise, spread, scatter).rows(moves & also)
 
     def rivals(self, Q: np.ndarray, scatter: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The likeliest feet (D, n) of the other branch if all steps are made of feet Q, and what is at bounds.
