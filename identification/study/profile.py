@@ -21,6 +21,7 @@ from identification.estimates import identifiability
 from identification.intervals import Solution, inverse_of_gram, size_that_matters
 from identification.parameters import delay_of
 from identification.residual import Evaluation
+from identification.study import VERDICTS
 
 #: Rise of the deviance at the 95 % limits.
 RISE = float(chi2.ppf(0.95, 1))
@@ -28,8 +29,6 @@ RISE = float(chi2.ppf(0.95, 1))
 _FIRST, _GROWTH, _STEPS = 0.5, 1.3, 40
 #: Shares of the range by which parameters are moved off their bounds before the others are fitted again.
 _OFF_BOUND = (1e-9, 0.02)
-#: Verdicts, the best first.
-_ORDER = ("identified", "weak", "not identifiable")
 #: Error of the rise, and share of a step in the limit, that are none.
 _CLOSE = 0.01
 #: Share of its width by which an interval may miss the Wald interval and still agree with it.
@@ -188,7 +187,7 @@ def _profile(problem: Likelihood, place: Place, q: np.ndarray, std: float, exces
     verdicts = (
         identifiability(value(best), as_std, size, at_bound=below.open and above.open),
         identifiability(value(best), by_wald, size, at_bound=False),
-        _ORDER[0 if enough else 2],
+        VERDICTS[0 if enough else 2],
     )
     return Profile(
         key=item.key,
@@ -201,7 +200,7 @@ def _profile(problem: Likelihood, place: Place, q: np.ndarray, std: float, exces
         open_above=above.open,
         wald=(value(wald[0]), value(wald[1])),
         departs=bool(open_side or departs),
-        verdict=max(verdicts, key=_ORDER.index),
+        verdict=max(verdicts, key=VERDICTS.index),
         better=min(rises.values()) < -_CLOSE,
     )
 
