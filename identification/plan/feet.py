@@ -132,21 +132,13 @@ class Sums:
 
 @dataclass(frozen=True, eq=False)
 class _After:
-    """What is known of D feet after recordings.
+    """What is known of D feet after recordings."""
 
-    Attributes:
-        C: (D, f, f) covariance of what is felt.
-        known: (D, r, r) of the rows' products with it.
-        of_rival: (D, n, n) covariance of the rivals.
-        nearer: (D, n) step from a rival to the best foot near it.
-        missed: (D,) what that misses, with its prior's rows.
-    """
-
-    C: np.ndarray
-    known: np.ndarray
-    of_rival: np.ndarray
-    nearer: np.ndarray
-    missed: np.ndarray
+    C: np.ndarray  # (D, f, f) covariance of what is felt
+    known: np.ndarray  # (D, r, r) of the rows' products with it
+    of_rival: np.ndarray  # (D, n, n) covariance of the rivals
+    nearer: np.ndarray  # (D, n) step from a rival to the best foot near it
+    missed: np.ndarray  # (D,) what that misses, with its prior's rows
 
 
 @dataclass(frozen=True)

@@ -189,15 +189,10 @@ class _Paired:
 
 @dataclass(frozen=True, eq=False)
 class _Rivals(Problem):
-    """What rivals miss of the motions of feet, a rival for each foot, so that all descend together.
+    """What rivals miss of motions of feet, one for each foot, so that all descend together."""
 
-    Attributes:
-        motions: (D, N) of the feet.
-        weights: (D, N) one over their standard deviations.
-    """
-
-    motions: np.ndarray
-    weights: np.ndarray
+    motions: np.ndarray  # (D, N) of the feet
+    weights: np.ndarray  # (D, N) one over their standard deviations
 
     def evaluate(self, Q: np.ndarray, near: Evaluation | None = None) -> Evaluation:
         """See `Problem`; without motions to start from there is one candidate for each foot."""

@@ -11,6 +11,7 @@ from fasbody.acquire.board import Stalled
 from fasbody.acquire.person import note
 from fasbody.console import heeded
 from fasbody.exceptions import AcquisitionError, FasError, RecordingError, SettingError, SimulationError
+from fasbody.foot.parameters import symbol_and_unit
 from fasbody.presentation import Presented, Sheet, counted, listed
 from fasbody.recording.checks import checked
 from fasbody.recording.recording import Recording
@@ -308,8 +309,8 @@ class Session:
             )  # fmt: skip
         except FasError:
             return False
-        self._fitted = {n: Band.of(next(e for key, e in result.best.parameters.items() if key.startswith(f"{n}_")))
-                        for n in EXCHANGED}  # fmt: skip
+        estimates = {symbol_and_unit(key)[0]: e for key, e in result.best.parameters.items()}
+        self._fitted = {name: Band.of(estimates[name]) for name in EXCHANGED}
         missed = [n for n, share in self._ask.items() if self._fitted[n].half_width > share]
         if result.verdict == "decided" and not missed:
             return True
