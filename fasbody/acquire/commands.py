@@ -12,22 +12,12 @@ from typing import Annotated, Any
 
 import typer
 
-from fasbody.acquire import capture, firmware, folder
+from fasbody.acquire import capture, firmware, folder, options
 from fasbody.acquire.calibrate import calibrator, flip
 from fasbody.acquire.devices import SERIAL, Equipment, file_of, kind
 from fasbody.acquire.display import Display
 from fasbody.acquire.folder import Converted, convert
 from fasbody.acquire.level import Safety
-from fasbody.acquire.options import (
-    Baud,
-    Board,
-    Calibration,
-    Generator,
-    GeneratorBaud,
-    MaxVolts,
-    Port,
-    Simulate,
-)
 from fasbody.acquire.person import ACTION, VDV_LIMIT, Dose
 from fasbody.acquire.plan import Plan, PlannedSession, PlannedStep, within
 from fasbody.acquire.port import ports, probe
@@ -51,8 +41,8 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 @app.command()
 def record(
-    port: Port = None,
-    generator: Generator = None,
+    port: options.Port = None,
+    generator: options.Generator = None,
     frequency: Annotated[float | None, typer.Option(help="one recording at this excitation in Hz")] = None,
     sweep: Annotated[str | None, typer.Option(help="START:STOP:STEP in Hz, one recording each")] = None,
     plan_: Annotated[
@@ -69,7 +59,7 @@ def record(
     ] = None,
     posture: Annotated[str, typer.Option(help="posture of the foot")] = "midstance",
     peak_to_peak: _Level = PEAK_TO_PEAK,
-    max_volts: MaxVolts = Safety.volts,
+    max_volts: options.MaxVolts = Safety.volts,
     max_acceleration: Annotated[
         float, typer.Option(help="highest base acceleration in m/s^2; at most 0.86 of it can be requested")
     ] = Safety.peak_m_s2,
@@ -83,17 +73,17 @@ def record(
         float, typer.Option(help="largest vibration dose value of the subject in a day in m/s^1.75, W_k-weighted")
     ] = VDV_LIMIT,
     retries: Annotated[int, typer.Option(min=0, help="how often to repeat a recording that lost samples")] = 2,
-    baud: Baud = 921600,
-    generator_baud: GeneratorBaud = 115200,
-    simulate: Simulate = False,
+    baud: options.Baud = 921600,
+    generator_baud: options.GeneratorBaud = 115200,
+    simulate: options.Simulate = False,
     list_: Annotated[
         bool, typer.Option("--list", help="show the serial ports, or with --board audio the sound cards, and stop")
     ] = False,
     probe_: Annotated[
         bool, typer.Option("--probe", help="show which device answers on --port (or on all ports) and stop")
     ] = False,
-    board_: Board = SERIAL,
-    calibration: Calibration = None,
+    board_: options.Board = SERIAL,
+    calibration: options.Calibration = None,
     firmware_: Annotated[
         Path | None, typer.Option("--firmware", help="write the firmware for an Arduino into this folder and stop")
     ] = None,
@@ -266,17 +256,17 @@ def _record(plans: Sequence[Plan], equipment: Equipment | None, by_hand: bool) -
 @app.command()
 def check(
     out: Annotated[Path, typer.Option(help="study folder, made if needed: check.json and study.toml are written")],
-    port: Port = None,
-    generator: Generator = None,
-    board: Board = SERIAL,
-    calibration: Calibration = None,
+    port: options.Port = None,
+    generator: options.Generator = None,
+    board: options.Board = SERIAL,
+    calibration: options.Calibration = None,
     frequencies: Annotated[str, typer.Option(help="frequencies of the sines in Hz, at least two")] = "10,20,40",
     seconds: _Seconds = 4.0,
     peak_to_peak: _Level = 10.0,
-    max_volts: MaxVolts = Safety.volts,
-    baud: Baud = 921600,
-    generator_baud: GeneratorBaud = 115200,
-    simulate: Simulate = False,
+    max_volts: options.MaxVolts = Safety.volts,
+    baud: options.Baud = 921600,
+    generator_baud: options.GeneratorBaud = 115200,
+    simulate: options.Simulate = False,
     json_: _Json = False,
 ) -> None:
     """Check shaker and sensors with both sensors on one mass, and nobody on the shaker.

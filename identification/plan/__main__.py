@@ -14,16 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer import Argument, Option
 
-from fasbody.acquire.options import (
-    Baud,
-    Board,
-    Calibration,
-    Generator,
-    GeneratorBaud,
-    MaxVolts,
-    Port,
-    Simulate,
-)
+from fasbody.acquire import options as acquire
 from fasbody.console import (
     command_line,
     console,
@@ -310,13 +301,13 @@ def run(
         Path | None, Option(help="study folder; its recordings are used")
     ] = None,
     auto: Annotated[bool, Option("--auto", help="take each step without asking")] = False,
-    port: Port = None,
-    generator: Generator = None,
-    board: Board = "serial",
-    calibration: Calibration = None,
-    baud: Baud = 921600,
-    generator_baud: GeneratorBaud = 115200,
-    max_volts: MaxVolts = 5.0,
+    port: acquire.Port = None,
+    generator: acquire.Generator = None,
+    board: acquire.Board = "serial",
+    calibration: acquire.Calibration = None,
+    baud: acquire.Baud = 921600,
+    generator_baud: acquire.GeneratorBaud = 115200,
+    max_volts: acquire.MaxVolts = 5.0,
     max_acceleration: Annotated[float, Option(help="highest base acceleration in m/s^2")] = 15.0,
     max_exposure: Annotated[
         float, Option(help="largest daily exposure A(8) of the person in m/s^2")
@@ -324,7 +315,7 @@ def run(
     max_vdv: Annotated[
         float, Option(help="largest vibration dose value of a day in m/s^1.75")
     ] = 21.0,
-    simulate: Simulate = False,
+    simulate: acquire.Simulate = False,
     subject: Annotated[str, Option(help="name or number of the subject")] = "1",
     load_change: Annotated[
         float, Option(help="cost of a change of load, in seconds of shaking", min=0, max=3600)
