@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -98,9 +98,6 @@ class Shaken(Presented):
         bands: of the constants.
         left: steps that the last plan has and nobody has taken.
     """
-
-    figures: ClassVar[str] = ""
-    plots: ClassVar[tuple[str, ...]] = ()
 
     taken: tuple[Taken, ...]
     ended: str

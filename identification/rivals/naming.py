@@ -120,17 +120,15 @@ def _read(subject: str, posture: str, recordings: Sequence[Recording]) -> Sines:
     masses = {r.condition.body_mass_kg for r in recordings}
     if len(masses) > 1:
         raise RecordingError(f"Subject {subject} has several body masses; give one.")
-    hz, added, table, MB, TB, second, repeats = (
-        np.array([getattr(row, name) for row in _merged(rows)], kind)
-        for kind, names in (
-            (float, ("frequency_hz", "added_kg", "table")),
-            (complex, ("MB", "TB", "second")),
-            (bool, ("repeats",)),
-        )
-        for name in names
-    )
+    merged = _merged(rows)
+
+    def column(name: str, kind: type) -> Array:
+        return np.array([getattr(row, name) for row in merged], kind)
+
+    hz, added, table = (column(name, float) for name in ("frequency_hz", "added_kg", "table"))
+    MB, TB, second = (column(name, complex) for name in ("MB", "TB", "second"))
     plan = Plan("these recordings", hz, added, table, tuberosity, harmonics)
-    made = Responses(MB, TB if tuberosity else MB, second, repeats)
+    made = Responses(MB, TB if tuberosity else MB, second, column("repeats", bool))
     used = len(recordings) - len(left_out)
     return Sines(
         subject, posture, masses.pop(), plan, made, used, tuple(left_out), tuple(notes)
