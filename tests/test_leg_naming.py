@@ -119,7 +119,7 @@ def test_a_foot_that_leaves_the_plate_is_named(flying: list[Recording]) -> None:
     assert not result.seen.plan.tuberosity
     assert result.fits[0].air > 0.5
     assert result.fits[0].values["k"] == pytest.approx(2e5, rel=0.3)
-    assert "Lift-off for subject 7" in str(result)
+    assert "Subject 7: lift-off. All other mechanisms are excluded" in result.sentence
     assert not result.seen.left_out  # tops flattened on one side are no saturated sensor
 
 

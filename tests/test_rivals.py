@@ -344,7 +344,7 @@ def test_what_repeats_to_some_per_cent_prefers_nothing_to_the_model() -> None:
     result = compare_rivals(data, models=["mount"])
     assert result.first.name in ("model", "linear") and result["model"] in result.adequate
     assert 0.01 < result.repeatability < 0.04 and result.document()["repeatability"] == result.repeatability
-    assert f"repeat to {100 * result.repeatability:.2g} %" in result.sheet().notes[1]
+    assert f"recordings is {100 * result.repeatability:.2g} %." in result.sheet().notes[1]
     k_T = result["model"].k_T
     assert k_T and k_T.lower < LEG.k_T < k_T.upper
 

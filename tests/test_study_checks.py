@@ -11,10 +11,9 @@ from study_runs import fitted, small
 from fasbody.foot.model import Foot
 from fasbody.recording.study import StudyFolder
 from identification.fitting import Settings
-from identification.study import job
+from identification.study import VERDICTS, job
 from identification.study.job import ensure
 from identification.study.plan import Model, Plan
-from identification.study.summary import VERDICTS
 
 ONE_LOAD = ("--workers", "1", "--added-mass", "0")
 BOUNDS = ("--bounds", "k_T=1e4:1e7")

@@ -12,7 +12,7 @@ from typing import Annotated, Any
 
 import typer
 
-from fasbody.acquire import capture, firmware, folder
+from fasbody.acquire import capture, firmware, folder, options
 from fasbody.acquire.calibrate import calibrator, flip
 from fasbody.acquire.devices import SERIAL, Equipment, file_of, kind
 from fasbody.acquire.display import Display
@@ -29,28 +29,8 @@ from fasbody.foot.shaker import PEAK_TO_PEAK
 from fasbody.presentation import counted
 from fasbody.recording.recording import Condition
 
-_Port = Annotated[str | None, typer.Option(help="port of the accelerometer board")]
-_Generator = Annotated[str | None, typer.Option(help="SCPI function generator: its port or VISA name")]
-_Board = Annotated[
-    str,
-    typer.Option(
-        "--board",
-        help="serial; audio, a sound card that plays and records; ni, mcc, labjack; or a device of another package",
-    ),
-]
-_Settings = Annotated[
-    Path | None,
-    typer.Option(
-        "--calibration",
-        help="settings of a device other than a serial board (default sound_card.json, ni.json and so on)",
-    ),
-]
 _Seconds = Annotated[float, typer.Option(help="length of each recording in s")]
 _Level = Annotated[float, typer.Option(help="required base acceleration in m/s^2")]
-_MaxVolts = Annotated[float, typer.Option(help="highest generator amplitude in V peak to peak")]
-_Baud = Annotated[int, typer.Option(min=1, help="baud rate of the board")]
-_GeneratorBaud = Annotated[int, typer.Option(min=1, help="baud rate of the generator")]
-_Simulate = Annotated[bool, typer.Option("--simulate", help="simulated devices instead of hardware")]
 _Json = Annotated[bool, typer.Option("--json", help="print one JSON document on stdout")]
 #: A mass has no exposure; this is a day at 100 g.
 _NOBODY = 1000.0
@@ -61,8 +41,8 @@ app = typer.Typer(add_completion=False, pretty_exceptions_enable=False)
 
 @app.command()
 def record(
-    port: _Port = None,
-    generator: _Generator = None,
+    port: options.Port = None,
+    generator: options.Generator = None,
     frequency: Annotated[float | None, typer.Option(help="one recording at this excitation in Hz")] = None,
     sweep: Annotated[str | None, typer.Option(help="START:STOP:STEP in Hz, one recording each")] = None,
     plan_: Annotated[
@@ -79,7 +59,7 @@ def record(
     ] = None,
     posture: Annotated[str, typer.Option(help="posture of the foot")] = "midstance",
     peak_to_peak: _Level = PEAK_TO_PEAK,
-    max_volts: _MaxVolts = Safety.volts,
+    max_volts: options.MaxVolts = Safety.volts,
     max_acceleration: Annotated[
         float, typer.Option(help="highest base acceleration in m/s^2; at most 0.86 of it can be requested")
     ] = Safety.peak_m_s2,
@@ -93,17 +73,17 @@ def record(
         float, typer.Option(help="largest vibration dose value of the subject in a day in m/s^1.75, W_k-weighted")
     ] = VDV_LIMIT,
     retries: Annotated[int, typer.Option(min=0, help="how often to repeat a recording that lost samples")] = 2,
-    baud: _Baud = 921600,
-    generator_baud: _GeneratorBaud = 115200,
-    simulate: _Simulate = False,
+    baud: options.Baud = 921600,
+    generator_baud: options.GeneratorBaud = 115200,
+    simulate: options.Simulate = False,
     list_: Annotated[
         bool, typer.Option("--list", help="show the serial ports, or with --board audio the sound cards, and stop")
     ] = False,
     probe_: Annotated[
         bool, typer.Option("--probe", help="show which device answers on --port (or on all ports) and stop")
     ] = False,
-    board_: _Board = SERIAL,
-    calibration: _Settings = None,
+    board_: options.Board = SERIAL,
+    calibration: options.Calibration = None,
     firmware_: Annotated[
         Path | None, typer.Option("--firmware", help="write the firmware for an Arduino into this folder and stop")
     ] = None,
@@ -276,17 +256,17 @@ def _record(plans: Sequence[Plan], equipment: Equipment | None, by_hand: bool) -
 @app.command()
 def check(
     out: Annotated[Path, typer.Option(help="study folder, made if needed: check.json and study.toml are written")],
-    port: _Port = None,
-    generator: _Generator = None,
-    board: _Board = SERIAL,
-    calibration: _Settings = None,
+    port: options.Port = None,
+    generator: options.Generator = None,
+    board: options.Board = SERIAL,
+    calibration: options.Calibration = None,
     frequencies: Annotated[str, typer.Option(help="frequencies of the sines in Hz, at least two")] = "10,20,40",
     seconds: _Seconds = 4.0,
     peak_to_peak: _Level = 10.0,
-    max_volts: _MaxVolts = Safety.volts,
-    baud: _Baud = 921600,
-    generator_baud: _GeneratorBaud = 115200,
-    simulate: _Simulate = False,
+    max_volts: options.MaxVolts = Safety.volts,
+    baud: options.Baud = 921600,
+    generator_baud: options.GeneratorBaud = 115200,
+    simulate: options.Simulate = False,
     json_: _Json = False,
 ) -> None:
     """Check shaker and sensors with both sensors on one mass, and nobody on the shaker.

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer import Argument, Option
 
+from fasbody.acquire import options as acquire
 from fasbody.console import (
     command_line,
     console,
@@ -300,20 +301,13 @@ def run(
         Path | None, Option(help="study folder; its recordings are used")
     ] = None,
     auto: Annotated[bool, Option("--auto", help="take each step without asking")] = False,
-    port: Annotated[str | None, Option(help="port of the accelerometer board")] = None,
-    generator: Annotated[
-        str | None, Option(help="SCPI function generator: its port or VISA name")
-    ] = None,
-    board: Annotated[
-        str, Option(help="serial, audio, ni, mcc, labjack, or a device of a package")
-    ] = "serial",
-    calibration: Annotated[
-        Path | None,
-        Option(help="settings of a device other than a serial board (default sound_card.json ...)"),
-    ] = None,
-    baud: Annotated[int, Option(help="baud rate of the board")] = 921600,
-    generator_baud: Annotated[int, Option(help="baud rate of the generator")] = 115200,
-    max_volts: Annotated[float, Option(help="highest generator amplitude in V peak to peak")] = 5.0,
+    port: acquire.Port = None,
+    generator: acquire.Generator = None,
+    board: acquire.Board = "serial",
+    calibration: acquire.Calibration = None,
+    baud: acquire.Baud = 921600,
+    generator_baud: acquire.GeneratorBaud = 115200,
+    max_volts: acquire.MaxVolts = 5.0,
     max_acceleration: Annotated[float, Option(help="highest base acceleration in m/s^2")] = 15.0,
     max_exposure: Annotated[
         float, Option(help="largest daily exposure A(8) of the person in m/s^2")
@@ -321,9 +315,7 @@ def run(
     max_vdv: Annotated[
         float, Option(help="largest vibration dose value of a day in m/s^1.75")
     ] = 21.0,
-    simulate: Annotated[
-        bool, Option("--simulate", help="simulated devices instead of hardware")
-    ] = False,
+    simulate: acquire.Simulate = False,
     subject: Annotated[str, Option(help="name or number of the subject")] = "1",
     load_change: Annotated[
         float, Option(help="cost of a change of load, in seconds of shaking", min=0, max=3600)

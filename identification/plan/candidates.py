@@ -72,12 +72,7 @@ def weight(mass_kg: float, load_kg: float) -> float:
 
 
 def candidates(shaker: Shaker, leg_kg: float) -> tuple[Step, ...]:
-    """Every recording that the limits of a shaker allow, in a fixed order.
-
-    Args:
-        shaker: its limits.
-        leg_kg: shank and foot of the person.
-    """
+    """Every recording of a leg [kg] that the limits of a shaker allow, in a fixed order."""
     s, steps = shaker, []
     for load in dict.fromkeys(s.loads_kg):
         moving = weight(leg_kg, load)
@@ -91,13 +86,7 @@ def candidates(shaker: Shaker, leg_kg: float) -> tuple[Step, ...]:
 
 
 def within(shaker: Shaker, leg_kg: float, steps: Sequence[Step]) -> tuple[Step, ...]:
-    """Sines as far as a shaker can make them: without frequencies beyond its own, and no stronger than it allows.
-
-    Args:
-        shaker: its limits.
-        leg_kg: shank and foot of the person.
-        steps: of a protocol made for another shaker.
-    """
+    """Sines of a protocol as far as a shaker can make them, no stronger than it allows."""
     possible = []
     for step in steps:
         if shaker.lowest_hz <= step.frequency_hz <= shaker.highest_hz:

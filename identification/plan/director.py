@@ -182,8 +182,7 @@ class Director:
             Q = np.stack([self._draw(number) for number in numbers])
             scatter = np.stack([self._scatter(number) for number in numbers])
             rivals = self._rivals(Q, scatter, self._sight.variables, self._little())
-            more, moves = self._sight.see(Q, *rivals, scatter)
-            more = more.rows(moves)
+            more = self._sight.see(Q, *rivals, scatter)
             seen = more if seen is None else seen.joined(more)
             if len(seen.q) >= count:
                 return seen.rows(slice(count))
@@ -259,8 +258,7 @@ class Director:
         sight = self._sees(every)
         q = sight.variables.carried(seen.q, self._sight.variables)
         rivals = self._rivals(q, seen.scatter, sight.variables, tuple(wears(self._little())))
-        worn_by, moves = sight.see(q, *rivals, seen.scatter)
-        feet = Feet(worn_by.rows(moves), sight.variables)
+        feet = Feet(sight.see(q, *rivals, seen.scatter), sight.variables)
         feet.asked = self.asked
         places = [every.index(step) for step in [*self.done, *worn]]
         return feet.outlook(feet.sums(places, np.ones(len(places))))
@@ -295,12 +293,9 @@ class Director:
         return max(_FOR_EVER, float(noise / _SILENT) ** 2, float(repeatability / _STILL) ** 2)
 
     def times(self, steps: Sequence[Step], names: Sequence[str], branch: bool) -> float:
-        """How often steps must be recorded until some of what is asked is met; infinite where that is never.
+        """How often steps must be recorded until named constants are as asked.
 
-        Args:
-            steps: together, beside what is done.
-            names: of the constants.
-            branch: whether it must be decided as well.
+        If `branch`, that must be decided, too. Infinite where it is never.
         """
         done, more = self._sums(()), self._sums(steps, fresh=True)
 

@@ -132,21 +132,13 @@ class Sums:
 
 @dataclass(frozen=True, eq=False)
 class _After:
-    """What is known of D feet after recordings.
+    """What is known of D feet after recordings."""
 
-    Attributes:
-        C: (D, f, f) covariance of what is felt.
-        known: (D, r, r) of the rows' products with it.
-        of_rival: (D, n, n) covariance of the rivals.
-        nearer: (D, n) step from a rival to the best foot near it.
-        missed: (D,) what that misses, with its prior's rows.
-    """
-
-    C: np.ndarray
-    known: np.ndarray
-    of_rival: np.ndarray
-    nearer: np.ndarray
-    missed: np.ndarray
+    C: np.ndarray  # (D, f, f) covariance of what is felt
+    known: np.ndarray  # (D, r, r) of the rows' products with it
+    of_rival: np.ndarray  # (D, n, n) covariance of the rivals
+    nearer: np.ndarray  # (D, n) step from a rival to the best foot near it
+    missed: np.ndarray  # (D,) what that misses, with its prior's rows
 
 
 @dataclass(frozen=True)
@@ -189,15 +181,14 @@ class Feet:
         self._variables, self._rivals = variables, _departures(variables)
         # derivatives (D, r, n): of the main constants' logarithms, the prior's slope, and units of the departures
         m, L = len(EXCHANGED), variables.slopes(variables.logarithms, seen.q, np.arange(mean.size))
-        units = np.eye(mean.size)[[i for places in self._rivals for i in places]]
-        units = np.broadcast_to(units, (len(true), *units.shape))
+        at = np.array([i for places in self._rivals for i in places], int)
+        units = np.broadcast_to(np.eye(mean.size)[at], (len(true), at.size, mean.size))
         rows = np.concatenate([L, (self._P * true)[:, None], units], axis=1)[:, None]
         # what no recording tells and no constant follows: the kind of a departure of no size, for example
         self._felt = np.flatnonzero(seen.J.any((0, 1, 2)) | rows.any((0, 1, 2)))
         self._rows = rows[..., self._felt]
         self._J = np.ascontiguousarray(seen.J[..., self._felt])
         # rows of the sizes whose priors are half normal, which way they may go, and how far each foot is from there
-        at = np.array([i for places in self._rivals for i in places], int)
         lower, upper = (limit[at] == mean[at] for limit in variables.bounds)
         ends = np.flatnonzero(lower | upper)
         self._one_sided, self._way = m + 1 + ends, np.where(lower, 1.0, -1.0)[ends]
@@ -274,9 +265,10 @@ class Feet:
         P, L = self._P[self._felt], self._rows[:, 0, : len(EXCHANGED)]
         moved = L @ np.linalg.inv(sums.A + np.diag(P))
         share = (moved**2 * P / (moved * L).sum(-1, keepdims=True)).mean(0)
-        names, kinds = self._variables.names, self._variables.kinds
+        v, felt = self._variables, self._felt
+        kinds = (*v.constants, *(item.kind for item in v.nuisances))
         return {
-            name: [Cause(kinds[self._felt[k]], names[self._felt[k]], float(row[k])) for k in np.argsort(-row)]
+            name: [Cause(kinds[felt[k]], v.names[felt[k]], float(row[k])) for k in np.argsort(-row)]
             for name, row in zip(EXCHANGED, share, strict=True)
         }
 

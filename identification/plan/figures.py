@@ -92,8 +92,7 @@ def _times(result: "Planned", axis: Axes) -> None:
     axis.set_yticks(range(len(loads)), [f"{load:g} kg" for load in loads])
     axis.set_ylim(-0.5, len(loads) + 0.35)
     axis.set_xlabel("frequency [Hz]")
-    handles = axis.get_legend_handles_labels()
-    axis.legend(*handles, loc="upper left", markerscale=0.7)
+    axis.legend(loc="upper left", markerscale=0.7)
 
 
 def _widths(result: "Planned", axis: Axes) -> None:

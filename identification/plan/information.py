@@ -99,8 +99,8 @@ class Sight:
 
     def see(
         self, Q: np.ndarray, rival: np.ndarray, held: np.ndarray, scatter: np.ndarray
-    ) -> tuple[Seen, np.ndarray]:
-        """What each step reads of feet and rivals (D, n), and which of both move steadily (D,).
+    ) -> Seen:
+        """What each step reads of feet and rivals (D, n), of those that both move steadily.
 
         Args:
             Q: feet.
@@ -112,7 +112,7 @@ class Sight:
         J, K, missed = (self._by_step(x) for x in (J, K, Z - Y))
         noise, spread = self._variances(Y, scatter)
         noise, spread = self._by_step(noise, np.inf), self._by_step(spread)
-        return Seen(Q, rival, held, J, K, missed, noise, spread, scatter), moves & also
+        return Seen(Q, rival, held, J, K, missed, noise, spread, scatter).rows(moves & also)
 
     def rivals(self, Q: np.ndarray, scatter: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """The likeliest feet (D, n) of the other branch if all steps are made of feet Q, and what is at bounds.
@@ -189,15 +189,10 @@ class _Paired:
 
 @dataclass(frozen=True, eq=False)
 class _Rivals(Problem):
-    """What rivals miss of the motions of feet, a rival for each foot, so that all descend together.
+    """What rivals miss of motions of feet, one for each foot, so that all descend together."""
 
-    Attributes:
-        motions: (D, N) of the feet.
-        weights: (D, N) one over their standard deviations.
-    """
-
-    motions: np.ndarray
-    weights: np.ndarray
+    motions: np.ndarray  # (D, N) of the feet
+    weights: np.ndarray  # (D, N) one over their standard deviations
 
     def evaluate(self, Q: np.ndarray, near: Evaluation | None = None) -> Evaluation:
         """See `Problem`; without motions to start from there is one candidate for each foot."""

@@ -63,11 +63,6 @@ class PlanVariables(Variables):
         return (*self.constants, *(item.name for item in self.nuisances))
 
     @cached_property
-    def kinds(self) -> tuple[str, ...]:
-        """Kinds (n,) of the variables: of a nuisance its kind, of a constant its name."""
-        return (*self.constants, *(item.kind for item in self.nuisances))
-
-    @cached_property
     def prior(self) -> tuple[np.ndarray, np.ndarray]:
         """See `Variables`; finite for every variable where there is a population."""
         mean, std = (x.copy() for x in super().prior)

@@ -2,7 +2,7 @@
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -25,6 +25,7 @@ from identification.plan.candidates import (
 )
 from identification.plan.director import GOAL, SHARE, Director
 from identification.plan.feet import Cause, Outlook, Score
+from identification.plan.shaker import Shaker
 from identification.plan.words import (
     chance,
     in_the_way,
@@ -136,14 +137,16 @@ class Longer:
     def of(
         cls,
         director: Director,
-        steps: Mapping[str, Sequence[Step]],
+        what: str,
+        steps: Sequence[Step],
         names: Sequence[str],
         branch: bool,
         available_s: float,
     ) -> "Longer | None":
-        """The quickest of some protocols, by what they are called, or `EVERY`; None where none ever does."""
+        """The quicker of some steps, by what they are called, or `EVERY`; None where neither does."""
         sessions = []
-        for what, chosen in ({**steps, EVERY: director.candidates} if names or branch else {}).items():
+        protocols = {what: steps, EVERY: director.candidates} if names or branch else {}
+        for what, chosen in protocols.items():
             times = director.times(chosen, names, branch) if chosen else np.inf
             times = times if what == EVERY else max(1.0, times)
             if np.isfinite(times):
@@ -204,7 +207,7 @@ class Planned(Presented):
         computing_s: that the planning took.
         uncertain: what is not known beforehand, beside the constants.
         repeatability: relative scatter of a harmonic from recording to recording, of the middle foot.
-        shaker: its settings.
+        shaker: with the middle foot's noise and repeatability.
     """
 
     figures: ClassVar[str] = "identification.plan.figures"
@@ -231,7 +234,7 @@ class Planned(Presented):
     computing_s: float
     uncertain: tuple[str, ...]
     repeatability: float
-    shaker: dict[str, Any]
+    shaker: Shaker
 
     @property
     def limited(self) -> str:
@@ -294,7 +297,7 @@ class Planned(Presented):
         if not over:
             return ""
         shorter = int(allowed_s(self.steps) / 6) / 10
-        ways = [f"--minutes {shorter:g}"] if 60 * shorter >= self.shaker["seconds"] else []
+        ways = [f"--minutes {shorter:g}"] if 60 * shorter >= self.shaker.seconds else []
         loads = {s.added_mass_kg for s in self.steps}
         parts = [exposure([s for s in self.steps if s.added_mass_kg == kg]) for kg in loads]
         if len(loads) > 1 and not any(part.beyond(*most) for part in parts):
@@ -345,18 +348,15 @@ class Planned(Presented):
             names.append("the branch")
         if not names:
             return ""
-        what, of = in_the_way(self.repeatability), listed(names)
+        of = listed(names)
         if self.longer is not None and self.longer.shaking_s > _FAR_S:
             return f"The goal for {of} is out of reach: it would take {span(self.longer.shaking_s)} of shaking."
         ever = f"With unlimited time the goal is reached with a probability of {chance(self.reached.goal())}."
-        return f"{what[:1].upper()}{what[1:]} {of}. {self.longer or ever}"
+        return f"{in_the_way(self.repeatability, of)} {self.longer or ever}"
 
     def _never(self) -> str:
-        loads, sensors = self.shaker["loads_kg"], self.shaker["sensors"]
         open_ = self.reached.decided < 0.5
-        return nothing_brings(
-            self.reached, self.asked, self.causes, self.never, open_, loads, sensors
-        )
+        return nothing_brings(self.reached, self.causes, self.never, open_, self.shaker)
 
     def relief(self) -> str:
         """What keeps the missed intervals wide, and what would take it away; empty where nothing is missed by it."""
@@ -392,8 +392,8 @@ class Planned(Presented):
             if not e.steps and not (name == PLANNED and self.earlier):
                 continue
             title = _TITLES[name]
-            if name != PLANNED and len(self.shaker["sensors"]) > 1:
-                title += f", with {listed(self.shaker['sensors'])}"
+            if name != PLANNED and len(self.shaker.sensors) > 1:
+                title += f", with {listed(self.shaker.sensors)}"
             if self.earlier:
                 title += f", {'with' if name == PLANNED else 'without'} the earlier recordings"
             notes.append(
@@ -446,7 +446,7 @@ class Planned(Presented):
             },
             "longer": None if self.longer is None else asdict(self.longer), "excluding": self.excluding,
             "offers": [offer.document() for offer in self.offers],
-            "uncertain": list(self.uncertain), "repeatability": self.repeatability, "shaker": self.shaker,
+            "uncertain": list(self.uncertain), "repeatability": self.repeatability, "shaker": asdict(self.shaker),
             "limited": self.limited, "earlier_recordings": self.earlier,
             "information": [
                 {
@@ -508,9 +508,8 @@ def planned(director: Director, most: int, seconds: float, took_s: float = 0.0, 
             Offer(sensor, Expected(tuple(steps), worn), Score(*map(float, worn.utility - mine)))
         )
     person = director.person
-    shaker = asdict(director.shaker) | {
-        "noise_m_s2": director.noise_m_s2, "repeatability": director.repeatability
-    }  # fmt: skip
+    noise, repeatability = director.noise_m_s2, director.repeatability
+    shaker = replace(director.shaker, noise_m_s2=noise, repeatability=repeatability)
     return Planned(
         person.foot.name, person.name, person.body_mass_kg, person.posture, director.seed, director.feet, steps,
         tuple(adds), {name: Expected(tuple(protocols[name]), x) for name, x in outlooks.items()}, dict(director.asked),
@@ -518,7 +517,7 @@ def planned(director: Director, most: int, seconds: float, took_s: float = 0.0, 
         _longer(director, steps, seconds), director.excluding(steps), tuple(offers), len(director.done),
         tuple(Place(s, a, b) for s, a, b in zip(director.candidates, first, more, strict=True)),
         "" if director.belief is None else believed(director), took_s + time.perf_counter() - began,
-        director.uncertain, director.repeatability, shaker,
+        director.uncertain, repeatability, shaker,
     )  # fmt: skip
 
 
@@ -531,7 +530,7 @@ def _longer(director: Director, steps: Sequence[Step], available_s: float) -> Lo
     branch = ever.decided >= SHARE
     if mine.goal(names, branch) >= SHARE:
         return None
-    return Longer.of(director, {"the plan": steps}, names, branch, available_s)
+    return Longer.of(director, "the plan", steps, names, branch, available_s)
 
 
 def believed(director: Director) -> str:
@@ -578,30 +577,26 @@ def _texts(causes: Sequence[Cause]) -> str:
 
 def nothing_brings(
     reached: Outlook,
-    asked: Mapping[str, float],
     causes: Mapping[str, Sequence[Cause]],
     names: Sequence[str],
     open_: bool,
-    loads_kg: Sequence[float],
-    sensors: Sequence[str],
+    shaker: Shaker,
 ) -> str:
     """What no protocol brings, why, and what else would; empty where there is nothing.
 
     Args:
         reached: with unlimited minutes.
-        asked: half-widths by constant.
         causes: what keeps each constant uncertain then.
         names: of the constants that stay wider than asked.
         open_: whether the branch stays open.
-        loads_kg: of the candidates.
-        sensors: that are worn.
+        shaker: whose loads and sensors the candidates have.
     """
     if not names and not open_:
         return ""
     together: dict[str, list[str]] = {}
     for name in names:
         together.setdefault(_texts(causes[name]), []).append(
-            f"{name} ±{percent(reached.half_width[name])} (goal ±{percent(asked[name])})"
+            f"{name} ±{percent(reached.half_width[name])} (goal ±{percent(reached.asked[name])})"
         )
     what = [
         listed(texts) + (f" (remaining variance: {cause})" if cause else "")
@@ -613,8 +608,8 @@ def nothing_brings(
     kinds = {cause.kind for name in names for cause in causes[name]}
     ways = [way for way, measured in _MEASURED.items() if not kinds.isdisjoint(measured)]
     if open_ or not ways:
-        ways += ["add a load"] * (len(set(loads_kg)) < 2)
-        ways += ["wear a sensor on the foot"] * ("foot" not in sensors)
+        ways += ["add a load"] * (len(set(shaker.loads_kg)) < 2)
+        ways += ["wear a sensor on the foot"] * ("foot" not in shaker.sensors)
     remedy = listed(ways, "or")
     return f"However long you record, {', and '.join(parts)}." + (
         f" {remedy[:1].upper()}{remedy[1:]}." if ways else ""

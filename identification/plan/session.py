@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import Any
 
 import numpy as np
 
@@ -11,6 +11,7 @@ from fasbody.acquire.board import Stalled
 from fasbody.acquire.person import note
 from fasbody.console import heeded
 from fasbody.exceptions import AcquisitionError, FasError, RecordingError, SettingError, SimulationError
+from fasbody.foot.parameters import symbol_and_unit
 from fasbody.presentation import Presented, Sheet, counted, listed
 from fasbody.recording.checks import checked
 from fasbody.recording.recording import Recording
@@ -97,9 +98,6 @@ class Shaken(Presented):
         bands: of the constants.
         left: steps that the last plan has and nobody has taken.
     """
-
-    figures: ClassVar[str] = ""
-    plots: ClassVar[tuple[str, ...]] = ()
 
     taken: tuple[Taken, ...]
     ended: str
@@ -217,7 +215,6 @@ class Session:
         self._most, self._seconds, self._seed, self._draws = most, seconds, seed, draws
         self._record, self._offering = record, offering or Offering()
         self._recordings = list(earlier)
-        self._before = len(self._recordings)
         self._taken: list[Taken] = []
         self._failed: set[tuple[float, float]] = set()
         self._again: Step | None = None
@@ -258,6 +255,11 @@ class Session:
                 raise
             return self._end(BROKEN, f"Recording cannot continue: {error}")
 
+    @property
+    def _done(self) -> list[Step]:
+        """The steps of this session that were recorded."""
+        return [t.step for t in self._taken if t.observed]
+
     def _direct(self) -> Director:
         director = Director(
             self._person, self._shaker, self._ask, self._recordings, self._seed, self._draws,
@@ -273,8 +275,7 @@ class Session:
         return director
 
     def _over(self, director: Director) -> tuple[str, str] | None:
-        belief = director.belief
-        count, spent = len(self._recordings) - self._before, shaking_s([t.step for t in self._taken if t.observed])
+        belief, done = director.belief, self._done
         if belief is not None:
             bands, missed = belief.open_bands(EXCHANGED), self._missed(director)
             if belief.decided and not missed and self._confirmed():
@@ -285,8 +286,8 @@ class Session:
             # it goes on while anything that is asked for comes nearer with more minutes
             near = [n for n in never if bands[n].half_width <= _NEARLY * ever.half_width[n]]
             if len(near) == len(missed) > 0 and ever.goal() < HOPELESS and (belief.decided or open_):
-                return NEVER, self._unreachable(director, never, open_)
-        if count >= self._most or spent + self._shaker.seconds > self._seconds + 1e-9:
+                return NEVER, nothing_brings(ever, director.causes(), never, open_, self._shaker)
+        if len(done) >= self._most or shaking_s(done) + self._shaker.seconds > self._seconds + 1e-9:
             return SPENT, f"The planned recordings or minutes are used up. {self._missing(director)}".strip()
         last = self._taken[-_FAILURES:]
         if len(last) == _FAILURES and all(t.observed is None for t in last):
@@ -305,8 +306,8 @@ class Session:
             )  # fmt: skip
         except FasError:
             return False
-        self._fitted = {n: Band.of(next(e for key, e in result.best.parameters.items() if key.startswith(f"{n}_")))
-                        for n in EXCHANGED}  # fmt: skip
+        estimates = {symbol_and_unit(key)[0]: e for key, e in result.best.parameters.items()}
+        self._fitted = {name: Band.of(estimates[name]) for name in EXCHANGED}
         missed = [n for n, share in self._ask.items() if self._fitted[n].half_width > share]
         if result.verdict == "decided" and not missed:
             return True
@@ -333,32 +334,23 @@ class Session:
             f"{chance(then.goal())}."
         )
 
-    def _unreachable(self, director: Director, never: Sequence[str], open_: bool) -> str:
-        """What no protocol does, how far it is reached with unlimited minutes, and why not further."""
-        ever = director.for_ever()
-        shaker = director.shaker
-        return nothing_brings(
-            ever, director.asked, director.causes(), never, open_, shaker.loads_kg, shaker.sensors
-        )
-
     def _missing(self, director: Director) -> str:
         """What it would take where noise is in the way of what is asked."""
-        belief, good = director.belief, [t.step for t in self._taken if t.observed]
-        if belief is None or not good:
+        belief = director.belief
+        if belief is None or not self._done:
             return ""
         ever, missed = director.for_ever(), self._missed(director)
         names = [n for n in missed if ever.likely(n) >= SHARE]
         branch = not belief.decided and ever.decided >= SHARE
         never, open_ = [n for n in missed if n not in names], not belief.decided and not branch
-        done = [replace(step, seconds=self._shaker.seconds) for step in good]
-        again = [s for s in done if s in director.candidates]
-        longer = Longer.of(director, {"these recordings": again}, names, branch, self._seconds)
+        usual = [replace(step, seconds=self._shaker.seconds) for step in self._done]
+        again = [s for s in usual if s in director.candidates]
+        longer = Longer.of(director, "these recordings", again, names, branch, self._seconds)
+        out_of_reach = nothing_brings(ever, director.causes(), never, open_, self._shaker)
         if not longer:
-            return self._unreachable(director, never, open_)
-        what = in_the_way(director.repeatability)
+            return out_of_reach
         of = ", ".join([*names, *["the branch"] * branch])
-        text = f"{what[:1].upper()}{what[1:]} {of}. {longer} {self._unreachable(director, never, open_)}"
-        return text.strip()
+        return f"{in_the_way(director.repeatability, of)} {longer} {out_of_reach}".strip()
 
     def _missed(self, director: Director) -> list[str]:
         assert director.belief is not None
@@ -370,10 +362,11 @@ class Session:
 
         Another load is laid where that adds more than going on under this one for as long as the change costs, too.
         """
-        count = len(self._recordings) - self._before
-        left = self._seconds - shaking_s([t.step for t in self._taken if t.observed])
+        done = self._done
+        left = self._seconds - shaking_s(done)
         barred = [s for s in director.candidates if (s.frequency_hz, s.added_mass_kg) in self._failed]
-        rest = [s for s in director.session(self._most - count, left) if not _among(s, barred)]
+        planned = director.session(self._most - len(done), left)
+        rest = [s for s in planned if not _among(s, barred)]
         self._left = tuple(rest)
         if not rest:
             scores = director.scores(())

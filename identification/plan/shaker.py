@@ -73,18 +73,14 @@ class Shaker:
             "table's mass": (self.table_kg, 0.0, 1e4, "kg"),
             "length of a recording": (self.seconds, 0.5, 3600.0, "s"),
             "sampling rate": (self.rate_hz, 50.0, 1e6, "Hz"),
+            "force": (self.force_n, 0.1, 1e6, "N"),
+            "noise": (self.noise_m_s2, 1e-6, 10.0, "m/s^2"),
+            "repeatability": (self.repeatability, 0.0, 0.5, ""),
         }
         limits |= {f"amplitude {i + 1}": (a, 0.01, 100.0, "m/s^2") for i, a in enumerate(self.amplitudes_m_s2)}
         limits |= {f"load {i + 1}": (load, 0.0, 100.0, "kg") for i, load in enumerate(self.loads_kg)}
-        for name, stated, low, high, unit in (
-            ("force", self.force_n, 0.1, 1e6, "N"),
-            ("noise", self.noise_m_s2, 1e-6, 10.0, "m/s^2"),
-            ("repeatability", self.repeatability, 0.0, 0.5, ""),
-        ):
-            if stated is not None:
-                limits[name] = stated, low, high, unit
         for name, (value, low, high, unit) in limits.items():
-            if not low <= value <= high:
+            if value is not None and not low <= value <= high:
                 size = f"{value:g} {unit}".strip()
                 raise SettingError(f"the {name} is {size}; valid: {low:g} to {high:g}.")
         if self.highest_hz < self.lowest_hz:

@@ -22,15 +22,17 @@ def plain(value: float, digits: int = 2) -> str:
 
 def minutes(seconds: float) -> str:
     """A time in minutes: 1 minute, 4.5 minutes, 120 minutes."""
-    text = plain(seconds / 60)
-    return f"{text} minute{'' if text == '1' else 's'}"
+    return _in(seconds, 60, "minute")
 
 
 def span(seconds: float) -> str:
     """A time in the unit that suits it."""
     if seconds < 5400:
         return minutes(seconds)
-    size, unit = (3600, "hour") if seconds < 48 * 3600 else (86400, "day")
+    return _in(seconds, 3600, "hour") if seconds < 48 * 3600 else _in(seconds, 86400, "day")
+
+
+def _in(seconds: float, size: float, unit: str) -> str:
     text = plain(seconds / size)
     return f"{text} {unit}{'' if text == '1' else 's'}"
 
@@ -40,6 +42,7 @@ def repeating(repeatability: float) -> str:
     return f"recordings repeat to {percent(repeatability)}" if repeatability else "recordings repeat exactly"
 
 
-def in_the_way(repeatability: float) -> str:
-    """What more recordings average out, and its verb."""
-    return "noise and scatter between recordings limit" if repeatability else "noise limits"
+def in_the_way(repeatability: float, of: str) -> str:
+    """That what more recordings average out is in the way of something, in a sentence."""
+    what = "Noise and scatter between recordings limit" if repeatability else "Noise limits"
+    return f"{what} {of}."

@@ -8,6 +8,7 @@ import numpy as np
 
 from fasbody.exceptions import ModelError, RecordingError, SettingError, unknown
 from fasbody.foot.model import Foot, load
+from fasbody.foot.parameters import symbol_and_unit
 from fasbody.progress import Advance, silent
 from fasbody.recording.checks import apart, checked
 from fasbody.recording.known import Known
@@ -150,9 +151,8 @@ def _rival(contender: Contender, best: Solution) -> Rival:
 
 
 def _springs(end: Solution) -> tuple[Estimate | None, Estimate | None]:
-    estimates, _ = end.estimates()
-    key = {item.name: item.key for item in end.problem.variables.space.free}
-    return estimates.get(key.get("k_T", "")), estimates.get(key.get("k_F", ""))
+    estimates = {symbol_and_unit(key)[0]: e for key, e in end.estimates()[0].items()}
+    return estimates.get("k_T"), estimates.get("k_F")
 
 
 def _log_ratio(end: Solution) -> tuple[float, float]:

@@ -7,7 +7,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import LogLocator, NullLocator
 
-from fasbody.presentation import COLOURS, LINES, MARKS, PAGE, panels, printed
+from fasbody.presentation import COLOURS, LINES, MARKS, panels, printed
 
 if TYPE_CHECKING:
     from identification.rivals.naming import Naming
@@ -18,6 +18,11 @@ _COLOURS = (*COLOURS, "#8c6d31", "#7f7f7f", "#000000")
 _MARKS = ("o", "s", "^", "v", "D", "P", "X", "<", ">")
 #: An interval is drawn whole up to this factor from its value; beyond it an arrow says that it goes on.
 _CUT = 30.0
+#: The likelier branch and the other one: how far below its line an estimate is, colours, label.
+_BRANCHES = (
+    (0.0, "#0072B2", "#0072B2", "likelier branch"),
+    (0.24, "#D55E00", "white", "other branch, if undecided"),
+)
 #: Rivals drawn over frequency: more would hide each other.
 _DRAWN = 4
 
@@ -91,13 +96,7 @@ def constants(result: "Rivals") -> Figure:
         values = []
         for place, r in enumerate(rivals):
             alpha = 1.0 if r in adequate else 0.45
-            estimates = [(r.k_T if name == "k_T" else r.k_F, 0.0, "#0072B2", "#0072B2", "likelier branch")]
-            if r.other and not r.decided:
-                estimates.append(
-                    (r.other[name == "k_F"], 0.24, "#D55E00", "white", "other branch, if undecided")
-                )
-            for e, lower, colour, face, label in estimates:
-                assert e is not None
+            for e, (lower, colour, face, label) in zip(r.estimates(name), _BRANCHES, strict=False):
                 low, high = max(e.lower, e.value / _CUT), min(e.upper, e.value * _CUT)
                 values += [low / 1e3, e.value / 1e3, high / 1e3]
                 for end, whole, arrow in ((low, e.lower, "<"), (high, e.upper, ">")):
@@ -141,11 +140,9 @@ def naming(result: "Naming") -> Figure:
     kept = seen.recordings.repeats
     plan = seen.plan.only(kept)
     pairs = ("MB", "TB") if plan.tuberosity else ("MB",)
-    width = min(PAGE, 3.35 * len(pairs) + 0.4)
-    figure = Figure(figsize=(width, 2.8), layout="constrained")
-    panels = figure.subplots(1, len(pairs), squeeze=False)[0]
+    figure, axes = panels(1, len(pairs), 3.35 * len(pairs) + 0.4, 2.8)
     smaller = plan.partner >= 0
-    for ax, pair in zip(panels, pairs, strict=True):
+    for ax, pair in zip(axes[0], pairs, strict=True):
         read, fitted = np.abs(getattr(seen.recordings, pair)[kept]), np.abs(getattr(best, pair))
         groups = product(np.unique(plan.added_kg), (False, True))
         for number, (added, hollow) in enumerate(groups):
@@ -162,7 +159,7 @@ def naming(result: "Naming") -> Figure:
         ax.set_xlabel("frequency [Hz]")
         ax.set_ylim(0, 1.1 * max(1.0, read.max(), fitted.max()))
         ax.axhline(1, color="0.6", lw=0.8, zorder=0)
-    panels[0].set_ylabel("transmissibility")
-    handles, labels = panels[-1].get_legend_handles_labels()
+    axes[0, 0].set_ylabel("transmissibility")
+    handles, labels = axes[0, -1].get_legend_handles_labels()
     figure.legend(handles, labels, loc="outside lower center", ncols=min(3, len(labels)))
     return figure

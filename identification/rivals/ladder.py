@@ -21,7 +21,7 @@ from identification.motion import TwoMassMotion
 from identification.nuisances import OF_SENSOR, OF_SPRINGS, Nuisance, nuisances
 from identification.parameters import MASSES, space_of
 from identification.residual import Problem
-from identification.rivals.motion import AT, EXTRA, HARMONICS, LOAD_KG, RivalMotion
+from identification.rivals.motion import AT, EXTRA, FOLLOWING, HARMONICS, LOAD_KG, RivalMotion
 from identification.rivals.result import LOAD, MODEL
 from identification.sensors import MALLEOLUS
 from identification.steady import problem_of
@@ -89,8 +89,6 @@ LADDER = (
     Rung("third", "a third mass", _THIRD),
     Rung(LOAD, "constants that change with the load", _FOLLOW, loads=2),
 )
-#: Rungs that say the same of the foot, by what they say.
-KINDS = {"exponential": "stiffening", "polynomial": "stiffening"}
 #: Constants of all rungs, where nothing departs from the model.
 AT_REST = dict.fromkeys((*AT, "e_T", "e_F", "u", "gain", "drift", "delay"), 0.0)
 AT_REST |= {"tau": 5e-3, "f_w": 25.0, "zeta_w": 0.2, "zeta_u": 0.2}
@@ -121,7 +119,7 @@ class RungVariables(Variables):
     def theta(self, Q: np.ndarray) -> np.ndarray:
         """(..., R, P) parameters of each recording's foot, `EXTRA` last if the rung has any."""
         theta = super().theta(Q)
-        for symbol, names in (("e_T", ("k_T", "c_11")), ("e_F", ("k_F", "c_21"))):
+        for symbol, names in FOLLOWING.items():
             grown = np.exp(self._rung_constant(Q, symbol)[..., None] * self.loads / LOAD_KG)
             theta[..., [AT[name] for name in names]] *= grown[..., None]
         if not set(EXTRA) & set(self.rung.constants):

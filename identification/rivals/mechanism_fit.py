@@ -220,7 +220,6 @@ class Analysis:
         rivals: names of mechanisms.
         bank: draws of linear mechanisms, computed once, that fits start from.
         pressed_bank: of the others.
-        seed: of the draws.
         departure: how far the foot may be off every mechanism, assumed, not estimated: where it
             is off by more, the answer is "none of these"; where by less, it is "undecided" more
             often than it had to be.
@@ -233,7 +232,6 @@ class Analysis:
         rivals: Sequence[str] = tuple(MECHANISMS),
         bank: int = BANK,
         pressed_bank: int = PRESSED_BANK,
-        seed: int = 1,
         departure: float = DEPARTURE,
         body_kg: float = BODY_KG,
     ) -> None:
@@ -242,7 +240,7 @@ class Analysis:
         self.bank: dict[str, tuple[Array, Responses]] = {}
         for name, mechanism in self.rivals.items():
             size = pressed_bank if mechanism.pressed else bank, len(mechanism.constants)
-            u = np.random.default_rng(seed).random(size)
+            u = np.random.default_rng(1).random(size)
             self.bank[name] = u, predict(mechanism, mechanism.values(u), plan)
 
     def verdict(self, measured: Responses) -> Verdict:

@@ -23,7 +23,7 @@ from fasbody.console import write_whole
 from fasbody.exceptions import InputFileError, ModelError
 from fasbody.foot.model import load
 from fasbody.foot.steady_state import Balance
-from identification.rivals.motion import LOAD_KG, felt
+from identification.rivals.motion import felt, under_load
 from identification.rivals.result import LOAD, Rivals
 
 #: Mass of the sensor's body [kg], too small to act on the shank, and its inertia [kg m^2].
@@ -35,16 +35,19 @@ _REST, _LEAST = 0.02, 1e-3
 _RELAXES, _STRAIGHT, _APART = 1e8, 1e-4, 1e-4
 #: Share of the fundamental by which MuJoCo's motion of a written model may be off.
 _MOST_APART = 1e-3
-_JOINTS = {"T": ("talocrural", "c_11", "c_12", "c_13"), "F": ("fat_pad", "c_21", "c_22", "c_23")}
+#: What the comment of a file says of a rung's edits.
+_EDITS = {
+    "linear": ", dampers that do not bend",
+    "polynomial": ", springs with a quadratic and a cubic term",
+    "exponential": ", springs as actuators with A (exp(B e) - 1), Eq. 4.22",
+    "relaxing": ", a Maxwell element beside each spring, Eq. 4.22",
+    "mount": ", the malleolus' sensor on a body, a spring and a damper",
+    "third": ", a share of the shank on a spring and a damper",
+}
 
 
 def write_models(result: Rivals, file: Path, folder: Path) -> dict[Path, float]:
-    """Write every rung of a comparison, and run each.
-
-    Args:
-        result: the comparison.
-        file: the MJCF that the rungs are edits of.
-        folder: to write into.
+    """Write every rung of a comparison, as edits of an MJCF file, and run each.
 
     Returns:
         Each file, and the largest difference of MuJoCo's motion from the equations, as a share of its peak.
@@ -91,39 +94,29 @@ def edited_text(file: Path, name: str, title: str, values: Mapping[str, float], 
     if (include := next(root.iter("include"), None)) is not None:
         parts = f"includes {include.get('file')!r}, which a rival elsewhere would not find"
         raise InputFileError(file, parts, "write it into the file")
-    v = dict(values)
-    for joint, names in _JOINTS.items():
-        for constant in (f"k_{joint}", names[1]):
-            v[constant] *= float(np.exp(v[f"e_{joint}"] * load_kg / LOAD_KG))
-    bodies = {joint: _body_of(root, names[0], file) for joint, names in _JOINTS.items()}
-    for joint, (element, c1, c2, c3) in _JOINTS.items():
-        at = _joint(bodies[joint], element)
-        at.set("user", f"4.25 {v[c1]:.9g} {v[c2]:.9g} {v[c3]:.9g}")
-        at.set("damping", f"{v[c1]:.9g}")  # for MuJoCo without the callbacks
-        bent = [v[f"k_{joint}"] * v[f"{letter}_{joint}"] for letter in ("p", "d")]
-        at.set("stiffness", " ".join(f"{x:.12g}" for x in (v[f"k_{joint}"], *(bent if any(bent) else ()))))
-    _mass(bodies["T"], v["m_S"])
-    _mass(bodies["F"], v["m_F"])
-    done = "the fitted constants" + (f" under {load_kg:g} kg" if load_kg else "")
-    if name == "exponential":
-        for joint, names in _JOINTS.items():
-            _exponential(root, _joint(bodies[joint], names[0]), joint, v)
-        done += ", springs as actuators with A (exp(B e) - 1), Eq. 4.22"
-    elif name == "relaxing":
-        for joint, names in _JOINTS.items():
-            _maxwell(root, names[0], joint, v)
-        done += ", a Maxwell element beside each spring, Eq. 4.22"
-    elif name == "mount":
-        _mount(root, bodies["T"], v, file)
-        done += ", the malleolus' sensor on a body, a spring and a damper"
+    v = under_load(values, load_kg)
+    shank, ankle = _moved_by(root, "talocrural", file)
+    foot, pad = _moved_by(root, "fat_pad", file)
+    for number, letter, joint in ((1, "T", ankle), (2, "F", pad)):
+        c = [v[f"c_{number}{power}"] for power in (1, 2, 3)]
+        joint.set("user", " ".join(["4.25", *(f"{x:.9g}" for x in c)]))
+        joint.set("damping", f"{c[0]:.9g}")  # for MuJoCo without the callbacks
+        k = v[f"k_{letter}"]
+        bent = [k * v[f"p_{letter}"], k * v[f"d_{letter}"]]
+        joint.set("stiffness", " ".join(f"{x:.12g}" for x in (k, *(bent if any(bent) else ()))))
+        if name == "exponential":
+            _exponential(root, joint, letter, v)
+        elif name == "relaxing":
+            _maxwell(root, joint, letter, v)
+    _mass(shank, v["m_S"])
+    _mass(foot, v["m_F"])
+    if name == "mount":
+        _mount(shank, v, file)
     elif name == "third":
-        _third(root, bodies["T"], v)
-        done += ", a share of the shank on a spring and a damper"
-    elif name == "polynomial":
-        done += ", springs with a quadratic and a cubic term"
-    elif name == "linear":
-        done += ", dampers that do not bend"
+        _third(root, shank, v)
+    under = f" under {load_kg:g} kg" if load_kg else ""
     root.set("model", f"{root.get('model', 'foot')}_{name}")
+    done = f"the fitted constants{under}{_EDITS.get(name, '')}"
     root.insert(0, ET.Comment(f" {title}: {file.name} with {done}. "))
     ET.indent(root)
     return ET.tostring(root, encoding="unicode") + "\n"
@@ -149,15 +142,14 @@ def difference(
     return float(np.abs(moved - expected).max() / abs(expected[0]))
 
 
-def _body_of(root: ET.Element, joint: str, file: Path) -> ET.Element:
+def _moved_by(root: ET.Element, name: str, file: Path) -> tuple[ET.Element, ET.Element]:
+    """The body that a joint moves, and the joint."""
     for body in root.iter("body"):
-        if any(element.get("name") == joint for element in body.findall("joint")):
-            return body
-    raise ModelError(f"{file.name}: there is no body with the joint {joint!r}, so rivals cannot be made from it.")
-
-
-def _joint(body: ET.Element, name: str) -> ET.Element:
-    return next(element for element in body.findall("joint") if element.get("name") == name)
+        if (joint := body.find(f"joint[@name='{name}']")) is not None:
+            return body, joint
+    raise ModelError(
+        f"{file.name}: there is no body with the joint {name!r}, so rivals cannot be made from it."
+    )
 
 
 def _mass(body: ET.Element, mass: float) -> None:
@@ -183,26 +175,28 @@ def _declare(root: ET.Element, name: str, data: str) -> None:
     custom = root.find("custom")
     if custom is None:
         custom = ET.SubElement(root, "custom")
-    for element in custom.findall("text"):
-        if element.get("name") == name:
-            element.set("data", data)
-            return
-    ET.SubElement(custom, "text", name=name, data=data)
+    text = custom.find(f"text[@name='{name}']")
+    if text is None:
+        text = ET.SubElement(custom, "text", name=name)
+    text.set("data", data)
 
 
 def _declared(root: ET.Element, name: str) -> list[str]:
-    for element in root.iter("text"):
-        if element.get("name") == name:
-            return [part.strip() for part in element.get("data", "").split("|")]
-    return ["N/m", "1e3", "1e7", "", "fitted"]
+    text = root.find(f".//text[@name='{name}']")
+    if text is None:
+        return ["N/m", "1e3", "1e7", "", "fitted"]
+    return [part.strip() for part in text.get("data", "").split("|")]
 
 
-def _pad(root: ET.Element, name: str, joint: str, numbers: Sequence[float], gear: int = 1) -> None:
+def _pad(
+    root: ET.Element, name: str, joint: ET.Element, numbers: Sequence[float], gear: int = 1
+) -> None:
     """An actuator of the law 4.22 on a joint."""
     actuators = root.find("actuator")
     assert actuators is not None  # every foot has its shaker there
     prm = " ".join(f"{x:.17g}" for x in (4.22, *numbers))
-    options = {"name": name, "joint": joint, "gear": str(gear), "dyntype": "user", "actdim": "8", "gainprm": "0"}
+    options = {"name": name, "joint": joint.get("name", ""), "gear": str(gear)}
+    options |= {"dyntype": "user", "actdim": "8", "gainprm": "0"}
     ET.SubElement(actuators, "general", options | {"biastype": "user", "biasprm": prm})
 
 
@@ -213,12 +207,12 @@ def _exponential(root: ET.Element, joint: ET.Element, letter: str, v: Mapping[st
     joint.set("stiffness", "0")
     share = 1 / (abs(b) * np.exp(abs(b) * _REST))
     name = f"spring_{letter}"
-    _pad(root, name, joint.get("name", ""), (share * k, abs(b), 0, 1e-3, 2e-3, 1, _REST), 1 if b < 0 else -1)
+    _pad(root, name, joint, (share * k, abs(b), 0, 1e-3, 2e-3, 1, _REST), 1 if b < 0 else -1)
     unit, low, high, _, source = _declared(root, f"k_{letter}")
     _declare(root, f"k_{letter}", f"{unit} | {low} | {high} | {share:.17g} actuator {name} biasprm 1 | {source}")
 
 
-def _maxwell(root: ET.Element, joint: str, letter: str, v: Mapping[str, float]) -> None:
+def _maxwell(root: ET.Element, joint: ET.Element, letter: str, v: Mapping[str, float]) -> None:
     k, tau, name = v[f"r_{letter}"] * v[f"k_{letter}"], v["tau"], f"relaxing_{letter}"
     tau_1, tau_2 = tau / (1 + _APART), tau * (1 + _APART)
     c = _RELAXES / np.log(tau_2 / tau_1)
@@ -234,8 +228,8 @@ def _maxwell(root: ET.Element, joint: str, letter: str, v: Mapping[str, float]) 
         _declare(root, "tau_R", f"s | 5e-4 | 5e-2 | {times} | their relaxation time")
 
 
-def _mount(root: ET.Element, shank: ET.Element, v: Mapping[str, float], file: Path) -> None:
-    site = next((element for element in shank.findall("site") if element.get("name") == "malleolus"), None)
+def _mount(shank: ET.Element, v: Mapping[str, float], file: Path) -> None:
+    site = shank.find("site[@name='malleolus']")
     if site is None:
         raise ModelError(f"{file.name}: the site malleolus is not on the body that the joint talocrural moves.")
     hz = max(v["u"], 1e-8) ** -0.5
@@ -252,9 +246,8 @@ def _third(root: ET.Element, shank: ET.Element, v: Mapping[str, float]) -> None:
     load_body = ET.SubElement(shank, "body", name="load")
     ET.SubElement(load_body, "inertial", pos="0 0.42 0", mass="1e-9", diaginertia=_TINY)
     custom = root.find("custom")
-    for element in [] if custom is None else custom.findall("text"):
-        if element.get("name") == "m_S":  # a load is rigid, so its mass is separate from the shank's
-            custom.remove(element)  # type: ignore[union-attr]
+    if custom is not None and (stated := custom.find("text[@name='m_S']")) is not None:
+        custom.remove(stated)  # a load is rigid, so its mass is separate from the shank's
     _declare(root, "added_mass", "kg | 0 | 100 | body load mass | on the knee")
     _declare(root, "k_W", "N/m | 10 | 1e6 | joint tissue stiffness | spring of what swings")
     _declare(root, "c_W", "N s/m | 0.1 | 1e4 | joint tissue damping | damper of what swings")

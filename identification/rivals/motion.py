@@ -30,6 +30,8 @@ EXTRA = ("b_T", "p_T", "d_T", "b_F", "p_F", "d_F", "w", "f_w", "zeta_w")
 AT = {name: i for i, name in enumerate((*PARAMETERS, *EXTRA))}
 #: Load to which e_T and e_F refer [kg].
 LOAD_KG = 2.3
+#: What grows by exp(e load / `LOAD_KG`), by the constant e.
+FOLLOWING = {"e_T": ("k_T", "c_11"), "e_F": ("k_F", "c_21")}
 #: Harmonics of the motion, and instants of a period.
 HARMONICS, INSTANTS = 8, 32
 SERIES = Fourier(HARMONICS, INSTANTS)
@@ -173,6 +175,15 @@ def _harmonics(x: Array) -> Array:
     return SERIES.complex(x.reshape(-1, 2, SERIES.size))
 
 
+def under_load(values: Mapping[str, float], load_kg: float) -> dict[str, float]:
+    """Constants by name, of which springs and dampers hold under a load [kg]."""
+    v = dict(values)
+    for e, names in FOLLOWING.items():
+        for name in names:
+            v[name] *= float(np.exp(v[e] * load_kg / LOAD_KG))
+    return v
+
+
 def felt(values: Mapping[str, float], hz: float, base: Array, load_kg: float = 0.0) -> Array:
     """What a malleolus' sensor feels of a rival, without its channel's gain and delay.
 
@@ -185,10 +196,7 @@ def felt(values: Mapping[str, float], hz: float, base: Array, load_kg: float = 0
     Returns:
         Harmonics (8,) of the acceleration [m/s^2].
     """
-    v, omega = dict(values), 2 * np.pi * np.array([hz])
-    for joint, names in (("T", ("k_T", "c_11")), ("F", ("k_F", "c_21"))):
-        for name in names:
-            v[name] *= float(np.exp(v[f"e_{joint}"] * load_kg / LOAD_KG))
+    v, omega = under_load(values, load_kg), 2 * np.pi * np.array([hz])
     v["w"] *= v["m_S"] / (v["m_S"] + load_kg)
     v["m_S"] += load_kg
     U = np.pad(base, (0, HARMONICS - len(base)))[None]

@@ -78,16 +78,18 @@ class Sines:
     left_out: tuple[str, ...]
     notes: tuple[str, ...]
 
+    @property
+    def who(self) -> str:
+        """The person in a sentence."""
+        return f"subject {self.subject}" if self.subject else "this person"
+
 
 def read(recordings: Sequence[Recording]) -> list[Sines]:
     """Complex responses of each person's sines, by subject and posture.
 
     Frequencies are rounded to 0.1 Hz, so that two amplitudes at one frequency are seen as such. The
     tuberosity is used where every recording has it, the second harmonic where it can be read and
-    the table has next to none.
-
-    Args:
-        recordings: of any number of people; those that are no sines are left out, with a note.
+    the table has next to none. Recordings that are no sines are left out, with a note.
     """
     people: dict[tuple[str, str], list[Recording]] = {}
     for recording in recordings:
@@ -118,17 +120,15 @@ def _read(subject: str, posture: str, recordings: Sequence[Recording]) -> Sines:
     masses = {r.condition.body_mass_kg for r in recordings}
     if len(masses) > 1:
         raise RecordingError(f"Subject {subject} has several body masses; give one.")
-    hz, added, table, MB, TB, second, repeats = (
-        np.array([getattr(row, name) for row in _merged(rows)], kind)
-        for kind, names in (
-            (float, ("frequency_hz", "added_kg", "table")),
-            (complex, ("MB", "TB", "second")),
-            (bool, ("repeats",)),
-        )
-        for name in names
-    )
+    merged = _merged(rows)
+
+    def column(name: str, kind: type) -> Array:
+        return np.array([getattr(row, name) for row in merged], kind)
+
+    hz, added, table = (column(name, float) for name in ("frequency_hz", "added_kg", "table"))
+    MB, TB, second = (column(name, complex) for name in ("MB", "TB", "second"))
     plan = Plan("these recordings", hz, added, table, tuberosity, harmonics)
-    made = Responses(MB, TB if tuberosity else MB, second, repeats)
+    made = Responses(MB, TB if tuberosity else MB, second, column("repeats", bool))
     used = len(recordings) - len(left_out)
     return Sines(
         subject, posture, masses.pop(), plan, made, used, tuple(left_out), tuple(notes)
@@ -244,8 +244,7 @@ class Naming(Presented):
     @property
     def sentence(self) -> str:
         """The result."""
-        who = f"subject {self.seen.subject}" if self.seen.subject else "this person"
-        best = self.verdict.best
+        who, best = self.seen.who, self.verdict.best
         if not self.enough:
             count = int(self.seen.recordings.repeats.sum())
             few = f"{count} sines are too few to separate {len(self.fits)} mechanisms"
@@ -342,12 +341,7 @@ def _against(over: float) -> str:
 
 
 def name(seen: Sines, subjects: int = 0, seed: int = 0) -> Iterator[Naming]:
-    """Name the mechanism of one person; then shake virtual subjects of each mechanism likewise.
-
-    Args:
-        seen: one person's sines.
-        subjects: virtual subjects of each mechanism.
-        seed: of the virtual subjects.
+    """Name the mechanism of one person; then shake virtual subjects of each likewise.
 
     Returns:
         The result, again after each virtual subject.
@@ -357,9 +351,8 @@ def name(seen: Sines, subjects: int = 0, seed: int = 0) -> Iterator[Naming]:
     """
     plan, data = seen.plan, seen.recordings
     if not data.repeats.any():
-        who = f"subject {seen.subject}" if seen.subject else "this person"
         why = "no motion repeats after one period." if data.repeats.size else seen.left_out[0]
-        raise RecordingError(f"No recording of {who} can be used: {why}")
+        raise RecordingError(f"No recording of {seen.who} can be used: {why}")
     # one alone may have another reason, and would exclude every linear mechanism
     if (~data.repeats).sum() == 1:
         plan, data = plan.only(data.repeats), data.only(data.repeats)

@@ -109,6 +109,12 @@ class Rival(Tabled):
         """One branch is likelier by 1000 to 1, and the rival follows the recordings."""
         return self.follows and self.log_odds is not None and self.log_odds > np.log(DECISIVE_ODDS)
 
+    def estimates(self, name: str) -> list[Estimate]:
+        """Of k_T or k_F: on the likelier branch, then on the other one where it stays open."""
+        first = self.k_T if name == "k_T" else self.k_F
+        other = self.other[name == "k_F"] if self.other and not self.decided else None
+        return [e for e in (first, other) if e]
+
     @property
     def stiffer(self) -> str:
         """Which spring is stiffer at 95 %: "k_T", "k_F" or "" where that stays open."""
@@ -324,12 +330,12 @@ def conclusions(adequate: tuple[Rival, ...]) -> tuple[Conclusion, ...]:
         return ()
     items = []
     for name in ("k_T", "k_F"):
-        estimates = [e for r in rivals for e in _open(r, name)]
+        estimates = [e for r in rivals for e in r.estimates(name)]
         first, low, high = estimates[0], min(e.lower for e in estimates), max(e.upper for e in estimates)
         shared = all(e.lower <= first.value <= e.upper for e in estimates)
         union = replace(first, value=0.5 * (low + high), lower=low, upper=high)
         span = f"{union.text(low)} to {union.text(high)} N/m"
-        over = " over both branches" * any(r.other is not None and not r.decided for r in rivals)
+        over = " over both branches" * (len(estimates) > len(rivals))
         text = f"{name} is {span}{over}" if shared else f"{name} ({span})"
         items.append(Conclusion(name, shared, text, low, high))
     compared = [r for r in rivals if r.log_odds is not None]
@@ -342,10 +348,3 @@ def conclusions(adequate: tuple[Rival, ...]) -> tuple[Conclusion, ...]:
     shared = len(order) == 1 and "" not in order
     text = f"{order.copy().pop()} is the stiffer spring" if shared else "which spring is stiffer"
     return (*items, Conclusion("stiffer", shared, text))
-
-
-def _open(r: Rival, name: str) -> list[Estimate]:
-    """Estimates of k_T or k_F on every branch that a rival leaves open."""
-    first = r.k_T if name == "k_T" else r.k_F
-    assert first is not None
-    return [first, *([r.other[name == "k_F"]] if r.other and not r.decided else [])]

@@ -19,7 +19,6 @@ _STARTS, _NEAREST, _REFIT = 2, 3, 15
 _FLAT = 1e-9
 
 
-
 @dataclass(frozen=True, eq=False)
 class Contender:
     """A candidate at its best.

@@ -188,12 +188,6 @@ def draw(name: str, rng: np.random.Generator, choice: int = CHOICE, body_kg: flo
     """A subject of a mechanism: of some draws the one that looks most like the thesis.
 
     On a pad that cannot pull it must lose contact in some recording of the thesis.
-
-    Args:
-        name: of the mechanism.
-        rng: of the draws.
-        choice: how many draws.
-        body_kg: body mass.
     """
     mechanism = MECHANISMS[name].of(body_kg)
     values = mechanism.values(rng.random((choice, len(mechanism.constants))))
@@ -211,13 +205,7 @@ def draw(name: str, rng: np.random.Generator, choice: int = CHOICE, body_kg: flo
 def measured(subject: Subject, plan: Plan, rng: np.random.Generator, departure: float = DEPARTURE) -> Responses:
     """A subject's recordings with scatter, its responses off every mechanism by a smooth share.
 
-    The share is the same at every amplitude: what moves in the foot is.
-
-    Args:
-        subject: who is shaken.
-        plan: the recordings.
-        rng: of scatter and departure.
-        departure: size of that share [1].
+    The share, of size `departure`, is the same at every amplitude: what moves in the foot is.
     """
     true = subject.shaken(plan.frequency_hz, plan.added_kg, plan.table)
     off = [1 + departure * _bumps(plan, rng) for _ in range(2)]

@@ -8,3 +8,5 @@ and report are made from those.
 MODES = ("per-recording", "pooled")
 #: What is done with such a group: the fit itself, or a check of it.
 KINDS = ("fit", "profile", "validation", "agreement")
+#: How well an estimate is known, best first.
+VERDICTS = ("identified", "weak", "not identifiable")

@@ -103,7 +103,7 @@ def _followed(t: np.ndarray, signal: np.ndarray, frequency_hz: float) -> dict[st
 def agreement(
     recordings: Sequence[Recording],
     foot: Foot,
-    settings: Settings | None = None,
+    settings: Settings = Settings(),
     *,
     results: tuple[FitResult, FitResult] | None = None,
 ) -> dict[str, Any]:
@@ -124,7 +124,7 @@ def agreement(
         whether all with a z are within three (`agrees`, None without any); the `steadiness` of
         each recording with its reasons; and a `sentence`.
     """
-    domains = [replace(settings or Settings(), domain=domain) for domain in ("periodic", "time")]
+    domains = [replace(settings, domain=domain) for domain in ("periodic", "time")]
     steady, timed = results or (fit_foot(recordings, foot, s, interruptible=False) for s in domains)
     name = steady.best.name
     other = next((b for b in timed.branches if b.name == name), timed.best)

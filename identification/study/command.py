@@ -147,13 +147,6 @@ def complete(
 ) -> int:
     """Do what is missing or failed before; returns how many jobs that were.
 
-    Args:
-        work: a job with its recordings read.
-        jobs: what is to be done.
-        store: of the documents.
-        scheduler: address of a cluster.
-        workers: processes otherwise.
-
     Raises:
         SettingError: no scheduler or worker where one is named.
         InputFileError: the folder cannot be written.

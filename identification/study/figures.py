@@ -88,9 +88,7 @@ def _people(origin: str, rows: pd.DataFrame) -> str:
 def curves(table: pd.DataFrame, origin: str) -> Figure:
     """Figures 4.18 to 4.25: estimates over frequency by load, means and bands of the decided.
 
-    Args:
-        table: tidy rows of one mode and posture.
-        origin: of the data.
+    The table has the tidy rows of one mode and posture.
     """
     rows = table[table["shown"]]
     loads = of_loads(rows["added_mass_kg"])
@@ -203,12 +201,7 @@ def _by_load(cycles: Sequence[Mapping[str, Any]], load: float) -> list[Mapping[s
 
 @printed
 def transmissibility(cycles: Sequence[Mapping[str, Any]], origin: str) -> Figure:
-    """Malleolus over base of one subject, measured and modelled: all that a steady sine says.
-
-    Args:
-        cycles: entries of the branch shown.
-        origin: of the data.
-    """
+    """Malleolus over base of one subject, measured and modelled: all that a steady sine says."""
     loads = of_loads(c["added_mass_kg"] for c in cycles)
     figure, axes = panels(1, 2, PAGE, 2.9, sharex=True)
     size, phase = axes[0]
@@ -266,10 +259,7 @@ def _shades(colour: str) -> LinearSegmentedColormap:
 def loops(cycles: Sequence[Mapping[str, Any]], origin: str) -> Figure:
     """Figures 4.15 to 4.17: force against displacement of ankle and pad, a column a load.
 
-    Args:
-        cycles: entries with points of their loops; dashed where `decided` is False, dotted where
-            `follows` is.
-        origin: of the data.
+    A loop is dashed where its branch is not decided, dotted where it does not follow.
     """
     loads = of_loads(c["added_mass_kg"] for c in cycles)
     width = 2.3 * len(loads) + 1.0
@@ -316,11 +306,7 @@ def energies(table: pd.DataFrame, origin: str) -> Figure:
     """What the foot takes from the shaker in a cycle, and the fat pad's part of it.
 
     Both branches share the energy. The part is drawn as a median only of fits whose branch is
-    decided: on the other branch it is another one.
-
-    Args:
-        table: `summary.cycle_table`, rows of one mode.
-        origin: of the data.
+    decided: on the other branch it is another one. The table is `summary.cycle_table` of one mode.
     """
     rows = table[table["shown"] & follows(table["fit_percent"])]
     loads = of_loads(rows["added_mass_kg"])
@@ -374,9 +360,7 @@ def energies(table: pd.DataFrame, origin: str) -> Figure:
 def persons(populations: Sequence["Population"], origin: str) -> Figure:
     """Each person's constants with 95 %, faint, and the population's mean with its interval.
 
-    Args:
-        populations: of one posture; each constant has a column a load and branch.
-        origin: of the data.
+    The populations are of one posture; each constant has a column a load and branch.
     """
     loads = of_loads(p.added_mass_kg for p in populations)
     figure, axes = panels(2, 2, PAGE, 4.8)

@@ -35,12 +35,6 @@ POINTS = 48
 def ensure(mode: str, settings: Settings, foot: Foot, profile: Sequence[str]) -> Space:
     """The search space of a study's fits, its checks validated.
 
-    Args:
-        mode: of the fits.
-        settings: of the fits.
-        foot: the model.
-        profile: parameters to profile.
-
     Raises:
         SettingError: a parameter that is not estimated, or a bound that is none.
     """

@@ -184,13 +184,7 @@ def _to_one(odds_log: float) -> str:
 
 
 def constant(name: str, subjects: Sequence[str], logs: np.ndarray, errors: np.ndarray) -> Constant:
-    """The population of one constant.
-
-    Args:
-        name: of it.
-        subjects: (n,) names.
-        logs: (n,) logarithms of its values.
-        errors: (n,) their standard errors.
+    """The population of one constant, from logarithms (n,) of its values and their standard errors.
 
     Raises:
         RecordingError: fewer than four persons, one of them twice, or an error that is not a positive number.
@@ -216,10 +210,7 @@ def populations(documents: Sequence[Document]) -> tuple[list[Population], list[s
     """The populations of a study's pooled fits, a posture and load each, and why there are no others.
 
     Both branches are given where neither is decided. Several persons who make no population have a
-    sentence each; one person has none.
-
-    Args:
-        documents: fits; those that are not pooled are passed over.
+    sentence each; one person has none. Fits that are not pooled are passed over.
     """
     groups: dict[tuple[str, float], list[Document]] = {}
     for fit in documents:
@@ -233,18 +224,17 @@ def populations(documents: Sequence[Document]) -> tuple[list[Population], list[s
         usable = [fit for fit in fits if not _unfit(fit)]
         of_group = [] if twice else _of_group(posture, load, usable, unfit)
         made += of_group
-        why, hint = f"subject {twice[0]} occurs twice" if twice else "", ""
+        if of_group or len(fits) < 2:
+            continue
         if twice:
-            hint = "give the two persons different names in subjects.csv"
-        elif not of_group and len(fits) > 1:
-            why = "too few persons have an estimate of a constant"
-            if len(usable) < FEWEST:
-                why = f"only {len(usable)} of {len(fits)} persons can be used"
+            why = f"subject {twice[0]} occurs twice; "
+            why += "give the two persons different names in subjects.csv"
+        else:
+            few = f"only {len(usable)} of {len(fits)} persons can be used"
+            why = few if len(usable) < FEWEST else "too few persons have an estimate of a constant"
             why += f" and at least {FEWEST} are needed"
-            hint = f"left out: {_listed(unfit)}" if unfit else ""
-        if why:
-            why += f"; {hint}" if hint else ""
-            reasons.setdefault((posture, why), []).append(f"{load:g}")
+            why += f"; left out: {_listed(unfit)}" if unfit else ""
+        reasons.setdefault((posture, why), []).append(f"{load:g}")
     return made, [
         f"{posture}, {' and '.join(loads)} kg: no population, as {why}." for (posture, why), loads in reasons.items()
     ]

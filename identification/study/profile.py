@@ -21,6 +21,7 @@ from identification.estimates import identifiability
 from identification.intervals import Solution, inverse_of_gram, size_that_matters
 from identification.parameters import delay_of
 from identification.residual import Evaluation
+from identification.study import VERDICTS
 
 #: Rise of the deviance at the 95 % limits.
 RISE = float(chi2.ppf(0.95, 1))
@@ -28,8 +29,6 @@ RISE = float(chi2.ppf(0.95, 1))
 _FIRST, _GROWTH, _STEPS = 0.5, 1.3, 40
 #: Shares of the range by which parameters are moved off their bounds before the others are fitted again.
 _OFF_BOUND = (1e-9, 0.02)
-#: Verdicts, the best first.
-_ORDER = ("identified", "weak", "not identifiable")
 #: Error of the rise, and share of a step in the limit, that are none.
 _CLOSE = 0.01
 #: Share of its width by which an interval may miss the Wald interval and still agree with it.
@@ -86,7 +85,6 @@ class Likelihood:
         q: (n,) where the fit ended.
         bounds: of q.
         places: of the constants and the delay.
-        solution: the fit.
     """
 
     def __init__(self, solution: Solution) -> None:
@@ -98,7 +96,7 @@ class Likelihood:
         low, high = self._problem.bounds()
         self._free, self._whole = high > low, whole
         self._last: tuple[bytes, Evaluation | None] = b"", None
-        self.solution, self.q, self.bounds = solution, whole[self._free], (low[self._free], high[self._free])
+        self.q, self.bounds = whole[self._free], (low[self._free], high[self._free])
         self.places = tuple(self._places())
 
     def _places(self) -> list[Place]:
@@ -135,8 +133,8 @@ class Likelihood:
         return np.asarray(self._evaluated(q).jacobian[0][:, self._free])
 
 
-def profiles_of(solution: Solution, names: Sequence[str] = ()) -> list[Profile]:
-    """Profiles of named parameters of a fit, of all free ones where none are given.
+def profiles_of(solution: Solution, names: Sequence[str]) -> list[Profile]:
+    """Profiles of named parameters of a fit.
 
     Raises:
         SettingError: a parameter that was not free.
@@ -146,7 +144,7 @@ def profiles_of(solution: Solution, names: Sequence[str] = ()) -> list[Profile]:
     for name in names:
         if name not in free:
             raise SettingError(f"{unknown('parameter to profile', name, free)}.")
-    places = [place for place in likelihood.places if place.item.name in (names or free)]
+    places = [place for place in likelihood.places if place.item.name in names]
     enough = solution.problem.size > len(free)
     return profiles(likelihood, places, likelihood.q, solution.excess, enough)
 
@@ -189,7 +187,7 @@ def _profile(problem: Likelihood, place: Place, q: np.ndarray, std: float, exces
     verdicts = (
         identifiability(value(best), as_std, size, at_bound=below.open and above.open),
         identifiability(value(best), by_wald, size, at_bound=False),
-        _ORDER[0 if enough else 2],
+        VERDICTS[0 if enough else 2],
     )
     return Profile(
         key=item.key,
@@ -202,7 +200,7 @@ def _profile(problem: Likelihood, place: Place, q: np.ndarray, std: float, exces
         open_above=above.open,
         wald=(value(wald[0]), value(wald[1])),
         departs=bool(open_side or departs),
-        verdict=max(verdicts, key=_ORDER.index),
+        verdict=max(verdicts, key=VERDICTS.index),
         better=min(rises.values()) < -_CLOSE,
     )
 

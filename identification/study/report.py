@@ -7,7 +7,6 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-import pandas as pd
 from markupsafe import Markup
 
 from fasbody import console
@@ -36,12 +35,6 @@ _MODES = {
 
 def write(out: Path, findings: Findings, title: str, origin: str) -> list[Path]:
     """Write summary.csv, energy.csv, recovery.csv (with a truth), figures/ and report.html.
-
-    Args:
-        out: folder.
-        findings: what the fits say.
-        title: of the study.
-        origin: "synthetic", "measured" or what is known of it.
 
     Returns:
         The files written, the report first, each there whole or not at all.
@@ -132,25 +125,24 @@ def example(findings: Findings, mode: str, posture: str) -> tuple[str, list[Docu
     is one, and how many of its fits failed.
     """
     documents, tracked = findings.documents, findings.tracked
-    fits = _of(documents, mode, posture, "done")
-    good = [bool(follows(summary.displayed_fit(fit, tracked))) and not summary.misfit(fit) for fit in fits]
-    of = pd.DataFrame({
-        "subject": [fit["subject"] for fit in fits],
-        "files": [len({cycle["file"] for cycle in fit["cycles"]}) for fit in fits],
-    })  # fmt: skip
-    of["followed"] = of["files"] * good
-    sums = of.groupby("subject", sort=False).sum()
-    sums["share"] = sums["followed"] / sums["files"].clip(lower=1)
-    sums = sums.assign(any=sums["files"] > 0, thesis=sums.index == _EXAMPLE)
-    subject = sums.sort_values(["any", "share", "thesis", "files"], ascending=False, kind="stable").index[0]
+    fits: dict[str, list[tuple[Document, bool]]] = {}  # of each subject, and whether it follows
+    for fit in _of(documents, mode, posture, "done"):
+        follow = bool(follows(summary.displayed_fit(fit, tracked))) and not summary.misfit(fit)
+        fits.setdefault(fit["subject"], []).append((fit, follow))
+
+    def rank(subject: str) -> tuple[bool, float, bool, int]:
+        files = [(len({c["file"] for c in fit["cycles"]}), follow) for fit, follow in fits[subject]]
+        count, followed = sum(n for n, _ in files), sum(n for n, follow in files if follow)
+        return count > 0, followed / max(1, count), subject == _EXAMPLE, count
+
+    subject = max(fits, key=rank)
     failed = sum(fit["subject"] == subject for fit in _of(documents, mode, posture, "failed"))
-    whose = {"subject": subject, "subjects": len(sums), "failed": failed, "mode": mode}
+    whose = {"subject": subject, "subjects": len(fits), "failed": failed, "mode": mode}
     cycles: list[Document] = []
-    for fit, follow in zip(fits, good, strict=True):
+    for fit, follow in fits[subject]:
         name, by = summary.displayed_branch(fit, tracked)
         marks = whose | {"decided": by not in summary.OPEN, "follows": follow}
-        if fit["subject"] == subject:
-            cycles += [{**cycle, **marks} for cycle in fit["cycles"] if cycle["branch"] == name]
+        cycles += [{**cycle, **marks} for cycle in fit["cycles"] if cycle["branch"] == name]
     return str(subject), cycles
 
 

@@ -9,6 +9,7 @@ import pandas as pd
 from fasbody.foot.parameters import symbol_and_unit
 from identification.branches import STIFF_ANKLE, STIFF_PAD, misses
 from identification.recommendations import LEAST_FIT, follows
+from identification.study import VERDICTS
 from identification.study.truth import Truth
 
 Document = Mapping[str, Any]
@@ -33,8 +34,6 @@ GROUP = ["mode", "posture", "added_mass_kg", "frequency_hz", "parameter"]
 #: What may choose the branch that is shown, see `displayed_branch`; and those that leave it open.
 DECIDED_BY = ("tracking", "likelihood", "undecided", "not compared", "no mirror")
 OPEN = ("undecided", "not compared")
-#: How well an estimate is known, best first.
-VERDICTS = ("identified", "weak", "not identifiable")
 #: Fewest values that make a box, and how many interquartile ranges its whiskers reach.
 FEWEST, _WHISKER = 4, 1.5
 #: Difference of two costs that is none, in itself and as a share.

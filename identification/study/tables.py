@@ -10,7 +10,7 @@ from fasbody.presentation import readable
 from identification.branches import STIFF_ANKLE, STIFF_PAD
 from identification.recommendations import follows
 from identification.result import symbol_and_unit
-from identification.study import summary
+from identification.study import VERDICTS, summary
 from identification.study.findings import Findings
 from identification.study.population import Population
 from identification.study.truth import WAYS
@@ -111,7 +111,7 @@ def verdicts(table: pd.DataFrame) -> pd.DataFrame:
     """Shares of verdicts on the branch shown, a row a parameter, a column a mode."""
 
     def shares(verdict: pd.Series) -> str:
-        return " / ".join(f"{100 * (verdict == word).mean():.0f}" for word in summary.VERDICTS) + " %"
+        return " / ".join(f"{100 * (verdict == word).mean():.0f}" for word in VERDICTS) + " %"
 
     rows = table[table["shown"]]
     crossed = _crossed(rows, "parameter", "mode", "verdict", shares, table["mode"].unique())

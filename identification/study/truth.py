@@ -60,10 +60,7 @@ class Truth:
 
 
 def recovery(table: pd.DataFrame) -> pd.DataFrame:
-    """How many estimates are within two standard errors of the truth, and how far off.
-
-    Args:
-        table: the tidy table of `summary.tidy`, with truth.
+    """How many estimates of `summary.tidy` are within two standard errors of the truth.
 
     Returns:
         One row a mode and parameter, and one of all parameters: `estimates` (with a truth, one a

@@ -120,7 +120,7 @@ def leave_one_frequency_out(
     recordings: Sequence[Recording],
     foot: Foot,
     mode: str,
-    settings: Settings | None = None,
+    settings: Settings = Settings(),
     *,
     estimates: Sequence[Mapping[str, float]] | None = None,
 ) -> dict[str, Any]:
@@ -142,7 +142,6 @@ def leave_one_frequency_out(
         SettingError: no such mode, or fewer than three frequencies under some load.
         SimulationError: no prediction was stable.
     """
-    settings = settings or Settings()
     if mode not in MODES:
         raise SettingError(f"{unknown('mode', mode, MODES)}.")
     data = [checked(recording) for recording in recordings]
@@ -187,20 +186,19 @@ def leave_one_frequency_out(
 
 
 def compare_damping(
-    recordings: Sequence[Recording], foot: Foot, settings: Settings | None = None
+    recordings: Sequence[Recording], foot: Foot, settings: Settings = Settings()
 ) -> tuple[dict[str, Any], dict[str, Any]]:
     """Fit with and without the constants that bend the dampers' law.
 
     Args:
         recordings: of one subject in one posture, which share their constants.
         foot: a model with the dampers of Eq. 4.25.
-        settings: of the fits.
+        settings: of both fits.
 
     Returns:
         Criteria of the laws "linear" and "nonlinear" and which of them each one prefers, as plain
         data, and the held-out errors of the nonlinear law.
     """
-    settings = settings or Settings()
     missing = [name for name in NONLINEAR if name not in foot.parameters]
     if missing:
         raise SettingError(f"model {foot.name} has no {', '.join(missing)}, so damping cannot be compared.")
