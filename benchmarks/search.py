@@ -66,7 +66,7 @@ class Ends:
 def trial(world: str, seed: int, starts: int) -> Ends:
     """Record one foot, and search it twice."""
     from fasbody.foot.model import load
-    from identification.optimiser import search
+    from identification.optimiser import Effort, search
     from identification.setup import Settings, Setup
 
     began = time.process_time()
@@ -78,7 +78,7 @@ def trial(world: str, seed: int, starts: int) -> Ends:
         return Ends(world, seed, starts, [], [], [], (time.process_time() - began, 0.0))
     between = time.process_time()
     places = np.stack([optimum.q for optimum in default.optima])
-    many = search(default.problem, SIDES, starts=starts, rounds=1, seed=1, estimate=False, first=places)
+    many = search(default.problem, SIDES, Effort(starts=starts, rounds=1), seed=1, estimate=False, first=places)
     seconds = between - began, time.process_time() - between
     one, other = ({o.sign: o for o in ends.optima} for ends in (default, many))
     best = [min(one[side].objective, other[side].objective) for side in SIDES]

@@ -361,19 +361,35 @@ class Searched:
     optima: tuple[Optimum, ...]
 
 
+@dataclass(frozen=True)
+class Effort:
+    """How much a search does.
+
+    Attributes:
+        starts: of a side in a round.
+        rounds: at most.
+        beside: starts beside ends, over these.
+        smooth: scatters at which starts begin in turn, the largest first.
+        fall: factor by which the scatter falls from one descent to the next.
+        steps: of a descent at most; the last one may take five times as many.
+    """
+
+    starts: int = STARTS
+    rounds: int = ROUNDS
+    beside: int = BESIDE
+    smooth: tuple[float, ...] = SMOOTH
+    fall: float = FALL
+    steps: int = STEPS
+
+
 def search(
     problem: Problem,
     signs: tuple[int, ...],
+    effort: Effort | None = None,
     *,
-    starts: int = STARTS,
-    beside: int = BESIDE,
-    rounds: int = ROUNDS,
     seed: int = 0,
     estimate: bool = True,
     first: np.ndarray | None = None,
-    smooth: tuple[float, ...] = SMOOTH,
-    fall: float = FALL,
-    steps: int = STEPS,
     work: Work | None = None,
 ) -> Searched:
     """The best end of each side, and how well recordings repeat.
@@ -385,35 +401,31 @@ def search(
     Args:
         problem: what to minimise.
         signs: sides of the mirror, (1, -1), or (0,) where there is none.
-        starts: of a side in a round.
-        beside: starts beside ends, over these.
-        rounds: at most.
+        effort: how much is done for it.
         seed: of the starts.
         estimate: the scatter from recording to recording; else it is none.
-        first: (k, n) places to begin with besides, at the smallest of `smooth`.
-        smooth: scatters at which starts begin in turn, the largest first.
-        fall: factor by which the scatter falls from one descent to the next.
-        steps: of a descent at most; the last one may take five times as many.
+        first: (k, n) places to begin with besides, at the smallest of the scatters.
         work: counts the steps of each candidate, and about how many may still come.
     """
-    rng = np.random.default_rng(seed)
-    descents = _Descents(steps, work or Work(), _NEAR_END * steps * len(signs))
+    effort, rng = effort or Effort(), np.random.default_rng(seed)
+    descents = _Descents(effort.steps, work or Work(), _NEAR_END * effort.steps * len(signs))
     population: Population | None = None
     tried = dict.fromkeys(signs, 0)
     images: set[bytes] = set()
     open_ = list(signs)
-    for number in range(rounds):
-        fresh = [_fresh(problem, open_, count, rng) for count in _shares(starts, smooth)]
+    for number in range(effort.rounds):
+        fresh = [_fresh(problem, open_, count, rng) for count in _shares(effort.starts, effort.smooth)]
         if first is not None and number == 0:
             fresh[-1] = fresh[-1].joined(_everywhere(first, signs))
         for sign in open_:
             tried[sign] += sum(int(np.sum(group.sign == sign)) for group in fresh)
         last = None if estimate and population is None else problem.scatter
-        descents.after = descents.last + len(open_) * starts * (beside * (_SCREENING + 1) + steps + 1)
-        problem, ends = _annealed(problem, dict(zip(smooth, fresh, strict=True)), last, fall, descents)
+        a_start = effort.beside * (_SCREENING + 1) + effort.steps + 1
+        descents.after = descents.last + len(open_) * effort.starts * a_start
+        problem, ends = _annealed(problem, dict(zip(effort.smooth, fresh, strict=True)), last, effort.fall, descents)
         population = ends if population is None else population.joined(ends).distinct(most=_KEPT)
         population = _with_images(problem, population, signs, images, descents)
-        population, restless = _improved(problem, population, open_, starts, beside * starts, rng, descents)
+        population, restless = _improved(problem, population, open_, effort, rng, descents)
         if estimate:
             problem, population = _settled(problem, population, descents)
         open_ = [
@@ -611,8 +623,7 @@ def _improved(
     problem: Problem,
     population: Population,
     signs: list[int],
-    followed: int,
-    beside: int,
+    effort: Effort,
     rng: np.random.Generator,
     descents: _Descents,
 ) -> tuple[Population, list[int]]:
@@ -622,13 +633,13 @@ def _improved(
         problem: what to minimise.
         population: ends.
         signs: sides that are searched.
-        followed: starts of a side that go on.
-        beside: starts of a side, of which they are the most promising.
+        effort: of the search.
         rng: for the starts.
         descents: of the search.
     """
+    followed = effort.starts
     for _ in range(_BATCHES):
-        near = _redrawn(problem, population, signs, beside, rng)
+        near = _redrawn(problem, population, signs, effort.beside * followed, rng)
         if not len(near.Q):
             return population, []
         beyond = _on_lattices(problem, population, signs)

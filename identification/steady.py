@@ -40,29 +40,10 @@ FOLLOWS = 0.15
 SIDES = {1: STIFF_ANKLE, -1: STIFF_PAD, 0: "best"}
 
 
-@dataclass(frozen=True)
-class _Thoroughness:
-    """How a search goes: random starts of a side in a round at most, and other settings of `optimiser.search`."""
-
-    starts: int
-    beside: int = optimiser.BESIDE
-    rounds: int = optimiser.ROUNDS
-    smooth: tuple[float, ...] = optimiser.SMOOTH
-    fall: float = optimiser.FALL
-    steps: int = optimiser.STEPS
-
-    @property
-    def descent(self) -> dict[str, Any]:
-        """What every search of the model has in common."""
-        return {"beside": self.beside, "fall": self.fall, "steps": self.steps}
-
-
 #: The two-mass foot has many ends, and a motion costs 50 us. Other models have one near their own constants, and 10 ms;
 #: with many of them free it lies in valleys that hundreds of steps would not follow to their ends.
-_SETTINGS = {
-    True: _Thoroughness(starts=1000),
-    False: _Thoroughness(starts=1, beside=2, rounds=1, smooth=(0.05,), fall=np.inf, steps=16),
-}
+_TWO_MASS = optimiser.Effort()
+_OTHER = optimiser.Effort(starts=1, rounds=1, beside=2, smooth=(0.05,), fall=np.inf, steps=16)
 #: Scatter from which the ends are followed down once more with the nuisances held.
 _HELD = (0.02,)
 #: Change of the sum of squares below which twice the harmonics say the same, and harmonics at most.
@@ -162,10 +143,9 @@ def fit(
     held = variables.held([item.kind for item in variables.nuisances if item.kind != "delay"])
     exact = problem.with_held(held)
     first = variables.start(variables.model_values)[None]
-    settings = _SETTINGS[variables.two_mass]
+    effort = replace(_TWO_MASS, starts=starts) if variables.two_mass else _OTHER
     search = optimiser.search(
-        problem if allow else exact, signs, starts=min(starts, settings.starts), seed=seed, estimate=allow,
-        first=first, rounds=settings.rounds, smooth=settings.smooth, **settings.descent, work=work,
+        problem if allow else exact, signs, effort, seed=seed, estimate=allow, first=first, work=work
     )  # fmt: skip
     solutions = [Solution(SIDES[o.sign], search.problem, o) for o in search.optima]
     solutions = [_with_enough_harmonics(solution) for solution in solutions]
@@ -203,8 +183,8 @@ def _held_ends(exact: Problem, solutions: Sequence[Solution]) -> dict[str, Solut
     mean, _ = exact.variables.prior
     signs = tuple(solution.optimum.sign for solution in solutions)
     first = np.stack([np.where(exact.held, mean, solution.q) for solution in solutions])
-    descent = _SETTINGS[exact.variables.two_mass].descent
-    search = optimiser.search(exact, signs, starts=0, rounds=1, estimate=False, first=first, smooth=_HELD, **descent)
+    effort = replace(_TWO_MASS if exact.variables.two_mass else _OTHER, starts=0, rounds=1, smooth=_HELD)
+    search = optimiser.search(exact, signs, effort, estimate=False, first=first)
     return {SIDES[o.sign]: Solution(SIDES[o.sign], search.problem, o) for o in search.optima}
 
 
@@ -288,8 +268,7 @@ def _beyond(solution: Solution, best: Solution, rests: Sequence[str]) -> float |
     space = replace(space, lower=space.lower / further, upper=space.upper * further)
     wider = replace(problem, variables=replace(problem.variables, space=space))
     first = np.concatenate([solution.q[None], wider.variables.image(best.q[None])])
-    settings = _SETTINGS[problem.variables.two_mass]
-    search = optimiser.search(wider, (sign,), first=first, estimate=False, smooth=settings.smooth, **settings.descent)
+    search = optimiser.search(wider, (sign,), estimate=False, first=first)
     return search.optima[0].objective if search.optima[0].exhausted else None
 
 

@@ -11,7 +11,17 @@ from steady_cases import BENT, problem, session
 from fasbody.foot.model import Foot
 from identification import optimiser, steady
 from identification.branches import NOT_EXHAUSTED, Recorded
-from identification.optimiser import SAME, Optimum, Population, Searched, bounded_step, descend, finished, search
+from identification.optimiser import (
+    SAME,
+    Effort,
+    Optimum,
+    Population,
+    Searched,
+    bounded_step,
+    descend,
+    finished,
+    search,
+)
 from identification.residual import Evaluation, Problem
 
 Array = np.ndarray
@@ -101,7 +111,7 @@ def made() -> Problem:
 
 @pytest.fixture(scope="module")
 def found(made: Problem) -> Searched:
-    return search(made, (1, -1), starts=6)
+    return search(made, (1, -1), Effort(starts=6))
 
 
 def _by_scipy(problem: Problem, q: Array, sign: int, most: int) -> tuple[Array, float]:

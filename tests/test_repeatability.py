@@ -8,7 +8,7 @@ from steady_cases import BENT, problem, recorded, session
 from fasbody.foot.model import Foot
 from fasbody.recording.recording import Recording
 from identification.fitting import fit_foot
-from identification.optimiser import search
+from identification.optimiser import Effort, search
 from identification.repeatability import _Linear
 from identification.residual import Problem, Scatter
 
@@ -26,7 +26,7 @@ def scattering(percent: float, seed: int) -> list[Recording]:
 
 
 def estimated(problem: Problem) -> Problem:
-    found = search(problem, (1,), starts=2, rounds=1, first=problem.variables.start(BENT)[None])
+    found = search(problem, (1,), Effort(starts=2, rounds=1), first=problem.variables.start(BENT)[None])
     return found.problem
 
 
@@ -67,7 +67,7 @@ def test_its_size_is_that_of_the_first_harmonic() -> None:
 def test_it_is_likeliest_by_what_no_variable_explains() -> None:
     """Restricted likelihood of a finished search, by a dense covariance and contrasts that no variable moves."""
     made = problem(session(BENT, FREQUENCIES, (0.0, 2.3), scatter=0.03))
-    found = search(made, (1,), starts=2, rounds=1, first=made.variables.start(BENT)[None])
+    found = search(made, (1,), Effort(starts=2, rounds=1), first=made.variables.start(BENT)[None])
     made, linear = found.problem, _Linear.of(found.problem, found.optima[0].q)
     rows, mean = made.measured.rows, made.variables.prior[0]
     e, J = linear.e[rows], linear.J[rows]

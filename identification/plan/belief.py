@@ -19,14 +19,14 @@ from identification.harmonics import Line, Measured
 from identification.intervals import Solution
 from identification.motion import TwoMassMotion
 from identification.nuisances import Nuisance
-from identification.optimiser import Searched, search
+from identification.optimiser import Effort, Searched, search
 from identification.plan.prior import Person, PlanVariables, stream
 from identification.residual import Problem, Scatter
 from identification.sensors import MALLEOLUS
 from identification.steady import FOLLOWS, SIDES
 
-#: Feet of the population from which a first search starts, and the scatter with which it begins.
-_STARTS, _SMOOTH = 12, (0.1,)
+#: Feet of the population from which a first search starts, and how much is done from each.
+_STARTS, _EFFORT = 12, Effort(starts=0, rounds=1, smooth=(0.1,))
 #: Chi-square per degree of freedom beyond which such a foot does not make these recordings.
 _MISFIT = 2.0
 #: What keeps a correlation matrix positive definite.
@@ -172,9 +172,7 @@ def believe(
         first = [variables.carried(end.q, before.variables) for end in before.ends]
 
     def searched(problem: Problem, first: Sequence[np.ndarray]) -> Searched:
-        return search(
-            problem, (1, -1), starts=0, rounds=1, estimate=False, first=np.stack(first), smooth=_SMOOTH
-        )  # fmt: skip
+        return search(problem, (1, -1), _EFFORT, estimate=False, first=np.stack(first))
 
     for _ in range(2):  # what is left over says how well the recordings repeat, and weighs them anew
         optima = searched(problem, first).optima

@@ -62,9 +62,9 @@ def _search(problem: Problem, simpler: Sequence[optimiser.Searched]) -> optimise
     v = problem.variables
     first = [v.start(v.model_values)]
     if not isinstance(v, RungVariables):
-        return optimiser.search(problem, (0,), starts=1, rounds=1, first=np.stack(first))
+        return optimiser.search(problem, (0,), optimiser.Effort(starts=1, rounds=1), first=np.stack(first))
     first += _over(v, simpler)
-    return optimiser.search(problem, (1, -1), starts=_STARTS, rounds=1, first=np.stack(first))
+    return optimiser.search(problem, (1, -1), optimiser.Effort(starts=_STARTS, rounds=1), first=np.stack(first))
 
 
 def _over(v: RungVariables, others: Sequence[optimiser.Searched]) -> list[np.ndarray]:

@@ -100,8 +100,8 @@ def quick_fit(recordings: Sequence[Recording], foot: Foot, settings: Settings) -
     variables = problem.variables
     signs = (1, -1) if variables.ratio is not None else (0,)
     first = variables.start(variables.model_values)[None]
-    how: dict[str, Any] = {"starts": settings.starts, "rounds": 1, "seed": settings.seed}
-    search = optimiser.search(problem, signs, **how, estimate=False, first=first)
+    effort = optimiser.Effort(starts=settings.starts, rounds=1)
+    search = optimiser.search(problem, signs, effort, seed=settings.seed, estimate=False, first=first)
     best = search.optima[0]
     return Solution(SIDES[best.sign], search.problem, best)
 
