@@ -152,7 +152,7 @@ def test_an_end_of_which_nothing_is_drawn_anew_is_no_start(made: Problem, rng: n
     linear = linear.with_held(linear.variables.held([item.kind for item in linear.variables.nuisances]))
     q = linear.variables.start(linear.variables.model_values)
     alone = Population(q[None], np.array([1]), np.ones(1, int), np.array([5.0]))
-    after, restless = optimiser._improved(linear, alone, [1], 12, 96, rng, 10)
+    after, restless = optimiser._improved(linear, alone, [1], Effort(), rng, 10)
     assert restless == [] and after.hits.tolist() == [1]
 
 
@@ -277,7 +277,7 @@ def test_what_was_found_once_is_weak_and_on_the_other_side_decides_nothing(
     ]
     once = replace(fitted, solutions=tuple(ends))
     data = list(ends[0].problem.variables.recordings)
-    built = [steady.branch_of(once, end, data, foot) for end in ends]
+    built = [steady.branch_of(once, end, data) for end in ends]
     found = steady.verdict_of(once, built, Recorded(2), "")
     assert found.word == verdict and (found.sentence == NOT_EXHAUSTED) is (hits[1] == 1)
     assert built[0]["c_11"].identifiability == word and built[0].departures is not None
@@ -292,7 +292,7 @@ def test_beyond_the_bound_of_repeatability_nothing_is_offered(
     ends = [replace(s, problem=s.problem.with_repeatability(repeats)) for s in fitted.solutions]
     scattered = replace(fitted, solutions=tuple(ends))
     data = list(ends[0].problem.variables.recordings)
-    built = [steady.branch_of(scattered, end, data, foot) for end in ends]
+    built = [steady.branch_of(scattered, end, data) for end in ends]
     words = {e.identifiability for branch in built for e in branch.parameters.values()}
     assert (words == {"not identifiable"}) is not follows
     text = steady.verdict_of(scattered, built, Recorded(2), "").sentence

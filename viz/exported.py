@@ -85,7 +85,7 @@ def export_to(show: Display, file: Path, *, json: bool = False) -> None:
     """Write what `show` shows, as the file's ending says, and say so; with `json` as a document on stdout.
 
     Raises:
-        SettingError: another ending, or a tool that is not installed.
+        SettingError: another ending. MissingPackageError: a tool that is not installed.
     """
     writers: dict[str, Callable[[Display], str | bytes]] = {".html": html, ".png": png, ".gif": gif, ".mp4": mp4}
     kind = file.suffix.lower()
@@ -166,7 +166,7 @@ def ffmpeg() -> str:
     """The system's ffmpeg, or that of imageio-ffmpeg.
 
     Raises:
-        SettingError: there is neither.
+        MissingPackageError: there is neither.
     """
     program = shutil.which("ffmpeg")
     if program is None:

@@ -270,7 +270,7 @@ def transient_motion(
         foot: the model.
         settings: of the sliders.
         base: what drives it.
-        shown: first and last second that are shown.
+        window: first and last second that are shown.
     """
     changed = settings.apply(foot)
     count = round(base.duration / changed.step)

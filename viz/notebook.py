@@ -210,7 +210,7 @@ def export(
         file: .html, .png, .gif or .mp4.
 
     Raises:
-        SettingError: another ending, a tool that is missing, or a parameter that cannot be.
+        SettingError: another ending, or a parameter that cannot be. MissingPackageError: a tool that is missing.
     """
     export_to(_display(foot, result, compare, excitation, frequency, added_mass), Path(file))
     return Path(file)

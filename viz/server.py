@@ -110,13 +110,13 @@ class Server:
         self.bench = bench
         self.key = secrets.token_urlsafe(24)
         self._key_once = ""
-        self._reading: asyncio.Task[None] | None = None
         self._followed = asyncio.Event()  # other files are to be watched
         self.pages: set[Stream] = set()
         self.visited = asyncio.Event()  # a page was here, even if it left before its browser's starter came back
         self._pool = ThreadPoolExecutor(1, "simulation")
         self._asked: set[_Asked] = set()  # motions that pages wait for
         self.tasks: set[asyncio.Task[None]] = set()  # what pages asked for
+        self._reads = False  # what was dropped
         self._prepared = False  # what the first long recording needs is loaded
         try:
             self._sockets = tornado.netutil.bind_sockets(port, address=ADDRESS)
@@ -243,8 +243,9 @@ class Server:
                 page.send(page_json(document))
             else:
                 self.broadcast(document)
-        if self.bench.unread:
-            self._reading = asyncio.create_task(self._read_others())
+        if self.bench.unread and not self._reads:
+            self._reads = True
+            self.begin(self._read_others())
         if self.show.files() != before:
             self._followed.set()
 
@@ -258,6 +259,13 @@ class Server:
                 documents = [{"type": "complaint", "of": "open", "text": _bug(error)}]
             for document in documents:
                 self.broadcast(document)
+        self._reads = False
+
+    def begin(self, work: Coroutine[Any, Any, None]) -> None:
+        """Do something beside the server's other work, until it ends."""
+        task = asyncio.create_task(work)
+        self.tasks.add(task)
+        task.add_done_callback(self.tasks.discard)
 
     def is_session_key(self, key: str) -> bool:
         """Whether a key is this session's."""
@@ -493,9 +501,7 @@ class Stream(Guarded, tornado.websocket.WebSocketHandler):
             work = self.server.act(self, request)
         else:
             return
-        task = asyncio.create_task(work)
-        self.server.tasks.add(task)
-        task.add_done_callback(self.server.tasks.discard)
+        self.server.begin(work)
 
     async def _simulate(self, request: dict[str, Any]) -> None:
         if answer := await self.server.answer(request, self):

@@ -19,7 +19,11 @@ from typing import Annotated, Any, Self
 
 import numpy as np
 from pydantic import Field, NonNegativeFloat
-from scipy.signal import lfilter  # here: on a busy computer it takes seconds, and later the card plays and records
+from scipy.signal import (  # here: on a busy computer it takes seconds, and later the card plays and records
+    bilinear,
+    firwin,
+    lfilter,
+)
 
 from fasbody.acquire.calibrate import FULL, STRAY, within
 from fasbody.acquire.documents import SettingsFile
@@ -457,9 +461,7 @@ class Decimator:
     """From CARD_HZ to RATE_HZ, by a filter of linear phase: flat to 1.5 kHz, and 80 dB down above 2.5 kHz."""
 
     def __init__(self) -> None:
-        n = np.arange(_TAPS) - (_TAPS - 1) / 2
-        taps = np.sinc(n / _DOWN) * np.kaiser(_TAPS, 8.0)
-        self._taps = taps / taps.sum()
+        self._taps = firwin(_TAPS, 1 / _DOWN, window=("kaiser", 8.0))
         self._rest = np.zeros((_TAPS - 1, 2))
 
     def feed(self, block: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -487,9 +489,7 @@ class Uncoupler:
 
     def __init__(self, corner_hz: float, rate_hz: float = RATE_HZ) -> None:
         low = _COMMON_HZ if corner_hz > 0 else 0.0
-        zero, pole = (math.pi * f / rate_hz for f in (corner_hz, low))
-        self._b = np.array([1 + zero, zero - 1]) / (1 + pole)
-        self._a = np.array([1, (pole - 1) / (1 + pole)])
+        self._b, self._a = bilinear([1, 2 * math.pi * corner_hz], [1, 2 * math.pi * low], rate_hz)
         self._state = np.zeros(1)
 
     def feed(self, values: np.ndarray) -> np.ndarray:

@@ -10,7 +10,6 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from fasbody.arch.bones import PARAMETERS
-from fasbody.arch.kinematics import Array
 from fasbody.arch.load import ARANGIO_LOAD, ARANGIO_SAG, MEASURED_HZ
 from fasbody.arch.sensitivity import CLAIMED, OUTPUTS, Study
 from fasbody.presentation import COLOURS, LINES, MARKS, PAGE, named_lines, printed
@@ -120,19 +119,17 @@ def reduction(result: "Reduction") -> Figure:
 
 
 @printed
-def arch_sag(result: "SagStudy", measured: dict[float, tuple[float, float]] | None = None) -> Figure:
+def arch_sag(result: "SagStudy") -> Figure:
     """Sag under a static load against arch height, with and without fascia, and its share of the load.
 
     Values computed by other models are drawn as lines between hollow marks, as they are no measurements.
 
     Args:
-        result: the model's sag.
-        measured: arch height [m] -> sag [m] with and without fascia; Arangio's under his load unless given.
+        result: the model's sag; beside it Arangio's, if the load is his.
     """
     figure = Figure(figsize=(PAGE, 2.8), layout="constrained")
     left, right = figure.subplots(1, 2)
-    his = measured is None and result.load == ARANGIO_LOAD
-    others = ARANGIO_SAG if his else measured or {}
+    others = ARANGIO_SAG if result.load == ARANGIO_LOAD else {}
     height = 1e3 * result.height
     for colour, sag, i, name in (
         (COLOURS[0], result.sag, 0, "with fascia"),
@@ -148,7 +145,7 @@ def arch_sag(result: "SagStudy", measured: dict[float, tuple[float, float]] | No
             color=colour,
             mfc="white",
             ms=6,
-            label=f"{name}{ARANGIO if his else ', others'}",
+            label=f"{name}{ARANGIO}",
         )
     left.set_ylabel(f"sag under {result.load:.0f} N [mm]")
     left.set_ylim(0)
@@ -169,19 +166,16 @@ def _panel(ax: Axes, letter: str) -> None:
 
 
 @printed
-def load_resonance(result: "LoadStudy", measured_hz: Array | None = None) -> Figure:
+def load_resonance(result: "LoadStudy") -> Figure:
     """Transmissibility under added mass: constant constants on the left, resonance against the measured on the right.
 
     Args:
         result: the model under each added mass.
-        measured_hz: for each added mass the range of the resonance [Hz], low and high, shape (n, 2); the measured
-            one unless given.
     """
     figure = Figure(figsize=(PAGE, 2.8), layout="constrained")
     left, right = figure.subplots(1, 2, width_ratios=[1.3, 1])
     added = [case.added_mass for case in result.cases]
-    if measured_hz is None:
-        measured_hz = np.array([MEASURED_HZ.get(mass, (np.nan, np.nan)) for mass in added])
+    measured_hz = np.array([MEASURED_HZ.get(mass, (np.nan, np.nan)) for mass in added])
     right.plot(added, [case.peak_hz for case in result.cases], color="0.35", lw=1, zorder=1, label="this arch")
     for i, (case, (low, high)) in enumerate(zip(result.cases, measured_hz, strict=True)):
         colour, mark = COLOURS[i % len(COLOURS)], MARKS[i % len(MARKS)]

@@ -30,7 +30,6 @@ class ArchMotion:
         malleolus: its acceleration there [m/s^2], shape (n,).
         qpos: joint positions, base first, shape (n, 7).
         step: the step that was stable [s].
-        hinge_share: native share of the hinges' damping.
         note: what had to be changed to get there; empty if nothing.
     """
 
@@ -38,7 +37,6 @@ class ArchMotion:
     malleolus: Array
     qpos: Array
     step: float
-    hinge_share: float
     note: str
 
     def __str__(self) -> str:
@@ -87,4 +85,4 @@ def _run(foot: Foot, motion: BaseMotion, step: float, hinge_share: float) -> Arc
     malleolus = result.malleolus[0]
     if np.abs(np.diff(malleolus, 2)).mean() > 4 * RINGING * np.abs(malleolus).mean():
         raise SimulationError(f"{foot.name}: the output rings at the step's own frequency.")
-    return ArchMotion(step * np.arange(len(malleolus)), malleolus, result.qpos[0][:-1], step, hinge_share, "")
+    return ArchMotion(step * np.arange(len(malleolus)), malleolus, result.qpos[0][:-1], step, "")

@@ -48,6 +48,7 @@ def membrane_stiffness(assembly: Assembly, membrane: Membrane, metres_per_um: fl
     t/2 int (lambda' tr(e)^2 + 2 mu e:e) dA for plane stress, over curved six-node triangles.
     (scikit-fem's FacetBasis inverts the map of each element, which fails at the bent rim.)
     """
+    from skfem import ElementTriP2
     from skfem.quadrature import get_quadrature
     from skfem.refdom import RefTri
 
@@ -56,7 +57,7 @@ def membrane_stiffness(assembly: Assembly, membrane: Membrane, metres_per_um: fl
     points, weights = get_quadrature(RefTri, QUADRATURE)
     local = np.zeros((len(triangles), 6, 3, 6, 3))
     for point, weight in zip(points.T, weights, strict=True):
-        slopes = _slopes(*point)  # (6, 2)
+        slopes = np.array([ElementTriP2().lbasis(point, i)[1] for i in range(6)])  # (6, 2)
         tangents = np.einsum("tai,ak->tki", assembly.nodes_um[triangles], slopes)
         metric = tangents @ tangents.transpose(0, 2, 1)
         dual = np.linalg.solve(metric, tangents)
@@ -82,12 +83,3 @@ def _surface_triangles(assembly: Assembly) -> NDArray[np.int64]:
     corners = np.sort(faces[:, :3], axis=1)
     _, first, count = np.unique(corners, axis=0, return_index=True, return_counts=True)
     return np.asarray(faces[first[count == 1]], dtype=np.int64)
-
-
-def _slopes(x: float, y: float) -> NDArray[np.float64]:
-    """Derivatives (6, 2) of a triangle's quadratic shape functions at its local coordinates."""
-    z = 1 - x - y
-    return np.array([
-        [1 - 4 * z, 1 - 4 * z], [4 * x - 1, 0], [0, 4 * y - 1],
-        [4 * (z - x), -4 * x], [4 * y, 4 * x], [-4 * y, 4 * (z - y)],
-    ])  # fmt: skip

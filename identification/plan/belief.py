@@ -107,7 +107,7 @@ class Belief:
         """Constants of one end as the fit has them: dynamic, without load and without the population."""
         solution = self.ends[end]
         problem = replace(solution.problem, variables=replace(self.variables, populated=False))
-        estimates, _ = replace(solution, problem=problem).estimates()
+        estimates, _ = replace(solution, problem=problem).estimates(profiles=True)
         keys = {item.name: item.key for item in self.variables.space.free}
         return {name: Band.of(estimates[keys[name]]) for name in names}
 
