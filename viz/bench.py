@@ -294,7 +294,7 @@ class Bench:
             raise SettingError("choose at least one recording to fit.")
         foot = self.show.feet[MODEL]
         if isinstance(self.show.models[0], Foot):
-            raise SettingError("a model passed from Python cannot be fitted here; use identification.fit_foot.")
+            raise SettingError("a model made in Python cannot be fitted here; save it to a file, or use fit_foot.")
         if self.model.draft:
             raise SettingError("the model in the editor is not saved yet; save it before you fit.")
         values = dict(asked.get("values", {}))
@@ -430,7 +430,7 @@ class Bench:
             SettingError: the model was handed over in Python, or its text is not saved.
         """
         if isinstance(self.show.models[0], Foot):
-            raise SettingError("a model passed from Python cannot be saved in a session.")
+            raise SettingError("a model made in Python cannot be saved in a session; save it to a file.")
         if self.model.draft:
             raise SettingError("the model in the editor is not saved yet; save it before you save the session.")
         kept = f"model/{Path(self.model.name).name}" if self.model.file is not None else self.model.name

@@ -124,7 +124,7 @@ class ModelText:
             SettingError: the model was handed over in Python, or a copy of a shipped model is not sound.
         """
         if isinstance(self.show.models[0], Foot):
-            raise SettingError("a model that was handed over in Python has no file to save.")
+            raise SettingError("a model made in Python has no file to save.")
         source = self.file
         if source is not None and source.is_file() and digest != self.digest:
             return {"type": "saved", "file": "", "text": f"{source.name} was changed by another program meanwhile."}

@@ -11,7 +11,7 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from fasbody.exceptions import MissingPackageError, SettingError
+from fasbody.exceptions import FasError, MissingPackageError, SettingError
 from fasbody.foot.parameters import Fitted
 from fasbody.recording.recording import Recording
 from identification.result import FitResult
@@ -123,11 +123,12 @@ def _proxied() -> str | None:
     """Where the notebook's server has its addresses, if jupyter-server-proxy brings those of other ports there."""
     if base := os.environ.get("JUPYTERHUB_SERVICE_PREFIX"):
         return base
-    if find_spec("jupyter_server_proxy") is None:
+    parent = os.environ.get("JPY_PARENT_PID")  # as VS Code starts a kernel, there is none
+    if parent is None or find_spec("jupyter_server_proxy") is None:
         return None
     running = import_module("jupyter_server.serverapp").list_running_servers()
     servers = {str(server["pid"]): str(server["base_url"]) for server in running}
-    return servers.get(os.environ.get("JPY_PARENT_PID", ""), "/")
+    return servers.get(parent, "/")
 
 
 def _frames(origin: str | None) -> tuple[str, ...]:
@@ -226,7 +227,8 @@ def _display(
 ) -> Show:
     if isinstance(foot, Recording):
         excitation, foot = Excitation.recorded(foot), "two_dof"
-    loaded = load_foot(foot) if isinstance(foot, str) else foot
+    name, changed = _source(foot)
+    loaded = load_foot(name) if isinstance(name, str) else name
     recording = excitation.recording if excitation else None
     if recording is not None and recording.condition.body_mass_kg and not added_mass:
         added_mass = recording.condition.added_mass_kg
@@ -236,6 +238,27 @@ def _display(
         raise SettingError(f"the result holds no parameter of {loaded.name}; give the model that was fitted.")
     fit = fitted(result.document(), loaded.parameters, result.sentence()) if isinstance(result, FitResult) else {}
     delay = fit["branches"][0]["delay_s"] if fit else 0.0
-    models = [loaded, *([] if compare is None else [compare])]
-    settings = Settings(frequency=frequency, added_mass=added_mass, values=values, delay_s=delay)
+    models = [name, *([] if compare is None else [compare])]
+    settings = Settings(frequency=frequency, added_mass=added_mass, values=changed | values, delay_s=delay)
     return Show(models, excitation, settings, fit=fit)
+
+
+def _source(foot: "Foot | str") -> "tuple[Foot | str, dict[str, float]]":
+    """The name or file of a foot, which the page can fit and edit, and what was changed in it since it was loaded.
+
+    A foot that was made in Python otherwise has neither.
+    """
+    if isinstance(foot, str):
+        return foot, {}
+    try:
+        loaded = load_foot(foot.name)
+    except FasError:
+        return foot, {}
+    if not foot.xml or loaded.xml != foot.xml or loaded.step != foot.step:
+        return foot, {}
+    before = loaded.values()
+    changed = {key: value for key, value in foot.values().items() if value != before[key]}
+    bounds = {key: foot.parameters[key] for key in changed}
+    if not all(bounds[key].lower <= value <= bounds[key].upper for key, value in changed.items()):
+        return foot, {}  # beyond the sliders
+    return foot.name, changed
