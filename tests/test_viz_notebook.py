@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
+from pathlib import Path
 from types import ModuleType
 from typing import Any
 
@@ -24,6 +25,8 @@ import tornado.websocket
 from page_client import WAIT, at, status
 from viewer import browser
 
+import fasbody as fb
+import mjcf
 import viz
 from fasbody.exceptions import SettingError
 from viz.notebook import Viewer
@@ -184,6 +187,24 @@ def test_a_notebook_of_this_machine_may_frame_the_page_and_no_other_origin() -> 
 
 
 @pytest.mark.usefixtures("in_notebook")
+def test_a_foot_that_was_loaded_can_be_fitted_in_the_cell(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Once no notebook could: its models were loaded before the page got them."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "own.xml").write_text(mjcf.text("two_dof"))
+    foot = fb.load("two_dof")
+    for given, name, values in (
+        ("two_dof", "two_dof", {}), ("foot_arch@25", "foot_arch@25", {}), (foot, "two_dof", {}),
+        (foot.with_values({"k_T": 2e5}), "two_dof", {"k_T": 2e5}), (fb.load("own.xml"), "own.xml", {}),
+    ):  # fmt: skip
+        show = viz.notebook._display(given, None, None, None, 20.0, 0.0)
+        assert (show.models, show.settings.values) == ([name], values)
+    made = fb.load(mjcf.text("two_dof").replace("joint talocrural stiffness", "joint talocrural stiffness "))
+    for given in (made, foot.with_values({}, step=1e-5), fb.load(tmp_path / "own.xml")):
+        (tmp_path / "own.xml").unlink(missing_ok=True)
+        assert viz.notebook._display(given, None, None, None, 20.0, 0.0).models == [given]
+
+
+@pytest.mark.usefixtures("in_notebook")
 def test_a_hub_has_the_origin_that_was_given(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("JUPYTERHUB_SERVICE_PREFIX", "/user/me/")
     with shown(origin="https://Hub.example.org/user/me/lab") as viewer:
@@ -246,6 +267,12 @@ def test_the_page_moves_in_the_cell(monkeypatch: pytest.MonkeyPatch, proxied: bo
             frame.locator("#clear").evaluate("b => b.click()")
             assert told == []
             page.close()
+        page = opened.new_page()
+        page.goto(f"http://127.0.0.1:{port}{PREFIX}notebook")
+        frame = page.query_selector("iframe").content_frame()
+        until(partial(frame.evaluate, MOVES), page)
+        viewer.close()  # as a kernel that is restarted; the notebook's proxy still opens a socket, and closes it
+        until(lambda: "run this cell again" in frame.inner_text("#error"), page)
 
 
 @pytest.mark.long

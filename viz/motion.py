@@ -5,10 +5,12 @@ the transmissibility, so that neither has a time step; MuJoCo steps what is not 
 the poses stand the loops, force over extension of fat pad, ankle and fascia.
 """
 
+import threading
 import time
 from collections.abc import Mapping, Sequence
 from contextvars import ContextVar
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from threading import Event
 from typing import NamedTuple
 
@@ -19,7 +21,7 @@ from scipy.spatial.transform import Rotation
 from fasbody.exceptions import PeriodicMotionError, SimulationError, UnstableError
 from fasbody.foot.engine import callbacks
 from fasbody.foot.harmonic_balance import Fourier
-from fasbody.foot.hysteresis import stretched
+from fasbody.foot.hysteresis import Element
 from fasbody.foot.linear import Linear
 from fasbody.foot.model import Foot
 from fasbody.foot.parameters import names
@@ -122,13 +124,14 @@ def periodic_motion(foot: Foot, settings: Settings, amplitudes: Array | None = N
     Raises:
         SettingError: settings outside their bounds. SimulationError: unstable, or it does not settle.
     """
-    changed = settings.apply(foot)
+    values = tuple(sorted(settings.values.items()))
+    changed, balance = _changed(foot, values, settings.added_mass, threading.get_ident())
     if amplitudes is None:  # the base moves as sin(w t)
         amplitudes = np.array([-0.5j * settings.peak_to_peak])
     f, U = settings.frequency, amplitudes
     if np.any(U):
         try:
-            orbit = Balance(changed).orbit(f, U)
+            orbit = balance.orbit(f, U)
         except PeriodicMotionError:
             pass
         else:
@@ -140,13 +143,25 @@ def periodic_motion(foot: Foot, settings: Settings, amplitudes: Array | None = N
         raise _too_stiff(foot, changed) from None
 
 
+@lru_cache(maxsize=2)
+def _changed(foot: Foot, values: tuple[tuple[str, float], ...], added_mass: float, thread: int) -> tuple[Foot, Balance]:
+    """The foot with the parameters of the sliders, kept while only the shaker's change; a balance is of one thread."""
+    changed = Settings(values=dict(values), added_mass=added_mass).apply(foot)
+    return changed, Balance(changed)
+
+
+@lru_cache(maxsize=2)
+def _linear(foot: Foot, balance: Balance) -> Linear:
+    return Linear(foot, balance)
+
+
 def _balanced(foot: Foot, orbit: Orbit) -> Motion:
     shaken, series = orbit.shaken, Fourier(orbit.series.harmonics, FRAMES)
     position, velocity, acceleration = shaken.motion(series, orbit.solution.x)
     n, f = foot.model.nv, shaken.frequency_hz
     harmonics = orbit.harmonics()
     motion = _posed(
-        Linear(foot), States(foot.model.qpos0 + position[:, :n], velocity[:, :n], position[:, n:]),
+        _linear(foot, shaken.balance), States(foot.model.qpos0 + position[:, :n], velocity[:, :n], position[:, n:]),
         np.arange(FRAMES) / (f * FRAMES), 1 / f, acceleration[:, foot.base], series.at(series.real(harmonics))[0],
     )  # fmt: skip
     return _repeats(motion, harmonics[0], shaken.base[0])
@@ -355,16 +370,16 @@ def _posed(linear: Linear, states: States, time: Array, duration: float, base: A
     bodies = list(rest)[1:]  # without the world
     index = np.arange(1, model.nbody)
     position, quaternion = np.empty((len(time), len(bodies), 3)), np.empty((len(time), len(bodies), 4))
-    watched_elements = watched(model)
-    loops = {label: np.empty((2, len(time))) for label in watched_elements}
+    elements = {label: [Element(model, *one) for one in of] for label, of in watched(model).items()}
+    loops = {label: np.empty((2, len(time))) for label in elements}
     with callbacks():
         for row, (qpos, qvel, act) in enumerate(zip(*states, strict=True)):
             data.qpos[:], data.qvel[:], data.act[:] = qpos, qvel, act
             mujoco.mj_forward(model, data)
             position[row], quaternion[row] = data.xpos[index], data.xquat[index]
-            for label, elements in watched_elements.items():
-                x, _, pull = np.transpose([stretched(data, kind, i) for kind, i in elements])
-                loops[label][:, row] = x.mean(), pull.sum()
+            for label, parts in elements.items():
+                x, _, pull = zip(*(part.stretched(data) for part in parts), strict=True)
+                loops[label][:, row] = sum(x) / len(x), sum(pull)
     still = np.tile([rest[name].quaternion for name in bodies], (len(time), 1))
     turned = Rotation.from_quat(quaternion.reshape(-1, 4), scalar_first=True)  # about the world's axes
     turn = (turned * Rotation.from_quat(still, scalar_first=True).inv()).as_rotvec().reshape(position.shape)

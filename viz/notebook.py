@@ -123,11 +123,12 @@ def _proxied() -> str | None:
     """Where the notebook's server has its addresses, if jupyter-server-proxy brings those of other ports there."""
     if base := os.environ.get("JUPYTERHUB_SERVICE_PREFIX"):
         return base
-    if find_spec("jupyter_server_proxy") is None:
+    parent = os.environ.get("JPY_PARENT_PID")  # as VS Code starts a kernel, there is none
+    if parent is None or find_spec("jupyter_server_proxy") is None:
         return None
     running = import_module("jupyter_server.serverapp").list_running_servers()
     servers = {str(server["pid"]): str(server["base_url"]) for server in running}
-    return servers.get(os.environ.get("JPY_PARENT_PID", ""), "/")
+    return servers.get(parent, "/")
 
 
 def _frames(origin: str | None) -> tuple[str, ...]:

@@ -16,7 +16,6 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from numpy.polynomial.polynomial import polyval
 
 from fasbody.exceptions import ModelError, SimulationError
 from fasbody.foot.damper import algebraic_force, damping
@@ -159,7 +158,8 @@ def _forces(
         parts: elements by kind and number.
     """
     model, data = balance.model, mujoco.MjData(balance.model)
-    x = {(part, i): np.empty((3, motion.shape[1])) for part, row in parts.items() for i in range(len(row))}
+    elements = {(part, i): Element(model, *one) for part, row in parts.items() for i, one in enumerate(row)}
+    x = {name: np.empty((3, motion.shape[1])) for name in elements}
     power = np.empty(motion.shape[1])
     for k, (position, velocity, acceleration) in enumerate(motion.swapaxes(0, 1)):
         data.qpos[:], data.act[:] = model.qpos0 + position[: model.nv], position[model.nv :]
@@ -168,8 +168,8 @@ def _forces(
         mujoco.mj_fwdActuation(model, data)
         force = data.qfrc_passive + data.qfrc_actuator + data.qfrc_constraint
         power[k] = -np.delete(force * data.qvel, balance.base).sum()
-        for part, i in x:
-            x[part, i][:, k] = stretched(data, *parts[part][i])
+        for name, element in elements.items():
+            x[name][:, k] = element.stretched(data)
     return x, power
 
 
@@ -184,30 +184,51 @@ def _elements(foot: Foot, part: str) -> list[tuple[str, int]]:
     raise ModelError(f"{foot.name}: no joint or tendon is called {valid}, so it has no {part.replace('_', ' ')} loop.")
 
 
-def stretched(data: mujoco.MjData, kind: str, number: int) -> tuple[float, float, float]:
-    """Extension [m] of a joint or tendon, its rate and its pull [N]: of spring, damper, law and actuators on it.
+class Element:
+    """A joint or tendon, and what pulls in it: spring, damper, law and actuators.
 
     Args:
-        data: its forces computed, under `callbacks`.
+        model: that it is of; what is read of it does not change.
         kind: ``joint`` or ``tendon``.
         number: of the element.
     """
-    model, i, v = data.model, number, number
-    if kind == "joint":
-        v, through, user = model.jnt_dofadr[i], mujoco.mjtTrn.mjTRN_JOINT, model.jnt_user
-        x = spring = data.qpos[model.jnt_qposadr[i]] - model.qpos_spring[model.jnt_qposadr[i]]
-        x_dot, of, on = data.qvel[v], "jnt", "dof"
-    else:
-        through, user, of, on = mujoco.mjtTrn.mjTRN_TENDON, model.tendon_user, "tendon", "tendon"
-        x, x_dot = data.ten_length[i] - model.tendon_length0[i], data.ten_velocity[i]
-        spring = data.ten_length[i] - np.clip(data.ten_length[i], *model.tendon_lengthspring[i])
-    k, c = (
-        [*np.ravel(getattr(model, field)[j]), *getattr(model, f"{field}poly")[j]]
-        for field, j in ((f"{of}_stiffness", i), (f"{on}_damping", v))
-    )
-    pull = spring * polyval(spring, k) + x_dot * polyval(abs(x_dot), c)
-    if user.shape[1]:
-        pull -= algebraic_force(user[i], x, x_dot, float(c[0]))
-    acts = (model.actuator_trntype == through) & (model.actuator_trnid[:, 0] == i)
-    outputs = model.actuator_outadr[acts]  # such as the branch of the aponeurosis, or a pad with a memory
-    return float(x), float(x_dot), float(pull - data.actuator_force[outputs] @ model.actuator_gear[outputs, 0])
+
+    def __init__(self, model: mujoco.MjModel, kind: str, number: int) -> None:
+        i, self._joint = number, kind == "joint"
+        if self._joint:
+            self._q, self._v = int(model.jnt_qposadr[i]), int(model.jnt_dofadr[i])
+            self._rest = float(model.qpos_spring[self._q])
+            self._slack = self._rest, self._rest
+            through, user, of, on, v = mujoco.mjtTrn.mjTRN_JOINT, model.jnt_user, "jnt", "dof", self._v
+        else:
+            self._q = self._v = v = i
+            self._rest, self._slack = float(model.tendon_length0[i]), tuple(model.tendon_lengthspring[i].tolist())
+            through, user, of, on = mujoco.mjtTrn.mjTRN_TENDON, model.tendon_user, "tendon", "tendon"
+        self._k, self._c = (
+            [*np.ravel(getattr(model, field)[j]).tolist(), *getattr(model, f"{field}poly")[j].tolist()]
+            for field, j in ((f"{of}_stiffness", i), (f"{on}_damping", v))
+        )
+        self._law = user[i].copy() if user.shape[1] else None
+        acts = (model.actuator_trntype == through) & (model.actuator_trnid[:, 0] == i)
+        self._outputs = model.actuator_outadr[acts]  # such as the branch of the aponeurosis, or a pad with a memory
+        self._gear = model.actuator_gear[self._outputs, 0].copy()
+
+    def stretched(self, data: mujoco.MjData) -> tuple[float, float, float]:
+        """Extension [m], its rate and the pull [N], of forces that are computed, under `callbacks`."""
+        lengths, rates = (data.qpos, data.qvel) if self._joint else (data.ten_length, data.ten_velocity)
+        length, x_dot = float(lengths[self._q]), float(rates[self._v])
+        x, spring = length - self._rest, length - min(max(length, self._slack[0]), self._slack[1])
+        pull = spring * _polynomial(self._k, spring) + x_dot * _polynomial(self._c, abs(x_dot))
+        if self._law is not None:
+            pull -= algebraic_force(self._law, x, x_dot, self._c[0])
+        if self._outputs.size:
+            pull -= float(data.actuator_force[self._outputs] @ self._gear)
+        return x, x_dot, pull
+
+
+def _polynomial(coefficients: Sequence[float], x: float) -> float:
+    """Value of a polynomial, its constant first."""
+    value = 0.0
+    for coefficient in reversed(coefficients):
+        value = value * x + coefficient
+    return value

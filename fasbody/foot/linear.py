@@ -22,13 +22,14 @@ class Linear:
 
     Args:
         foot: the model.
+        balance: of the foot, where one was made already.
 
     Raises:
         SimulationError: it rests in no pose, or in one where something is about to touch or slip.
     """
 
-    def __init__(self, foot: Foot) -> None:
-        self.foot, self._balance = foot, Balance(foot)
+    def __init__(self, foot: Foot, balance: Balance | None = None) -> None:
+        self.foot, self._balance = foot, balance or Balance(foot)
         x = resting(self._balance)
         self._rest = self._balance.state(x)[0]
         self._slopes, names = slopes_at_rest(self._balance, x)

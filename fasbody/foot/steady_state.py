@@ -413,6 +413,7 @@ class Balance:
         self._fields = {field: getattr(model, field).reshape(-1) for field in fields}
         self._nominal = {field: values.copy() for field, values in self._fields.items()}
         self._current: Mapping[str, float] | None = None
+        self._rest_before: Array | None = None  # with the parameters of the foot
 
     @cached_property
     def metric(self) -> Array:
@@ -432,11 +433,15 @@ class Balance:
         Returns:
             None where nothing carries it.
         """
+        if not values and self._rest_before is not None:
+            return self._rest_before
         still = Shaken(self, 1.0, np.zeros(1), values)
         with callbacks():
             x, stands = rest(still, np.zeros(len(self.metric)))
             if not stands:  # a contact that is open has no slope: what falls comes to it
                 x, stands = rest(still, self._fallen(values))
+        if stands and not values:
+            self._rest_before = x
         return x if stands else None
 
     def carried(self, values: Mapping[str, float]) -> Array | None:

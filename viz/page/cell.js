@@ -5,9 +5,10 @@ import { EXPORTED } from "./exported.js";
 import { number } from "./numbers.js";
 import { clock, keys, passedShare, play, secondsPassed } from "./playback.js";
 import { Plot } from "./plots.js";
+import { effect } from "./reactive.js";
 import { slider } from "./slider.js";
 import { RAMPS, Stage, cameras, shade } from "./stage.js";
-import { on, start } from "./stream.js";
+import { connection, on, start } from "./stream.js";
 import { KEYS, filmPlan, takeAwaySection } from "./take.js";
 import { themeButton } from "./theme.js";
 import { THREE } from "./three.js";
@@ -78,6 +79,7 @@ cameras(stage);
 
 // ---- the result -----------------------------------------------------------------------------------------------------
 on("broken", ({ text }) => say(text));
+effect(() => say(connection.lost));
 on("model", document_ => {
   const first = shown.cell === null, /** @type {any} */ cell = shown.cell = document_;
   if (first) Object.assign(state, { mode: cell.mode, amplitude: LARGE[+!cell.body] * cell.height_um, opacity: CLEAR[+!cell.body], slow: 2 * cell.modes[0].hz });

@@ -3,7 +3,7 @@ import { KEY } from "./address.js";
 import { busyWith, say } from "./dom.js";
 import { effect } from "./reactive.js";
 import { page } from "./store.js";
-import { isConnected, send } from "./stream.js";
+import { connection, isConnected, send } from "./stream.js";
 
 export const OTHER_SESSION = "This page belongs to an earlier session: open the address that the command printed.";
 export const STARTED_AGAIN = "The command was restarted: earlier recordings, ticks and fits are gone.";
@@ -18,4 +18,4 @@ export function tellServer(type, more = {}, working = "") {
 
 /** @param {string} text in place of what was asked for; nothing waits for that any longer */
 export function complain(text) { Object.assign(page, { complaint: text, problem: "" }); busyWith(""); }
-effect(() => say([page.broken, page.problem, page.complaint].filter(Boolean).join("\n")));
+effect(() => say([connection.lost, page.broken, page.problem, page.complaint].filter(Boolean).join("\n")));

@@ -1,8 +1,8 @@
 // Documents and scene of a page: from the server's socket, or from the page itself when it was exported.
 import { KEYED, withToken } from "./address.js";
-import { byId, say } from "./dom.js";
+import { byId } from "./dom.js";
 import { EXPORTED } from "./exported.js";
-import { batch } from "./reactive.js";
+import { batch, store } from "./reactive.js";
 import { QUALITY } from "./stage.js";
 
 /** @type {Record<string, (document_: any) => void>} */
@@ -10,6 +10,9 @@ const handlers = {};
 /** @type {WebSocket | null} */
 let socket = null;
 let wait = 300;
+// What to do about a connection that stays lost.
+export const connection = store({ lost: "" });
+const GONE = KEYED ? "If the kernel was restarted, run this cell again." : "If its command has ended, start it again.";
 
 /**
  * What is done with the documents of one type.
@@ -36,15 +39,18 @@ export function disconnect() { if (socket) socket.close(); }
 function connect(stage, opened) {
   socket = new WebSocket(withToken("stream").replace(/^http/, "ws"));
   socket.binaryType = "arraybuffer";
-  socket.onopen = () => { wait = 300; opened(); };
+  socket.onopen = opened;
   socket.onclose = async () => {
     byId("state").textContent = "connection lost, trying again";
     const answer = await fetch(withToken("style.css")).catch(() => null);
-    if (answer && answer.status === 403) { byId("state").textContent = "connection lost"; say(await answer.text()); return; }  // of another session
+    if (answer && answer.status === 403) { byId("state").textContent = "connection lost"; connection.lost = await answer.text(); return; }  // of another session
+    if (wait > 1000) connection.lost = `This page has lost its connection. ${GONE}`;
     setTimeout(() => connect(stage, opened), wait);
     wait = Math.min(2 * wait, 5000);
   };
   socket.onmessage = message => {
+    connection.lost = "";
+    wait = 300;  // not before: a notebook's proxy opens a socket to a server that has gone, and closes it
     if (message.data instanceof ArrayBuffer) { stage.viewer.handle_command_message(message); stage.viewer.set_dirty(); }
     else receive(JSON.parse(message.data));
   };
