@@ -7,6 +7,7 @@ import { effect } from "./reactive.js";
 import { isLight } from "./theme.js";
 import { uPlot } from "./vendor/uplot.js";
 
+const DENSE = 2000;  // points of a curve that is drawn thin
 const tone = colour => (isLight() ? PRINT[colour] || colour : colour);
 const inks = () => (isLight() ? { ink: "#4c5b69", grid: "#d9dfe5" } : { ink: "#93a3b3", grid: "#27323e" });
 
@@ -66,7 +67,7 @@ export class Plot {
 
   // Series: { label, colour, x, y, points, dashed, low, high }; `range` of the ordinate, or null for what the data need.
   set(series, range = null) {
-    const key = JSON.stringify(series.map(s => [s.label, s.colour, s.points, s.dashed]));
+    const key = JSON.stringify(series.map(s => [s.label, s.colour, s.points, s.dashed, s.x.length > DENSE]));
     Object.assign(this, { series, range });
     this.instead.hidden = true;
     if (key !== this.key || !this.plot) this.make();
@@ -90,7 +91,7 @@ export class Plot {
     if (this.plot) this.plot.destroy();
     const { ink, grid } = inks();
     const axis = (label, size) => ({ stroke: ink, grid: { stroke: grid, width: 1 }, ticks: { show: false }, font: "12px system-ui", labelFont: "12px system-ui",
-      label: label || undefined, labelSize: label ? 15 : 0, labelGap: 0, gap: 3, size, space: size > 30 ? 22 : 30, values: (u, marks) => distinct(marks) });
+      label: label || undefined, labelSize: label ? 15 : 0, labelGap: 0, gap: 3, size, space: size > 30 ? 22 : 36, values: (u, marks) => distinct(marks) });
     const extent = () => {
       if (this.range) return this.range;
       if (this.loop) { const tall = 1.1 * Math.max(this.series.length ? 1e-12 : 1, ...this.series.map(s => largestOf(s.y))); return [-tall, tall]; }
@@ -107,7 +108,7 @@ export class Plot {
       scales: { x: { time: false, range: across }, y: this.log ? { distr: 3 } : { range: shown } },
       axes: [{ ...axis(this.across(), 20), ...(this.whole ? { incrs: [1, 2, 5, 10, 20, 50, 100] } : {}) }, { ...axis(this.y, 38), ...(this.log ? { values: (u, marks) => marks.map(v => tickText(v)) } : {}), size: (u, texts) => Math.max(38, 8 + 6.3 * Math.max(...(texts || []).map(text => text.length))) }],
       series: [{}, ...this.series.map(s => ({
-        stroke: tone(s.colour), width: 1.6, dash: s.dashed ? [4, 3] : undefined, spanGaps: true,
+        stroke: tone(s.colour), width: s.x.length > DENSE ? 1 : 1.6, dash: s.dashed ? [4, 3] : undefined, spanGaps: true,
         ...(s.points ? { paths: () => null, points: { show: true, size: s.points === true ? 6 : s.points, fill: tone(s.colour), width: 0 } } : { points: { show: false } }),
       }))],
       hooks: { draw: [u => this.drawLoopsAndLimits(u)], setCursor: [u => this.tell(u)], setSize: [() => this.place()], setScale: [(u, key) => { this.place(); if (key === "x" && this.zoomed) this.zoomed(u.scales.x.min, u.scales.x.max); }] },

@@ -1,5 +1,5 @@
 // What a page gives away: a picture, a film, the scene, and its plots for print. All of it is made in the page.
-import { busyWith, button, byId, download, rowIn } from "./dom.js";
+import { busyWith, button, byId, download, element, rowIn } from "./dom.js";
 import { sceneGlb } from "./gltf.js";
 import { clock, play } from "./playback.js";
 import { Plot } from "./plots.js";
@@ -13,7 +13,12 @@ export const KEYS = 24;
 export function takeAwaySection(stage, name, { page = null, film, scene }) {
   const box = byId("taking");
   for (const old of box.querySelectorAll(".row")) old.remove();
-  const row = rowIn(box), plots = rowIn(box);
+  const offer = (about, actions, name = "") => {
+    const row = rowIn(box);
+    row.append(name);
+    for (const [label, action] of Object.entries(actions)) button(row, label, action);
+    row.append(element("small", about));
+  };
   const wait = (text, work) => async b => {
     const { playing, time } = clock;
     b.disabled = true;
@@ -23,15 +28,13 @@ export function takeAwaySection(stage, name, { page = null, film, scene }) {
     Object.assign(clock, { time, fresh: true });
     play(playing);
   };
-  if (page) button(row, "Offline page", page, "one file for a colleague: opens without a network, and its sliders still move");
-  if (!stage.blind) button(row, "Picture", () => stage.save(`${name()}.png`), "PNG of what is drawn");
-  if (!stage.blind) button(row, "Film", wait("recording the film", done => recordFilm(stage, name(), film(), done)), "webm of the motion, recorded as it plays");
-  button(row, "3-D scene", wait("writing", () => download(`${name()}.glb`, sceneGlb(stage, scene()))), "glTF (.glb) with the motion, for Blender and other viewers");
-  if (!Plot.all.length) { plots.remove(); return; }
-  plots.append("Plots ");
-  button(plots, "SVG", wait("", () => download("plots.svg", plotsSvg().text, "image/svg+xml")), "the plots below as vectors, for print");
-  button(plots, "PNG", wait("drawing", async () => download("plots.png", await plotsPng())), "the plots below, 300 dots an inch");
-  button(plots, "CSV", wait("", () => download("plots.csv", plotsCsv())), "the numbers of the plots below");
+  if (page) offer("one file that works without a network; its sliders still move the foot", { "Offline page": page });
+  if (!stage.blind) offer("what is drawn, as PNG", { Picture: () => stage.save(`${name()}.png`) });
+  if (!stage.blind) offer("the motion, recorded as it plays", { Film: wait("recording the film", done => recordFilm(stage, name(), film(), done)) });
+  offer("the motion as glTF, for Blender and other viewers", { "3-D scene": wait("writing", () => download(`${name()}.glb`, sceneGlb(stage, scene()))) });
+  if (Plot.all.length) offer("the visible plots for print, or their numbers", {
+    SVG: wait("", () => download("plots.svg", plotsSvg().text, "image/svg+xml")), PNG: wait("drawing", async () => download("plots.png", await plotsPng())), CSV: wait("", () => download("plots.csv", plotsCsv())),
+  }, "Plots ");
 }
 
 // Record the canvas while drawAt(share) goes through the motion in `seconds`, as often as `repeats`; `done` gets the share.
