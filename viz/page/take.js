@@ -9,21 +9,25 @@ import { plotsCsv, plotsPng, plotsSvg } from "./print.js";
 const LEAST = 4, MOST = 30;
 export const KEYS = 24;
 
-// The section's buttons. Args: the stage; name of the files; what the page is able to.
+/**
+ * The section's buttons. Args: the stage; name of the files; what the page is able to.
+ * @typedef {{ seconds: number, repeats: number, drawAt: (share: number) => void }} Reel
+ * @type {(stage: import("./stage.js").Stage, name: () => string, able: { page?: (() => void) | null | false, film: () => Reel, scene: () => any }) => void}
+ */
 export function takeAwaySection(stage, name, { page = null, film, scene }) {
   const box = byId("taking");
   for (const old of box.querySelectorAll(".row")) old.remove();
-  const offer = (about, actions, name = "") => {
+  const offer = (/** @type {string} */ about, /** @type {Record<string, (b: any) => void>} */ actions, heading = "") => {
     const row = rowIn(box);
-    row.append(name);
+    row.append(heading);
     for (const [label, action] of Object.entries(actions)) button(row, label, action);
     row.append(element("small", about));
   };
-  const wait = (text, work) => async b => {
+  const wait = (/** @type {string} */ text, /** @type {(done: (share: number) => void) => any} */ work) => async (/** @type {any} */ b) => {
     const { playing, time } = clock;
     b.disabled = true;
     busyWith(text);
-    try { busyWith((await work(share => busyWith(text, share))) || "", 1); } catch (error) { busyWith(error.message, 1); }
+    try { busyWith((await work(share => busyWith(text, share))) || "", 1); } catch (error) { busyWith(/** @type {Error} */ (error).message, 1); }
     b.disabled = false;
     Object.assign(clock, { time, fresh: true });
     play(playing);
@@ -37,18 +41,21 @@ export function takeAwaySection(stage, name, { page = null, film, scene }) {
   }, "Plots ");
 }
 
-// Record the canvas while drawAt(share) goes through the motion in `seconds`, as often as `repeats`; `done` gets the share.
+/**
+ * Record the canvas while drawAt(share) goes through the motion in `seconds`, as often as `repeats`; `done` gets the share.
+ * @type {(stage: import("./stage.js").Stage, name: string, reel: Reel, done: (share: number) => void) => Promise<string>}
+ */
 async function recordFilm(stage, name, { seconds, repeats, drawAt }, done) {
   const kinds = ["video/webm;codecs=vp9", "video/webm;codecs=vp8", "video/webm", "video/mp4"], type = window.MediaRecorder && kinds.find(kind => MediaRecorder.isTypeSupported(kind));
   if (!type) return "this browser records no films; --export foot.mp4 of the command does";
-  const parts = [], stream = stage.renderer.domElement.captureStream(30), recorder = new MediaRecorder(stream, { mimeType: type, videoBitsPerSecond: 8e6 });
+  const /** @type {Blob[]} */ parts = [], stream = stage.renderer.domElement.captureStream(30), recorder = new MediaRecorder(stream, { mimeType: type, videoBitsPerSecond: 8e6 });
   recorder.ondataavailable = event => { if (event.data.size) parts.push(event.data); };
   const ended = new Promise(stopped => { recorder.onstop = stopped; });
   drawAt(0);
   await new Promise(began => { recorder.onstart = began; recorder.start(); });
   let last = performance.now(), passed = 0;
   await new Promise(drawn => {
-    const step = now => {
+    const step = (/** @type {number} */ now) => {
       passed += Math.min(500, Math.max(0, now - last));  // a computer that stood still leaves no hole in the motion
       last = Math.max(last, now);
       const share = passed / (1000 * seconds);
@@ -66,7 +73,7 @@ async function recordFilm(stage, name, { seconds, repeats, drawAt }, done) {
   return "";
 }
 
-// How a film goes through a motion of so many seconds on the screen: whole periods, a transient once.
+/** @type {(seconds: number, periodic: boolean) => { seconds: number, repeats: number }} how a film goes through a motion of so many seconds on the screen: whole periods, a transient once */
 export function filmPlan(seconds, periodic) {
   if (seconds >= LEAST || !periodic) return { seconds: Math.min(MOST, seconds), repeats: 1 };
   return { seconds, repeats: Math.min(Math.ceil(LEAST / seconds), Math.floor(MOST / seconds)) };
