@@ -36,6 +36,8 @@ MODELS = ("two_dof", "foot_arch")
 WARM = 100
 #: Seconds in which the fitting process is made ready.
 READY = 15
+#: Seconds after which what a page waits for does not come.
+PATIENCE = 300
 
 
 @contextmanager
@@ -56,7 +58,8 @@ def viewer(model: str) -> Iterator[tuple[str, psutil.Process]]:
 
 async def _stream(url: str, seconds: float, process: psutil.Process) -> tuple[float, float, list[float]]:
     """Ask for motion after motion: frames a second, megabytes of a motion, resident memory over time [MB]."""
-    request = HTTPRequest(url.replace("http", "ws") + "stream", headers={"Origin": url.rstrip("/")})
+    origin, _, query = url.partition("/?")
+    request = HTTPRequest(f"{origin}/stream?{query}".replace("http", "ws", 1), headers={"Origin": origin})
     socket = await tornado.websocket.websocket_connect(request)
     memory, frames, size, count = [], 0, 0, 0
     started = time.perf_counter()
@@ -85,11 +88,13 @@ def _opened(url: str, quality: str) -> Iterator[tuple[Any, Callable[[str], float
         browser = playwright.chromium.launch(executable_path=chromium(), args=list(CHROMIUM))
         try:
             page = browser.new_page(viewport={"width": 1366, "height": 768})
-            page.goto(f"{url}?quality={quality}")
+            page.goto(f"{url}&quality={quality}")
 
             def until(condition: str) -> float:
                 began = time.perf_counter()
                 while not page.evaluate(condition):
+                    if time.perf_counter() > began + PATIENCE:
+                        raise TimeoutError(f"never true: {condition}")
                     time.sleep(0.01)
                 return time.perf_counter() - began
 

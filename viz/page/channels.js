@@ -6,17 +6,17 @@ import { bench } from "./store.js";
 import { on } from "./stream.js";
 
 on("columns", ({ number: id, columns, said }) => {
-  const at = bench.rows.findIndex(row => row.id === id), row = bench.rows[at], box = element("form"), numbers = [];
+  const at = bench.rows.findIndex(row => row.id === id), row = bench.rows[at], box = element("form"), /** @type {{ input: any, remark: (text: string) => void }[]} */ numbers = [];
   if (!row) return;
   box.dataset.id = id;
-  const field = (label, name, value, list) => {
+  const field = (/** @type {string} */ label, /** @type {string} */ name, /** @type {any} */ value, /** @type {string[][] | undefined} */ list = undefined) => {
     const wrap = element("label", label), input = element(list ? "select" : "input", "", { name });
     if (list) for (const [v, text] of list) input.append(element("option", text, { value: v }));
     input.value = value === undefined || value === null ? "" : value;
     wrap.append(input);
     return wrap;
   };
-  const numberField = (label, name, value) => {
+  const numberField = (/** @type {string} */ label, /** @type {string} */ name, /** @type {any} */ value) => {
     const wrap = field(label, name, value), input = wrap.lastChild, remark = remarkIn(wrap, input);
     input.oninput = () => remark("");
     numbers.push({ input, remark });
@@ -36,7 +36,7 @@ on("columns", ({ number: id, columns, said }) => {
   if (row.unread && others) box.append(" ", element("button", `and the ${others} others that cannot be read`, { type: "submit", value: "all" }));
   box.remark = remarkIn(box, apply);
   box.addEventListener("input", () => box.remark(""));
-  box.onsubmit = event => {
+  box.onsubmit = (/** @type {any} */ event) => {
     event.preventDefault();
     const wrong = numbers.filter(({ input, remark }) => {
       const typed = input.value.trim() ? typedNumber(input.value) : null, problem = typeof typed === "string" ? typed : "";
@@ -45,7 +45,7 @@ on("columns", ({ number: id, columns, said }) => {
       return problem;
     });
     if (wrong.length) { wrong[0].input.focus(); return; }
-    const told = { channels: { time: {}, base: {}, malleolus: {} } };
+    const /** @type {any} */ told = { channels: { time: {}, base: {}, malleolus: {} } };
     for (const [name, typed] of new FormData(box)) {
       const [channel, key] = name.split("."), value = String(typed).trim();
       if (key) { if (value) told.channels[channel][key] = value; } else told[name] = value;

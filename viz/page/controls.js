@@ -38,8 +38,8 @@ function shakerSliders(shaker) {
 /** @type {(picture: HTMLElement) => Record<string, Slider>} */
 function pictureSliders(picture) {
   const { look, feet } = page.model;
-  const slow = slider(picture, "slow", "Slow motion", "× slower", 1, 200, state.slow, v => { state.slow = v; clock.fresh = true; }, { log: true, nominal: look.slow });
-  const amplify = slider(picture, "amplify", "Motion drawn larger", "×", 1, 1000, state.amplify || 10, v => { state.amplify = v; clock.fresh = true; },
+  const slow = slider(picture, "slow", "Slow motion", "× slower", 1, 200, state.slow, (/** @type {number} */ v) => { state.slow = v; clock.fresh = true; }, { log: true, nominal: look.slow });
+  const amplify = slider(picture, "amplify", "Motion drawn larger", "×", 1, 1000, state.amplify || 10, (/** @type {number} */ v) => { state.amplify = v; clock.fresh = true; },
     { log: true, hint: "set automatically until you move it" });
   amplify.home = () => { state.amplify = look.amplify; clock.fresh = true; };
   amplify.show = best => { amplify.nominal(look.amplify || best); amplify.set(state.amplify === null ? best : state.amplify); };
@@ -58,7 +58,7 @@ function pictureSliders(picture) {
   takeAwaySection(stage, () => "foot", {
     page: !EXPORTED && KEY ? takeAway : null,
     film: () => ({ ...filmPlan(duration(), firstFoot().periodic), drawAt: showAt }),
-    scene: () => ({ keys: KEYS, seconds: duration(), periodic: firstFoot().periodic, unit: 1 / SCALE, pose: share => { clock.time = share * clock.length(); pose(); } }),
+    scene: () => ({ keys: KEYS, seconds: duration(), periodic: firstFoot().periodic, unit: 1 / SCALE, pose: (/** @type {number} */ share) => { clock.time = share * clock.length(); pose(); } }),
   });
   return { slow, amplify };
 }
@@ -69,7 +69,7 @@ function parameterSliders(list, offered) {
   if (list.hidden) return {};
   const { parameters } = page.model;
   if (offered) setValues(Object.fromEntries(parameters.filter(p => !(p.name in state.values)).map(p => [p.name, p.value])));
-  return Object.fromEntries(parameters.map(p => [p.name, slider(list, `parameter_${p.name}`, p.words ? `${p.words} ${p.name}` : p.name, p.unit, p.lower, p.upper, state.values[p.name] ?? p.nominal, (v, typed) => {
+  return Object.fromEntries(parameters.map(p => [p.name, slider(list, `parameter_${p.name}`, p.words ? `${p.words} ${p.name}` : p.name, p.unit, p.lower, p.upper, state.values[p.name] ?? p.nominal, (/** @type {number} */ v, /** @type {boolean | undefined} */ typed) => {
     remember(typed ? "" : p.name);
     setValues({ [p.name]: v });
     ask();
@@ -81,8 +81,8 @@ function fitting(p) {
   if (EXPORTED || isMass(p.name)) return null;
   return {
     free: bench.free[p.name] !== false, bounds: bench.bounds[p.name] || [p.lower, p.upper],
-    release: on => { bench.free = { ...bench.free, [p.name]: on }; },
-    bound: (low, high) => {
+    release: (/** @type {boolean} */ on) => { bench.free = { ...bench.free, [p.name]: on }; },
+    bound: (/** @type {number} */ low, /** @type {number} */ high) => {
       const { [p.name]: _, ...others } = bench.bounds;
       bench.bounds = low === p.lower && high === p.upper ? others : { ...others, [p.name]: [low, high] };
     },

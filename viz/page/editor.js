@@ -8,8 +8,10 @@ import { on } from "./stream.js";
 import { isLight } from "./theme.js";
 import { CM } from "./vendor/codemirror.js";
 
+/** @typedef {{ text: string, digest: string }} Theirs */
 // What is opened: the model's name, its text and its digest as the file had it, and the file's later one where it has
 // become another; unsaved text of other models.
+/** @type {{ view: any, name: string, file: string, text: string, digest: string, theirs: Theirs | null, sent: string, quiet: boolean, timer: number, drafts: Map<string, Theirs> }} */
 export const editor = { view: null, name: "", file: "", text: "", digest: "", theirs: null, sent: "", quiet: false, timer: 0, drafts: new Map() };
 const MOST_TEXT = 900000;  // bytes of a model that the server takes from a page
 export const typedText = () => (editor.view ? editor.view.state.doc.toString() : editor.text);
@@ -47,7 +49,7 @@ on("models", ({ names, now, file, copy, text, digest, draft: isDraft }) => {
   }
 });
 
-// The text in the editor, without a check of what the server has just sent.
+/** @param {string} text in the editor, without a check of what the server has just sent */
 function replaceText(text) {
   if (!editor.view || typedText() === text) return;
   editor.quiet = true;
@@ -56,13 +58,14 @@ function replaceText(text) {
   editor.quiet = false;
 }
 
-// The file has another text than the one that was opened, and this page has one that is not saved: somebody must choose.
+/** @param {Theirs | null} theirs another text than the one that was opened, where this page has one that is not saved: somebody must choose */
 function showConflict(theirs) {
   editor.theirs = theirs;
   byId("conflict").hidden = !theirs;
   byId("save_model").disabled = Boolean(theirs);
   if (theirs) byId("conflict").firstChild.textContent = `${editor.name.split("/").pop()} was changed by another program, and this text is not saved.`;
 }
+/** @param {string} text */
 function resolveConflict(text) {
   Object.assign(editor, editor.theirs);
   showConflict(null);
@@ -86,7 +89,7 @@ export function openEditor() {
       extensions: [
         CM.lineNumbers(), CM.history(), CM.drawSelection(), CM.bracketMatching(), CM.highlightActiveLine(), CM.xml(), CM.syntaxHighlighting(tint), CM.lintGutter(), CM.search({ top: true }),
         CM.keymap.of([{ key: "Mod-s", preventDefault: true, run: () => { saveModel(); return true; } }, ...CM.defaultKeymap, ...CM.historyKeymap, ...CM.searchKeymap]),
-        CM.EditorView.updateListener.of(update => { if (update.docChanged && !editor.quiet) checkSoon(); }),
+        CM.EditorView.updateListener.of((/** @type {any} */ update) => { if (update.docChanged && !editor.quiet) checkSoon(); }),
         CM.EditorView.contentAttributes.of({ "aria-label": "the model's MJCF" }),
         CM.EditorView.theme({ ".cm-cursor": { borderLeftColor: "var(--ink)" }, ".cm-activeLine": { background: "color-mix(in srgb, var(--ink) 4%, transparent)" } }, { dark: !isLight() }),
       ],
@@ -131,8 +134,8 @@ on("saved", ({ file, text, digest }) => {
   if (file) Object.assign(editor, { name: file, file, text: editor.sent, digest });
 });
 
-byId("model_choice").onchange = event => tellServer("choose", { name: event.target.value });
+byId("model_choice").onchange = (/** @type {any} */ event) => tellServer("choose", { name: event.target.value });
 byId("edit_model").onclick = openEditor;
 byId("save_model").onclick = saveModel;
-byId("take_theirs").onclick = () => resolveConflict(editor.theirs.text);
+byId("take_theirs").onclick = () => resolveConflict(/** @type {Theirs} */ (editor.theirs).text);
 byId("keep_mine").onclick = () => resolveConflict(typedText());

@@ -231,7 +231,7 @@ export class Feet extends Stage {
 }
 
 // What is coloured: parts, loop whose force it is, ramp, and which way the force points.
-/** @type {[string[], string, string, number][]} */
+/** @type {[string[], string, keyof typeof import("./stage.js").RAMPS, number][]} */
 const PAINTED = [[["heel_pad", "forefoot_pad"], "fat pad", "pressure", -1], [["aponeurosis"], "fascia", "tension", 1]];
 
 // A ghost lets the foot be seen that it lies over; beside it there is no need for that.

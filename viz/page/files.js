@@ -5,9 +5,11 @@ import { EXPORTED } from "./exported.js";
 import { OTHER_SESSION, complain, tellServer } from "./server.js";
 import { page } from "./store.js";
 
+/** @typedef {{ file: File, name: string }} Named */
+/** @param {Named[]} files */
 export async function upload(files) {
   complain("");
-  const send = async ({ file, name }) => {
+  const send = async (/** @type {Named} */ { file, name }) => {
     busyWith(`reading ${name}`);
     const answer = await fetch(withToken(`upload?name=${encodeURIComponent(name)}`), { method: "POST", headers: { "X-Key": KEY }, body: file }).catch(() => null);
     const known = answer && (answer.headers.get("Content-Type") || "").startsWith("application/json");
@@ -15,7 +17,7 @@ export async function upload(files) {
     if (said.text) complain([page.complaint, said.text].filter(Boolean).join("\n"));
     return { names: said.names || [], session: said.session };
   };
-  const answers = [], isZip = ({ name }) => name.toLowerCase().endsWith(".zip");
+  const answers = [], isZip = (/** @type {Named} */ { name }) => name.toLowerCase().endsWith(".zip");
   for (const zip of files.filter(isZip)) {  // one of them may be a session, which replaces all else
     const answer = await send(zip);
     if (answer.session) { tellServer("open_session", {}, "opening the session"); return; }
@@ -26,9 +28,11 @@ export async function upload(files) {
   if (names.length) tellServer("open", { names }); else busyWith("");
 }
 
-// What was dropped: files, and whole folders of them.
+/** @param {Iterable<any>} items what was dropped: files, and whole folders of them */
 export async function dropped(items) {
+  /** @type {Named[]} */
   const found = [];
+  /** @type {(entry: any, path: string) => Promise<void>} */
   async function walk(entry, path) {
     if (entry.isFile) found.push({ name: path + entry.name, file: await new Promise((done, failed) => entry.file(done, failed)) });
     else {
@@ -49,9 +53,9 @@ export async function dropped(items) {
 if (!EXPORTED) {
   addEventListener("dragover", event => { event.preventDefault(); document.body.classList.add("dropping"); });
   addEventListener("dragleave", event => { if (!event.relatedTarget) document.body.classList.remove("dropping"); });
-  addEventListener("drop", event => { event.preventDefault(); document.body.classList.remove("dropping"); dropped(event.dataTransfer.items); });
+  addEventListener("drop", event => { event.preventDefault(); document.body.classList.remove("dropping"); if (event.dataTransfer) dropped(event.dataTransfer.items); });
   for (const [id, picker] of [["choose_files", "files"], ["choose_folder", "folder"]]) {
     byId(id).onclick = () => byId(picker).click();
-    byId(picker).onchange = event => upload([...event.target.files].map(file => ({ file, name: file.webkitRelativePath || file.name })));
+    byId(picker).onchange = (/** @type {any} */ event) => upload([...event.target.files].map(file => ({ file, name: file.webkitRelativePath || file.name })));
   }
 }

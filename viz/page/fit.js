@@ -73,8 +73,8 @@ export function forgetFit() {
 
 /** @param {number} k the foot gets a branch's constants; flipping between the two shows what the data cannot tell apart */
 export function showBranch(k) {
-  const branch = bench.fit.branches[k];
-  if (EXPORTED && !hasTwin) return;
+  const branch = bench.fit && bench.fit.branches[k];
+  if (!branch || (EXPORTED && !hasTwin)) return;
   remember();
   bench.branch = k;
   state.delay_s = branch.delay_s;
@@ -104,8 +104,9 @@ effect(() => {
 
 // What both branches say of each constant; what is known of it is of the branch that is shown, whose name is lit.
 effect(() => {
-  if (!bench.fit) return;
-  const { branches, at } = bench.fit, shown = shownBranch(), both = branches.length > 1, head = element("tr");
+  const shown = shownBranch();
+  if (!bench.fit || !shown) return;
+  const { branches, at } = bench.fit, both = branches.length > 1, head = element("tr");
   head.append(element("th", at || ""), ...branches.map(b => element("th", b.name, { className: b === shown && both ? "shown" : "" })), element("th", "status", { title: both ? `of the ${shown.name}` : "" }));
   byId("estimates").replaceChildren(head, ...shown.rows.map((row, k) => {
     const tr = element("tr"), name = element("th", row.name, { title: row.key });
@@ -124,6 +125,6 @@ effect(() => {
   const { sliders, model } = page, branch = bench.fit && bench.fit.branches[bench.branch];
   for (const p of model ? model.parameters : []) {
     const row = branch ? branch.rows.find(r => r.name === p.name && "lower" in r) : null;
-    sliders[p.name]?.band(row ? [row.lower, row.upper] : null, row ? row.interval : "");
+    sliders[p.name]?.band(row ? /** @type {[number, number]} */ ([row.lower, row.upper]) : null, row ? row.interval : "");
   }
 });

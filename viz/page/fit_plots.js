@@ -28,9 +28,9 @@ export const lagOf = points => unwrapped(points.map(r => r.phase_lag_deg));
 export const rangeOf = series => [0, 1.1 * Math.max(1, ...series.map(s => largestOf(s.y)))];
 
 effect(() => {
-  const { found, fit } = bench, known = Boolean(found && found.data && fit);
-  byId("tab_fit").hidden = !known;
-  if (!known) return;
+  const { found, fit } = bench;
+  byId("tab_fit").hidden = !(found && found.data && fit);
+  if (!found || !found.data || !fit) return;
   fitted.plots ||= makeFitPlots();
   const loads = loadsOf(found.data), /** @type {Series[]} */ size = [], /** @type {Series[]} */ lag = [];
   const /** @type {Series[][]} */ over = [[], []];
@@ -58,24 +58,24 @@ effect(() => {
 });
 
 effect(() => {
-  const { plots } = fitted, { found } = bench;
-  if (!plots || !found) return;
-  const chi = found.chi_square.filter(r => r.branch === shownBranch().name).sort((a, b) => a.frequency_hz * a.harmonic - b.frequency_hz * b.harmonic);
+  const { plots } = fitted, { found } = bench, branch = shownBranch();
+  if (!plots || !found || !branch) return;
+  const chi = found.chi_square.filter(r => r.branch === branch.name).sort((a, b) => a.frequency_hz * a.harmonic - b.frequency_hz * b.harmonic);
   plots.chi.box.hidden = !chi.length;
   plots.chi.set([{ label: "", colour: ANKLE, x: chi.map(r => r.frequency_hz * r.harmonic), y: chi.map(r => r.chi_square ?? r.chi_square_if_model_true), points: 5 }]);
 });
 
 // Measured and modelled malleolus of the recording that is shown, and what the model leaves; of no other one.
 effect(() => {
-  const { plots } = fitted, { found } = bench;
-  if (!plots || !found) return;
+  const { plots } = fitted, { found } = bench, branch = shownBranch();
+  if (!plots || !found || !branch) return;
   const row = bench.rows.find(r => r.id === bench.shown), trace = row && found.traces.find(t => t.file === (row.label || row.file));
   if (!trace) {
     const sentence = row ? `${row.file.split("/").pop()} is not in this fit.` : "Click a recording of this fit to see it.";
     for (const plot of [plots.trace, plots.residual]) plot.none(sentence);
     return;
   }
-  const mine = trace.models[shownBranch().name], x = trace.time_s.map(t => 1e3 * t);
+  const mine = trace.models[branch.name], x = trace.time_s.map(t => 1e3 * t);
   plots.trace.set([{ label: "measured", colour: SEEN, x, y: trace.measured, points: 3 }, { label: `model, ${mine.fit_percent.toFixed(1)} %`, colour: ANKLE, x, y: mine.model }]);
   plots.residual.set([{ label: "", colour: ANKLE, x, y: trace.measured.map((v, k) => v - mine.model[k]) }]);
 });

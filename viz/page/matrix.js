@@ -6,8 +6,10 @@ import { effect } from "./reactive.js";
 import { showRecording } from "./signals.js";
 import { bench, branchNote, shownBranch } from "./store.js";
 
+/** @typedef {Row & { frequency_hz: number }} Steady */
+
 function drawMatrix() {
-  const box = byId("matrix"), steady = bench.rows.filter(row => row.frequency_hz);
+  const box = byId("matrix"), steady = /** @type {Steady[]} */ (bench.rows.filter(row => row.frequency_hz));
   box.hidden = steady.length < 4;
   if (box.hidden) { box.replaceChildren(); return; }
   const fitOf = fitsByFile(), columns = columnsOf(steady), names = [...new Set(steady.map(condition))];
@@ -24,7 +26,7 @@ function drawMatrix() {
 /** @type {(row: Row) => string} */
 const condition = row => `${row.subject || ""} ${row.added_mass_kg ? `+ ${number(row.added_mass_kg)} kg` : "no load"}`.trim();
 /** @type {(file: string) => string} */
-const last = file => file.split("/").pop();
+const last = file => file.slice(file.lastIndexOf("/") + 1);
 
 /** @type {(heading: string, scope: string, cells: HTMLElement[]) => any} */
 function line(heading, scope, cells) {
@@ -33,25 +35,26 @@ function line(heading, scope, cells) {
   return tr;
 }
 
-/** @type {(steady: Row[]) => Row[][]} what was set alike is measured within a tenth of a hertz */
+/** @type {(steady: Steady[]) => Steady[][]} what was set alike is measured within a tenth of a hertz */
 function columnsOf(steady) {
-  /** @type {Row[][]} */
+  /** @type {Steady[][]} */
   const columns = [];
   for (const row of [...steady].sort((a, b) => a.frequency_hz - b.frequency_hz)) {
-    if (columns.length && row.frequency_hz - columns.at(-1)[0].frequency_hz < 0.1) columns.at(-1).push(row); else columns.push([row]);
+    const column = columns.at(-1);
+    if (column && row.frequency_hz - column[0].frequency_hz < 0.1) column.push(row); else columns.push([row]);
   }
   return columns;
 }
 
 /** @type {() => (row: Row) => number | null | undefined} the fit of a recording [%]; of one in another place by its name, if that is unique */
 function fitsByFile() {
-  const fits = new Map(), isUnique = (/** @type {string} */ name) => bench.rows.filter(row => last(row.file) === name).length === 1;
-  const fitted = bench.found ? bench.found.traces.map(t => ({ file: t.file, ...t.models[shownBranch().name] })) : (bench.fit && bench.fit.recordings) || [];
+  const fits = new Map(), branch = shownBranch(), isUnique = (/** @type {string} */ name) => bench.rows.filter(row => last(row.file) === name).length === 1;
+  const fitted = bench.found && branch ? bench.found.traces.map(t => ({ file: t.file, ...t.models[branch.name] })) : (bench.fit && bench.fit.recordings) || [];
   for (const r of fitted) fits.set(r.file, r.fit_percent).set(`*/${last(r.file)}`, r.fit_percent);
   return row => fits.get(row.label || row.file) ?? (isUnique(last(row.file)) ? fits.get(`*/${last(row.file)}`) : null);
 }
 
-/** @type {(row: Row | undefined, repeats: Row[], fitOf: (row: Row) => number | null | undefined) => any} */
+/** @type {(row: Steady | undefined, repeats: Steady[], fitOf: (row: Row) => number | null | undefined) => any} */
 function cellOf(row, repeats, fitOf) {
   const td = element("td");
   if (!row) return td;

@@ -1,10 +1,12 @@
 // A motion between its frames: poses of bodies, samples of forces, and their largest.
 import { THREE } from "./three.js";
 
+/** @param {number[]} pose */
 export function vector(pose) { return new THREE.Vector3(pose[0], pose[1], pose[2]); }
+/** @param {number[]} pose */
 export function quaternion(pose) { return new THREE.Quaternion(pose[4], pose[5], pose[6], pose[3]); }
 
-// Displacement and rotation vector of one body between two frames.
+/** @type {(shown: FootMotion, at: number, body: number) => number[]} displacement and rotation vector of one body between two frames */
 export function blend(shown, at, body) {
   const n = shown.frames, width = shown.bodies.length / n, k = Math.floor(at) % n, u = at - Math.floor(at);
   const next = shown.periodic ? (k + 1) % n : Math.min(k + 1, n - 1), out = [];
@@ -15,13 +17,13 @@ export function blend(shown, at, body) {
   return out;
 }
 
-// One value of a loop between two frames.
+/** @type {(values: number[], shown: FootMotion, at: number) => number} one value of a loop between two frames */
 export function sample(values, shown, at) {
   const n = shown.frames, k = Math.floor(at) % n, u = at - Math.floor(at), next = shown.periodic ? (k + 1) % n : Math.min(k + 1, n - 1);
   return values[k] + (values[next] - values[k]) * u;
 }
 
-// Largest change of a loop's force in any foot.
+/** @type {(motion: Motion, loop: string) => number} largest change of a loop's force in any foot */
 export function largest(motion, loop) {
   if (!motion.tops) motion.tops = {};
   if (!(loop in motion.tops)) {

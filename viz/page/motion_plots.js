@@ -43,7 +43,7 @@ function draw() {
     ...(seen ? [{ label: "measured", colour: SEEN, x: seen.time.map(t => 1e3 * t), y: seen.malleolus, points: 3 }] : []),
   ]);
   const curves = feet.filter(([n]) => n !== "measured");
-  const dots = feet.filter(([, f]) => f.ratio !== null).map(([n, f]) => ({ label: "", colour: colourOf(n), x: [1 / first.duration], y: [f.ratio], points: 9 }));
+  const dots = feet.flatMap(([n, f]) => (f.ratio === null ? [] : [{ label: "", colour: colourOf(n), x: [1 / first.duration], y: [f.ratio], points: 9 }]));
   const top = 1.1 * Math.max(1.2, ...curves.map(([, f]) => Math.max(...f.transmissibility)), ...dots.map(d => d.y[0]));
   plots.curve.set([...curves.map(([n, f]) => ({ label: seriesLabel(n), colour: colourOf(n), x: model.curve_hz, y: f.transmissibility })), ...dots], [0, top]);
   for (const [plot, key] of LOOPS) {

@@ -42,7 +42,7 @@ export function showAt(share = 0) {
 
 /** @param {string} sentence in place of a motion: the feet at rest, and nothing of an earlier motion beside them */
 export function showAtRest(sentence) {
-  const { model } = page, still = ([name, foot]) => [name, { frames: 1, duration: 1, periodic: true, bodies: foot.bodies.flatMap(() => Array(6).fill(0)), loops: {} }];
+  const { model } = page, still = (/** @type {[string, any]} */ [name, foot]) => [name, { frames: 1, duration: 1, periodic: true, bodies: foot.bodies.flatMap(() => Array(6).fill(0)), loops: {} }];
   stage.pose({ feet: Object.fromEntries(Object.entries(model.feet).filter(([name]) => name !== "measured").map(still)) }, 0, 1);
   tellTitle(sentence);
   showNoCurves(sentence);
@@ -55,10 +55,12 @@ export function tellTitle(sentence) { const { model } = page; tell([model.feet.a
 // Nothing is posed before the scene is whole.
 export function forgetFeet() { stage.feet = {}; stage.viewer.delete_path(["meshcat", "foot"]); }
 
+/** @type {[string, string, keyof typeof RAMPS][]} title, loop and ramp */
+const PAINTS = [["fascia: change of tension", "fascia", "tension"], ["fat pad: change of compression", "fat pad", "pressure"]];
 function legend() {
   const box = byId("legend"), loops = firstFoot().loops;
   box.replaceChildren();
-  for (const [title, key, ramp] of [["fascia: change of tension", "fascia", "tension"], ["fat pad: change of compression", "fat pad", "pressure"]]) {
+  for (const [title, key, ramp] of PAINTS) {
     if (!loops[key]) continue;
     const top = largest(page.motion, key).toPrecision(3), [part, change] = title.split(":"), item = element("div", part, { title }), bar = element("i"), ends = element("p");
     bar.style.background = `linear-gradient(90deg, ${RAMPS[ramp].join(", ")})`;
@@ -73,11 +75,11 @@ function tellState() {
   const { model, motion } = page, foot = firstFoot(), seen = motion.feet.measured, gain = stage.gain(motion, state.amplify);
   const capped = state.amplify !== null && gain < 0.999 * state.amplify ? ", as much as fits" : "";
   const shown = `drawn ${gain.toPrecision(3)}× larger${capped}${stage.riding ? ", relative to the table" : ""}, ${state.slow.toPrecision(3)}× slower`;
-  const also = (/** @type {(foot: FootMotion) => string} */ value) => (seen && seen.ratio !== null ? ` (measured ${value(seen)})` : "");
-  const numbers = foot.ratio === null ? [foot.periodic ? "the table is at rest" : ""] : [
+  const also = (/** @type {(foot: any) => string} */ value) => (seen && seen.ratio !== null ? ` (measured ${value(seen)})` : "");
+  const numbers = foot.ratio === null || foot.phase === null ? [foot.periodic ? "the table is at rest" : ""] : [
     `transmissibility ${foot.ratio.toFixed(3)}${also(f => f.ratio.toFixed(3))}`,
     `malleolus ${behind(foot.phase)}${also(f => `${Math.abs(f.phase).toFixed(0)}°`)}`];
-  const fit = seen && seen.fit_percent !== null ? `fit with these values ${seen.fit_percent.toFixed(1)} %` : "";
+  const fit = seen && typeof seen.fit_percent === "number" ? `fit with these values ${seen.fit_percent.toFixed(1)} %` : "";
   const base = foot.periodic && !model.recorded ? `${number(state.frequency)} Hz` : model.excitation;
   tell([`${model.feet.a.title}${bench.draft ? " (draft, not saved)" : ""}, ${base}`, ...numbers, fit, model.about, shown]);
 }
@@ -91,7 +93,7 @@ export function tick(now = 0) {
     const started = performance.now();
     if (clock.playing || clock.fresh || stage.viewer.needs_render) {
       pose();
-      if (clock.fresh) { legend(); tellState(); page.sliders.amplify.show(stage.gain(motion, null)); }
+      if (clock.fresh) { legend(); tellState(); page.sliders.amplify.show?.(stage.gain(motion, null)); }
       follow();
       byId("seek").value = frame() / firstFoot().frames;
       byId("clock").textContent = `${(1e3 * passedShare() * clock.length()).toFixed(1)} of ${(1e3 * clock.length()).toFixed(1)} ms`;

@@ -7,12 +7,13 @@ import { effect } from "./reactive.js";
 import { isLight } from "./theme.js";
 import { uPlot } from "./vendor/uplot.js";
 
-const tone = colour => (isLight() ? PRINT[colour] || colour : colour);
+const DENSE = 2000;  // points of a curve that is drawn thin
+const tone = (/** @type {string} */ colour) => (isLight() ? PRINT[colour] || colour : colour);
 const inks = () => (isLight() ? { ink: "#4c5b69", grid: "#d9dfe5" } : { ink: "#93a3b3", grid: "#27323e" });
 
 export class Plot {
   // All that were made, and those that are seen now.
-  static all = [];
+  /** @type {Plot[]} */ static all = [];
   static seen() { return Plot.all.filter(plot => plot.plot && !plot.box.hidden && plot.pane.clientWidth > 0); }
 
   title = ""; x = ""; y = ""; loop = false; whole = false; log = false; key = "";
@@ -26,8 +27,11 @@ export class Plot {
   /** @type {any} */ head;
   /** @type {any} */ pane;
 
-  // Args: the element to go into; title; names of the axes; whether it is a loop; twice as wide; of whole numbers; and
-  // with a logarithmic ordinate.
+  /**
+   * Args: the element to go into; title; names of the axes; whether it is a loop; twice as wide; of whole numbers; and
+   * with a logarithmic ordinate.
+   * @param {HTMLElement} parent @param {string} title @param {string} x @param {string} y
+   */
   constructor(parent, title, x, y, { loop = false, wide = false, whole = false, log = false } = {}) {
     Object.assign(this, { title, x, y, loop, whole, log });
     this.box = element("figure", "", { className: wide ? "wide" : "" });
@@ -46,7 +50,7 @@ export class Plot {
     new ResizeObserver(() => this.fit()).observe(this.pane);
   }
 
-  // Another title, and a sentence in place of curves, which are none then.
+  /** @param {string} title */
   retitle(title) {
     this.title = this.head.firstChild.textContent = this.head.firstChild.title = title;
     this.pane.setAttribute("aria-label", `${title} over ${this.x}`);
@@ -58,15 +62,19 @@ export class Plot {
     this.head.children[2].setAttribute("aria-pressed", on);
   }
   static close() { for (const plot of Plot.all) plot.open(false); }
+  /** @param {string} sentence in place of curves */
   none(sentence) {
     this.set([]);
     this.instead.textContent = sentence;
     this.instead.hidden = false;
   }
 
-  // Series: { label, colour, x, y, points, dashed, low, high }; `range` of the ordinate, or null for what the data need.
+  /**
+   * @param {Series[]} series
+   * @param {[number, number] | null} range of the ordinate, or null for what the data need
+   */
   set(series, range = null) {
-    const key = JSON.stringify(series.map(s => [s.label, s.colour, s.points, s.dashed]));
+    const key = JSON.stringify(series.map(s => [s.label, s.colour, s.points, s.dashed, s.x.length > DENSE]));
     Object.assign(this, { series, range });
     this.instead.hidden = true;
     if (key !== this.key || !this.plot) this.make();
@@ -89,34 +97,35 @@ export class Plot {
   make() {
     if (this.plot) this.plot.destroy();
     const { ink, grid } = inks();
-    const axis = (label, size) => ({ stroke: ink, grid: { stroke: grid, width: 1 }, ticks: { show: false }, font: "12px system-ui", labelFont: "12px system-ui",
-      label: label || undefined, labelSize: label ? 15 : 0, labelGap: 0, gap: 3, size, space: size > 30 ? 22 : 30, values: (u, marks) => distinct(marks) });
+    const axis = (/** @type {string} */ label, /** @type {number} */ size) => ({ stroke: ink, grid: { stroke: grid, width: 1 }, ticks: { show: false }, font: "12px system-ui", labelFont: "12px system-ui",
+      label: label || undefined, labelSize: label ? 15 : 0, labelGap: 0, gap: 3, size, space: size > 30 ? 22 : 36, values: (/** @type {any} */ u, /** @type {number[]} */ marks) => distinct(marks) });
     const extent = () => {
       if (this.range) return this.range;
       if (this.loop) { const tall = 1.1 * Math.max(this.series.length ? 1e-12 : 1, ...this.series.map(s => largestOf(s.y))); return [-tall, tall]; }
       return null;
     };
-    const shown = (u, low, high) => extent() || (low === null ? [0, 1] : uPlot.rangeNum(low, high, 0.08, true));
+    const shown = (/** @type {any} */ u, /** @type {number | null} */ low, /** @type {number} */ high) => extent() || (low === null ? [0, 1] : uPlot.rangeNum(low, high, 0.08, true));
     // a point at the end is a whole point
-    const across = (u, low, high) => {
+    const across = (/** @type {any} */ u, /** @type {number | null} */ low, /** @type {number} */ high) => {
+      if (low === null) return [0, 1];
       const room = this.whole ? 0.5 : this.series.some(s => s.points && s.x.length > 1) ? 0.025 * (high - low) : 0;
-      return low === null ? [0, 1] : high > low || this.whole ? [low - room, high + room] : [low - 1, high + 1];
+      return high > low || this.whole ? [low - room, high + room] : [low - 1, high + 1];
     };
     this.plot = new uPlot({
       ...this.size(), legend: { show: false }, padding: [6, 14, 0, 0], cursor: { ...(this.loop ? {} : { sync: { key: this.x, filters: { sub: () => this.pane.clientWidth > 0 } } }), y: false, points: { size: 6 }, drag: { x: !this.loop, y: this.loop } },
       scales: { x: { time: false, range: across }, y: this.log ? { distr: 3 } : { range: shown } },
-      axes: [{ ...axis(this.across(), 20), ...(this.whole ? { incrs: [1, 2, 5, 10, 20, 50, 100] } : {}) }, { ...axis(this.y, 38), ...(this.log ? { values: (u, marks) => marks.map(v => tickText(v)) } : {}), size: (u, texts) => Math.max(38, 8 + 6.3 * Math.max(...(texts || []).map(text => text.length))) }],
+      axes: [{ ...axis(this.across(), 20), ...(this.whole ? { incrs: [1, 2, 5, 10, 20, 50, 100] } : {}) }, { ...axis(this.y, 38), ...(this.log ? { values: (/** @type {any} */ u, /** @type {(number | null)[]} */ marks) => marks.map(v => tickText(v)) } : {}), size: (/** @type {any} */ u, /** @type {string[] | null} */ texts) => Math.max(38, 8 + 6.3 * Math.max(...(texts || []).map(text => text.length))) }],
       series: [{}, ...this.series.map(s => ({
-        stroke: tone(s.colour), width: 1.6, dash: s.dashed ? [4, 3] : undefined, spanGaps: true,
+        stroke: tone(s.colour), width: s.x.length > DENSE ? 1 : 1.6, dash: s.dashed ? [4, 3] : undefined, spanGaps: true,
         ...(s.points ? { paths: () => null, points: { show: true, size: s.points === true ? 6 : s.points, fill: tone(s.colour), width: 0 } } : { points: { show: false } }),
       }))],
-      hooks: { draw: [u => this.drawLoopsAndLimits(u)], setCursor: [u => this.tell(u)], setSize: [() => this.place()], setScale: [(u, key) => { this.place(); if (key === "x" && this.zoomed) this.zoomed(u.scales.x.min, u.scales.x.max); }] },
+      hooks: { draw: [(/** @type {any} */ u) => this.drawLoopsAndLimits(u)], setCursor: [(/** @type {any} */ u) => this.tell(u)], setSize: [() => this.place()], setScale: [(/** @type {any} */ u, /** @type {string} */ key) => { this.place(); if (key === "x" && this.zoomed) this.zoomed(u.scales.x.min, u.scales.x.max); }] },
     }, this.data(), this.pane);
     this.dots = [];
     this.tell({ cursor: {} });
   }
 
-  // Loops, and the limits of points.
+  /** @param {any} u loops, and the limits of points */
   drawLoopsAndLimits(u) {
     const ink = u.ctx;
     ink.save();
@@ -134,29 +143,30 @@ export class Plot {
       ink.strokeStyle = tone(s.colour);
       ink.lineWidth = 1.6 * devicePixelRatio;
       ink.beginPath();
-      const X = v => u.valToPos(v, "x", true), Y = v => u.valToPos(v, "y", true);
+      const X = (/** @type {number} */ v) => u.valToPos(v, "x", true), Y = (/** @type {number} */ v) => u.valToPos(v, "y", true);
       if (this.loop) { s.x.forEach((v, k) => ink.lineTo(X(v), Y(s.y[k]))); ink.closePath(); }
-      if (s.low) s.x.forEach((v, k) => { if (Number.isFinite(s.low[k]) && Number.isFinite(s.high[k])) { ink.moveTo(X(v), Y(s.low[k])); ink.lineTo(X(v), Y(s.high[k])); } });
+      const { low, high } = s;
+      if (low && high) s.x.forEach((v, k) => { if (Number.isFinite(low[k]) && Number.isFinite(high[k])) { ink.moveTo(X(v), Y(low[k])); ink.lineTo(X(v), Y(high[k])); } });
       ink.stroke();
     }
     ink.restore();
   }
 
-  // Names of the series under the title; their values under the mouse lie over the curves, so that nothing moves.
+  /** @param {any} u names of the series under the title; their values under the mouse lie over the curves, so that nothing moves */
   tell(u) {
-    const at = u.cursor.idx, known = at !== null && at !== undefined && !this.loop, item = (s, textContent) => {
+    const at = u.cursor.idx, known = at !== null && at !== undefined && !this.loop, item = (/** @type {Series} */ s, /** @type {string} */ textContent) => {
       const span = element("span", textContent);
       span.style.color = tone(s.colour);
       return span;
     };
-    const names = this.series.filter(s => s.label), value = s => this.plot.data[this.series.indexOf(s) + 1][at];
+    const names = this.series.filter(s => s.label), value = (/** @type {Series} */ s) => this.plot.data[this.series.indexOf(s) + 1][at];
     if (!known) this.head.lastChild.replaceChildren(...names.map(s => item(s, s.label)));
     const under = known ? this.series.filter(s => Number.isFinite(value(s))) : [];
     this.tip.hidden = !under.length;
     if (under.length) this.tip.replaceChildren(`at ${tickText(this.plot.data[0][at])}: `, ...under.map(s => item(s, `${s.label} ${tickText(value(s))}`)));
   }
 
-  // Dots [x, y, colour] that move with time; the canvas is not drawn again for them.
+  /** @param {any[][]} dots [x, y, colour] that move with time; the canvas is not drawn again for them */
   marks(dots) {
     while (this.dots.length < dots.length) { const dot = element("i"); this.plot.over.append(dot); this.dots.push(dot); }
     this.at = dots;

@@ -22,18 +22,19 @@ export function plotsSvg() {
   return { text: new XMLSerializer().serializeToString(svg), width, height };
 }
 
+/** @type {(plot: Plot, svg: SVGElement, x: number, y: number, clip: string) => void} */
 function svgOf(plot, svg, x, y, clip) {
   const group = svg.appendChild(document.createElementNS(svg.namespaceURI, "g")), { width, height, left, right, top, bottom } = PANEL;
   group.setAttribute("transform", `translate(${x} ${y})`);
-  const put = (tag, about, /** @type {any} */ text = "", into = group) => {
+  const put = (/** @type {string} */ tag, /** @type {Record<string, any>} */ about, /** @type {any} */ text = "", /** @type {Element} */ into = group) => {
     const node = into.appendChild(document.createElementNS(svg.namespaceURI, tag));
     for (const [key, value] of Object.entries(about)) node.setAttribute(key, value);
     node.textContent = text;
     return node;
   };
-  const { x: across, y: up } = plot.plot.scales, w = width - left - right, h = height - top - bottom, round = v => +v.toFixed(2);
-  const X = v => round(left + w * (v - across.min) / (across.max - across.min)), level = v => (plot.log ? Math.log10(v) : v);
-  const Y = v => round(top + h * (1 - (level(v) - level(up.min)) / (level(up.max) - level(up.min)))), tens = Math.ceil(Math.log10(up.min));
+  const { x: across, y: up } = plot.plot.scales, w = width - left - right, h = height - top - bottom, round = (/** @type {number} */ v) => +v.toFixed(2);
+  const X = (/** @type {number} */ v) => round(left + w * (v - across.min) / (across.max - across.min)), level = (/** @type {number} */ v) => (plot.log ? Math.log10(v) : v);
+  const Y = (/** @type {number} */ v) => round(top + h * (1 - (level(v) - level(up.min)) / (level(up.max) - level(up.min)))), tens = Math.ceil(Math.log10(up.min));
   put("rect", { x: left, y: top, width: w, height: h }, "", put("clipPath", { id: clip }));
   for (const v of ticks(across.min, across.max, 6)) {
     put("path", { d: `M${X(v)} ${top}V${top + h}`, stroke: "#e3e3e3", fill: "none" });
@@ -47,17 +48,17 @@ function svgOf(plot, svg, x, y, clip) {
   put("text", { x: left + w / 2, y: top + h + 28, "text-anchor": "middle" }, plot.x);
   const title = put("text", { x: 4, y: 14 }, plot.title), data = put("g", { "clip-path": `url(#${clip})`, fill: "none", "stroke-width": 1.2 });
   for (const s of plot.series) {
-    const ink = PRINT[s.colour] || s.colour, known = k => Number.isFinite(s.x[k]) && Number.isFinite(s.y[k]), at = [...s.x.keys()].filter(known);
+    const ink = PRINT[s.colour] || s.colour, known = (/** @type {number} */ k) => Number.isFinite(s.x[k]) && Number.isFinite(s.y[k]), at = [...s.x.keys()].filter(known);
     if (s.label) put("tspan", { fill: ink, dx: 8 }, s.label, title);
     if (s.points) for (const k of at) put("circle", { cx: X(s.x[k]), cy: Y(s.y[k]), r: s.points === true ? 2.6 : s.points / 2, fill: ink }, "", data);
     else if (at.length) put("path", { d: `M${at.map(k => `${X(s.x[k])} ${Y(s.y[k])}`).join("L")}${plot.loop ? "Z" : ""}`, stroke: ink, ...(s.dashed ? { "stroke-dasharray": "4 3" } : {}) }, "", data);
-    if (s.low) for (const k of at) if (Number.isFinite(s.low[k]) && Number.isFinite(s.high[k])) put("path", { d: `M${X(s.x[k])} ${Y(s.low[k])}V${Y(s.high[k])}`, stroke: ink }, "", data);
+    if (s.low && s.high) for (const k of at) if (Number.isFinite(s.low[k]) && Number.isFinite(s.high[k])) put("path", { d: `M${X(s.x[k])} ${Y(s.low[k])}V${Y(s.high[k])}`, stroke: ink }, "", data);
   }
 }
 
-// Round numbers between two, about so many.
+/** @type {(low: number, high: number, count: number) => number[]} round numbers between two, about so many */
 function ticks(low, high, count) {
-  const raw = (high - low) / count, ten = 10 ** Math.floor(Math.log10(raw)), step = [1, 2, 5, 10].map(m => m * ten).find(v => v >= raw), first = Math.ceil(low / step - 1e-9);
+  const raw = (high - low) / count, ten = 10 ** Math.floor(Math.log10(raw)), step = [1, 2, 5, 10].map(m => m * ten).find(v => v >= raw) || raw, first = Math.ceil(low / step - 1e-9);
   return Array.from({ length: Math.max(0, Math.floor(high / step + 1e-9) - first + 1) }, (_, k) => +((first + k) * step).toPrecision(12));
 }
 
@@ -65,13 +66,13 @@ export async function plotsPng() {
   const { text, width, height } = plotsSvg(), image = new Image(), address = URL.createObjectURL(new Blob([text], { type: "image/svg+xml" }));
   await new Promise((done, failed) => { image.onload = done; image.onerror = () => failed(new Error("this browser does not draw the plots; take the SVG")); image.src = address; });
   const canvas = Object.assign(document.createElement("canvas"), { width: 3 * width, height: 3 * height });
-  canvas.getContext("2d").drawImage(image, 0, 0, canvas.width, canvas.height);
+  /** @type {CanvasRenderingContext2D} */ (canvas.getContext("2d")).drawImage(image, 0, 0, canvas.width, canvas.height);
   URL.revokeObjectURL(address);
   return new Promise(done => { canvas.toBlob(done, "image/png"); });
 }
 
 export function plotsCsv() {
-  const quoted = text => `"${text.replaceAll('"', '""')}"`, rows = ["plot,x axis,series,x,y,lower,upper"];
+  const quoted = (/** @type {string} */ text) => `"${text.replaceAll('"', '""')}"`, rows = ["plot,x axis,series,x,y,lower,upper"];
   for (const plot of seenPlots()) for (const s of plot.series) s.x.forEach((x, k) => rows.push([quoted(plot.title), quoted(plot.x), quoted(s.label || plot.title), x, s.y[k], s.low ? s.low[k] : "", s.high ? s.high[k] : ""].join(",")));
   return `${rows.join("\n")}\n`;
 }

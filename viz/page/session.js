@@ -15,7 +15,7 @@ function pageState() {
 }
 on("session", ({ page: kept, ids, note }) => {
   const { free, bounds, branch } = kept;
-  Object.assign(bench, { free, bounds, branch, chosen: new Set(kept.ticked.map(id => ids[id]).filter(id => id !== undefined)), fittable: new Map(bench.rows.map(row => [row.id, isSound(row)])) });
+  Object.assign(bench, { free, bounds, branch, chosen: new Set(kept.ticked.map((/** @type {number} */ id) => ids[id]).filter((/** @type {number | undefined} */ id) => id !== undefined)), fittable: new Map(bench.rows.map(row => [row.id, isSound(row)])) });
   Object.assign(state, kept.state);
   byId("starts").value = kept.starts;
   buildControls(false);
@@ -26,5 +26,5 @@ on("session", ({ page: kept, ids, note }) => {
 if (!EXPORTED) {
   byId("save_session").onclick = () => tellServer("save_session", { said: pageState() }, "writing the session");
   byId("open_session").onclick = () => byId("session_file").click();
-  byId("session_file").onchange = event => upload([...event.target.files].map(file => ({ file, name: file.name })));
+  byId("session_file").onchange = (/** @type {any} */ event) => upload([...event.target.files].map(file => ({ file, name: file.name })));
 }

@@ -31,7 +31,7 @@ effect(() => {
 });
 
 function makeSignalPlots() {
-  const into = byId("signals_plots"), plot = (title, x, more = {}) => new Plot(into, title, x, "", more);
+  const into = byId("signals_plots"), plot = (/** @type {string} */ title, /** @type {string} */ x, more = {}) => new Plot(into, title, x, "", more);
   const made = { base: plot("base [m/s²]", "time [s]"), sensors: plot("malleolus [m/s²]", "time [s]"), spectrum: plot("amplitude spectrum [m/s²]", "frequency [Hz]", { log: true }) };
   for (const trace of [made.base, made.sensors]) { trace.box.classList.add("trace"); trace.zoomed = showRange; }
   return made;
@@ -44,7 +44,7 @@ on("signals", ({ number: id, traces, spectra, seconds, rate_hz, part_s, refused,
   const plots = viewed.plots ||= makeSignalPlots();
   length_s = seconds;
   const { base, ...sensors } = traces, names = Object.keys(sensors), colours = [ANKLE, SEEN, OTHER, "#e58fc4", "#f3e37c"];
-  const series = (colour, label, { time_s, m_s2 }) => ({ label, colour, x: time_s, y: m_s2 });
+  const series = (/** @type {string} */ colour, /** @type {string} */ label, /** @type {Signal} */ { time_s, m_s2 }) => ({ label, colour, x: time_s, y: m_s2 });
   for (const plot of [plots.base, plots.sensors]) plot.used = part_s || null;
   plots.base.set([series(BASE, "", base)]);
   plots.sensors.retitle(`${names.join(", ")} [m/s²]`);

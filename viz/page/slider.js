@@ -2,9 +2,14 @@
 import { element, remarkIn } from "./dom.js";
 import { number, typedNumber } from "./numbers.js";
 
-// A slider's row. Where its thumb is within half a step of `nominal` the value is exactly that; a double click or the
-// row's ↺ takes it there. `changed` gets each value that the user chooses. What was wrong with a typed number stands in
-// the row, and goes when it is another one.
+/**
+ * A slider's row. Where its thumb is within half a step of `nominal` the value is exactly that; a double click or the
+ * row's ↺ takes it there. `changed` gets each value that the user chooses. What was wrong with a typed number stands in
+ * the row, and goes when it is another one.
+ * @typedef {{ free: boolean, bounds: [number, number], release: (on: boolean) => void, bound: (low: number, high: number) => void }} Fitting
+ * @typedef {{ log?: boolean, step?: number, hint?: string, nominal?: number, ends?: boolean, fitted?: Fitting | null }} More
+ * @type {(parent: HTMLElement, key: string, label: string, unit: string, low: number, high: number, value: number, changed: (v: number, typed?: boolean) => void, more?: More) => Slider}
+ */
 export function slider(parent, key, label, unit, low, high, value, changed, { log = false, step = 0, hint = "", nominal = value, ends = false, fitted = null } = {}) {
   const row = /** @type {Slider} */ (document.createElement("label"));
   row.innerHTML = "<span></span><button type=button class=back>↺</button><output tabindex=0 role=button></output><input type=range><i class=band hidden></i><small class=ends hidden><span></span><em></em><span></span></small>";
@@ -18,11 +23,11 @@ export function slider(parent, key, label, unit, low, high, value, changed, { lo
   input.id = key;
   input.setAttribute("aria-label", label);
   Object.assign(input, log ? { min: 0, max: 1000, step: 1 } : { min: low, max: high, step: step || (high - low) / 500 });
-  const toInput = v => (log ? 1000 * Math.log(v / low) / Math.log(high / low) : v);
-  const fromInput = v => (log ? low * (high / low) ** (v / 1000) : v);
-  const snapped = v => (Math.abs(v - toInput(nominal)) <= 0.5 * +input.step ? nominal : fromInput(v));
+  const toInput = (/** @type {number} */ v) => (log ? 1000 * Math.log(v / low) / Math.log(high / low) : v);
+  const fromInput = (/** @type {number} */ v) => (log ? low * (high / low) ** (v / 1000) : v);
+  const snapped = (/** @type {number} */ v) => (Math.abs(v - toInput(nominal)) <= 0.5 * +input.step ? nominal : fromInput(v));
   row.nominal = v => { nominal = v; };
-  const write = v => {
+  const write = (/** @type {number} */ v) => {
     shown.textContent = `${number(v)} ${unit}`;
     shown.setAttribute("aria-label", `${shown.textContent}: type ${label}`);
     input.setAttribute("aria-valuetext", `${number(v)} ${unit}`);
@@ -32,9 +37,9 @@ export function slider(parent, key, label, unit, low, high, value, changed, { lo
   row.set = v => { if (v !== row.value) remarkValue(""); row.value = v; input.value = toInput(v); write(v); };
   row.home = () => { remarkValue(""); row.set(nominal); changed(nominal); };
   input.oninput = () => { remarkValue(""); const v = snapped(+input.value); row.value = v; write(v); changed(v); };
-  row.ondblclick = back.onclick = event => { event.preventDefault(); row.home(); };
+  row.ondblclick = back.onclick = (/** @type {Event} */ event) => { event.preventDefault(); row.home(); };
   shown.title = "click to type a value";
-  const inside = v => Math.min(high, Math.max(low, v)), bound = v => `${v > high ? "Above" : "Below"} the bound; ${number(inside(v))} ${unit} is used.`;
+  const inside = (/** @type {number} */ v) => Math.min(high, Math.max(low, v)), bound = (/** @type {number} */ v) => `${v > high ? "Above" : "Below"} the bound; ${number(inside(v))} ${unit} is used.`;
   editable(shown, remarkValue, () => row.value, v => { row.set(inside(v)); changed(inside(v), true); return inside(v) === v ? "" : bound(v); });
   // The interval of a fit, as a band along the slider.
   row.band = (limits, text = "") => {
@@ -51,6 +56,7 @@ export function slider(parent, key, label, unit, low, high, value, changed, { lo
     free.className = "free";
     free.onchange = () => fitted.release(free.checked);
     name.prepend(free);
+    /** @type {[number, number]} */
     const limits = [...fitted.bounds], both = [bounds.firstChild, bounds.lastChild];
     // The slider keeps its scale; bounds that are narrower say that they are those of the fit.
     const writeBounds = () => both.forEach((end, k) => {
@@ -77,10 +83,13 @@ export function slider(parent, key, label, unit, low, high, value, changed, { lo
   return row;
 }
 
-// A number that becomes a field when it is clicked, or reached and entered; Enter takes it, Escape leaves it. `taken`
-// answers with a sentence where it could not be taken as typed, which `remark` shows.
+/**
+ * A number that becomes a field when it is clicked, or reached and entered; Enter takes it, Escape leaves it. `taken`
+ * answers with a sentence where it could not be taken as typed, which `remark` shows.
+ * @type {(shown: any, remark: (text: string) => void, value: () => number, taken: (v: number) => string) => void}
+ */
 function editable(shown, remark, value, taken) {
-  const open = event => {
+  const open = (/** @type {Event} */ event) => {
     if (shown.querySelector("input")) return;
     event.preventDefault();
     event.stopPropagation();
@@ -88,7 +97,7 @@ function editable(shown, remark, value, taken) {
     const was = String(+(+value()).toPrecision(7));
     Object.assign(field, { type: "text", inputMode: "decimal", value: was });
     field.setAttribute("aria-label", "value");
-    const close = keep => {
+    const close = (/** @type {boolean} */ keep) => {
       const v = typedNumber(field.value);
       field.onblur = null;
       shown.textContent = text;
@@ -96,11 +105,11 @@ function editable(shown, remark, value, taken) {
       remark(!another ? "" : typeof v === "number" ? taken(v) : v);
       shown.focus();
     };
-    field.onkeydown = e => { e.stopPropagation(); if (e.key === "Enter") { e.preventDefault(); close(true); } else if (e.key === "Escape") close(false); };
+    field.onkeydown = (/** @type {KeyboardEvent} */ e) => { e.stopPropagation(); if (e.key === "Enter") { e.preventDefault(); close(true); } else if (e.key === "Escape") close(false); };
     field.onblur = () => close(true);
     shown.replaceChildren(field);
     field.select();
   };
   shown.onclick = open;
-  shown.onkeydown = event => { if (event.key === "Enter" && event.target === shown) open(event); };
+  shown.onkeydown = (/** @type {KeyboardEvent} */ event) => { if (event.key === "Enter" && event.target === shown) open(event); };
 }

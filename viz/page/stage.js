@@ -13,7 +13,10 @@ export const RAMPS = { tension: ["#2f6fd6", "#e9edf0", "#c2182f"], pressure: ["#
 const FOG = [6.2, 11.5], WIDEST = 1.35;
 
 export class Stage {
-  // Args: the element to draw in; named cameras, [eye, target] each, the first one is taken.
+  /**
+   * @param {HTMLElement} pane to draw in
+   * @param {Record<string, number[][]>} views named cameras, eye and target each; the first one is taken
+   */
   constructor(pane, views) {
     this.pane = pane;
     this.views = views;
@@ -44,14 +47,16 @@ export class Stage {
     this.viewer.set_object(["Cameras", "default", "rotated"], camera);
     this.viewer.set_camera(camera);
     this.camera = camera;
-    this.view(Object.keys(views)[0]);
+    this.viewed = Object.keys(views)[0];
+    this.view(this.viewed);
     this.quality = 2;
+    /** @type {number[]} */
     this.slowFrames = [];
   }
 
-  // Place the camera; where the picture is narrow, as far away as it takes to keep all of it in.
+  /** @param {string} name place the camera; where the picture is narrow, as far away as it takes to keep all of it in */
   view(name) {
-    const [eye, target] = this.views[name].map(v => new THREE.Vector3(...v)), fog = this.viewer.scene.fog;
+    const [eye, target] = this.views[name].map((/** @type {number[]} */ v) => new THREE.Vector3(...v)), fog = this.viewer.scene.fog;
     const { clientWidth: w, clientHeight: h } = this.pane, further = Math.max(1, WIDEST * h / (w || WIDEST * h));
     this.viewed = name;
     this.camera.position.copy(eye.sub(target).multiplyScalar(further).add(target));
@@ -62,6 +67,7 @@ export class Stage {
     this.viewer.set_dirty();
   }
 
+  /** @param {number} height */
   addGround(height) {
     const grid = new THREE.GridHelper(18, 36, 0x3a4c5f, 0x24313e);
     grid.position.set(0.3, 0, height);
@@ -75,17 +81,17 @@ export class Stage {
 
   render() { if (QUALITY === "none") this.viewer.needs_render = false; else this.viewer.render(); }
 
-  // Quality 2 has shadows and the screen's own resolution, 1 no shadows, 0 fewer pixels too.
+  /** @param {number} level 2 has shadows and the screen's own resolution, 1 no shadows, 0 fewer pixels too */
   setQuality(level) {
     this.quality = level;
-    this.viewer.scene.traverse(o => { if (o.isDirectionalLight && o.shadow) o.castShadow = o.castShadow && level > 1; });
+    this.viewer.scene.traverse((/** @type {any} */ o) => { if (o.isDirectionalLight && o.shadow) o.castShadow = o.castShadow && level > 1; });
     this.renderer.shadowMap.enabled = level > 1;
-    this.viewer.scene.traverse(o => { if (o.material) o.material.needsUpdate = true; });
+    this.viewer.scene.traverse((/** @type {any} */ o) => { if (o.material) o.material.needsUpdate = true; });
     this.renderer.setPixelRatio(level > 0 ? Math.min(2, devicePixelRatio) : 0.7);
     this.viewer.set_3d_pane_size();
   }
 
-  // Automatic quality: if the first frames are slow, shadows go first, then pixels.
+  /** @type {(spent: number, passed: number) => void} automatic quality: if the first frames are slow, shadows go first, then pixels */
   adapt(spent, passed) {
     if (this.quality === 0 || QUALITY === "fixed") return;
     this.slowFrames.push(Math.max(spent, passed));
@@ -95,6 +101,7 @@ export class Stage {
     if (middle > 70) this.setQuality(this.quality - 1);
   }
 
+  /** @param {string} name */
   save(name) {
     this.render();
     save(this.renderer.domElement.toDataURL("image/png"), name);
@@ -104,18 +111,19 @@ export class Stage {
 /** @param {Stage} stage */
 export function cameras(stage) { for (const name of Object.keys(stage.views)) button(byId("cameras"), name, () => stage.view(name), `camera: ${name}`); }
 
+/** @type {(ramp: keyof typeof RAMPS, t: number) => any} */
 export function shade(ramp, t) {
   const stops = RAMPS[ramp], x = Math.min(1, Math.max(0, t)) * (stops.length - 1), k = Math.min(stops.length - 2, Math.floor(x));
   const colour = new THREE.Color(stops[k]).lerp(new THREE.Color(stops[k + 1]), x - k);
   return colour.convertSRGBToLinear();
 }
 
-// Transparent where the surface faces the eye, bright at its edge.
+/** @type {(material: any, power: number, least: number, colour: string) => void} transparent where the surface faces the eye, bright at its edge */
 export function rim(material, power, least, colour) {
   if (material.userData.rim) return;
   material.userData.rim = true;
   material.customProgramCacheKey = () => `rim ${power} ${least} ${colour}`;
-  material.onBeforeCompile = shader => {
+  material.onBeforeCompile = (/** @type {any} */ shader) => {
     shader.fragmentShader = shader.fragmentShader.replace("#include <dithering_fragment>",
       `float edge = pow(1.0 - abs(dot(normalize(vViewPosition), normal)), ${power.toFixed(2)});
        gl_FragColor.a *= mix(${least.toFixed(2)}, 1.0, edge);

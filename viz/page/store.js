@@ -6,7 +6,7 @@ export const state = store({ frequency: 20, peak_to_peak: 17.9, added_mass: 0, v
 
 /** @type {Page} */
 export const page = store({
-  model: null, motion: null, sliders: {},
+  model: /** @type {any} */ (null), motion: /** @type {any} */ (null), sliders: {},  // null until the server sends them
   busy: false, wanted: false,  // a motion is computed, and another one is to be asked for then
   broken: "", problem: "", complaint: "",  // of the model's file; of the last motion; of what was asked for
   task: "model", strip: "motion",  // what is open beside the foot, and below it
@@ -28,7 +28,8 @@ export const bench = store({
 });
 
 // Counts and times [ms] of this page, for whoever measures it.
-export const stats = { frames: 0, motions: 0, /** @type {number[]} */ posed: [], /** @type {number[]} */ drawn: [], /** @type {number[]} */ seconds: [], fitted: 0 };
+/** @type {{ frames: number, motions: number, posed: number[], drawn: number[], seconds: (number | undefined)[], fitted: number }} */
+export const stats = { frames: 0, motions: 0, posed: [], drawn: [], seconds: [], fitted: 0 };
 
 // Parameters that no fit changes.
 const MASSES = new Set(["m_S", "m_F", "m_T", "added_mass"]);
@@ -49,7 +50,7 @@ export function parameterOf(name) { return page.model.parameters.find(p => p.nam
 // The branch that is shown; the likelier one until another is chosen.
 export function shownBranch() { return bench.fit ? bench.fit.branches[bench.branch] || bench.fit.branches[0] : null; }
 // Its name, where there are two; and only while the foot has its constants, no slider was moved.
-export function branchNote() { return bench.fit && bench.fit.branches.length > 1 ? shownBranch().name : ""; }
+export function branchNote() { return bench.fit && bench.fit.branches.length > 1 ? /** @type {Branch} */ (shownBranch()).name : ""; }
 export function wornBranchName() {
   const branch = bench.fit && bench.fit.branches.length > 1 ? bench.fit.branches[bench.branch] : null;
   return branch && Object.entries(branch.values).every(([name, v]) => valueOf(name) === v) ? branch.name : "";

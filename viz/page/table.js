@@ -47,7 +47,7 @@ function recordingRow(row) {
     lastTick = id;
     setTicks(bench.rows.slice(Math.min(from, to), Math.max(from, to) + 1).filter(isReadable), pick.checked);
   };
-  const name = element("button", row.file.split("/").pop(), { title: [row.file, row.subject ? `subject ${row.subject}` : "", row.samples ? `${row.samples} samples at ${number(row.rate_hz)} Hz` : ""].filter(Boolean).join("; ") });
+  const name = element("button", row.file.split("/").pop(), { title: [row.file, row.subject ? `subject ${row.subject}` : "", row.samples ? `${row.samples} samples at ${number(row.rate_hz || 0)} Hz` : ""].filter(Boolean).join("; ") });
   name.setAttribute("aria-pressed", shown);
   name.onclick = () => showRecording(row);
   const cells = Object.entries(CELLS).map(([key, label]) => cellField(row, key, label));
@@ -68,7 +68,7 @@ function recordingRow(row) {
 
 /** @type {(row: Row, key: string, label: string) => any} Enter goes down; a pasted column of a spreadsheet fills what is below */
 function cellField(row, key, label) {
-  const { id } = row, value = row[key], is = value === null || value === undefined ? "" : String(value), input = element("input", "", { type: "text", value: is, placeholder: key === "added_mass_kg" ? "0" : key === "unit" ? "" : "?" });
+  const { id } = row, value = /** @type {any} */ (row)[key], is = value === null || value === undefined ? "" : String(value), input = element("input", "", { type: "text", value: is, placeholder: key === "added_mass_kg" ? "0" : key === "unit" ? "" : "?" });
   Object.assign(input.dataset, { id, key });
   input.setAttribute("aria-label", `${label} of ${row.file}`);
   if (key === "unit") input.setAttribute("list", "units"); else input.inputMode = "decimal";
@@ -80,7 +80,7 @@ function cellField(row, key, label) {
     if (next) focusCell(next.id, key); else input.blur();
   };
   input.onpaste = (/** @type {ClipboardEvent} */ event) => {
-    const lines = event.clipboardData.getData("text").trimEnd().split(/\r?\n/), at = bench.rows.findIndex(r => r.id === id);
+    const lines = /** @type {DataTransfer} */ (event.clipboardData).getData("text").trimEnd().split(/\r?\n/), at = bench.rows.findIndex(r => r.id === id);
     if (lines.length < 2) return;
     event.preventDefault();
     fill(bench.rows.slice(at, at + lines.length).map((r, k) => [r.id, lines[k]]), key, input);

@@ -14,7 +14,7 @@ interface Loop { x: number[]; force: number[]; }
 // A foot in motion: `bodies` has three displacements and three turns of each body, frame by frame.
 interface FootMotion {
   frames: number; duration: number; periodic: boolean; bodies: number[]; base: number[]; malleolus: number[]; loops: Record<string, Loop>;
-  transmissibility?: number[]; ratio: number | null; phase: number | null; fit_percent?: number | null; points?: { time: number[]; malleolus: number[] };
+  transmissibility: number[]; ratio: number | null; phase: number | null; fit_percent?: number | null; points?: { time: number[]; malleolus: number[] };
 }
 interface Motion { type: "motion"; feet: Record<string, FootMotion>; held: Record<string, number>; other: Record<string, number>; seconds?: number; travel?: any; tops?: any; }
 
@@ -34,7 +34,7 @@ interface Signals {
 interface Constant { name: string; unit: string; key: string; value: number; known: string; interval?: string; lower?: number; upper?: number; at_rest?: string; }
 interface Branch { name: string; fit_percent: number | null; values: Record<string, number>; delay_s: number; rows: Constant[]; }
 interface Fit { at: string; sentence: string; fit_percent: number; verdict: string; reason: string; warnings: string[]; branches: Branch[]; recordings: any[]; stale?: string; reported?: boolean; }
-interface Point { added_mass_kg: number; frequency_hz: number; transmissibility: number; phase_lag_deg: number; lower?: number; upper?: number; branch?: string; }
+interface Point { added_mass_kg: number; frequency_hz: number; transmissibility: number; phase_lag_deg: number; lower: number; upper: number; branch?: string; }
 interface Trace { file: string; time_s: number[]; measured: number[]; models: Record<string, { model: number[]; fit_percent: number }>; }
 interface Fitted { number: number; at: number; fit: Fit; script: string; data: Point[]; curves: Point[]; chi_square: any[]; traces: Trace[]; }
 interface Summary { number: number; at: number; model: string; recordings: string; files: string[]; settings: string; fit: string; verdict: string; constants: string[]; }
