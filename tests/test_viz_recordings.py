@@ -246,6 +246,13 @@ def test_a_correction_that_cannot_be_meant_changes_none(bench: Bench) -> None:
         bench.keep_study([0, 1, 2])
 
 
+def test_all_are_removed_while_others_are_still_to_be_read(bench: Bench) -> None:
+    bench.act({"type": "bundled"})
+    assert bench.unread
+    bench.act({"type": "remove", "numbers": list(bench.recordings.rows)})
+    assert (bench.read_next()[0]["rows"], bench.current) == ([], -1)
+
+
 def test_unit_of_a_study_is_corrected_and_its_masses_stay(bench: Bench) -> None:
     dropped(bench)
     row = bench.recordings.rows[0]

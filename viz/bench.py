@@ -222,6 +222,8 @@ class Bench:
         needed = {source.path for job in jobs for source in job.sources.values()}
         for number in numbers:
             self.recordings.forget(number, self.folder, needed)
+        if not self.recordings.sources:  # all of them, and what is still to be read
+            self.unread.clear()
         return [self.document()] if self.current in self.recordings.sources or self.current < 0 else self.sine()
 
     def use(self, number: int) -> list[Document]:

@@ -17,13 +17,19 @@ const ROOM = [[-1.1, -0.5, -1], [1.7, 1.9, 1]];
 // How far apart feet stand side by side, and the width of one foot's table.
 const APART = 1.75, WIDTH = 1.5;
 // Middle of each pad, along and across.
+/** @type {Record<string, number[]>} */
 const PADS = { heel_pad: [-0.69, -0.05], forefoot_pad: [0.95, -0.05] };
 // Where the aponeurosis begins and ends.
+/** @type {Record<string, number[]>} */
 const INSERTIONS = { calcaneus_talus: [-0.66, -0.02, 0], metatarsals: [0.98, -0.09, 0] };
 
+/** @typedef {any} Drawn a foot of the model's document, with its nodes and where they are */
+
 export class Feet extends Stage {
+  /** @param {HTMLElement} pane */
   constructor(pane) {
     super(pane, VIEWS);
+    /** @type {Record<string, Drawn>} */
     this.feet = {};
     this.model = null;
     this.apart = false;
@@ -31,7 +37,7 @@ export class Feet extends Stage {
     this.riding = true;
   }
 
-  // Legs need room, the camera looks at their middle from further away; and so do two feet side by side, between them.
+  /** @param {string} name legs need room, the camera looks at their middle from further away; and so do two feet side by side, between them */
   view(name) {
     super.view(name);
     this.stepBack();
@@ -49,7 +55,7 @@ export class Feet extends Stage {
   stepBack() {
     const boxes = Object.values(this.feet || {}).map(f => f.reach).filter(reach => reach && reach.length);
     const box = [0, 1].map(end => ROOM[end].map((made, i) => (end ? Math.max : Math.min)(made, ...boxes.map(b => SCALE * b[end][i]))));
-    const size = (/** @type {number[][]} */ [low, high], i) => high[i] - low[i], further = Math.max(...[0, 1].map(i => size(box, i) / size(ROOM, i)));
+    const size = (/** @type {number[][]} */ [low, high], /** @type {number} */ i) => high[i] - low[i], further = Math.max(...[0, 1].map(i => size(box, i) / size(ROOM, i)));
     if (further === 1) return;
     const target = this.viewer.controls.target, eye = this.camera.position.sub(target).multiplyScalar(further);
     const [x, y, z] = [0, 1, 2].map(i => 0.5 * (box[0][i] + box[1][i] - ROOM[0][i] - ROOM[1][i]));
@@ -61,18 +67,19 @@ export class Feet extends Stage {
     this.placed = this.camera.position.clone();
   }
 
+  /** @param {string[]} path */
   node(...path) { return this.viewer.scene_tree.find(["meshcat", "foot", ...path]).object; }
 
-  // A new model: everything that is kept of the old one is forgotten.
+  /** @param {Model} model everything that is kept of the one before is forgotten */
   setModel(model) {
     this.model = model;
     this.feet = {};
     for (const [name, foot] of Object.entries(model.feet)) {
-      const part = s => ({
+      const part = (/** @type {any} */ s) => ({
         name: s.name, body: s.body, bind: vector(s.bind), rest: vector(s.rest),
         turned: quaternion(s.rest).multiply(quaternion(s.bind).invert()), node: this.node(name, s.name),
       });
-      const soft = foot.soft.map(part => ({ name: part, node: this.node(name, part), mesh: null }));
+      const soft = foot.soft.map((/** @type {string} */ part) => ({ name: part, node: this.node(name, part), mesh: null }));
       this.feet[name] = { ...foot, segments: foot.segments.map(part), worn: foot.worn.map(part), soft };
     }
     this.dress();
@@ -94,6 +101,7 @@ export class Feet extends Stage {
     }
   }
 
+  /** @param {boolean} shown */
   showSkin(shown) {
     this.skinShown = shown;
     for (const foot of Object.values(this.feet)) for (const part of foot.soft)
@@ -101,10 +109,10 @@ export class Feet extends Stage {
     this.viewer.set_dirty();
   }
 
-  // The body whose motion is taken from a foot's, -1 for none.
+  /** @param {string} name @returns {number} the body whose motion is taken from a foot's, -1 for none */
   table(name) { return this.riding && this.feet[name] ? this.feet[name].table : -1; }
 
-  // Largest motion of any foot [dm]: of all that is drawn, and of what the table does not carry, turns included.
+  /** @type {(motion: Motion) => number[]} largest motion of any foot [dm]: of all that is drawn, and of what the table does not carry, turns included */
   travel(motion) {
     if (!motion.travel) motion.travel = {};
     const known = motion.travel[String(this.riding)];
@@ -122,14 +130,17 @@ export class Feet extends Stage {
     return (motion.travel[String(this.riding)] = [SCALE * drawn, SCALE * relative]);
   }
 
-  // How many times larger the motion is drawn: as wanted, or (null) so that the largest deformation is well seen; and
-  // never so much that the foot leaves the picture.
+  /**
+   * How many times larger the motion is drawn: as wanted, or (null) so that the largest deformation is well seen; and
+   * never so much that the foot leaves the picture.
+   * @type {(motion: Motion, wanted: number | null) => number}
+   */
   gain(motion, wanted) {
     const [drawn, relative] = this.travel(motion);
     return Math.min(wanted === null ? SEEN_BEST / relative : wanted, LARGEST / drawn);
   }
 
-  // Pose every foot at frame `at` (may be a fraction) of its motion, enlarged `gain` times.
+  /** @type {(motion: any, at: number, gain: number) => void} pose every foot at frame `at` (may be a fraction) of its motion, enlarged `gain` times */
   pose(motion, at, gain) {
     this.dress();
     const names = Object.keys(this.feet);
@@ -149,7 +160,7 @@ export class Feet extends Stage {
         s.p = s.rest.clone().multiplyScalar(SCALE).add(s.shift);
         s.p.z += aside;
         if (foot.dressed && s.name === "base") {
-          for (const [part, height] of [["base", TABLE - 0.06], ["shaker", TABLE - 0.30]]) {
+          for (const [part, height] of Object.entries({ base: TABLE - 0.06, shaker: TABLE - 0.30 })) {
             const table = this.node(name, part);  // one under all feet
             if (!foot.ghost) table.position.set(0.30, height + s.shift.y, -0.02 - wide / 2);
             if (!foot.ghost) table.scale.z = 1 + wide / WIDTH;
@@ -166,7 +177,7 @@ export class Feet extends Stage {
     this.viewer.set_dirty();
   }
 
-  // Rows of the matrix that moves what is bound to a segment.
+  /** @type {(s: any, p: any, q: any) => number[]} rows of the matrix that moves what is bound to a segment */
   move(s, p, q) {
     const m = new THREE.Matrix4().makeRotationFromQuaternion(q).elements, b = s.bind.clone().multiplyScalar(SCALE);
     return [m[0], m[4], m[8], p.x - m[0] * b.x - m[4] * b.y - m[8] * b.z,
@@ -174,16 +185,16 @@ export class Feet extends Stage {
       m[2], m[6], m[10], p.z - m[2] * b.x - m[6] * b.y - m[10] * b.z];
   }
 
-  // The same for what is stretched between points of two segments: it goes with the point and does not turn.
+  /** @type {(move: number[], point: number[]) => number[]} the same for what is stretched between points of two segments: it goes with the point and does not turn */
   carry(move, [x, y, z]) {
     const to = [0, 4, 8].map(i => move[i] * x + move[i + 1] * y + move[i + 2] * z + move[i + 3]);
     return [1, 0, 0, to[0] - x, 0, 1, 0, to[1] - y, 0, 0, 1, to[2] - z];
   }
 
-  // Blend the segments' motions by each vertex's weights; a squeezed pad bulges.
+  /** @type {(foot: Drawn, part: any) => void} blend the segments' motions by each vertex's weights; a squeezed pad bulges */
   bend(foot, part) {
-    const moves = foot.segments.map(s => this.move(s, s.p, s.q));
-    if (part.name === "aponeurosis") foot.segments.forEach((s, i) => { if (s.name in INSERTIONS) moves[i] = this.carry(moves[i], INSERTIONS[s.name]); });
+    const moves = foot.segments.map((/** @type {any} */ s) => this.move(s, s.p, s.q));
+    if (part.name === "aponeurosis") foot.segments.forEach((/** @type {any} */ s, /** @type {number} */ i) => { if (s.name in INSERTIONS) moves[i] = this.carry(moves[i], INSERTIONS[s.name]); });
     const from = part.still, weights = part.weights, to = part.mesh.geometry.attributes.position, n = moves.length;
     const pad = part.name.endsWith("pad"), squeeze = pad ? this.squeeze(foot, part.name) : 1, wide = 1 / Math.sqrt(squeeze) - 1;
     const [cx, cz] = PADS[part.name] || [0, 0];
@@ -204,6 +215,7 @@ export class Feet extends Stage {
     to.needsUpdate = true;
   }
 
+  /** @type {(foot: Drawn, name: string) => number} */
   squeeze(foot, name) {
     const bone = foot.segments[name === "heel_pad" ? 0 : 3], table = foot.segments[foot.segments.length - 1];
     const at = new THREE.Vector3(PADS[name][0], 0, 0);
@@ -212,7 +224,7 @@ export class Feet extends Stage {
     return Math.min(2.2, Math.max(0.3, height / -TABLE));
   }
 
-  // Colour pads and fascia by the change of their force, on one scale for all feet; a ghost only where it stands beside.
+  /** @type {(foot: Drawn, shown: FootMotion, at: number, motion: Motion) => void} colour pads and fascia by the change of their force, on one scale for all feet; a ghost only where it stands beside */
   paint(foot, shown, at, motion) {
     for (const [parts, loop, ramp, sign] of PAINTED) {
       const force = shown.loops[loop] && shown.loops[loop].force;
@@ -234,7 +246,7 @@ export class Feet extends Stage {
 /** @type {[string[], string, keyof typeof import("./stage.js").RAMPS, number][]} */
 const PAINTED = [[["heel_pad", "forefoot_pad"], "fat pad", "pressure", -1], [["aponeurosis"], "fascia", "tension", 1]];
 
-// A ghost lets the foot be seen that it lies over; beside it there is no need for that.
+/** @type {(mesh: any, on: boolean, faint: number) => void} a ghost lets the foot be seen that it lies over; beside it there is no need for that */
 function solid(mesh, on, faint) {
   if (mesh && mesh.material) Object.assign(mesh.material, { opacity: on ? 0.9 : faint, depthWrite: on });
 }

@@ -194,11 +194,9 @@ export class Plot {
   // The abscissa's name; where there is no room for it, its unit.
   across() { return this.pane.clientWidth < 7.5 * this.x.length + 46 ? (/\[.*\]/.exec(this.x) || [this.x])[0] : this.x; }
 
-  csv() {
-    const rows = ["series,x,y,lower,upper", `# x: ${this.x}; y: ${this.y || this.title}`];
-    for (const s of this.series) s.x.forEach((x, k) => rows.push([s.label || this.title, x, s.y[k], s.low ? s.low[k] : "", s.high ? s.high[k] : ""].join(",")));
-    return `${rows.join("\n")}\n`;
-  }
+  // Its numbers: series, abscissa, ordinate and limits of each point.
+  rows() { return this.series.flatMap(s => s.x.map((x, k) => [s.label || this.title, x, s.y[k], s.low ? s.low[k] : "", s.high ? s.high[k] : ""])); }
+  csv() { return `series,x,y,lower,upper\n# x: ${this.x}; y: ${this.y || this.title}\n${this.rows().map(row => `${row.join(",")}\n`).join("")}`; }
 }
 
 addEventListener("keydown", event => { if (event.key === "Escape") Plot.close(); });

@@ -72,7 +72,7 @@ export async function plotsPng() {
 }
 
 export function plotsCsv() {
-  const quoted = (/** @type {string} */ text) => `"${text.replaceAll('"', '""')}"`, rows = ["plot,x axis,series,x,y,lower,upper"];
-  for (const plot of seenPlots()) for (const s of plot.series) s.x.forEach((x, k) => rows.push([quoted(plot.title), quoted(plot.x), quoted(s.label || plot.title), x, s.y[k], s.low ? s.low[k] : "", s.high ? s.high[k] : ""].join(",")));
-  return `${rows.join("\n")}\n`;
+  const quoted = (/** @type {any} */ text) => `"${text.replaceAll('"', '""')}"`;
+  const rows = seenPlots().flatMap(plot => plot.rows().map(([label, ...numbers]) => [...[plot.title, plot.x, label].map(quoted), ...numbers].join(",")));
+  return `plot,x axis,series,x,y,lower,upper\n${rows.join("\n")}\n`;
 }

@@ -10,8 +10,7 @@ import { on } from "./stream.js";
 
 on("data", ({ session, rows, shown, stale, undo, unread }) => {
   if (bench.session && session !== bench.session) {
-    for (const kept of [bench.fittable, bench.unticked]) kept.clear();
-    Object.assign(bench, { chosen: new Set(), lost: true });
+    Object.assign(bench, { chosen: new Set(), unticked: new Set(), fittable: new Map(), lost: true });
     complain(`${STARTED_AGAIN} Reload this page, and drop the recordings again.`);
   }
   const count = rows.length;
@@ -21,20 +20,18 @@ on("data", ({ session, rows, shown, stale, undo, unread }) => {
     tab(count ? "recordings" : "motion");
     if (count && !bench.count) openTask("data");
   }
-  Object.assign(bench, { session, rows, shown, stale, count, chosen: ticksOf(rows), undo: undo || [0, 0], unread: unread || 0 });
+  const sound = rows.filter(isSound).map(row => row.id), unticked = new Set([...bench.unticked].filter(id => !sound.includes(id)));
+  Object.assign(bench, { session, rows, shown, stale, count, chosen: ticksOf(rows), unticked, fittable: new Map(rows.map(row => [row.id, isSound(row)])), undo: undo || [0, 0], unread: unread || 0 });
 });
 
 /** @type {(rows: Row[]) => Set<number>} a recording is ticked as soon as it can be fitted, and not any longer than that */
 function ticksOf(rows) {
-  const { fittable, unticked } = bench, here = new Set(rows.map(row => row.id)), chosen = new Set([...bench.chosen].filter(id => here.has(id)));
-  for (const row of rows) {
+  const { chosen, fittable, unticked } = bench;
+  return new Set(rows.filter(row => {
     const good = isSound(row), before = fittable.get(row.id);
-    if (good && !before && !unticked.delete(row.id)) chosen.add(row.id);
-    if (!good && (before || !isReadable(row))) chosen.delete(row.id);
-    fittable.set(row.id, good);
-  }
-  for (const id of [...fittable.keys()]) if (!here.has(id)) fittable.delete(id);
-  return chosen;
+    if (good && !before) return chosen.has(row.id) || !unticked.has(row.id);
+    return chosen.has(row.id) && (good || (!before && isReadable(row)));
+  }).map(row => row.id));
 }
 
 effect(() => {
