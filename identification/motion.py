@@ -119,12 +119,12 @@ class TwoMassMotion:
     def orbits(self, theta: np.ndarray, near: Near | None = None, slopes: bool = True) -> Orbits:
         """Motions of candidates (C, R, P), flat (C R,)."""
         C, R, P = theta.shape
-        # what is left of a motion is the square of the tolerance; of many only a few go on
-        many, tolerance = C > 1, 1e-10 if near is None else 1e-5
+        many = C > 1  # only a few of them go on; what is left of a motion is the square of the tolerance
+        tolerance = 1e-3 if many else 1e-10 if near is None else 1e-5
         return orbits(
             theta.reshape(C * R, P), np.tile(self.omega, C), np.tile(self.base, (C, 1)),
             None if near is None else near.at(theta).reshape(C * R, 2, -1),
-            slopes=slopes, passes=8 if many else 30, tolerance=1e-3 if many else tolerance,
+            slopes=slopes, passes=8 if many else 30, tolerance=tolerance,
         )  # fmt: skip
 
     def response(self, theta: np.ndarray, near: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray, Any]:

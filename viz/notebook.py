@@ -237,9 +237,9 @@ def _display(
         raise SettingError(f"the result holds no parameter of {loaded.name}; give the model that was fitted.")
     fit = fitted(result.document(), loaded.parameters, result.sentence()) if isinstance(result, FitResult) else {}
     delay = fit["branches"][0]["delay_s"] if fit else 0.0
-    named = name_and_values(loaded)  # so that the page can fit it, and save a session
-    if named is not None:
-        values = named[1] | values
-    models = [named[0] if named else loaded, *([] if compare is None else [compare])]
+    # by name, so that the page can fit it, and save a session
+    model, changed = (foot, {}) if isinstance(foot, str) else name_and_values(foot) or (foot, {})
+    values = changed | values
+    models = [model, *([] if compare is None else [compare])]
     settings = Settings(frequency=frequency, added_mass=added_mass, values=values, delay_s=delay)
     return Show(models, excitation, settings, fit=fit)

@@ -116,7 +116,7 @@ class Server:
         self._pool = ThreadPoolExecutor(1, "simulation")
         self._asked: set[_Asked] = set()  # motions that pages wait for
         self.tasks: set[asyncio.Task[None]] = set()  # what pages asked for
-        self._reads = False  # what was dropped
+        self._reading: asyncio.Task[None] | None = None  # what was dropped
         self._prepared = False  # what the first long recording needs is loaded
         try:
             self._sockets = tornado.netutil.bind_sockets(port, address=ADDRESS)
@@ -243,9 +243,8 @@ class Server:
                 page.send(page_json(document))
             else:
                 self.broadcast(document)
-        if self.bench.unread and not self._reads:
-            self._reads = True
-            self.begin(self._read_others())
+        if self.bench.unread and (self._reading is None or self._reading.done()):
+            self._reading = self.begin(self._read_others())
         if self.show.files() != before:
             self._followed.set()
 
@@ -259,13 +258,13 @@ class Server:
                 documents = [{"type": "complaint", "of": "open", "text": _bug(error)}]
             for document in documents:
                 self.broadcast(document)
-        self._reads = False
 
-    def begin(self, work: Coroutine[Any, Any, None]) -> None:
-        """Do something beside the server's other work, until it ends."""
+    def begin(self, work: Coroutine[Any, Any, None]) -> asyncio.Task[None]:
+        """Do something beside the server's other work; what still goes on when it ends is cancelled."""
         task = asyncio.create_task(work)
         self.tasks.add(task)
         task.add_done_callback(self.tasks.discard)
+        return task
 
     def is_session_key(self, key: str) -> bool:
         """Whether a key is this session's."""

@@ -54,10 +54,10 @@ def membrane_stiffness(assembly: Assembly, membrane: Membrane, metres_per_um: fl
 
     triangles = _surface_triangles(assembly)
     lam, mu = membrane.nu / (1 - membrane.nu**2), 1 / (2 * (1 + membrane.nu))
-    points, weights = get_quadrature(RefTri, QUADRATURE)
+    shape, (points, weights) = ElementTriP2(), get_quadrature(RefTri, QUADRATURE)
     local = np.zeros((len(triangles), 6, 3, 6, 3))
     for point, weight in zip(points.T, weights, strict=True):
-        slopes = np.array([ElementTriP2().lbasis(point, i)[1] for i in range(6)])  # (6, 2)
+        slopes = np.array([shape.lbasis(point, i)[1] for i in range(6)])  # (6, 2)
         tangents = np.einsum("tai,ak->tki", assembly.nodes_um[triangles], slopes)
         metric = tangents @ tangents.transpose(0, 2, 1)
         dual = np.linalg.solve(metric, tangents)

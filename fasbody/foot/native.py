@@ -10,8 +10,8 @@ The code reads mjModel and mjData by word offsets (engine.py), and calls nothing
 import hashlib
 import json
 import platform
-import tempfile
 from collections.abc import Mapping
+from contextlib import suppress
 from importlib.metadata import version
 from pathlib import Path
 from types import FunctionType
@@ -20,6 +20,8 @@ from typing import Any
 import llvmlite.binding as llvm
 
 from fasbody import cache
+from fasbody.console import write_whole
+from fasbody.exceptions import InputFileError
 from fasbody.foot import damper
 from fasbody.foot.shaker import CLOCK
 
@@ -27,7 +29,7 @@ from fasbody.foot.shaker import CLOCK
 SHAKER = 1.0
 #: Functions of C that the code may call.
 _MATHEMATICS = {"exp", "expm1", "log", "log1p", "pow", "cos", "sin", "rint", "fabs"}
-#: Laws that the callbacks call, those that they call in turn, and what else of damper.py these read.
+#: Laws that the callbacks call, and those that they call in turn.
 _LAWS = (
     "damping", "power_law", "strain_damper", "elastic", "branch_time", "branch_weight", "one_sided", "algebraic_force",
     "viscoelastic_force", "viscoelastic_rate",
@@ -56,7 +58,8 @@ def addresses(offsets: Mapping[str, int], actuator_parameters: int) -> dict[str,
     except RuntimeError:  # numba needs more than C on this machine
         _engines.append(functions)
         return {name: made.address for name, made in functions.items()}
-    _keep(file, json.dumps(code))
+    with suppress(InputFileError):  # a cache that cannot be written is none
+        write_whole(file, json.dumps(code))
     return at
 
 
@@ -69,17 +72,6 @@ def _key(offsets: Mapping[str, int], actuator_parameters: int) -> str:
     for source in (__file__, damper.__file__):
         digest.update(Path(source).read_bytes())
     return digest.hexdigest()[:32]
-
-
-def _keep(file: Path, text: str) -> None:
-    """Write a file as a whole; a cache that cannot be written is none."""
-    try:
-        file.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.NamedTemporaryFile("w", dir=file.parent, delete=False) as part:
-            part.write(text)
-        Path(part.name).replace(file)
-    except OSError:
-        pass
 
 
 def _loaded(code: Mapping[str, Mapping[str, str]]) -> dict[str, int]:
